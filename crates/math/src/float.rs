@@ -1,0 +1,102 @@
+//! Plain floating point: the number of the real-time path.
+
+use crate::{
+    Real,
+    elementary::{self, Binary},
+};
+
+macro_rules! real {
+    ($Float:ident, $sqrt:path) => {
+        impl Real for $Float {
+            type Mask = bool;
+
+            #[inline(always)]
+            fn lit(value: f64) -> Self {
+                value as $Float
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> bool {
+                self < other
+            }
+            #[inline(always)]
+            fn select(mask: bool, yes: Self, no: Self) -> Self {
+                if mask { yes } else { no }
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $sqrt(self)
+            }
+            #[inline(always)]
+            fn exp(self) -> Self {
+                elementary::exp(self)
+            }
+            #[inline(always)]
+            fn ln(self) -> Self {
+                elementary::ln(self)
+            }
+            #[inline(always)]
+            fn tanh(self) -> Self {
+                elementary::tanh(self)
+            }
+            #[inline(always)]
+            fn sin_cos(self) -> (Self, Self) {
+                elementary::sin_cos(self)
+            }
+        }
+    };
+}
+// libm's square root is the correctly rounded machine instruction where there is one
+real!(f64, libm::sqrt);
+real!(f32, libm::sqrtf);
+
+/// Adding and subtracting it rounds to an integer: 1.5 * 2^52.
+const MAGIC: f64 = 6_755_399_441_055_744.0;
+/// The same in single precision: 1.5 * 2^23.
+const MAGIC_F32: f32 = 12_582_912.0;
+
+impl Binary for f64 {
+    const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
+    const FRAC_PI_2: [f64; 3] =
+        [1.570_796_251_296_997_1, 7.549_789_415_861_596e-8, 5.390_302_858_158_119e-15];
+    const EXP_LIMIT: f64 = 708.0;
+
+    #[inline(always)]
+    fn round(self) -> Self {
+        (self + MAGIC) - MAGIC
+    }
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        // the sum's last bits are the integer; moved to the exponent field, biased
+        f64::from_bits((self + MAGIC).to_bits().wrapping_add(1023) << 52)
+    }
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        let bits = self.to_bits() as i64;
+        let e = (bits - core::f64::consts::FRAC_1_SQRT_2.to_bits() as i64) >> 52;
+        let m = f64::from_bits((bits - (e << 52)) as u64);
+        // NaN, infinities and numbers that are not positive leave as NaN
+        (if self > 0.0 && self < f64::INFINITY { m } else { f64::NAN }, e as f64)
+    }
+}
+
+impl Binary for f32 {
+    const LN_2: [f64; 2] = [0.693_359_375, -2.121_944_400_546_905_8e-4];
+    const FRAC_PI_2: [f64; 3] = [1.570_312_5, 4.838_267_9e-4, 0.0];
+    const EXP_LIMIT: f64 = 87.0;
+
+    #[inline(always)]
+    fn round(self) -> Self {
+        (self + MAGIC_F32) - MAGIC_F32
+    }
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        f32::from_bits((self + MAGIC_F32).to_bits().wrapping_add(127) << 23)
+    }
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        let bits = self.to_bits() as i32;
+        let e = (bits - core::f32::consts::FRAC_1_SQRT_2.to_bits() as i32) >> 23;
+        let m = f32::from_bits((bits - (e << 23)) as u32);
+        (if self > 0.0 && self < f32::INFINITY { m } else { f32::NAN }, e as f32)
+    }
+}

@@ -1,0 +1,39 @@
+//! The numbers a model is evaluated with.
+//!
+//! Model and controllers are written once, over a scalar [`Real`]. What a run yields is a choice
+//! of that scalar:
+//!
+//! | scalar | yields |
+//! |---|---|
+//! | `f64`, `f32` | one simulation |
+//! | [`Lanes`] | several simulations side by side, one per SIMD lane |
+//! | [`Dual`] | a simulation and its exact derivatives |
+//!
+//! `exp`, `tanh`, `ln` and `sin_cos` are our own, written with additions, multiplications and one
+//! division ([`elementary`] states their error bounds). So every lane of a batch, and the same
+//! operations printed in another language, give the bits that `f64` gives here.
+//!
+//! ```
+//! use hydroboom_math::{Dual, Real};
+//!
+//! fn area<T: Real>(diameter: T) -> T {
+//!     T::lit(std::f64::consts::FRAC_PI_4) * diameter.square()
+//! }
+//!
+//! let piston = area(Dual::<f64, 1>::variable(0.065, 0));
+//! assert!((piston.slope[0] - std::f64::consts::FRAC_PI_2 * 0.065).abs() < 1e-15);
+//! ```
+#![no_std]
+
+mod dual;
+pub mod elementary;
+mod float;
+mod lanes;
+mod linear;
+mod real;
+mod record;
+
+pub use dual::Dual;
+pub use lanes::{LaneMask, Lanes};
+pub use linear::{Factored, solve_pivoted};
+pub use real::Real;

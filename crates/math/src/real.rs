@@ -1,0 +1,95 @@
+//! The scalar trait.
+
+use core::fmt::Debug;
+use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+/// A number the model can be evaluated with.
+///
+/// Model code uses what is named here and nothing else: no `if` on a number, no `==`, no way back
+/// to `f64`. A choice is written with [`select`](Real::select); both of its arms are evaluated, so
+/// each must stay finite over the whole domain. (`a < b` does not compile in model code. The
+/// compiler then suggests a `PartialOrd` bound; write `a.lt(b)` instead.)
+///
+/// NaN passes through every function, the provided `min`, `max` and `clamp` of `self` included.
+pub trait Real:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// The answer to a comparison: a truth value, one per lane, or a recorded condition.
+    type Mask: Copy
+        + Debug
+        + BitAnd<Output = Self::Mask>
+        + BitOr<Output = Self::Mask>
+        + Not<Output = Self::Mask>;
+
+    /// The constant `value`.
+    fn lit(value: f64) -> Self;
+
+    /// Whether `self < other`; false where either is NaN.
+    fn lt(self, other: Self) -> Self::Mask;
+    /// `yes` where `mask` holds, `no` elsewhere.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Natural exponential.
+    fn exp(self) -> Self;
+    /// Natural logarithm of a positive number.
+    fn ln(self) -> Self;
+    /// Hyperbolic tangent.
+    fn tanh(self) -> Self;
+    /// Sine and cosine of an angle \[rad\].
+    fn sin_cos(self) -> (Self, Self);
+
+    /// Zero.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::lit(0.0)
+    }
+    /// One.
+    #[inline(always)]
+    fn one() -> Self {
+        Self::lit(1.0)
+    }
+    /// Magnitude.
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self::select(self.lt(Self::zero()), -self, self)
+    }
+    /// `self * self`.
+    #[inline(always)]
+    fn square(self) -> Self {
+        self * self
+    }
+    /// The smaller of two numbers; NaN if `self` is.
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(other.lt(self), other, self)
+    }
+    /// The larger of two numbers; NaN if `self` is.
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self::select(self.lt(other), other, self)
+    }
+    /// `self` limited to `low..=high`; NaN if `self` is.
+    #[inline(always)]
+    fn clamp(self, low: Self, high: Self) -> Self {
+        self.max(low).min(high)
+    }
+    /// A positive number to any power.
+    #[inline(always)]
+    fn powf(self, exponent: Self) -> Self {
+        (exponent * self.ln()).exp()
+    }
+    /// Whether the number is finite.
+    #[inline(always)]
+    fn is_finite(self) -> Self::Mask {
+        // NaN and the infinities give NaN, which is not below anything
+        (self - self).lt(Self::one())
+    }
+}

@@ -1,0 +1,113 @@
+//! The mass matrix solved in time proportional to the number of segments.
+//!
+//! M(phi) of equation (26) is full, but the boom is a chain: seen from one joint, everything
+//! beyond it answers an acceleration `a` of that joint and an angular acceleration of the inner
+//! segment with a force that is linear in both. Eliminating the segments from tip to bearing
+//! leaves one equation at the bearing; going back out gives all accelerations. Its cost grows
+//! linearly, where forming and factoring M grows with the cube.
+//!
+//! Each joint may carry an impedance κ that resists the *difference* of its neighbours' angular
+//! accelerations. An implicit time step needs it, `κ = γh b_C + (γh)² k_C`, to treat the stiff
+//! bending modes without a step limit; with κ = 0 this is the plain mass matrix. The matrix solved
+//! is `M + Bᵀ κ B` with (B α)_i = α_{i+1} − α_i, symmetric and positive definite.
+
+use super::{Boom, Pose};
+use hydroboom_math::Real;
+
+/// The boom's mass matrix, plus joint impedances, factored at one pose.
+#[derive(Clone, Copy, Debug)]
+pub struct Articulated<T, const N: usize> {
+    /// Reciprocal of each segment's inertia with all that hangs on it, 1/D.
+    inverse: [T; N],
+    /// Coupling of each segment to the acceleration of its inner joint, g.
+    coupling: [(T, T); N],
+    /// Coupling to the inner neighbour's angular acceleration, κ/D of the outer segment.
+    share: [T; N],
+    /// From inner to outer joint.
+    along: [(T, T); N],
+}
+
+impl<T: Real, const N: usize> Boom<T, N> {
+    /// Factors the mass matrix at a pose, with an impedance \[kg·m²\] for every joint.
+    #[inline(always)]
+    pub fn articulated(&self, pose: &Pose<T, N>, impedance: &[T; N]) -> Articulated<T, N> {
+        let zero = T::zero();
+        let n = self.len();
+        let mut factors = Articulated {
+            inverse: [zero; N],
+            coupling: [(zero, zero); N],
+            share: [zero; N],
+            along: [(zero, zero); N],
+        };
+        // effective mass of all that lies beyond the outer joint, symmetric 2x2
+        let (mut axx, mut axy, mut ayy) = (zero, zero, zero);
+        // what the outer neighbour passes on: κ/D, κ (1 − κ/D), g
+        let (mut share, mut stiffening, mut outer) = (zero, zero, (zero, zero));
+        for i in (0..n).rev() {
+            let s = &self.segments[i];
+            let (dx, dy) = pose.along(i, s);
+            let (rx, ry) = pose.centre(i, s);
+            // the paper's hat: (x, y) turned by 90 degrees is (−y, x)
+            let passed = (share * outer.0, share * outer.1);
+            let qx = axy * dx - axx * dy + passed.0;
+            let qy = ayy * dx - axy * dy + passed.1;
+            let gx = qx - s.mass * ry;
+            let gy = qy + s.mass * rx;
+            let kappa = if i > 0 { impedance[i - 1] } else { zero };
+            let inertia = s.inertia
+                + s.mass * (rx.square() + ry.square())
+                + (dx * (qy + passed.1) - dy * (qx + passed.0))
+                + stiffening
+                + kappa;
+            let inverse = T::one() / inertia;
+
+            factors.inverse[i] = inverse;
+            factors.coupling[i] = (gx, gy);
+            factors.share[i] = share;
+            factors.along[i] = (dx, dy);
+
+            axx = axx + s.mass - gx * gx * inverse;
+            axy = axy - gx * gy * inverse;
+            ayy = ayy + s.mass - gy * gy * inverse;
+            share = kappa * inverse;
+            stiffening = kappa * (T::one() - share);
+            outer = (gx, gy);
+        }
+        factors
+    }
+}
+
+impl<T: Real, const N: usize> Articulated<T, N> {
+    /// Angular accelerations \[rad/s²\] under the given moments \[N·m\].
+    #[inline(always)]
+    pub fn solve(&self, boom: &Boom<T, N>, moment: &[T; N]) -> [T; N] {
+        let zero = T::zero();
+        let n = boom.len();
+        // in: each segment's moment with what its outer neighbours leave on it
+        let mut acceleration = *moment;
+        let (mut bx, mut by, mut outer) = (zero, zero, zero);
+        for i in (0..n).rev() {
+            let (dx, dy) = self.along[i];
+            let total = moment[i] + self.share[i] * outer - (dx * by - dy * bx);
+            acceleration[i] = total;
+            let scaled = total * self.inverse[i];
+            bx = bx + self.coupling[i].0 * scaled;
+            by = by + self.coupling[i].1 * scaled;
+            outer = total;
+        }
+        // out: accelerations from the bearing, which rests
+        let (mut ax, mut ay) = (zero, zero);
+        for i in 0..n {
+            let (gx, gy) = self.coupling[i];
+            let (dx, dy) = self.along[i];
+            let mut alpha = (acceleration[i] - gx * ax - gy * ay) * self.inverse[i];
+            if i > 0 {
+                // κ_i/D_i is kept with the inner neighbour
+                alpha = alpha + self.share[i - 1] * acceleration[i - 1];
+            }
+            acceleration[i] = alpha;
+            (ax, ay) = (ax - dy * alpha, ay + dx * alpha);
+        }
+        acceleration
+    }
+}

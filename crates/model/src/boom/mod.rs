@@ -1,0 +1,168 @@
+//! The flexible boom: rigid segments joined by elastic hinges (section 3.2).
+
+mod articulated;
+mod beam;
+mod forces;
+mod mount;
+mod pose;
+
+pub use articulated::Articulated;
+pub use beam::{Beam, Geometry, LayoutError};
+pub use mount::{CylinderPose, Mount};
+pub use pose::Pose;
+
+use hydroboom_math::{Real, record};
+
+/// The largest number of segments a boom can have.
+pub const MAX_SEGMENTS: usize = 50;
+
+/// Up to this capacity a boom always has exactly as many segments as its type has room for, so
+/// that the compiler knows the length of every loop.
+const EXACT: usize = 3;
+
+record! {
+    /// One rigid body of the boom. Its frame starts at its inner joint, x along the boom.
+    pub struct Segment<T> {
+        /// Distance between its joints, L_seg
+        #[unit = "m"]
+        pub length: T,
+        /// Mass, m
+        #[unit = "kg"]
+        pub mass: T,
+        /// Centre of mass along the segment
+        #[unit = "m"]
+        pub centre_x: T,
+        /// Centre of mass across the segment
+        #[unit = "m"]
+        pub centre_y: T,
+        /// Moment of inertia about the centre of mass, J
+        #[unit = "kg·m²"]
+        pub inertia: T,
+    }
+}
+
+record! {
+    /// The elastic hinge between two segments.
+    pub struct Joint<T> {
+        /// Torsional stiffness, k_C
+        #[unit = "N·m/rad"]
+        pub stiffness: T,
+        /// Torsional damping, b_C
+        #[unit = "N·m·s/rad"]
+        pub damping: T,
+    }
+}
+
+/// A boom of at most `N` segments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Boom<T, const N: usize> {
+    segments: [Segment<T>; N],
+    /// Joint i is the one between segments i and i + 1; the last one is not used.
+    joints: [Joint<T>; N],
+    count: usize,
+    /// Where the cylinder holds it.
+    pub mount: Mount<T>,
+    /// Acceleration of gravity, downwards \[m/s²\].
+    pub gravity: T,
+}
+
+/// Angles and angular velocities of the segments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoomState<T, const N: usize> {
+    /// Absolute angles, phi \[rad\].
+    pub angle: [T; N],
+    /// Absolute angular velocities \[rad/s\].
+    pub angular_velocity: [T; N],
+}
+
+impl<T, const N: usize> Boom<T, N> {
+    /// Number of segments.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        if N <= EXACT { N } else { self.count.min(N) }
+    }
+
+    /// Always false: a boom has at least one segment.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The segments, from the bearing to the tip.
+    pub fn segments(&self) -> &[Segment<T>] {
+        &self.segments[..self.len()]
+    }
+
+    /// The joints between neighbouring segments, from the bearing to the tip.
+    pub fn joints(&self) -> &[Joint<T>] {
+        &self.joints[..self.len() - 1]
+    }
+
+    /// The same boom in another number type.
+    pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Boom<U, N> {
+        Boom {
+            segments: self.segments.map(|segment| segment.map(&mut *f)),
+            joints: self.joints.map(|joint| joint.map(&mut *f)),
+            count: self.count,
+            mount: self.mount.map(f),
+            gravity: f(self.gravity),
+        }
+    }
+}
+
+impl<T: Real, const N: usize> Boom<T, N> {
+    /// Kinetic energy \[J\].
+    pub fn kinetic_energy(&self, pose: &Pose<T, N>, state: &BoomState<T, N>) -> T {
+        let mut energy = T::zero();
+        let (mut vx, mut vy) = (T::zero(), T::zero());
+        for i in 0..self.len() {
+            let s = &self.segments[i];
+            let omega = state.angular_velocity[i];
+            let (rx, ry) = pose.centre(i, s);
+            let (cx, cy) = (vx - ry * omega, vy + rx * omega);
+            let square = s.mass * (cx.square() + cy.square()) + s.inertia * omega.square();
+            energy = energy + T::lit(0.5) * square;
+            let (dx, dy) = pose.along(i, s);
+            (vx, vy) = (vx - dy * omega, vy + dx * omega);
+        }
+        energy
+    }
+
+    /// Potential energy of gravity \[J\], zero with every centre of mass level with the bearing.
+    pub fn gravitational_energy(&self, pose: &Pose<T, N>) -> T {
+        let mut energy = T::zero();
+        let mut height = T::zero();
+        for i in 0..self.len() {
+            let s = &self.segments[i];
+            energy = energy + s.mass * self.gravity * (height + pose.centre(i, s).1);
+            height = height + pose.along(i, s).1;
+        }
+        energy
+    }
+
+    /// Energy stored in the bent joints \[J\].
+    pub fn elastic_energy(&self, state: &BoomState<T, N>) -> T {
+        let mut energy = T::zero();
+        for i in 0..self.len() - 1 {
+            let bend = state.angle[i + 1] - state.angle[i];
+            energy = energy + T::lit(0.5) * self.joints[i].stiffness * bend.square();
+        }
+        energy
+    }
+
+    /// Power lost in the joints' dampers \[W\].
+    pub fn damping_loss(&self, state: &BoomState<T, N>) -> T {
+        let mut power = T::zero();
+        for i in 0..self.len() - 1 {
+            let rate = state.angular_velocity[i + 1] - state.angular_velocity[i];
+            power = power + self.joints[i].damping * rate.square();
+        }
+        power
+    }
+}
+
+impl<T: Real, const N: usize> BoomState<T, N> {
+    /// The state at rest with all angles zero.
+    pub fn zero() -> Self {
+        Self { angle: [T::zero(); N], angular_velocity: [T::zero(); N] }
+    }
+}

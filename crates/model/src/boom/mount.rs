@@ -1,0 +1,95 @@
+//! The cylinder between base and boom (equations (28), (29), figure 12).
+
+use super::{Boom, Pose};
+use hydroboom_math::Real;
+
+/// Where the cylinder is fixed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mount<T> {
+    /// Index of the segment that carries it, C.
+    pub segment: usize,
+    /// Position in that segment's frame \[m\].
+    pub on_segment: [T; 2],
+    /// Position of its foot on the base, B \[m\].
+    pub on_base: [T; 2],
+    /// Distance between both with the piston at its lower stop, L_cyl,min \[m\].
+    pub shortest: T,
+}
+
+impl<T> Mount<T> {
+    /// The same mount in another number type.
+    pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Mount<U> {
+        Mount {
+            segment: self.segment,
+            on_segment: self.on_segment.map(&mut *f),
+            on_base: self.on_base.map(&mut *f),
+            shortest: f(self.shortest),
+        }
+    }
+}
+
+/// Where the piston stands, and how it follows the segments.
+#[derive(Clone, Copy, Debug)]
+pub struct CylinderPose<T, const N: usize> {
+    /// Piston position from the lower stop, x_cyl \[m\].
+    pub stroke: T,
+    /// Its change with each segment's angle \[m/rad\]: the moment arm of the cylinder's force.
+    pub arm: [T; N],
+}
+
+impl<T: Real, const N: usize> CylinderPose<T, N> {
+    /// Piston velocity \[m/s\] at the given angular velocities \[rad/s\].
+    #[inline(always)]
+    pub fn velocity(&self, boom: &Boom<T, N>, angular_velocity: &[T; N]) -> T {
+        let mut velocity = T::zero();
+        for i in 0..boom.len() {
+            if i <= boom.mount.segment {
+                velocity = velocity + self.arm[i] * angular_velocity[i];
+            }
+        }
+        velocity
+    }
+}
+
+impl<T: Real, const N: usize> Boom<T, N> {
+    /// Position of the cylinder's mount C on the boom \[m\].
+    pub fn mount_position(&self, pose: &Pose<T, N>) -> [T; 2] {
+        let inner = match self.mount.segment {
+            0 => [T::zero(); 2],
+            i => self.joint_position(pose, i - 1),
+        };
+        let [x, y] = self.mount.on_segment;
+        let (dx, dy) = pose.turned(self.mount.segment, x, y);
+        [inner[0] + dx, inner[1] + dy]
+    }
+
+    /// The cylinder's pose: `x = |C − B| − L_min` (28) and its derivatives (29).
+    #[inline(always)]
+    pub fn cylinder_pose(&self, pose: &Pose<T, N>) -> CylinderPose<T, N> {
+        let mount = &self.mount;
+        let (mut rx, mut ry) = (-mount.on_base[0], -mount.on_base[1]);
+        // each segment's contribution to the mount's position; its arm once the direction is known
+        let mut reach = [(T::zero(), T::zero()); N];
+        for i in 0..self.len() {
+            if i <= mount.segment {
+                reach[i] = if i == mount.segment {
+                    pose.turned(i, mount.on_segment[0], mount.on_segment[1])
+                } else {
+                    pose.along(i, &self.segments[i])
+                };
+                (rx, ry) = (rx + reach[i].0, ry + reach[i].1);
+            }
+        }
+        let length = (rx.square() + ry.square()).sqrt();
+        let inverse = T::one() / length;
+        let (ux, uy) = (rx * inverse, ry * inverse);
+        let mut arm = [T::zero(); N];
+        for i in 0..self.len() {
+            if i <= mount.segment {
+                // u . (reach turned by 90 degrees)
+                arm[i] = uy * reach[i].0 - ux * reach[i].1;
+            }
+        }
+        CylinderPose { stroke: length - mount.shortest, arm }
+    }
+}

@@ -1,0 +1,65 @@
+//! Directions and positions of the segments.
+
+use super::{Boom, Segment};
+use hydroboom_math::Real;
+
+/// Sines and cosines of the segments' absolute angles.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose<T, const N: usize> {
+    sin: [T; N],
+    cos: [T; N],
+}
+
+impl<T: Real, const N: usize> Pose<T, N> {
+    /// A vector of segment `i`'s frame in the world's.
+    #[inline(always)]
+    pub(super) fn turned(&self, i: usize, x: T, y: T) -> (T, T) {
+        (x * self.cos[i] - y * self.sin[i], x * self.sin[i] + y * self.cos[i])
+    }
+
+    /// From the inner joint of segment `i` to its centre of mass \[m\].
+    #[inline(always)]
+    pub(super) fn centre(&self, i: usize, segment: &Segment<T>) -> (T, T) {
+        self.turned(i, segment.centre_x, segment.centre_y)
+    }
+
+    /// From the inner to the outer joint of segment `i` \[m\].
+    #[inline(always)]
+    pub(super) fn along(&self, i: usize, segment: &Segment<T>) -> (T, T) {
+        (segment.length * self.cos[i], segment.length * self.sin[i])
+    }
+}
+
+impl<T: Real, const N: usize> Boom<T, N> {
+    /// The pose at the given absolute angles \[rad\].
+    #[inline(always)]
+    pub fn pose(&self, angle: &[T; N]) -> Pose<T, N> {
+        let mut pose = Pose { sin: [T::zero(); N], cos: [T::one(); N] };
+        for i in 0..self.len() {
+            (pose.sin[i], pose.cos[i]) = angle[i].sin_cos();
+        }
+        pose
+    }
+
+    /// Position \[m\] of the outer end of segment `i`.
+    pub fn joint_position(&self, pose: &Pose<T, N>, i: usize) -> [T; 2] {
+        let mut position = [T::zero(); 2];
+        for k in 0..=i.min(self.len() - 1) {
+            let (dx, dy) = pose.along(k, &self.segments[k]);
+            position = [position[0] + dx, position[1] + dy];
+        }
+        position
+    }
+
+    /// Position \[m\] of the boom's tip.
+    pub fn tip_position(&self, pose: &Pose<T, N>) -> [T; 2] {
+        self.joint_position(pose, self.len() - 1)
+    }
+
+    /// Distance \[m\] of the tip from the straight continuation of the first segment, positive
+    /// upwards across it.
+    pub fn tip_deflection(&self, pose: &Pose<T, N>) -> T {
+        let [x, y] = self.tip_position(pose);
+        y * pose.cos[0] - x * pose.sin[0]
+    }
+}

@@ -1,0 +1,289 @@
+//! The self-contained electro-hydraulic cylinder: five pressure nodes and what connects them
+//! (section 3.1, appendix A.1, figures 3 and 6).
+
+use crate::hydraulics::{
+    Accumulator, CheckValve, Cylinder, Oil, Orifice, PilotCheckValve, Pump, in_series,
+};
+use hydroboom_math::{Real, record};
+
+record! {
+    /// One number for each of the five pressure nodes.
+    pub struct Nodes<T> {
+        /// Pump side A, p_PA
+        #[unit = "Pa"]
+        pub pump_a: T,
+        /// Cylinder, piston side, p_A
+        #[unit = "Pa"]
+        pub a: T,
+        /// Cylinder, rod side, p_B
+        #[unit = "Pa"]
+        pub b: T,
+        /// Pump side B, p_PB
+        #[unit = "Pa"]
+        pub pump_b: T,
+        /// Accumulator, p_acc
+        #[unit = "Pa"]
+        pub accumulator: T,
+    }
+}
+
+/// What the circuit remembers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CircuitState<T> {
+    /// Pressure coordinates \[Pa\]: gauge pressures, or cavities below vapour pressure (see
+    /// [`Oil`]).
+    pub nodes: Nodes<T>,
+    /// Gas volume of the accumulator, V_g \[m³\].
+    pub gas_volume: T,
+}
+
+record! {
+    /// The flows of figure 6.
+    pub struct Flows<T> {
+        /// Pump, drawn from side B, Q_P
+        #[unit = "m³/s"]
+        pub pump: T,
+        /// Pump, delivered to side A, k_flow Q_P
+        #[unit = "m³/s"]
+        pub pump_delivery: T,
+        /// Leakage through the pump from side A to side B, Q_int
+        #[unit = "m³/s"]
+        pub internal_leakage: T,
+        /// Case drain from side A to the accumulator, Q_extA
+        #[unit = "m³/s"]
+        pub case_leakage_a: T,
+        /// Case drain from side B to the accumulator, Q_extB
+        #[unit = "m³/s"]
+        pub case_leakage_b: T,
+        /// From side A through orifice 10 and valve 7 to the accumulator, Q_1
+        #[unit = "m³/s"]
+        pub bleed: T,
+        /// From the accumulator through check valve 8 to side B, Q_out
+        #[unit = "m³/s"]
+        pub suction: T,
+        /// From side B through filter 6, valve 7 and check valve 8 to the accumulator, Q_in
+        #[unit = "m³/s"]
+        pub return_flow: T,
+        /// From pump side A through load-holding valve 3 to the piston side, Q_A
+        #[unit = "m³/s"]
+        pub to_a: T,
+        /// From the rod side through load-holding valve 3 to pump side B, Q_B
+        #[unit = "m³/s"]
+        pub from_b: T,
+        /// From pump side A through relief valve 13 to the accumulator
+        #[unit = "m³/s"]
+        pub relief_a: T,
+        /// From pump side B through relief valve 13 to the accumulator
+        #[unit = "m³/s"]
+        pub relief_b: T,
+    }
+}
+
+/// Parameters of the circuit. The numbers in brackets are those of the paper's figure 3.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SelfContained<T> {
+    /// Oil in all nodes.
+    pub oil: Oil<T>,
+    /// Axial piston machine (11).
+    pub pump: Pump<T>,
+    /// Accumulator (9).
+    pub accumulator: Accumulator<T>,
+    /// Volume of pump side A, V_PA \[m³\].
+    pub volume_pump_a: T,
+    /// Volume of pump side B, V_PB \[m³\].
+    pub volume_pump_b: T,
+    /// Leakage between the pump's sides, K_V,int \[m³/(s·√Pa)\].
+    pub internal_leakage: T,
+    /// Case drain of side A, K_V,extA \[m³/(s·√Pa)\].
+    pub case_leakage_a: T,
+    /// Case drain of side B, K_V,extB \[m³/(s·√Pa)\].
+    pub case_leakage_b: T,
+    /// Load-holding valves (3), one in each line; port 1 towards the pump.
+    pub holding_valve: PilotCheckValve<T>,
+    /// Return valves (7), one at each pump side, piloted by the other; port 1 at the accumulator.
+    pub return_valve: PilotCheckValve<T>,
+    /// Check valves (8), one passing to and one passing from the accumulator.
+    pub check_valve: CheckValve<T>,
+    /// Filter (6), flow coefficient \[m³/(s·√Pa)\].
+    pub filter: T,
+    /// Orifice (10), flow coefficient \[m³/(s·√Pa)\].
+    pub bleed_orifice: T,
+    /// Relief valves (13) of both pump sides, where fitted; the published model has none.
+    pub relief: Option<CheckValve<T>>,
+    /// Pressure drop below which every restriction is laminar \[Pa\].
+    pub laminar_drop: T,
+}
+
+impl<T: Real> SelfContained<T> {
+    /// Gauge pressures \[Pa\] of the nodes.
+    #[inline(always)]
+    pub fn pressures(&self, state: &CircuitState<T>) -> Nodes<T> {
+        state.nodes.map(|q| self.oil.pressure(q))
+    }
+
+    /// All flows at the given pressures \[Pa\].
+    ///
+    /// `speed` \[rev/s\] is the pump's, positive when it delivers to side A. `energised` is 1 with
+    /// the 3/2 valve on, 0 with it off: the higher cylinder pressure, or the accumulator, then
+    /// pilots the load-holding valves.
+    #[inline(always)]
+    pub fn flows(&self, p: &Nodes<T>, speed: T, energised: T) -> Flows<T> {
+        let through = |flow_coefficient: T, drop: T| {
+            Orifice { flow_coefficient, laminar_drop: self.laminar_drop }.flow(drop)
+        };
+
+        let pump = self.pump.flow(speed);
+        let k_flow = self.pump.flow_gain(&self.oil, p.pump_a, p.pump_b);
+
+        // (A1) to (A3)
+        let internal_leakage = through(self.internal_leakage, p.pump_a - p.pump_b);
+        let case_leakage_a = through(self.case_leakage_a, p.pump_a - p.accumulator);
+        let case_leakage_b = through(self.case_leakage_b, p.pump_b - p.accumulator);
+
+        // (A7): valve 7 of side A is held open by side B
+        let valve_7a = self.return_valve.coefficient(p.accumulator, p.pump_a, p.pump_b);
+        let bleed =
+            through(in_series(self.bleed_orifice, valve_7a), p.pump_a - p.accumulator);
+
+        // (A8): the check valve that keeps side B from running dry
+        let suction_drop = p.accumulator - p.pump_b;
+        let suction = through(self.check_valve.coefficient(suction_drop), suction_drop);
+
+        // (A9): valve 7 of side B is held open by side A
+        let return_drop = p.pump_b - p.accumulator;
+        let valve_7b = self.return_valve.coefficient(p.accumulator, p.pump_b, p.pump_a);
+        let valve_8 = self.check_valve.coefficient(return_drop);
+        let return_flow =
+            through(in_series(self.filter, in_series(valve_7b, valve_8)), return_drop);
+
+        // (A10), (A11): the 3/2 valve pilots both load-holding valves
+        let higher = p.a.max(p.b);
+        let pilot = p.accumulator + energised * (higher - p.accumulator);
+        let valve_a = self.holding_valve.coefficient(p.pump_a, p.a, pilot);
+        let valve_b = self.holding_valve.coefficient(p.pump_b, p.b, pilot);
+        let to_a = through(valve_a, p.pump_a - p.a);
+        let from_b = through(valve_b, p.b - p.pump_b);
+
+        let relief = |pressure: T| match &self.relief {
+            Some(valve) => {
+                let drop = pressure - p.accumulator;
+                through(valve.coefficient(drop), drop)
+            }
+            None => T::zero(),
+        };
+
+        Flows {
+            pump,
+            pump_delivery: k_flow * pump,
+            internal_leakage,
+            case_leakage_a,
+            case_leakage_b,
+            bleed,
+            suction,
+            return_flow,
+            to_a,
+            from_b,
+            relief_a: relief(p.pump_a),
+            relief_b: relief(p.pump_b),
+        }
+    }
+
+    /// Net flow \[m³/s\] into each node, the piston's motion left out.
+    #[inline(always)]
+    pub fn net_flows(&self, q: &Flows<T>) -> Nodes<T> {
+        Nodes {
+            // (8)
+            pump_a: q.pump_delivery
+                - q.internal_leakage
+                - q.case_leakage_a
+                - q.bleed
+                - q.to_a
+                - q.relief_a,
+            a: q.to_a,
+            b: -q.from_b,
+            // (9)
+            pump_b: q.from_b + q.suction + q.internal_leakage
+                - q.pump
+                - q.case_leakage_b
+                - q.return_flow
+                - q.relief_b,
+            // (A22)
+            accumulator: q.case_leakage_a + q.case_leakage_b - q.suction
+                + q.bleed
+                + q.return_flow
+                + q.relief_a
+                + q.relief_b,
+        }
+    }
+
+    /// Rates of change of the circuit's state, with the piston at `stroke` \[m\] moving at
+    /// `velocity` \[m/s\].
+    #[inline(always)]
+    pub fn rates(
+        &self,
+        state: &CircuitState<T>,
+        flows: &Flows<T>,
+        cylinder: &Cylinder<T>,
+        stroke: T,
+        velocity: T,
+    ) -> CircuitState<T> {
+        let q = state.nodes;
+        let into = self.net_flows(flows);
+        let zero = T::zero();
+
+        // (A12), (A13): the piston makes room in A and takes it from B
+        let growth_a = velocity * cylinder.piston_area;
+        let growth_b = -(velocity * cylinder.rod_side_area);
+
+        // (A20), (A21); a cavity takes the place of the gas below vapour pressure
+        let p_acc = self.oil.pressure(q.accumulator);
+        let beta = self.oil.bulk_modulus(p_acc);
+        let (accumulator, gas_volume) =
+            self.accumulator.rates(beta, q.accumulator, state.gas_volume, into.accumulator);
+
+        let rate = |coordinate, volume, flow, growth| {
+            self.oil.pressure_rate(coordinate, volume, flow - growth, growth)
+        };
+        CircuitState {
+            nodes: Nodes {
+                pump_a: rate(q.pump_a, self.volume_pump_a, into.pump_a, zero),
+                a: rate(q.a, cylinder.volume_a(stroke), into.a, growth_a),
+                b: rate(q.b, cylinder.volume_b(stroke), into.b, growth_b),
+                pump_b: rate(q.pump_b, self.volume_pump_b, into.pump_b, zero),
+                accumulator,
+            },
+            gas_volume,
+        }
+    }
+}
+
+impl<T> SelfContained<T> {
+    /// The same circuit in another number type.
+    pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> SelfContained<U> {
+        SelfContained {
+            oil: self.oil.map(&mut *f),
+            pump: self.pump.map(f),
+            accumulator: self.accumulator.map(&mut *f),
+            volume_pump_a: f(self.volume_pump_a),
+            volume_pump_b: f(self.volume_pump_b),
+            internal_leakage: f(self.internal_leakage),
+            case_leakage_a: f(self.case_leakage_a),
+            case_leakage_b: f(self.case_leakage_b),
+            holding_valve: self.holding_valve.map(&mut *f),
+            return_valve: self.return_valve.map(&mut *f),
+            check_valve: self.check_valve.map(&mut *f),
+            filter: f(self.filter),
+            bleed_orifice: f(self.bleed_orifice),
+            relief: self.relief.map(|valve| valve.map(&mut *f)),
+            laminar_drop: f(self.laminar_drop),
+        }
+    }
+}
+
+impl<T> CircuitState<T> {
+    /// The same state in another number type.
+    #[inline(always)]
+    pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> CircuitState<U> {
+        CircuitState { nodes: self.nodes.map(&mut f), gas_volume: f(self.gas_volume) }
+    }
+}

@@ -1,0 +1,254 @@
+//! The assembled crane: parameters, state, input, outputs, and the equations that tie them.
+
+use crate::boom::{Boom, BoomState, CylinderPose, Pose};
+use crate::circuit::{CircuitState, Flows, Nodes, SelfContained};
+use crate::hydraulics::{Cylinder, EndStops, Friction, FrictionLaw};
+use hydroboom_math::{Real, record};
+
+/// A crane: one boom with at most `N` segments, one cylinder, one circuit. Never changes during a
+/// run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crane<T, const N: usize> {
+    /// Oil, pump, valves, accumulator.
+    pub circuit: SelfContained<T>,
+    /// Cylinder.
+    pub cylinder: Cylinder<T>,
+    /// Stops at both ends of its stroke.
+    pub end_stops: EndStops<T>,
+    /// Friction of piston and rod.
+    pub friction: Friction<T>,
+    /// Boom and payload.
+    pub boom: Boom<T, N>,
+}
+
+/// All that changes during a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CraneState<T, const N: usize> {
+    /// Angles and angular velocities of the boom.
+    pub boom: BoomState<T, N>,
+    /// Bristle deflection of the friction law \[m\]; zero for laws without memory.
+    pub bristle: T,
+    /// Pressures and gas volume.
+    pub circuit: CircuitState<T>,
+}
+
+/// Rates of change of a [`CraneState`].
+#[derive(Clone, Copy, Debug)]
+pub struct CraneRates<T, const N: usize> {
+    /// Angular accelerations \[rad/s²\].
+    pub angular_acceleration: [T; N],
+    /// Rate of the bristle deflection \[m/s\].
+    pub bristle: T,
+    /// Rates of the pressure coordinates \[Pa/s\] and of the gas volume \[m³/s\].
+    pub circuit: CircuitState<T>,
+}
+
+record! {
+    /// What acts on the crane from outside, held over a step.
+    pub struct Input<T> {
+        /// Pump speed n, positive when it delivers to the piston side
+        #[unit = "rev/s"]
+        pub pump_speed: T,
+        /// 3/2 valve: 1 energised (load released), 0 not (load held)
+        #[unit = "1"]
+        pub holding_valve: T,
+    }
+}
+
+record! {
+    /// What can be seen of a crane: measured quantities first.
+    pub struct Outputs<T> {
+        /// Piston position from the lower stop, x_cyl
+        #[unit = "m"]
+        pub stroke: T,
+        /// Piston velocity, v_cyl
+        #[unit = "m/s"]
+        pub velocity: T,
+        /// Pressure on pump side A, p_PA
+        #[unit = "Pa"]
+        pub pressure_pump_a: T,
+        /// Pressure on the piston side, p_A
+        #[unit = "Pa"]
+        pub pressure_a: T,
+        /// Pressure on the rod side, p_B
+        #[unit = "Pa"]
+        pub pressure_b: T,
+        /// Pressure on pump side B, p_PB
+        #[unit = "Pa"]
+        pub pressure_pump_b: T,
+        /// Pressure in the accumulator, p_acc
+        #[unit = "Pa"]
+        pub pressure_accumulator: T,
+        /// Gas volume of the accumulator, V_g
+        #[unit = "m³"]
+        pub gas_volume: T,
+        /// Volume of all cavities, zero while every node is filled with oil
+        #[unit = "m³"]
+        pub cavity_volume: T,
+        /// Force of the cylinder on the boom, F_cyl
+        #[unit = "N"]
+        pub cylinder_force: T,
+        /// Friction force, F_fr
+        #[unit = "N"]
+        pub friction_force: T,
+        /// Force of the end stops on the piston
+        #[unit = "N"]
+        pub end_stop_force: T,
+        /// Horizontal position of the tip
+        #[unit = "m"]
+        pub tip_x: T,
+        /// Vertical position of the tip
+        #[unit = "m"]
+        pub tip_y: T,
+        /// Distance of the tip from the line of the first segment, positive upwards
+        #[unit = "m"]
+        pub tip_deflection: T,
+    }
+}
+
+/// The piston's motion and the forces on it, at one state.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PistonForces<T> {
+    /// Force of the cylinder on the boom, F_cyl \[N\].
+    pub cylinder: T,
+    /// Friction, opposing the motion \[N\].
+    pub friction: T,
+    /// End stops \[N\].
+    pub end_stops: T,
+    /// Rate of the bristle deflection \[m/s\].
+    pub bristle_rate: T,
+}
+
+impl<T: Real, const N: usize> Crane<T, N> {
+    /// Forces on the piston, equations (9) to (11).
+    #[inline(always)]
+    pub(crate) fn piston_forces(
+        &self,
+        pressures: &Nodes<T>,
+        bristle: T,
+        stroke: T,
+        velocity: T,
+    ) -> PistonForces<T> {
+        let (friction, bristle_rate) = self.friction.evaluate(velocity, bristle);
+        let end_stops = self.end_stops.force(stroke, velocity, self.cylinder.stroke_length);
+        let cylinder = self.cylinder.force(pressures.a, pressures.b) - friction + end_stops;
+        PistonForces { cylinder, friction, end_stops, bristle_rate }
+    }
+
+    /// Rates of change of every state.
+    #[inline(always)]
+    pub fn derivative(&self, state: &CraneState<T, N>, input: &Input<T>) -> CraneRates<T, N> {
+        let pose = self.boom.pose(&state.boom.angle);
+        let cylinder = self.boom.cylinder_pose(&pose);
+        let velocity = cylinder.velocity(&self.boom, &state.boom.angular_velocity);
+
+        let pressures = self.circuit.pressures(&state.circuit);
+        let flows = self.circuit.flows(&pressures, input.pump_speed, input.holding_valve);
+        let circuit =
+            self.circuit.rates(&state.circuit, &flows, &self.cylinder, cylinder.stroke, velocity);
+
+        let forces = self.piston_forces(&pressures, state.bristle, cylinder.stroke, velocity);
+        let moments = self.moments(&pose, &cylinder, &state.boom, forces.cylinder);
+        let mass_matrix = self.boom.articulated(&pose, &[T::zero(); N]);
+        let angular_acceleration = mass_matrix.solve(&self.boom, &moments);
+
+        CraneRates { angular_acceleration, bristle: forces.bristle_rate, circuit }
+    }
+
+    /// Applied moments with the cylinder's, l (24).
+    #[inline(always)]
+    pub(crate) fn moments(
+        &self,
+        pose: &Pose<T, N>,
+        cylinder: &CylinderPose<T, N>,
+        state: &BoomState<T, N>,
+        force: T,
+    ) -> [T; N] {
+        let mut moments = self.boom.applied_moments(pose, state);
+        for i in 0..self.boom.len() {
+            moments[i] = moments[i] + cylinder.arm[i] * force;
+        }
+        moments
+    }
+
+    /// What can be seen of the crane in this state.
+    pub fn outputs(&self, state: &CraneState<T, N>) -> Outputs<T> {
+        let pose = self.boom.pose(&state.boom.angle);
+        let cylinder = self.boom.cylinder_pose(&pose);
+        let (stroke, velocity) =
+            (cylinder.stroke, cylinder.velocity(&self.boom, &state.boom.angular_velocity));
+        let p = self.circuit.pressures(&state.circuit);
+        let forces = self.piston_forces(&p, state.bristle, stroke, velocity);
+        let [tip_x, tip_y] = self.boom.tip_position(&pose);
+        let cavities = self.node_volumes(state, stroke).to_array();
+        let cavity_volume = state
+            .circuit
+            .nodes
+            .to_array()
+            .into_iter()
+            .zip(cavities)
+            .map(|(q, volume)| self.circuit.oil.cavity_volume(q, volume))
+            .fold(T::zero(), |sum, cavity| sum + cavity);
+        Outputs {
+            stroke,
+            velocity,
+            pressure_pump_a: p.pump_a,
+            pressure_a: p.a,
+            pressure_b: p.b,
+            pressure_pump_b: p.pump_b,
+            pressure_accumulator: p.accumulator,
+            gas_volume: state.circuit.gas_volume,
+            cavity_volume,
+            cylinder_force: forces.cylinder,
+            friction_force: forces.friction,
+            end_stop_force: forces.end_stops,
+            tip_x,
+            tip_y,
+            tip_deflection: self.boom.tip_deflection(&pose),
+        }
+    }
+
+    /// All flows of the circuit in this state.
+    pub fn flows(&self, state: &CraneState<T, N>, input: &Input<T>) -> Flows<T> {
+        let pressures = self.circuit.pressures(&state.circuit);
+        self.circuit.flows(&pressures, input.pump_speed, input.holding_valve)
+    }
+
+    /// Volume \[m³\] of each node, cavities included, with the piston at `stroke` \[m\].
+    pub fn node_volumes(&self, state: &CraneState<T, N>, stroke: T) -> Nodes<T> {
+        Nodes {
+            pump_a: self.circuit.volume_pump_a,
+            a: self.cylinder.volume_a(stroke),
+            b: self.cylinder.volume_b(stroke),
+            pump_b: self.circuit.volume_pump_b,
+            accumulator: self.circuit.accumulator.oil_volume(state.circuit.gas_volume),
+        }
+    }
+}
+
+impl<T, const N: usize> Crane<T, N> {
+    /// The same crane in another number type.
+    pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Crane<U, N> {
+        Crane {
+            circuit: self.circuit.map(f),
+            cylinder: self.cylinder.map(&mut *f),
+            end_stops: self.end_stops.map(&mut *f),
+            friction: self.friction.map(f),
+            boom: self.boom.map(f),
+        }
+    }
+}
+
+impl<T, const N: usize> CraneState<T, N> {
+    /// The same state in another number type.
+    pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> CraneState<U, N> {
+        CraneState {
+            boom: BoomState {
+                angle: self.boom.angle.map(&mut f),
+                angular_velocity: self.boom.angular_velocity.map(&mut f),
+            },
+            bristle: f(self.bristle),
+            circuit: self.circuit.map(&mut f),
+        }
+    }
+}

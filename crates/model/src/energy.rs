@@ -1,0 +1,172 @@
+//! Where the energy is and where it goes.
+//!
+//! [`Crane::energy`] is a state function, [`Crane::power`] its rate of change by name:
+//! `dE/dt = pump − losses + defects`, exactly. A *defect* belongs to an equation that does not
+//! conserve mass: a restriction's volume flow is the same on both sides although the oil's density
+//! is not, and the pump's k_flow stands in for that compression. An inflow Q at pressure p carries
+//! `Q (p + ρe)`.
+
+use crate::crane::{Crane, CraneState, Input};
+use crate::hydraulics::FrictionLaw;
+use hydroboom_math::{Real, record};
+
+record! {
+    /// Energy in all its forms.
+    pub struct Energy<T> {
+        /// Motion of boom and payload
+        #[unit = "J"]
+        pub kinetic: T,
+        /// Height of boom and payload above the bearing
+        #[unit = "J"]
+        pub gravitational: T,
+        /// Bent joints
+        #[unit = "J"]
+        pub elastic: T,
+        /// Compressed oil, and cavities against the atmosphere
+        #[unit = "J"]
+        pub oil: T,
+        /// Compressed gas of the accumulator
+        #[unit = "J"]
+        pub gas: T,
+        /// Bristles of the friction law
+        #[unit = "J"]
+        pub bristles: T,
+        /// Compressed end stops
+        #[unit = "J"]
+        pub end_stops: T,
+    }
+}
+
+impl<T: Real> Energy<T> {
+    /// Sum of all forms \[J\].
+    pub fn total(&self) -> T {
+        self.to_array().into_iter().fold(T::zero(), |sum, energy| sum + energy)
+    }
+}
+
+record! {
+    /// Power by name: what the pump adds, what is lost where, and what the equations' mass defects
+    /// add.
+    pub struct Power<T> {
+        /// Pump on the oil, k_flow Q_P p_PA − Q_P p_PB
+        #[unit = "W"]
+        pub pump: T,
+        /// Lost in the load-holding valves
+        #[unit = "W"]
+        pub loss_holding_valves: T,
+        /// Lost to leakage through and out of the pump
+        #[unit = "W"]
+        pub loss_leakage: T,
+        /// Lost on the way to and from the accumulator
+        #[unit = "W"]
+        pub loss_return_lines: T,
+        /// Lost in relief valves
+        #[unit = "W"]
+        pub loss_relief: T,
+        /// Lost to friction in the cylinder
+        #[unit = "W"]
+        pub loss_friction: T,
+        /// Lost in the boom's joints
+        #[unit = "W"]
+        pub loss_joints: T,
+        /// Lost in the end stops
+        #[unit = "W"]
+        pub loss_end_stops: T,
+        /// Added by restrictions that conserve volume and not mass
+        #[unit = "W"]
+        pub defect_restrictions: T,
+        /// Added by a pump that delivers k_flow of the volume it takes
+        #[unit = "W"]
+        pub defect_pump: T,
+    }
+}
+
+impl<T: Real> Power<T> {
+    /// All that is lost \[W\].
+    pub fn losses(&self) -> T {
+        self.loss_holding_valves
+            + self.loss_leakage
+            + self.loss_return_lines
+            + self.loss_relief
+            + self.loss_friction
+            + self.loss_joints
+            + self.loss_end_stops
+    }
+
+    /// Rate of change of the crane's energy \[W\]: work less losses plus defects.
+    pub fn net(&self) -> T {
+        self.pump - self.losses() + self.defect_restrictions + self.defect_pump
+    }
+}
+
+impl<T: Real, const N: usize> Crane<T, N> {
+    /// Energy of a state.
+    pub fn energy(&self, state: &CraneState<T, N>) -> Energy<T> {
+        let pose = self.boom.pose(&state.boom.angle);
+        let stroke = self.boom.cylinder_pose(&pose).stroke;
+        let oil = &self.circuit.oil;
+        let volumes = self.node_volumes(state, stroke).to_array();
+        let mut stored = T::zero();
+        for (q, volume) in state.circuit.nodes.to_array().into_iter().zip(volumes) {
+            let p = oil.pressure(q);
+            let cavity = oil.cavity_volume(q, volume);
+            stored = stored + oil.energy_density(p) * (volume - cavity) - p * cavity;
+        }
+        let gas = self.circuit.accumulator.gas_energy(
+            oil.pressure(state.circuit.nodes.accumulator),
+            state.circuit.gas_volume,
+        );
+        Energy {
+            kinetic: self.boom.kinetic_energy(&pose, &state.boom),
+            gravitational: self.boom.gravitational_energy(&pose),
+            elastic: self.boom.elastic_energy(&state.boom),
+            oil: stored,
+            gas,
+            bristles: self.friction.energy(state.bristle),
+            end_stops: self.end_stops.energy(stroke, self.cylinder.stroke_length),
+        }
+    }
+
+    /// Power in a state under an input.
+    pub fn power(&self, state: &CraneState<T, N>, input: &Input<T>) -> Power<T> {
+        let pose = self.boom.pose(&state.boom.angle);
+        let cylinder = self.boom.cylinder_pose(&pose);
+        let velocity = cylinder.velocity(&self.boom, &state.boom.angular_velocity);
+        let p = self.circuit.pressures(&state.circuit);
+        let q = self.circuit.flows(&p, input.pump_speed, input.holding_valve);
+        let forces = self.piston_forces(&p, state.bristle, cylinder.stroke, velocity);
+
+        let density = p.map(|p| self.circuit.oil.energy_density(p));
+        // each restriction with its pressures and energy densities, from and to
+        let to_accumulator_a = (p.pump_a - p.accumulator, density.accumulator - density.pump_a);
+        let to_accumulator_b = (p.pump_b - p.accumulator, density.accumulator - density.pump_b);
+        let through_pump = (p.pump_a - p.pump_b, density.pump_b - density.pump_a);
+        let valve_a = (p.pump_a - p.a, density.a - density.pump_a);
+        let valve_b = (p.b - p.pump_b, density.pump_b - density.b);
+
+        let bristle_power =
+            self.friction.stored_power(state.bristle, forces.bristle_rate);
+        let spring = self.end_stops.spring_force(cylinder.stroke, self.cylinder.stroke_length);
+
+        Power {
+            pump: q.pump_delivery * p.pump_a - q.pump * p.pump_b,
+            loss_holding_valves: q.to_a * valve_a.0 + q.from_b * valve_b.0,
+            loss_leakage: q.internal_leakage * through_pump.0
+                + q.case_leakage_a * to_accumulator_a.0
+                + q.case_leakage_b * to_accumulator_b.0,
+            loss_return_lines: q.bleed * to_accumulator_a.0
+                + (q.return_flow - q.suction) * to_accumulator_b.0,
+            loss_relief: q.relief_a * to_accumulator_a.0 + q.relief_b * to_accumulator_b.0,
+            loss_friction: forces.friction * velocity - bristle_power,
+            loss_joints: self.boom.damping_loss(&state.boom),
+            loss_end_stops: (spring - forces.end_stops) * velocity,
+            defect_restrictions: q.to_a * valve_a.1
+                + q.from_b * valve_b.1
+                + q.internal_leakage * through_pump.1
+                + (q.case_leakage_a + q.bleed + q.relief_a) * to_accumulator_a.1
+                + (q.case_leakage_b + q.return_flow - q.suction + q.relief_b)
+                    * to_accumulator_b.1,
+            defect_pump: q.pump_delivery * density.pump_a - q.pump * density.pump_b,
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! The differential cylinder and its end stops.
+
+use hydroboom_math::{Real, record};
+
+record! {
+    /// A differential cylinder: chamber A on the piston side, chamber B on the rod side.
+    pub struct Cylinder<T> {
+        /// Piston area, A_p
+        #[unit = "m²"]
+        pub piston_area: T,
+        /// Annulus area on the rod side, A_r
+        #[unit = "m²"]
+        pub rod_side_area: T,
+        /// Distance between the end stops
+        #[unit = "m"]
+        pub stroke_length: T,
+        /// Volume of chamber A and its line with the piston at its lower stop, V_0A
+        #[unit = "m³"]
+        pub dead_volume_a: T,
+        /// Volume of chamber B and its line with the piston at its upper stop, V_0B
+        #[unit = "m³"]
+        pub dead_volume_b: T,
+    }
+}
+
+impl<T: Real> Cylinder<T> {
+    /// Areas from the diameters \[m\] of piston and rod, the rest as given.
+    pub fn from_diameters(
+        piston: T,
+        rod: T,
+        stroke_length: T,
+        dead_volume_a: T,
+        dead_volume_b: T,
+    ) -> Self {
+        let quarter_pi = T::lit(core::f64::consts::FRAC_PI_4);
+        Self {
+            piston_area: quarter_pi * piston.square(),
+            rod_side_area: quarter_pi * (piston.square() - rod.square()),
+            stroke_length,
+            dead_volume_a,
+            dead_volume_b,
+        }
+    }
+
+    /// Oil volume \[m³\] in chamber A at the given piston position \[m\].
+    #[inline(always)]
+    pub fn volume_a(&self, stroke: T) -> T {
+        self.dead_volume_a + self.piston_area * stroke
+    }
+
+    /// Oil volume \[m³\] in chamber B at the given piston position \[m\].
+    #[inline(always)]
+    pub fn volume_b(&self, stroke: T) -> T {
+        self.dead_volume_b + self.rod_side_area * (self.stroke_length - stroke)
+    }
+
+    /// Force \[N\] of both gauge pressures \[Pa\] on the piston, positive outwards (9).
+    #[inline(always)]
+    pub fn force(&self, pressure_a: T, pressure_b: T) -> T {
+        self.piston_area * pressure_a - self.rod_side_area * pressure_b
+    }
+
+    /// Load pressure p_L = p_A − (A_r/A_p) p_B \[Pa\].
+    #[inline(always)]
+    pub fn load_pressure(&self, pressure_a: T, pressure_b: T) -> T {
+        pressure_a - self.rod_side_area / self.piston_area * pressure_b
+    }
+}
+
+record! {
+    /// Mechanical stops at both ends of the stroke: springs that push and never pull, damped in
+    /// proportion to their compression (ours).
+    ///
+    /// ```text
+    /// F = k s max(0, 1 + d ṡ),   s: depth into the stop
+    /// ```
+    ///
+    /// The force is continuous at contact; `k s²/2` is its stored energy, the rest is lost.
+    pub struct EndStops<T> {
+        /// Stiffness, k
+        #[unit = "N/m"]
+        pub stiffness: T,
+        /// Damping relative to the spring's force, d
+        #[unit = "s/m"]
+        pub damping: T,
+    }
+}
+
+impl<T: Real> EndStops<T> {
+    /// Depths \[m\] into the lower and the upper stop, zero away from them.
+    #[inline(always)]
+    fn depths(&self, stroke: T, stroke_length: T) -> (T, T) {
+        ((-stroke).max(T::zero()), (stroke - stroke_length).max(T::zero()))
+    }
+
+    /// Force \[N\] on the piston, positive outwards, at its position \[m\] and velocity \[m/s\].
+    #[inline(always)]
+    pub fn force(&self, stroke: T, velocity: T, stroke_length: T) -> T {
+        let (lower, upper) = self.depths(stroke, stroke_length);
+        let push = |depth: T, approach: T| {
+            self.stiffness * depth * (T::one() + self.damping * approach).max(T::zero())
+        };
+        push(lower, -velocity) - push(upper, velocity)
+    }
+
+    /// Energy \[J\] stored in the stops.
+    pub fn energy(&self, stroke: T, stroke_length: T) -> T {
+        let (lower, upper) = self.depths(stroke, stroke_length);
+        T::lit(0.5) * self.stiffness * (lower.square() + upper.square())
+    }
+
+    /// Force \[N\] of the springs alone, positive outwards: minus the slope of the energy.
+    pub fn spring_force(&self, stroke: T, stroke_length: T) -> T {
+        let (lower, upper) = self.depths(stroke, stroke_length);
+        self.stiffness * (lower - upper)
+    }
+}

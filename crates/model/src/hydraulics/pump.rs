@@ -1,0 +1,57 @@
+//! The axial piston machine.
+
+use super::Oil;
+use hydroboom_math::Real;
+
+/// How much of the displaced volume arrives on side A, where the oil is compressed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Delivery<T> {
+    /// As published: the constant k_flow, in both directions of flow.
+    Published(
+        /// k_flow, 0.91 (section 3.1.2).
+        T,
+    ),
+    /// From the pressures at every step: k_flow = exp(−∫dp/β) from p_PB to p_PA, the volume that
+    /// a unit of oil taken in at p_PB has left at p_PA.
+    Computed,
+}
+
+/// A fixed-displacement pump, driven in both directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pump<T> {
+    /// Displacement per revolution, K_VP \[m³/rev\].
+    pub displacement: T,
+    /// What becomes of the displaced volume on its way to side A.
+    pub delivery: Delivery<T>,
+}
+
+impl<T: Real> Pump<T> {
+    /// Flow \[m³/s\] drawn from side B, positive from B to A; Q_P = n K_VP (5), n in rev/s.
+    #[inline(always)]
+    pub fn flow(&self, speed: T) -> T {
+        speed * self.displacement
+    }
+
+    /// k_flow: the volume arriving on side A for each that leaves side B, at the gauge pressures
+    /// \[Pa\] of both sides.
+    #[inline(always)]
+    pub fn flow_gain(&self, oil: &Oil<T>, pressure_a: T, pressure_b: T) -> T {
+        match self.delivery {
+            Delivery::Published(k_flow) => k_flow,
+            Delivery::Computed => (oil.compression(pressure_b) - oil.compression(pressure_a)).exp(),
+        }
+    }
+}
+
+impl<T> Pump<T> {
+    /// The same pump in another number type.
+    pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Pump<U> {
+        Pump {
+            displacement: f(self.displacement),
+            delivery: match self.delivery {
+                Delivery::Published(k_flow) => Delivery::Published(f(k_flow)),
+                Delivery::Computed => Delivery::Computed,
+            },
+        }
+    }
+}

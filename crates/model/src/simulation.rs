@@ -1,0 +1,183 @@
+//! A crane in motion: parameters, state, scheme and clock, with every step checked.
+
+use crate::crane::{Crane, CraneState, Input};
+use crate::stepping::{LinearlyImplicit, StepLimit, published, runge_kutta_4};
+use crate::validity::Invalid;
+use core::fmt;
+
+/// How a simulation moves in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scheme {
+    /// The paper's, of first order; takes substeps above its step limit.
+    Published,
+    /// Linearly implicit, of second order; no step limit.
+    LinearlyImplicit,
+    /// Classical Runge-Kutta, of fourth order; takes substeps above its step limit.
+    RungeKutta4,
+}
+
+/// More substeps than this are refused: the step asked for does not suit the scheme.
+const MOST_SUBSTEPS: f64 = 1000.0;
+
+/// Why a simulation cannot go on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SimulationError {
+    /// The state after a step is not one the model holds for; the simulation stays at the last
+    /// good state.
+    Invalid {
+        /// Time of the last good state \[s\].
+        time: f64,
+        /// What was violated.
+        reason: Invalid,
+    },
+    /// An input is not a finite number.
+    Input {
+        /// Time of the last good state \[s\].
+        time: f64,
+    },
+    /// The step is far above the scheme's limit, or not a positive number.
+    Step {
+        /// Step asked for \[s\].
+        step: f64,
+        /// Largest step without substeps \[s\].
+        limit: f64,
+    },
+}
+
+impl fmt::Display for SimulationError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Invalid { time, reason } => write!(f, "at t = {time:.6} s {reason}"),
+            Self::Input { time } => {
+                write!(f, "after t = {time:.6} s an input is not a finite number")
+            }
+            Self::Step { step, limit } => write!(
+                f,
+                "a step of {:.3} us is not possible: the scheme's limit for this boom is {:.3} us, \
+                 and more than {MOST_SUBSTEPS} substeps are refused",
+                step * 1e6,
+                limit * 1e6
+            ),
+        }
+    }
+}
+
+impl core::error::Error for SimulationError {}
+
+/// A crane in motion.
+#[derive(Clone, Debug)]
+pub struct Simulation<const N: usize> {
+    crane: Crane<f64, N>,
+    state: CraneState<f64, N>,
+    stepper: Stepper,
+    step: f64,
+    substeps: u32,
+    /// Steps taken; the time is a product, so that it does not drift over hours.
+    count: u64,
+}
+
+#[expect(clippy::large_enum_variant, reason = "one per simulation, never moved in the cycle")]
+#[derive(Clone, Debug)]
+enum Stepper {
+    Published,
+    LinearlyImplicit(LinearlyImplicit<f64>),
+    RungeKutta4,
+}
+
+impl<const N: usize> Simulation<N> {
+    /// A simulation at `state`, to be moved in steps of `step` \[s\].
+    ///
+    /// # Errors
+    ///
+    /// [`SimulationError`] when the step does not suit the scheme or the state is not valid.
+    pub fn new(
+        crane: Crane<f64, N>,
+        state: CraneState<f64, N>,
+        scheme: Scheme,
+        step: f64,
+    ) -> Result<Self, SimulationError> {
+        crane
+            .validity(&state)
+            .check()
+            .map_err(|reason| SimulationError::Invalid { time: 0.0, reason })?;
+        let limit = match scheme {
+            Scheme::Published => crane.step_limit(&state).smallest(),
+            // its region of stability reaches about twice as far
+            Scheme::RungeKutta4 => crane.step_limit(&state).smallest(),
+            Scheme::LinearlyImplicit => f64::INFINITY,
+        };
+        let wanted = libm::ceil(step / limit * (1.0 - 1e-12)).max(1.0);
+        if !(step > 0.0 && step.is_finite() && wanted <= MOST_SUBSTEPS) {
+            return Err(SimulationError::Step { step, limit });
+        }
+        let stepper = match scheme {
+            Scheme::Published => Stepper::Published,
+            Scheme::LinearlyImplicit => {
+                Stepper::LinearlyImplicit(LinearlyImplicit::new(&crane))
+            }
+            Scheme::RungeKutta4 => Stepper::RungeKutta4,
+        };
+        Ok(Self { crane, state, stepper, step, substeps: wanted as u32, count: 0 })
+    }
+
+    /// Moves on by one step under a constant input.
+    ///
+    /// # Errors
+    ///
+    /// [`SimulationError`] when the input or the new state is not valid; the state is then the
+    /// last good one.
+    #[inline(always)]
+    pub fn advance(&mut self, input: &Input<f64>) -> Result<(), SimulationError> {
+        if !(input.pump_speed.is_finite() && input.holding_valve.is_finite()) {
+            return Err(SimulationError::Input { time: self.time() });
+        }
+        let mut state = self.state;
+        let step = self.step / f64::from(self.substeps);
+        for _ in 0..self.substeps {
+            match &self.stepper {
+                Stepper::Published => published(&self.crane, &mut state, input, step),
+                Stepper::LinearlyImplicit(scheme) => {
+                    scheme.step(&self.crane, &mut state, input, step);
+                }
+                Stepper::RungeKutta4 => runge_kutta_4(&self.crane, &mut state, input, step),
+            }
+        }
+        self.crane
+            .validity(&state)
+            .check()
+            .map_err(|reason| SimulationError::Invalid { time: self.time(), reason })?;
+        self.state = state;
+        self.count += 1;
+        Ok(())
+    }
+
+    /// Time since the start \[s\].
+    pub fn time(&self) -> f64 {
+        self.count as f64 * self.step
+    }
+
+    /// The step \[s\] of [`advance`](Simulation::advance).
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// Substeps that each step is divided into to stay below the scheme's limit.
+    pub fn substeps(&self) -> u32 {
+        self.substeps
+    }
+
+    /// The crane.
+    pub fn crane(&self) -> &Crane<f64, N> {
+        &self.crane
+    }
+
+    /// Its state now.
+    pub fn state(&self) -> &CraneState<f64, N> {
+        &self.state
+    }
+
+    /// Step limit of the published scheme at the present state.
+    pub fn step_limit(&self) -> StepLimit {
+        self.crane.step_limit(&self.state)
+    }
+}

@@ -1,0 +1,89 @@
+//! How large a step the published scheme can take.
+
+use crate::crane::{Crane, CraneState};
+use crate::hydraulics::FrictionLaw;
+use hydroboom_math::Real;
+
+/// The largest steps \[s\] at which the published scheme neither diverges nor chatters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepLimit {
+    /// From the fastest bending mode: √2/ω, where the sequential update loses stability.
+    pub bending: f64,
+    /// From friction at rest, the steepest damper.
+    pub friction: f64,
+    /// From the flow between pump and cylinder when it is near zero: above this step the pressure
+    /// across an open load-holding valve chatters by more than [`CHATTER`](StepLimit::CHATTER).
+    pub chatter: f64,
+}
+
+impl StepLimit {
+    /// Amplitude of pressure chatter that is tolerated \[Pa\]: 0.1 bar.
+    pub const CHATTER: f64 = 0.1e5;
+
+    /// The smallest of the limits \[s\].
+    pub fn smallest(&self) -> f64 {
+        self.bending.min(self.friction).min(self.chatter)
+    }
+}
+
+impl<const N: usize> Crane<f64, N> {
+    /// The step limit of the published scheme around a state.
+    ///
+    /// The fastest mode comes from a power iteration with the oil at its stiffest; the chatter
+    /// from the limit cycle of forward Euler across a square root, of amplitude `(h c K/2)²` with
+    /// `c = β (1/V_1 + 1/V_2)`.
+    pub fn step_limit(&self, state: &CraneState<f64, N>) -> StepLimit {
+        let boom = &self.boom;
+        let n = boom.len();
+        let pose = boom.pose(&state.boom.angle);
+        let cylinder = boom.cylinder_pose(&pose);
+        let factors = boom.articulated(&pose, &[0.0; N]);
+
+        let beta = self.circuit.oil.bulk_modulus_max;
+        let (volume_a, volume_b) =
+            (self.cylinder.volume_a(cylinder.stroke), self.cylinder.volume_b(cylinder.stroke));
+        let (contact_stiffness, contact_damping) = self.friction.steepest();
+        let stiffness = beta
+            * (self.cylinder.piston_area.square() / volume_a
+                + self.cylinder.rod_side_area.square() / volume_b)
+            + self.end_stops.stiffness
+            + contact_stiffness;
+
+        // the power iteration's start excites every mode
+        let mut mode = [0.0; N];
+        for (i, entry) in mode.iter_mut().enumerate().take(n) {
+            *entry = if i % 2 == 0 { 1.0 } else { -0.7 };
+        }
+        let mut square = 0.0;
+        for _ in 0..400 {
+            let mut moments = [0.0; N];
+            let push = stiffness * cylinder.velocity(boom, &mode);
+            for i in 0..n {
+                moments[i] += cylinder.arm[i] * push;
+                if i + 1 < n {
+                    let torque = boom.joints()[i].stiffness * (mode[i + 1] - mode[i]);
+                    moments[i] -= torque;
+                    moments[i + 1] += torque;
+                }
+            }
+            mode = factors.solve(boom, &moments);
+            square = mode[..n].iter().map(|x| x * x).sum();
+            square = Real::sqrt(square);
+            mode[..n].iter_mut().for_each(|x| *x /= square);
+        }
+        // the iteration approaches the largest eigenvalue from below
+        let bending = 0.97 * Real::sqrt(2.0 / square);
+
+        let compliance = cylinder.velocity(boom, &factors.solve(boom, &cylinder.arm));
+        let friction = 1.4 / (compliance * contact_damping);
+
+        let valve = self.circuit.holding_valve.flow_coefficient;
+        let chatter = |pump_side: f64, chamber: f64| {
+            2.0 * Real::sqrt(StepLimit::CHATTER)
+                / (beta * (1.0 / pump_side + 1.0 / chamber) * valve)
+        };
+        let chatter = chatter(self.circuit.volume_pump_a, volume_a)
+            .min(chatter(self.circuit.volume_pump_b, volume_b));
+        StepLimit { bending, friction, chatter }
+    }
+}

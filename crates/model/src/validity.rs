@@ -1,0 +1,109 @@
+//! Where the model stops being one.
+
+use crate::crane::{Crane, CraneState};
+use core::fmt;
+use hydroboom_math::Real;
+
+/// Pressures above this \[Pa\] mean that the model, or the machine, has broken: 1000 bar, four
+/// times what such cylinders are built for.
+const HIGHEST_PRESSURE: f64 = 1000e5;
+/// Neighbouring segments bent by more than this \[rad\] have left linear bending: ten degrees.
+const LARGEST_BEND: f64 = 0.1745;
+/// Depth \[m\] into an end stop beyond which it would have been destroyed.
+const DEEPEST_STOP: f64 = 0.02;
+
+/// Which of the model's conditions a state meets; one truth value per lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Validity<M> {
+    /// Every number is finite.
+    pub finite: M,
+    /// Every pressure is below 1000 bar, and every cavity smaller than its node.
+    pub pressures: M,
+    /// No joint is bent beyond ten degrees, and the first segment has not turned over.
+    pub bending: M,
+    /// The piston is within its stroke, or at most 20 mm into a stop.
+    pub stroke: M,
+}
+
+/// Why a state cannot be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Invalid {
+    /// A number is NaN or infinite: the integration diverged.
+    NotFinite,
+    /// A pressure above 1000 bar, or a cavity larger than its node.
+    Pressure,
+    /// A joint bent by more than ten degrees, or the boom turned over.
+    Bending,
+    /// The piston more than 20 mm beyond its stroke.
+    Stroke,
+}
+
+impl fmt::Display for Invalid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "the simulation diverged: a state is no longer a finite number",
+            Self::Pressure => "a pressure rose above 1000 bar, or a node ran dry",
+            Self::Bending => "a joint of the boom bent by more than 10 degrees",
+            Self::Stroke => "the piston went more than 20 mm beyond its stroke",
+        })
+    }
+}
+
+impl core::error::Error for Invalid {}
+
+impl<T: Real, const N: usize> Crane<T, N> {
+    /// Whether the state is one the model holds for.
+    #[inline(always)]
+    pub fn validity(&self, state: &CraneState<T, N>) -> Validity<T::Mask> {
+        let n = self.boom.len();
+        let mut sum = state.bristle + state.circuit.gas_volume;
+        let mut largest_bend = T::zero();
+        for i in 0..n {
+            sum = sum + state.boom.angle[i] + state.boom.angular_velocity[i];
+            if i > 0 {
+                let bend = (state.boom.angle[i] - state.boom.angle[i - 1]).abs();
+                largest_bend = largest_bend.max(bend);
+            }
+        }
+        let nodes = state.circuit.nodes.to_array();
+        let mut highest = nodes[0];
+        let mut lowest = nodes[0];
+        for q in nodes {
+            sum = sum + q;
+            highest = highest.max(q);
+            lowest = lowest.min(q);
+        }
+        // a cavity as large as its node: V_cav = V (p_v − q)/β(p_v)
+        let oil = &self.circuit.oil;
+        let driest = oil.vapour_pressure - oil.bulk_modulus_min;
+        let stroke = self.stroke(state);
+        let depth = (-stroke).max(stroke - self.cylinder.stroke_length);
+        Validity {
+            finite: sum.is_finite(),
+            pressures: highest.lt(T::lit(HIGHEST_PRESSURE)) & driest.lt(lowest),
+            bending: largest_bend.lt(T::lit(LARGEST_BEND))
+                & state.boom.angle[0].abs().lt(T::lit(core::f64::consts::PI)),
+            stroke: depth.lt(T::lit(DEEPEST_STOP)),
+        }
+    }
+
+    /// Piston position \[m\].
+    #[inline(always)]
+    fn stroke(&self, state: &CraneState<T, N>) -> T {
+        let pose = self.boom.pose(&state.boom.angle);
+        self.boom.cylinder_pose(&pose).stroke
+    }
+}
+
+impl Validity<bool> {
+    /// The first condition that is not met, if any.
+    pub fn check(self) -> Result<(), Invalid> {
+        match self {
+            Self { finite: false, .. } => Err(Invalid::NotFinite),
+            Self { pressures: false, .. } => Err(Invalid::Pressure),
+            Self { bending: false, .. } => Err(Invalid::Bending),
+            Self { stroke: false, .. } => Err(Invalid::Stroke),
+            _ => Ok(()),
+        }
+    }
+}
