@@ -35,18 +35,19 @@ pub trait Binary: Real {
 }
 
 /// `(2^k, q, p)` with e^x = 2^k (q + p)/(q - p): the diagonal Padé approximant \[6/6\] on
-/// |r| <= ln(2)/2, whose truncation error is 2e-19.
+/// |r| <= ln(2)/2, whose truncation error is 2e-19. For |x| beyond 1000 the parts are arbitrary.
 #[inline(always)]
 fn exp_parts<T: Binary>(x: T) -> (T, T, T) {
     let k = (x * T::lit(core::f64::consts::LOG2_E)).round();
     let r = x - k * T::lit(T::LN_2[0]) - k * T::lit(T::LN_2[1]);
-    // coefficients (12-j)! 6! / (12! j! (6-j)!), scaled so that the leading one is 1
+    // coefficients (12-j)! 6! / (12! j! (6-j)!), scaled so that the leading one is 1; pairs of
+    // terms are summed separately for a shorter chain of operations
     let y = r * r;
-    let even = T::one()
-        + y * (T::lit(5.0 / 44.0) + y * (T::lit(1.0 / 792.0) + y * T::lit(1.0 / 665_280.0)));
-    let odd = r
-        * (T::lit(0.5) + y * (T::lit(1.0 / 66.0) + y * T::lit(1.0 / 15_840.0)));
-    (k.power_of_two(), even, odd)
+    let y2 = y * y;
+    let even = (T::one() + y * T::lit(5.0 / 44.0))
+        + y2 * (T::lit(1.0 / 792.0) + y * T::lit(1.0 / 665_280.0));
+    let odd = (T::lit(0.5) + y * T::lit(1.0 / 66.0)) + y2 * T::lit(1.0 / 15_840.0);
+    (k.power_of_two(), even, r * odd)
 }
 
 /// e^x.
@@ -106,8 +107,8 @@ pub fn sin_cos<T: Binary>(x: T) -> (T, T) {
         1.0 / 20_922_789_888_000.0,
     ];
     let y = r * r;
-    let sin = r + r * y * polynomial(&SIN, y);
-    let cos = T::one() - (T::lit(0.5) * y - y * y * polynomial(&COS, y));
+    let sin = r + (r * y) * polynomial(&SIN, y);
+    let cos = T::one() - (T::lit(0.5) * y - (y * y) * polynomial(&COS, y));
 
     // the quarter turn, -2..=2
     let quarter = n - T::lit(4.0) * (n * T::lit(0.25)).round();
@@ -123,11 +124,11 @@ pub fn sin_cos<T: Binary>(x: T) -> (T, T) {
     (T::select(sin_negative, -s, s), T::select(cos_negative, -c, c))
 }
 
-/// c0 + c1 y + c2 y^2 + ..., split in even and odd powers for two shorter chains.
+/// c0 + c1 y + c2 y^2 + ..., summed in pairs for a shorter chain of operations.
 #[inline(always)]
 fn polynomial<T: Real>(c: &[f64; 7], y: T) -> T {
+    let pair = |i: usize| T::lit(c[i]) + y * T::lit(c[i + 1]);
     let y2 = y * y;
-    let even = T::lit(c[0]) + y2 * (T::lit(c[2]) + y2 * (T::lit(c[4]) + y2 * T::lit(c[6])));
-    let odd = T::lit(c[1]) + y2 * (T::lit(c[3]) + y2 * T::lit(c[5]));
-    even + y * odd
+    let y4 = y2 * y2;
+    (pair(0) + y2 * pair(2)) + y4 * (pair(4) + y2 * T::lit(c[6]))
 }

@@ -45,8 +45,14 @@ macro_rules! real {
         }
     };
 }
-// libm's square root is the correctly rounded machine instruction where there is one
+// both square roots are correctly rounded, so they agree to the last bit
+#[cfg(feature = "std")]
+real!(f64, f64::sqrt);
+#[cfg(feature = "std")]
+real!(f32, f32::sqrt);
+#[cfg(not(feature = "std"))]
 real!(f64, libm::sqrt);
+#[cfg(not(feature = "std"))]
 real!(f32, libm::sqrtf);
 
 /// Adding and subtracting it rounds to an integer: 1.5 * 2^52.

@@ -108,7 +108,7 @@ impl<const W: usize> Real for Lanes<W> {
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
-        self.map(libm::sqrt)
+        self.map(Real::sqrt)
     }
     #[inline(always)]
     fn exp(self) -> Self {

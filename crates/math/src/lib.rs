@@ -23,7 +23,7 @@
 //! let piston = area(Dual::<f64, 1>::variable(0.065, 0));
 //! assert!((piston.slope[0] - std::f64::consts::FRAC_PI_2 * 0.065).abs() < 1e-15);
 //! ```
-#![no_std]
+#![cfg_attr(not(feature = "std"), no_std)]
 
 mod dual;
 pub mod elementary;

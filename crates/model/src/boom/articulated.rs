@@ -54,11 +54,10 @@ impl<T: Real, const N: usize> Boom<T, N> {
             let gx = qx - s.mass * ry;
             let gy = qy + s.mass * rx;
             let kappa = if i > 0 { impedance[i - 1] } else { zero };
-            let inertia = s.inertia
-                + s.mass * (rx.square() + ry.square())
-                + (dx * (qy + passed.1) - dy * (qx + passed.0))
-                + stiffening
-                + kappa;
+            // about the inner joint; in the segment's own frame, where it does not wait for the pose
+            let own = s.inertia + s.mass * (s.centre_x.square() + s.centre_y.square());
+            let inertia =
+                (own + kappa + stiffening) + (dx * (qy + passed.1) - dy * (qx + passed.0));
             let inverse = T::one() / inertia;
 
             factors.inverse[i] = inverse;
@@ -66,9 +65,9 @@ impl<T: Real, const N: usize> Boom<T, N> {
             factors.share[i] = share;
             factors.along[i] = (dx, dy);
 
-            axx = axx + s.mass - gx * gx * inverse;
-            axy = axy - gx * gy * inverse;
-            ayy = ayy + s.mass - gy * gy * inverse;
+            axx = (axx + s.mass) - (gx * gx) * inverse;
+            axy = axy - (gx * gy) * inverse;
+            ayy = (ayy + s.mass) - (gy * gy) * inverse;
             share = kappa * inverse;
             stiffening = kappa * (T::one() - share);
             outer = (gx, gy);
@@ -88,7 +87,7 @@ impl<T: Real, const N: usize> Articulated<T, N> {
         let (mut bx, mut by, mut outer) = (zero, zero, zero);
         for i in (0..n).rev() {
             let (dx, dy) = self.along[i];
-            let total = moment[i] + self.share[i] * outer - (dx * by - dy * bx);
+            let total = (moment[i] + self.share[i] * outer) - (dx * by - dy * bx);
             acceleration[i] = total;
             let scaled = total * self.inverse[i];
             bx = bx + self.coupling[i].0 * scaled;
@@ -100,7 +99,7 @@ impl<T: Real, const N: usize> Articulated<T, N> {
         for i in 0..n {
             let (gx, gy) = self.coupling[i];
             let (dx, dy) = self.along[i];
-            let mut alpha = (acceleration[i] - gx * ax - gy * ay) * self.inverse[i];
+            let mut alpha = (acceleration[i] - (gx * ax + gy * ay)) * self.inverse[i];
             if i > 0 {
                 // κ_i/D_i is kept with the inner neighbour
                 alpha = alpha + self.share[i - 1] * acceleration[i - 1];

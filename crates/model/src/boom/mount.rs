@@ -80,14 +80,15 @@ impl<T: Real, const N: usize> Boom<T, N> {
                 (rx, ry) = (rx + reach[i].0, ry + reach[i].1);
             }
         }
-        let length = (rx.square() + ry.square()).sqrt();
-        let inverse = T::one() / length;
-        let (ux, uy) = (rx * inverse, ry * inverse);
+        let square = rx.square() + ry.square();
+        let length = square.sqrt();
+        // 1/length; the division need not wait for the root
+        let inverse = length * (T::one() / square);
         let mut arm = [T::zero(); N];
         for i in 0..self.len() {
             if i <= mount.segment {
-                // u . (reach turned by 90 degrees)
-                arm[i] = uy * reach[i].0 - ux * reach[i].1;
+                // u . (reach turned by 90 degrees), u = r/length
+                arm[i] = (ry * reach[i].0 - rx * reach[i].1) * inverse;
             }
         }
         CylinderPose { stroke: length - mount.shortest, arm }

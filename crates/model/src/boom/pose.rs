@@ -35,8 +35,21 @@ impl<T: Real, const N: usize> Boom<T, N> {
     #[inline(always)]
     pub fn pose(&self, angle: &[T; N]) -> Pose<T, N> {
         let mut pose = Pose { sin: [T::zero(); N], cos: [T::one(); N] };
-        for i in 0..self.len() {
-            (pose.sin[i], pose.cos[i]) = angle[i].sin_cos();
+        let mut turn = |i: usize| (pose.sin[i], pose.cos[i]) = angle[i].sin_cos();
+        // written out for the short booms: left to the compiler, a loop over so large a body is
+        // vectorised across segments instead of across lanes, at twice the time
+        let n = self.len();
+        if n > 0 {
+            turn(0);
+        }
+        if n > 1 {
+            turn(1);
+        }
+        if n > 2 {
+            turn(2);
+        }
+        for i in 3..n {
+            turn(i);
         }
         pose
     }

@@ -2,7 +2,7 @@
 //! (section 3.1, appendix A.1, figures 3 and 6).
 
 use crate::hydraulics::{
-    Accumulator, CheckValve, Cylinder, Oil, Orifice, PilotCheckValve, Pump, in_series,
+    Accumulator, CheckValve, Cylinder, Oil, Orifice, PilotCheckValve, Pump, in_series, three_in_series,
 };
 use hydroboom_math::{Real, record};
 
@@ -110,8 +110,8 @@ pub struct SelfContained<T> {
     pub bleed_orifice: T,
     /// Relief valves (13) of both pump sides, where fitted; the published model has none.
     pub relief: Option<CheckValve<T>>,
-    /// Pressure drop below which every restriction is laminar \[Pa\].
-    pub laminar_drop: T,
+    /// The law all restrictions follow.
+    pub orifice: Orifice<T>,
 }
 
 impl<T: Real> SelfContained<T> {
@@ -128,48 +128,46 @@ impl<T: Real> SelfContained<T> {
     /// pilots the load-holding valves.
     #[inline(always)]
     pub fn flows(&self, p: &Nodes<T>, speed: T, energised: T) -> Flows<T> {
-        let through = |flow_coefficient: T, drop: T| {
-            Orifice { flow_coefficient, laminar_drop: self.laminar_drop }.flow(drop)
-        };
-
         let pump = self.pump.flow(speed);
         let k_flow = self.pump.flow_gain(&self.oil, p.pump_a, p.pump_b);
 
+        // r(Δp) between each pair of connected nodes
+        let across_pump = self.orifice.root(p.pump_a - p.pump_b);
+        let a_to_accumulator = self.orifice.root(p.pump_a - p.accumulator);
+        let b_to_accumulator = self.orifice.root(p.pump_b - p.accumulator);
+        let into_a = self.orifice.root(p.pump_a - p.a);
+        let out_of_b = self.orifice.root(p.b - p.pump_b);
+
         // (A1) to (A3)
-        let internal_leakage = through(self.internal_leakage, p.pump_a - p.pump_b);
-        let case_leakage_a = through(self.case_leakage_a, p.pump_a - p.accumulator);
-        let case_leakage_b = through(self.case_leakage_b, p.pump_b - p.accumulator);
+        let internal_leakage = self.internal_leakage * across_pump;
+        let case_leakage_a = self.case_leakage_a * a_to_accumulator;
+        let case_leakage_b = self.case_leakage_b * b_to_accumulator;
 
         // (A7): valve 7 of side A is held open by side B
         let valve_7a = self.return_valve.coefficient(p.accumulator, p.pump_a, p.pump_b);
-        let bleed =
-            through(in_series(self.bleed_orifice, valve_7a), p.pump_a - p.accumulator);
+        let bleed = in_series(self.bleed_orifice, valve_7a) * a_to_accumulator;
 
         // (A8): the check valve that keeps side B from running dry
-        let suction_drop = p.accumulator - p.pump_b;
-        let suction = through(self.check_valve.coefficient(suction_drop), suction_drop);
+        let valve_8 = self.check_valve.coefficient(p.accumulator - p.pump_b);
+        let suction = -(valve_8 * b_to_accumulator);
 
         // (A9): valve 7 of side B is held open by side A
-        let return_drop = p.pump_b - p.accumulator;
         let valve_7b = self.return_valve.coefficient(p.accumulator, p.pump_b, p.pump_a);
-        let valve_8 = self.check_valve.coefficient(return_drop);
-        let return_flow =
-            through(in_series(self.filter, in_series(valve_7b, valve_8)), return_drop);
+        let valve_8 = self.check_valve.coefficient(p.pump_b - p.accumulator);
+        let return_flow = three_in_series(self.filter, valve_7b, valve_8) * b_to_accumulator;
 
         // (A10), (A11): the 3/2 valve pilots both load-holding valves
         let higher = p.a.max(p.b);
         let pilot = p.accumulator + energised * (higher - p.accumulator);
-        let valve_a = self.holding_valve.coefficient(p.pump_a, p.a, pilot);
-        let valve_b = self.holding_valve.coefficient(p.pump_b, p.b, pilot);
-        let to_a = through(valve_a, p.pump_a - p.a);
-        let from_b = through(valve_b, p.b - p.pump_b);
+        let to_a = self.holding_valve.coefficient(p.pump_a, p.a, pilot) * into_a;
+        let from_b = self.holding_valve.coefficient(p.pump_b, p.b, pilot) * out_of_b;
 
-        let relief = |pressure: T| match &self.relief {
-            Some(valve) => {
-                let drop = pressure - p.accumulator;
-                through(valve.coefficient(drop), drop)
-            }
-            None => T::zero(),
+        let (relief_a, relief_b) = match &self.relief {
+            Some(valve) => (
+                valve.coefficient(p.pump_a - p.accumulator) * a_to_accumulator,
+                valve.coefficient(p.pump_b - p.accumulator) * b_to_accumulator,
+            ),
+            None => (T::zero(), T::zero()),
         };
 
         Flows {
@@ -183,8 +181,8 @@ impl<T: Real> SelfContained<T> {
             return_flow,
             to_a,
             from_b,
-            relief_a: relief(p.pump_a),
-            relief_b: relief(p.pump_b),
+            relief_a,
+            relief_b,
         }
     }
 
@@ -269,13 +267,13 @@ impl<T> SelfContained<T> {
             internal_leakage: f(self.internal_leakage),
             case_leakage_a: f(self.case_leakage_a),
             case_leakage_b: f(self.case_leakage_b),
-            holding_valve: self.holding_valve.map(&mut *f),
-            return_valve: self.return_valve.map(&mut *f),
+            holding_valve: self.holding_valve.map(f),
+            return_valve: self.return_valve.map(f),
             check_valve: self.check_valve.map(&mut *f),
             filter: f(self.filter),
             bleed_orifice: f(self.bleed_orifice),
             relief: self.relief.map(|valve| valve.map(&mut *f)),
-            laminar_drop: f(self.laminar_drop),
+            orifice: self.orifice.map(f),
         }
     }
 }

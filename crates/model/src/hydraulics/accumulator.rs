@@ -80,7 +80,7 @@ impl<T: Real> Accumulator<T> {
     #[inline(always)]
     pub fn rates(&self, bulk_modulus: T, pressure: T, gas_volume: T, inflow: T) -> (T, T) {
         let gas = self.gas_compliance(pressure, gas_volume);
-        let rate = inflow / (self.oil_volume(gas_volume) / bulk_modulus + gas);
+        let rate = inflow * bulk_modulus / (self.oil_volume(gas_volume) + bulk_modulus * gas);
         (rate, -rate * gas)
     }
 

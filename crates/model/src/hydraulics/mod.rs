@@ -12,6 +12,6 @@ pub use accumulator::Accumulator;
 pub use cylinder::{Cylinder, EndStops};
 pub use friction::{Friction, FrictionLaw, LuGre, Stribeck};
 pub use oil::Oil;
-pub use orifice::{Orifice, in_series};
+pub use orifice::{Orifice, in_series, three_in_series};
 pub use pump::{Delivery, Pump};
 pub use valve::{CheckValve, PilotCheckValve};

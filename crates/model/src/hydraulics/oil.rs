@@ -27,9 +27,9 @@ record! {
         /// Pressure at the middle of the transition, p_c1
         #[unit = "Pa"]
         pub transition_pressure: T,
-        /// Width of the transition, p_c2
-        #[unit = "Pa"]
-        pub transition_width: T,
+        /// Reciprocal of the transition's width, 1/p_c2
+        #[unit = "1/Pa"]
+        pub transition_slope: T,
         /// Gauge pressure below which a cavity opens, p_v
         #[unit = "Pa"]
         pub vapour_pressure: T,
@@ -43,7 +43,7 @@ impl<T: Real> Oil<T> {
         let half = T::lit(0.5);
         let middle = half * (self.bulk_modulus_max + self.bulk_modulus_min);
         let half_range = half * (self.bulk_modulus_max - self.bulk_modulus_min);
-        let z = (pressure - self.transition_pressure) / self.transition_width;
+        let z = (pressure - self.transition_pressure) * self.transition_slope;
         middle + half_range * z.tanh()
     }
 
@@ -88,23 +88,23 @@ impl<T: Real> Oil<T> {
     fn compression_from_transition(&self, pressure: T) -> T {
         let (max, min) = (self.bulk_modulus_max, self.bulk_modulus_min);
         let half = T::lit(0.5);
-        let z = (pressure - self.transition_pressure) / self.transition_width;
+        let z = (pressure - self.transition_pressure) * self.transition_slope;
         // e^−2|z|, and which of the two exponentials it belongs to
         let decay = (-(z.abs() + z.abs())).exp();
         let positive = T::zero().lt(z);
         let (large, small) = (T::select(positive, max, min), T::select(positive, min, max));
         let logarithm = z.abs() + (large + small * decay).ln();
-        self.transition_width / (max * min)
-            * (half * (max + min) * z - half * (max - min) * logarithm)
+        (half * (max + min) * z - half * (max - min) * logarithm)
+            / (self.transition_slope * max * min)
     }
 
     /// Energy \[J/m³\] stored in a unit volume of compressed oil, `ρ(p) e(p)` with
     /// `e = ∫ p/(ρ β) dp` from zero gauge pressure.
     ///
-    /// A state function (equation ours). Gauss-Legendre quadrature over panels in p; with 48
-    /// panels the error is below 1e-10 of the value for pressures to 300 bar.
+    /// A state function (equation ours). Gauss-Legendre quadrature over panels in p; with 96
+    /// panels the error is below 1e-9 of the value for pressures to 300 bar.
     pub fn energy_density(&self, pressure: T) -> T {
-        const PANELS: u32 = 48;
+        const PANELS: u32 = 96;
         // abscissae and weights of five points on (-1, 1): roots of the Legendre polynomial P_5
         const POINTS: [(f64, f64); 5] = [
             (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
@@ -136,7 +136,7 @@ mod tests {
         bulk_modulus_max: 1.6e9,
         bulk_modulus_min: 2e7,
         transition_pressure: 35e5,
-        transition_width: 5e5,
+        transition_slope: 1.0 / 5e5,
         vapour_pressure: -1e5,
     };
 

@@ -1,52 +1,66 @@
 //! Restrictions: the orifice equation and restrictions in series.
 
-use hydroboom_math::{Real, record};
+use hydroboom_math::Real;
 
-record! {
-    /// A sharp-edged restriction: turbulent, with a laminar core around zero pressure drop.
-    ///
-    /// ```text
-    /// Q = K_V sgn(Δp) √|Δp|                        for |Δp| ≥ Δp_lam                     (4)
-    /// Q = K_V √Δp_lam · x (5 − x²)/4, x = Δp/Δp_lam   otherwise
-    /// ```
-    ///
-    /// Value and slope are continuous at ±Δp_lam, so the root's infinite slope at zero never
-    /// reaches the integrator. Odd in Δp.
-    ///
-    /// Source: doi:10.3390/act14020080, section 3.1.1; the core is ours.
-    pub struct Orifice<T> {
-        /// Flow at a pressure drop of 1 Pa, K_V
-        #[unit = "m³/(s·√Pa)"]
-        pub flow_coefficient: T,
-        /// Pressure drop below which the flow is laminar, Δp_lam
-        #[unit = "Pa"]
-        pub laminar_drop: T,
-    }
+/// The law of sharp-edged restrictions, turbulent with a laminar core around zero pressure drop.
+///
+/// ```text
+/// Q = K_V r(Δp)                                                                          (4)
+/// r = sgn(Δp) √|Δp|                             for |Δp| ≥ Δp_lam
+/// r = √Δp_lam · x (5 − x²)/4, x = Δp/Δp_lam     otherwise
+/// ```
+///
+/// Value and slope of r are continuous at ±Δp_lam, so the root's infinite slope at zero never
+/// reaches the integrator. Odd in Δp. All restrictions between the same two nodes share one root.
+///
+/// Source: doi:10.3390/act14020080, section 3.1.1; the core is ours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orifice<T> {
+    laminar_drop: T,
+    /// Its reciprocal, since a division costs as much as a root.
+    inverse: T,
 }
 
 impl<T: Real> Orifice<T> {
-    /// Flow \[m³/s\] driven by the pressure drop \[Pa\], both positive from inlet to outlet.
-    #[inline(always)]
-    pub fn flow(&self, drop: T) -> T {
-        let x = (drop / self.laminar_drop).clamp(-T::one(), T::one());
-        let core = x * (T::lit(1.25) - T::lit(0.25) * x.square());
-        self.flow_coefficient * drop.abs().max(self.laminar_drop).sqrt() * core
+    /// The law with the given pressure drop \[Pa\] at the edge of the laminar core, Δp_lam.
+    pub fn new(laminar_drop: T) -> Self {
+        Self { laminar_drop, inverse: T::one() / laminar_drop }
     }
 
-    /// The restriction opened by a fraction `0..=1`.
+    /// r(Δp) \[√Pa\]: times a flow coefficient \[m³/(s·√Pa)\] the flow that the pressure drop
+    /// \[Pa\] drives, both positive from inlet to outlet.
     #[inline(always)]
-    pub fn opened(&self, opening: T) -> Self {
-        Self { flow_coefficient: opening * self.flow_coefficient, ..*self }
+    pub fn root(&self, drop: T) -> T {
+        let x = (drop * self.inverse).clamp(-T::one(), T::one());
+        let core = x * (T::lit(1.25) - T::lit(0.25) * x.square());
+        drop.abs().max(self.laminar_drop).sqrt() * core
     }
 }
+
+impl<T> Orifice<T> {
+    /// The same law in another number type.
+    pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> Orifice<U> {
+        Orifice { laminar_drop: f(self.laminar_drop), inverse: f(self.inverse) }
+    }
+}
+
+/// Far below the square of any real flow coefficient: only there so that 0/0 is 0.
+const TINY: f64 = 1e-30;
 
 /// Flow coefficient of two restrictions in series, 1/√(1/K_1² + 1/K_2²) (A6), zero where either is
 /// shut.
 #[inline(always)]
 pub fn in_series<T: Real>(first: T, second: T) -> T {
-    // far below the square of any real coefficient: only there so that 0/0 is 0
-    let tiny = T::lit(1e-30);
-    first * second / (first.square() + second.square() + tiny).sqrt()
+    first * second / (first.square() + second.square() + T::lit(TINY)).sqrt()
+}
+
+/// The same of three restrictions, the first of which is never shut.
+#[inline(always)]
+pub fn three_in_series<T: Real>(first: T, second: T, third: T) -> T {
+    // numerator and denominator divided by the first, to stay clear of underflow
+    let product = second * third;
+    let sum = (product / first).square() + second.square() + third.square();
+    product / (sum + T::lit(TINY)).sqrt()
 }
 
 #[cfg(test)]
@@ -54,37 +68,42 @@ mod tests {
     use super::*;
     use hydroboom_math::Dual;
 
-    const ORIFICE: Orifice<f64> = Orifice { flow_coefficient: 2.4e-6, laminar_drop: 1e3 };
-
     #[test]
     fn orifice_follows_the_root_law_above_the_laminar_core() {
+        let orifice = Orifice::new(1e3);
         for drop in [1e3, 4e5, 9e6] {
-            assert_eq!(ORIFICE.flow(drop), 2.4e-6 * f64::sqrt(drop));
-            assert_eq!(ORIFICE.flow(-drop), -ORIFICE.flow(drop));
+            assert_eq!(orifice.root(drop), f64::sqrt(drop));
+            assert_eq!(orifice.root(-drop), -orifice.root(drop));
         }
     }
 
     #[test]
     fn orifice_slope_is_continuous_at_the_edge_of_the_core() {
-        let orifice = ORIFICE.map(Dual::<f64, 1>::constant);
-        let slope = |drop| orifice.flow(Dual::variable(drop, 0)).slope[0];
+        let orifice = Orifice::new(Dual::<f64, 1>::constant(1e3));
+        let slope = |drop| orifice.root(Dual::variable(drop, 0)).slope[0];
         let (inside, outside) = (slope(1e3 - 1e-5), slope(1e3 + 1e-5));
         assert!((inside / outside - 1.0).abs() < 1e-7, "{inside} against {outside}");
     }
 
     #[test]
     fn drops_across_a_series_add_up_to_the_whole() {
-        let (first, second, drop) = (7.5e-6, 2.4e-6, 3e5);
-        let flow = in_series(first, second) * f64::sqrt(drop);
-        let parts = (flow / first).powi(2) + (flow / second).powi(2);
+        let (filter, valve, check, drop) = (7.5e-6, 2.4e-6, 1.1e-6, 3e5);
+        let two = in_series(filter, valve) * f64::sqrt(drop);
+        let parts = (two / filter).powi(2) + (two / valve).powi(2);
         assert!((parts / drop - 1.0).abs() < 1e-14, "{parts} against {drop}");
+        let three = three_in_series(filter, valve, check);
+        let nested = in_series(filter, in_series(valve, check));
+        assert!((three / nested - 1.0).abs() < 1e-14, "{three} against {nested}");
     }
 
     #[test]
     fn a_shut_valve_shuts_its_series_with_a_finite_slope() {
-        let shut = in_series(Dual::<f64, 1>::variable(0.0, 0), Dual::lit(0.0));
-        assert_eq!(shut.value, 0.0);
-        assert!(shut.slope[0].is_finite());
+        let zero = Dual::<f64, 1>::variable(0.0, 0);
+        for shut in [in_series(zero, zero), three_in_series(Dual::lit(7.5e-6), zero, zero)] {
+            assert_eq!(shut.value, 0.0);
+            assert!(shut.slope[0].is_finite());
+        }
         assert_eq!(in_series(2.4e-6, 0.0), 0.0);
+        assert_eq!(three_in_series(7.5e-6, 2.4e-6, 0.0), 0.0);
     }
 }

@@ -77,7 +77,7 @@ impl<const N: usize> Crane<f64, N> {
         let compliance = cylinder.velocity(boom, &factors.solve(boom, &cylinder.arm));
         let friction = 1.4 / (compliance * contact_damping);
 
-        let valve = self.circuit.holding_valve.flow_coefficient;
+        let valve = self.circuit.holding_valve.check.flow_coefficient;
         let chatter = |pump_side: f64, chamber: f64| {
             2.0 * Real::sqrt(StepLimit::CHATTER)
                 / (beta * (1.0 / pump_side + 1.0 / chamber) * valve)
