@@ -1,1 +1,16 @@
-//! placeholder
+//! Reference motion and controllers.
+//!
+//! Parameters live in `self`, memory is passed in: a controller cannot change its own settings,
+//! and one set of settings serves any number of runs. Speeds are in rev/s here; rpm belongs to
+//! files and screens.
+#![cfg_attr(not(test), no_std)]
+
+mod benchmark;
+mod filter;
+mod motion;
+mod motor;
+
+pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
+pub use filter::HighPass;
+pub use motion::{Motion, Profile, Reference};
+pub use motor::MotorLimits;

@@ -1,1 +1,73 @@
-//! placeholder
+//! Crane files: one TOML file describes a machine.
+//!
+//! Every key carries its unit in its name and, if given as a table, where its value comes from:
+//!
+//! ```toml
+//! [boom]
+//! length_mm = { value = 3600.0, provenance = "printed", source = "section 2.1" }
+//! mass_kg = 86.0
+//! ```
+//!
+//! [`Description::parse`] reads and checks a file, [`Description::set`] overrides single keys, and
+//! [`Description::crane`] builds the model. The keys are listed once, in [`schema`].
+
+mod build;
+mod check;
+mod error;
+mod parse;
+pub mod schema;
+
+pub use build::BuildError;
+pub use error::{DescriptionError, Problem};
+pub use schema::{Choices, Key, Numbers};
+
+/// Where a value comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Origin {
+    /// `printed`, `derived`, `data sheet`, `estimate`, `calibrated`, `tuned`, `measured`, or
+    /// `given` where the file does not say, `set` where the command line did.
+    pub provenance: String,
+    /// Table, section, data sheet or reasoning behind it.
+    pub source: String,
+    /// Line of the file, counted from one.
+    pub line: Option<usize>,
+}
+
+/// A machine, as described by its file: numbers in SI units, choices, and the origin of each.
+#[derive(Clone, Debug)]
+pub struct Description {
+    /// Name of the machine.
+    pub name: String,
+    /// All numbers, in SI units.
+    pub numbers: Numbers<f64>,
+    /// All choices.
+    pub choices: Choices,
+    /// Relative lengths of the boom's segments, from the bearing to the tip.
+    pub segment_shares: Vec<f64>,
+    /// Origin of every number, in the order of [`schema::KEYS`].
+    origins: Vec<Origin>,
+}
+
+/// The paper's crane.
+pub const UIA_SINGLE_BOOM: &str = include_str!("../../../cranes/uia-single-boom.toml");
+
+impl Description {
+    /// The paper's crane, embedded.
+    ///
+    /// # Errors
+    ///
+    /// None, as a test shows; the signature is that of any file.
+    pub fn uia_single_boom() -> Result<Self, DescriptionError> {
+        Self::parse("cranes/uia-single-boom.toml (embedded)", UIA_SINGLE_BOOM)
+    }
+
+    /// Every key with its value in the key's own unit and its origin.
+    pub fn entries(&self) -> impl Iterator<Item = (&'static Key, f64, &Origin)> {
+        let values = self.numbers.to_array();
+        schema::KEYS
+            .iter()
+            .zip(values)
+            .zip(&self.origins)
+            .map(|((key, value), origin)| (key, key.to_unit(value), origin))
+    }
+}

@@ -85,7 +85,8 @@ pub fn ln<T: Binary>(x: T) -> T {
 #[inline(always)]
 pub fn sin_cos<T: Binary>(x: T) -> (T, T) {
     let n = (x * T::lit(core::f64::consts::FRAC_2_PI)).round();
-    let r = x - n * T::lit(T::FRAC_PI_2[0]) - n * T::lit(T::FRAC_PI_2[1]) - n * T::lit(T::FRAC_PI_2[2]);
+    let r =
+        x - n * T::lit(T::FRAC_PI_2[0]) - n * T::lit(T::FRAC_PI_2[1]) - n * T::lit(T::FRAC_PI_2[2]);
 
     // Taylor series on |r| <= pi/4: truncated at r^17/17! = 5e-17 and r^18/18! = 2e-18
     const SIN: [f64; 7] = [

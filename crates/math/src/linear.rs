@@ -59,7 +59,8 @@ pub fn solve_pivoted<const M: usize>(
     count: usize,
 ) -> Option<()> {
     for k in 0..count {
-        let pivot = (k..count).max_by(|&a, &b| matrix[a][k].abs().total_cmp(&matrix[b][k].abs()))?;
+        let pivot =
+            (k..count).max_by(|&a, &b| matrix[a][k].abs().total_cmp(&matrix[b][k].abs()))?;
         if !(matrix[pivot][k].abs() > 0.0 && matrix[pivot][k].is_finite()) {
             return None;
         }

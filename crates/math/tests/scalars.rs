@@ -28,8 +28,12 @@ fn elementary_functions_keep_their_stated_error() {
     const POINTS: usize = 400_003;
     let size = f64::abs;
 
-    let exp = worst(grid(-708.0, 708.0, POINTS), Real::exp, libm::exp, size)
-        .max(worst(grid(-1.0, 1.0, POINTS), Real::exp, libm::exp, size));
+    let exp = worst(grid(-708.0, 708.0, POINTS), Real::exp, libm::exp, size).max(worst(
+        grid(-1.0, 1.0, POINTS),
+        Real::exp,
+        libm::exp,
+        size,
+    ));
     assert!(exp < 4e-16, "exp {exp:e}");
 
     let tiny = |x: f64| x.abs().max(1e-300);

@@ -112,10 +112,10 @@ impl<T: Real, const N: usize> Crane<T, N> {
             let cavity = oil.cavity_volume(q, volume);
             stored = stored + oil.energy_density(p) * (volume - cavity) - p * cavity;
         }
-        let gas = self.circuit.accumulator.gas_energy(
-            oil.pressure(state.circuit.nodes.accumulator),
-            state.circuit.gas_volume,
-        );
+        let gas = self
+            .circuit
+            .accumulator
+            .gas_energy(oil.pressure(state.circuit.nodes.accumulator), state.circuit.gas_volume);
         Energy {
             kinetic: self.boom.kinetic_energy(&pose, &state.boom),
             gravitational: self.boom.gravitational_energy(&pose),
@@ -144,8 +144,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let valve_a = (p.pump_a - p.a, density.a - density.pump_a);
         let valve_b = (p.b - p.pump_b, density.pump_b - density.b);
 
-        let bristle_power =
-            self.friction.stored_power(state.bristle, forces.bristle_rate);
+        let bristle_power = self.friction.stored_power(state.bristle, forces.bristle_rate);
         let spring = self.end_stops.spring_force(cylinder.stroke, self.cylinder.stroke_length);
 
         Power {
@@ -164,8 +163,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
                 + q.from_b * valve_b.1
                 + q.internal_leakage * through_pump.1
                 + (q.case_leakage_a + q.bleed + q.relief_a) * to_accumulator_a.1
-                + (q.case_leakage_b + q.return_flow - q.suction + q.relief_b)
-                    * to_accumulator_b.1,
+                + (q.case_leakage_b + q.return_flow - q.suction + q.relief_b) * to_accumulator_b.1,
             defect_pump: q.pump_delivery * density.pump_a - q.pump * density.pump_b,
         }
     }

@@ -25,6 +25,6 @@ mod validity;
 pub use boom::{Beam, Boom, BoomState, Geometry, LayoutError, MAX_SEGMENTS};
 pub use circuit::{CircuitState, Flows, Nodes, SelfContained};
 pub use crane::{Crane, CraneRates, CraneState, Input, Outputs};
-pub use simulation::{Scheme, Simulation, SimulationError};
 pub use equilibrium::{EquilibriumError, Start};
+pub use simulation::{Scheme, Simulation, SimulationError};
 pub use validity::{Invalid, Validity};

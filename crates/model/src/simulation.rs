@@ -112,9 +112,7 @@ impl<const N: usize> Simulation<N> {
         }
         let stepper = match scheme {
             Scheme::Published => Stepper::Published,
-            Scheme::LinearlyImplicit => {
-                Stepper::LinearlyImplicit(LinearlyImplicit::new(&crane))
-            }
+            Scheme::LinearlyImplicit => Stepper::LinearlyImplicit(LinearlyImplicit::new(&crane)),
             Scheme::RungeKutta4 => Stepper::RungeKutta4,
         };
         Ok(Self { crane, state, stepper, step, substeps: wanted as u32, count: 0 })

@@ -170,10 +170,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         }
         let mount = Mount {
             segment: mount_segment,
-            on_segment: [
-                geometry.mount_x - beam.length * T::lit(start / total),
-                geometry.mount_y,
-            ],
+            on_segment: [geometry.mount_x - beam.length * T::lit(start / total), geometry.mount_y],
             on_base: [geometry.base_x, geometry.base_y],
             shortest: geometry.shortest,
         };

@@ -2,7 +2,8 @@
 //! (section 3.1, appendix A.1, figures 3 and 6).
 
 use crate::hydraulics::{
-    Accumulator, CheckValve, Cylinder, Oil, Orifice, PilotCheckValve, Pump, in_series, three_in_series,
+    Accumulator, CheckValve, Cylinder, Oil, Orifice, PilotCheckValve, Pump, in_series,
+    three_in_series,
 };
 use hydroboom_math::{Real, record};
 

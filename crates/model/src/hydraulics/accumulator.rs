@@ -97,11 +97,8 @@ impl<T: Real> Accumulator<T> {
         let safe = T::select(isothermal, T::one(), excess);
         let ratio = self.volume / gas_volume;
         // work from V_a to V_g: pv/(γ−1) (1 − (V_g/V_a)^(γ−1)), whose limit is pv ln(V_a/V_g)
-        let work = T::select(
-            isothermal,
-            pv * ratio.ln(),
-            pv / safe * (T::one() - ratio.powf(-excess)),
-        );
+        let work =
+            T::select(isothermal, pv * ratio.ln(), pv / safe * (T::one() - ratio.powf(-excess)));
         work + self.atmosphere * (gas_volume - self.volume)
     }
 }
@@ -144,9 +141,8 @@ mod tests {
             let (from, to) = (gas_volume, 0.7 * gas_volume);
             let steps = 1000;
             let width = (from - to) / f64::from(steps);
-            let work: f64 = (0..steps)
-                .map(|i| pressure(from - (f64::from(i) + 0.5) * width) * width)
-                .sum();
+            let work: f64 =
+                (0..steps).map(|i| pressure(from - (f64::from(i) + 0.5) * width) * width).sum();
             let gained = energy(to) - energy(from);
             assert!((gained / work - 1.0).abs() < 1e-6, "{gained} against {work}");
         }

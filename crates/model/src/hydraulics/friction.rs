@@ -104,8 +104,7 @@ impl<T: Real> FrictionLaw<T> for LuGre<T> {
     fn evaluate(&self, v: T, z: T) -> (T, T) {
         let g = self.coulomb + self.stiction * (-(v * self.stribeck_slope).square()).exp();
         let z_rate = v - self.bristle_stiffness * v.abs() * z / g;
-        let force =
-            self.bristle_stiffness * z + self.bristle_damping * z_rate + self.viscous * v;
+        let force = self.bristle_stiffness * z + self.bristle_damping * z_rate + self.viscous * v;
         (force, z_rate)
     }
 

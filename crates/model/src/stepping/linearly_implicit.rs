@@ -101,8 +101,7 @@ impl<T: Real> LinearlyImplicit<T> {
         let bristle = D::variable(bristle, BRISTLE);
         let stroke = D::variable(stroke, STROKE);
         let velocity = D::variable(velocity, VELOCITY);
-        let (speed, valve) =
-            (D::constant(input.pump_speed), D::constant(input.holding_valve));
+        let (speed, valve) = (D::constant(input.pump_speed), D::constant(input.holding_valve));
 
         let p = self.circuit.pressures(&state);
         let flows = self.circuit.flows(&p, speed, valve);
@@ -136,8 +135,7 @@ impl<T: Real> LinearlyImplicit<T> {
         let cylinder = boom.cylinder_pose(&pose);
         let omega = state.boom.angular_velocity;
         let velocity = cylinder.velocity(boom, &omega);
-        let stiff =
-            self.stiff(&state.circuit, state.bristle, cylinder.stroke, velocity, input);
+        let stiff = self.stiff(&state.circuit, state.bristle, cylinder.stroke, velocity, input);
 
         let mut impedance = [T::zero(); N];
         for i in 0..n - 1 {
@@ -166,13 +164,11 @@ impl<T: Real> LinearlyImplicit<T> {
             cylinder_ahead.stroke,
             velocity_ahead,
         );
-        let forces =
-            crane.piston_forces(&p, ahead.bristle, cylinder_ahead.stroke, velocity_ahead);
+        let forces = crane.piston_forces(&p, ahead.bristle, cylinder_ahead.stroke, velocity_ahead);
 
         // M f − 2 M k1 without another solution for f: with f = k1 + (f − k1) it is
         // l − M' k1 − M k1, M' being the mass matrix ahead; the difference of third order in h
-        let mut moments =
-            crane.moments(&pose_ahead, &cylinder_ahead, &ahead.boom, forces.cylinder);
+        let mut moments = crane.moments(&pose_ahead, &cylinder_ahead, &ahead.boom, forces.cylinder);
         let asked_ahead = boom.inertial_moments(&pose_ahead, &first.angular_velocity);
         let asked = boom.inertial_moments(&pose, &first.angular_velocity);
         let mut turning = [T::zero(); N];
@@ -318,8 +314,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
     #[inline(always)]
     fn add_spring_moments(&self, moments: &mut [T; N], turning: &[T; N], time: T) {
         for i in 0..self.boom.len() - 1 {
-            let torque =
-                time * self.boom.joints()[i].stiffness * (turning[i + 1] - turning[i]);
+            let torque = time * self.boom.joints()[i].stiffness * (turning[i + 1] - turning[i]);
             moments[i] = moments[i] + torque;
             moments[i + 1] = moments[i + 1] - torque;
         }

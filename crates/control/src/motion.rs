@@ -1,0 +1,149 @@
+//! The motion of section 5.3: out, dwell, back.
+
+use hydroboom_math::{Real, record};
+
+record! {
+    /// Where the piston shall be.
+    pub struct Reference<T> {
+        /// Position, x_ref
+        #[unit = "m"]
+        pub position: T,
+        /// Velocity, v_ref
+        #[unit = "m/s"]
+        pub velocity: T,
+    }
+}
+
+/// How the velocity rises and falls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Profile {
+    /// Linear ramps, as published: steps in acceleration.
+    Trapezoidal,
+    /// Ramps `3 s² − 2 s³`, s being the ramp's elapsed share: continuous acceleration, limited
+    /// jerk of `6 v/t_a²` and a peak acceleration 1.5 times the trapezoid's.
+    SCurve,
+}
+
+/// Out from `start` to `end`, dwell, and back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion<T> {
+    /// First position \[m\].
+    pub start: T,
+    /// Far position \[m\].
+    pub end: T,
+    /// Speed between the ramps \[m/s\].
+    pub speed: T,
+    /// Duration of each ramp \[s\].
+    pub ramp: T,
+    /// Rest at the far position \[s\].
+    pub dwell: T,
+    /// Rest before and after \[s\].
+    pub rest: T,
+    /// Shape of the ramps.
+    pub profile: Profile,
+}
+
+impl<T: Real> Motion<T> {
+    /// Duration of one way \[s\], the ramps included.
+    pub fn travel_time(&self) -> T {
+        (self.end - self.start).abs() / self.speed + self.ramp
+    }
+
+    /// Duration of the whole motion \[s\], the rests included.
+    pub fn duration(&self) -> T {
+        let two = T::lit(2.0);
+        two * self.rest + two * self.travel_time() + self.dwell
+    }
+
+    /// Position and velocity at the time `t` \[s\].
+    #[inline(always)]
+    pub fn reference(&self, t: T) -> Reference<T> {
+        let travel = self.travel_time();
+        let out = self.one_way(t - self.rest);
+        let back = self.one_way(t - self.rest - travel - self.dwell);
+        let way = self.end - self.start;
+        let sign = T::select(way.lt(T::zero()), -T::one(), T::one());
+        Reference {
+            position: self.start + sign * (out.position - back.position),
+            velocity: sign * (out.velocity - back.velocity),
+        }
+    }
+
+    /// Distance and speed of one way, begun at t = 0.
+    #[inline(always)]
+    fn one_way(&self, t: T) -> Reference<T> {
+        let cruise_end = self.travel_time() - self.ramp;
+        // the speed is the rise begun at 0 less the one begun at the end of the cruise
+        let (rise, risen) = self.ramp_up(t);
+        let (fall, fallen) = self.ramp_up(t - cruise_end);
+        Reference { position: self.speed * (risen - fallen), velocity: self.speed * (rise - fall) }
+    }
+
+    /// A ramp from 0 to 1 begun at t = 0, and its integral.
+    #[inline(always)]
+    fn ramp_up(&self, t: T) -> (T, T) {
+        let s = (t / self.ramp).clamp(T::zero(), T::one());
+        let after = (t - self.ramp).max(T::zero());
+        let half = T::lit(0.5);
+        match self.profile {
+            Profile::Trapezoidal => (s, half * s.square() * self.ramp + after),
+            Profile::SCurve => {
+                let rise = s.square() * (T::lit(3.0) - T::lit(2.0) * s);
+                (rise, s.square() * s * (T::one() - half * s) * self.ramp + after)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_math::Dual;
+
+    fn published(profile: Profile) -> Motion<f64> {
+        Motion { start: 0.05, end: 0.45, speed: 0.12, ramp: 1.0, dwell: 5.0, rest: 2.0, profile }
+    }
+
+    #[test]
+    fn motion_goes_out_dwells_and_returns() {
+        for profile in [Profile::Trapezoidal, Profile::SCurve] {
+            let motion = published(profile);
+            let travel = 0.4 / 0.12 + 1.0;
+            assert!((motion.duration() - (2.0 * travel + 9.0)).abs() < 1e-12);
+            for (t, position) in [
+                (0.0, 0.05),
+                (2.0, 0.05),
+                (2.0 + travel, 0.45),
+                (7.0 + travel, 0.45),
+                (motion.duration(), 0.05),
+            ] {
+                let reference = motion.reference(t);
+                assert!((reference.position - position).abs() < 1e-12, "{t}: {reference:?}");
+                assert!(reference.velocity.abs() < 1e-12, "{t}: {reference:?}");
+            }
+            assert!((motion.reference(4.0).velocity - 0.12).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn velocity_is_the_derivative_of_the_position() {
+        for profile in [Profile::Trapezoidal, Profile::SCurve] {
+            let m = published(profile);
+            let c = Dual::<f64, 1>::constant;
+            let motion = Motion {
+                start: c(m.start),
+                end: c(m.end),
+                speed: c(m.speed),
+                ramp: c(m.ramp),
+                dwell: c(m.dwell),
+                rest: c(m.rest),
+                profile,
+            };
+            for i in 0..1000 {
+                let reference = motion.reference(Dual::variable(0.0173 * f64::from(i), 0));
+                let (slope, velocity) = (reference.position.slope[0], reference.velocity.value);
+                assert!((slope - velocity).abs() < 1e-12, "{slope} against {velocity}");
+            }
+        }
+    }
+}

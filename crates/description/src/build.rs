@@ -1,0 +1,190 @@
+//! From a description to the model, the controller and the motion.
+
+use crate::Description;
+use crate::schema::{DeliveryChoice, FrictionChoice, ProfileChoice, ReliefChoice};
+use hydroboom_control::{Benchmark, HighPass, Motion, MotorLimits, Profile};
+use hydroboom_model::hydraulics::{
+    Accumulator, CheckValve, Cylinder, Delivery, EndStops, Friction, LuGre, Oil, Orifice,
+    PilotCheckValve, Pump, Stribeck,
+};
+use hydroboom_model::{
+    Beam, Boom, Crane, EquilibriumError, Geometry, LayoutError, SelfContained, Start,
+};
+use thiserror::Error;
+
+/// Why a description gives no model.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum BuildError {
+    /// The boom's type has no room for that many segments.
+    #[error(transparent)]
+    Layout(#[from] LayoutError),
+    /// There is no state to start from.
+    #[error(transparent)]
+    Equilibrium(#[from] EquilibriumError),
+}
+
+impl Description {
+    /// The model, in a type with room for `N` segments.
+    ///
+    /// # Errors
+    ///
+    /// [`LayoutError`] when the boom has more segments than `N`, or, for the exact types of up to
+    /// three, another number.
+    pub fn crane<const N: usize>(&self) -> Result<Crane<f64, N>, LayoutError> {
+        let n = &self.numbers;
+        let beam = Beam {
+            length: n.boom_length,
+            mass: n.boom_mass,
+            flexural_rigidity: n.youngs_modulus * n.second_moment,
+            damping_ratio: n.damping_ratio,
+            payload_mass: n.payload,
+            payload_x: n.payload_x,
+            payload_y: n.payload_y,
+            payload_inertia: n.payload_inertia,
+            gravity: n.gravity,
+        };
+        let geometry = Geometry {
+            mount_x: n.mount_x,
+            mount_y: n.mount_y,
+            base_x: n.base_x,
+            base_y: n.base_y,
+            shortest: n.shortest,
+        };
+        let mount_share = n.mount_x / n.boom_length;
+        let boom = Boom::from_beam(&beam, &geometry, &self.segment_shares, mount_share)?;
+
+        let stribeck_slope = 1.0 / n.stribeck_velocity;
+        let friction = match self.choices.friction {
+            FrictionChoice::Stribeck => Friction::Stribeck(Stribeck {
+                viscous: n.viscous,
+                coulomb: n.coulomb,
+                stiction: n.stiction,
+                stribeck_slope,
+                steepness: n.steepness,
+            }),
+            FrictionChoice::LuGre => Friction::LuGre(LuGre {
+                viscous: n.viscous,
+                coulomb: n.coulomb,
+                stiction: n.stiction,
+                stribeck_slope,
+                bristle_stiffness: n.bristle_stiffness,
+                bristle_damping: n.bristle_damping,
+            }),
+        };
+
+        let circuit = SelfContained {
+            oil: Oil {
+                bulk_modulus_max: n.bulk_modulus_max,
+                bulk_modulus_min: n.bulk_modulus_min,
+                transition_pressure: n.transition,
+                transition_slope: 1.0 / n.transition_width,
+                vapour_pressure: n.vapour_pressure,
+            },
+            pump: Pump {
+                displacement: n.displacement,
+                delivery: match self.choices.delivery {
+                    DeliveryChoice::Published => Delivery::Published(n.flow_gain),
+                    DeliveryChoice::Computed => Delivery::Computed,
+                },
+            },
+            accumulator: self.accumulator().0,
+            volume_pump_a: n.volume_pump_a,
+            volume_pump_b: n.volume_pump_b,
+            internal_leakage: n.internal_leakage,
+            case_leakage_a: n.case_leakage_a,
+            case_leakage_b: n.case_leakage_b,
+            holding_valve: PilotCheckValve {
+                check: CheckValve::new(
+                    n.holding_coefficient,
+                    n.holding_cracking,
+                    n.holding_opening,
+                ),
+                pilot_ratio: n.holding_ratio,
+            },
+            return_valve: PilotCheckValve {
+                check: CheckValve::new(n.return_coefficient, n.return_cracking, n.return_opening),
+                pilot_ratio: n.return_ratio,
+            },
+            check_valve: CheckValve::new(n.check_coefficient, n.check_cracking, n.check_opening),
+            filter: n.filter,
+            bleed_orifice: n.bleed_orifice,
+            relief: match self.choices.relief {
+                ReliefChoice::None => None,
+                ReliefChoice::Fitted => {
+                    Some(CheckValve::new(n.relief_coefficient, n.relief_cracking, n.relief_opening))
+                }
+            },
+            orifice: Orifice::new(n.laminar_drop),
+        };
+        Ok(Crane {
+            circuit,
+            cylinder: Cylinder::from_diameters(
+                n.piston,
+                n.rod,
+                n.stroke,
+                n.dead_volume_a,
+                n.dead_volume_b,
+            ),
+            end_stops: EndStops { stiffness: n.stop_stiffness, damping: n.stop_damping },
+            friction,
+            boom,
+        })
+    }
+
+    fn accumulator(&self) -> (Accumulator<f64>, f64) {
+        let n = &self.numbers;
+        Accumulator::filled(
+            n.accumulator_volume,
+            n.residual_volume,
+            n.polytropic_exponent,
+            n.atmosphere,
+            n.precharge,
+            n.working_pressure,
+        )
+    }
+
+    /// A start at the given piston position \[m\], pump sides pre-loaded and ready to energise the
+    /// 3/2 valve.
+    pub fn start(&self, stroke: f64) -> Start {
+        Start {
+            stroke,
+            rod_side_pressure: self.numbers.rod_side,
+            accumulator_pressure: self.numbers.working_pressure,
+            gas_volume: self.accumulator().1,
+            preloaded: true,
+        }
+    }
+
+    /// The benchmark controller.
+    pub fn benchmark(&self) -> Benchmark<f64> {
+        let n = &self.numbers;
+        let piston_area = std::f64::consts::FRAC_PI_4 * n.piston.powi(2);
+        Benchmark {
+            proportional: n.proportional,
+            integral: n.integral,
+            pressure_feedback: n.pressure_feedback,
+            high_pass: HighPass::new(n.high_pass_time, n.control_period),
+            revolutions_per_metre: piston_area / n.displacement,
+            displacement: n.displacement,
+            limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
+            period: n.control_period,
+        }
+    }
+
+    /// The motion of the tests at a speed \[m/s\].
+    pub fn motion(&self, speed: f64) -> Motion<f64> {
+        let n = &self.numbers;
+        Motion {
+            start: n.motion_start,
+            end: n.motion_end,
+            speed,
+            ramp: n.ramp,
+            dwell: n.dwell,
+            rest: n.rest,
+            profile: match self.choices.profile {
+                ProfileChoice::Trapezoidal => Profile::Trapezoidal,
+                ProfileChoice::SCurve => Profile::SCurve,
+            },
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Machines that cannot exist, and those that probably should not.
+
+use crate::Description;
+use crate::schema::{FrictionChoice, ReliefChoice};
+use hydroboom_math::Dual;
+use hydroboom_model::hydraulics::{FrictionLaw, Stribeck};
+
+impl Description {
+    /// What makes the machine impossible, if anything: a key involved, what is wrong, what to do.
+    pub(crate) fn impossible(&self) -> Option<(&'static str, String, String)> {
+        let n = &self.numbers;
+        let mm = 1e3;
+        if n.rod >= n.piston {
+            return Some((
+                "cylinder.rod_mm",
+                format!(
+                    "the rod ({:.1} mm) is not thinner than the piston ({:.1} mm)",
+                    n.rod * mm,
+                    n.piston * mm
+                ),
+                "exchange cylinder.rod_mm and cylinder.piston_mm, or check both".into(),
+            ));
+        }
+        if n.mount_x > n.boom_length {
+            return Some((
+                "geometry.mount_x_mm",
+                format!(
+                    "the cylinder's mount at {:.0} mm lies beyond the boom's end at {:.0} mm",
+                    n.mount_x * mm,
+                    n.boom_length * mm
+                ),
+                "geometry.mount_x_mm is measured from the bearing along the boom".into(),
+            ));
+        }
+        // the triangle of bearing, foot and mount must close over the whole stroke
+        let (b, c) = (n.base_x.hypot(n.base_y), n.mount_x.hypot(n.mount_y));
+        let (nearest, farthest) = ((b - c).abs(), b + c);
+        let longest = n.shortest + n.stroke;
+        if n.shortest <= nearest || longest >= farthest {
+            return Some((
+                "geometry.shortest_mm",
+                format!(
+                    "the cylinder cannot reach: it is {:.0} to {:.0} mm long, its mounts are \
+                     {:.0} to {:.0} mm apart",
+                    n.shortest * mm,
+                    longest * mm,
+                    nearest * mm,
+                    farthest * mm
+                ),
+                "check geometry.shortest_mm, cylinder.stroke_mm and the positions of B and C"
+                    .into(),
+            ));
+        }
+        for (low, high, path, what) in [
+            (
+                n.holding_cracking,
+                n.holding_opening,
+                "holding_valve.opening_bar",
+                "load-holding valve 3",
+            ),
+            (n.return_cracking, n.return_opening, "return_valve.opening_bar", "return valve 7"),
+            (n.check_cracking, n.check_opening, "check_valve.opening_bar", "check valve 8"),
+            (n.relief_cracking, n.relief_opening, "relief.opening_bar", "relief valve 13"),
+        ] {
+            if low >= high {
+                return Some((
+                    path,
+                    format!("{what} would be fully open before it begins to open"),
+                    format!("{path} must be above the cracking pressure"),
+                ));
+            }
+        }
+        if n.bulk_modulus_min > n.bulk_modulus_max {
+            return Some((
+                "oil.bulk_modulus_min_mpa",
+                "the oil would be stiffer at low pressure than at high".into(),
+                "exchange oil.bulk_modulus_min_mpa and oil.bulk_modulus_max_mpa".into(),
+            ));
+        }
+        if n.precharge >= n.working_pressure {
+            return Some((
+                "accumulator.working_bar",
+                "the accumulator holds no oil: it is filled to no more than its precharge".into(),
+                "accumulator.working_bar must be above accumulator.precharge_bar".into(),
+            ));
+        }
+        for (position, path) in
+            [(n.motion_start, "motion.start_mm"), (n.motion_end, "motion.end_mm")]
+        {
+            if position > n.stroke {
+                return Some((
+                    path,
+                    format!(
+                        "`{path}` = {:.0} mm lies beyond the stroke of {:.0} mm",
+                        position * mm,
+                        n.stroke * mm
+                    ),
+                    "positions are measured from the lower stop".into(),
+                ));
+            }
+        }
+        let distance = (n.motion_end - n.motion_start).abs();
+        for (speed, path) in [(n.slow, "motion.slow_mm_s"), (n.fast, "motion.fast_mm_s")] {
+            if speed * n.ramp > distance {
+                return Some((
+                    path,
+                    format!(
+                        "the motion of {:.0} mm is over before {:.0} mm/s are reached",
+                        distance * mm,
+                        speed * mm
+                    ),
+                    "lower the speed or shorten motion.ramp_s".into(),
+                ));
+            }
+        }
+        let periods = n.control_period / n.simulation_period;
+        if (periods - periods.round()).abs() > 1e-9 * periods || periods < 0.5 {
+            return Some((
+                "controller.control_period_ms",
+                format!("the control period is {periods:.3} simulation steps, not a whole number"),
+                "make controller.control_period_ms a multiple of \
+                 controller.simulation_period_us"
+                    .into(),
+            ));
+        }
+        self.unbalanced()
+    }
+
+    /// Whether the load can be held over the whole stroke.
+    fn unbalanced(&self) -> Option<(&'static str, String, String)> {
+        let n = &self.numbers;
+        // a rigid boom is enough to see it, and quick
+        let mut rigid = self.clone();
+        rigid.segment_shares = vec![1.0];
+        let crane = rigid.crane::<1>().ok()?;
+        [0.0, 0.5, 1.0].into_iter().find_map(|share| {
+            let start = rigid.start(share * n.stroke);
+            crane.at_rest(&start).err().map(|error| {
+                (
+                    "payload.mass_kg",
+                    format!("{error} (stroke {:.0} mm)", share * n.stroke * 1e3),
+                    "check geometry, payload and the cylinder's diameters".into(),
+                )
+            })
+        })
+    }
+
+    /// What is possible but looks wrong.
+    pub fn warnings(&self) -> Vec<String> {
+        let n = &self.numbers;
+        let mut warnings = Vec::new();
+        if self.choices.friction == FrictionChoice::Stribeck {
+            let law = Stribeck {
+                viscous: n.viscous,
+                coulomb: n.coulomb,
+                stiction: n.stiction,
+                stribeck_slope: 1.0 / n.stribeck_velocity,
+                steepness: n.steepness,
+            }
+            .map(Dual::<f64, 1>::constant);
+            let steepest = (1..=2000)
+                .map(|i| {
+                    let v = f64::from(i) * n.stribeck_velocity / 100.0;
+                    (law.evaluate(Dual::variable(v, 0), Dual::constant(0.0)).0.slope[0], v)
+                })
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            if let Some((slope, v)) = steepest
+                && slope < 0.0
+            {
+                warnings.push(format!(
+                    "friction falls with speed by {:.0} N s/m at {:.1} mm/s: negative damping, the \
+                     crane may hunt there (friction.stiction_n against friction.viscous_ns_per_m)",
+                    -slope,
+                    v * 1e3
+                ));
+            }
+        }
+        let needed = n.fast * std::f64::consts::FRAC_PI_4 * n.piston.powi(2) / n.displacement;
+        if needed > n.motor_speed {
+            warnings.push(format!(
+                "motion.fast_mm_s needs {:.0} rpm, more than motor.max_speed_rpm = {:.0}",
+                needed * 60.0,
+                n.motor_speed * 60.0
+            ));
+        }
+        let swept = std::f64::consts::FRAC_PI_4 * n.rod.powi(2) * n.stroke;
+        let oil = n.accumulator_volume
+            * (1.0 - (n.precharge + n.atmosphere) / (n.working_pressure + n.atmosphere));
+        if oil - n.residual_volume < swept {
+            warnings.push(format!(
+                "the accumulator holds {:.2} L of oil, the rod displaces {:.2} L: it runs empty",
+                oil * 1e3,
+                swept * 1e3
+            ));
+        }
+        if self.choices.relief == ReliefChoice::Fitted && n.relief_cracking > 350e5 {
+            warnings.push("the relief valves open only above 350 bar".into());
+        }
+        warnings
+    }
+}

@@ -1,0 +1,471 @@
+//! From text to a checked description.
+
+use crate::error::{DescriptionError, Problem};
+use crate::schema::{
+    Choices, DeliveryChoice, FrictionChoice, KEYS, Key, Numbers, ProfileChoice, ReliefChoice,
+};
+use crate::{Description, Origin};
+use hydroboom_model::MAX_SEGMENTS;
+use miette::NamedSource;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Largest crane file read \[bytes\]; anything larger is not one.
+const LARGEST: usize = 1 << 20;
+
+/// Keys that are not plain numbers.
+const SEGMENTS: &str = "boom.segments";
+const SEGMENT_LENGTHS: &str = "boom.segment_lengths_mm";
+const NAME: &str = "crane.name";
+
+/// All paths a file may use, for suggestions.
+fn known_paths() -> impl Iterator<Item = String> {
+    let others = [
+        NAME,
+        SEGMENTS,
+        SEGMENT_LENGTHS,
+        FrictionChoice::PATH,
+        DeliveryChoice::PATH,
+        ProfileChoice::PATH,
+        ReliefChoice::PATH,
+    ];
+    KEYS.iter().map(Key::path).chain(others.into_iter().map(String::from))
+}
+
+/// "did you mean ...?" for an unknown path.
+fn suggestion(path: &str) -> String {
+    let name = |path: &str| path.rsplit('.').next().unwrap_or_default().to_string();
+    let near = known_paths()
+        .map(|known| {
+            let whole = strsim::jaro_winkler(path, &known);
+            // the right name in the wrong table counts too
+            let short = strsim::jaro_winkler(&name(path), &name(&known)) * 0.97;
+            (whole.max(short), known)
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    match near {
+        Some((likeness, known)) if likeness > 0.75 => format!("did you mean `{known}`?"),
+        _ => "`hydroboom show` lists all keys".into(),
+    }
+}
+
+/// Other units people mistake for this one, with their size in it.
+fn mistaken_units(unit: &str) -> &'static [(&'static str, f64)] {
+    match unit {
+        "bar" => &[("Pa", 1e-5), ("kPa", 1e-2), ("MPa", 10.0), ("psi", 0.068_947_6)],
+        "mm" => &[("m", 1000.0), ("cm", 10.0), ("in", 25.4)],
+        "mm/s" => &[("m/s", 1000.0), ("cm/s", 10.0)],
+        "L" => &[("m3", 1000.0), ("mL", 1e-3), ("cm3", 1e-3)],
+        "MPa" => &[("Pa", 1e-6), ("bar", 0.1), ("GPa", 1000.0)],
+        "GPa" => &[("Pa", 1e-9), ("MPa", 1e-3)],
+        "cm4" => &[("m4", 1e8), ("mm4", 1e-4)],
+        "kg" => &[("t", 1000.0), ("g", 1e-3)],
+        "cm3/rev" => &[("m3/rev", 1e6), ("L/rev", 1000.0)],
+        "rpm" => &[("rev/s", 60.0), ("rad/s", 9.549_3)],
+        "ms" => &[("s", 1000.0), ("us", 1e-3)],
+        "us" => &[("s", 1e6), ("ms", 1000.0)],
+        _ => &[],
+    }
+}
+
+/// What is wrong with a number for a key, if anything: message and help.
+fn number_problem(key: &Key, value: f64) -> Option<(String, String)> {
+    if value.is_finite() && (key.low..=key.high).contains(&value) {
+        return None;
+    }
+    let range = format!("{} is {} to {} {}", key.path(), key.low, key.high, key.unit);
+    let hint = mistaken_units(key.unit)
+        .iter()
+        .map(|(unit, size)| (unit, value * size))
+        .find(|(_, inside)| (key.low..=key.high).contains(inside));
+    let help = match hint {
+        Some((unit, inside)) => {
+            format!("{range}; {value} {unit} would be {inside} {}", key.unit)
+        }
+        None => format!("{range}: {}", key.meaning),
+    };
+    Some((format!("`{}` cannot be {value} {}", key.path(), key.unit), help))
+}
+
+/// What has been read so far.
+struct Reading<'a> {
+    file: &'a str,
+    text: &'a str,
+    values: [Option<f64>; KEYS.len()],
+    origins: Vec<Origin>,
+    texts: Vec<(String, String)>,
+    shares: Option<Vec<f64>>,
+    problems: Vec<Problem>,
+}
+
+impl Reading<'_> {
+    fn problem(&mut self, span: Range<usize>, message: String, label: &str, help: String) {
+        self.problems.push(Problem {
+            message,
+            help: Some(help),
+            span: Some(span.into()),
+            label: label.into(),
+            source_code: Some(NamedSource::new(self.file, self.text.to_string())),
+        });
+    }
+
+    fn line(&self, at: usize) -> usize {
+        self.text[..at.min(self.text.len())].bytes().filter(|b| *b == b'\n').count() + 1
+    }
+
+    /// One `key = value` of a section.
+    fn entry(&mut self, path: &str, key_span: Range<usize>, value: &Spanned<DeValue<'_>>) {
+        let (inner, provenance, source) = self.unwrap_origin(value);
+        let Some(inner) = inner else { return };
+        let span = inner.span();
+        if let Some(index) = KEYS.iter().position(|key| key.path() == path) {
+            let Some(number) = number(inner.get_ref()) else {
+                let (read, wanted) = (inner.get_ref().type_str(), KEYS[index].unit);
+                self.problem(
+                    span,
+                    format!("`{path}` is a number [{wanted}], not a {read}"),
+                    "not a number",
+                    format!("{}: {}", path, KEYS[index].meaning),
+                );
+                return;
+            };
+            if let Some((message, help)) = number_problem(&KEYS[index], number) {
+                self.problem(span, message, "out of range", help);
+                return;
+            }
+            self.values[index] = Some(KEYS[index].to_si(number));
+            let line = Some(self.line(span.start));
+            self.origins[index] = Origin { provenance, source, line };
+        } else if path == SEGMENTS {
+            let count = number(inner.get_ref()).unwrap_or(f64::NAN);
+            match whole_segments(count) {
+                Some(count) => self.shares = Some(vec![1.0; count]),
+                None => self.problem(
+                    span,
+                    format!("`{SEGMENTS}` is a whole number from 1 to {MAX_SEGMENTS}"),
+                    "not possible",
+                    "3 is the published real-time model, 10 the high-fidelity one".into(),
+                ),
+            }
+        } else if path == SEGMENT_LENGTHS {
+            let lengths: Option<Vec<f64>> = inner
+                .get_ref()
+                .as_array()
+                .map(|items| items.iter().filter_map(|item| number(item.get_ref())).collect());
+            match lengths {
+                Some(lengths) if valid_lengths(&lengths) => self.shares = Some(lengths),
+                _ => self.problem(
+                    span,
+                    format!("`{SEGMENT_LENGTHS}` is a list of 1 to {MAX_SEGMENTS} lengths"),
+                    "not possible",
+                    "for example [1200, 1200, 1200]; only their proportions count".into(),
+                ),
+            }
+        } else if known_paths().any(|known| known == path) {
+            match inner.get_ref().as_str() {
+                Some(text) => {
+                    let text = text.to_string();
+                    if let Some(allowed) = allowed_choices(path)
+                        && !allowed.contains(&text.as_str())
+                    {
+                        self.problem(
+                            span,
+                            format!("`{path}` cannot be \"{text}\""),
+                            "not known",
+                            format!("one of: {}", allowed.join(", ")),
+                        );
+                    } else {
+                        self.texts.push((path.into(), text));
+                    }
+                }
+                None => self.problem(
+                    span,
+                    format!("`{path}` is a text in quotes"),
+                    "not a text",
+                    allowed_choices(path)
+                        .map_or_else(String::new, |a| format!("one of: {}", a.join(", "))),
+                ),
+            }
+        } else {
+            self.problem(key_span, format!("unknown key `{path}`"), "unknown", suggestion(path));
+        }
+    }
+
+    /// The value behind `{ value = ..., provenance = ..., source = ... }`, or the plain value.
+    fn unwrap_origin<'v, 'i>(
+        &mut self,
+        value: &'v Spanned<DeValue<'i>>,
+    ) -> (Option<&'v Spanned<DeValue<'i>>>, String, String) {
+        let Some(table) = value.get_ref().as_table() else {
+            return (Some(value), "given".into(), String::new());
+        };
+        let text = |name: &str| {
+            table.get(name).and_then(|v| v.get_ref().as_str()).unwrap_or_default().to_string()
+        };
+        for (key, _) in table.iter() {
+            if !["value", "provenance", "source"].contains(&key.get_ref().as_ref()) {
+                self.problem(
+                    key.span(),
+                    format!("unknown entry `{}`", key.get_ref()),
+                    "unknown",
+                    "a value with an origin is { value = ..., provenance = \"...\", \
+                     source = \"...\" }"
+                        .into(),
+                );
+            }
+        }
+        let inner = table.get("value");
+        if inner.is_none() {
+            self.problem(
+                value.span(),
+                "a table without `value`".into(),
+                "no value",
+                "write { value = ..., provenance = \"...\", source = \"...\" }".into(),
+            );
+        }
+        (inner, text("provenance"), text("source"))
+    }
+}
+
+fn number(value: &DeValue<'_>) -> Option<f64> {
+    match value {
+        DeValue::Float(float) => float.as_str().replace('_', "").parse().ok(),
+        DeValue::Integer(integer) if integer.radix() == 10 => {
+            integer.as_str().replace('_', "").parse().ok()
+        }
+        _ => None,
+    }
+}
+
+fn whole_segments(count: f64) -> Option<usize> {
+    (count.fract() == 0.0 && (1.0..=MAX_SEGMENTS as f64).contains(&count)).then_some(count as usize)
+}
+
+fn valid_lengths(lengths: &[f64]) -> bool {
+    (1..=MAX_SEGMENTS).contains(&lengths.len())
+        && lengths.iter().all(|length| *length > 0.0 && length.is_finite())
+}
+
+fn allowed_choices(path: &str) -> Option<&'static [&'static str]> {
+    match path {
+        FrictionChoice::PATH => Some(FrictionChoice::ALLOWED),
+        DeliveryChoice::PATH => Some(DeliveryChoice::ALLOWED),
+        ProfileChoice::PATH => Some(ProfileChoice::ALLOWED),
+        ReliefChoice::PATH => Some(ReliefChoice::ALLOWED),
+        _ => None,
+    }
+}
+
+impl Description {
+    /// Reads and checks a crane file. `file` is its name, for messages.
+    ///
+    /// # Errors
+    ///
+    /// [`DescriptionError`] with everything that is wrong: syntax, unknown or missing keys, values
+    /// out of range, and machines that cannot exist.
+    pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
+        if text.len() > LARGEST {
+            let message =
+                format!("the file has {} bytes; a crane file has a few thousand", text.len());
+            return Err(DescriptionError::of(file, message, None));
+        }
+        let mut reading = Reading {
+            file,
+            text,
+            values: [None; KEYS.len()],
+            origins: vec![
+                Origin { provenance: String::new(), source: String::new(), line: None };
+                KEYS.len()
+            ],
+            texts: Vec::new(),
+            shares: None,
+            problems: Vec::new(),
+        };
+        let (document, errors) = DeTable::parse_recoverable(text);
+        for error in &errors {
+            let span = error.span().unwrap_or(0..0);
+            let help = "crane files are TOML: `key = value` lines under `[section]` headings";
+            reading.problem(span, error.message().trim().to_string(), "here", help.into());
+        }
+        if errors.is_empty() {
+            for (section, body) in document.get_ref().iter() {
+                let section_name = section.get_ref();
+                match body.get_ref().as_table() {
+                    Some(table) => {
+                        for (key, value) in table.iter() {
+                            let path = format!("{section_name}.{}", key.get_ref());
+                            reading.entry(&path, key.span(), value);
+                        }
+                    }
+                    None => reading.problem(
+                        section.span(),
+                        format!("`{section_name}` stands outside of any section"),
+                        "no section",
+                        suggestion(section_name),
+                    ),
+                }
+            }
+        }
+        reading.finish()
+    }
+
+    /// Overrides one key, as `--set boom.segments=10` does.
+    ///
+    /// # Errors
+    ///
+    /// [`DescriptionError`] when the key is unknown, the value impossible, or the machine with it.
+    pub fn set(&mut self, assignment: &str) -> Result<(), DescriptionError> {
+        let wrong = |message: String, help: String| {
+            DescriptionError::of(&format!("--set {assignment}"), message, Some(help))
+        };
+        let Some((path, text)) = assignment.split_once('=') else {
+            let help = "write section.key=value, for example --set boom.segments=10".into();
+            return Err(wrong("no `=` in it".into(), help));
+        };
+        let (path, text) = (path.trim(), text.trim().trim_matches('"'));
+        if let Some(index) = KEYS.iter().position(|key| key.path() == path) {
+            let key = &KEYS[index];
+            let value: f64 = text.parse().map_err(|_| {
+                wrong(format!("`{text}` is not a number"), format!("{path}: {}", key.meaning))
+            })?;
+            if let Some((message, help)) = number_problem(key, value) {
+                return Err(wrong(message, help));
+            }
+            let mut values = self.numbers.to_array();
+            values[index] = key.to_si(value);
+            self.numbers = Numbers::from_array(values);
+            self.origins[index] =
+                Origin { provenance: "set".into(), source: "--set".into(), line: None };
+        } else if path == SEGMENTS {
+            let count = text.parse().ok().and_then(whole_segments).ok_or_else(|| {
+                let help = "3 is the published real-time model, 10 the high-fidelity one".into();
+                wrong(format!("segments are a whole number from 1 to {MAX_SEGMENTS}"), help)
+            })?;
+            self.segment_shares = vec![1.0; count];
+        } else if path == SEGMENT_LENGTHS {
+            let list = text.trim_matches(['[', ']']);
+            let lengths: Result<Vec<f64>, _> =
+                list.split(',').map(|item| item.trim().parse::<f64>()).collect();
+            self.segment_shares = lengths.ok().filter(|l| valid_lengths(l)).ok_or_else(|| {
+                let help = "for example --set boom.segment_lengths_mm=1200,1200,1200".into();
+                wrong(format!("not a list of 1 to {MAX_SEGMENTS} lengths"), help)
+            })?;
+        } else if path == NAME {
+            self.name = text.into();
+        } else if let Some(allowed) = allowed_choices(path) {
+            let unknown = || {
+                wrong(format!("`{text}` is not known"), format!("one of: {}", allowed.join(", ")))
+            };
+            let c = &mut self.choices;
+            match path {
+                FrictionChoice::PATH => {
+                    c.friction = FrictionChoice::from_name(text).ok_or_else(unknown)?;
+                }
+                DeliveryChoice::PATH => {
+                    c.delivery = DeliveryChoice::from_name(text).ok_or_else(unknown)?;
+                }
+                ProfileChoice::PATH => {
+                    c.profile = ProfileChoice::from_name(text).ok_or_else(unknown)?;
+                }
+                _ => c.relief = ReliefChoice::from_name(text).ok_or_else(unknown)?,
+            }
+        } else {
+            return Err(wrong(format!("unknown key `{path}`"), suggestion(path)));
+        }
+        match self.impossible() {
+            Some((_, message, help)) => Err(wrong(message, help)),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Reading<'_> {
+    fn finish(mut self) -> Result<Description, DescriptionError> {
+        let failed = |problems| Err(DescriptionError { name: self.file.to_string(), problems });
+        if !self.problems.is_empty() {
+            return failed(self.problems);
+        }
+        let mut missing = Vec::new();
+        let mut values = [0.0; KEYS.len()];
+        for (index, key) in KEYS.iter().enumerate() {
+            match self.values[index] {
+                Some(value) => values[index] = value,
+                None => missing.push(format!("{} [{}]: {}", key.path(), key.unit, key.meaning)),
+            }
+        }
+        let text = |path: &str| {
+            self.texts.iter().find(|(known, _)| known == path).map(|(_, text)| text.as_str())
+        };
+        let choices = (
+            text(FrictionChoice::PATH).and_then(FrictionChoice::from_name),
+            text(DeliveryChoice::PATH).and_then(DeliveryChoice::from_name),
+            text(ProfileChoice::PATH).and_then(ProfileChoice::from_name),
+            text(ReliefChoice::PATH).and_then(ReliefChoice::from_name),
+        );
+        for (present, path) in [
+            (choices.0.is_some(), FrictionChoice::PATH),
+            (choices.1.is_some(), DeliveryChoice::PATH),
+            (choices.2.is_some(), ProfileChoice::PATH),
+            (choices.3.is_some(), ReliefChoice::PATH),
+            (self.shares.is_some(), SEGMENTS),
+            (text(NAME).is_some(), NAME),
+        ] {
+            if !present {
+                missing.push(path.into());
+            }
+        }
+        let (
+            (Some(friction), Some(delivery), Some(profile), Some(relief)),
+            Some(segment_shares),
+            Some(name),
+            true,
+        ) = (choices, self.shares.take(), text(NAME), missing.is_empty())
+        else {
+            let count = missing.len();
+            let help = "`hydroboom new` writes a complete file to start from".to_string();
+            let problem = Problem {
+                message: format!(
+                    "{count} key{} missing:\n  {}",
+                    if count == 1 { " is" } else { "s are" },
+                    missing.join("\n  ")
+                ),
+                help: Some(help),
+                span: None,
+                label: String::new(),
+                source_code: None,
+            };
+            return failed(vec![problem]);
+        };
+        let description = Description {
+            name: name.to_string(),
+            numbers: Numbers::from_array(values),
+            choices: Choices { friction, delivery, profile, relief },
+            segment_shares,
+            origins: self.origins.clone(),
+        };
+        if let Some((path, message, help)) = description.impossible() {
+            let line = KEYS
+                .iter()
+                .position(|key| key.path() == path)
+                .and_then(|index| description.origins[index].line);
+            let span = line.map(|line| line_span(self.text, line));
+            let problem = Problem {
+                message,
+                help: Some(help),
+                span: span.map(Into::into),
+                label: "this key, among others".into(),
+                source_code: Some(NamedSource::new(self.file, self.text.to_string())),
+            };
+            return failed(vec![problem]);
+        }
+        Ok(description)
+    }
+}
+
+/// Where a line (counted from one) stands in the text.
+fn line_span(text: &str, line: usize) -> Range<usize> {
+    let start = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
+    let length = text[start..].lines().next().map_or(0, str::len);
+    start..start + length
+}

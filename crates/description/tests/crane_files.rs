@@ -1,0 +1,134 @@
+//! Crane files: what is read, what is refused, and how it is said.
+
+use hydroboom_description::{Description, UIA_SINGLE_BOOM};
+
+/// All messages and helps of the problems with a changed crane file.
+fn refused(text: &str) -> String {
+    let error = Description::parse("test.toml", text).expect_err("should be refused");
+    error
+        .problems
+        .iter()
+        .map(|p| format!("{} ({})\n", p.message, p.help.clone().unwrap_or_default()))
+        .collect()
+}
+
+fn changed(from: &str, to: &str) -> String {
+    assert!(UIA_SINGLE_BOOM.contains(from), "{from}");
+    UIA_SINGLE_BOOM.replace(from, to)
+}
+
+#[test]
+fn the_embedded_crane_is_complete_and_unsuspicious() {
+    let crane = Description::uia_single_boom().unwrap();
+    assert_eq!(crane.numbers.boom_length, 3.6);
+    assert!(crane.warnings().is_empty(), "{:?}", crane.warnings());
+    assert!(crane.entries().all(|(_, _, origin)| !origin.provenance.is_empty()));
+    assert!(crane.entries().all(|(_, _, origin)| !origin.source.is_empty()));
+}
+
+#[test]
+fn a_value_shows_in_the_unit_it_was_written_in() {
+    let crane = Description::uia_single_boom().unwrap();
+    let value = |path: &str| crane.entries().find(|(key, ..)| key.path() == path).unwrap().1;
+    assert_eq!(value("cylinder.piston_mm"), 65.0);
+    assert_eq!(value("pump.displacement_cm3"), 10.6);
+    assert_eq!(value("oil.bulk_modulus_max_mpa"), 1600.0);
+    assert_eq!(value("motor.max_speed_rpm"), 3000.0);
+}
+
+#[test]
+fn an_unknown_key_is_refused_with_a_suggestion() {
+    let message = refused(&changed("length_mm          =", "lenght_mm ="));
+    assert!(message.contains("unknown key `boom.lenght_mm`"), "{message}");
+    assert!(message.contains("did you mean `boom.length_mm`?"), "{message}");
+}
+
+#[test]
+fn a_value_in_the_wrong_unit_is_refused_with_a_hint() {
+    let message = refused(&changed("value = 10.6,", "value = 10.6e-6,"));
+    assert!(message.contains("10.6 cm3/rev"), "{message}");
+    let message = refused(&changed("value = 34.5,", "value = 3450000,"));
+    assert!(message.contains("3450000 Pa would be 34.5 bar"), "{message}");
+}
+
+#[test]
+fn a_problem_points_at_its_place() {
+    let text = changed("value = 10.6,", "value = -3,");
+    let error = Description::parse("test.toml", &text).unwrap_err();
+    let span = error.problems[0].span.unwrap();
+    assert_eq!(&text[span.offset()..span.offset() + span.len()], "-3");
+}
+
+#[test]
+fn not_a_number_and_infinity_are_refused() {
+    for value in ["nan", "inf", "-inf", "\"3600\"", "true"] {
+        refused(&changed(
+            "length_mm          = { value = 3600.0",
+            &format!("length_mm = {{ value = {value}"),
+        ));
+    }
+}
+
+#[test]
+fn impossible_machines_are_refused() {
+    for (from, to, says) in [
+        ("value = 772.0", "value = 300.0", "cannot reach"),
+        (
+            "value = 35.0, provenance = \"printed\", source = \"section 2.2",
+            "value = 66.0, provenance = \"printed\", source = \"section 2.2",
+            "not thinner",
+        ),
+        ("end_mm    = { value = 450.0", "end_mm    = { value = 600.0", "beyond the stroke"),
+        (
+            "cracking_bar                 = { value = 1.0",
+            "cracking_bar                 = { value = 2.0",
+            "before it begins to open",
+        ),
+        (
+            "working_bar         = { value = 2.5",
+            "working_bar         = { value = 0.2",
+            "holds no oil",
+        ),
+    ] {
+        let message = refused(&changed(from, to));
+        assert!(message.contains(says), "{message}");
+    }
+}
+
+#[test]
+fn friction_that_falls_with_speed_is_warned_of() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    crane.set("friction.viscous_ns_per_m=1000").unwrap();
+    crane.set("friction.stiction_n=350").unwrap();
+    assert!(crane.warnings()[0].contains("negative damping"), "{:?}", crane.warnings());
+}
+
+#[test]
+fn truncated_binary_and_huge_files_are_refused() {
+    for end in [0, 1, 100, 2000, 5000] {
+        refused(&UIA_SINGLE_BOOM[..end]);
+    }
+    refused("\u{0}\u{1}\u{7f}[[[\n===");
+    refused(&"# padding\n".repeat(200_000));
+}
+
+#[test]
+fn overrides_are_checked_like_the_file() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    crane.set("boom.segments=10").unwrap();
+    assert_eq!(crane.segment_shares.len(), 10);
+    crane.set("payload.mass_kg=316").unwrap();
+    assert_eq!(crane.numbers.payload, 316.0);
+    for wrong in [
+        "boom.segments=0",
+        "boom.segments=51",
+        "boom.segments=2.5",
+        "payload.mass_kg=heavy",
+        "payload.mas_kg=3",
+        "payload.mass_kg",
+        "friction.law=dahl",
+        "cylinder.rod_mm=80",
+    ] {
+        assert!(crane.clone().set(wrong).is_err(), "{wrong}");
+    }
+}
