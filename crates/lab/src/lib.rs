@@ -1,1 +1,20 @@
-//! placeholder
+//! Experiments on the crane.
+//!
+//! Everything here works on a [`Description`](hydroboom_description::Description) and hides the
+//! number of segments behind a [`Plant`].
+
+pub mod benchmark;
+pub mod eigenfrequency;
+pub mod energy_audit;
+mod error;
+pub mod linearise;
+pub mod motion_test;
+pub mod paper;
+mod plant;
+pub mod report;
+pub mod simulate;
+pub mod study;
+pub mod work_precision;
+
+pub use error::LabError;
+pub use plant::{Plant, plant};

@@ -27,4 +27,5 @@ pub use circuit::{CircuitState, Flows, Nodes, SelfContained};
 pub use crane::{Crane, CraneRates, CraneState, Input, Outputs};
 pub use equilibrium::{EquilibriumError, Start};
 pub use simulation::{Scheme, Simulation, SimulationError};
+pub use stepping::StepLimit;
 pub use validity::{Invalid, Validity};

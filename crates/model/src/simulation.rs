@@ -118,26 +118,34 @@ impl<const N: usize> Simulation<N> {
         Ok(Self { crane, state, stepper, step, substeps: wanted as u32, count: 0 })
     }
 
-    /// Moves on by one step under a constant input.
+    /// Moves on by `count` steps under a constant input.
     ///
     /// # Errors
     ///
     /// [`SimulationError`] when the input or the new state is not valid; the state is then the
     /// last good one.
-    #[inline(always)]
-    pub fn advance(&mut self, input: &Input<f64>) -> Result<(), SimulationError> {
+    pub fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError> {
         if !(input.pump_speed.is_finite() && input.holding_valve.is_finite()) {
             return Err(SimulationError::Input { time: self.time() });
         }
         let mut state = self.state;
         let step = self.step / f64::from(self.substeps);
-        for _ in 0..self.substeps {
-            match &self.stepper {
-                Stepper::Published => published(&self.crane, &mut state, input, step),
-                Stepper::LinearlyImplicit(scheme) => {
+        let substeps = count * self.substeps;
+        match &self.stepper {
+            Stepper::Published => {
+                for _ in 0..substeps {
+                    published(&self.crane, &mut state, input, step);
+                }
+            }
+            Stepper::LinearlyImplicit(scheme) => {
+                for _ in 0..substeps {
                     scheme.step(&self.crane, &mut state, input, step);
                 }
-                Stepper::RungeKutta4 => runge_kutta_4(&self.crane, &mut state, input, step),
+            }
+            Stepper::RungeKutta4 => {
+                for _ in 0..substeps {
+                    runge_kutta_4(&self.crane, &mut state, input, step);
+                }
             }
         }
         self.crane
@@ -145,7 +153,7 @@ impl<const N: usize> Simulation<N> {
             .check()
             .map_err(|reason| SimulationError::Invalid { time: self.time(), reason })?;
         self.state = state;
-        self.count += 1;
+        self.count += u64::from(count);
         Ok(())
     }
 
@@ -154,7 +162,7 @@ impl<const N: usize> Simulation<N> {
         self.count as f64 * self.step
     }
 
-    /// The step \[s\] of [`advance`](Simulation::advance).
+    /// The step \[s\].
     pub fn step(&self) -> f64 {
         self.step
     }
@@ -172,6 +180,20 @@ impl<const N: usize> Simulation<N> {
     /// Its state now.
     pub fn state(&self) -> &CraneState<f64, N> {
         &self.state
+    }
+
+    /// Puts the crane into another state, at the same time.
+    ///
+    /// # Errors
+    ///
+    /// [`SimulationError`] when the state is not valid; the simulation then stays as it was.
+    pub fn set_state(&mut self, state: CraneState<f64, N>) -> Result<(), SimulationError> {
+        self.crane
+            .validity(&state)
+            .check()
+            .map_err(|reason| SimulationError::Invalid { time: self.time(), reason })?;
+        self.state = state;
+        Ok(())
     }
 
     /// Step limit of the published scheme at the present state.

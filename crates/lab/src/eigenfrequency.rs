@@ -1,0 +1,181 @@
+//! The locked-valve oscillation test of section 5.2.2, beside the linearised model.
+
+use crate::linearise::{Mode, modes};
+use crate::{LabError, paper, plant};
+use hydroboom_description::Description;
+use hydroboom_model::{Input, Scheme};
+use serde::Serialize;
+
+/// Eigenfrequency at one stroke.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Piston position.
+    pub stroke_mm: f64,
+    /// From the oscillation in the time domain, f = n/Δt, with the crane's friction.
+    pub oscillation_hz: f64,
+    /// The same with friction switched off.
+    pub frictionless_hz: f64,
+    /// From the eigenvalues of the linearised crane, friction switched off.
+    pub linearised_hz: f64,
+    /// From the eigenvalues with friction as it is at rest, where its slope makes it a stiff
+    /// damper that nearly locks the piston.
+    pub linearised_with_friction_hz: f64,
+    /// Damping ratio of the linearised mode without friction.
+    pub damping_ratio: f64,
+    /// The paper's simulation.
+    pub paper_simulated_hz: Option<f64>,
+    /// The paper's measurement.
+    pub paper_measured_hz: Option<f64>,
+}
+
+/// A locked-valve oscillation in the time domain.
+#[derive(Clone, Debug)]
+pub struct Oscillation {
+    /// Times \[s\].
+    pub time: Vec<f64>,
+    /// Pressure on the piston side \[Pa\].
+    pub pressure_a: Vec<f64>,
+    /// Height of the tip \[m\].
+    pub tip_y: Vec<f64>,
+}
+
+/// Duration of the oscillation test \[s\].
+const DURATION: f64 = 4.0;
+
+/// The same crane without friction in the cylinder.
+///
+/// # Errors
+///
+/// None for a valid description.
+pub fn without_friction(description: &Description) -> Result<Description, LabError> {
+    let mut frictionless = description.clone();
+    frictionless.set("friction.law=stribeck")?;
+    for key in ["viscous_ns_per_m", "coulomb_n", "stiction_n"] {
+        frictionless.set(&format!("friction.{key}=0"))?;
+    }
+    Ok(frictionless)
+}
+
+/// Drops the boom onto its cylinder with the load-holding valve shut.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane cannot be simulated there.
+pub fn oscillation(
+    description: &Description,
+    stroke: f64,
+    drop: f64,
+) -> Result<Oscillation, LabError> {
+    let step = description.numbers.simulation_period;
+    let mut crane = locked(description, stroke, step)?;
+    let during = LabError::during;
+    crane.lift(drop / description.numbers.boom_length).map_err(during("lifting the boom"))?;
+    let input = Input { pump_speed: 0.0, holding_valve: 0.0 };
+    let count = (1e-3 / step).round().max(1.0) as u32;
+    let mut seen = Oscillation { time: Vec::new(), pressure_a: Vec::new(), tip_y: Vec::new() };
+    while crane.time() < DURATION {
+        let outputs = crane.outputs();
+        seen.time.push(crane.time());
+        seen.pressure_a.push(outputs.pressure_a);
+        seen.tip_y.push(outputs.tip_y);
+        crane.advance(&input, count).map_err(during("oscillation test"))?;
+    }
+    Ok(seen)
+}
+
+/// The crane at rest with its load held and the rod-side pressure of the oscillation test.
+fn locked(
+    description: &Description,
+    stroke: f64,
+    step: f64,
+) -> Result<Box<dyn crate::Plant>, LabError> {
+    let mut start = description.start(stroke);
+    start.rod_side_pressure = description.numbers.oscillation_rod_side;
+    start.preloaded = false;
+    plant(description, &start, Scheme::Published, step)
+}
+
+/// Frequency \[Hz\] of an oscillation, n/Δt between its first and last upward crossing of the mean
+/// of the whole periods between them (f_n = n/Δt, section 5.2.2).
+///
+/// # Errors
+///
+/// [`LabError::NoOscillation`] when there are fewer than three crossings.
+pub fn frequency(time: &[f64], values: &[f64]) -> Result<f64, LabError> {
+    let mut mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let mut crossings = Vec::new();
+    // the mean over whole periods is not known before the crossings are
+    for _ in 0..5 {
+        crossings = upward_crossings(time, values, mean);
+        let (Some(first), Some(last)) = (crossings.first(), crossings.last()) else { break };
+        let inside: Vec<f64> = time
+            .iter()
+            .zip(values)
+            .filter(|(t, _)| (*first..*last).contains(*t))
+            .map(|(_, v)| *v)
+            .collect();
+        if inside.is_empty() {
+            break;
+        }
+        mean = inside.iter().sum::<f64>() / inside.len() as f64;
+    }
+    match (crossings.first(), crossings.last()) {
+        (Some(first), Some(last)) if crossings.len() >= 3 => {
+            Ok((crossings.len() - 1) as f64 / (last - first))
+        }
+        _ => Err(LabError::NoOscillation(
+            "fewer than two whole periods of oscillation can be seen".into(),
+        )),
+    }
+}
+
+fn upward_crossings(time: &[f64], values: &[f64], level: f64) -> Vec<f64> {
+    let pairs = time.windows(2).zip(values.windows(2));
+    pairs
+        .filter(|(_, v)| v[0] < level && v[1] >= level)
+        .map(|(t, v)| t[0] + (t[1] - t[0]) * (level - v[0]) / (v[1] - v[0]))
+        .collect()
+}
+
+/// The lowest oscillatory mode of the locked crane at a stroke \[m\].
+///
+/// # Errors
+///
+/// [`LabError`] when the crane has no state of rest or no oscillatory mode there.
+pub fn locked_mode(description: &Description, stroke: f64) -> Result<Mode, LabError> {
+    let crane = locked(description, stroke, description.numbers.simulation_period)?;
+    let input = Input { pump_speed: 0.0, holding_valve: 0.0 };
+    let (a, _) = crane.jacobian(&input);
+    modes(&a)
+        .into_iter()
+        .find(|mode| mode.frequency_hz > 0.1 && mode.damping_ratio < 0.9)
+        .ok_or_else(|| LabError::NoOscillation("the linearised crane does not oscillate".into()))
+}
+
+/// The test at one stroke \[m\].
+///
+/// # Errors
+///
+/// [`LabError`] when the crane cannot be simulated there or does not oscillate.
+pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
+    let frictionless = without_friction(description)?;
+    let drop = description.numbers.oscillation_drop;
+    // small enough for the oil's stiffness to stay put, as a linearisation demands
+    const SMALL_DROP: f64 = 0.2e-3;
+    let measured = |crane: &Description, drop: f64| {
+        let seen = oscillation(crane, stroke, drop)?;
+        frequency(&seen.time, &seen.tip_y)
+    };
+    let mode = locked_mode(&frictionless, stroke)?;
+    let index = paper::EIGEN_STROKE_MM.iter().position(|x| (x - stroke * 1e3).abs() < 1e-6);
+    Ok(Row {
+        stroke_mm: stroke * 1e3,
+        oscillation_hz: measured(description, drop)?,
+        frictionless_hz: measured(&frictionless, SMALL_DROP)?,
+        linearised_hz: mode.frequency_hz,
+        linearised_with_friction_hz: locked_mode(description, stroke)?.frequency_hz,
+        damping_ratio: mode.damping_ratio,
+        paper_simulated_hz: index.map(|i| paper::EIGEN_SIMULATED_HZ[i]),
+        paper_measured_hz: index.map(|i| paper::EIGEN_MEASURED_HZ[i]),
+    })
+}

@@ -1,0 +1,53 @@
+//! What can go wrong in an experiment.
+
+use hydroboom_description::{BuildError, DescriptionError};
+use hydroboom_model::SimulationError;
+use thiserror::Error;
+
+/// Why an experiment has no result.
+#[derive(Debug, Error)]
+pub enum LabError {
+    /// The crane file gives no model.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// A crane file or an override is wrong.
+    #[error(transparent)]
+    Description(#[from] DescriptionError),
+    /// The simulation stopped.
+    #[error("{during}: {error}")]
+    Simulation {
+        /// What was being simulated.
+        during: String,
+        /// Why it stopped.
+        error: SimulationError,
+    },
+    /// A recorded input cannot be used.
+    #[error("{file}: {reason}")]
+    Input {
+        /// Name of the file.
+        file: String,
+        /// What is wrong, where, and what is expected.
+        reason: String,
+    },
+    /// Too little oscillation to measure.
+    #[error("{0}")]
+    NoOscillation(String),
+    /// A file cannot be written or read.
+    #[error("{path}: {error}")]
+    File {
+        /// Its path.
+        path: String,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// A figure cannot be drawn.
+    #[error("figure: {0}")]
+    Figure(String),
+}
+
+impl LabError {
+    /// Adds what was being simulated to a simulation's error.
+    pub(crate) fn during(what: &str) -> impl FnOnce(SimulationError) -> Self {
+        move |error| Self::Simulation { during: what.into(), error }
+    }
+}

@@ -1,0 +1,30 @@
+//! The paper's printed results, for "paper | here" (doi:10.3390/act14020080). Errors are x − x_ref.
+
+/// Table 5: strokes \[mm\].
+pub const EIGEN_STROKE_MM: [f64; 3] = [100.0, 200.0, 400.0];
+/// Table 5: simulated eigenfrequencies \[Hz\].
+pub const EIGEN_SIMULATED_HZ: [f64; 3] = [3.25, 3.16, 2.94];
+/// Table 5: measured eigenfrequencies \[Hz\].
+pub const EIGEN_MEASURED_HZ: [f64; 3] = [3.19, 3.18, 3.10];
+/// Table 6: frequency of the simulated p_A oscillation during the fast motion \[Hz\].
+pub const PRESSURE_OSCILLATION_HZ: f64 = 2.2404;
+/// Table 6: differences between the paper's simulation and the real crane at the fast speed,
+/// (signal, unit, peak, RMS).
+pub const TABLE_6: [(&str, &str, f64, f64); 6] = [
+    ("x_cyl", "mm", -9.5524, 4.4377),
+    ("p_A", "bar", 8.8999, 2.7538),
+    ("p_B", "bar", 1.7436, 0.6109),
+    ("p_PA", "bar", 8.7480, 2.7914),
+    ("p_PB", "bar", 1.3490, 0.5270),
+    ("p_acc", "bar", 0.3039, 0.2379),
+];
+/// Section 5.3: speeds \[mm/s\].
+pub const SPEEDS_MM_S: [f64; 2] = [25.0, 120.0];
+/// Tables 7 to 9: RMS and peak tracking errors \[mm\] on the real crane at both speeds, in the
+/// order of [`Strategy::ALL`](crate::motion_test::Strategy::ALL).
+pub const TRACKING_MM: [([f64; 2], [f64; 2]); 4] = [
+    ([31.94, 25.11], [-46.19, -37.32]),
+    ([5.39, 5.37], [-8.94, -9.39]),
+    ([0.22, 0.42], [-1.58, -2.12]),
+    ([0.18, 0.37], [-0.88, -1.55]),
+];

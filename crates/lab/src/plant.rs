@@ -1,0 +1,258 @@
+//! A simulated crane of any number of segments, behind one interface.
+
+use crate::LabError;
+use hydroboom_description::{BuildError, Description};
+use hydroboom_math::Dual;
+use hydroboom_model::energy::{Energy, Power};
+use hydroboom_model::{
+    CraneRates, CraneState, Flows, Input, Nodes, Outputs, Scheme, Simulation, SimulationError,
+    Start, StepLimit,
+};
+use nalgebra::DMatrix;
+
+/// A simulated crane. Its segments are hidden; all else can be seen.
+pub trait Plant {
+    /// Moves on by `count` steps under a constant input.
+    ///
+    /// # Errors
+    ///
+    /// [`SimulationError`] when the simulation leaves what the model holds for.
+    fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError>;
+    /// Time since the start \[s\].
+    fn time(&self) -> f64;
+    /// Step \[s\].
+    fn step(&self) -> f64;
+    /// Substeps the scheme takes for each step to stay stable.
+    fn substeps(&self) -> u32;
+    /// What can be seen.
+    fn outputs(&self) -> Outputs<f64>;
+    /// Load pressure p_L \[Pa\].
+    fn load_pressure(&self) -> f64;
+    /// All flows under an input.
+    fn flows(&self, input: &Input<f64>) -> Flows<f64>;
+    /// Energy by form.
+    fn energy(&self) -> Energy<f64>;
+    /// Power by name under an input.
+    fn power(&self, input: &Input<f64>) -> Power<f64>;
+    /// Step limit of the published scheme.
+    fn step_limit(&self) -> StepLimit;
+    /// Positions \[m\] of bearing, joints and tip.
+    fn boom_line(&self) -> Vec<[f64; 2]>;
+    /// Position \[m\] of the cylinder's mount on the boom.
+    fn mount(&self) -> [f64; 2];
+    /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in, so that it
+    /// will drop onto its cylinder.
+    ///
+    /// # Errors
+    ///
+    /// [`SimulationError`] when the lifted state is not valid.
+    fn lift(&mut self, angle: f64) -> Result<(), SimulationError>;
+    /// Names of the state vector's entries, with their units.
+    fn state_names(&self) -> Vec<String>;
+    /// Derivatives of the state's rates by the state, and by the input (pump speed \[rev/s\]).
+    fn jacobian(&self, input: &Input<f64>) -> (DMatrix<f64>, DMatrix<f64>);
+    /// Derivatives of the outputs by the state.
+    fn output_jacobian(&self) -> DMatrix<f64>;
+    /// The state as a vector, in the order of [`state_names`](Plant::state_names).
+    fn state_vector(&self) -> Vec<f64>;
+}
+
+/// A crane at rest at `start`, as described, in the smallest type that has room for its segments.
+///
+/// # Errors
+///
+/// [`LabError`] when the description gives no model or the step does not suit the scheme.
+pub fn plant(
+    description: &Description,
+    start: &Start,
+    scheme: Scheme,
+    step: f64,
+) -> Result<Box<dyn Plant>, LabError> {
+    match description.segment_shares.len() {
+        3 => sized::<3>(description, start, scheme, step),
+        0..=10 => sized::<10>(description, start, scheme, step),
+        _ => sized::<{ hydroboom_model::MAX_SEGMENTS }>(description, start, scheme, step),
+    }
+}
+
+fn sized<const N: usize>(
+    description: &Description,
+    start: &Start,
+    scheme: Scheme,
+    step: f64,
+) -> Result<Box<dyn Plant>, LabError> {
+    let crane = description.crane::<N>().map_err(BuildError::from)?;
+    let state = crane.at_rest(start).map_err(BuildError::from)?;
+    let simulation = Simulation::new(crane, state, scheme, step)
+        .map_err(LabError::during("starting the simulation"))?;
+    Ok(Box::new(simulation))
+}
+
+/// A state as a flat vector: angles, angular velocities, bristle, nodes, gas volume.
+fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> Vec<T> {
+    let mut flat = state.boom.angle[..n].to_vec();
+    flat.extend_from_slice(&state.boom.angular_velocity[..n]);
+    flat.push(state.bristle);
+    flat.extend_from_slice(&state.circuit.nodes.to_array());
+    flat.push(state.circuit.gas_volume);
+    flat
+}
+
+fn unflatten<T: Copy, const N: usize>(
+    like: &CraneState<T, N>,
+    flat: &[T],
+    n: usize,
+) -> CraneState<T, N> {
+    let mut state = *like;
+    state.boom.angle[..n].copy_from_slice(&flat[..n]);
+    state.boom.angular_velocity[..n].copy_from_slice(&flat[n..2 * n]);
+    state.bristle = flat[2 * n];
+    state.circuit.nodes = Nodes::from_array(std::array::from_fn(|i| flat[2 * n + 1 + i]));
+    state.circuit.gas_volume = flat[2 * n + 6];
+    state
+}
+
+fn flatten_rates<T: Copy, const N: usize>(
+    state: &CraneState<T, N>,
+    rates: &CraneRates<T, N>,
+    n: usize,
+) -> Vec<T> {
+    let mut flat = state.boom.angular_velocity[..n].to_vec();
+    flat.extend_from_slice(&rates.angular_acceleration[..n]);
+    flat.push(rates.bristle);
+    flat.extend_from_slice(&rates.circuit.nodes.to_array());
+    flat.push(rates.circuit.gas_volume);
+    flat
+}
+
+impl<const N: usize> Plant for Simulation<N> {
+    fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError> {
+        Simulation::advance(self, input, count)
+    }
+    fn time(&self) -> f64 {
+        Simulation::time(self)
+    }
+    fn step(&self) -> f64 {
+        Simulation::step(self)
+    }
+    fn substeps(&self) -> u32 {
+        Simulation::substeps(self)
+    }
+    fn outputs(&self) -> Outputs<f64> {
+        self.crane().outputs(self.state())
+    }
+    fn load_pressure(&self) -> f64 {
+        let p = self.crane().circuit.pressures(&self.state().circuit);
+        self.crane().cylinder.load_pressure(p.a, p.b)
+    }
+    fn flows(&self, input: &Input<f64>) -> Flows<f64> {
+        self.crane().flows(self.state(), input)
+    }
+    fn energy(&self) -> Energy<f64> {
+        self.crane().energy(self.state())
+    }
+    fn power(&self, input: &Input<f64>) -> Power<f64> {
+        self.crane().power(self.state(), input)
+    }
+    fn step_limit(&self) -> StepLimit {
+        Simulation::step_limit(self)
+    }
+
+    fn boom_line(&self) -> Vec<[f64; 2]> {
+        let boom = &self.crane().boom;
+        let pose = boom.pose(&self.state().boom.angle);
+        let joints = (0..boom.len()).map(|i| boom.joint_position(&pose, i));
+        std::iter::once([0.0, 0.0]).chain(joints).collect()
+    }
+
+    fn mount(&self) -> [f64; 2] {
+        let boom = &self.crane().boom;
+        boom.mount_position(&boom.pose(&self.state().boom.angle))
+    }
+
+    fn lift(&mut self, angle: f64) -> Result<(), SimulationError> {
+        let crane = *self.crane();
+        let mut state = *self.state();
+        let before = crane.outputs(&state).stroke;
+        state.boom.angle.iter_mut().for_each(|a| *a += angle);
+        let after = crane.outputs(&state).stroke;
+        // dp = -beta dV/V, in steps small enough for the stiffness to follow the pressure
+        let steps = 1000;
+        let dx = (after - before) / f64::from(steps);
+        let (mut a, mut b) = (state.circuit.nodes.a, state.circuit.nodes.b);
+        for i in 0..steps {
+            let x = before + (f64::from(i) + 0.5) * dx;
+            let cylinder = &crane.cylinder;
+            let (growth_a, growth_b) = (cylinder.piston_area * dx, -cylinder.rod_side_area * dx);
+            let oil = &crane.circuit.oil;
+            a += oil.pressure_rate(a, cylinder.volume_a(x), -growth_a, growth_a);
+            b += oil.pressure_rate(b, cylinder.volume_b(x), -growth_b, growth_b);
+        }
+        (state.circuit.nodes.a, state.circuit.nodes.b) = (a, b);
+        self.set_state(state)
+    }
+
+    fn state_names(&self) -> Vec<String> {
+        let n = self.crane().boom.len();
+        let angles = (1..=n).map(|i| format!("angle_{i}_rad"));
+        let velocities = (1..=n).map(|i| format!("angular_velocity_{i}_rad_s"));
+        let nodes = Nodes::NAMES.map(|name| format!("pressure_{name}_pa"));
+        angles
+            .chain(velocities)
+            .chain(["bristle_m".to_string()])
+            .chain(nodes)
+            .chain(["gas_volume_m3".to_string()])
+            .collect()
+    }
+
+    fn jacobian(&self, input: &Input<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+        type D = Dual<f64, 1>;
+        let n = self.crane().boom.len();
+        let crane = self.crane().map(&mut D::constant);
+        let state = self.state().map(D::constant);
+        let input = input.map(D::constant);
+        let flat = flatten(&state, n);
+        let size = flat.len();
+        let mut a = DMatrix::zeros(size, size);
+        let mut b = DMatrix::zeros(size, 1);
+        for column in 0..=size {
+            let mut varied = flat.clone();
+            let mut varied_input = input;
+            match varied.get_mut(column) {
+                Some(entry) => entry.slope[0] = 1.0,
+                None => varied_input.pump_speed.slope[0] = 1.0,
+            }
+            let x = unflatten(&state, &varied, n);
+            let rates = flatten_rates(&x, &crane.derivative(&x, &varied_input), n);
+            for (row, rate) in rates.iter().enumerate() {
+                match column < size {
+                    true => a[(row, column)] = rate.slope[0],
+                    false => b[(row, 0)] = rate.slope[0],
+                }
+            }
+        }
+        (a, b)
+    }
+
+    fn output_jacobian(&self) -> DMatrix<f64> {
+        type D = Dual<f64, 1>;
+        let n = self.crane().boom.len();
+        let crane = self.crane().map(&mut D::constant);
+        let state = self.state().map(D::constant);
+        let flat = flatten(&state, n);
+        let mut c = DMatrix::zeros(Outputs::NAMES.len(), flat.len());
+        for column in 0..flat.len() {
+            let mut varied = flat.clone();
+            varied[column] = D { value: varied[column].value, slope: [1.0] };
+            let outputs = crane.outputs(&unflatten(&state, &varied, n)).to_array();
+            for (row, output) in outputs.iter().enumerate() {
+                c[(row, column)] = output.slope[0];
+            }
+        }
+        c
+    }
+
+    fn state_vector(&self) -> Vec<f64> {
+        flatten(self.state(), self.crane().boom.len())
+    }
+}
