@@ -71,3 +71,38 @@ impl Description {
             .map(|((key, value), origin)| (key, key.to_unit(value), origin))
     }
 }
+
+/// Overrides that make the embedded off-model plant.
+pub const OFF_MODEL: &str = include_str!("../../../cranes/off-model.toml");
+
+impl Description {
+    /// The description with every override of a `[set]` table applied, and the overrides as
+    /// `section.key = value`.
+    ///
+    /// # Errors
+    ///
+    /// [`DescriptionError`] when the text is not such a table or an override is wrong.
+    pub fn overridden(
+        &self,
+        name: &str,
+        text: &str,
+    ) -> Result<(Self, Vec<String>), DescriptionError> {
+        let wrong = |message: String| {
+            let help = "write a [set] table of \"section.key\" = value".into();
+            DescriptionError::of(name, message, Some(help))
+        };
+        let table: toml::Table =
+            text.parse().map_err(|e: toml::de::Error| wrong(e.message().to_string()))?;
+        let set = table
+            .get("set")
+            .and_then(toml::Value::as_table)
+            .ok_or_else(|| wrong("no [set] table".into()))?;
+        let mut changed = self.clone();
+        let mut overrides = Vec::new();
+        for (key, value) in set {
+            changed.set(&format!("{key}={value}"))?;
+            overrides.push(format!("{key} = {value}"));
+        }
+        Ok((changed, overrides))
+    }
+}

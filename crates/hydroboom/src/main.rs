@@ -1,1 +1,54 @@
-fn main() {}
+//! `hydroboom`: the command line. One file per command; no logic of its own.
+
+mod bench;
+mod check;
+mod crane_file;
+mod eigen;
+mod energy;
+mod linearise;
+mod motion;
+mod new;
+mod output;
+mod show;
+mod simulate;
+mod study;
+
+use clap::{Parser, Subcommand};
+use miette::Result;
+
+/// Simulates an electro-hydraulic crane with a flexible boom, and steers with it.
+#[derive(Parser)]
+#[command(version, after_help = "Start with: hydroboom study")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    New(new::New),
+    Check(check::Check),
+    Show(show::Show),
+    Simulate(simulate::Simulate),
+    Eigen(eigen::Eigen),
+    Linearise(linearise::Linearise),
+    Energy(energy::Energy),
+    Motion(motion::MotionTests),
+    Study(study::Study),
+    Bench(bench::Bench),
+}
+
+fn main() -> Result<()> {
+    match Arguments::parse().command {
+        Command::New(command) => command.run(),
+        Command::Check(command) => command.run(),
+        Command::Show(command) => command.run(),
+        Command::Simulate(command) => command.run(),
+        Command::Eigen(command) => command.run(),
+        Command::Linearise(command) => command.run(),
+        Command::Energy(command) => command.run(),
+        Command::Motion(command) => command.run(),
+        Command::Study(command) => command.run(),
+        Command::Bench(command) => command.run(),
+    }
+}

@@ -1,1 +1,151 @@
-//! todo
+//! How fast the model is on this machine.
+
+use crate::LabError;
+use hydroboom_description::{BuildError, Description};
+use hydroboom_math::Lanes;
+use hydroboom_model::stepping::{LinearlyImplicit, published};
+use hydroboom_model::{Crane, CraneState, Input};
+use serde::Serialize;
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Runs side by side in one call.
+const LANES: usize = 8;
+
+/// Cost of a step.
+#[derive(Clone, Debug, Serialize)]
+pub struct Timing {
+    /// One 50 us step of the coupled published model with three segments, f64, one core.
+    pub step_ns: f64,
+    /// The same in lanes, per instance.
+    pub lanes_step_ns: f64,
+    /// Instruction set that was chosen at run time.
+    pub instruction_set: &'static str,
+    /// The linearly implicit step over the number of segments.
+    pub segments: Vec<SegmentTiming>,
+}
+
+/// Cost over the number of segments.
+#[derive(Clone, Debug, Serialize)]
+pub struct SegmentTiming {
+    /// Number of segments.
+    pub n: usize,
+    /// One linearly implicit step of 50 us.
+    pub step_ns: f64,
+}
+
+/// The best of several trials \[ns per call\]: what the code costs, without the machine's other
+/// work.
+fn best_ns(calls: usize, mut trial: impl FnMut(usize)) -> f64 {
+    trial(calls / 10 + 1);
+    (0..7)
+        .map(|_| {
+            let clock = Instant::now();
+            trial(calls);
+            clock.elapsed().as_secs_f64() * 1e9 / calls as f64
+        })
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// Measures the cost of a step.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane has no state of rest.
+pub fn timing(description: &Description) -> Result<Timing, LabError> {
+    let mut three = description.clone();
+    three.segment_shares = vec![1.0; 3];
+    let (crane, start) = at_rest::<3>(&three)?;
+    let input = Input { pump_speed: 10.0, holding_valve: 1.0 };
+    let step = 50e-6;
+
+    let step_ns = best_ns(40_000, |calls| {
+        let mut state = start;
+        hydroboom_simd(Scalar { crane: &crane, state: &mut state, input: &input, step, calls });
+        black_box(&state);
+    });
+    let wide = crane.map(&mut |v| Lanes([v; LANES]));
+    let wide_input = input.map(|v| Lanes([v; LANES]));
+    let lanes_ns = best_ns(20_000, |calls| {
+        let mut state = start.map(|v| Lanes([v; LANES]));
+        hydroboom_simd(Wide { crane: &wide, state: &mut state, input: &wide_input, step, calls });
+        black_box(&state);
+    });
+    let mut segments = Vec::new();
+    for n in [3, 5, 10, 20, 50] {
+        let mut divided = description.clone();
+        divided.segment_shares = vec![1.0; n];
+        let step_ns = match n {
+            3 => implicit_ns::<3>(&divided)?,
+            5 | 10 => implicit_ns::<10>(&divided)?,
+            _ => implicit_ns::<50>(&divided)?,
+        };
+        segments.push(SegmentTiming { n, step_ns });
+    }
+    Ok(Timing {
+        step_ns,
+        lanes_step_ns: lanes_ns / LANES as f64,
+        instruction_set: hydroboom_math::simd::chosen(),
+        segments,
+    })
+}
+
+use hydroboom_math::simd::{Kernel, run as hydroboom_simd};
+
+struct Scalar<'a> {
+    crane: &'a Crane<f64, 3>,
+    state: &'a mut CraneState<f64, 3>,
+    input: &'a Input<f64>,
+    step: f64,
+    calls: usize,
+}
+
+impl Kernel for Scalar<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        for _ in 0..self.calls {
+            published(self.crane, self.state, black_box(self.input), self.step);
+        }
+    }
+}
+
+struct Wide<'a> {
+    crane: &'a Crane<Lanes<LANES>, 3>,
+    state: &'a mut CraneState<Lanes<LANES>, 3>,
+    input: &'a Input<Lanes<LANES>>,
+    step: f64,
+    calls: usize,
+}
+
+impl Kernel for Wide<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        for _ in 0..self.calls {
+            published(self.crane, self.state, black_box(self.input), Lanes([self.step; LANES]));
+        }
+    }
+}
+
+fn at_rest<const N: usize>(
+    description: &Description,
+) -> Result<(Crane<f64, N>, CraneState<f64, N>), LabError> {
+    let crane = description.crane::<N>().map_err(BuildError::from)?;
+    let start = description.start(0.5 * description.numbers.stroke);
+    let state = crane.at_rest(&start).map_err(BuildError::from)?;
+    Ok((crane, state))
+}
+
+fn implicit_ns<const N: usize>(description: &Description) -> Result<f64, LabError> {
+    let (crane, start) = at_rest::<N>(description)?;
+    let scheme = LinearlyImplicit::new(&crane);
+    let input = Input { pump_speed: 10.0, holding_valve: 1.0 };
+    Ok(best_ns(2_000, |calls| {
+        let mut state = start;
+        for _ in 0..calls {
+            scheme.step(&crane, &mut state, black_box(&input), 50e-6);
+        }
+        black_box(&state);
+    }))
+}

@@ -1,1 +1,236 @@
-//! todo
+//! Any crane under any input, written as CSV.
+
+use crate::{LabError, Plant, plant};
+use hydroboom_description::Description;
+use hydroboom_model::{Flows, Input, Outputs, Scheme};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// A recorded input: from each time on, motor speed and valve hold until the next.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    rows: Vec<(f64, Input<f64>)>,
+}
+
+/// What drives the crane.
+#[derive(Clone, Debug)]
+pub enum Drive {
+    /// Velocity feedforward along the motion at this speed \[m/s\].
+    Motion(f64),
+    /// A recorded input.
+    Recording(Recording),
+    /// A constant motor speed \[rev/s\] and valve for a duration \[s\].
+    Constant(Input<f64>, f64),
+}
+
+/// How a simulation is run and recorded.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Piston position to start from \[m\].
+    pub start_stroke: f64,
+    /// Scheme.
+    pub scheme: Scheme,
+    /// Step \[s\].
+    pub step: f64,
+    /// Interval between rows of the log \[s\].
+    pub log_interval: f64,
+    /// Whether the load-holding valve starts open and pre-loaded.
+    pub preloaded: bool,
+}
+
+impl Recording {
+    /// Reads `time_s, motor_speed_rpm, valve` with a header line; the valve column may be absent
+    /// (then it is energised).
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Input`] naming the line and column of what cannot be used.
+    pub fn read(path: &Path) -> Result<Self, LabError> {
+        let name = path.display().to_string();
+        let file =
+            File::open(path).map_err(|error| LabError::File { path: name.clone(), error })?;
+        let wrong = |reason: String| LabError::Input { file: name.clone(), reason };
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(BufReader::new(file));
+        let headers =
+            reader.headers().map_err(|e| wrong(format!("cannot be read as CSV: {e}")))?.clone();
+        let column = |wanted: &str| headers.iter().position(|h| h == wanted);
+        let found = headers.iter().collect::<Vec<_>>().join(", ");
+        let need = |wanted: &str| {
+            column(wanted).ok_or_else(|| {
+                wrong(format!(
+                    "no column `{wanted}`; expected time_s, motor_speed_rpm and optionally valve \
+                     (0 or 1), found: {found}"
+                ))
+            })
+        };
+        let (time, speed, valve) = (need("time_s")?, need("motor_speed_rpm")?, column("valve"));
+        let mut rows: Vec<(f64, Input<f64>)> = Vec::new();
+        for (index, record) in reader.records().enumerate() {
+            let line = index + 2;
+            let record = record.map_err(|e| wrong(format!("line {line}: {e}")))?;
+            let number = |column: usize| -> Result<f64, LabError> {
+                let text = record.get(column).unwrap_or("");
+                text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
+                    let header = headers.get(column).unwrap_or("");
+                    wrong(format!("line {line}, `{header}`: \"{text}\" is not a finite number"))
+                })
+            };
+            let holding_valve = valve.map_or(Ok(1.0), number)?;
+            if !(0.0..=1.0).contains(&holding_valve) {
+                return Err(wrong(format!(
+                    "line {line}: the valve is 0 to 1, not {holding_valve}"
+                )));
+            }
+            let (t, rpm) = (number(time)?, number(speed)?);
+            if rpm.abs() > 1e5 {
+                return Err(wrong(format!("line {line}: {rpm} rpm; is the column in rpm?")));
+            }
+            if rows.last().is_some_and(|(last, _)| *last >= t) {
+                return Err(wrong(format!("line {line}: time does not increase at {t} s")));
+            }
+            rows.push((t, Input { pump_speed: rpm / 60.0, holding_valve }));
+        }
+        if rows.len() < 2 {
+            return Err(wrong("fewer than two rows".into()));
+        }
+        Ok(Self { rows })
+    }
+
+    fn at(&self, time: f64) -> Input<f64> {
+        let next = self.rows.partition_point(|(t, _)| *t <= time);
+        self.rows[next.saturating_sub(1)].1
+    }
+}
+
+/// Units of the log: suffix of the column and size in SI units.
+fn shown_unit(unit: &str) -> (&'static str, f64) {
+    match unit {
+        "Pa" => ("bar", 1e5),
+        "m" => ("mm", 1e-3),
+        "m/s" => ("mm_s", 1e-3),
+        "m³" => ("l", 1e-3),
+        "m³/s" => ("l_min", 1.0 / 60_000.0),
+        "N" => ("n", 1.0),
+        _ => ("", 1.0),
+    }
+}
+
+/// Header of the log.
+fn header() -> Vec<String> {
+    let columns = |names: &[&str], units: &[&str], prefix: &str| -> Vec<String> {
+        let pairs = names.iter().zip(units);
+        pairs.map(|(name, unit)| format!("{prefix}{name}_{}", shown_unit(unit).0)).collect()
+    };
+    let mut header = vec!["time_s".to_string(), "motor_speed_rpm".into(), "valve".into()];
+    header.extend(columns(&Outputs::NAMES, &Outputs::UNITS, ""));
+    header.extend(columns(&Flows::NAMES, &Flows::UNITS, "flow_"));
+    header.extend(
+        hydroboom_model::energy::Energy::NAMES.iter().map(|name| format!("energy_{name}_j")),
+    );
+    header
+}
+
+fn log_row(crane: &dyn Plant, input: &Input<f64>) -> Vec<f64> {
+    let mut row = vec![crane.time(), input.pump_speed * 60.0, input.holding_valve];
+    let scaled = |values: Vec<f64>, units: &[&'static str]| -> Vec<f64> {
+        values.iter().zip(units).map(|(v, unit)| v / shown_unit(unit).1).collect()
+    };
+    row.extend(scaled(crane.outputs().to_array().to_vec(), &Outputs::UNITS));
+    row.extend(scaled(crane.flows(input).to_array().to_vec(), &Flows::UNITS));
+    row.extend(crane.energy().to_array());
+    row
+}
+
+/// Simulates and writes a CSV log; returns the crane at the end. `progress` is told the share done.
+///
+/// The log is written beside its final name and moved there when complete, so that nothing half
+/// written is left.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane cannot be simulated or the log cannot be written.
+pub fn simulate(
+    description: &Description,
+    drive: &Drive,
+    settings: &Settings,
+    log: Option<&Path>,
+    mut progress: impl FnMut(f64),
+) -> Result<Box<dyn Plant>, LabError> {
+    let mut start = description.start(settings.start_stroke);
+    start.preloaded = settings.preloaded;
+    let mut crane = plant(description, &start, settings.scheme, settings.step)?;
+    let motion = match drive {
+        Drive::Motion(speed) => Some(description.motion(*speed)),
+        _ => None,
+    };
+    let controller = description.benchmark();
+    let first_time = match drive {
+        Drive::Recording(recording) => recording.rows[0].0,
+        _ => 0.0,
+    };
+    let duration = match (drive, &motion) {
+        (Drive::Recording(recording), _) => recording.rows[recording.rows.len() - 1].0 - first_time,
+        (Drive::Constant(_, duration), _) => *duration,
+        (Drive::Motion(_), Some(motion)) => motion.duration(),
+        (Drive::Motion(_), None) => 0.0,
+    };
+    let input_at = |time: f64| match (drive, &motion) {
+        (Drive::Recording(recording), _) => recording.at(first_time + time),
+        (Drive::Constant(input, _), _) => *input,
+        (Drive::Motion(_), Some(motion)) => Input {
+            pump_speed: controller.velocity_feedforward(&motion.reference(time)),
+            holding_valve: 1.0,
+        },
+        (Drive::Motion(_), None) => Input { pump_speed: 0.0, holding_valve: 0.0 },
+    };
+
+    let partial = log.map(|path| path.with_extension("csv.partial"));
+    let mut writer = match &partial {
+        Some(path) => {
+            let file = File::create(path)
+                .map_err(|error| LabError::File { path: path.display().to_string(), error })?;
+            let mut writer = csv::Writer::from_writer(std::io::BufWriter::new(file));
+            writer.write_record(header()).map_err(|e| write_error(path, e))?;
+            Some(writer)
+        }
+        None => None,
+    };
+    let result = (|| {
+        let steps = (duration / settings.step).round() as u64;
+        let every = (settings.log_interval / settings.step).round().max(1.0) as u64;
+        for k in 0..=steps {
+            let input = input_at(k as f64 * settings.step);
+            if k % every == 0 {
+                if let (Some(writer), Some(path)) = (&mut writer, &partial) {
+                    let row = log_row(crane.as_ref(), &input);
+                    let row = row.iter().map(|v| format!("{v:.9e}"));
+                    writer.write_record(row).map_err(|e| write_error(path, e))?;
+                }
+                progress(k as f64 / steps.max(1) as f64);
+            }
+            if k < steps {
+                crane.advance(&input, 1).map_err(LabError::during("simulation"))?;
+            }
+        }
+        if let (Some(mut writer), Some(path)) = (writer.take(), &partial) {
+            writer.flush().map_err(|e| write_error(path, e.into()))?;
+        }
+        Ok(())
+    })();
+    if let (Some(from), Some(to)) = (&partial, log) {
+        let moved = match &result {
+            Ok(()) => std::fs::rename(from, to),
+            Err(_) => std::fs::remove_file(from),
+        };
+        if result.is_ok() {
+            moved.map_err(|error| LabError::File { path: to.display().to_string(), error })?;
+        }
+    }
+    result.map(|()| crane)
+}
+
+fn write_error(path: &Path, error: csv::Error) -> LabError {
+    LabError::File { path: path.display().to_string(), error: std::io::Error::other(error) }
+}

@@ -1,1 +1,110 @@
-//! todo
+//! Error against a converged reference over step size and computing time.
+
+use crate::LabError;
+use crate::energy_audit::scheme_name;
+use hydroboom_description::{BuildError, Description};
+use hydroboom_model::stepping::{LinearlyImplicit, published, runge_kutta_4};
+use hydroboom_model::{Crane, CraneState, Input, Scheme};
+use serde::Serialize;
+use std::time::Instant;
+
+/// One scheme at one step.
+#[derive(Clone, Debug, Serialize)]
+pub struct Point {
+    /// The scheme.
+    pub scheme: String,
+    /// Its step.
+    pub step_us: f64,
+    /// Largest error of the piston position over the motion, infinite where the scheme diverged.
+    pub stroke_error_mm: f64,
+    /// Largest error of the pressure on the piston side.
+    pub pressure_error_bar: f64,
+    /// Computing time per simulated second.
+    pub time_ms_per_s: f64,
+}
+
+/// Duration of the trial \[s\]: the fast motion's ramp and a second of cruise.
+const DURATION: f64 = 2.0;
+/// Interval at which the input changes and trajectories are compared \[s\]; a multiple of every
+/// step.
+const INTERVAL: f64 = 2e-3;
+
+/// Runs the schemes without substeps, so that their own limits show.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane has no state of rest.
+pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError> {
+    let mut three = description.clone();
+    three.segment_shares = vec![1.0; 3];
+    let crane = three.crane::<3>().map_err(BuildError::from)?;
+    let motion = three.motion(three.numbers.fast);
+    let start = crane.at_rest(&three.start(motion.start)).map_err(BuildError::from)?;
+    let controller = three.benchmark();
+    let inputs: Vec<Input<f64>> = (0..(DURATION / INTERVAL) as usize)
+        .map(|k| {
+            let reference = motion.reference(motion.rest + k as f64 * INTERVAL);
+            let pump_speed = controller.velocity_feedforward(&reference);
+            Input { pump_speed, holding_valve: 1.0 }
+        })
+        .collect();
+
+    let (reference, _) = trajectory(&crane, &start, &inputs, Scheme::RungeKutta4, 1e-6);
+    let trials: [(Scheme, &[f64]); 3] = [
+        (Scheme::Published, &[5e-6, 10e-6, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1000e-6]),
+        (Scheme::LinearlyImplicit, &[20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1000e-6, 2000e-6]),
+        (Scheme::RungeKutta4, &[2e-6, 5e-6, 10e-6]),
+    ];
+    let mut points = Vec::new();
+    for (scheme, steps) in trials {
+        for &step in steps {
+            let (seen, seconds) = trajectory(&crane, &start, &inputs, scheme, step);
+            let worst = |of: fn(&(f64, f64)) -> f64| {
+                let errors = seen.iter().zip(&reference).map(|(a, b)| (of(a) - of(b)).abs());
+                errors.fold(
+                    0.0,
+                    |worst: f64, e| if e.is_nan() { f64::INFINITY } else { worst.max(e) },
+                )
+            };
+            points.push(Point {
+                scheme: scheme_name(scheme).into(),
+                step_us: step * 1e6,
+                stroke_error_mm: worst(|p| p.0) * 1e3,
+                pressure_error_bar: worst(|p| p.1) * 1e-5,
+                time_ms_per_s: seconds / DURATION * 1e3,
+            });
+        }
+    }
+    Ok(points)
+}
+
+/// Piston position \[m\] and pressure \[Pa\] after every interval, and the time it took \[s\].
+fn trajectory(
+    crane: &Crane<f64, 3>,
+    start: &CraneState<f64, 3>,
+    inputs: &[Input<f64>],
+    scheme: Scheme,
+    step: f64,
+) -> (Vec<(f64, f64)>, f64) {
+    let implicit = LinearlyImplicit::new(crane);
+    let count = (INTERVAL / step).round() as usize;
+    let mut state = *start;
+    let mut states = Vec::with_capacity(inputs.len());
+    let clock = Instant::now();
+    for input in inputs {
+        for _ in 0..count {
+            match scheme {
+                Scheme::Published => published(crane, &mut state, input, step),
+                Scheme::LinearlyImplicit => implicit.step(crane, &mut state, input, step),
+                Scheme::RungeKutta4 => runge_kutta_4(crane, &mut state, input, step),
+            }
+        }
+        states.push(state);
+    }
+    let seconds = clock.elapsed().as_secs_f64();
+    let seen = states.iter().map(|state| {
+        let outputs = crane.outputs(state);
+        (outputs.stroke, outputs.pressure_a)
+    });
+    (seen.collect(), seconds)
+}

@@ -32,6 +32,7 @@ mod lanes;
 mod linear;
 mod real;
 mod record;
+pub mod simd;
 
 pub use dual::Dual;
 pub use lanes::{LaneMask, Lanes};

@@ -101,17 +101,20 @@ impl<T: Real> Oil<T> {
     /// Energy \[J/m³\] stored in a unit volume of compressed oil, `ρ(p) e(p)` with
     /// `e = ∫ p/(ρ β) dp` from zero gauge pressure.
     ///
-    /// A state function (equation ours). Gauss-Legendre quadrature over panels in p; with 96
-    /// panels the error is below 1e-9 of the value for pressures to 300 bar.
+    /// A state function (equation ours). Gauss-Legendre quadrature over panels in p; with 40
+    /// panels of eight points the error is below 1e-9 of the value for pressures to 300 bar.
     pub fn energy_density(&self, pressure: T) -> T {
-        const PANELS: u32 = 96;
-        // abscissae and weights of five points on (-1, 1): roots of the Legendre polynomial P_5
-        const POINTS: [(f64, f64); 5] = [
-            (-0.906_179_845_938_664, 0.236_926_885_056_189_1),
-            (-0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
-            (0.0, 0.568_888_888_888_888_9),
-            (0.538_469_310_105_683_1, 0.478_628_670_499_366_5),
-            (0.906_179_845_938_664, 0.236_926_885_056_189_1),
+        const PANELS: u32 = 40;
+        // abscissae and weights of eight points on (-1, 1): roots of the Legendre polynomial P_8
+        const POINTS: [(f64, f64); 8] = [
+            (-0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
+            (-0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
+            (-0.525_532_409_916_329, 0.313_706_645_877_887_3),
+            (-0.183_434_642_495_649_8, 0.362_683_783_378_362),
+            (0.183_434_642_495_649_8, 0.362_683_783_378_362),
+            (0.525_532_409_916_329, 0.313_706_645_877_887_3),
+            (0.796_666_477_413_626_7, 0.222_381_034_453_374_5),
+            (0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
         ];
         let half_width = pressure / T::lit(f64::from(2 * PANELS));
         let at_end = self.compression_from_transition(pressure);

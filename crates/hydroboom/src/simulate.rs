@@ -1,0 +1,138 @@
+//! `hydroboom simulate`
+
+use crate::{crane_file::CraneFile, linearise::valve, output};
+use clap::{Args, ValueEnum};
+use hydroboom_lab::simulate::{Drive, Recording, Settings, simulate};
+use hydroboom_lab::study::IMPLICIT_STEP;
+use hydroboom_model::{Input, Outputs, Scheme};
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SchemeName {
+    Published,
+    LinearlyImplicit,
+    RungeKutta4,
+}
+
+/// Simulate the crane under a motion, a recorded input or a constant one; write a CSV log.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  hydroboom simulate --speed-mm-s 120 --log out.csv\n  \
+    hydroboom simulate --input drive.csv --log out.csv   (columns time_s, motor_speed_rpm, valve)\n  \
+    hydroboom simulate --hold-s 3600 --valve 0 --set friction.law=lugre")]
+pub struct Simulate {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Run the crane file's motion at this speed, under velocity feedforward.
+    #[arg(long, conflicts_with_all = ["input", "hold_s"])]
+    speed_mm_s: Option<f64>,
+    /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
+    #[arg(long, value_name = "FILE", conflicts_with = "hold_s")]
+    input: Option<PathBuf>,
+    /// Hold a constant input for so many seconds.
+    #[arg(long)]
+    hold_s: Option<f64>,
+    /// Motor speed of --hold-s.
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, requires = "hold_s")]
+    motor_speed_rpm: f64,
+    /// 3/2 valve of --hold-s: 1 energised, 0 load held.
+    #[arg(long, default_value_t = 1.0, value_parser = valve)]
+    valve: f64,
+    /// Piston position to start from; the motion's start when not given.
+    #[arg(long)]
+    start_mm: Option<f64>,
+    /// How to move in time.
+    #[arg(long, value_enum, default_value = "linearly-implicit")]
+    scheme: SchemeName,
+    /// Step; by default the scheme's own.
+    #[arg(long)]
+    step_us: Option<f64>,
+    /// CSV log to write.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Interval of the log.
+    #[arg(long, default_value_t = 10.0)]
+    log_ms: f64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Simulate {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let description = self.crane.read()?;
+        let n = &description.numbers;
+        let (scheme, default_step) = match self.scheme {
+            SchemeName::Published => (Scheme::Published, n.simulation_period),
+            SchemeName::LinearlyImplicit => (Scheme::LinearlyImplicit, IMPLICIT_STEP),
+            SchemeName::RungeKutta4 => (Scheme::RungeKutta4, 10e-6),
+        };
+        let drive = match (&self.input, self.hold_s) {
+            (Some(path), _) => Drive::Recording(Recording::read(path).into_diagnostic()?),
+            (None, Some(duration)) => {
+                if !(duration > 0.0 && duration.is_finite()) {
+                    miette::bail!("--hold-s is a positive number of seconds, not {duration}");
+                }
+                let input =
+                    Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
+                Drive::Constant(input, duration)
+            }
+            (None, None) => {
+                let speed = self.speed_mm_s.map_or(n.fast, |mm_s| mm_s * 1e-3);
+                if !(speed > 0.0 && speed.is_finite()) {
+                    miette::bail!("--speed-mm-s is a positive number");
+                }
+                Drive::Motion(speed)
+            }
+        };
+        let settings = Settings {
+            start_stroke: self.start_mm.map_or(n.motion_start, |mm| mm * 1e-3),
+            scheme,
+            step: self.step_us.map_or(default_step, |us| us * 1e-6),
+            log_interval: self.log_ms * 1e-3,
+            preloaded: !matches!(&drive, Drive::Constant(input, _) if input.holding_valve < 0.5),
+        };
+        let bar = ProgressBar::new(1000);
+        let result = simulate(&description, &drive, &settings, self.log.as_deref(), |share| {
+            bar.set_position((share * 1000.0) as u64);
+        });
+        bar.finish_and_clear();
+        let crane = result.into_diagnostic()?;
+        let outputs = crane.outputs();
+        if self.json {
+            let values: serde_json::Map<_, _> = Outputs::NAMES
+                .iter()
+                .zip(Outputs::UNITS)
+                .zip(outputs.to_array())
+                .map(|((name, unit), v)| (name.to_string(), json!({"value": v, "unit": unit})))
+                .collect();
+            return output::json(&json!({
+                "time_s": crane.time(), "substeps": crane.substeps(), "outputs": values,
+                "log": self.log,
+            }));
+        }
+        let mut said = format!(
+            "after {:.3} s (substeps per step: {}): x_cyl {:.3} mm, v_cyl {:.4} mm/s, p_A {:.2} bar, \
+             p_B {:.2} bar, p_PA {:.2} bar, p_PB {:.2} bar, p_acc {:.3} bar",
+            crane.time(),
+            crane.substeps(),
+            outputs.stroke * 1e3,
+            outputs.velocity * 1e3,
+            outputs.pressure_a * 1e-5,
+            outputs.pressure_b * 1e-5,
+            outputs.pressure_pump_a * 1e-5,
+            outputs.pressure_pump_b * 1e-5,
+            outputs.pressure_accumulator * 1e-5,
+        );
+        if outputs.cavity_volume > 0.0 {
+            said += &format!("; CAVITATING, {:.3} mL of vapour", outputs.cavity_volume * 1e6);
+        }
+        if let Some(log) = &self.log {
+            said += &format!("\nlog: {}", log.display());
+        }
+        output::text(&said)
+    }
+}

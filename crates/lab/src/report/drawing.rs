@@ -1,0 +1,109 @@
+//! The crane to scale, at both ends of its motion.
+
+use crate::{LabError, plant};
+use hydroboom_description::Description;
+use hydroboom_model::Scheme;
+use std::fmt::Write;
+
+/// Pixels per metre.
+const SCALE: f64 = 150.0;
+
+/// The crane as an SVG element: boom and cylinder at the motion's first and last position,
+/// geometry with dimensions.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane has no state of rest there.
+pub fn crane(description: &Description) -> Result<String, LabError> {
+    let n = &description.numbers;
+    let mut low = [n.base_x.min(0.0) - 0.3, n.base_y - 0.35];
+    let mut high = [n.base_x.max(0.0) + 0.3, 0.3_f64];
+    let mut poses = Vec::new();
+    for stroke in [n.motion_start, n.motion_end] {
+        let crane = plant(description, &description.start(stroke), Scheme::LinearlyImplicit, 1e-3)?;
+        let line = crane.boom_line();
+        for [x, y] in &line {
+            low = [low[0].min(x - 0.3), low[1].min(y - 0.3)];
+            high = [high[0].max(x + 0.5), high[1].max(y + 0.3)];
+        }
+        poses.push((stroke, line, crane.mount()));
+    }
+    let px = |[x, y]: [f64; 2]| ((x - low[0]) * SCALE, (high[1] - y) * SCALE);
+    let (width, height) = ((high[0] - low[0]) * SCALE, (high[1] - low[1]) * SCALE);
+    let mut svg = format!(
+        "<svg viewBox=\"0 0 {width:.0} {height:.0}\" width=\"100%\" role=\"img\" \
+         font-family=\"sans-serif\" font-size=\"13\" fill=\"var(--ink)\">"
+    );
+    let foot = [n.base_x, n.base_y];
+    // a String takes every write
+    let mut add = |text: String| drop(write!(svg, "{text}"));
+    let ((ax, ay), (bx, by)) = (px([0.0, 0.0]), px(foot));
+    add(format!(
+        "<path d=\"M{ax:.1} {ay:.1} L{ax:.1} {by:.1} L{bx:.1} {by:.1}\" fill=\"none\" \
+         stroke=\"var(--grid)\" stroke-width=\"8\"/>"
+    ));
+    for (index, (stroke, line, mount)) in poses.iter().enumerate() {
+        let (opacity, colour) = if index == 0 { (0.45, "#0072b2") } else { (1.0, "#0072b2") };
+        let points: Vec<String> =
+            line.iter().map(|p| px(*p)).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
+        let (cx, cy) = px(*mount);
+        add(format!(
+            "<g opacity=\"{opacity}\"><polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" \
+             stroke-width=\"7\" stroke-linejoin=\"round\"/>",
+            points.join(" ")
+        ));
+        // the barrel takes the shortest length, the rod the rest
+        let share = n.shortest / (n.shortest + stroke) * 0.9;
+        let (mx, my) = (bx + (cx - bx) * share, by + (cy - by) * share);
+        add(format!(
+            "<line x1=\"{bx:.1}\" y1=\"{by:.1}\" x2=\"{cx:.1}\" y2=\"{cy:.1}\" \
+             stroke=\"#d55e00\" stroke-width=\"4\"/><line x1=\"{bx:.1}\" y1=\"{by:.1}\" \
+             x2=\"{mx:.1}\" y2=\"{my:.1}\" stroke=\"#d55e00\" stroke-width=\"10\"/>"
+        ));
+        // the mount's lug, from the boom's axis
+        for [x, y] in line.iter().skip(1) {
+            let (x, y) = px([*x, *y]);
+            add(format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{colour}\"/>"));
+        }
+        if let Some(tip) = line.last() {
+            let (x, y) = px(*tip);
+            add(format!(
+                "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"26\" height=\"26\" fill=\"#009e73\"/>\
+                 <text x=\"{:.1}\" y=\"{:.1}\">x_cyl = {:.0} mm</text>",
+                x - 13.0,
+                y - 13.0,
+                x - 50.0,
+                y - 20.0,
+                stroke * 1e3
+            ));
+        }
+        add(format!("<circle cx=\"{cx:.1}\" cy=\"{cy:.1}\" r=\"5\"/></g>"));
+    }
+    for (x, y, name) in [(ax, ay, "A"), (bx, by, "B")] {
+        add(format!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\"/><text x=\"{:.1}\" y=\"{:.1}\">{name}</text>",
+            x - 22.0,
+            y + 5.0
+        ));
+    }
+    let text =
+        |x: f64, y: f64, text: String| format!("<text x=\"{x:.1}\" y=\"{y:.1}\">{text}</text>");
+    add(text((ax + bx) / 2.0 - 25.0, by + 24.0, format!("{:.0} mm", n.base_x * 1e3)));
+    add(text(ax - 40.0, (ay + by) / 2.0, format!("{:.0} mm", -n.base_y * 1e3)));
+    // one metre
+    let y = height - 14.0;
+    let x = width - 30.0 - SCALE;
+    add(format!(
+        "<path d=\"M{x:.0} {y:.0} h{SCALE:.0} m0 -5 v10 M{x:.0} {:.0} v10\" stroke=\"var(--ink)\" \
+         fill=\"none\"/>",
+        y - 5.0
+    ));
+    add(text(x + SCALE / 2.0 - 14.0, y - 6.0, "1 m".into()));
+    add(text(
+        x - 2.0 * SCALE,
+        y - 6.0,
+        format!("boom {:.0} mm, payload {:.0} kg", n.boom_length * 1e3, n.payload),
+    ));
+    svg.push_str("</svg>");
+    Ok(svg)
+}

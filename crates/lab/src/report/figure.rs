@@ -1,0 +1,184 @@
+//! Line figures as SVG that follows the page's colours in light and dark.
+
+use crate::LabError;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// One line of a figure.
+pub struct Series<'a> {
+    /// Text of the legend.
+    pub name: &'a str,
+    /// Points.
+    pub points: Vec<(f64, f64)>,
+    /// Which of the palette's colours it has.
+    pub colour: usize,
+}
+
+impl<'a> Series<'a> {
+    /// Lines in the palette's order.
+    pub fn list(lines: impl IntoIterator<Item = (&'a str, Vec<(f64, f64)>)>) -> Vec<Self> {
+        let numbered = lines.into_iter().enumerate();
+        numbered.map(|(colour, (name, points))| Self { name, points, colour }).collect()
+    }
+}
+
+/// A figure with one pair of axes.
+pub struct Figure<'a> {
+    /// Label of the horizontal axis, with its unit.
+    pub x: &'a str,
+    /// Label of the vertical axis, with its unit.
+    pub y: &'a str,
+    /// Lines.
+    pub series: Vec<Series<'a>>,
+    /// Whether both axes are logarithmic.
+    pub logarithmic: bool,
+}
+
+/// Mid-tone colours that can be told apart on white and on black, also without colour vision
+/// (after Okabe and Ito).
+const COLOURS: [RGBColor; 5] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(150, 130, 20),
+];
+
+/// Stand-ins that are replaced by the page's own colours, which depend on light or dark.
+const INK: RGBColor = RGBColor(1, 2, 3);
+const GRID: RGBColor = RGBColor(4, 5, 6);
+
+const SIZE: (u32, u32) = (760, 300);
+/// More points than pixels only make the page heavy.
+const MOST_POINTS: usize = 900;
+
+impl Figure<'_> {
+    /// The figure as an SVG element.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Figure`] when there is nothing finite to draw.
+    pub fn svg(&self) -> Result<String, LabError> {
+        let mut series: Vec<(usize, &str, Vec<(f64, f64)>)> = Vec::new();
+        for line in &self.series {
+            let finite = |(x, y): &(f64, f64)| {
+                x.is_finite() && y.is_finite() && (!self.logarithmic || (*x > 0.0 && *y > 0.0))
+            };
+            let points: Vec<_> = line.points.iter().copied().filter(finite).collect();
+            series.push((line.colour, line.name, thinned(points)));
+        }
+        let all = || series.iter().flat_map(|(_, _, points)| points.iter().copied());
+        if all().next().is_none() {
+            return Err(LabError::Figure(format!("nothing to draw over {}", self.x)));
+        }
+        let extent = |of: fn((f64, f64)) -> f64| {
+            all().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+                (low.min(v), high.max(v))
+            })
+        };
+        let (x_low, x_high) = extent(|p| p.0);
+        let (y_low, y_high) = extent(|p| p.1);
+        let mut svg = String::new();
+        {
+            let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+            let failed = |e: &dyn std::fmt::Display| LabError::Figure(e.to_string());
+            let mut builder = ChartBuilder::on(&area);
+            builder.margin(8).margin_right(18).x_label_area_size(40).y_label_area_size(64);
+            let axis = ("sans-serif", 14).into_font().color(&INK);
+            macro_rules! draw {
+                ($x:expr, $y:expr) => {{
+                    let mut chart = builder.build_cartesian_2d($x, $y).map_err(|e| failed(&e))?;
+                    chart
+                        .configure_mesh()
+                        .axis_style(INK)
+                        .bold_line_style(GRID)
+                        .light_line_style(TRANSPARENT)
+                        .label_style(axis.clone())
+                        .axis_desc_style(axis.clone())
+                        .x_desc(self.x)
+                        .y_desc(self.y)
+                        .x_labels(9)
+                        .y_labels(6)
+                        .x_label_formatter(&|v| number(*v))
+                        .y_label_formatter(&|v| number(*v))
+                        .draw()
+                        .map_err(|e| failed(&e))?;
+                    for (colour, name, points) in &series {
+                        let colour = COLOURS[colour % COLOURS.len()];
+                        let style = colour.stroke_width(2);
+                        let drawn = chart
+                            .draw_series(LineSeries::new(points.iter().copied(), style))
+                            .map_err(|e| failed(&e))?;
+                        drawn
+                            .label(*name)
+                            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+                        if self.logarithmic {
+                            let dots = points.iter().map(|p| Circle::new(*p, 3, colour.filled()));
+                            chart.draw_series(dots).map_err(|e| failed(&e))?;
+                        }
+                    }
+                    if series.len() > 1 {
+                        chart
+                            .configure_series_labels()
+                            .position(SeriesLabelPosition::UpperRight)
+                            .label_font(axis.clone().pos(Pos::new(HPos::Left, VPos::Center)))
+                            .background_style(TRANSPARENT)
+                            .border_style(TRANSPARENT)
+                            .draw()
+                            .map_err(|e| failed(&e))?;
+                    }
+                }};
+            }
+            if self.logarithmic {
+                draw!(
+                    (x_low * 0.8..x_high * 1.25).log_scale(),
+                    (y_low * 0.7..y_high * 1.4).log_scale()
+                );
+            } else {
+                let pad = 0.06 * (y_high - y_low).max(1e-9 * y_high.abs()).max(1e-12);
+                // room for the legend above the lines
+                let head = if series.len() > 1 { 4.0 } else { 1.0 };
+                draw!(x_low..x_high, y_low - pad..y_high + head * pad);
+            }
+            area.present().map_err(|e| failed(&e))?;
+        }
+        Ok(themed(&svg))
+    }
+}
+
+/// A number as an axis shows it.
+fn number(value: f64) -> String {
+    let size = value.abs();
+    if size != 0.0 && !(1e-3..1e5).contains(&size) {
+        return format!("{value:.0e}");
+    }
+    let text = format!("{value:.4}");
+    text.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+/// At most [`MOST_POINTS`] points that keep every extreme: the lowest and highest of each stretch.
+fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    if points.len() <= MOST_POINTS {
+        return points;
+    }
+    let stretch = points.len().div_ceil(MOST_POINTS / 2);
+    let mut kept = Vec::with_capacity(MOST_POINTS + 2);
+    for part in points.chunks(stretch) {
+        let by = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
+        if let (Some(low), Some(high)) = (part.iter().min_by(by), part.iter().max_by(by)) {
+            let (first, second) = if low.0 <= high.0 { (low, high) } else { (high, low) };
+            kept.push(*first);
+            kept.push(*second);
+        }
+    }
+    kept
+}
+
+/// The SVG with the stand-in colours replaced by the page's, and made to scale.
+fn themed(svg: &str) -> String {
+    svg.replace("#010203", "var(--ink)").replace("#040506", "var(--grid)").replacen(
+        &format!("width=\"{}\" height=\"{}\"", SIZE.0, SIZE.1),
+        "width=\"100%\" role=\"img\"",
+        1,
+    )
+}

@@ -1,0 +1,64 @@
+//! The machine's widest vector instructions, chosen at run time.
+//!
+//! A [`Kernel`] is compiled once for each instruction set and run with the best one present. What
+//! it computes does not depend on the choice: no instruction set rounds additions,
+//! multiplications, divisions or roots differently, and none of them fuses two operations unless
+//! asked to.
+
+/// Work to be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so
+/// must be what it calls, or the callee stays with the instructions of the default build.
+pub trait Kernel {
+    /// What the work yields.
+    type Output;
+    /// Does the work.
+    fn run(self) -> Self::Output;
+}
+
+/// Name of the instruction set that [`run`] uses on this machine.
+pub fn chosen() -> &'static str {
+    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+    {
+        if has_avx512() {
+            return "AVX-512";
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return "AVX2";
+        }
+    }
+    "default build"
+}
+
+#[cfg(all(target_arch = "x86_64", feature = "std"))]
+fn has_avx512() -> bool {
+    std::arch::is_x86_feature_detected!("avx512f")
+        && std::arch::is_x86_feature_detected!("avx512dq")
+        && std::arch::is_x86_feature_detected!("avx512vl")
+        && std::arch::is_x86_feature_detected!("avx512bw")
+}
+
+/// Runs a kernel with the best instruction set of this machine.
+#[inline]
+pub fn run<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(all(target_arch = "x86_64", feature = "std"))]
+    {
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
+        fn avx512<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run()
+        }
+        #[target_feature(enable = "avx2")]
+        fn avx2<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run()
+        }
+        if has_avx512() {
+            // SAFETY: the features were detected on this machine just above
+            #[expect(unsafe_code, reason = "the features are detected first")]
+            return unsafe { avx512(kernel) };
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the feature was detected on this machine just above
+            #[expect(unsafe_code, reason = "the feature is detected first")]
+            return unsafe { avx2(kernel) };
+        }
+    }
+    kernel.run()
+}
