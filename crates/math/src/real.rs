@@ -88,6 +88,7 @@ pub trait Real:
     }
     /// Whether the number is finite.
     #[inline(always)]
+    #[expect(clippy::eq_op, reason = "the difference is zero for finite numbers only")]
     fn is_finite(self) -> Self::Mask {
         // NaN and the infinities give NaN, which is not below anything
         (self - self).lt(Self::one())

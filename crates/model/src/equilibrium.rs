@@ -121,7 +121,7 @@ impl<const N: usize> Crane<f64, N> {
         let (b, c) = (libm::hypot(bx, by), libm::hypot(cx, cy));
         let length = mount.shortest + stroke;
         let cosine = (b * b + c * c - length * length) / (2.0 * b * c);
-        if !(cosine.abs() < 1.0) {
+        if cosine.is_nan() || cosine.abs() >= 1.0 {
             return Err(EquilibriumError::OutOfReach { stroke });
         }
         Ok(libm::acos(cosine) + libm::atan2(by, bx) - libm::atan2(cy, cx))

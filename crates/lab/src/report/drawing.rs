@@ -3,7 +3,6 @@
 use crate::{LabError, plant};
 use hydroboom_description::Description;
 use hydroboom_model::Scheme;
-use std::fmt::Write;
 
 /// Pixels per metre.
 const SCALE: f64 = 150.0;
@@ -35,8 +34,7 @@ pub fn crane(description: &Description) -> Result<String, LabError> {
          font-family=\"sans-serif\" font-size=\"13\" fill=\"var(--ink)\">"
     );
     let foot = [n.base_x, n.base_y];
-    // a String takes every write
-    let mut add = |text: String| drop(write!(svg, "{text}"));
+    let mut add = |text: String| svg.push_str(&text);
     let ((ax, ay), (bx, by)) = (px([0.0, 0.0]), px(foot));
     add(format!(
         "<path d=\"M{ax:.1} {ay:.1} L{ax:.1} {by:.1} L{bx:.1} {by:.1}\" fill=\"none\" \

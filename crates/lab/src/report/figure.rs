@@ -59,14 +59,13 @@ impl Figure<'_> {
     ///
     /// [`LabError::Figure`] when there is nothing finite to draw.
     pub fn svg(&self) -> Result<String, LabError> {
-        let mut series: Vec<(usize, &str, Vec<(f64, f64)>)> = Vec::new();
-        for line in &self.series {
-            let finite = |(x, y): &(f64, f64)| {
-                x.is_finite() && y.is_finite() && (!self.logarithmic || (*x > 0.0 && *y > 0.0))
-            };
-            let points: Vec<_> = line.points.iter().copied().filter(finite).collect();
-            series.push((line.colour, line.name, thinned(points)));
-        }
+        let finite = |(x, y): &(f64, f64)| {
+            x.is_finite() && y.is_finite() && (!self.logarithmic || (*x > 0.0 && *y > 0.0))
+        };
+        let drawable =
+            |line: &Series<'_>| thinned(line.points.iter().copied().filter(finite).collect());
+        let series: Vec<_> =
+            self.series.iter().map(|line| (line.colour, line.name, drawable(line))).collect();
         let all = || series.iter().flat_map(|(_, _, points)| points.iter().copied());
         if all().next().is_none() {
             return Err(LabError::Figure(format!("nothing to draw over {}", self.x)));

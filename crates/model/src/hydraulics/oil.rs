@@ -101,10 +101,10 @@ impl<T: Real> Oil<T> {
     /// Energy \[J/m³\] stored in a unit volume of compressed oil, `ρ(p) e(p)` with
     /// `e = ∫ p/(ρ β) dp` from zero gauge pressure.
     ///
-    /// A state function (equation ours). Gauss-Legendre quadrature over panels in p; with 40
-    /// panels of eight points the error is below 1e-9 of the value for pressures to 300 bar.
+    /// A state function (equation ours). Gauss-Legendre quadrature over panels in p; with 16
+    /// panels of eight points the error is below 1e-9 of the value up to 100 bar, 1e-6 up to 250 bar.
     pub fn energy_density(&self, pressure: T) -> T {
-        const PANELS: u32 = 40;
+        const PANELS: u32 = 16;
         // abscissae and weights of eight points on (-1, 1): roots of the Legendre polynomial P_8
         const POINTS: [(f64, f64); 8] = [
             (-0.960_289_856_497_536_3, 0.101_228_536_290_376_3),
@@ -174,10 +174,16 @@ mod tests {
     fn stored_energy_changes_by_what_enters() {
         // d(ρe)/dp = ρe/β + p/β: the definition, differentiated
         let oil = OIL.map(Dual::<f64, 1>::constant);
-        for p in [2e5, 30e5, 37e5, 70e5, 250e5] {
+        for (p, tolerance) in
+            [(2e5, 1e-9), (30e5, 1e-9), (37e5, 1e-9), (100e5, 1e-9), (250e5, 1e-5)]
+        {
             let stored = oil.energy_density(Dual::variable(p, 0));
             let exact = (stored.value + p) / OIL.bulk_modulus(p);
-            assert!((stored.slope[0] / exact - 1.0).abs() < 1e-9, "{} {exact}", stored.slope[0]);
+            assert!(
+                (stored.slope[0] / exact - 1.0).abs() < tolerance,
+                "{} {exact}",
+                stored.slope[0]
+            );
         }
     }
 

@@ -5,7 +5,7 @@
 //! ```text
 //! (1 − γh A) k1 = f(u)
 //! (1 − γh A) k2 = f(u + h k1) − 2 k1
-//! u ← u + h (3 k1 + k2)/2,   γ = 1 − 1/√2
+//! u ← u + h (3 k1 + k2)/2,   γ = 1 + 1/√2
 //! ```
 //!
 //! It is of second order for *any* matrix A and L-stable when A is the Jacobian, so A needs what is
@@ -28,8 +28,9 @@ use crate::hydraulics::{Cylinder, EndStops, Friction, FrictionLaw};
 use core::array::from_fn;
 use hydroboom_math::{Dual, Factored, Real};
 
-/// γ = 1 − 1/√2: the smaller of the two values that make the scheme L-stable.
-const GAMMA: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
+/// γ = 1 + 1/√2: the larger of the two values that make the scheme L-stable. With the smaller the
+/// inner stage overshoots stiff components and chatters across the valves (see docs/theory.md).
+const GAMMA: f64 = 1.0 + core::f64::consts::FRAC_1_SQRT_2;
 
 /// Directions of differentiation: five nodes, then these.
 const BRISTLE: usize = 5;
