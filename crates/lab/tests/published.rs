@@ -56,16 +56,17 @@ fn benchmark_is_stable_with_pressure_feedback_and_unstable_without() {
     let mut without = crane();
     without.set("controller.pressure_feedback_m3_per_spa=0").unwrap();
     let speed = with.numbers.fast;
-    // the last second of rest: a stable loop is quiet there
-    let unrest = |crane: &Description| match run(crane, crane, Strategy::BenchmarkClosedLoop, speed)
+    // tracking error in the last second of rest: a stable loop holds its place there, an unstable
+    // one swings about it
+    let swing = |crane: &Description| match run(crane, crane, Strategy::BenchmarkClosedLoop, speed)
     {
         Ok(done) => {
             let tail = &done.samples[done.samples.len() - 1000..];
-            tail.iter().map(|s| s.plant.velocity.abs()).fold(0.0, f64::max)
+            tail.iter().map(|s| s.error().abs()).fold(0.0, f64::max)
         }
         // shaken out of the model's validity
         Err(_) => f64::INFINITY,
     };
-    let (quiet, loud) = (unrest(&with), unrest(&without));
-    assert!(quiet < 1e-3 && loud > 20.0 * quiet, "{quiet} with, {loud} m/s without");
+    let (with, without) = (swing(&with), swing(&without));
+    assert!(with < 1e-3 && without > 10e-3, "{with} m with, {without} m without");
 }

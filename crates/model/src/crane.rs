@@ -149,7 +149,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
 
         let forces = self.piston_forces(&pressures, state.bristle, cylinder.stroke, velocity);
         let moments = self.moments(&pose, &cylinder, &state.boom, forces.cylinder);
-        let mass_matrix = self.boom.articulated(&pose, &[T::zero(); N]);
+        let mass_matrix = self.boom.articulated(&pose, None);
         let angular_acceleration = mass_matrix.solve(&self.boom, &moments);
 
         CraneRates { angular_acceleration, bristle: forces.bristle_rate, circuit }

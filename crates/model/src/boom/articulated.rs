@@ -21,22 +21,23 @@ pub struct Articulated<T, const N: usize> {
     inverse: [T; N],
     /// Coupling of each segment to the acceleration of its inner joint, g.
     coupling: [(T, T); N],
-    /// Coupling to the inner neighbour's angular acceleration, κ/D of the outer segment.
-    share: [T; N],
+    /// Coupling to the inner neighbour's angular acceleration, κ/D of the outer segment; none
+    /// without impedances.
+    share: Option<[T; N]>,
     /// From inner to outer joint.
     along: [(T, T); N],
 }
 
 impl<T: Real, const N: usize> Boom<T, N> {
-    /// Factors the mass matrix at a pose, with an impedance \[kg·m²\] for every joint.
+    /// Factors the mass matrix at a pose, with an impedance \[kg·m²\] for every joint or with none.
     #[inline(always)]
-    pub fn articulated(&self, pose: &Pose<T, N>, impedance: &[T; N]) -> Articulated<T, N> {
+    pub fn articulated(&self, pose: &Pose<T, N>, impedance: Option<&[T; N]>) -> Articulated<T, N> {
         let zero = T::zero();
         let n = self.len();
         let mut factors = Articulated {
             inverse: [zero; N],
             coupling: [(zero, zero); N],
-            share: [zero; N],
+            share: impedance.map(|_| [zero; N]),
             along: [(zero, zero); N],
         };
         // effective mass of all that lies beyond the outer joint, symmetric 2x2
@@ -48,29 +49,36 @@ impl<T: Real, const N: usize> Boom<T, N> {
             let (dx, dy) = pose.along(i, s);
             let (rx, ry) = pose.centre(i, s);
             // the paper's hat: (x, y) turned by 90 degrees is (−y, x)
-            let passed = (share * outer.0, share * outer.1);
-            let qx = axy * dx - axx * dy + passed.0;
-            let qy = ayy * dx - axy * dy + passed.1;
-            let gx = qx - s.mass * ry;
-            let gy = qy + s.mass * rx;
-            let kappa = if i > 0 { impedance[i - 1] } else { zero };
+            let mut qx = axy * dx - axx * dy;
+            let mut qy = ayy * dx - axy * dy;
             // about the inner joint; in the segment's own frame, where it does not wait for the pose
             let own = s.inertia + s.mass * (s.centre_x.square() + s.centre_y.square());
-            let inertia =
-                (own + kappa + stiffening) + (dx * (qy + passed.1) - dy * (qx + passed.0));
+            let mut inertia = own + (dx * qy - dy * qx);
+            let mut kappa = zero;
+            if let Some(impedance) = impedance {
+                let passed = (share * outer.0, share * outer.1);
+                (qx, qy) = (qx + passed.0, qy + passed.1);
+                kappa = if i > 0 { impedance[i - 1] } else { zero };
+                let two = T::lit(2.0);
+                inertia = inertia + two * (dx * passed.1 - dy * passed.0) + stiffening + kappa;
+            }
+            let gx = qx - s.mass * ry;
+            let gy = qy + s.mass * rx;
             let inverse = T::one() / inertia;
 
             factors.inverse[i] = inverse;
             factors.coupling[i] = (gx, gy);
-            factors.share[i] = share;
             factors.along[i] = (dx, dy);
 
             axx = (axx + s.mass) - (gx * gx) * inverse;
             axy = axy - (gx * gy) * inverse;
             ayy = (ayy + s.mass) - (gy * gy) * inverse;
-            share = kappa * inverse;
-            stiffening = kappa * (T::one() - share);
-            outer = (gx, gy);
+            if let Some(shares) = &mut factors.share {
+                shares[i] = share;
+                share = kappa * inverse;
+                stiffening = kappa * (T::one() - share);
+                outer = (gx, gy);
+            }
         }
         factors
     }
@@ -87,7 +95,10 @@ impl<T: Real, const N: usize> Articulated<T, N> {
         let (mut bx, mut by, mut outer) = (zero, zero, zero);
         for i in (0..n).rev() {
             let (dx, dy) = self.along[i];
-            let total = (moment[i] + self.share[i] * outer) - (dx * by - dy * bx);
+            let mut total = moment[i] - (dx * by - dy * bx);
+            if let Some(share) = &self.share {
+                total = total + share[i] * outer;
+            }
             acceleration[i] = total;
             let scaled = total * self.inverse[i];
             bx = bx + self.coupling[i].0 * scaled;
@@ -100,9 +111,11 @@ impl<T: Real, const N: usize> Articulated<T, N> {
             let (gx, gy) = self.coupling[i];
             let (dx, dy) = self.along[i];
             let mut alpha = (acceleration[i] - (gx * ax + gy * ay)) * self.inverse[i];
-            if i > 0 {
+            if let Some(share) = &self.share
+                && i > 0
+            {
                 // κ_i/D_i is kept with the inner neighbour
-                alpha = alpha + self.share[i - 1] * acceleration[i - 1];
+                alpha = alpha + share[i - 1] * acceleration[i - 1];
             }
             acceleration[i] = alpha;
             (ax, ay) = (ax - dy * alpha, ay + dx * alpha);

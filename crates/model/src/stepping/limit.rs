@@ -37,7 +37,7 @@ impl<const N: usize> Crane<f64, N> {
         let n = boom.len();
         let pose = boom.pose(&state.boom.angle);
         let cylinder = boom.cylinder_pose(&pose);
-        let factors = boom.articulated(&pose, &[0.0; N]);
+        let factors = boom.articulated(&pose, None);
 
         let beta = self.circuit.oil.bulk_modulus_max;
         let (volume_a, volume_b) =

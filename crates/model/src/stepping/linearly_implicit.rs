@@ -218,7 +218,7 @@ impl<'a, T: Real, const N: usize> Reduced<'a, T, N> {
         stiff: &'a Stiff<T>,
         gh: T,
     ) -> Self {
-        let boom = crane.boom.articulated(pose, impedance);
+        let boom = crane.boom.articulated(pose, Some(impedance));
         let answer = boom.solve(&crane.boom, &cylinder.arm);
         let compliance = cylinder.velocity(&crane.boom, &answer);
 
