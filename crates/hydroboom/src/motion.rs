@@ -15,7 +15,7 @@ use std::path::PathBuf;
 pub struct MotionTests {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant, or a file with a [set] table of overrides; the model when not given.
+    /// Crane file of the plant, or a file with a `[set]` table of overrides; the model when not given.
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
     /// Override a key of the plant only; can be repeated.
