@@ -2,7 +2,6 @@
 
 use crate::LabError;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// One line of a figure.
 pub struct Series<'a> {
@@ -48,7 +47,9 @@ const COLOURS: [RGBColor; 5] = [
 const INK: RGBColor = RGBColor(1, 2, 3);
 const GRID: RGBColor = RGBColor(4, 5, 6);
 
-const SIZE: (u32, u32) = (760, 300);
+/// Drawn four times as large as shown, because the backend rounds to whole pixels.
+const FINE: u32 = 4;
+const SIZE: (u32, u32) = (760 * FINE, 300 * FINE);
 /// More points than pixels only make the page heavy.
 const MOST_POINTS: usize = 900;
 
@@ -82,15 +83,19 @@ impl Figure<'_> {
             let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
             let failed = |e: &dyn std::fmt::Display| LabError::Figure(e.to_string());
             let mut builder = ChartBuilder::on(&area);
-            builder.margin(8).margin_right(18).x_label_area_size(40).y_label_area_size(64);
-            let axis = ("sans-serif", 14).into_font().color(&INK);
+            builder
+                .margin(8 * FINE)
+                .margin_right(18 * FINE)
+                .x_label_area_size(40 * FINE)
+                .y_label_area_size(64 * FINE);
+            let axis = ("sans-serif", 14 * FINE).into_font().color(&INK);
             macro_rules! draw {
                 ($x:expr, $y:expr) => {{
                     let mut chart = builder.build_cartesian_2d($x, $y).map_err(|e| failed(&e))?;
                     chart
                         .configure_mesh()
-                        .axis_style(INK)
-                        .bold_line_style(GRID)
+                        .axis_style(INK.stroke_width(FINE))
+                        .bold_line_style(GRID.stroke_width(FINE))
                         .light_line_style(TRANSPARENT)
                         .label_style(axis.clone())
                         .axis_desc_style(axis.clone())
@@ -104,15 +109,16 @@ impl Figure<'_> {
                         .map_err(|e| failed(&e))?;
                     for (colour, name, points) in &series {
                         let colour = COLOURS[colour % COLOURS.len()];
-                        let style = colour.stroke_width(2);
+                        let style = colour.stroke_width(2 * FINE);
                         let drawn = chart
                             .draw_series(LineSeries::new(points.iter().copied(), style))
                             .map_err(|e| failed(&e))?;
-                        drawn
-                            .label(*name)
-                            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+                        drawn.label(*name).legend(move |(x, y)| {
+                            PathElement::new([(x, y), (x + 18 * FINE as i32, y)], style)
+                        });
                         if self.logarithmic {
-                            let dots = points.iter().map(|p| Circle::new(*p, 3, colour.filled()));
+                            let dots =
+                                points.iter().map(|p| Circle::new(*p, 3 * FINE, colour.filled()));
                             chart.draw_series(dots).map_err(|e| failed(&e))?;
                         }
                     }
@@ -120,7 +126,8 @@ impl Figure<'_> {
                         chart
                             .configure_series_labels()
                             .position(SeriesLabelPosition::UpperRight)
-                            .label_font(axis.clone().pos(Pos::new(HPos::Left, VPos::Center)))
+                            .legend_area_size(24 * FINE)
+                            .label_font(axis.clone())
                             .background_style(TRANSPARENT)
                             .border_style(TRANSPARENT)
                             .draw()
