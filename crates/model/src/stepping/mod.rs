@@ -3,7 +3,7 @@
 //! | scheme | order | cost | for |
 //! |---|---|---|---|
 //! | [`published`] | 1 | one derivative | comparison with the paper; 50 us and below |
-//! | [`LinearlyImplicit`] | 2 | two derivatives, one Jacobian | everything else; 0.2 to 1 ms |
+//! | [`LinearlyImplicit`] | 2 | two derivatives, one Jacobian | everything else; 0.25 ms, to 0.5 ms |
 //! | [`runge_kutta_4`] | 4 | four derivatives | converged references at small steps |
 
 mod limit;
