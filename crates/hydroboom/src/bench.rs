@@ -43,7 +43,7 @@ impl Bench {
         output::text(&format!(
             "one 50 us step of the published model, 3 segments: {:.1} ns\n\
              the same in lanes, per instance: {:.1} ns ({})\nstudy: {study_s:.2} s\n\n\
-             linearly implicit step\n{}",
+             implicit step\n{}",
             timing.step_ns,
             timing.lanes_step_ns,
             timing.instruction_set,

@@ -27,8 +27,7 @@ impl Check {
         let mut values = Vec::new();
         for share in [0.0, 0.5, 1.0] {
             let start = description.start(share * numbers.stroke);
-            let crane =
-                plant(&description, &start, Scheme::LinearlyImplicit, 1e-3).into_diagnostic()?;
+            let crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
             let (outputs, limit) = (crane.outputs(), crane.step_limit());
             rows.push(vec![
                 format!("{:.0}", outputs.stroke * 1e3),

@@ -3,19 +3,21 @@
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_lab::energy_audit::{Audit, audit};
+use hydroboom_lab::numerical_damping::{NumericalDamping, numerical_damping};
 use hydroboom_lab::study::IMPLICIT_STEP;
 use hydroboom_model::Scheme;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// Audit the energy of a fast motion cycle: change = work - losses + mass defects.
+/// Audit the energy of a fast motion cycle, change = work - losses + mass defects; and say what
+/// damping the time steps add of their own.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom energy --step-us 500,250")]
 pub struct Energy {
     #[command(flatten)]
     crane: CraneFile,
-    /// Steps of the linearly implicit scheme.
-    #[arg(long, value_delimiter = ',', default_values_t = [4.0 * IMPLICIT_STEP * 1e6, 2.0 * IMPLICIT_STEP * 1e6, IMPLICIT_STEP * 1e6])]
+    /// Steps of the implicit scheme.
+    #[arg(long, value_delimiter = ',', default_values_t = [2.0 * IMPLICIT_STEP * 1e6, IMPLICIT_STEP * 1e6, 0.5 * IMPLICIT_STEP * 1e6])]
     step_us: Vec<f64>,
     /// Print JSON.
     #[arg(long)]
@@ -29,11 +31,14 @@ impl Energy {
         let audits: Vec<Audit> = self
             .step_us
             .iter()
-            .map(|us| audit(&description, Scheme::LinearlyImplicit, us * 1e-6).into_diagnostic())
+            .map(|us| audit(&description, Scheme::Implicit, us * 1e-6).into_diagnostic())
             .collect::<Result<_>>()?;
+        let damping = numerical_damping(&description).into_diagnostic()?;
         match self.json {
-            true => output::json(&json!({ "energy": audits })),
-            false => output::text(&table(&audits)),
+            true => output::json(
+                &json!({ "energy": { "audits": audits, "numerical_damping": damping } }),
+            ),
+            false => output::text(&format!("{}\n\n{}", table(&audits), damping_table(&damping))),
         }
     }
 }
@@ -64,4 +69,25 @@ pub fn table(audits: &[Audit]) -> String {
         "residual/exchanged",
     ];
     format!("Energy over one fast cycle\n{}", output::table(&header, &rows))
+}
+
+/// Damping and order of the schemes as a table.
+pub fn damping_table(schemes: &[NumericalDamping]) -> String {
+    let rows: Vec<Vec<String>> = schemes
+        .iter()
+        .map(|s| {
+            vec![
+                s.scheme.clone(),
+                format!("{:.0}", s.step_us),
+                format!("{:.2e}", s.damping_ratio),
+                format!("{:.2e}", s.frequency_error),
+                output::optional(s.order, 2),
+            ]
+        })
+        .collect();
+    let header = ["scheme", "step [us]", "damping ratio", "frequency error", "order"];
+    format!(
+        "What the time step adds to the lowest mode of a crane without losses, load held\n{}",
+        output::table(&header, &rows)
+    )
 }

@@ -45,14 +45,13 @@ impl Linearise {
     pub fn run(self) -> Result<()> {
         let description = self.crane.read()?;
         let start = description.start(self.stroke_mm * 1e-3);
-        let crane =
-            plant(&description, &start, Scheme::LinearlyImplicit, 1e-3).into_diagnostic()?;
+        let crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
         let input = Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
         let (a, b) = crane.jacobian(&input);
         let c = crane.output_jacobian();
         let states = crane.state_names();
         let outputs = Outputs::NAMES.map(String::from);
-        let modes = linearise::modes(&a);
+        let modes = linearise::modes(&a).into_diagnostic()?;
         let rows_of = |m: &dyn Fn(usize, usize) -> f64, rows: usize, columns: usize| {
             (0..rows)
                 .map(|i| (0..columns).map(|j| m(i, j)).collect::<Vec<f64>>())

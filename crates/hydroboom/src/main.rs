@@ -14,7 +14,8 @@ mod simulate;
 mod study;
 
 use clap::{Parser, Subcommand};
-use miette::Result;
+use miette::{MietteHandlerOpts, Result};
+use std::io::IsTerminal;
 
 /// Simulates an electro-hydraulic crane with a flexible boom, and steers with it.
 #[derive(Parser)]
@@ -39,6 +40,12 @@ enum Command {
 }
 
 fn main() -> Result<()> {
+    // paths stay whole, and a log or a pipe gets each message in one line
+    let wrapped = std::io::stderr().is_terminal();
+    miette::set_hook(Box::new(move |_| {
+        let options = MietteHandlerOpts::new().wrap_lines(wrapped).break_words(false);
+        Box::new(options.build())
+    }))?;
     match Arguments::parse().command {
         Command::New(command) => command.run(),
         Command::Check(command) => command.run(),

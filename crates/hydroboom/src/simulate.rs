@@ -13,7 +13,7 @@ use std::path::PathBuf;
 #[derive(Clone, Copy, ValueEnum)]
 enum SchemeName {
     Published,
-    LinearlyImplicit,
+    Implicit,
     RungeKutta4,
 }
 
@@ -44,7 +44,7 @@ pub struct Simulate {
     #[arg(long)]
     start_mm: Option<f64>,
     /// How to move in time.
-    #[arg(long, value_enum, default_value = "linearly-implicit")]
+    #[arg(long, value_enum, default_value = "implicit")]
     scheme: SchemeName,
     /// Step; by default the scheme's own.
     #[arg(long)]
@@ -67,7 +67,7 @@ impl Simulate {
         let n = &description.numbers;
         let (scheme, default_step) = match self.scheme {
             SchemeName::Published => (Scheme::Published, n.simulation_period),
-            SchemeName::LinearlyImplicit => (Scheme::LinearlyImplicit, IMPLICIT_STEP),
+            SchemeName::Implicit => (Scheme::Implicit, IMPLICIT_STEP),
             SchemeName::RungeKutta4 => (Scheme::RungeKutta4, 10e-6),
         };
         let drive = match (&self.input, self.hold_s) {

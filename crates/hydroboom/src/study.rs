@@ -60,7 +60,7 @@ impl Study {
             result.pressure_oscillation_hz,
             output::table(&header, &differences),
             motion::table(&result.motion),
-            energy::table(&result.energy),
+            energy::table(&result.energy.audits),
             path.display(),
             clock.elapsed().as_secs_f64()
         ))

@@ -3,7 +3,7 @@
 use crate::LabError;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::{Lanes, simd};
-use hydroboom_model::stepping::{LinearlyImplicit, published};
+use hydroboom_model::stepping::{Implicit, published};
 use hydroboom_model::{Crane, CraneState, Input};
 use serde::Serialize;
 use std::hint::black_box;
@@ -21,7 +21,7 @@ pub struct Timing {
     pub lanes_step_ns: f64,
     /// Instruction set that was chosen at run time.
     pub instruction_set: &'static str,
-    /// The linearly implicit step over the number of segments.
+    /// The implicit step over the number of segments.
     pub segments: Vec<SegmentTiming>,
 }
 
@@ -30,7 +30,7 @@ pub struct Timing {
 pub struct SegmentTiming {
     /// Number of segments.
     pub n: usize,
-    /// One linearly implicit step of 50 us.
+    /// One implicit step of 50 us.
     pub step_ns: f64,
 }
 
@@ -122,7 +122,7 @@ fn at_rest<const N: usize>(
 
 fn implicit_ns<const N: usize>(description: &Description) -> Result<f64, LabError> {
     let (crane, start) = at_rest::<N>(description)?;
-    let scheme = LinearlyImplicit::new(&crane);
+    let scheme = Implicit::new(&crane);
     let input = Input { pump_speed: 10.0, holding_valve: 1.0 };
     Ok(best_ns(2_000, |calls| {
         let mut state = start;

@@ -146,7 +146,7 @@ pub fn locked_mode(description: &Description, stroke: f64) -> Result<Mode, LabEr
     let crane = locked(description, stroke, description.numbers.simulation_period)?;
     let input = Input { pump_speed: 0.0, holding_valve: 0.0 };
     let (a, _) = crane.jacobian(&input);
-    modes(&a)
+    modes(&a)?
         .into_iter()
         .find(|mode| mode.frequency_hz > 0.1 && mode.damping_ratio < 0.9)
         .ok_or_else(|| LabError::NoOscillation("the linearised crane does not oscillate".into()))

@@ -32,6 +32,9 @@ pub enum LabError {
     /// Too little oscillation to measure.
     #[error("{0}")]
     NoOscillation(String),
+    /// Eigenvalues that cannot be computed.
+    #[error("eigenvalues: {0}")]
+    Eigenvalues(String),
     /// A file cannot be written or read.
     #[error("{path}: {error}")]
     File {

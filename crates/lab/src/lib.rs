@@ -9,6 +9,7 @@ pub mod energy_audit;
 mod error;
 pub mod linearise;
 pub mod motion_test;
+pub mod numerical_damping;
 pub mod paper;
 mod plant;
 pub mod report;

@@ -89,7 +89,7 @@ fn sized<const N: usize>(
 }
 
 /// A state as a flat vector: angles, angular velocities, bristle, nodes, gas volume.
-fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> Vec<T> {
+pub(crate) fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> Vec<T> {
     let mut flat = state.boom.angle[..n].to_vec();
     flat.extend_from_slice(&state.boom.angular_velocity[..n]);
     flat.push(state.bristle);
@@ -98,7 +98,8 @@ fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> Vec<T
     flat
 }
 
-fn unflatten<T: Copy, const N: usize>(
+/// The state of a flat vector, the way back from [`flatten`].
+pub(crate) fn unflatten<T: Copy, const N: usize>(
     like: &CraneState<T, N>,
     flat: &[T],
     n: usize,

@@ -2,6 +2,7 @@
 
 use crate::energy_audit::{Audit, audit};
 use crate::motion_test::{Row, Run, Strategy, pressure_oscillation, run};
+use crate::numerical_damping::{NumericalDamping, numerical_damping};
 use crate::work_precision::{Point, work_precision};
 use crate::{LabError, eigenfrequency, paper};
 use hydroboom_description::{Description, OFF_MODEL};
@@ -14,8 +15,8 @@ pub const NOMINAL: &str = "nominal";
 /// Name of the embedded plant that does not.
 pub const OFF: &str = "off-model";
 
-/// Default step of the linearly implicit scheme \[s\].
-pub const IMPLICIT_STEP: f64 = 250e-6;
+/// Default step of the implicit scheme \[s\].
+pub const IMPLICIT_STEP: f64 = 500e-6;
 
 /// RMS and peak difference of one signal between model and off-model plant under the same input.
 #[derive(Clone, Debug, Serialize)]
@@ -34,6 +35,15 @@ pub struct Difference {
     pub paper_peak: f64,
 }
 
+/// Does the energy add up, and what do the time steps take from it?
+#[derive(Clone, Debug, Serialize)]
+pub struct EnergyResults {
+    /// Audits of a motion cycle.
+    pub audits: Vec<Audit>,
+    /// Damping and order of the schemes.
+    pub numerical_damping: Vec<NumericalDamping>,
+}
+
 /// All results of the study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Study {
@@ -49,8 +59,8 @@ pub struct Study {
     pub paper_pressure_oscillation_hz: f64,
     /// Table 6 between model and off-model plant.
     pub differences: Vec<Difference>,
-    /// Energy audits.
-    pub energy: Vec<Audit>,
+    /// Energy.
+    pub energy: EnergyResults,
     /// Work-precision trials.
     pub work_precision: Vec<Point>,
     /// Overrides that make the off-model plant.
@@ -97,10 +107,12 @@ pub fn study(
             }
             let oscillation = eigenfrequency::oscillation(description, 0.2, n.oscillation_drop)?;
             progress("eigenfrequencies");
-            let mut energy = Vec::new();
-            for step in [4.0, 2.0, 1.0] {
-                energy.push(audit(description, Scheme::LinearlyImplicit, step * IMPLICIT_STEP)?);
+            let mut audits = Vec::new();
+            for step in [2.0, 1.0, 0.5] {
+                audits.push(audit(description, Scheme::Implicit, step * IMPLICIT_STEP)?);
             }
+            let numerical_damping = numerical_damping(description)?;
+            let energy = EnergyResults { audits, numerical_damping };
             progress("energy audit");
             let points = work_precision(description)?;
             progress("work and precision");

@@ -3,7 +3,7 @@
 use crate::LabError;
 use crate::energy_audit::scheme_name;
 use hydroboom_description::{BuildError, Description};
-use hydroboom_model::stepping::{LinearlyImplicit, published, runge_kutta_4};
+use hydroboom_model::stepping::{Implicit, published, runge_kutta_4};
 use hydroboom_model::{Crane, CraneState, Input, Scheme};
 use serde::Serialize;
 use std::time::Instant;
@@ -52,7 +52,7 @@ pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError>
     let (reference, _) = trajectory(&crane, &start, &inputs, Scheme::RungeKutta4, 1e-6);
     let trials: [(Scheme, &[f64]); 3] = [
         (Scheme::Published, &[5e-6, 10e-6, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1000e-6]),
-        (Scheme::LinearlyImplicit, &[20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1000e-6, 2000e-6]),
+        (Scheme::Implicit, &[20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1000e-6, 2000e-6]),
         (Scheme::RungeKutta4, &[2e-6, 5e-6, 10e-6]),
     ];
     let mut points = Vec::new();
@@ -86,7 +86,7 @@ fn trajectory(
     scheme: Scheme,
     step: f64,
 ) -> (Vec<(f64, f64)>, f64) {
-    let implicit = LinearlyImplicit::new(crane);
+    let implicit = Implicit::new(crane);
     let count = (INTERVAL / step).round() as usize;
     let mut state = *start;
     let mut states = Vec::with_capacity(inputs.len());
@@ -95,7 +95,9 @@ fn trajectory(
         for _ in 0..count {
             match scheme {
                 Scheme::Published => published(crane, &mut state, input, step),
-                Scheme::LinearlyImplicit => implicit.step(crane, &mut state, input, step),
+                Scheme::Implicit => {
+                    implicit.step(crane, &mut state, input, step);
+                }
                 Scheme::RungeKutta4 => runge_kutta_4(crane, &mut state, input, step),
             }
         }

@@ -19,7 +19,7 @@ pub fn crane(description: &Description) -> Result<String, LabError> {
     let mut high = [n.base_x.max(0.0) + 0.3, 0.3_f64];
     let mut poses = Vec::new();
     for stroke in [n.motion_start, n.motion_end] {
-        let crane = plant(description, &description.start(stroke), Scheme::LinearlyImplicit, 1e-3)?;
+        let crane = plant(description, &description.start(stroke), Scheme::Implicit, 1e-3)?;
         let line = crane.boom_line();
         for [x, y] in &line {
             low = [low[0].min(x - 0.3), low[1].min(y - 0.3)];

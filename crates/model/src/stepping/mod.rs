@@ -3,15 +3,15 @@
 //! | scheme | order | cost | for |
 //! |---|---|---|---|
 //! | [`published`] | 1 | one derivative | comparison with the paper; 50 us and below |
-//! | [`LinearlyImplicit`] | 2 | two derivatives, one Jacobian | everything else; 0.25 ms, to 0.5 ms |
+//! | [`Implicit`] | 2 | six derivatives with Jacobian | everything else; 0.5 ms, to 2 ms |
 //! | [`runge_kutta_4`] | 4 | four derivatives | converged references at small steps |
 
+mod implicit;
 mod limit;
-mod linearly_implicit;
 mod published;
 mod runge_kutta;
 
+pub use implicit::Implicit;
 pub use limit::StepLimit;
-pub use linearly_implicit::LinearlyImplicit;
 pub use published::published;
 pub use runge_kutta::runge_kutta_4;
