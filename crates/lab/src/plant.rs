@@ -186,8 +186,8 @@ impl<const N: usize> Plant for Simulation<N> {
             let cylinder = &crane.cylinder;
             let (growth_a, growth_b) = (cylinder.piston_area * dx, -cylinder.rod_side_area * dx);
             let oil = &crane.circuit.oil;
-            a += oil.pressure_rate(a, cylinder.volume_a(x), -growth_a, growth_a);
-            b += oil.pressure_rate(b, cylinder.volume_b(x), -growth_b, growth_b);
+            a += oil.growing_pressure_rate(a, 1.0 / cylinder.volume_a(x), 0.0, growth_a);
+            b += oil.growing_pressure_rate(b, 1.0 / cylinder.volume_b(x), 0.0, growth_b);
         }
         (state.circuit.nodes.a, state.circuit.nodes.b) = (a, b);
         self.set_state(state)

@@ -55,25 +55,27 @@ real!(f64, libm::sqrt);
 #[cfg(not(feature = "std"))]
 real!(f32, libm::sqrtf);
 
-/// Adding and subtracting it rounds to an integer: 1.5 * 2^52.
-const MAGIC: f64 = 6_755_399_441_055_744.0;
-/// The same in single precision: 1.5 * 2^23.
-const MAGIC_F32: f32 = 12_582_912.0;
-
 impl Binary for f64 {
     const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];
-    const FRAC_PI_2: [f64; 3] =
-        [1.570_796_251_296_997, 7.549_789_415_861_596e-8, 5.390_302_858_158_119e-15];
-    const EXP_LIMIT: f64 = 708.0;
+    const FRAC_PI_2: [f64; 2] = [1.570_796_251_296_997, 7.549_789_954_891_882e-8];
+    // 1.5 * 2^52
+    const ROUNDER: f64 = 6_755_399_441_055_744.0;
+    const LARGEST_EXPONENT: f64 = 1022.0;
 
     #[inline(always)]
-    fn round(self) -> Self {
-        (self + MAGIC) - MAGIC
+    fn power_of_two(held: Self) -> Self {
+        // moved to the exponent's field, biased
+        Self::from_bits(held.to_bits().wrapping_add(1023) << 52)
     }
     #[inline(always)]
-    fn power_of_two(self) -> Self {
-        // the sum's last bits are the integer; moved to the exponent field, biased
-        f64::from_bits((self + MAGIC).to_bits().wrapping_add(1023) << 52)
+    fn turn(held: Self, sin: Self, cos: Self) -> (Self, Self) {
+        let (quarters, s, c) = (held.to_bits(), sin.to_bits(), cos.to_bits());
+        // swapped after an odd number of quarters; signs change in the second half of a turn, and
+        // for the cosine a quarter earlier
+        let swapped = (s ^ c) & 0_u64.wrapping_sub(quarters & 1);
+        let sine = s ^ swapped ^ ((quarters & 2) << 62);
+        let cosine = c ^ swapped ^ ((quarters.wrapping_add(1) & 2) << 62);
+        (Self::from_bits(sine), Self::from_bits(cosine))
     }
     #[inline(always)]
     fn split(self) -> (Self, Self) {
@@ -87,16 +89,25 @@ impl Binary for f64 {
 
 impl Binary for f32 {
     const LN_2: [f64; 2] = [0.693_359_375, -2.121_944_400_546_905_8e-4];
-    const FRAC_PI_2: [f64; 3] = [1.570_312_5, 4.838_267_9e-4, 0.0];
-    const EXP_LIMIT: f64 = 87.0;
+    const FRAC_PI_2: [f64; 2] = [1.570_312_5, 4.838_267_9e-4];
+    // 1.5 * 2^23
+    const ROUNDER: f64 = 12_582_912.0;
+    const LARGEST_EXPONENT: f64 = 126.0;
 
     #[inline(always)]
-    fn round(self) -> Self {
-        (self + MAGIC_F32) - MAGIC_F32
+    fn power_of_two(held: Self) -> Self {
+        // moved to the exponent's field, biased
+        Self::from_bits(held.to_bits().wrapping_add(127) << 23)
     }
     #[inline(always)]
-    fn power_of_two(self) -> Self {
-        f32::from_bits((self + MAGIC_F32).to_bits().wrapping_add(127) << 23)
+    fn turn(held: Self, sin: Self, cos: Self) -> (Self, Self) {
+        let (quarters, s, c) = (held.to_bits(), sin.to_bits(), cos.to_bits());
+        // swapped after an odd number of quarters; signs change in the second half of a turn, and
+        // for the cosine a quarter earlier
+        let swapped = (s ^ c) & 0_u32.wrapping_sub(quarters & 1);
+        let sine = s ^ swapped ^ ((quarters & 2) << 30);
+        let cosine = c ^ swapped ^ ((quarters.wrapping_add(1) & 2) << 30);
+        (Self::from_bits(sine), Self::from_bits(cosine))
     }
     #[inline(always)]
     fn split(self) -> (Self, Self) {

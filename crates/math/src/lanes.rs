@@ -130,16 +130,19 @@ impl<const W: usize> Real for Lanes<W> {
 
 impl<const W: usize> Binary for Lanes<W> {
     const LN_2: [f64; 2] = f64::LN_2;
-    const FRAC_PI_2: [f64; 3] = f64::FRAC_PI_2;
-    const EXP_LIMIT: f64 = f64::EXP_LIMIT;
+    const FRAC_PI_2: [f64; 2] = f64::FRAC_PI_2;
+    const ROUNDER: f64 = f64::ROUNDER;
+    const LARGEST_EXPONENT: f64 = f64::LARGEST_EXPONENT;
 
     #[inline(always)]
-    fn round(self) -> Self {
-        self.map(Binary::round)
+    fn power_of_two(held: Self) -> Self {
+        held.map(Binary::power_of_two)
     }
     #[inline(always)]
-    fn power_of_two(self) -> Self {
-        self.map(Binary::power_of_two)
+    fn turn(held: Self, sin: Self, cos: Self) -> (Self, Self) {
+        // one array at a time: arrays of pairs would not be vectorised
+        let turned = |i: usize| f64::turn(held.0[i], sin.0[i], cos.0[i]);
+        (Self(from_fn(|i| turned(i).0)), Self(from_fn(|i| turned(i).1)))
     }
     #[inline(always)]
     fn split(self) -> (Self, Self) {

@@ -131,7 +131,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
     ) -> PistonForces<T> {
         let (friction, bristle_rate) = self.friction.evaluate(velocity, bristle);
         let end_stops = self.end_stops.force(stroke, velocity, self.cylinder.stroke_length);
-        let cylinder = self.cylinder.force(pressures.a, pressures.b) - friction + end_stops;
+        let cylinder = (self.cylinder.force(pressures.a, pressures.b) + end_stops) - friction;
         PistonForces { cylinder, friction, end_stops, bristle_rate }
     }
 
@@ -143,14 +143,23 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let velocity = cylinder.velocity(&self.boom, &state.boom.angular_velocity);
 
         let pressures = self.circuit.pressures(&state.circuit);
+        // first what takes longest: friction's chain of exponentials waits for the velocity, and
+        // the circuit's many short chains run beside it
+        let forces = self.piston_forces(&pressures, state.bristle, cylinder.stroke, velocity);
+
+        // (26), superposed: the friction in the cylinder's force is the last to be known, and what
+        // the boom makes of a force need not wait for it
+        let mass_matrix = self.boom.articulated(&pose, None);
+        let free = mass_matrix.solve(&self.boom, &self.boom.applied_moments(&pose, &state.boom));
+        let answer = mass_matrix.solve(&self.boom, &cylinder.arm);
+        let mut angular_acceleration = [T::zero(); N];
+        for i in 0..self.boom.len() {
+            angular_acceleration[i] = free[i] + answer[i] * forces.cylinder;
+        }
+
         let flows = self.circuit.flows(&pressures, input.pump_speed, input.holding_valve);
         let circuit =
             self.circuit.rates(&state.circuit, &flows, &self.cylinder, cylinder.stroke, velocity);
-
-        let forces = self.piston_forces(&pressures, state.bristle, cylinder.stroke, velocity);
-        let moments = self.moments(&pose, &cylinder, &state.boom, forces.cylinder);
-        let mass_matrix = self.boom.articulated(&pose, None);
-        let angular_acceleration = mass_matrix.solve(&self.boom, &moments);
 
         CraneRates { angular_acceleration, bristle: forces.bristle_rate, circuit }
     }

@@ -35,6 +35,10 @@ pub struct CylinderPose<T, const N: usize> {
     pub stroke: T,
     /// Its change with each segment's angle \[m/rad\]: the moment arm of the cylinder's force.
     pub arm: [T; N],
+    /// The same times the cylinder's length \[m²/rad\].
+    leverage: [T; N],
+    /// Reciprocal of the cylinder's length \[1/m\].
+    per_length: T,
 }
 
 impl<T: Real, const N: usize> CylinderPose<T, N> {
@@ -44,10 +48,11 @@ impl<T: Real, const N: usize> CylinderPose<T, N> {
         let mut velocity = T::zero();
         for i in 0..boom.len() {
             if i <= boom.mount.segment {
-                velocity = velocity + self.arm[i] * angular_velocity[i];
+                velocity = velocity + self.leverage[i] * angular_velocity[i];
             }
         }
-        velocity
+        // the sum does not wait for the length
+        velocity * self.per_length
     }
 }
 
@@ -83,14 +88,16 @@ impl<T: Real, const N: usize> Boom<T, N> {
         let square = rx.square() + ry.square();
         let length = square.sqrt();
         // 1/length; the division need not wait for the root
-        let inverse = length * (T::one() / square);
+        let per_length = length * (T::one() / square);
+        let mut leverage = [T::zero(); N];
         let mut arm = [T::zero(); N];
         for i in 0..self.len() {
             if i <= mount.segment {
                 // u . (reach turned by 90 degrees), u = r/length
-                arm[i] = (ry * reach[i].0 - rx * reach[i].1) * inverse;
+                leverage[i] = ry * reach[i].0 - rx * reach[i].1;
+                arm[i] = leverage[i] * per_length;
             }
         }
-        CylinderPose { stroke: length - mount.shortest, arm }
+        CylinderPose { stroke: length - mount.shortest, arm, leverage, per_length }
     }
 }

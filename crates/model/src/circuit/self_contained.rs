@@ -228,7 +228,6 @@ impl<T: Real> SelfContained<T> {
     ) -> CircuitState<T> {
         let q = state.nodes;
         let into = self.net_flows(flows);
-        let zero = T::zero();
 
         // (A12), (A13): the piston makes room in A and takes it from B
         let growth_a = velocity * cylinder.piston_area;
@@ -240,15 +239,19 @@ impl<T: Real> SelfContained<T> {
         let (accumulator, gas_volume) =
             self.accumulator.rates(beta, q.accumulator, state.gas_volume, into.accumulator);
 
-        let rate = |coordinate, volume, flow, growth| {
-            self.oil.pressure_rate(coordinate, volume, flow - growth, growth)
-        };
+        // a division costs as much as eight multiplications: one for both chambers
+        let (volume_a, volume_b) = (cylinder.volume_a(stroke), cylinder.volume_b(stroke));
+        let per_product = T::one() / (volume_a * volume_b);
+        let oil = &self.oil;
+        let (per_a, per_b) = (volume_b * per_product, volume_a * per_product);
+        let (per_pump_a, per_pump_b) =
+            (T::one() / self.volume_pump_a, T::one() / self.volume_pump_b);
         CircuitState {
             nodes: Nodes {
-                pump_a: rate(q.pump_a, self.volume_pump_a, into.pump_a, zero),
-                a: rate(q.a, cylinder.volume_a(stroke), into.a, growth_a),
-                b: rate(q.b, cylinder.volume_b(stroke), into.b, growth_b),
-                pump_b: rate(q.pump_b, self.volume_pump_b, into.pump_b, zero),
+                pump_a: oil.pressure_rate(q.pump_a, per_pump_a, into.pump_a),
+                a: oil.growing_pressure_rate(q.a, per_a, into.a, growth_a),
+                b: oil.growing_pressure_rate(q.b, per_b, into.b, growth_b),
+                pump_b: oil.pressure_rate(q.pump_b, per_pump_b, into.pump_b),
                 accumulator,
             },
             gas_volume,

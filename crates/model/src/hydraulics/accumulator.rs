@@ -64,13 +64,17 @@ impl<T: Real> Accumulator<T> {
     /// valve.
     #[inline(always)]
     pub fn gas_compliance(&self, pressure: T, gas_volume: T) -> T {
-        // the floor keeps the arm that is not taken finite
+        let (volume, stiffness) = self.gas(pressure, gas_volume);
+        volume / stiffness
+    }
+
+    /// Gas volume that takes part \[m³\], and γ p_gas \[Pa\].
+    #[inline(always)]
+    fn gas(&self, pressure: T, gas_volume: T) -> (T, T) {
+        let afloat = self.closing_pressure.lt(pressure);
+        // the floor keeps the quotient finite where no gas takes part
         let absolute = (pressure + self.atmosphere).max(T::lit(1e3));
-        T::select(
-            self.closing_pressure.lt(pressure),
-            gas_volume / (self.polytropic_exponent * absolute),
-            T::zero(),
-        )
+        (T::select(afloat, gas_volume, T::zero()), self.polytropic_exponent * absolute)
     }
 
     /// Rates of pressure \[Pa/s\] and gas volume \[m³/s\] under the net inflow Q_acc \[m³/s\],
@@ -79,9 +83,11 @@ impl<T: Real> Accumulator<T> {
     /// `ṗ = Q_acc/(V_f/β + V_g/(γ p_gas))`, `V̇_g = −ṗ V_g/(γ p_gas)`.
     #[inline(always)]
     pub fn rates(&self, bulk_modulus: T, pressure: T, gas_volume: T, inflow: T) -> (T, T) {
-        let gas = self.gas_compliance(pressure, gas_volume);
-        let rate = inflow * bulk_modulus / (self.oil_volume(gas_volume) + bulk_modulus * gas);
-        (rate, -rate * gas)
+        // both fractions expanded by the gas's stiffness, so that one division serves
+        let (volume, stiffness) = self.gas(pressure, gas_volume);
+        let whole = self.oil_volume(gas_volume) * stiffness + bulk_modulus * volume;
+        let share = inflow * bulk_modulus / whole;
+        (share * stiffness, -(share * volume))
     }
 
     /// Energy \[J\] of the gas against the atmosphere, relative to a volume V_0 = V_a:

@@ -50,8 +50,10 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
     #[inline(always)]
     fn evaluate(&self, v: T, _bristle: T) -> (T, T) {
         let sign = (self.steepness * v).tanh();
-        let fade = (-(v * sign * self.stribeck_slope)).exp();
-        (self.viscous * v + sign * (self.coulomb + self.stiction * fade), T::zero())
+        // everything that need not wait for the exponential is done before it
+        let fade = (sign * -(v * self.stribeck_slope)).exp();
+        let force = (self.viscous * v + sign * self.coulomb) + (sign * self.stiction) * fade;
+        (force, T::zero())
     }
 
     fn energy(&self, _bristle: T) -> T {

@@ -53,15 +53,19 @@ impl<T: Real> Oil<T> {
         coordinate.max(self.vapour_pressure)
     }
 
-    /// Rate \[Pa/s\] of a node's pressure coordinate, equation (6).
-    ///
-    /// `net_flow` \[m³/s\] is what flows in less the growth of the volume, `growth` \[m³/s\] that
-    /// growth alone. In a cavitating node the coordinate measures the cavity relative to the
-    /// volume, so a growing volume rescales it.
+    /// Rate \[Pa/s\] of the pressure coordinate of a node with rigid walls, equation (6), from the
+    /// net inflow \[m³/s\] and the reciprocal of its volume \[1/m³\].
     #[inline(always)]
-    pub fn pressure_rate(&self, coordinate: T, volume: T, net_flow: T, growth: T) -> T {
+    pub fn pressure_rate(&self, coordinate: T, per_volume: T, inflow: T) -> T {
+        self.bulk_modulus(self.pressure(coordinate)) * inflow * per_volume
+    }
+
+    /// The same of a node that grows by `growth` \[m³/s\]. While it cavitates, the coordinate
+    /// measures the cavity relative to the volume, so a growing volume rescales it.
+    #[inline(always)]
+    pub fn growing_pressure_rate(&self, coordinate: T, per_volume: T, inflow: T, growth: T) -> T {
         let p = self.pressure(coordinate);
-        (self.bulk_modulus(p) * net_flow + (p - coordinate) * growth) / volume
+        (self.bulk_modulus(p) * (inflow - growth) + (p - coordinate) * growth) * per_volume
     }
 
     /// Volume \[m³\] of the cavity in a node of the given volume, zero above vapour pressure.
@@ -193,9 +197,9 @@ mod tests {
         let (mut q, mut volume, mut cavity) = (-1e5, 2e-3, 0.0);
         let (outflow, growth, step) = (1e-3, 0.5, 1e-7);
         for _ in 0..10_000 {
-            let middle = q + 0.5 * step * OIL.pressure_rate(q, volume, -outflow - growth, growth);
-            let half = volume + 0.5 * step * growth;
-            q += step * OIL.pressure_rate(middle, half, -outflow - growth, growth);
+            let rate = |q, volume| OIL.growing_pressure_rate(q, 1.0 / volume, -outflow, growth);
+            let middle = q + 0.5 * step * rate(q, volume);
+            q += step * rate(middle, volume + 0.5 * step * growth);
             volume += step * growth;
             cavity += step * (outflow + growth);
         }

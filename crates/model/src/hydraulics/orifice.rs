@@ -57,9 +57,10 @@ pub fn in_series<T: Real>(first: T, second: T) -> T {
 /// The same of three restrictions, the first of which is never shut.
 #[inline(always)]
 pub fn three_in_series<T: Real>(first: T, second: T, third: T) -> T {
-    // numerator and denominator divided by the first, to stay clear of underflow
+    // numerator and denominator divided by the first, to stay clear of underflow; the reciprocal of
+    // a constant is computed once
     let product = second * third;
-    let sum = (product / first).square() + second.square() + third.square();
+    let sum = (product * (T::one() / first)).square() + second.square() + third.square();
     product / (sum + T::lit(TINY)).sqrt()
 }
 

@@ -32,7 +32,7 @@ pub fn published<T: Real, const N: usize>(
         let acceleration = rate.angular_acceleration[i];
         let velocity = state.boom.angular_velocity[i] + acceleration * step;
         state.boom.angular_velocity[i] = velocity;
-        state.boom.angle[i] = state.boom.angle[i] + velocity * step + acceleration * half_square;
+        state.boom.angle[i] = (state.boom.angle[i] + acceleration * half_square) + velocity * step;
     }
 
     let nodes = &mut state.circuit.nodes;
