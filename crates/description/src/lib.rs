@@ -13,11 +13,13 @@
 
 mod build;
 mod check;
+mod difference;
 mod error;
 mod parse;
 pub mod schema;
 
 pub use build::BuildError;
+pub use difference::Difference;
 pub use error::{DescriptionError, Problem};
 pub use schema::{Choices, Key, Numbers};
 

@@ -16,7 +16,7 @@ const LARGEST: usize = 1 << 20;
 
 /// Keys that are not plain numbers.
 const SEGMENTS: &str = "boom.segments";
-const SEGMENT_LENGTHS: &str = "boom.segment_lengths_mm";
+pub(crate) const SEGMENT_LENGTHS: &str = "boom.segment_lengths_mm";
 const NAME: &str = "crane.name";
 
 /// All paths a file may use, for suggestions.

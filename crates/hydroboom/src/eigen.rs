@@ -31,9 +31,40 @@ impl Eigen {
             .collect::<Result<_>>()?;
         match self.json {
             true => output::json(&json!({ "eigenfrequency": rows })),
-            false => output::text(&table(&rows)),
+            false => {
+                output::text(&format!("{}\n\n{}\n\n{}", table(&rows), DIFFERENCE, shapes(&rows)))
+            }
         }
     }
+}
+
+/// Why the columns differ.
+const DIFFERENCE: &str = "\
+Without friction, oscillation and linearisation are the same thing seen twice. With it, the oscillation
+dies out within a few periods, while the linearisation sees the smoothed friction law as it is at rest: a
+stiff damper that all but locks the piston, so that only the boom bends.";
+
+/// Every oscillatory mode with its shape.
+fn shapes(rows: &[eigenfrequency::Row]) -> String {
+    let cells: Vec<Vec<String>> = rows
+        .iter()
+        .flat_map(|row| row.modes.iter().map(move |shaped| (row.stroke_mm, shaped)))
+        .map(|(stroke, shaped)| {
+            let angles: Vec<String> = shaped.angles.iter().map(|a| format!("{a:.2}")).collect();
+            vec![
+                format!("{stroke:.0}"),
+                format!("{:.3}", shaped.mode.frequency_hz),
+                format!("{:.5}", shaped.mode.damping_ratio),
+                format!("{:.2}", shaped.pressure_a_bar_per_deg),
+                angles.join(" "),
+            ]
+        })
+        .collect();
+    let header = ["x_cyl [mm]", "f [Hz]", "damping", "p_A [bar/deg]", "segments' angles"];
+    format!(
+        "Modes of the linearised crane, friction off; swings relative to the outermost segment's angle\n{}",
+        output::table(&header, &cells)
+    )
 }
 
 /// Table 5, "paper | here".

@@ -2,35 +2,52 @@
 
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
-use hydroboom_lab::{linearise, plant};
+use hydroboom_lab::mat_file::{Matrix, mat_file};
+use hydroboom_lab::{linearise, plant, report};
 use hydroboom_model::{Input, Outputs, Scheme};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Linearise the crane at an operating point: A, B, C, D and poles, with exact derivatives.
+/// Linearise the crane at an operating point: A, B, C, D, poles and frequency responses, with exact
+/// derivatives.
 #[derive(Args)]
-#[command(after_help = "Example: hydroboom linearise --stroke-mm 200 --valve 0 --out lin")]
+#[command(
+    after_help = "Example: hydroboom linearise --stroke-mm 200 --motor-speed-rpm 600 --out lin"
+)]
 pub struct Linearise {
     #[command(flatten)]
     crane: CraneFile,
-    /// Piston position.
+    /// Piston position, before the crane moves.
     #[arg(long, default_value_t = 250.0)]
     stroke_mm: f64,
     /// Motor speed.
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
     motor_speed_rpm: f64,
+    /// Let the crane move for so long under the motor speed first; by default a second unless it
+    /// rests.
+    #[arg(long)]
+    settle_s: Option<f64>,
     /// 3/2 valve: 1 energised, 0 load held.
     #[arg(long, default_value_t = 1.0, value_parser = valve)]
     valve: f64,
-    /// Write A.csv, B.csv, C.csv and D.csv into this folder.
+    /// Write A, B, C and D as CSV and as crane.mat (MATLAB, Octave, SciPy), and bode.html, into this
+    /// folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
 }
+
+/// Outputs in the frequency responses: label, name, and SI units in one unit shown.
+const SHOWN: [(&str, &str, f64); 4] = [
+    ("v_cyl [mm/s]", "velocity", 1e3),
+    ("p_A [bar]", "pressure_a", 1e-5),
+    ("p_PA [bar]", "pressure_pump_a", 1e-5),
+    ("tip deflection [mm]", "tip_deflection", 1e3),
+];
 
 /// A valve position from the command line.
 pub fn valve(text: &str) -> Result<f64, String> {
@@ -45,8 +62,14 @@ impl Linearise {
     pub fn run(self) -> Result<()> {
         let description = self.crane.read()?;
         let start = description.start(self.stroke_mm * 1e-3);
-        let crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
+        let mut crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
         let input = Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
+        let settle = self.settle_s.unwrap_or(if self.motor_speed_rpm == 0.0 { 0.0 } else { 1.0 });
+        if !(0.0..=3600.0).contains(&settle) {
+            miette::bail!("--settle-s is 0 to 3600 seconds, not {settle}");
+        }
+        crane.advance(&input, (settle * 1e3).round() as u32).into_diagnostic()?;
+        let stroke_mm = crane.outputs().stroke * 1e3;
         let (a, b) = crane.jacobian(&input);
         let c = crane.output_jacobian();
         let states = crane.state_names();
@@ -80,6 +103,26 @@ impl Linearise {
                 }
                 output::file(&folder.join(format!("{name}.csv")), csv.as_bytes())?;
             }
+            let mat: Vec<Matrix<'_>> =
+                matrices.iter().map(|(name, rows, ..)| Matrix { name, rows }).collect();
+            let input = ["pump_speed_rev_s".to_string()];
+            let names =
+                [("states", &states[..]), ("outputs", &outputs[..]), ("inputs", &input[..])];
+            output::file(&folder.join("crane.mat"), &mat_file(&mat, &names))?;
+            // per rpm of motor speed
+            let shown: Vec<(&str, usize, f64)> = SHOWN
+                .iter()
+                .filter_map(|(name, output, factor)| {
+                    let row = Outputs::NAMES.iter().position(|known| known == output)?;
+                    Some((*name, row, factor / 60.0))
+                })
+                .collect();
+            let title = format!(
+                "{}: frequency responses at {:.0} mm, {:.0} rpm, valve {}",
+                description.name, stroke_mm, self.motor_speed_rpm, self.valve
+            );
+            let page = report::bode_page(&title, &a, &b, &c, &shown, &modes).into_diagnostic()?;
+            output::file(&folder.join("bode.html"), page.as_bytes())?;
         }
         if self.json {
             return output::json(&json!({
@@ -100,8 +143,9 @@ impl Linearise {
             })
             .collect();
         output::text(&format!(
-            "Poles at {:.0} mm, slowest first\n{}",
-            self.stroke_mm,
+            "Poles at {stroke_mm:.0} mm, {:.0} rpm, valve {}, slowest first\n{}",
+            self.motor_speed_rpm,
+            self.valve,
             output::table(&["real [1/s]", "imag [rad/s]", "f [Hz]", "damping"], &rows)
         ))
     }

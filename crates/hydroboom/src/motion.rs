@@ -3,15 +3,20 @@
 use crate::crane_file::{CraneFile, text};
 use crate::output;
 use clap::Args;
+use hydroboom_description::{Description, Difference};
+use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
 use hydroboom_lab::motion_test::{Row, Strategy, run};
 use hydroboom_lab::study::NOMINAL;
+use hydroboom_lab::{LabError, report};
+use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
+use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
 
 /// Tests 1 to 3: four strategies at both speeds, on a plant that may differ from the model.
 #[derive(Args)]
-#[command(after_help = "Example: hydroboom motion --plant-set payload.mass_kg=340")]
+#[command(after_help = "Example: hydroboom motion --plant-set payload.mass_kg=340 --out motion")]
 pub struct MotionTests {
     #[command(flatten)]
     crane: CraneFile,
@@ -21,6 +26,9 @@ pub struct MotionTests {
     /// Override a key of the plant only; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     plant_set: Vec<String>,
+    /// Write motion.html with figures 24 to 27 into this folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -37,7 +45,7 @@ impl MotionTests {
             let content = text(path)?;
             plant = match content.contains("[set]") {
                 true => model.overridden(&name, &content)?.0,
-                false => hydroboom_description::Description::parse(&name, &content)?,
+                false => Description::parse(&name, &content)?,
             };
         }
         for assignment in &self.plant_set {
@@ -46,33 +54,105 @@ impl MotionTests {
         if !self.plant_set.is_empty() {
             name = "changed".into();
         }
-        let changes: Vec<_> = model
-            .entries()
-            .zip(plant.entries())
-            .filter(|((_, a, _), (_, b, _))| a != b)
-            .map(|((key, a, _), (_, b, _))| (key.path(), a, b, key.unit))
-            .collect();
-
-        let mut rows = Vec::new();
+        let differences = model.differences(&plant);
+        let bar = ProgressBar::new((2 * Strategy::ALL.len() + differences.len()) as u64);
+        let effects = differences
+            .iter()
+            .map(|difference| {
+                bar.inc(1);
+                effect(&model, difference).into_diagnostic()
+            })
+            .collect::<Result<Vec<_>>>()?;
+        let mut runs = Vec::new();
         for strategy in Strategy::ALL {
             for speed in [model.numbers.slow, model.numbers.fast] {
-                let done = run(&model, &plant, strategy, speed).into_diagnostic()?;
-                rows.push(Row::of(&name, &done));
+                runs.push(run(&model, &plant, strategy, speed).into_diagnostic()?);
+                bar.inc(1);
             }
         }
+        bar.finish_and_clear();
+        let rows: Vec<Row> = runs.iter().map(|run| Row::of(&name, run)).collect();
+        if let Some(folder) = &self.out {
+            std::fs::create_dir_all(folder).into_diagnostic()?;
+            let page = report::motion_page(&model.name, &format!("plant \"{name}\""), &runs);
+            output::file(&folder.join("motion.html"), page.into_diagnostic()?.as_bytes())?;
+        }
         if self.json {
-            let changes: Vec<_> = changes
-                .iter()
-                .map(|(key, a, b, unit)| json!({"key": key, "model": a, "plant": b, "unit": unit}))
-                .collect();
-            return output::json(&json!({ "motion": rows, "plant_changes": changes }));
+            return output::json(&json!({ "motion": rows, "plant_changes": effects }));
         }
         let mut said = String::new();
-        for (key, a, b, unit) in &changes {
-            said += &format!("{key}: model {a} {unit}, plant {b} {unit}\n");
+        if !effects.is_empty() {
+            let cells: Vec<Vec<String>> = effects.iter().map(Effect::cells).collect();
+            let header = [
+                "changed key",
+                "model",
+                "plant",
+                "unit",
+                "velocity-FF RMS [mm]",
+                "p_A RMS [bar]",
+                "eigenfrequency [Hz]",
+            ];
+            said = format!(
+                "What each change does by itself, at the fast speed (model -> plant)\n{}\n\n",
+                output::table(&header, &cells)
+            );
         }
         output::text(&format!("{said}{}", table(&rows)))
     }
+}
+
+/// What one changed key does by itself.
+#[derive(Serialize)]
+struct Effect {
+    key: String,
+    model: String,
+    plant: String,
+    unit: String,
+    /// Tracking error under velocity feedforward, of the model and of the changed plant.
+    velocity_feedforward_rms_mm: [f64; 2],
+    /// RMS difference of p_A between both.
+    pressure_a_rms_bar: f64,
+    /// Locked-valve eigenfrequency without friction at mid-stroke, of both.
+    eigenfrequency_hz: [f64; 2],
+}
+
+impl Effect {
+    fn cells(&self) -> Vec<String> {
+        let [rms, changed_rms] = self.velocity_feedforward_rms_mm;
+        let [f, changed_f] = self.eigenfrequency_hz;
+        vec![
+            self.key.clone(),
+            self.model.clone(),
+            self.plant.clone(),
+            self.unit.clone(),
+            format!("{rms:.3} -> {changed_rms:.3}"),
+            format!("{:.3}", self.pressure_a_rms_bar),
+            format!("{f:.3} -> {changed_f:.3}"),
+        ]
+    }
+}
+
+/// Changes one key of the plant and compares.
+fn effect(model: &Description, difference: &Difference) -> Result<Effect, LabError> {
+    let mut plant = model.clone();
+    plant.set(&difference.assignment())?;
+    let drive = |plant| run(model, plant, Strategy::VelocityFeedforward, model.numbers.fast);
+    let (before, after) = (drive(model)?, drive(&plant)?);
+    let pairs = before.samples.iter().zip(&after.samples);
+    let square: f64 = pairs.map(|(a, b)| (a.plant.pressure_a - b.plant.pressure_a).powi(2)).sum();
+    let frequency = |description: &Description| -> Result<f64, LabError> {
+        let frictionless = without_friction(description)?;
+        Ok(locked_mode(&frictionless, 0.5 * description.numbers.stroke)?.frequency_hz)
+    };
+    Ok(Effect {
+        key: difference.key.clone(),
+        model: difference.here.clone(),
+        plant: difference.there.clone(),
+        unit: difference.unit.into(),
+        velocity_feedforward_rms_mm: [before.rms() * 1e3, after.rms() * 1e3],
+        pressure_a_rms_bar: (square / before.samples.len().max(1) as f64).sqrt() * 1e-5,
+        eigenfrequency_hz: [frequency(model)?, frequency(&plant)?],
+    })
 }
 
 /// Tables 7 to 9, "paper | here".

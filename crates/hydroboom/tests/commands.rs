@@ -125,3 +125,74 @@ fn a_recorded_input_drives_the_crane_and_the_log_names_its_units() {
     }
     assert_eq!(log.lines().count(), 302);
 }
+
+#[test]
+fn a_linearisation_leaves_matrices_and_a_figure() {
+    let folder = folder("linearised");
+    let path = folder.to_str().unwrap();
+    let done = hydroboom(&["linearise", "--motor-speed-rpm", "600", "--out", path, "--json"]);
+    let done: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    let states = done["states"].as_array().unwrap().len();
+    assert_eq!(done["A"].as_array().unwrap().len(), states);
+    for name in ["A.csv", "B.csv", "C.csv", "D.csv", "crane.mat", "bode.html"] {
+        assert!(std::fs::metadata(folder.join(name)).unwrap().len() > 0, "{name}");
+    }
+    // the first entry of the first matrix, after its header and name
+    let mat = std::fs::read(folder.join("crane.mat")).unwrap();
+    let number = f64::from_le_bytes(mat[22..30].try_into().unwrap());
+    assert_eq!(number, done["A"][0][0].as_f64().unwrap());
+}
+
+#[test]
+fn a_plant_that_differs_is_named_with_what_each_change_does() {
+    let done = hydroboom(&[
+        "motion",
+        "--plant-set",
+        "payload.mass_kg=340",
+        "--plant-set",
+        "friction.law=lugre",
+        "--json",
+    ]);
+    let done: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    let changes = done["plant_changes"].as_array().unwrap();
+    assert_eq!(changes.len(), 2);
+    assert_eq!(changes[0]["key"], "payload.mass_kg");
+    assert_eq!(changes[0]["plant"], "340");
+    let [light, heavy] = [0, 1].map(|k| changes[0]["eigenfrequency_hz"][k].as_f64().unwrap());
+    assert!(heavy < light, "{heavy} Hz with more payload, {light} Hz with less");
+    assert_eq!(done["motion"].as_array().unwrap().len(), 8);
+}
+
+#[test]
+fn results_for_machines_have_the_promised_names() {
+    let keys = |value: &serde_json::Value, wanted: &[&str]| {
+        for key in wanted {
+            assert!(value.get(key).is_some(), "no {key} in {value}");
+        }
+    };
+    let parsed = |arguments: &[&str]| -> serde_json::Value {
+        serde_json::from_slice(&hydroboom(arguments).stdout).unwrap()
+    };
+    let eigen = parsed(&["eigen", "--stroke-mm", "200", "--json"]);
+    let row = [
+        "stroke_mm",
+        "oscillation_hz",
+        "linearised_hz",
+        "paper_simulated_hz",
+        "paper_measured_hz",
+        "modes",
+    ];
+    keys(&eigen["eigenfrequency"][0], &row);
+    let folder = folder("study");
+    let study = parsed(&["study", "--json", "--out", folder.to_str().unwrap()]);
+    keys(&study["eigenfrequency"][0], &row);
+    let row =
+        ["plant", "strategy", "speed_mm_s", "rms_mm", "peak_mm", "paper_rms_mm", "paper_peak_mm"];
+    keys(&study["motion"][0], &row);
+    keys(&study["energy"], &["audits", "numerical_damping"]);
+    let report = std::fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(!report.contains("http://") || !report.contains("src=\"http"), "not self-contained");
+    for figure in ["Figure 8", "Figure 17", "Figure 24", "Figure 25", "Figure 26", "Figure 27"] {
+        assert!(report.contains(figure), "{figure}");
+    }
+}

@@ -1,6 +1,6 @@
 //! The locked-valve oscillation test of section 5.2.2, beside the linearised model.
 
-use crate::linearise::{Mode, modes};
+use crate::linearise::{Mode, mode_shape, modes};
 use crate::{LabError, paper, plant};
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme};
@@ -22,10 +22,24 @@ pub struct Row {
     pub linearised_with_friction_hz: f64,
     /// Damping ratio of the linearised mode without friction.
     pub damping_ratio: f64,
+    /// All modes of the linearised crane without friction that oscillate, slowest first.
+    pub modes: Vec<ShapedMode>,
     /// The paper's simulation.
     pub paper_simulated_hz: Option<f64>,
     /// The paper's measurement.
     pub paper_measured_hz: Option<f64>,
+}
+
+/// A mode and how the crane swings in it.
+#[derive(Clone, Debug, Serialize)]
+pub struct ShapedMode {
+    /// Eigenvalue, frequency, damping.
+    #[serde(flatten)]
+    pub mode: Mode,
+    /// Swing of each segment's angle over that of the outermost one, with its sign.
+    pub angles: Vec<f64>,
+    /// Swing of p_A for a degree of the outermost segment's angle.
+    pub pressure_a_bar_per_deg: f64,
 }
 
 /// A locked-valve oscillation in the time domain.
@@ -143,13 +157,39 @@ fn upward_crossings(time: &[f64], values: &[f64], level: f64) -> Vec<f64> {
 ///
 /// [`LabError`] when the crane has no state of rest or no oscillatory mode there.
 pub fn locked_mode(description: &Description, stroke: f64) -> Result<Mode, LabError> {
+    let modes = locked_modes(description, stroke)?;
+    modes
+        .first()
+        .map(|shaped| shaped.mode)
+        .ok_or_else(|| LabError::NoOscillation("the linearised crane does not oscillate".into()))
+}
+
+/// All oscillatory modes of the locked crane at a stroke \[m\], slowest first.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane has no state of rest or its eigenvalues cannot be computed.
+pub fn locked_modes(description: &Description, stroke: f64) -> Result<Vec<ShapedMode>, LabError> {
     let crane = locked(description, stroke, description.numbers.simulation_period)?;
     let input = Input { pump_speed: 0.0, holding_valve: 0.0 };
     let (a, _) = crane.jacobian(&input);
+    let states = crane.state_names();
+    let angles = states.iter().filter(|name| name.starts_with("angle_")).count();
+    let pressure_a = states.iter().position(|name| name == "pressure_a_pa");
+    let swinging = |mode: &Mode| mode.frequency_hz > 0.1 && mode.damping_ratio < 0.9;
     modes(&a)?
         .into_iter()
-        .find(|mode| mode.frequency_hz > 0.1 && mode.damping_ratio < 0.9)
-        .ok_or_else(|| LabError::NoOscillation("the linearised crane does not oscillate".into()))
+        .filter(swinging)
+        .map(|mode| {
+            let shape = mode_shape(&a, &mode, angles - 1)?;
+            let signed = |k: usize| shape[k].norm() * if shape[k].re < 0.0 { -1.0 } else { 1.0 };
+            Ok(ShapedMode {
+                mode,
+                angles: (0..angles).map(signed).collect(),
+                pressure_a_bar_per_deg: pressure_a.map_or(0.0, signed) * 1e-5 * 1f64.to_radians(),
+            })
+        })
+        .collect()
 }
 
 /// The test at one stroke \[m\].
@@ -166,6 +206,7 @@ pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
         let seen = oscillation(crane, stroke, drop)?;
         frequency(&seen.time, &seen.tip_y)
     };
+    let modes = locked_modes(&frictionless, stroke)?;
     let mode = locked_mode(&frictionless, stroke)?;
     let index = paper::EIGEN_STROKE_MM.iter().position(|x| (x - stroke * 1e3).abs() < 1e-6);
     Ok(Row {
@@ -175,6 +216,7 @@ pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
         linearised_hz: mode.frequency_hz,
         linearised_with_friction_hz: locked_mode(description, stroke)?.frequency_hz,
         damping_ratio: mode.damping_ratio,
+        modes,
         paper_simulated_hz: index.map(|i| paper::EIGEN_SIMULATED_HZ[i]),
         paper_measured_hz: index.map(|i| paper::EIGEN_MEASURED_HZ[i]),
     })

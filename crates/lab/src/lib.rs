@@ -8,6 +8,7 @@ pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
 pub mod linearise;
+pub mod mat_file;
 pub mod motion_test;
 pub mod numerical_damping;
 pub mod paper;

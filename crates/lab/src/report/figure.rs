@@ -29,8 +29,19 @@ pub struct Figure<'a> {
     pub y: &'a str,
     /// Lines.
     pub series: Vec<Series<'a>>,
-    /// Whether both axes are logarithmic.
-    pub logarithmic: bool,
+    /// How the axes are divided.
+    pub axes: Axes,
+}
+
+/// How a figure's axes are divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Axes {
+    /// Both evenly.
+    Linear,
+    /// Both by decades, with a dot at every point.
+    Logarithmic,
+    /// The horizontal one by decades.
+    LogarithmicX,
 }
 
 /// Mid-tone colours that can be told apart on white and on black, also without colour vision
@@ -61,7 +72,9 @@ impl Figure<'_> {
     /// [`LabError::Figure`] when there is nothing finite to draw.
     pub fn svg(&self) -> Result<String, LabError> {
         let finite = |(x, y): &(f64, f64)| {
-            x.is_finite() && y.is_finite() && (!self.logarithmic || (*x > 0.0 && *y > 0.0))
+            let x_fits = self.axes == Axes::Linear || *x > 0.0;
+            let y_fits = self.axes != Axes::Logarithmic || *y > 0.0;
+            x.is_finite() && y.is_finite() && x_fits && y_fits
         };
         let drawable =
             |line: &Series<'_>| thinned(line.points.iter().copied().filter(finite).collect());
@@ -116,7 +129,8 @@ impl Figure<'_> {
                         drawn.label(*name).legend(move |(x, y)| {
                             PathElement::new([(x, y), (x + 18 * FINE as i32, y)], style)
                         });
-                        if self.logarithmic {
+                        // dots where the points are few enough to be told apart
+                        if self.axes == Axes::Logarithmic && points.len() < 100 {
                             let dots =
                                 points.iter().map(|p| Circle::new(*p, 3 * FINE, colour.filled()));
                             chart.draw_series(dots).map_err(|e| failed(&e))?;
@@ -135,16 +149,15 @@ impl Figure<'_> {
                     }
                 }};
             }
-            if self.logarithmic {
-                draw!(
-                    (x_low * 0.8..x_high * 1.25).log_scale(),
-                    (y_low * 0.7..y_high * 1.4).log_scale()
-                );
-            } else {
-                let pad = 0.06 * (y_high - y_low).max(1e-9 * y_high.abs()).max(1e-12);
-                // room for the legend above the lines
-                let head = if series.len() > 1 { 4.0 } else { 1.0 };
-                draw!(x_low..x_high, y_low - pad..y_high + head * pad);
+            let pad = 0.06 * (y_high - y_low).max(1e-9 * y_high.abs()).max(1e-12);
+            // room for the legend above the lines
+            let head = if series.len() > 1 { 4.0 } else { 1.0 };
+            let even = y_low - pad..y_high + head * pad;
+            let decades = (x_low * 0.8..x_high * 1.25).log_scale();
+            match self.axes {
+                Axes::Logarithmic => draw!(decades, (y_low * 0.7..y_high * 1.4).log_scale()),
+                Axes::LogarithmicX => draw!(decades, even),
+                Axes::Linear => draw!(x_low..x_high, even),
             }
             area.present().map_err(|e| failed(&e))?;
         }

@@ -1,7 +1,13 @@
-//! One self-contained HTML page with the study's tables and figures.
+//! Self-contained HTML pages with tables and figures: the study's, the motion tests', the
+//! frequency responses.
 
+mod bode;
+mod document;
 mod drawing;
 mod figure;
 mod page;
+mod tracking;
 
+pub use bode::bode_page;
 pub use page::page;
+pub use tracking::motion_page;

@@ -1,29 +1,15 @@
 //! The page.
 
+use super::document::{document, figure};
 use super::drawing;
-use super::figure::{Figure, Series};
+use super::figure::{Axes, Figure, Series};
+use super::tracking::{self, over_time};
 use crate::LabError;
-use crate::motion_test::{Run, Sample, Strategy};
+use crate::motion_test::{Sample, Strategy};
 use crate::study::{NOMINAL, OFF, Study};
 use hydroboom_description::Description;
 use hydroboom_math::Real;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
-
-const STYLE: &str = "
-:root{--ink:#1c1f24;--paper:#fff;--grid:#d9dce1;--soft:#5c6470;--band:#f4f6f8}
-@media(prefers-color-scheme:dark){:root{--ink:#e6e8eb;--paper:#15181c;--grid:#3a4048;--soft:#a2a9b3;--band:#1e2329}}
-*{box-sizing:border-box}
-body{margin:0 auto;max-width:60rem;padding:2rem 1rem 4rem;background:var(--paper);color:var(--ink);
-font:16px/1.5 system-ui,sans-serif}
-h1{font-size:1.7rem;margin:.2em 0}h2{margin:2.2em 0 .4em;font-size:1.25rem;border-bottom:1px solid var(--grid)}
-h3{font-size:1.02rem;margin:1.4em 0 .2em}
-table{border-collapse:collapse;margin:.6em 0;font-variant-numeric:tabular-nums;font-size:.92rem}
-th,td{padding:.18em .7em;text-align:right;border-bottom:1px solid var(--grid)}
-th:first-child,td:first-child{text-align:left}thead th{border-bottom:2px solid var(--soft)}
-tr:nth-child(even) td{background:var(--band)}
-td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-size:.92rem}
-.wide{overflow-x:auto}small,.soft{color:var(--soft)}code{font-size:.92em}
-details{margin:.6em 0}summary{cursor:pointer}";
+use maud::{Markup, html};
 
 /// The study as one self-contained HTML page.
 ///
@@ -31,17 +17,7 @@ details{margin:.6em 0}summary{cursor:pointer}";
 ///
 /// [`LabError`] when a figure cannot be drawn.
 pub fn page(description: &Description, study: &Study) -> Result<String, LabError> {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "Hydroboom study: " (study.crane) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "Hydroboom study: " (study.crane) }
+    let body = html! {
                 p.soft {
                     "Everything below is simulated. \"Paper\" is Hagen et al., Actuators 2025, 14(2):80; "
                     "its tracking errors were measured on a real crane, of which no log is public. "
@@ -59,14 +35,8 @@ pub fn page(description: &Description, study: &Study) -> Result<String, LabError
                 (precision(study)?)
                 (oil(description)?)
                 (parameters(description))
-            }
-        }
     };
-    Ok(page.into_string())
-}
-
-fn figure(caption: &str, svg: &str) -> Markup {
-    html! { figure { (PreEscaped(svg)) figcaption { (caption) } } }
+    Ok(document(&format!("Hydroboom study: {}", study.crane), &body))
 }
 
 fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
@@ -76,7 +46,7 @@ fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
             let series = Series::list([("p_A", shown.collect())]);
             figure(
                 "Figure 17: the boom dropped onto its locked cylinder at 200 mm, with friction.",
-                &Figure { x: "time [s]", y: "p_A [bar]", series, logarithmic: false }.svg()?,
+                &Figure { x: "time [s]", y: "p_A [bar]", series, axes: Axes::Linear }.svg()?,
             )
         }
         None => html! {},
@@ -150,52 +120,11 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
             .find(|r| r.plant == plant && r.strategy == strategy && r.speed_mm_s == speed)
     };
     let fast = speeds.last().copied().unwrap_or_default();
-    let compared = [
-        (
-            "Figure 25, test 1: open loop",
-            [Strategy::VelocityFeedforward, Strategy::SimulationFeedforwardOpenLoop],
-        ),
-        (
-            "Figure 26, test 2: open-loop simulation feedforward against the benchmark",
-            [Strategy::SimulationFeedforwardOpenLoop, Strategy::BenchmarkClosedLoop],
-        ),
-        (
-            "Figure 27, test 3: closed loop",
-            [Strategy::BenchmarkClosedLoop, Strategy::SimulationFeedforwardClosedLoop],
-        ),
-    ];
-    let reference = match study.run(NOMINAL, Strategy::VelocityFeedforward, fast) {
-        Some(run) => {
-            let series = Series::list([("x_ref", over_time(run, |s| s.reference.position * 1e3))]);
-            figure(
-                &format!("Figure 24: reference at {fast:.0} mm/s."),
-                &Figure { x: "time [s]", y: "x_ref [mm]", series, logarithmic: false }.svg()?,
-            )
-        }
-        None => html! {},
-    };
-    let mut panels = Vec::new();
-    for (title, strategies) in compared {
-        let runs: Vec<&Run> = strategies.iter().filter_map(|s| study.run(OFF, *s, fast)).collect();
-        let mut positions = Vec::new();
-        let mut errors = Vec::new();
-        if let Some(run) = runs.first() {
-            let points = over_time(run, |s| s.reference.position * 1e3);
-            positions.push(Series { name: "reference", points, colour: 0 });
-        }
-        for (index, run) in runs.into_iter().enumerate() {
-            let (name, colour) = (run.strategy.name(), index + 1);
-            let points = over_time(run, |s| s.plant.stroke * 1e3);
-            positions.push(Series { name, points, colour });
-            let points = over_time(run, |s| s.error() * 1e3);
-            errors.push(Series { name, points, colour });
-        }
-        let a = Figure { x: "time [s]", y: "x_cyl [mm]", series: positions, logarithmic: false }
-            .svg()?;
-        let b = Figure { x: "time [s]", y: "x - x_ref [mm]", series: errors, logarithmic: false }
-            .svg()?;
-        panels.push((title, a, b));
-    }
+    let (off, nominal) = (
+        |strategy| study.run(OFF, strategy, fast),
+        study.run(NOMINAL, Strategy::VelocityFeedforward, fast),
+    );
+    let panels = tracking::panels(off, nominal, "off-model plant")?;
     Ok(html! {
         h2 { "Tables 7 to 9: tracking errors" }
         p.soft {
@@ -226,17 +155,8 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
             "Off the model its error grows to what pump flow and leakage make it. In closed loop the published "
             "structure damps twice, once inside the simulation and once on the real load pressure."
         }
-        (reference)
-        @for (title, a, b) in &panels {
-            h3 { (title) ", off-model plant, " (format!("{fast:.0} mm/s")) }
-            (figure("(a) Piston position.", a))
-            (figure("(b) Tracking error.", b))
-        }
+        (panels)
     })
-}
-
-fn over_time(run: &Run, value: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
-    run.samples.iter().map(|s| (s.time, value(s))).collect()
 }
 
 fn pressures(study: &Study) -> Result<Markup, LabError> {
@@ -254,8 +174,8 @@ fn pressures(study: &Study) -> Result<Markup, LabError> {
         ("p_PB", bar(|s| s.plant.pressure_pump_b)),
         ("p_acc", bar(|s| s.plant.pressure_accumulator)),
     ]);
-    let high = Figure { x: "time [s]", y: "pressure [bar]", series: high, logarithmic: false };
-    let low = Figure { x: "time [s]", y: "pressure [bar]", series: low, logarithmic: false };
+    let high = Figure { x: "time [s]", y: "pressure [bar]", series: high, axes: Axes::Linear };
+    let low = Figure { x: "time [s]", y: "pressure [bar]", series: low, axes: Axes::Linear };
     Ok(html! {
         h2 { "Pressures" }
         (figure("High-pressure side under velocity feedforward at the fast speed, nominal plant.", &high.svg()?))
@@ -314,12 +234,13 @@ fn precision(study: &Study) -> Result<Markup, LabError> {
         Series::list(["published", "implicit", "runge-kutta-4"].map(|name| (name, of(name))))
     };
     let y = "largest error of p_A [bar]";
-    let steps = Figure { x: "step [us]", y, series: series(|p| p.step_us), logarithmic: true };
+    let steps =
+        Figure { x: "step [us]", y, series: series(|p| p.step_us), axes: Axes::Logarithmic };
     let times = Figure {
         x: "computing time per simulated second [ms]",
         y,
         series: series(|p| p.time_ms_per_s),
-        logarithmic: true,
+        axes: Axes::Logarithmic,
     };
     Ok(html! {
         h2 { "Work and precision" }
@@ -341,7 +262,7 @@ fn oil(description: &Description) -> Result<Markup, LabError> {
     };
     let points = (0..=300).map(|i| f64::from(i) * 0.4).map(|p| (p, beta(p * 1e5) * 1e-6));
     let series = Series::list([("beta", points.collect())]);
-    let svg = Figure { x: "pressure [bar]", y: "bulk modulus [MPa]", series, logarithmic: false };
+    let svg = Figure { x: "pressure [bar]", y: "bulk modulus [MPa]", series, axes: Axes::Linear };
     Ok(html! { h2 { "Oil" } (figure("Figure 8: effective bulk modulus.", &svg.svg()?)) })
 }
 

@@ -1,0 +1,71 @@
+//! Frequency responses of the linearised crane.
+
+use super::document::{document, figure};
+use super::figure::{Axes, Figure, Series};
+use crate::LabError;
+use crate::linearise::{Mode, response};
+use maud::html;
+use nalgebra::DMatrix;
+
+/// Lowest and highest frequency \[Hz\], and points between them.
+const LOW: f64 = 0.05;
+const HIGH: f64 = 200.0;
+const POINTS: i32 = 600;
+
+/// A page with the responses of the chosen outputs to the motor speed, and the poles.
+///
+/// `outputs` names rows of `c` with the factor that turns SI units per rev/s into the unit shown
+/// per rpm.
+///
+/// # Errors
+///
+/// [`LabError`] when a figure cannot be drawn.
+pub fn bode_page(
+    title: &str,
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    c: &DMatrix<f64>,
+    outputs: &[(&str, usize, f64)],
+    modes: &[Mode],
+) -> Result<String, LabError> {
+    let frequencies: Vec<f64> =
+        (0..=POINTS).map(|i| LOW * (HIGH / LOW).powf(f64::from(i) / f64::from(POINTS))).collect();
+    let (mut sizes, mut phases) = (Vec::new(), Vec::new());
+    for (name, row, factor) in outputs {
+        let c_row: Vec<f64> = c.row(*row).iter().copied().collect();
+        let (mut size, mut phase) = (Vec::new(), Vec::new());
+        let mut last: Option<f64> = None;
+        for &f in &frequencies {
+            let Some(value) = response(a, b, &c_row, f) else { continue };
+            size.push((f, value.norm() * factor));
+            // without jumps of a whole turn
+            let mut angle = value.arg().to_degrees();
+            if let Some(last) = last {
+                angle -= ((angle - last) / 360.0).round() * 360.0;
+            }
+            last = Some(angle);
+            phase.push((f, angle));
+        }
+        sizes.push((*name, size));
+        phases.push((*name, phase));
+    }
+    let x = "frequency [Hz]";
+    let y = "magnitude [unit/rpm]";
+    let sizes = Figure { x, y, series: Series::list(sizes), axes: Axes::Logarithmic };
+    let y = "phase [deg]";
+    let phases = Figure { x, y, series: Series::list(phases), axes: Axes::LogarithmicX };
+    let body = html! {
+        p.soft { "From motor speed [rpm], by exact derivatives of the model at this operating point." }
+        (figure("Magnitude.", &sizes.svg()?))
+        (figure("Phase.", &phases.svg()?))
+        h2 { "Poles" }
+        div.wide { table {
+            thead { tr { th { "real [1/s]" } th { "imaginary [rad/s]" } th { "frequency [Hz]" } th { "damping ratio" } } }
+            tbody { @for mode in modes { tr {
+                td { (format!("{:.4}", mode.real)) } td { (format!("{:.4}", mode.imaginary)) }
+                td { (format!("{:.4}", mode.frequency_hz)) } td { (format!("{:.5}", mode.damping_ratio)) }
+            } } }
+        } }
+    };
+    Ok(document(title, &body))
+}

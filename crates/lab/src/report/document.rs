@@ -1,0 +1,44 @@
+//! The frame of every page: one self-contained HTML file, readable in light and dark.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+const STYLE: &str = "
+:root{--ink:#1c1f24;--paper:#fff;--grid:#d9dce1;--soft:#5c6470;--band:#f4f6f8}
+@media(prefers-color-scheme:dark){:root{--ink:#e6e8eb;--paper:#15181c;--grid:#3a4048;--soft:#a2a9b3;--band:#1e2329}}
+*{box-sizing:border-box}
+body{margin:0 auto;max-width:60rem;padding:2rem 1rem 4rem;background:var(--paper);color:var(--ink);
+font:16px/1.5 system-ui,sans-serif}
+h1{font-size:1.7rem;margin:.2em 0}h2{margin:2.2em 0 .4em;font-size:1.25rem;border-bottom:1px solid var(--grid)}
+h3{font-size:1.02rem;margin:1.4em 0 .2em}
+table{border-collapse:collapse;margin:.6em 0;font-variant-numeric:tabular-nums;font-size:.92rem}
+th,td{padding:.18em .7em;text-align:right;border-bottom:1px solid var(--grid)}
+th:first-child,td:first-child{text-align:left}thead th{border-bottom:2px solid var(--soft)}
+tr:nth-child(even) td{background:var(--band)}
+td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-size:.92rem}
+.wide{overflow-x:auto}small,.soft{color:var(--soft)}code{font-size:.92em}
+details{margin:.6em 0}summary{cursor:pointer}";
+
+/// A whole page.
+pub fn document(title: &str, body: &Markup) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (title) }
+                (body)
+            }
+        }
+    };
+    page.into_string()
+}
+
+/// A figure with its caption.
+pub fn figure(caption: &str, svg: &str) -> Markup {
+    html! { figure { (PreEscaped(svg)) figcaption { (caption) } } }
+}
