@@ -103,7 +103,10 @@ impl Description {
         let mut overrides = Vec::new();
         for (key, value) in set {
             changed.set(&format!("{key}={value}"))?;
-            overrides.push(format!("{key} = {value}"));
+            overrides.push(match value.as_float() {
+                Some(small) if small != 0.0 && small.abs() < 1e-3 => format!("{key} = {small:e}"),
+                _ => format!("{key} = {value}"),
+            });
         }
         Ok((changed, overrides))
     }

@@ -17,8 +17,10 @@ const DEEPEST_STOP: f64 = 0.02;
 pub struct Validity<M> {
     /// Every number is finite.
     pub finite: M,
-    /// Every pressure is below 1000 bar, and every cavity smaller than its node.
+    /// Every pressure is below 1000 bar.
     pub pressures: M,
+    /// Every cavity is smaller than its node.
+    pub filled: M,
     /// No joint is bent beyond ten degrees, and the first segment has not turned over.
     pub bending: M,
     /// The piston is within its stroke, or at most 20 mm into a stop.
@@ -30,8 +32,10 @@ pub struct Validity<M> {
 pub enum Invalid {
     /// A number is NaN or infinite: the integration diverged.
     NotFinite,
-    /// A pressure above 1000 bar, or a cavity larger than its node.
+    /// A pressure above 1000 bar.
     Pressure,
+    /// A cavity as large as its node.
+    Dry,
     /// A joint bent by more than ten degrees, or the boom turned over.
     Bending,
     /// The piston more than 20 mm beyond its stroke.
@@ -42,7 +46,10 @@ impl fmt::Display for Invalid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::NotFinite => "the simulation diverged: a state is no longer a finite number",
-            Self::Pressure => "a pressure rose above 1000 bar, or a node ran dry",
+            Self::Pressure => {
+                "a pressure rose above 1000 bar: no relief valve, or a piston at its stop"
+            }
+            Self::Dry => "a node ran dry: more oil was drawn from it than it holds",
             Self::Bending => "a joint of the boom bent by more than 10 degrees",
             Self::Stroke => "the piston went more than 20 mm beyond its stroke",
         })
@@ -80,7 +87,8 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let depth = (-stroke).max(stroke - self.cylinder.stroke_length);
         Validity {
             finite: sum.is_finite(),
-            pressures: highest.lt(T::lit(HIGHEST_PRESSURE)) & driest.lt(lowest),
+            pressures: highest.lt(T::lit(HIGHEST_PRESSURE)),
+            filled: driest.lt(lowest),
             bending: largest_bend.lt(T::lit(LARGEST_BEND))
                 & state.boom.angle[0].abs().lt(T::lit(core::f64::consts::PI)),
             stroke: depth.lt(T::lit(DEEPEST_STOP)),
@@ -101,6 +109,7 @@ impl Validity<bool> {
         match self {
             Self { finite: false, .. } => Err(Invalid::NotFinite),
             Self { pressures: false, .. } => Err(Invalid::Pressure),
+            Self { filled: false, .. } => Err(Invalid::Dry),
             Self { bending: false, .. } => Err(Invalid::Bending),
             Self { stroke: false, .. } => Err(Invalid::Stroke),
             _ => Ok(()),

@@ -154,8 +154,11 @@ impl Figure<'_> {
             let head = if series.len() > 1 { 4.0 } else { 1.0 };
             let even = y_low - pad..y_high + head * pad;
             let decades = (x_low * 0.8..x_high * 1.25).log_scale();
+            let log_head = if series.len() > 1 { (y_high / y_low).powf(0.3) } else { 1.4 };
             match self.axes {
-                Axes::Logarithmic => draw!(decades, (y_low * 0.7..y_high * 1.4).log_scale()),
+                Axes::Logarithmic => {
+                    draw!(decades, (y_low * 0.7..y_high * log_head.max(1.4)).log_scale())
+                }
                 Axes::LogarithmicX => draw!(decades, even),
                 Axes::Linear => draw!(x_low..x_high, even),
             }
