@@ -19,20 +19,26 @@ pub fn json(value: &serde_json::Value) -> Result<()> {
     text(&serde_json::to_string_pretty(value).into_diagnostic()?)
 }
 
-/// A table with aligned columns: the first to the left, the others to the right.
+/// A table with aligned columns: numbers to the right, the first column and words to the left.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count());
         cells.chain([header[column].chars().count()]).max().unwrap_or(0)
     };
     let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let is_number = |cell: &String| {
+        cell.is_empty() || cell.starts_with(|c: char| c.is_ascii_digit() || "+-".contains(c))
+    };
+    let to_the_left: Vec<bool> = (0..header.len())
+        .map(|column| column == 0 || !rows.iter().filter_map(|row| row.get(column)).all(is_number))
+        .collect();
     let line = |cells: &mut dyn Iterator<Item = String>| {
         let padded: Vec<String> = cells
             .zip(&widths)
             .enumerate()
-            .map(|(i, (cell, width))| match i {
-                0 => format!("{cell:<width$}"),
-                _ => format!("{cell:>width$}"),
+            .map(|(i, (cell, width))| match to_the_left[i] {
+                true => format!("{cell:<width$}"),
+                false => format!("{cell:>width$}"),
             })
             .collect();
         padded.join("  ").trim_end().to_string()

@@ -52,7 +52,8 @@ impl Show {
                 } else {
                     value.to_string()
                 };
-                vec![key.path(), value, key.unit.into(), origin.provenance.clone()]
+                let source = origin.source.clone();
+                vec![key.path(), value, key.unit.into(), origin.provenance.clone(), source]
             })
             .collect();
         rows.push(vec!["boom.segments".into(), d.segment_shares.len().to_string()]);
@@ -60,7 +61,7 @@ impl Show {
         output::text(&format!(
             "{}\n{}",
             d.name,
-            output::table(&["key", "value", "unit", "provenance"], &rows)
+            output::table(&["key", "value", "unit", "provenance", "source"], &rows)
         ))
     }
 }

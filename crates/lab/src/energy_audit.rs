@@ -2,9 +2,22 @@
 
 use crate::{LabError, plant};
 use hydroboom_description::Description;
-use hydroboom_model::energy::Power;
+use hydroboom_model::energy::{Energy, Power};
 use hydroboom_model::{Input, Scheme};
 use serde::Serialize;
+
+/// The balance so far, at one time of the cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct Balance {
+    /// Time \[s\].
+    pub time: f64,
+    /// Energy gained since the start, by form \[J\].
+    pub gained: Energy<f64>,
+    /// Work of the pump so far \[J\].
+    pub work: f64,
+    /// Losses so far \[J\].
+    pub losses: f64,
+}
 
 /// The balance over one cycle.
 #[derive(Clone, Debug, Serialize)]
@@ -27,6 +40,9 @@ pub struct Audit {
     pub relative_residual: f64,
     /// Integral of each named power \[J\].
     pub by_name_j: Vec<(String, f64)>,
+    /// The balance every 10 ms, for figures.
+    #[serde(skip)]
+    pub trace: Vec<Balance>,
 }
 
 /// Audits one fast motion cycle under velocity feedforward.
@@ -43,12 +59,29 @@ pub fn audit(description: &Description, scheme: Scheme, step: f64) -> Result<Aud
     (motion.dwell, motion.rest) = (0.5, 0.5);
     let controller = description.benchmark();
     let mut crane = plant(description, &description.start(motion.start), scheme, step)?;
-    let before = crane.energy().total();
+    let start = crane.energy();
+    let before = start.total();
+    let mut trace = Vec::new();
     let mut integral = Power::<f64>::default().to_array();
     let mut exchanged = 0.0;
     let held = (description.numbers.control_period / step).round().max(1.0);
     let periods = (motion.duration() / (held * step)).round() as u64;
+    let shown = (10e-3 / (held * step)).round().max(1.0) as u64;
     for period in 0..periods {
+        if period % shown == 0 {
+            let (now, sum) = (crane.energy().to_array(), Power::from_array(integral));
+            let pairs = now.into_iter().zip(start.to_array());
+            let mut gained = start.to_array();
+            for (gain, (now, start)) in gained.iter_mut().zip(pairs) {
+                *gain = now - start;
+            }
+            trace.push(Balance {
+                time: period as f64 * held * step,
+                gained: Energy::from_array(gained),
+                work: sum.pump,
+                losses: sum.losses(),
+            });
+        }
         let reference = motion.reference(period as f64 * held * step);
         let pump_speed = controller.velocity_feedforward(&reference);
         let input = Input { pump_speed, holding_valve: 1.0 };
@@ -78,6 +111,7 @@ pub fn audit(description: &Description, scheme: Scheme, step: f64) -> Result<Aud
         exchanged_j: exchanged,
         relative_residual: residual.abs() / exchanged,
         by_name_j: Power::NAMES.iter().map(|n| n.to_string()).zip(integral).collect(),
+        trace,
     })
 }
 

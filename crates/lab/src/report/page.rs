@@ -5,6 +5,7 @@ use super::drawing;
 use super::figure::{Axes, Figure, Series};
 use super::tracking::{self, over_time};
 use crate::LabError;
+use crate::energy_audit::Balance;
 use crate::motion_test::{Sample, Strategy};
 use crate::study::{NOMINAL, OFF, Study};
 use hydroboom_description::Description;
@@ -184,8 +185,28 @@ fn pressures(study: &Study) -> Result<Markup, LabError> {
 }
 
 fn energy(study: &Study) -> Result<Markup, LabError> {
+    let drawn = match study.energy.audits.last() {
+        Some(audit) => {
+            let over =
+                |of: fn(&Balance) -> f64| audit.trace.iter().map(|b| (b.time, of(b))).collect();
+            let series = Series::list([
+                ("pump's work", over(|b| b.work)),
+                ("losses", over(|b| b.losses)),
+                ("stored, gained", over(|b| b.gained.total())),
+                ("of it gravitational", over(|b| b.gained.gravitational)),
+            ]);
+            let y = "energy since the start [J]";
+            let svg = Figure { x: "time [s]", y, series, axes: Axes::Linear }.svg()?;
+            figure(
+                "Energy over the fast cycle: what is stored is the pump's work less the losses.",
+                &svg,
+            )
+        }
+        None => html! {},
+    };
     Ok(html! {
         h2 { "Energy" }
+        (drawn)
         p.soft {
             "One fast cycle under velocity feedforward: change of stored energy against the pump's work, all "
             "losses, and the mass defects of equations that conserve volume and not mass. "
