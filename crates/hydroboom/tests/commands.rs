@@ -89,6 +89,9 @@ fn wrong_inputs_are_refused_and_leave_nothing_behind() {
         let input = path.to_str().unwrap();
         says(&hydroboom(&["simulate", "--input", input, "--log", log_path]), reason);
     }
+    says(&hydroboom(&["simulate", "--start-mm", "900", "--log", log_path]), "0 to 500 mm, not 900");
+    says(&hydroboom(&["eigen", "--stroke-mm", "700"]), "0 to 500 mm, not 700");
+    says(&hydroboom(&["simulate", "--step-us", "1e9", "--log", log_path]), "does not fit");
     // a drive that breaks the crane
     let slam = ["simulate", "--hold-s", "10", "--motor-speed-rpm", "3000", "--log", log_path];
     says(&hydroboom(&slam), "at t =");

@@ -29,6 +29,22 @@ pub enum LabError {
         /// What is wrong, where, and what is expected.
         reason: String,
     },
+    /// A piston position the cylinder does not have.
+    #[error("the piston's stroke is 0 to {longest_mm} mm, not {asked_mm} mm")]
+    Stroke {
+        /// What was asked for.
+        asked_mm: f64,
+        /// The cylinder's stroke.
+        longest_mm: f64,
+    },
+    /// A step that does not fit the run.
+    #[error("a step of {step_us} us does not fit into a run of {duration_s} s")]
+    Step {
+        /// What was asked for.
+        step_us: f64,
+        /// Duration of the run.
+        duration_s: f64,
+    },
     /// Too little oscillation to measure.
     #[error("{0}")]
     NoOscillation(String),

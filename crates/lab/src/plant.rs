@@ -68,6 +68,10 @@ pub fn plant(
     scheme: Scheme,
     step: f64,
 ) -> Result<Box<dyn Plant>, LabError> {
+    let longest = description.numbers.stroke;
+    if !(0.0..=longest).contains(&start.stroke) {
+        return Err(LabError::Stroke { asked_mm: start.stroke * 1e3, longest_mm: longest * 1e3 });
+    }
     match description.segment_shares.len() {
         3 => sized::<3>(description, start, scheme, step),
         0..=10 => sized::<10>(description, start, scheme, step),

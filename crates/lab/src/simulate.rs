@@ -186,6 +186,9 @@ pub fn simulate(
         (Drive::Motion(_), None) => Input { pump_speed: 0.0, holding_valve: 0.0 },
     };
 
+    if settings.step > duration {
+        return Err(LabError::Step { step_us: settings.step * 1e6, duration_s: duration });
+    }
     let partial = log.map(|path| path.with_extension("csv.partial"));
     let mut writer = match &partial {
         Some(path) => {
