@@ -17,17 +17,16 @@ impl<T: Real, const N: usize> Boom<T, N> {
     #[inline(always)]
     pub fn applied_moments(&self, pose: &Pose<T, N>, state: &BoomState<T, N>) -> [T; N] {
         let n = self.len();
-        // out: what gravity and φ̇² do to each mass
+        // out: what gravity and φ̇² do to each mass; (ax, ay) is −a* of the inner joint
         let mut force = [(T::zero(), T::zero()); N];
         let (mut ax, mut ay) = (T::zero(), T::zero());
         for i in 0..n {
             let s = &self.segments[i];
             let square = state.angular_velocity[i].square();
             let (rx, ry) = pose.centre(i, s);
-            let (cx, cy) = (ax - rx * square, ay - ry * square);
-            force[i] = (-(s.mass * cx), -(s.mass * (self.gravity + cy)));
+            force[i] = (s.mass * (ax + rx * square), s.mass * (ay + ry * square - self.gravity));
             let (dx, dy) = pose.along(i, s);
-            (ax, ay) = (ax - dx * square, ay - dy * square);
+            (ax, ay) = (ax + dx * square, ay + dy * square);
         }
         // back: its moments about the inner joints
         let mut moment = self.moments_of(pose, &force);
