@@ -1,0 +1,10 @@
+//! What must hold for the assembled crane, whatever its parameters.
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+mod boom;
+mod circuit;
+mod cranes;
+mod energy;
+mod numbers;
+mod rest;
+mod stepping;
