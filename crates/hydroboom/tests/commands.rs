@@ -123,7 +123,18 @@ fn a_recorded_input_drives_the_crane_and_the_log_names_its_units() {
     assert!((0.06..0.098).contains(&stroke), "{stroke}");
     let log = std::fs::read_to_string(log).unwrap();
     let header = log.lines().next().unwrap();
-    for column in ["time_s", "motor_speed_rpm", "stroke_mm", "pressure_a_bar", "flow_to_a_l_min"] {
+    for column in [
+        "time_s",
+        "motor_speed_rpm",
+        "stroke_mm",
+        "pressure_a_bar",
+        "flow_to_a_l_min",
+        "cylinder_force_n",
+        "energy_gravitational_j",
+        "angle_3_rad",
+        "angular_velocity_1_rad_s",
+        "bristle_m",
+    ] {
         assert!(header.split(',').any(|name| name == column), "{column} in {header}");
     }
     assert_eq!(log.lines().count(), 302);

@@ -157,7 +157,11 @@ fn upward_crossings(time: &[f64], values: &[f64], level: f64) -> Vec<f64> {
 ///
 /// [`LabError`] when the crane has no state of rest or no oscillatory mode there.
 pub fn locked_mode(description: &Description, stroke: f64) -> Result<Mode, LabError> {
-    let modes = locked_modes(description, stroke)?;
+    lowest(&locked_modes(description, stroke)?)
+}
+
+/// The slowest of the modes.
+fn lowest(modes: &[ShapedMode]) -> Result<Mode, LabError> {
     modes
         .first()
         .map(|shaped| shaped.mode)
@@ -207,7 +211,7 @@ pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
         frequency(&seen.time, &seen.tip_y)
     };
     let modes = locked_modes(&frictionless, stroke)?;
-    let mode = locked_mode(&frictionless, stroke)?;
+    let mode = lowest(&modes)?;
     let index = paper::EIGEN_STROKE_MM.iter().position(|x| (x - stroke * 1e3).abs() < 1e-6);
     Ok(Row {
         stroke_mm: stroke * 1e3,

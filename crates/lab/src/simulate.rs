@@ -117,8 +117,14 @@ fn shown_unit(unit: &str) -> (&'static str, f64) {
     }
 }
 
+/// Names and values of the states that no output shows: angles, angular velocities, bristle.
+fn hidden_states(crane: &dyn Plant) -> impl Iterator<Item = (String, f64)> {
+    let named = crane.state_names().into_iter().zip(crane.state_vector());
+    named.filter(|(name, _)| name.starts_with("ang") || name.starts_with("bristle"))
+}
+
 /// Header of the log.
-fn header() -> Vec<String> {
+fn header(crane: &dyn Plant) -> Vec<String> {
     let columns = |names: &[&str], units: &[&str], prefix: &str| -> Vec<String> {
         let pairs = names.iter().zip(units);
         pairs.map(|(name, unit)| format!("{prefix}{name}_{}", shown_unit(unit).0)).collect()
@@ -129,6 +135,7 @@ fn header() -> Vec<String> {
     header.extend(
         hydroboom_model::energy::Energy::NAMES.iter().map(|name| format!("energy_{name}_j")),
     );
+    header.extend(hidden_states(crane).map(|(name, _)| name));
     header
 }
 
@@ -140,6 +147,7 @@ fn log_row(crane: &dyn Plant, input: &Input<f64>) -> Vec<f64> {
     row.extend(scaled(crane.outputs().to_array().to_vec(), &Outputs::UNITS));
     row.extend(scaled(crane.flows(input).to_array().to_vec(), &Flows::UNITS));
     row.extend(crane.energy().to_array());
+    row.extend(hidden_states(crane).map(|(_, value)| value));
     row
 }
 
@@ -195,7 +203,7 @@ pub fn simulate(
             let file = File::create(path)
                 .map_err(|error| LabError::File { path: path.display().to_string(), error })?;
             let mut writer = csv::Writer::from_writer(std::io::BufWriter::new(file));
-            writer.write_record(header()).map_err(|e| write_error(path, e))?;
+            writer.write_record(header(crane.as_ref())).map_err(|e| write_error(path, e))?;
             Some(writer)
         }
         None => None,
