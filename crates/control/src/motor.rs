@@ -21,3 +21,22 @@ impl<T: Real> MotorLimits<T> {
         wanted.clamp(now - reach, now + reach)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_in_speed_is_followed_at_the_slew_up_to_the_limit() {
+        let limits = MotorLimits { speed: 50.0, slew: 500.0 };
+        let (mut speed, mut periods) = (0.0, 0);
+        while speed < 50.0 {
+            let next: f64 = limits.follow(speed, 80.0, 1e-3);
+            assert!((next - speed - 0.5).abs() < 1e-12, "{speed} to {next}");
+            (speed, periods) = (next, periods + 1);
+        }
+        assert_eq!((speed, periods), (50.0, 100));
+        assert_eq!(limits.follow(speed, 80.0, 1e-3), 50.0);
+        assert_eq!(limits.follow(speed, -80.0, 1e-3), 49.5);
+    }
+}
