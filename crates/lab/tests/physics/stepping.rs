@@ -122,3 +122,25 @@ fn a_crane_driven_into_ruin_says_so_and_keeps_its_last_good_state() {
     let outputs = crane.outputs(simulation.state());
     assert!((0.5..0.51).contains(&outputs.stroke), "{}", outputs.stroke);
 }
+
+#[test]
+fn a_step_that_does_not_settle_is_not_kept() {
+    // full speed into an end stop and back, in steps too long for it, until one does not settle
+    let (crane, mut state) = resting::<3>(&described(&["relief.valves=fitted"]), 0.45);
+    let implicit = Implicit::new(&crane);
+    let step = 2e-3;
+    for k in 0..2000 {
+        let pump_speed = if k % 500 < 250 { 25.0 } else { -25.0 };
+        let input = Input { pump_speed, holding_valve: 1.0 };
+        let mut alone = state;
+        // the pressure that counts as settled is 0.01 bar
+        if implicit.step(&crane, &mut alone, &input, step) > 1e3 {
+            let mut simulation = Simulation::new(crane, state, Scheme::Implicit, step).unwrap();
+            simulation.advance(&input, 1).unwrap();
+            assert_ne!(*simulation.state(), alone, "kept at step {k}");
+            return;
+        }
+        state = alone;
+    }
+    panic!("every step settled: the test needs a more violent event");
+}
