@@ -9,6 +9,7 @@ mod linearise;
 mod motion;
 mod new;
 mod output;
+mod processor;
 mod show;
 mod simulate;
 mod study;
@@ -40,6 +41,7 @@ enum Command {
 }
 
 fn main() -> Result<()> {
+    processor::check();
     // paths stay whole, and a log or a pipe gets each message in one line
     let wrapped = std::io::stderr().is_terminal();
     miette::set_hook(Box::new(move |_| {

@@ -44,6 +44,9 @@ impl Real for Oracle {
     fn select(mask: bool, yes: Self, no: Self) -> Self {
         if mask { yes } else { no }
     }
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        self * factor + term
+    }
     fn sqrt(self) -> Self {
         Self(self.0.sqrt())
     }

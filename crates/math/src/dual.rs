@@ -60,9 +60,8 @@ impl<T: Real, const N: usize> Sub for Dual<T, N> {
 impl<T: Real, const N: usize> Mul for Dual<T, N> {
     type Output = Self;
     #[inline(always)]
-    #[expect(clippy::suspicious_arithmetic_impl, reason = "the product rule adds")]
     fn mul(self, b: Self) -> Self {
-        self.zip(b, self.value * b.value, |da, db| da * b.value + self.value * db)
+        self.zip(b, self.value * b.value, |da, db| da.mul_add(b.value, self.value * db))
     }
 }
 
@@ -73,7 +72,7 @@ impl<T: Real, const N: usize> Div for Dual<T, N> {
         let inverse = T::one() / b.value;
         // the value by division, so that it equals the inner number's own quotient
         let quotient = self.value / b.value;
-        self.zip(b, quotient, |da, db| (da - quotient * db) * inverse)
+        self.zip(b, quotient, |da, db| (-quotient).mul_add(db, da) * inverse)
     }
 }
 
@@ -99,6 +98,14 @@ impl<T: Real, const N: usize> Real for Dual<T, N> {
     #[inline(always)]
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
         yes.zip(no, T::select(mask, yes.value, no.value), |y, n| T::select(mask, y, n))
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        let slope = |i: usize| {
+            let rest = self.value.mul_add(factor.slope[i], term.slope[i]);
+            self.slope[i].mul_add(factor.value, rest)
+        };
+        Self { value: self.value.mul_add(factor.value, term.value), slope: from_fn(slope) }
     }
     #[inline(always)]
     fn sqrt(self) -> Self {

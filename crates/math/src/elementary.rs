@@ -52,7 +52,7 @@ fn exp_parts<T: Binary>(held: T, p: T, most: f64) -> (T, T) {
     let [c0, c1, c2, c3] = COTH.map(T::lit);
     let y = p * p;
     let y2 = y * y;
-    let q = (T::one() + y * c0) + y2 * ((c1 + y * c2) + y2 * c3);
+    let q = y2.mul_add(y2.mul_add(c3, y.mul_add(c2, c1)), y.mul_add(c0, T::one()));
     // limiting the scale costs no time; limiting x beforehand would make all else wait
     let limited = held.clamp(T::lit(T::ROUNDER - most), T::lit(T::ROUNDER + most));
     (T::power_of_two(limited), q)
@@ -62,10 +62,10 @@ fn exp_parts<T: Binary>(held: T, p: T, most: f64) -> (T, T) {
 #[inline(always)]
 pub fn exp<T: Binary>(x: T) -> T {
     let rounder = T::lit(T::ROUNDER);
-    let held = x * T::lit(core::f64::consts::LOG2_E) + rounder;
+    let held = x.mul_add(T::lit(core::f64::consts::LOG2_E), rounder);
     let k = held - rounder;
     let half = T::lit(0.5) * x;
-    let p = half - k * T::lit(0.5 * T::LN_2[0]) - k * T::lit(0.5 * T::LN_2[1]);
+    let p = k.mul_add(T::lit(-0.5 * T::LN_2[1]), k.mul_add(T::lit(-0.5 * T::LN_2[0]), half));
     let (scale, q) = exp_parts(held, p, T::LARGEST_EXPONENT);
     scale * ((q + p) / (q - p))
 }
@@ -74,14 +74,14 @@ pub fn exp<T: Binary>(x: T) -> T {
 #[inline(always)]
 pub fn tanh<T: Binary>(x: T) -> T {
     let rounder = T::lit(T::ROUNDER);
-    let held = x * T::lit(2.0 * core::f64::consts::LOG2_E) + rounder;
+    let held = x.mul_add(T::lit(2.0 * core::f64::consts::LOG2_E), rounder);
     // one constant will do: where k is large, the slope is small
-    let p = x - (held - rounder) * T::lit(0.5 * core::f64::consts::LN_2);
+    let p = (held - rounder).mul_add(T::lit(-0.5 * core::f64::consts::LN_2), x);
     // beyond 2^60 adding or subtracting one is lost, and the result is one
     let (scale, q) = exp_parts(held, p, 60.0);
     // the scale is exactly one near zero, which leaves p/q
     let (less, more) = (scale - T::one(), scale + T::one());
-    (less * q + more * p) / (more * q + less * p)
+    less.mul_add(q, more * p) / more.mul_add(q, less * p)
 }
 
 /// Natural logarithm, from the series of 2 atanh((m-1)/(m+1)).
@@ -102,9 +102,9 @@ pub fn ln<T: Binary>(x: T) -> T {
 #[inline(always)]
 pub fn sin_cos<T: Binary>(x: T) -> (T, T) {
     let rounder = T::lit(T::ROUNDER);
-    let quarters = x * T::lit(core::f64::consts::FRAC_2_PI) + rounder;
+    let quarters = x.mul_add(T::lit(core::f64::consts::FRAC_2_PI), rounder);
     let n = quarters - rounder;
-    let r = x - n * T::lit(T::FRAC_PI_2[0]) - n * T::lit(T::FRAC_PI_2[1]);
+    let r = n.mul_add(T::lit(-T::FRAC_PI_2[1]), n.mul_add(T::lit(-T::FRAC_PI_2[0]), x));
 
     // sin r = r + r³ P(r²), cos r = 1 − r²/2 + r⁴ Q(r²): P and Q meet them at six Chebyshev nodes on
     // |r| <= pi/4, which leaves errors of 1.4e-17 and 1e-18
@@ -125,15 +125,15 @@ pub fn sin_cos<T: Binary>(x: T) -> (T, T) {
         -1.138_262_364_747_460_4e-11,
     ];
     let y = r * r;
-    let sin = r + (r * y) * polynomial(&SIN, y);
-    let cos = T::one() - (T::lit(0.5) * y - (y * y) * polynomial(&COS, y));
+    let sin = (r * y).mul_add(polynomial(&SIN, y), r);
+    let cos = (y * y).mul_add(polynomial(&COS, y), T::one() - T::lit(0.5) * y);
     T::turn(quarters, sin, cos)
 }
 
 /// c0 + c1 y + c2 y^2 + ..., summed in pairs for a shorter chain of operations.
 #[inline(always)]
-fn polynomial<T: Real>(c: &[f64; 6], y: T) -> T {
-    let pair = |i: usize| T::lit(c[i]) + y * T::lit(c[i + 1]);
+fn polynomial<T: Binary>(c: &[f64; 6], y: T) -> T {
+    let pair = |i: usize| y.mul_add(T::lit(c[i + 1]), T::lit(c[i]));
     let y2 = y * y;
-    (pair(0) + y2 * pair(2)) + (y2 * y2) * pair(4)
+    y2.mul_add(y2.mul_add(pair(4), pair(2)), pair(0))
 }

@@ -6,7 +6,7 @@ use crate::{
 };
 
 macro_rules! real {
-    ($Float:ident, $sqrt:path) => {
+    ($Float:ident, $sqrt:path, $mul_add:path) => {
         impl Real for $Float {
             type Mask = bool;
 
@@ -21,6 +21,10 @@ macro_rules! real {
             #[inline(always)]
             fn select(mask: bool, yes: Self, no: Self) -> Self {
                 if mask { yes } else { no }
+            }
+            #[inline(always)]
+            fn mul_add(self, factor: Self, term: Self) -> Self {
+                $mul_add(self, factor, term)
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
@@ -45,15 +49,15 @@ macro_rules! real {
         }
     };
 }
-// both square roots are correctly rounded, so they agree to the last bit
+// roots and fused products are correctly rounded everywhere, so they agree to the last bit
 #[cfg(feature = "std")]
-real!(f64, f64::sqrt);
+real!(f64, f64::sqrt, f64::mul_add);
 #[cfg(feature = "std")]
-real!(f32, f32::sqrt);
+real!(f32, f32::sqrt, f32::mul_add);
 #[cfg(not(feature = "std"))]
-real!(f64, libm::sqrt);
+real!(f64, libm::sqrt, libm::fma);
 #[cfg(not(feature = "std"))]
-real!(f32, libm::sqrtf);
+real!(f32, libm::sqrtf, libm::fmaf);
 
 impl Binary for f64 {
     const LN_2: [f64; 2] = [0.693_147_180_369_123_8, 1.908_214_929_270_587_7e-10];

@@ -35,6 +35,8 @@ pub trait Real:
     /// `yes` where `mask` holds, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
+    /// `self * factor + term`, rounded once: one instruction, and one rounding, in place of two.
+    fn mul_add(self, factor: Self, term: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
     /// Natural exponential.

@@ -2,8 +2,8 @@
 //!
 //! A [`Kernel`] is compiled once for each instruction set and run with the best one present. What
 //! it computes does not depend on the choice: no instruction set rounds additions,
-//! multiplications, divisions or roots differently, and none of them fuses two operations unless
-//! asked to.
+//! multiplications, divisions or roots differently, and two operations are fused where the source
+//! says `mul_add` and nowhere else.
 
 /// Work to be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so
 /// must be what it calls, or the callee stays with the instructions of the default build.
@@ -41,11 +41,11 @@ fn has_avx512() -> bool {
 pub fn run<K: Kernel>(kernel: K) -> K::Output {
     #[cfg(all(target_arch = "x86_64", feature = "std"))]
     {
-        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
+        #[target_feature(enable = "fma,avx512f,avx512dq,avx512vl,avx512bw")]
         fn avx512<K: Kernel>(kernel: K) -> K::Output {
             kernel.run()
         }
-        #[target_feature(enable = "avx2")]
+        #[target_feature(enable = "avx2,fma")]
         fn avx2<K: Kernel>(kernel: K) -> K::Output {
             kernel.run()
         }

@@ -154,7 +154,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let answer = mass_matrix.solve(&self.boom, &cylinder.arm);
         let mut angular_acceleration = [T::zero(); N];
         for i in 0..self.boom.len() {
-            angular_acceleration[i] = free[i] + answer[i] * forces.cylinder;
+            angular_acceleration[i] = answer[i].mul_add(forces.cylinder, free[i]);
         }
 
         let flows = self.circuit.flows(&pressures, input.pump_speed, input.holding_valve);

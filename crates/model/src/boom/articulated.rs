@@ -49,11 +49,11 @@ impl<T: Real, const N: usize> Boom<T, N> {
             let (dx, dy) = pose.along(i, s);
             let (rx, ry) = pose.centre(i, s);
             // the paper's hat: (x, y) turned by 90 degrees is (−y, x)
-            let mut qx = axy * dx - axx * dy;
-            let mut qy = ayy * dx - axy * dy;
+            let mut qx = axy.mul_add(dx, -(axx * dy));
+            let mut qy = ayy.mul_add(dx, -(axy * dy));
             // about the inner joint; in the segment's own frame, where it does not wait for the pose
-            let own = s.inertia + s.mass * (s.centre_x.square() + s.centre_y.square());
-            let mut inertia = own + (dx * qy - dy * qx);
+            let own = s.mass.mul_add(s.centre_x.square() + s.centre_y.square(), s.inertia);
+            let mut inertia = dx.mul_add(qy, (-dy).mul_add(qx, own));
             let mut kappa = zero;
             if let Some(impedance) = impedance {
                 let passed = (share * outer.0, share * outer.1);
@@ -62,17 +62,17 @@ impl<T: Real, const N: usize> Boom<T, N> {
                 let two = T::lit(2.0);
                 inertia = inertia + two * (dx * passed.1 - dy * passed.0) + stiffening + kappa;
             }
-            let gx = qx - s.mass * ry;
-            let gy = qy + s.mass * rx;
+            let gx = (-s.mass).mul_add(ry, qx);
+            let gy = s.mass.mul_add(rx, qy);
             let inverse = T::one() / inertia;
 
             factors.inverse[i] = inverse;
             factors.coupling[i] = (gx, gy);
             factors.along[i] = (dx, dy);
 
-            axx = (axx + s.mass) - (gx * gx) * inverse;
-            axy = axy - (gx * gy) * inverse;
-            ayy = (ayy + s.mass) - (gy * gy) * inverse;
+            axx = (-gx * gx).mul_add(inverse, axx + s.mass);
+            axy = (-gx * gy).mul_add(inverse, axy);
+            ayy = (-gy * gy).mul_add(inverse, ayy + s.mass);
             if let Some(shares) = &mut factors.share {
                 shares[i] = share;
                 share = kappa * inverse;
@@ -95,14 +95,14 @@ impl<T: Real, const N: usize> Articulated<T, N> {
         let (mut bx, mut by, mut outer) = (zero, zero, zero);
         for i in (0..n).rev() {
             let (dx, dy) = self.along[i];
-            let mut total = moment[i] - (dx * by - dy * bx);
+            let mut total = dy.mul_add(bx, (-dx).mul_add(by, moment[i]));
             if let Some(share) = &self.share {
-                total = total + share[i] * outer;
+                total = share[i].mul_add(outer, total);
             }
             acceleration[i] = total;
             let scaled = total * self.inverse[i];
-            bx = bx + self.coupling[i].0 * scaled;
-            by = by + self.coupling[i].1 * scaled;
+            bx = self.coupling[i].0.mul_add(scaled, bx);
+            by = self.coupling[i].1.mul_add(scaled, by);
             outer = total;
         }
         // out: accelerations from the bearing, which rests
@@ -110,15 +110,15 @@ impl<T: Real, const N: usize> Articulated<T, N> {
         for i in 0..n {
             let (gx, gy) = self.coupling[i];
             let (dx, dy) = self.along[i];
-            let mut alpha = (acceleration[i] - (gx * ax + gy * ay)) * self.inverse[i];
+            let mut alpha = (-gx).mul_add(ax, (-gy).mul_add(ay, acceleration[i])) * self.inverse[i];
             if let Some(share) = &self.share
                 && i > 0
             {
                 // κ_i/D_i is kept with the inner neighbour
-                alpha = alpha + share[i - 1] * acceleration[i - 1];
+                alpha = share[i - 1].mul_add(acceleration[i - 1], alpha);
             }
             acceleration[i] = alpha;
-            (ax, ay) = (ax - dy * alpha, ay + dx * alpha);
+            (ax, ay) = ((-dy).mul_add(alpha, ax), dx.mul_add(alpha, ay));
         }
         acceleration
     }

@@ -24,9 +24,10 @@ impl<T: Real, const N: usize> Boom<T, N> {
             let s = &self.segments[i];
             let square = state.angular_velocity[i].square();
             let (rx, ry) = pose.centre(i, s);
-            force[i] = (s.mass * (ax + rx * square), s.mass * (ay + ry * square - self.gravity));
+            force[i] =
+                (s.mass * rx.mul_add(square, ax), s.mass * ry.mul_add(square, ay - self.gravity));
             let (dx, dy) = pose.along(i, s);
-            (ax, ay) = (ax + dx * square, ay + dy * square);
+            (ax, ay) = (dx.mul_add(square, ax), dy.mul_add(square, ay));
         }
         // back: its moments about the inner joints
         let mut moment = self.moments_of(pose, &force);
@@ -71,7 +72,8 @@ impl<T: Real, const N: usize> Boom<T, N> {
             let (rx, ry) = pose.centre(i, s);
             let (dx, dy) = pose.along(i, s);
             // (fx, fy) sums the forces beyond this segment's outer joint
-            moment[i] = rx * force[i].1 - ry * force[i].0 + dx * fy - dy * fx;
+            moment[i] =
+                rx.mul_add(force[i].1, (-ry).mul_add(force[i].0, dx.mul_add(fy, -(dy * fx))));
             (fx, fy) = (fx + force[i].0, fy + force[i].1);
         }
         moment

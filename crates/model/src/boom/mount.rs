@@ -85,7 +85,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
                 (rx, ry) = (rx + reach[i].0, ry + reach[i].1);
             }
         }
-        let square = rx.square() + ry.square();
+        let square = rx.mul_add(rx, ry.square());
         let length = square.sqrt();
         // 1/length; the division need not wait for the root
         let per_length = length * (T::one() / square);
@@ -94,7 +94,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         for i in 0..self.len() {
             if i <= mount.segment {
                 // u . (reach turned by 90 degrees), u = r/length
-                leverage[i] = ry * reach[i].0 - rx * reach[i].1;
+                leverage[i] = ry.mul_add(reach[i].0, -(rx * reach[i].1));
                 arm[i] = leverage[i] * per_length;
             }
         }

@@ -14,7 +14,7 @@ impl<T: Real, const N: usize> Pose<T, N> {
     /// A vector of segment `i`'s frame in the world's.
     #[inline(always)]
     pub(super) fn turned(&self, i: usize, x: T, y: T) -> (T, T) {
-        (x * self.cos[i] - y * self.sin[i], x * self.sin[i] + y * self.cos[i])
+        (x.mul_add(self.cos[i], -(y * self.sin[i])), x.mul_add(self.sin[i], y * self.cos[i]))
     }
 
     /// From the inner joint of segment `i` to its centre of mass \[m\].

@@ -52,7 +52,8 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
         let sign = (self.steepness * v).tanh();
         // everything that need not wait for the exponential is done before it
         let fade = (sign * -(v * self.stribeck_slope)).exp();
-        let force = (self.viscous * v + sign * self.coulomb) + (sign * self.stiction) * fade;
+        let force =
+            (sign * self.stiction).mul_add(fade, sign.mul_add(self.coulomb, self.viscous * v));
         (force, T::zero())
     }
 

@@ -44,7 +44,7 @@ impl<T: Real> Oil<T> {
         let middle = half * (self.bulk_modulus_max + self.bulk_modulus_min);
         let half_range = half * (self.bulk_modulus_max - self.bulk_modulus_min);
         let z = (pressure - self.transition_pressure) * self.transition_slope;
-        middle + half_range * z.tanh()
+        z.tanh().mul_add(half_range, middle)
     }
 
     /// Gauge pressure \[Pa\] of a node with the pressure coordinate q \[Pa\].
@@ -65,7 +65,7 @@ impl<T: Real> Oil<T> {
     #[inline(always)]
     pub fn growing_pressure_rate(&self, coordinate: T, per_volume: T, inflow: T, growth: T) -> T {
         let p = self.pressure(coordinate);
-        (self.bulk_modulus(p) * (inflow - growth) + (p - coordinate) * growth) * per_volume
+        self.bulk_modulus(p).mul_add(inflow - growth, (p - coordinate) * growth) * per_volume
     }
 
     /// Volume \[m³\] of the cavity in a node of the given volume, zero above vapour pressure.

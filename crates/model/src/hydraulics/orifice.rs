@@ -32,7 +32,7 @@ impl<T: Real> Orifice<T> {
     #[inline(always)]
     pub fn root(&self, drop: T) -> T {
         let x = (drop * self.inverse).clamp(-T::one(), T::one());
-        let core = x * (T::lit(1.25) - T::lit(0.25) * x.square());
+        let core = x * x.square().mul_add(T::lit(-0.25), T::lit(1.25));
         drop.abs().max(self.laminar_drop).sqrt() * core
     }
 }

@@ -30,17 +30,18 @@ pub fn published<T: Real, const N: usize>(
     let half_square = T::lit(0.5) * step.square();
     for i in 0..crane.boom.len() {
         let acceleration = rate.angular_acceleration[i];
-        let velocity = state.boom.angular_velocity[i] + acceleration * step;
+        let velocity = acceleration.mul_add(step, state.boom.angular_velocity[i]);
         state.boom.angular_velocity[i] = velocity;
-        state.boom.angle[i] = (state.boom.angle[i] + acceleration * half_square) + velocity * step;
+        state.boom.angle[i] =
+            velocity.mul_add(step, acceleration.mul_add(half_square, state.boom.angle[i]));
     }
 
     let nodes = &mut state.circuit.nodes;
-    nodes.pump_a = nodes.pump_a + step * rate.circuit.nodes.pump_a;
-    nodes.a = nodes.a + step * rate.circuit.nodes.a;
-    nodes.b = nodes.b + step * rate.circuit.nodes.b;
-    nodes.pump_b = nodes.pump_b + step * rate.circuit.nodes.pump_b;
-    nodes.accumulator = nodes.accumulator + step * rate.circuit.nodes.accumulator;
-    state.circuit.gas_volume = state.circuit.gas_volume + step * rate.circuit.gas_volume;
-    state.bristle = state.bristle + step * rate.bristle;
+    nodes.pump_a = step.mul_add(rate.circuit.nodes.pump_a, nodes.pump_a);
+    nodes.a = step.mul_add(rate.circuit.nodes.a, nodes.a);
+    nodes.b = step.mul_add(rate.circuit.nodes.b, nodes.b);
+    nodes.pump_b = step.mul_add(rate.circuit.nodes.pump_b, nodes.pump_b);
+    nodes.accumulator = step.mul_add(rate.circuit.nodes.accumulator, nodes.accumulator);
+    state.circuit.gas_volume = step.mul_add(rate.circuit.gas_volume, state.circuit.gas_volume);
+    state.bristle = step.mul_add(rate.bristle, state.bristle);
 }
