@@ -3,9 +3,10 @@
 use crate::Description;
 use crate::schema::{DeliveryChoice, FrictionChoice, ProfileChoice, ReliefChoice};
 use hydroboom_control::{Benchmark, HighPass, Motion, MotorLimits, Profile};
+use hydroboom_model::boom::BaseFrame;
 use hydroboom_model::hydraulics::{
     Accumulator, CheckValve, Cylinder, Delivery, EndStops, Friction, LuGre, Oil, Orifice,
-    PilotCheckValve, Pump, Stribeck,
+    PilotCheckValve, Pump, Slip, Stribeck,
 };
 use hydroboom_model::{
     Beam, Boom, Crane, EquilibriumError, Geometry, LayoutError, SelfContained, Start,
@@ -51,7 +52,10 @@ impl Description {
             shortest: n.shortest,
         };
         let mount_share = n.mount_x / n.boom_length;
-        let boom = Boom::from_beam(&beam, &geometry, &self.segment_shares, mount_share)?;
+        let mut boom = Boom::from_beam(&beam, &geometry, &self.segment_shares, mount_share)?;
+        if let Some(base) = self.base_frame() {
+            boom = boom.on_base(base)?;
+        }
 
         let stribeck_slope = 1.0 / n.stribeck_velocity;
         let friction = match self.choices.friction {
@@ -91,6 +95,8 @@ impl Description {
             volume_pump_a: n.volume_pump_a,
             volume_pump_b: n.volume_pump_b,
             internal_leakage: n.internal_leakage,
+            slip: (n.slip_at_rest + n.slip_per_speed > 0.0)
+                .then_some(Slip { at_rest: n.slip_at_rest, per_speed: n.slip_per_speed }),
             case_leakage_a: n.case_leakage_a,
             case_leakage_b: n.case_leakage_b,
             holding_valve: PilotCheckValve {
@@ -129,6 +135,30 @@ impl Description {
             friction,
             boom,
         })
+    }
+
+    /// The base frame, if it is elastic.
+    fn base_frame(&self) -> Option<BaseFrame<f64>> {
+        let n = &self.numbers;
+        (n.base_stiffness > 0.0).then_some(BaseFrame {
+            inertia: n.base_inertia,
+            stiffness: n.base_stiffness,
+            damping: 2.0 * n.base_damping * (n.base_stiffness * n.base_inertia).sqrt(),
+            slack: n.base_slack,
+        })
+    }
+
+    /// The same crane in so many equal segments, on a rigid base.
+    pub fn divided(&self, segments: usize) -> Self {
+        let mut divided = self.clone();
+        divided.segment_shares = vec![1.0; segments];
+        divided.numbers.base_stiffness = 0.0;
+        divided
+    }
+
+    /// Angles the model needs: one for each segment and one for an elastic base frame.
+    pub fn coordinates(&self) -> usize {
+        self.segment_shares.len() + usize::from(self.base_frame().is_some())
     }
 
     fn accumulator(&self) -> (Accumulator<f64>, f64) {

@@ -130,8 +130,7 @@ impl Description {
     fn unbalanced(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         // a rigid boom is enough to see it, and quick
-        let mut rigid = self.clone();
-        rigid.segment_shares = vec![1.0];
+        let rigid = self.divided(1);
         let crane = rigid.crane::<1>().ok()?;
         [0.0, 0.5, 1.0].into_iter().find_map(|share| {
             let start = rigid.start(share * n.stroke);

@@ -27,12 +27,21 @@ pub use schema::{Choices, Key, Numbers};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Origin {
     /// `printed`, `derived`, `data sheet`, `estimate`, `calibrated`, `tuned`, `measured`, or
-    /// `given` where the file does not say, `set` where the command line did.
+    /// `given` where the file does not say, `set` where the command line did, `absent` for an effect
+    /// that the file leaves out.
     pub provenance: String,
     /// Table, section, data sheet or reasoning behind it.
     pub source: String,
     /// Line of the file, counted from one.
     pub line: Option<usize>,
+}
+
+impl Origin {
+    /// Of a key that the file does not have and need not have.
+    fn absent() -> Self {
+        let source = "not in the file: a crane without this effect".into();
+        Self { provenance: "absent".into(), source, line: None }
+    }
 }
 
 /// A machine, as described by its file: numbers in SI units, choices, and the origin of each.

@@ -391,6 +391,10 @@ impl Reading<'_> {
         for (index, key) in KEYS.iter().enumerate() {
             match self.values[index] {
                 Some(value) => values[index] = value,
+                None if key.absent.is_some() => {
+                    values[index] = key.absent.map_or(0.0, |value| key.to_si(value));
+                    self.origins[index] = Origin::absent();
+                }
                 None => missing.push(format!("{} [{}]: {}", key.path(), key.unit, key.meaning)),
             }
         }

@@ -15,6 +15,9 @@ pub struct Key {
     pub low: f64,
     /// Largest value allowed, in this unit.
     pub high: f64,
+    /// Value, in this unit, where a file does not have the key: that of a crane without the effect.
+    /// Keys that have none must be given.
+    pub absent: Option<f64>,
     /// Meaning.
     pub meaning: &'static str,
 }
@@ -44,7 +47,7 @@ impl Key {
 
 macro_rules! keys {
     ($( $field:ident: $section:literal $name:literal [$unit:literal = $factor:expr]
-        $low:literal ..= $high:literal, $meaning:literal; )+) => {
+        $low:literal ..= $high:literal $(or $absent:literal)?, $meaning:literal; )+) => {
         /// One value for every numeric key.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct Numbers<T> {
@@ -59,6 +62,7 @@ macro_rules! keys {
             factor: $factor,
             low: $low,
             high: $high,
+            absent: absent!($($absent)?),
             meaning: $meaning,
         } ),+];
 
@@ -76,10 +80,23 @@ macro_rules! keys {
     };
 }
 
+macro_rules! absent {
+    () => {
+        None
+    };
+    ($value:literal) => {
+        Some($value)
+    };
+}
+
 const MM: f64 = 1e-3;
 const BAR: f64 = 1e5;
 const LITRE: f64 = 1e-3;
 const RPM: f64 = 1.0 / 60.0;
+const MS: f64 = 1e-3;
+const PERCENT: f64 = 1e-2;
+/// Degrees Celsius are kept as such: only differences count.
+const CELSIUS: f64 = 1.0;
 
 keys! {
     mount_x: "geometry" "mount_x_mm" ["mm" = MM] 1.0..=1e5, "Cylinder mount C along the straight boom, from the bearing A";
@@ -181,6 +198,49 @@ keys! {
 
     oscillation_rod_side: "oscillation" "rod_side_bar" ["bar" = BAR] -1.0..=500.0, "Rod-side pressure trapped in the locked-valve oscillation test";
     oscillation_drop: "oscillation" "drop_mm" ["mm" = MM] 0.001..=1000.0, "Height of the tip above rest from which the boom is dropped";
+
+    // what a real crane has and the published model leaves out: absent, the effect is off
+    base_stiffness: "base" "stiffness_knm_per_rad" ["kN m/rad" = 1e3] 0.0..=1e7 or 0.0, "Stiffness of the base frame against turning; 0 is rigid";
+    base_inertia: "base" "inertia_kgm2" ["kg m2" = 1.0] 0.01..=1e6 or 50.0, "Its moment of inertia about the bearing";
+    base_damping: "base" "damping_ratio" ["-" = 1.0] 0.0..=2.0 or 0.02, "Its damping ratio";
+    base_slack: "base" "slack_mrad" ["mrad" = 1e-3] 0.0..=100.0 or 0.0, "Play of bearings and pins, as an angle to either side";
+
+    slip_at_rest: "pump" "slip_l_min_per_bar" ["L/(min bar)" = 1e-3 / 60.0 / BAR] 0.0..=10.0 or 0.0, "Laminar leakage between the pump's sides at the reference temperature";
+    slip_per_speed: "pump" "slip_cm3_per_rev_bar" ["cm3/(rev bar)" = 1e-6 / BAR] 0.0..=1.0 or 0.0, "Its growth with speed";
+    torque_loss: "pump" "torque_loss_nm" ["N m" = 1.0] 0.0..=1e4 or 0.0, "Torque lost at any speed";
+    torque_loss_share: "pump" "torque_loss_percent" ["%" = PERCENT] 0.0..=100.0 or 0.0, "Torque lost, as a share of the hydraulic torque";
+    torque_loss_speed: "pump" "torque_loss_nm_per_1000rpm" ["N m/1000 rpm" = 1e-3 / RPM] 0.0..=1e3 or 0.0, "Torque lost to viscous drag at the reference temperature";
+    pistons: "pump" "pistons" ["-" = 1.0] 3.0..=31.0 or 9.0, "Number of pistons, which sets the frequency of the ripple";
+    ripple: "pump" "ripple_percent" ["%" = PERCENT] 0.0..=50.0 or 0.0, "Amplitude of the flow ripple, as a share of the flow";
+
+    drive_bandwidth: "drive" "bandwidth_hz" ["Hz" = 1.0] 0.0..=1e4 or 0.0, "Undamped frequency of the servo drive's second-order lag; 0 follows at once";
+    drive_damping: "drive" "damping_ratio" ["-" = 1.0] 0.1..=10.0 or 0.8, "Its damping ratio";
+    drive_torque: "drive" "max_torque_nm" ["N m" = 1.0] 0.1..=1e6 or 1e6, "Largest torque of the motor";
+    drive_inertia: "drive" "inertia_kgm2" ["kg m2" = 1.0] 1e-6..=1e3 or 1e-6, "Moment of inertia of motor and pump";
+
+    valve_delay: "switching_valve" "delay_ms" ["ms" = MS] 0.0..=1e4 or 0.0, "Time from the command of the 3/2 valve to its first effect";
+    pilot_line: "switching_valve" "pilot_line_ms" ["ms" = MS] 0.0..=1e4 or 0.0, "Time constant of the pilot lines filling";
+
+    oil_temperature: "temperature" "oil_c" ["C" = CELSIUS] -40.0..=120.0 or 40.0, "Oil temperature at the start";
+    reference_temperature: "temperature" "reference_c" ["C" = CELSIUS] -40.0..=120.0 or 40.0, "Oil temperature at which leakage and friction have their stated values";
+    ambient_temperature: "temperature" "ambient_c" ["C" = CELSIUS] -60.0..=80.0 or 20.0, "Temperature of the surroundings";
+    heat_capacity: "temperature" "heat_capacity_kj_per_k" ["kJ/K" = 1e3] 0.0..=1e6 or 0.0, "Heat capacity of oil and circuit; 0 keeps the oil's temperature";
+    cooling: "temperature" "cooling_w_per_k" ["W/K" = 1.0] 0.0..=1e6 or 0.0, "Heat given off for each degree above the surroundings";
+    viscosity_slope: "temperature" "viscosity_per_k" ["1/K" = 1.0] 0.0..=0.2 or 0.0, "Relative loss of viscosity with each degree";
+    air_slope: "temperature" "transition_bar_per_k" ["bar/K" = BAR] -5.0..=5.0 or 0.0, "Change of oil.transition_bar with each degree, as the oil holds less air";
+
+    position_noise: "sensors" "position_noise_mm" ["mm" = MM] 0.0..=100.0 or 0.0, "Noise of the position encoder, RMS";
+    position_resolution: "sensors" "position_resolution_mm" ["mm" = MM] 0.0..=100.0 or 0.0, "Its smallest step";
+    pressure_span: "sensors" "pressure_span_bar" ["bar" = BAR] 1.0..=1e4 or 250.0, "Span of the pressure transducers";
+    pressure_error: "sensors" "pressure_error_percent" ["%" = PERCENT] 0.0..=10.0 or 0.0, "Their constant error: half-width of the range it is drawn from, of span";
+    pressure_noise: "sensors" "pressure_noise_percent" ["%" = PERCENT] 0.0..=10.0 or 0.0, "Their noise, RMS, of span";
+    pressure_bits: "sensors" "pressure_bits" ["bit" = 1.0] 0.0..=32.0 or 0.0, "Resolution of their analogue input over the span; 0 is none";
+    sensor_bandwidth: "sensors" "bandwidth_hz" ["Hz" = 1.0] 0.0..=1e5 or 0.0, "Bandwidth of all sensors; 0 is unlimited";
+
+    fieldbus_delay: "fieldbus" "delay_cycles" ["cycles" = 1.0] 0.0..=100.0 or 0.0, "Control cycles from command to drive, and again from sensor to controller";
+
+    virtual_step: "virtual" "step_us" ["us" = 1e-6] 0.0..=5000.0 or 0.0, "Step of the implicit scheme for the virtual crane; 0 takes the published scheme at controller.simulation_period_us";
+    seed: "virtual" "seed" ["-" = 1.0] 0.0..=9e15 or 0.0, "Seed of all that is drawn: noise, and the sensors' constant errors";
 }
 
 /// The choices of a crane file.

@@ -53,8 +53,7 @@ fn best_ns(calls: usize, mut trial: impl FnMut(usize)) -> f64 {
 ///
 /// [`LabError`] when the crane has no state of rest.
 pub fn timing(description: &Description) -> Result<Timing, LabError> {
-    let mut three = description.clone();
-    three.segment_shares = vec![1.0; 3];
+    let three = description.divided(3);
     let (crane, start) = at_rest::<3>(&three)?;
     let input = Input { pump_speed: 10.0, holding_valve: 1.0 };
     let step = 50e-6;
@@ -72,8 +71,7 @@ pub fn timing(description: &Description) -> Result<Timing, LabError> {
     });
     let mut segments = Vec::new();
     for n in [3, 5, 10, 20, 50] {
-        let mut divided = description.clone();
-        divided.segment_shares = vec![1.0; n];
+        let divided = description.divided(n);
         let step_ns = match n {
             3 => implicit_ns::<3>(&divided)?,
             5 | 10 => implicit_ns::<10>(&divided)?,

@@ -185,7 +185,7 @@ pub fn locked_modes(description: &Description, stroke: f64) -> Result<Vec<Shaped
         .into_iter()
         .filter(swinging)
         .map(|mode| {
-            let shape = mode_shape(&a, &mode, angles - 1)?;
+            let shape = mode_shape(&a, &mode, description.segment_shares.len() - 1)?;
             let signed = |k: usize| shape[k].norm() * if shape[k].re < 0.0 { -1.0 } else { 1.0 };
             Ok(ShapedMode {
                 mode,

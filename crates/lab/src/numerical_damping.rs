@@ -63,8 +63,7 @@ pub fn lossless(description: &Description) -> Result<Description, LabError> {
 ///
 /// [`LabError`] when the crane has no state of rest or does not oscillate.
 pub fn numerical_damping(description: &Description) -> Result<Vec<NumericalDamping>, LabError> {
-    let mut lossless = lossless(description)?;
-    lossless.segment_shares = vec![1.0; SEGMENTS];
+    let lossless = lossless(&description.divided(SEGMENTS))?;
     let trials = [
         (Scheme::Published, 50e-6),
         (Scheme::RungeKutta4, 50e-6),

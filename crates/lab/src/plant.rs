@@ -72,10 +72,11 @@ pub fn plant(
     if !(0.0..=longest).contains(&start.stroke) {
         return Err(LabError::Stroke { asked_mm: start.stroke * 1e3, longest_mm: longest * 1e3 });
     }
-    match description.segment_shares.len() {
-        3 => sized::<3>(description, start, scheme, step),
+    match description.coordinates() {
+        3 if description.segment_shares.len() == 3 => sized::<3>(description, start, scheme, step),
         0..=10 => sized::<10>(description, start, scheme, step),
-        _ => sized::<{ hydroboom_model::MAX_SEGMENTS }>(description, start, scheme, step),
+        11 => sized::<11>(description, start, scheme, step),
+        _ => sized::<{ hydroboom_model::MAX_SEGMENTS + 1 }>(description, start, scheme, step),
     }
 }
 
@@ -179,7 +180,8 @@ impl<const N: usize> Plant for Simulation<N> {
         let crane = *self.crane();
         let mut state = *self.state();
         let before = crane.outputs(&state).stroke;
-        state.boom.angle.iter_mut().for_each(|a| *a += angle);
+        let segments = crane.boom.len();
+        state.boom.angle[..segments].iter_mut().for_each(|a| *a += angle);
         let after = crane.outputs(&state).stroke;
         // dp = -beta dV/V, in steps small enough for the stiffness to follow the pressure
         let steps = 1000;
@@ -198,9 +200,13 @@ impl<const N: usize> Plant for Simulation<N> {
     }
 
     fn state_names(&self) -> Vec<String> {
-        let n = self.crane().boom.len();
-        let angles = (1..=n).map(|i| format!("angle_{i}_rad"));
-        let velocities = (1..=n).map(|i| format!("angular_velocity_{i}_rad_s"));
+        let boom = &self.crane().boom;
+        let bodies = (0..boom.coordinates()).map(|i| match i < boom.len() {
+            true => (i + 1).to_string(),
+            false => "base".into(),
+        });
+        let angles = bodies.clone().map(|i| format!("angle_{i}_rad"));
+        let velocities = bodies.map(|i| format!("angular_velocity_{i}_rad_s"));
         let nodes = Nodes::NAMES.map(|name| format!("pressure_{name}_pa"));
         angles
             .chain(velocities)
@@ -212,7 +218,7 @@ impl<const N: usize> Plant for Simulation<N> {
 
     fn jacobian(&self, input: &Input<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
         type D = Dual<f64, 1>;
-        let n = self.crane().boom.len();
+        let n = self.crane().boom.coordinates();
         let crane = self.crane().map(&mut D::constant);
         let state = self.state().map(D::constant);
         let input = input.map(D::constant);
@@ -241,7 +247,7 @@ impl<const N: usize> Plant for Simulation<N> {
 
     fn output_jacobian(&self) -> DMatrix<f64> {
         type D = Dual<f64, 1>;
-        let n = self.crane().boom.len();
+        let n = self.crane().boom.coordinates();
         let crane = self.crane().map(&mut D::constant);
         let state = self.state().map(D::constant);
         let flat = flatten(&state, n);
@@ -258,6 +264,6 @@ impl<const N: usize> Plant for Simulation<N> {
     }
 
     fn state_vector(&self) -> Vec<f64> {
-        flatten(self.state(), self.crane().boom.len())
+        flatten(self.state(), self.crane().boom.coordinates())
     }
 }

@@ -153,7 +153,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let free = mass_matrix.solve(&self.boom, &self.boom.applied_moments(&pose, &state.boom));
         let answer = mass_matrix.solve(&self.boom, &cylinder.arm);
         let mut angular_acceleration = [T::zero(); N];
-        for i in 0..self.boom.len() {
+        for i in 0..self.boom.coordinates() {
             angular_acceleration[i] = answer[i].mul_add(forces.cylinder, free[i]);
         }
 
@@ -174,7 +174,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         force: T,
     ) -> [T; N] {
         let mut moments = self.boom.applied_moments(pose, state);
-        for i in 0..self.boom.len() {
+        for i in 0..self.boom.coordinates() {
             moments[i] = moments[i] + cylinder.arm[i] * force;
         }
         moments

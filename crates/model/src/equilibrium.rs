@@ -66,8 +66,8 @@ impl fmt::Display for EquilibriumError {
 
 impl core::error::Error for EquilibriumError {}
 
-/// One number for each angle, and the cylinder force.
-const UNKNOWNS: usize = MAX_SEGMENTS + 1;
+/// One number for each angle, the base frame's among them, and the cylinder force.
+const UNKNOWNS: usize = MAX_SEGMENTS + 2;
 
 impl<const N: usize> Crane<f64, N> {
     /// The state at rest that carries the load: boom bent under its weight, piston side at the
@@ -131,7 +131,7 @@ impl<const N: usize> Crane<f64, N> {
     /// piston stands at `stroke`. Newton's method with exact derivatives.
     fn static_balance(&self, stroke: f64) -> Result<([f64; N], f64), EquilibriumError> {
         type D = Dual<f64, 1>;
-        let n = self.boom.len();
+        let n = self.boom.coordinates();
         let boom = self.boom.map(&mut D::constant);
         let residual = |angle: &[D; N], force: D| {
             let pose = boom.pose(angle);
@@ -147,6 +147,13 @@ impl<const N: usize> Crane<f64, N> {
         };
 
         let mut angle = [self.rigid_angle(stroke)?; N];
+        if let Some(base) = self.boom.base() {
+            // the cylinder pushes: the slack is taken up on the side to which its arm points
+            let base_angle = self.boom.len();
+            angle[base_angle] = 0.0;
+            let arm = self.boom.cylinder_pose(&self.boom.pose(&angle)).arm[base_angle];
+            angle[base_angle] = base.slack.copysign(arm);
+        }
         let mut force = 0.0;
         // moments are compared with those of the weight, lengths with the cylinder's
         let weight: f64 = self.boom.segments().iter().map(|s| s.mass * self.boom.gravity).sum();

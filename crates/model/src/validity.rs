@@ -65,9 +65,9 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let n = self.boom.len();
         let mut sum = state.bristle + state.circuit.gas_volume;
         let mut largest_bend = T::zero();
-        for i in 0..n {
+        for i in 0..self.boom.coordinates() {
             sum = sum + state.boom.angle[i] + state.boom.angular_velocity[i];
-            if i > 0 {
+            if i > 0 && i < n {
                 let bend = (state.boom.angle[i] - state.boom.angle[i - 1]).abs();
                 largest_bend = largest_bend.max(bend);
             }

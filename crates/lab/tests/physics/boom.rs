@@ -1,6 +1,7 @@
 //! The boom's equations of motion and its segments.
 
 use crate::cranes::{Scatter, described, resting, scattered};
+use hydroboom_lab::eigenfrequency::locked_mode;
 use hydroboom_math::Dual;
 
 type D = Dual<f64, 1>;
@@ -59,10 +60,49 @@ fn number_of_segments_is_free_and_layouts_agree() {
     let mode = |segments: usize| {
         let crane = described(&[&format!("boom.segments={segments}")]);
         let frictionless = hydroboom_lab::eigenfrequency::without_friction(&crane).unwrap();
-        hydroboom_lab::eigenfrequency::locked_mode(&frictionless, 0.2).unwrap().frequency_hz
+        locked_mode(&frictionless, 0.2).unwrap().frequency_hz
     };
     let (three, ten, twenty, fifty) = (mode(3), mode(10), mode(20), mode(50));
     assert!((0.93..0.97).contains(&(ten / three)), "{ten} against {three}");
     assert!((twenty / ten - 1.0).abs() < 0.02, "{twenty} against {ten}");
     assert!((fifty / twenty - 1.0).abs() < 0.01, "{fifty} against {twenty}");
+}
+
+#[test]
+fn an_elastic_base_is_a_spring_in_series_with_the_cylinder() {
+    // a rigid boom on oil and base: 1/ω² = J (1/k_oil + 1/k_base), each stiffness seen by the boom.
+    // The base alone follows from a second crane, without knowing the oil
+    let overrides = |stiffness: f64| {
+        described(&[
+            "boom.segments=1",
+            "friction.coulomb_n=0",
+            "friction.stiction_n=0",
+            "friction.viscous_ns_per_m=0",
+            "base.inertia_kgm2=0.01",
+            &format!("base.stiffness_knm_per_rad={stiffness}"),
+        ])
+    };
+    let period_square = |stiffness: f64| {
+        let mode = locked_mode(&overrides(stiffness), 0.25).unwrap();
+        (1.0 / (2.0 * std::f64::consts::PI * mode.frequency_hz)).powi(2)
+    };
+    let rigid = period_square(0.0);
+    let (soft, stiff) = (period_square(3000.0) - rigid, period_square(30_000.0) - rigid);
+    assert!((soft / stiff / 10.0 - 1.0).abs() < 1e-2, "{soft} s² against {stiff} s²");
+    assert!(soft > 0.1 * rigid, "{soft} s² beside {rigid} s²");
+}
+
+#[test]
+fn play_in_the_bearings_shifts_a_loaded_boom_and_stiffens_nothing() {
+    let described =
+        |slack: &str| described(&["boom.segments=10", "base.stiffness_knm_per_rad=3000", slack]);
+    let frequency = |slack| locked_mode(&described(slack), 0.25).unwrap().frequency_hz;
+    // the load takes it up on one side
+    let (without, with) = (frequency("base.slack_mrad=0"), frequency("base.slack_mrad=0.5"));
+    assert!((with / without - 1.0).abs() < 1e-3, "{with} Hz against {without} Hz");
+    let base_angle = |slack| resting::<11>(&described(slack), 0.25).1.boom.angle[10];
+    let shifted = base_angle("base.slack_mrad=0.5") / base_angle("base.slack_mrad=0");
+    let angle = base_angle("base.slack_mrad=0");
+    let expected = 1.0 + 0.5e-3 / angle.abs();
+    assert!((shifted - expected).abs() < 1e-2 * expected, "{shifted} against {expected}");
 }

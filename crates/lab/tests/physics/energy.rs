@@ -25,12 +25,20 @@ fn every_power_has_its_energy() {
             "relief.cracking_bar=60",
             "relief.opening_bar=80",
         ],
+        &[
+            "boom.segments=10",
+            "base.stiffness_knm_per_rad=3000",
+            "base.slack_mrad=0.5",
+            "pump.slip_l_min_per_bar=0.002",
+            "pump.slip_cm3_per_rev_bar=0.0004",
+        ],
     ] {
         let description = described(overrides);
         let mut random = Scatter(7);
-        let check = |random: &mut Scatter| match description.segment_shares.len() {
+        let check = |random: &mut Scatter| match description.coordinates() {
             3 => energy_rates::<3>(&description, random),
-            _ => energy_rates::<10>(&description, random),
+            10 => energy_rates::<10>(&description, random),
+            _ => energy_rates::<11>(&description, random),
         };
         for _ in 0..40 {
             let (rate, power, size) = check(&mut random);
@@ -50,7 +58,7 @@ fn energy_rates<const N: usize>(
     let rates = crane.derivative(&state, &input);
     let dual = crane.map(&mut D::constant);
     let mut moving = state.map(D::constant);
-    for i in 0..crane.boom.len() {
+    for i in 0..crane.boom.coordinates() {
         moving.boom.angle[i].slope = [state.boom.angular_velocity[i]];
         moving.boom.angular_velocity[i].slope = [rates.angular_acceleration[i]];
     }

@@ -8,7 +8,9 @@ use hydroboom_model::Scheme;
 
 #[test]
 fn nothing_rings_at_the_start_wherever_it_is() {
-    for overrides in [&[][..], &["boom.segments=10"], &["boom.segments=1"], &["payload.mass_kg=50"]]
+    let base = ["base.stiffness_knm_per_rad=3000", "base.slack_mrad=0.5"];
+    for overrides in
+        [&[][..], &["boom.segments=10"], &["boom.segments=1"], &["payload.mass_kg=50"], &base]
     {
         let description = described(overrides);
         for stroke in [0.01, 0.25, 0.49] {

@@ -9,7 +9,8 @@
 //! Each joint may carry an impedance κ that resists the *difference* of its neighbours' angular
 //! accelerations. An implicit time step needs it, `κ = γh b_C + (γh)² k_C`, to treat the stiff
 //! bending modes without a step limit; with κ = 0 this is the plain mass matrix. The matrix solved
-//! is `M + Bᵀ κ B` with (B α)_i = α_{i+1} − α_i, symmetric and positive definite.
+//! is `M + Bᵀ κ B` with (B α)_i = α_{i+1} − α_i, symmetric and positive definite. An elastic base frame
+//! adds one line of its own, with its own impedance after those of the segments.
 
 use super::{Boom, Pose};
 use hydroboom_math::Real;
@@ -40,6 +41,11 @@ impl<T: Real, const N: usize> Boom<T, N> {
             share: impedance.map(|_| [zero; N]),
             along: [(zero, zero); N],
         };
+        // nothing couples the base frame to the segments but the cylinder's force
+        if let Some(base) = &self.base {
+            let stiffened = impedance.map_or(base.inertia, |kappa| base.inertia + kappa[n]);
+            factors.inverse[n] = T::one() / stiffened;
+        }
         // effective mass of all that lies beyond the outer joint, symmetric 2x2
         let (mut axx, mut axy, mut ayy) = (zero, zero, zero);
         // what the outer neighbour passes on: κ/D, κ (1 − κ/D), g
@@ -119,6 +125,9 @@ impl<T: Real, const N: usize> Articulated<T, N> {
             }
             acceleration[i] = alpha;
             (ax, ay) = ((-dy).mul_add(alpha, ax), dx.mul_add(alpha, ay));
+        }
+        for i in n..boom.coordinates() {
+            acceleration[i] = moment[i] * self.inverse[i];
         }
         acceleration
     }

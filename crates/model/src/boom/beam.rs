@@ -174,6 +174,6 @@ impl<T: Real, const N: usize> Boom<T, N> {
             on_base: [geometry.base_x, geometry.base_y],
             shortest: geometry.shortest,
         };
-        Ok(Self { segments, joints, count, mount, gravity: beam.gravity })
+        Ok(Self { segments, joints, count, base: None, mount, gravity: beam.gravity })
     }
 }

@@ -38,6 +38,9 @@ impl<T: Real, const N: usize> Boom<T, N> {
             moment[i] = moment[i] + torque;
             moment[i + 1] = moment[i + 1] - torque;
         }
+        if let Some(base) = &self.base {
+            moment[n] = base.moment(state.angle[n], state.angular_velocity[n]);
+        }
         moment
     }
 
@@ -58,6 +61,9 @@ impl<T: Real, const N: usize> Boom<T, N> {
         let mut moment = self.moments_of(pose, &force);
         for i in 0..n {
             moment[i] = moment[i] + self.segments[i].inertia * acceleration[i];
+        }
+        if let Some(base) = &self.base {
+            moment[n] = base.inertia * acceleration[n];
         }
         moment
     }

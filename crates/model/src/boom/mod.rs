@@ -1,12 +1,14 @@
 //! The flexible boom: rigid segments joined by elastic hinges (section 3.2).
 
 mod articulated;
+mod base;
 mod beam;
 mod forces;
 mod mount;
 mod pose;
 
 pub use articulated::Articulated;
+pub use base::BaseFrame;
 pub use beam::{Beam, Geometry, LayoutError};
 pub use mount::{CylinderPose, Mount};
 pub use pose::Pose;
@@ -60,13 +62,15 @@ pub struct Boom<T, const N: usize> {
     /// Joint i is the one between segments i and i + 1; the last one is not used.
     joints: [Joint<T>; N],
     count: usize,
+    /// The base frame, where it is not rigid; the published model's is.
+    base: Option<BaseFrame<T>>,
     /// Where the cylinder holds it.
     pub mount: Mount<T>,
     /// Acceleration of gravity, downwards \[m/s²\].
     pub gravity: T,
 }
 
-/// Angles and angular velocities of the segments.
+/// Angles and angular velocities of the segments, then of the base frame if it is elastic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoomState<T, const N: usize> {
     /// Absolute angles, phi \[rad\].
@@ -80,6 +84,36 @@ impl<T, const N: usize> Boom<T, N> {
     #[inline(always)]
     pub fn len(&self) -> usize {
         if N <= EXACT { N } else { self.count.min(N) }
+    }
+
+    /// Number of angles: one for each segment, and one for an elastic base frame after them.
+    #[inline(always)]
+    pub fn coordinates(&self) -> usize {
+        if N <= EXACT { N } else { (self.count + usize::from(self.base.is_some())).min(N) }
+    }
+
+    /// Whether the coordinate is the base frame's.
+    #[inline(always)]
+    pub(crate) fn is_base(&self, coordinate: usize) -> bool {
+        N > EXACT && coordinate == self.len()
+    }
+
+    /// The base frame, if it is elastic.
+    pub fn base(&self) -> Option<&BaseFrame<T>> {
+        self.base.as_ref()
+    }
+
+    /// The same boom on an elastic base frame.
+    ///
+    /// # Errors
+    ///
+    /// [`LayoutError::Count`] when the boom's type has no room for one more coordinate; those of
+    /// up to three segments never have.
+    pub fn on_base(self, base: BaseFrame<T>) -> Result<Self, LayoutError> {
+        if N <= EXACT || self.count >= N {
+            return Err(LayoutError::Count { asked: self.count + 1, most: N });
+        }
+        Ok(Self { base: Some(base), ..self })
     }
 
     /// Always false: a boom has at least one segment.
@@ -103,6 +137,7 @@ impl<T, const N: usize> Boom<T, N> {
             segments: self.segments.map(|segment| segment.map(&mut *f)),
             joints: self.joints.map(|joint| joint.map(&mut *f)),
             count: self.count,
+            base: self.base.map(|base| base.map(&mut *f)),
             mount: self.mount.map(f),
             gravity: f(self.gravity),
         }
@@ -124,6 +159,10 @@ impl<T: Real, const N: usize> Boom<T, N> {
             let (dx, dy) = pose.along(i, s);
             (vx, vy) = (vx - dy * omega, vy + dx * omega);
         }
+        if let Some(base) = &self.base {
+            let omega = state.angular_velocity[self.len()];
+            energy = energy + T::lit(0.5) * base.inertia * omega.square();
+        }
         energy
     }
 
@@ -139,22 +178,28 @@ impl<T: Real, const N: usize> Boom<T, N> {
         energy
     }
 
-    /// Energy stored in the bent joints \[J\].
+    /// Energy stored in the bent joints and the base frame \[J\].
     pub fn elastic_energy(&self, state: &BoomState<T, N>) -> T {
         let mut energy = T::zero();
         for i in 0..self.len() - 1 {
             let bend = state.angle[i + 1] - state.angle[i];
             energy = energy + T::lit(0.5) * self.joints[i].stiffness * bend.square();
         }
+        if let Some(base) = &self.base {
+            energy = energy + base.elastic_energy(state.angle[self.len()]);
+        }
         energy
     }
 
-    /// Power lost in the joints' dampers \[W\].
+    /// Power lost in the dampers of joints and base frame \[W\].
     pub fn damping_loss(&self, state: &BoomState<T, N>) -> T {
         let mut power = T::zero();
         for i in 0..self.len() - 1 {
             let rate = state.angular_velocity[i + 1] - state.angular_velocity[i];
             power = power + self.joints[i].damping * rate.square();
+        }
+        if let Some(base) = &self.base {
+            power = power + base.damping * state.angular_velocity[self.len()].square();
         }
         power
     }

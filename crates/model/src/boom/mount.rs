@@ -46,8 +46,8 @@ impl<T: Real, const N: usize> CylinderPose<T, N> {
     #[inline(always)]
     pub fn velocity(&self, boom: &Boom<T, N>, angular_velocity: &[T; N]) -> T {
         let mut velocity = T::zero();
-        for i in 0..boom.len() {
-            if i <= boom.mount.segment {
+        for i in 0..boom.coordinates() {
+            if i <= boom.mount.segment || boom.is_base(i) {
                 velocity = velocity + self.leverage[i] * angular_velocity[i];
             }
         }
@@ -72,9 +72,17 @@ impl<T: Real, const N: usize> Boom<T, N> {
     #[inline(always)]
     pub fn cylinder_pose(&self, pose: &Pose<T, N>) -> CylinderPose<T, N> {
         let mount = &self.mount;
-        let (mut rx, mut ry) = (-mount.on_base[0], -mount.on_base[1]);
+        let [bx, by] = mount.on_base;
+        let (mut rx, mut ry) = match self.base {
+            // the foot turns with its frame
+            Some(_) => pose.turned(self.len(), -bx, -by),
+            None => (-bx, -by),
+        };
         // each segment's contribution to the mount's position; its arm once the direction is known
         let mut reach = [(T::zero(), T::zero()); N];
+        if self.base.is_some() && self.coordinates() > self.len() {
+            reach[self.len()] = (rx, ry);
+        }
         for i in 0..self.len() {
             if i <= mount.segment {
                 reach[i] = if i == mount.segment {
@@ -91,8 +99,8 @@ impl<T: Real, const N: usize> Boom<T, N> {
         let per_length = length * (T::one() / square);
         let mut leverage = [T::zero(); N];
         let mut arm = [T::zero(); N];
-        for i in 0..self.len() {
-            if i <= mount.segment {
+        for i in 0..self.coordinates() {
+            if i <= mount.segment || self.is_base(i) {
                 // u . (reach turned by 90 degrees), u = r/length
                 leverage[i] = ry.mul_add(reach[i].0, -(rx * reach[i].1));
                 arm[i] = leverage[i] * per_length;

@@ -3,7 +3,7 @@
 use super::{Boom, Segment};
 use hydroboom_math::Real;
 
-/// Sines and cosines of the segments' absolute angles.
+/// Sines and cosines of the segments' absolute angles, and of the base frame's.
 #[derive(Clone, Copy, Debug)]
 pub struct Pose<T, const N: usize> {
     sin: [T; N],
@@ -38,7 +38,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         let mut turn = |i: usize| (pose.sin[i], pose.cos[i]) = angle[i].sin_cos();
         // written out for the short booms: left to the compiler, a loop over so large a body is
         // vectorised across segments instead of across lanes, at twice the time
-        let n = self.len();
+        let n = self.coordinates();
         if n > 0 {
             turn(0);
         }

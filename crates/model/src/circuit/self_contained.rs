@@ -2,7 +2,7 @@
 //! (section 3.1, appendix A.1, figures 3 and 6).
 
 use crate::hydraulics::{
-    Accumulator, CheckValve, Cylinder, Oil, Orifice, PilotCheckValve, Pump, in_series,
+    Accumulator, CheckValve, Cylinder, Oil, Orifice, PilotCheckValve, Pump, Slip, in_series,
     three_in_series,
 };
 use hydroboom_math::{Real, record};
@@ -95,6 +95,9 @@ pub struct SelfContained<T> {
     pub volume_pump_b: T,
     /// Leakage between the pump's sides, K_V,int \[m³/(s·√Pa)\].
     pub internal_leakage: T,
+    /// Leakage between the pump's sides beyond that, in proportion to pressure; the published model
+    /// has none.
+    pub slip: Option<Slip<T>>,
     /// Case drain of side A, K_V,extA \[m³/(s·√Pa)\].
     pub case_leakage_a: T,
     /// Case drain of side B, K_V,extB \[m³/(s·√Pa)\].
@@ -140,7 +143,10 @@ impl<T: Real> SelfContained<T> {
         let out_of_b = self.orifice.root(p.b - p.pump_b);
 
         // (A1) to (A3)
-        let internal_leakage = self.internal_leakage * across_pump;
+        let mut internal_leakage = self.internal_leakage * across_pump;
+        if let Some(slip) = &self.slip {
+            internal_leakage = internal_leakage + slip.flow(p.pump_a - p.pump_b, speed);
+        }
         let case_leakage_a = self.case_leakage_a * a_to_accumulator;
         let case_leakage_b = self.case_leakage_b * b_to_accumulator;
 
@@ -269,6 +275,7 @@ impl<T> SelfContained<T> {
             volume_pump_a: f(self.volume_pump_a),
             volume_pump_b: f(self.volume_pump_b),
             internal_leakage: f(self.internal_leakage),
+            slip: self.slip.map(|slip| slip.map(&mut *f)),
             case_leakage_a: f(self.case_leakage_a),
             case_leakage_b: f(self.case_leakage_b),
             holding_valve: self.holding_valve.map(f),

@@ -13,5 +13,5 @@ pub use cylinder::{Cylinder, EndStops};
 pub use friction::{Friction, FrictionLaw, LuGre, Stribeck};
 pub use oil::Oil;
 pub use orifice::{Orifice, in_series, three_in_series};
-pub use pump::{Delivery, Pump};
+pub use pump::{Delivery, Pump, Slip};
 pub use valve::{CheckValve, PilotCheckValve};

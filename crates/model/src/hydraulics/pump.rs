@@ -1,7 +1,7 @@
 //! The axial piston machine.
 
 use super::Oil;
-use hydroboom_math::Real;
+use hydroboom_math::{Real, record};
 
 /// How much of the displaced volume arrives on side A, where the oil is compressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +14,34 @@ pub enum Delivery<T> {
     /// From the pressures at every step: k_flow = exp(−∫dp/β) from p_PB to p_PA, the volume that
     /// a unit of oil taken in at p_PB has left at p_PA.
     Computed,
+}
+
+record! {
+    /// Leakage through the gaps of a pump beyond its published orifice: laminar, hence proportional
+    /// to pressure, and growing with speed as the kidney-shaped ports trap and pass oil.
+    ///
+    /// ```text
+    /// Q_slip = (c_0 + c_n |n|) Δp
+    /// ```
+    ///
+    /// Equation: the usual one for axial piston machines (Wilson's model, with a share that grows
+    /// with speed).
+    pub struct Slip<T> {
+        /// At rest, c_0
+        #[unit = "m³/(s·Pa)"]
+        pub at_rest: T,
+        /// For each revolution per second, c_n
+        #[unit = "m³/(rev·Pa)"]
+        pub per_speed: T,
+    }
+}
+
+impl<T: Real> Slip<T> {
+    /// Flow \[m³/s\] that a pressure drop \[Pa\] drives through the pump at a speed \[rev/s\].
+    #[inline(always)]
+    pub fn flow(&self, drop: T, speed: T) -> T {
+        (self.at_rest + self.per_speed * speed.abs()) * drop
+    }
 }
 
 /// A fixed-displacement pump, driven in both directions.

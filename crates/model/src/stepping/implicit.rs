@@ -91,6 +91,9 @@ impl<T: Real> Implicit<T> {
         for (entry, joint) in impedance.iter_mut().zip(crane.boom.joints()) {
             *entry = gh * (joint.damping + gh * joint.stiffness);
         }
+        if let Some(base) = crane.boom.base() {
+            impedance[crane.boom.len()] = gh * (base.damping + gh * base.stiffness);
+        }
         let (first, left) = self.stage(crane, state, state, input, gh, &impedance);
         // u + (1 − γ)h f(Y1), where γh f(Y1) = Y1 − u
         let share = T::lit((1.0 - GAMMA) / GAMMA);
@@ -112,7 +115,7 @@ impl<T: Real> Implicit<T> {
         gh: T,
         impedance: &[T; N],
     ) -> (CraneState<T, N>, T) {
-        let n = crane.boom.len();
+        let n = crane.boom.coordinates();
         let mut y = *guess;
         let mut left = T::zero();
         for i in 0..n {
@@ -137,7 +140,7 @@ impl<T: Real> Implicit<T> {
         impedance: &[T; N],
     ) -> T {
         let boom = &crane.boom;
-        let n = boom.len();
+        let n = boom.coordinates();
         let pose = boom.pose(&y.boom.angle);
         let cylinder = boom.cylinder_pose(&pose);
         let velocity = cylinder.velocity(boom, &y.boom.angular_velocity);
@@ -242,7 +245,7 @@ fn beyond<T: Real, const N: usize>(
 ) -> CraneState<T, N> {
     let along = |a: T, b: T| a + share * (b - a);
     let mut state = *from;
-    for i in 0..crane.boom.len() {
+    for i in 0..crane.boom.coordinates() {
         state.boom.angle[i] = along(from.boom.angle[i], to.boom.angle[i]);
         state.boom.angular_velocity[i] =
             along(from.boom.angular_velocity[i], to.boom.angular_velocity[i]);

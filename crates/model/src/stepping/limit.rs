@@ -34,7 +34,7 @@ impl<const N: usize> Crane<f64, N> {
     /// `c = β (1/V_1 + 1/V_2)`.
     pub fn step_limit(&self, state: &CraneState<f64, N>) -> StepLimit {
         let boom = &self.boom;
-        let n = boom.len();
+        let (segments, n) = (boom.len(), boom.coordinates());
         let pose = boom.pose(&state.boom.angle);
         let cylinder = boom.cylinder_pose(&pose);
         let factors = boom.articulated(&pose, None);
@@ -60,10 +60,13 @@ impl<const N: usize> Crane<f64, N> {
             let push = stiffness * cylinder.velocity(boom, &mode);
             for i in 0..n {
                 moments[i] += cylinder.arm[i] * push;
-                if i + 1 < n {
+                if i + 1 < segments {
                     let torque = boom.joints()[i].stiffness * (mode[i + 1] - mode[i]);
                     moments[i] -= torque;
                     moments[i + 1] += torque;
+                }
+                if let Some(base) = boom.base().filter(|_| i == segments) {
+                    moments[i] += base.stiffness * mode[i];
                 }
             }
             mode = factors.solve(boom, &moments);

@@ -28,7 +28,7 @@ pub fn published<T: Real, const N: usize>(
     let rate = crane.derivative(state, input);
 
     let half_square = T::lit(0.5) * step.square();
-    for i in 0..crane.boom.len() {
+    for i in 0..crane.boom.coordinates() {
         let acceleration = rate.angular_acceleration[i];
         let velocity = acceleration.mul_add(step, state.boom.angular_velocity[i]);
         state.boom.angular_velocity[i] = velocity;

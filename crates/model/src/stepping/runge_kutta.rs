@@ -39,7 +39,7 @@ fn moved<T: Real, const N: usize>(
     time: T,
 ) -> CraneState<T, N> {
     let mut to = *from;
-    for i in 0..crane.boom.len() {
+    for i in 0..crane.boom.coordinates() {
         to.boom.angle[i] = from.boom.angle[i] + time * at.boom.angular_velocity[i];
         to.boom.angular_velocity[i] =
             from.boom.angular_velocity[i] + time * rate.angular_acceleration[i];
