@@ -106,7 +106,7 @@ fn locked(
     let mut start = description.start(stroke);
     start.rod_side_pressure = description.numbers.oscillation_rod_side;
     start.preloaded = false;
-    plant(description, &start, Scheme::Published, step)
+    Ok(plant(description, &start, Scheme::Published, step)?)
 }
 
 /// Frequency \[Hz\] of an oscillation, n/Δt between its first and last upward crossing of the mean

@@ -2,6 +2,7 @@
 
 use hydroboom_description::{BuildError, DescriptionError};
 use hydroboom_model::SimulationError;
+use hydroboom_plant::PlantError;
 use thiserror::Error;
 
 /// Why an experiment has no result.
@@ -29,14 +30,9 @@ pub enum LabError {
         /// What is wrong, where, and what is expected.
         reason: String,
     },
-    /// A piston position the cylinder does not have.
-    #[error("the piston's stroke is 0 to {longest_mm} mm, not {asked_mm} mm")]
-    Stroke {
-        /// What was asked for.
-        asked_mm: f64,
-        /// The cylinder's stroke.
-        longest_mm: f64,
-    },
+    /// There is no such crane.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
     /// A step that does not fit the run.
     #[error("a step of {step_us} us does not fit into a run of {duration_s} s")]
     Step {

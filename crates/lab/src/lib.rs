@@ -12,11 +12,10 @@ pub mod mat_file;
 pub mod motion_test;
 pub mod numerical_damping;
 pub mod paper;
-mod plant;
 pub mod report;
 pub mod simulate;
 pub mod study;
 pub mod work_precision;
 
 pub use error::LabError;
-pub use plant::{Plant, plant};
+pub use hydroboom_plant::{Plant, plant};

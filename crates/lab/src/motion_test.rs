@@ -4,7 +4,8 @@
 use crate::{LabError, Plant, paper, plant};
 use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Motion, Reference};
 use hydroboom_description::Description;
-use hydroboom_model::{Input, Outputs, Scheme};
+use hydroboom_model::{Input, Outputs, Scheme, SimulationError};
+use hydroboom_virtual_crane::{Command, Reading, VirtualCrane};
 use serde::Serialize;
 
 /// How the motor's speed is found.
@@ -56,16 +57,18 @@ pub struct Sample {
     pub time: f64,
     /// Where the piston should be.
     pub reference: Reference<f64>,
-    /// The plant.
+    /// What the controller sees of the plant.
+    pub reading: Reading<f64>,
+    /// The plant itself.
     pub plant: Outputs<f64>,
     /// Motor speed sent to the plant \[rev/s\].
     pub motor_speed: f64,
 }
 
 impl Sample {
-    /// Tracking error x − x_ref \[m\].
+    /// Tracking error x − x_ref \[m\], as the controller sees it.
     pub fn error(&self) -> f64 {
-        self.plant.stroke - self.reference.position
+        self.reading.stroke - self.reference.position
     }
 }
 
@@ -135,55 +138,50 @@ impl Row {
     }
 }
 
-/// A crane under the benchmark controller: the real one, or the simulated one beside it.
-struct Controlled {
+/// The simulated crane beside the machine, under the benchmark controller.
+struct Simulated {
     plant: Box<dyn Plant>,
     controller: Benchmark<f64>,
     memory: BenchmarkMemory<f64>,
     motor: f64,
+    /// Steps in a control period.
+    count: u32,
 }
 
-impl Controlled {
+impl Simulated {
     fn new(
-        description: &Description,
+        model: &Description,
         controller: Benchmark<f64>,
         motion: &Motion<f64>,
     ) -> Result<Self, LabError> {
-        let step = description.numbers.simulation_period;
-        let plant = plant(description, &description.start(motion.start), Scheme::Published, step)?;
-        let mut controlled = Self {
-            plant,
-            controller,
-            memory: BenchmarkMemory { integral: 0.0, low_passed: 0.0 },
-            motor: 0.0,
-        };
-        controlled.memory = controller.start(&controlled.measured());
-        Ok(controlled)
+        let step = model.numbers.simulation_period;
+        let plant = plant(model, &model.start(motion.start), Scheme::Published, step)?;
+        let count = (controller.period / step).round() as u32;
+        let memory = controller.start(&measured(plant.as_ref()));
+        Ok(Self { plant, controller, memory, motor: 0.0, count })
     }
 
-    fn measured(&self) -> Measured<f64> {
-        Measured { stroke: self.plant.outputs().stroke, load_pressure: self.plant.load_pressure() }
-    }
-
-    fn closed_loop(&mut self, reference: &Reference<f64>, feedforward: f64) -> f64 {
-        let measured = self.measured();
-        self.controller.update(&mut self.memory, reference, &measured, feedforward)
-    }
-
-    /// One control period with the motor asked for `wanted` \[rev/s\]; its speed.
-    fn advance(&mut self, wanted: f64, count: u32, during: &str) -> Result<f64, LabError> {
+    /// The speed \[rev/s\] that the controller gives the simulated crane, which moves on with it.
+    fn advance(&mut self, reference: &Reference<f64>) -> Result<f64, SimulationError> {
         let controller = &self.controller;
+        let feedforward = controller.velocity_feedforward(reference);
+        let seen = measured(self.plant.as_ref());
+        let wanted = controller.update(&mut self.memory, reference, &seen, feedforward);
         self.motor = controller.limits.follow(self.motor, wanted, controller.period);
         let input = Input { pump_speed: self.motor, holding_valve: 1.0 };
-        self.plant.advance(&input, count).map_err(LabError::during(during))?;
+        self.plant.advance(&input, self.count)?;
         Ok(self.motor)
     }
+}
+
+fn measured(plant: &dyn Plant) -> Measured<f64> {
+    Measured { stroke: plant.outputs().stroke, load_pressure: plant.load_pressure() }
 }
 
 /// Runs one strategy: controllers every control period, cranes every simulation period.
 ///
 /// The controller, and the simulation beside the machine, know the `model` only; what they steer
-/// is the `plant`.
+/// is the `plant`, seen through its sensors.
 ///
 /// # Errors
 ///
@@ -196,13 +194,13 @@ pub fn run(
 ) -> Result<Run, LabError> {
     let motion = model.motion(speed);
     let controller = model.benchmark();
-    let mut real = Controlled::new(plant, controller, &motion)?;
+    let mut real = VirtualCrane::new(plant, &plant.start(motion.start))?;
+    let mut memory = controller.start(&real.measured());
     let mut simulated = match strategy.simulates() {
-        true => Some(Controlled::new(model, controller, &motion)?),
+        true => Some(Simulated::new(model, controller, &motion)?),
         false => None,
     };
     let period = controller.period;
-    let count = (period / model.numbers.simulation_period).round() as u32;
     let periods = (motion.duration() / period).round() as u64;
     let during = format!("{} at {:.0} mm/s", strategy.name(), speed * 1e3);
 
@@ -210,23 +208,27 @@ pub fn run(
     for k in 0..=periods {
         let time = k as f64 * period;
         let reference = motion.reference(time);
-        let outputs = real.plant.outputs();
-
-        let velocity_feedforward = controller.velocity_feedforward(&reference);
         let feedforward = match &mut simulated {
-            Some(crane) => {
-                let wanted = crane.closed_loop(&reference, velocity_feedforward);
-                crane.advance(wanted, count, &format!("{during}, the simulated crane"))?
-            }
-            None => velocity_feedforward,
+            Some(crane) => crane
+                .advance(&reference)
+                .map_err(LabError::during(&format!("{during}, the simulated crane")))?,
+            None => controller.velocity_feedforward(&reference),
         };
         let wanted = match strategy.measures() {
-            true => real.closed_loop(&reference, feedforward),
+            true => controller.update(&mut memory, &reference, &real.measured(), feedforward),
             false => feedforward,
         };
-        samples.push(Sample { time, reference, plant: outputs, motor_speed: real.motor });
+        let truth = real.truth();
+        samples.push(Sample {
+            time,
+            reference,
+            reading: real.reading(),
+            plant: truth.outputs,
+            motor_speed: truth.motor_speed,
+        });
         if k < periods {
-            real.advance(wanted, count, &during)?;
+            let command = Command { motor_speed: wanted, holding_valve: 1.0 };
+            real.advance(&command).map_err(LabError::during(&during))?;
         }
     }
     Ok(Run { strategy, speed, samples })

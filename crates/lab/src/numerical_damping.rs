@@ -8,12 +8,12 @@
 use crate::eigenfrequency::without_friction;
 use crate::energy_audit::scheme_name;
 use crate::linearise::{eigenvalues, modes};
-use crate::plant::{flatten, unflatten};
 use crate::{LabError, plant};
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::Dual;
 use hydroboom_model::stepping::{Implicit, published, runge_kutta_4};
 use hydroboom_model::{Input, Scheme, Start};
+use hydroboom_plant::{flatten, unflatten};
 use nalgebra::{Complex, DMatrix};
 use serde::Serialize;
 

@@ -214,6 +214,14 @@ impl<const N: usize> Simulation<N> {
         Ok(())
     }
 
+    /// Goes on with other parameters: oil that has warmed, say. Step and substeps stay.
+    pub fn set_crane(&mut self, crane: Crane<f64, N>) {
+        self.crane = crane;
+        if let Stepper::Implicit(scheme) = &mut self.stepper {
+            *scheme = Implicit::new(&self.crane);
+        }
+    }
+
     /// Step limit of the published scheme at the present state.
     pub fn step_limit(&self) -> StepLimit {
         self.crane.step_limit(&self.state)

@@ -1,6 +1,5 @@
-//! A simulated crane of any number of segments, behind one interface.
+//! The interface, and the crane behind it.
 
-use crate::LabError;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::Dual;
 use hydroboom_model::energy::{Energy, Power};
@@ -9,6 +8,26 @@ use hydroboom_model::{
     Start, StepLimit,
 };
 use nalgebra::DMatrix;
+use thiserror::Error;
+
+/// Why there is no such crane.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum PlantError {
+    /// The description gives no model, or the model no state of rest.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The step does not suit the scheme, or the state is not valid.
+    #[error("starting the simulation: {0}")]
+    Simulation(SimulationError),
+    /// A piston position the cylinder does not have.
+    #[error("the piston's stroke is 0 to {longest_mm} mm, not {asked_mm} mm")]
+    Stroke {
+        /// What was asked for.
+        asked_mm: f64,
+        /// The cylinder's stroke.
+        longest_mm: f64,
+    },
+}
 
 /// A simulated crane. Its segments are hidden; all else can be seen.
 pub trait Plant {
@@ -40,6 +59,12 @@ pub trait Plant {
     fn boom_line(&self) -> Vec<[f64; 2]>;
     /// Position \[m\] of the cylinder's mount on the boom.
     fn mount(&self) -> [f64; 2];
+    /// Goes on with the parameters of another description of the same number of segments.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when the description gives no model of this size.
+    fn set_parameters(&mut self, description: &Description) -> Result<(), PlantError>;
     /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in, so that it
     /// will drop onto its cylinder.
     ///
@@ -61,16 +86,16 @@ pub trait Plant {
 ///
 /// # Errors
 ///
-/// [`LabError`] when the description gives no model or the step does not suit the scheme.
+/// [`PlantError`] when the description gives no model or the step does not suit the scheme.
 pub fn plant(
     description: &Description,
     start: &Start,
     scheme: Scheme,
     step: f64,
-) -> Result<Box<dyn Plant>, LabError> {
+) -> Result<Box<dyn Plant>, PlantError> {
     let longest = description.numbers.stroke;
     if !(0.0..=longest).contains(&start.stroke) {
-        return Err(LabError::Stroke { asked_mm: start.stroke * 1e3, longest_mm: longest * 1e3 });
+        return Err(PlantError::Stroke { asked_mm: start.stroke * 1e3, longest_mm: longest * 1e3 });
     }
     match description.coordinates() {
         3 if description.segment_shares.len() == 3 => sized::<3>(description, start, scheme, step),
@@ -85,16 +110,15 @@ fn sized<const N: usize>(
     start: &Start,
     scheme: Scheme,
     step: f64,
-) -> Result<Box<dyn Plant>, LabError> {
+) -> Result<Box<dyn Plant>, PlantError> {
     let crane = description.crane::<N>().map_err(BuildError::from)?;
     let state = crane.at_rest(start).map_err(BuildError::from)?;
-    let simulation = Simulation::new(crane, state, scheme, step)
-        .map_err(LabError::during("starting the simulation"))?;
+    let simulation = Simulation::new(crane, state, scheme, step).map_err(PlantError::Simulation)?;
     Ok(Box::new(simulation))
 }
 
 /// A state as a flat vector: angles, angular velocities, bristle, nodes, gas volume.
-pub(crate) fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> Vec<T> {
+pub fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usize) -> Vec<T> {
     let mut flat = state.boom.angle[..n].to_vec();
     flat.extend_from_slice(&state.boom.angular_velocity[..n]);
     flat.push(state.bristle);
@@ -104,7 +128,7 @@ pub(crate) fn flatten<T: Copy, const N: usize>(state: &CraneState<T, N>, n: usiz
 }
 
 /// The state of a flat vector, the way back from [`flatten`].
-pub(crate) fn unflatten<T: Copy, const N: usize>(
+pub fn unflatten<T: Copy, const N: usize>(
     like: &CraneState<T, N>,
     flat: &[T],
     n: usize,
@@ -174,6 +198,11 @@ impl<const N: usize> Plant for Simulation<N> {
     fn mount(&self) -> [f64; 2] {
         let boom = &self.crane().boom;
         boom.mount_position(&boom.pose(&self.state().boom.angle))
+    }
+
+    fn set_parameters(&mut self, description: &Description) -> Result<(), PlantError> {
+        self.set_crane(description.crane::<N>().map_err(BuildError::from)?);
+        Ok(())
     }
 
     fn lift(&mut self, angle: f64) -> Result<(), SimulationError> {

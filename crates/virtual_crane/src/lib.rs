@@ -1,0 +1,24 @@
+//! A crane that stands in for a real one: the model at high fidelity between the equipment that
+//! stands between a controller and a machine.
+//!
+//! ```text
+//! command -> fieldbus -> servo drive, ripple -> pump  \
+//!         -> fieldbus -> 3/2 valve, pilot lines       -> model with elastic base, slip, warm oil
+//! reading <- fieldbus <- analogue inputs <- sensors   /
+//! ```
+//!
+//! Each part is off where the crane file does not mention it; with all of them off a
+//! [`VirtualCrane`] is the model, bit for bit. Nothing it yields is a measurement.
+
+mod crane;
+mod drive;
+mod effect;
+mod fieldbus;
+mod lag;
+mod pump;
+mod sensor;
+mod temperature;
+mod valve;
+
+pub use crane::{Command, Reading, Truth, VirtualCrane};
+pub use effect::Effect;
