@@ -173,15 +173,14 @@ impl Description {
         )
     }
 
-    /// A start at the given piston position \[m\], pump sides pre-loaded and ready to energise the
-    /// 3/2 valve.
+    /// A start at the given piston position \[m\], pump sides pre-loaded as described.
     pub fn start(&self, stroke: f64) -> Start {
         Start {
             stroke,
             rod_side_pressure: self.numbers.rod_side,
             accumulator_pressure: self.numbers.working_pressure,
             gas_volume: self.accumulator().1,
-            preloaded: true,
+            preload: self.numbers.preload,
         }
     }
 

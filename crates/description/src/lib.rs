@@ -62,6 +62,9 @@ pub struct Description {
 /// The paper's crane.
 pub const UIA_SINGLE_BOOM: &str = include_str!("../../../cranes/uia-single-boom.toml");
 
+/// The virtual crane.
+pub const UIA_VIRTUAL: &str = include_str!("../../../cranes/uia-virtual.toml");
+
 impl Description {
     /// The paper's crane, embedded.
     ///
@@ -70,6 +73,15 @@ impl Description {
     /// None, as a test shows; the signature is that of any file.
     pub fn uia_single_boom() -> Result<Self, DescriptionError> {
         Self::parse("cranes/uia-single-boom.toml (embedded)", UIA_SINGLE_BOOM)
+    }
+
+    /// The virtual crane, embedded: stands in for the real one, and is no measurement of it.
+    ///
+    /// # Errors
+    ///
+    /// None, as a test shows; the signature is that of any file.
+    pub fn uia_virtual() -> Result<Self, DescriptionError> {
+        Self::parse("cranes/uia-virtual.toml (embedded)", UIA_VIRTUAL)
     }
 
     /// Every key with its value in the key's own unit and its origin.

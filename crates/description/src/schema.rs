@@ -199,6 +199,8 @@ keys! {
     oscillation_rod_side: "oscillation" "rod_side_bar" ["bar" = BAR] -1.0..=500.0, "Rod-side pressure trapped in the locked-valve oscillation test";
     oscillation_drop: "oscillation" "drop_mm" ["mm" = MM] 0.001..=1000.0, "Height of the tip above rest from which the boom is dropped";
 
+    preload: "start" "preload_percent" ["%" = PERCENT] 0.0..=100.0 or 100.0, "Pressure of the pump sides at the start of a motion, from the accumulator's (0) to the cylinder's (100)";
+
     // what a real crane has and the published model leaves out: absent, the effect is off
     base_stiffness: "base" "stiffness_knm_per_rad" ["kN m/rad" = 1e3] 0.0..=1e7 or 0.0, "Stiffness of the base frame against turning; 0 is rigid";
     base_inertia: "base" "inertia_kgm2" ["kg m2" = 1.0] 0.01..=1e6 or 50.0, "Its moment of inertia about the bearing";

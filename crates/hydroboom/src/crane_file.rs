@@ -1,14 +1,14 @@
 //! The options that choose a crane.
 
 use clap::Args;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, DescriptionError};
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::path::{Path, PathBuf};
 
 /// The options that choose a crane.
 #[derive(Args)]
 pub struct CraneFile {
-    /// Crane file; the paper's crane when not given.
+    /// Crane file; an embedded one when not given: the paper's crane, or the virtual one.
     #[arg(long, value_name = "FILE")]
     crane: Option<PathBuf>,
     /// Override a key, e.g. --set boom.segments=10; can be repeated.
@@ -17,11 +17,20 @@ pub struct CraneFile {
 }
 
 impl CraneFile {
-    /// Reads the crane, applies the overrides, and says what looks wrong.
+    /// Reads the crane, the paper's where none is given, applies the overrides, and says what looks
+    /// wrong.
     pub fn read(&self) -> Result<Description> {
+        self.read_or(Description::uia_single_boom)
+    }
+
+    /// The same with another crane where none is given.
+    pub fn read_or(
+        &self,
+        embedded: impl FnOnce() -> Result<Description, DescriptionError>,
+    ) -> Result<Description> {
         let mut description = match &self.crane {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
-            None => Description::uia_single_boom()?,
+            None => embedded()?,
         };
         for assignment in &self.set {
             description.set(assignment)?;

@@ -1,6 +1,7 @@
 //! `hydroboom`: the command line. One file per command; no logic of its own.
 
 mod bench;
+mod calibrate;
 mod check;
 mod crane_file;
 mod eigen;
@@ -13,6 +14,7 @@ mod processor;
 mod show;
 mod simulate;
 mod study;
+mod virtual_crane;
 
 use clap::{Parser, Subcommand};
 use miette::{MietteHandlerOpts, Result};
@@ -37,6 +39,8 @@ enum Command {
     Energy(energy::Energy),
     Motion(motion::MotionTests),
     Study(study::Study),
+    Virtual(virtual_crane::Virtual),
+    Calibrate(calibrate::Calibrate),
     Bench(bench::Bench),
 }
 
@@ -58,6 +62,8 @@ fn main() -> Result<()> {
         Command::Energy(command) => command.run(),
         Command::Motion(command) => command.run(),
         Command::Study(command) => command.run(),
+        Command::Virtual(command) => command.run(),
+        Command::Calibrate(command) => command.run(),
         Command::Bench(command) => command.run(),
     }
 }

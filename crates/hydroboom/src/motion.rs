@@ -139,7 +139,8 @@ fn effect(model: &Description, difference: &Difference) -> Result<Effect, LabErr
     let drive = |plant| run(model, plant, Strategy::VelocityFeedforward, model.numbers.fast);
     let (before, after) = (drive(model)?, drive(&plant)?);
     let pairs = before.samples.iter().zip(&after.samples);
-    let square: f64 = pairs.map(|(a, b)| (a.plant.pressure_a - b.plant.pressure_a).powi(2)).sum();
+    let square: f64 =
+        pairs.map(|(a, b)| (a.truth.outputs.pressure_a - b.truth.outputs.pressure_a).powi(2)).sum();
     let frequency = |description: &Description| -> Result<f64, LabError> {
         let frictionless = without_friction(description)?;
         Ok(locked_mode(&frictionless, 0.5 * description.numbers.stroke)?.frequency_hz)

@@ -105,7 +105,7 @@ fn locked(
 ) -> Result<Box<dyn crate::Plant>, LabError> {
     let mut start = description.start(stroke);
     start.rod_side_pressure = description.numbers.oscillation_rod_side;
-    start.preloaded = false;
+    start.preload = 0.0;
     Ok(plant(description, &start, Scheme::Published, step)?)
 }
 

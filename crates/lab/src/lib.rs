@@ -4,10 +4,12 @@
 //! number of segments behind a [`Plant`].
 
 pub mod benchmark;
+pub mod calibrate;
 pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
 pub mod linearise;
+pub mod log;
 pub mod mat_file;
 pub mod motion_test;
 pub mod numerical_damping;
@@ -15,6 +17,7 @@ pub mod paper;
 pub mod report;
 pub mod simulate;
 pub mod study;
+pub mod virtual_run;
 pub mod work_precision;
 
 pub use error::LabError;

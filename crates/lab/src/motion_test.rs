@@ -4,8 +4,8 @@
 use crate::{LabError, Plant, paper, plant};
 use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Motion, Reference};
 use hydroboom_description::Description;
-use hydroboom_model::{Input, Outputs, Scheme, SimulationError};
-use hydroboom_virtual_crane::{Command, Reading, VirtualCrane};
+use hydroboom_model::{Input, Scheme, SimulationError};
+use hydroboom_virtual_crane::{Command, Reading, Truth, VirtualCrane};
 use serde::Serialize;
 
 /// How the motor's speed is found.
@@ -60,9 +60,9 @@ pub struct Sample {
     /// What the controller sees of the plant.
     pub reading: Reading<f64>,
     /// The plant itself.
-    pub plant: Outputs<f64>,
-    /// Motor speed sent to the plant \[rev/s\].
-    pub motor_speed: f64,
+    pub truth: Truth,
+    /// What the plant is told for the next period.
+    pub command: Command<f64>,
 }
 
 impl Sample {
@@ -181,7 +181,7 @@ fn measured(plant: &dyn Plant) -> Measured<f64> {
 /// Runs one strategy: controllers every control period, cranes every simulation period.
 ///
 /// The controller, and the simulation beside the machine, know the `model` only; what they steer
-/// is the `plant`, seen through its sensors.
+/// is the `plant`, seen through its sensors, along the plant's motion.
 ///
 /// # Errors
 ///
@@ -192,19 +192,40 @@ pub fn run(
     strategy: Strategy,
     speed: f64,
 ) -> Result<Run, LabError> {
-    let motion = model.motion(speed);
+    let motion = plant.motion(speed);
+    let mut samples =
+        Vec::with_capacity((motion.duration() / model.numbers.control_period) as usize + 2);
+    steer(model, plant, strategy, &motion, |sample| {
+        samples.push(*sample);
+        Ok(())
+    })?;
+    Ok(Run { strategy, speed, samples })
+}
+
+/// The same along any motion, each control period shown to `observe`, which may stop it.
+///
+/// # Errors
+///
+/// [`LabError`] when either crane cannot be built or leaves what the model holds for, or from
+/// `observe`.
+pub fn steer(
+    model: &Description,
+    plant: &Description,
+    strategy: Strategy,
+    motion: &Motion<f64>,
+    mut observe: impl FnMut(&Sample) -> Result<(), LabError>,
+) -> Result<(), LabError> {
     let controller = model.benchmark();
     let mut real = VirtualCrane::new(plant, &plant.start(motion.start))?;
     let mut memory = controller.start(&real.measured());
     let mut simulated = match strategy.simulates() {
-        true => Some(Simulated::new(model, controller, &motion)?),
+        true => Some(Simulated::new(model, controller, motion)?),
         false => None,
     };
     let period = controller.period;
     let periods = (motion.duration() / period).round() as u64;
-    let during = format!("{} at {:.0} mm/s", strategy.name(), speed * 1e3);
+    let during = format!("{} at {:.0} mm/s", strategy.name(), motion.speed * 1e3);
 
-    let mut samples = Vec::with_capacity(periods as usize + 1);
     for k in 0..=periods {
         let time = k as f64 * period;
         let reference = motion.reference(time);
@@ -218,20 +239,19 @@ pub fn run(
             true => controller.update(&mut memory, &reference, &real.measured(), feedforward),
             false => feedforward,
         };
-        let truth = real.truth();
-        samples.push(Sample {
+        let command = Command { motor_speed: wanted, holding_valve: 1.0 };
+        observe(&Sample {
             time,
             reference,
             reading: real.reading(),
-            plant: truth.outputs,
-            motor_speed: truth.motor_speed,
-        });
+            truth: real.truth(),
+            command,
+        })?;
         if k < periods {
-            let command = Command { motor_speed: wanted, holding_valve: 1.0 };
             real.advance(&command).map_err(LabError::during(&during))?;
         }
     }
-    Ok(Run { strategy, speed, samples })
+    Ok(())
 }
 
 /// The frequency \[Hz\] at which p_A rings after the start of the cruise, from a velocity
@@ -247,7 +267,7 @@ pub fn pressure_oscillation(motion: &Motion<f64>, run: &Run) -> Result<f64, LabE
         .samples
         .iter()
         .filter(|s| (from..=to).contains(&s.time))
-        .map(|s| (s.time, s.plant.pressure_a))
+        .map(|s| (s.time, s.truth.outputs.pressure_a))
         .unzip();
     crate::eigenfrequency::frequency(&times, &values)
 }

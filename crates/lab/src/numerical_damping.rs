@@ -96,7 +96,7 @@ fn lowest_mode(
     step: f64,
 ) -> Result<(Complex<f64>, Complex<f64>), LabError> {
     let mut start = description.start(0.4 * description.numbers.stroke);
-    start.preloaded = false;
+    start.preload = 0.0;
     let held = Input { pump_speed: 0.0, holding_valve: 0.0 };
     let silent = || LabError::NoOscillation("the lossless crane does not oscillate".into());
     let (a, _) = plant(description, &start, Scheme::Implicit, step)?.jacobian(&held);

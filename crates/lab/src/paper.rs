@@ -1,5 +1,7 @@
 //! The paper's printed results, for "paper | here" (doi:10.3390/act14020080). Errors are x − x_ref.
 
+use crate::motion_test::Strategy;
+
 /// Table 5: strokes \[mm\].
 pub const EIGEN_STROKE_MM: [f64; 3] = [100.0, 200.0, 400.0];
 /// Table 5: simulated eigenfrequencies \[Hz\].
@@ -8,6 +10,8 @@ pub const EIGEN_SIMULATED_HZ: [f64; 3] = [3.25, 3.16, 2.94];
 pub const EIGEN_MEASURED_HZ: [f64; 3] = [3.19, 3.18, 3.10];
 /// Table 6: frequency of the simulated p_A oscillation during the fast motion \[Hz\].
 pub const PRESSURE_OSCILLATION_HZ: f64 = 2.2404;
+/// Table 6: frequency of the measured one \[Hz\].
+pub const PRESSURE_OSCILLATION_MEASURED_HZ: f64 = 2.2744;
 /// Table 6: differences between the paper's simulation and the real crane at the fast speed,
 /// (signal, unit, peak, RMS).
 pub const TABLE_6: [(&str, &str, f64, f64); 6] = [
@@ -28,3 +32,8 @@ pub const TRACKING_MM: [([f64; 2], [f64; 2]); 4] = [
     ([0.22, 0.42], [-1.58, -2.12]),
     ([0.18, 0.37], [-0.88, -1.55]),
 ];
+
+/// RMS and peak of a strategy at both speeds.
+pub fn tracking_mm(strategy: Strategy) -> ([f64; 2], [f64; 2]) {
+    TRACKING_MM[strategy as usize]
+}

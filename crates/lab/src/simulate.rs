@@ -1,5 +1,6 @@
 //! Any crane under any input, written as CSV.
 
+use crate::log::{self, Log};
 use crate::{LabError, Plant, plant};
 use hydroboom_description::Description;
 use hydroboom_model::{Flows, Input, Outputs, Scheme};
@@ -98,22 +99,16 @@ impl Recording {
         Ok(Self { rows })
     }
 
-    fn at(&self, time: f64) -> Input<f64> {
-        let next = self.rows.partition_point(|(t, _)| *t <= time);
-        self.rows[next.saturating_sub(1)].1
+    /// Duration from the first row to the last \[s\].
+    pub fn duration(&self) -> f64 {
+        self.rows[self.rows.len() - 1].0 - self.rows[0].0
     }
-}
 
-/// Units of the log: suffix of the column and size in SI units.
-fn shown_unit(unit: &str) -> (&'static str, f64) {
-    match unit {
-        "Pa" => ("bar", 1e5),
-        "m" => ("mm", 1e-3),
-        "m/s" => ("mm_s", 1e-3),
-        "m³" => ("l", 1e-3),
-        "m³/s" => ("l_min", 1.0 / 60_000.0),
-        "N" => ("n", 1.0),
-        _ => ("", 1.0),
+    /// The input at a time \[s\] since the first row.
+    pub fn at(&self, time: f64) -> Input<f64> {
+        let first = self.rows[0].0;
+        let next = self.rows.partition_point(|(t, _)| *t <= first + time);
+        self.rows[next.saturating_sub(1)].1
     }
 }
 
@@ -125,13 +120,9 @@ fn hidden_states(crane: &dyn Plant) -> impl Iterator<Item = (String, f64)> {
 
 /// Header of the log.
 fn header(crane: &dyn Plant) -> Vec<String> {
-    let columns = |names: &[&str], units: &[&str], prefix: &str| -> Vec<String> {
-        let pairs = names.iter().zip(units);
-        pairs.map(|(name, unit)| format!("{prefix}{name}_{}", shown_unit(unit).0)).collect()
-    };
     let mut header = vec!["time_s".to_string(), "motor_speed_rpm".into(), "valve".into()];
-    header.extend(columns(&Outputs::NAMES, &Outputs::UNITS, ""));
-    header.extend(columns(&Flows::NAMES, &Flows::UNITS, "flow_"));
+    header.extend(log::columns(&Outputs::NAMES, &Outputs::UNITS, ""));
+    header.extend(log::columns(&Flows::NAMES, &Flows::UNITS, "flow_"));
     header.extend(
         hydroboom_model::energy::Energy::NAMES.iter().map(|name| format!("energy_{name}_j")),
     );
@@ -141,20 +132,14 @@ fn header(crane: &dyn Plant) -> Vec<String> {
 
 fn log_row(crane: &dyn Plant, input: &Input<f64>) -> Vec<f64> {
     let mut row = vec![crane.time(), input.pump_speed * 60.0, input.holding_valve];
-    let scaled = |values: Vec<f64>, units: &[&'static str]| -> Vec<f64> {
-        values.iter().zip(units).map(|(v, unit)| v / shown_unit(unit).1).collect()
-    };
-    row.extend(scaled(crane.outputs().to_array().to_vec(), &Outputs::UNITS));
-    row.extend(scaled(crane.flows(input).to_array().to_vec(), &Flows::UNITS));
+    row.extend(log::scaled(&crane.outputs().to_array(), &Outputs::UNITS));
+    row.extend(log::scaled(&crane.flows(input).to_array(), &Flows::UNITS));
     row.extend(crane.energy().to_array());
     row.extend(hidden_states(crane).map(|(_, value)| value));
     row
 }
 
 /// Simulates and writes a CSV log; returns the crane at the end. `progress` is told the share done.
-///
-/// The log is written beside its final name and moved there when complete, so that nothing half
-/// written is left.
 ///
 /// # Errors
 ///
@@ -167,25 +152,23 @@ pub fn simulate(
     mut progress: impl FnMut(f64),
 ) -> Result<Box<dyn Plant>, LabError> {
     let mut start = description.start(settings.start_stroke);
-    start.preloaded = settings.preloaded;
+    if !settings.preloaded {
+        start.preload = 0.0;
+    };
     let mut crane = plant(description, &start, settings.scheme, settings.step)?;
     let motion = match drive {
         Drive::Motion(speed) => Some(description.motion(*speed)),
         _ => None,
     };
     let controller = description.benchmark();
-    let first_time = match drive {
-        Drive::Recording(recording) => recording.rows[0].0,
-        _ => 0.0,
-    };
     let duration = match (drive, &motion) {
-        (Drive::Recording(recording), _) => recording.rows[recording.rows.len() - 1].0 - first_time,
+        (Drive::Recording(recording), _) => recording.duration(),
         (Drive::Constant(_, duration), _) => *duration,
         (Drive::Motion(_), Some(motion)) => motion.duration(),
         (Drive::Motion(_), None) => 0.0,
     };
     let input_at = |time: f64| match (drive, &motion) {
-        (Drive::Recording(recording), _) => recording.at(first_time + time),
+        (Drive::Recording(recording), _) => recording.at(time),
         (Drive::Constant(input, _), _) => *input,
         (Drive::Motion(_), Some(motion)) => Input {
             pump_speed: controller.velocity_feedforward(&motion.reference(time)),
@@ -197,51 +180,24 @@ pub fn simulate(
     if settings.step > duration {
         return Err(LabError::Step { step_us: settings.step * 1e6, duration_s: duration });
     }
-    let partial = log.map(|path| path.with_extension("csv.partial"));
-    let mut writer = match &partial {
-        Some(path) => {
-            let file = File::create(path)
-                .map_err(|error| LabError::File { path: path.display().to_string(), error })?;
-            let mut writer = csv::Writer::from_writer(std::io::BufWriter::new(file));
-            writer.write_record(header(crane.as_ref())).map_err(|e| write_error(path, e))?;
-            Some(writer)
-        }
+    let mut log = match log {
+        Some(path) => Some(Log::begin(path, &header(crane.as_ref()))?),
         None => None,
     };
-    let result = (|| {
-        let steps = (duration / settings.step).round() as u64;
-        let every = (settings.log_interval / settings.step).round().max(1.0) as u64;
-        for k in 0..=steps {
-            let input = input_at(k as f64 * settings.step);
-            if k % every == 0 {
-                if let (Some(writer), Some(path)) = (&mut writer, &partial) {
-                    let row = log_row(crane.as_ref(), &input);
-                    let row = row.iter().map(|v| format!("{v:.9e}"));
-                    writer.write_record(row).map_err(|e| write_error(path, e))?;
-                }
-                progress(k as f64 / steps.max(1) as f64);
+    let steps = (duration / settings.step).round() as u64;
+    let every = (settings.log_interval / settings.step).round().max(1.0) as u64;
+    for k in 0..=steps {
+        let input = input_at(k as f64 * settings.step);
+        if k % every == 0 {
+            if let Some(log) = &mut log {
+                log.row(&log_row(crane.as_ref(), &input))?;
             }
-            if k < steps {
-                crane.advance(&input, 1).map_err(LabError::during("simulation"))?;
-            }
+            progress(k as f64 / steps.max(1) as f64);
         }
-        if let (Some(mut writer), Some(path)) = (writer.take(), &partial) {
-            writer.flush().map_err(|e| write_error(path, e.into()))?;
-        }
-        Ok(())
-    })();
-    if let (Some(from), Some(to)) = (&partial, log) {
-        let moved = match &result {
-            Ok(()) => std::fs::rename(from, to),
-            Err(_) => std::fs::remove_file(from),
-        };
-        if result.is_ok() {
-            moved.map_err(|error| LabError::File { path: to.display().to_string(), error })?;
+        if k < steps {
+            crane.advance(&input, 1).map_err(LabError::during("simulation"))?;
         }
     }
-    result.map(|()| crane)
-}
-
-fn write_error(path: &Path, error: csv::Error) -> LabError {
-    LabError::File { path: path.display().to_string(), error: std::io::Error::other(error) }
+    log.map_or(Ok(()), Log::finish)?;
+    Ok(crane)
 }

@@ -4,7 +4,7 @@ use crate::energy_audit::{Audit, audit};
 use crate::motion_test::{Row, Run, Strategy, pressure_oscillation, run};
 use crate::numerical_damping::{NumericalDamping, numerical_damping};
 use crate::work_precision::{Point, work_precision};
-use crate::{LabError, eigenfrequency, paper};
+use crate::{LabError, calibrate, eigenfrequency, paper};
 use hydroboom_description::{Description, OFF_MODEL};
 use hydroboom_model::Scheme;
 use serde::Serialize;
@@ -163,32 +163,17 @@ pub fn study(
 
 /// Table 6: the same motor speed drives model and plant.
 fn differences(model: &Run, plant: &Run) -> Vec<Difference> {
-    let signal = |outputs: &hydroboom_model::Outputs<f64>, name: &str| match name {
-        "x_cyl" => outputs.stroke * 1e3,
-        "p_A" => outputs.pressure_a * 1e-5,
-        "p_B" => outputs.pressure_b * 1e-5,
-        "p_PA" => outputs.pressure_pump_a * 1e-5,
-        "p_PB" => outputs.pressure_pump_b * 1e-5,
-        _ => outputs.pressure_accumulator * 1e-5,
-    };
+    let seen = calibrate::differences(model, plant);
     paper::TABLE_6
         .iter()
-        .map(|(name, unit, paper_peak, paper_rms)| {
-            let errors: Vec<f64> = model
-                .samples
-                .iter()
-                .zip(&plant.samples)
-                .map(|(a, b)| signal(&a.plant, name) - signal(&b.plant, name))
-                .collect();
-            let square: f64 = errors.iter().map(|e| e * e).sum();
-            Difference {
-                signal: name.to_string(),
-                unit: unit.to_string(),
-                rms: (square / errors.len().max(1) as f64).sqrt(),
-                peak: errors.iter().fold(0.0, |p: f64, e| if e.abs() > p.abs() { *e } else { p }),
-                paper_rms: *paper_rms,
-                paper_peak: *paper_peak,
-            }
+        .zip(seen)
+        .map(|((name, unit, paper_peak, paper_rms), (rms, peak))| Difference {
+            signal: name.to_string(),
+            unit: unit.to_string(),
+            rms,
+            peak,
+            paper_rms: *paper_rms,
+            paper_peak: *paper_peak,
         })
         .collect()
 }

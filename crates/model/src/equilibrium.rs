@@ -17,9 +17,9 @@ pub struct Start {
     pub accumulator_pressure: f64,
     /// Gas volume of the accumulator \[m³\].
     pub gas_volume: f64,
-    /// Whether the pump sides stand at the cylinder's pressures, ready to energise the 3/2 valve,
-    /// or at the accumulator's, as after a long rest with the load held.
-    pub preloaded: bool,
+    /// How far the pump sides have been pre-loaded, 0 to 1: from the accumulator's pressure, as
+    /// after a long rest with the load held, to the cylinder's, ready to energise the 3/2 valve.
+    pub preload: f64,
 }
 
 /// Why there is no state of rest.
@@ -89,11 +89,14 @@ impl<const N: usize> Crane<f64, N> {
         if pressure_a < vapour {
             return Err(EquilibriumError::LoadPulls { pressure_a });
         }
-        let (pump_a, pump_b) = if start.preloaded {
-            (pressure_a, pressure_b)
-        } else {
-            (start.accumulator_pressure, start.accumulator_pressure)
+        let loaded = |chamber: f64| match start.preload < 1.0 {
+            true => {
+                let rest = start.accumulator_pressure;
+                rest + start.preload * (chamber - rest)
+            }
+            false => chamber,
         };
+        let (pump_a, pump_b) = (loaded(pressure_a), loaded(pressure_b));
         Ok(CraneState {
             boom: BoomState { angle, angular_velocity: [0.0; N] },
             bristle: 0.0,

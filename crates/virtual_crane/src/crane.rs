@@ -71,6 +71,19 @@ pub struct Truth {
     pub heat: f64,
 }
 
+impl Truth {
+    /// Names of what stands beside the outputs.
+    pub const NAMES: [&str; 5] =
+        ["motor_speed", "motor_torque_nm", "pilot", "oil_temperature_c", "heat_w"];
+    /// Their units, where the name does not say.
+    pub const UNITS: [&str; 5] = ["rev/s", "", "", "", ""];
+
+    /// What stands beside the outputs, in the order of [`NAMES`](Self::NAMES).
+    pub fn beside_outputs(&self) -> [f64; 5] {
+        [self.motor_speed, self.motor_torque, self.pilot, self.oil_temperature, self.heat]
+    }
+}
+
 /// Control periods between two looks at the oil's heat.
 const HEAT_EVERY: u64 = 20;
 
@@ -105,7 +118,7 @@ pub struct VirtualCrane {
 }
 
 impl VirtualCrane {
-    /// A crane at rest at `start`, 3/2 valve energised where the start is pre-loaded.
+    /// A crane at rest at `start`, 3/2 valve energised unless the pump sides have no load at all.
     ///
     /// # Errors
     ///
@@ -126,7 +139,7 @@ impl VirtualCrane {
         };
         let temperature = Temperature::new(description);
         let plant = plant(&temperature.description(), start, scheme, step)?;
-        let pilot = f64::from(u8::from(start.preloaded));
+        let pilot = f64::from(u8::from(start.preload > 0.0));
 
         let drive = (n.drive_bandwidth > 0.0).then_some(Drive {
             frequency: std::f64::consts::TAU * n.drive_bandwidth,

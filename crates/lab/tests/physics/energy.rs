@@ -78,7 +78,7 @@ fn energy_rates<const N: usize>(
 fn frictionless_crane_keeps_its_energy_for_a_minute() {
     let description = lossless(&described(&[])).unwrap();
     let mut start = description.start(0.2);
-    start.preloaded = false;
+    start.preload = 0.0;
     let mut crane = plant(&description, &start, Scheme::RungeKutta4, 20e-6).unwrap();
     crane.lift(2e-3).unwrap();
     let input = Input { pump_speed: 0.0, holding_valve: 0.0 };

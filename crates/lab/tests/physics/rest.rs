@@ -15,7 +15,7 @@ fn nothing_rings_at_the_start_wherever_it_is() {
         let description = described(overrides);
         for stroke in [0.01, 0.25, 0.49] {
             let mut start = description.start(stroke);
-            start.preloaded = false;
+            start.preload = 0.0;
             let mut crane = plant(&description, &start, Scheme::Implicit, IMPLICIT_STEP).unwrap();
             let before = crane.outputs();
             crane.advance(&Input { pump_speed: 0.0, holding_valve: 0.0 }, steps(1.0)).unwrap();
@@ -44,7 +44,7 @@ fn pre_loaded_start_only_leaks() {
 fn a_held_load_stays_for_an_hour() {
     let description = described(&["friction.law=lugre"]);
     let mut start = description.start(0.25);
-    start.preloaded = false;
+    start.preload = 0.0;
     let mut crane = plant(&description, &start, Scheme::Implicit, 2e-3).unwrap();
     let before = crane.outputs();
     for _ in 0..3600 {

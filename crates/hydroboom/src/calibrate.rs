@@ -1,0 +1,141 @@
+//! `hydroboom calibrate`
+
+use crate::crane_file::text;
+use crate::output;
+use clap::Args;
+use hydroboom_description::{Description, UIA_VIRTUAL};
+use hydroboom_lab::calibrate::{Effort, Found, Journal, PARAMETERS, search};
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::{IntoDiagnostic, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Find the virtual crane's unpublished parameters from what was published of the real one.
+#[derive(Args)]
+#[command(after_help = "Example: hydroboom calibrate --out my-virtual.toml\n\
+    It takes about half an hour. Interrupt it at will: run again, it goes on where it stopped.")]
+pub struct Calibrate {
+    /// Virtual crane to start from, which also keeps all that is not calibrated; the embedded one
+    /// when not given.
+    #[arg(long, value_name = "FILE")]
+    crane: Option<PathBuf>,
+    /// Crane file to write.
+    #[arg(long, value_name = "FILE", default_value = "uia-virtual.toml")]
+    out: PathBuf,
+    /// Where evaluations are kept, to go on after an interruption; beside the crane file when not
+    /// given.
+    #[arg(long, value_name = "FILE")]
+    journal: Option<PathBuf>,
+    /// Generations of the global search.
+    #[arg(long, default_value_t = 70)]
+    generations: usize,
+    /// Cranes in each generation.
+    #[arg(long, default_value_t = 15)]
+    population: usize,
+    /// Iterations of the local search.
+    #[arg(long, default_value_t = 4)]
+    iterations: usize,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Calibrate {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let model = Description::uia_single_boom()?;
+        let (name, template_text) = match &self.crane {
+            Some(path) => (path.display().to_string(), text(path)?),
+            None => ("cranes/uia-virtual.toml (embedded)".to_string(), UIA_VIRTUAL.to_string()),
+        };
+        let template = Description::parse(&name, &template_text)?;
+        let effort = Effort {
+            generations: self.generations,
+            population: self.population.max(4),
+            iterations: self.iterations,
+        };
+        let path = self.journal.clone().unwrap_or_else(|| {
+            let mut path = self.out.clone().into_os_string();
+            path.push(".journal");
+            path.into()
+        });
+        let heading = format!("{:016x}", fingerprint(&template_text));
+        let mut journal = Journal::open(&path, &heading).into_diagnostic()?;
+
+        // every iteration of the local search looks along each parameter
+        let local = effort.iterations * (PARAMETERS.len() + 2) + PARAMETERS.len();
+        let expected = effort.generations * effort.population + local;
+        let bar = ProgressBar::new(expected as u64).with_style(
+            ProgressStyle::with_template("{bar:40} {pos} of about {len} cranes, {msg}, {eta} left")
+                .into_diagnostic()?,
+        );
+        let found = search(&model, &template, &effort, &mut journal, &|progress| {
+            bar.set_position(progress.evaluations as u64);
+            bar.set_message(format!("best {:.2}", progress.best));
+        });
+        bar.finish_and_clear();
+        let found = found.into_diagnostic()?;
+        output::file(&self.out, found.crane_file(&template_text).into_diagnostic()?.as_bytes())?;
+        // the result is written; nothing is left to go on with
+        drop(journal);
+        std::fs::remove_file(&path).into_diagnostic()?;
+        match self.json {
+            true => output::json(&json!({
+                "written": self.out, "evaluations": found.evaluations,
+                "reached": found.reached(), "parameters": found.calibrated(),
+            })),
+            false => output::text(&format!("{}\nwritten: {}", said(&found), self.out.display())),
+        }
+    }
+}
+
+/// Tells one template from another (Fowler, Noll and Vo's hash).
+fn fingerprint(text: &str) -> u64 {
+    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+fn said(found: &Found) -> String {
+    let reached: Vec<Vec<String>> = found
+        .reached()
+        .iter()
+        .map(|r| {
+            vec![
+                r.name.clone(),
+                r.table.into(),
+                format!("{:.3}", r.published),
+                format!("{:.3}", r.reached),
+                format!("{:+.1}", r.difference_percent),
+                format!("{:.0}", r.tolerance_percent),
+                if r.within { String::new() } else { "missed".into() },
+            ]
+        })
+        .collect();
+    let calibrated: Vec<Vec<String>> = found
+        .calibrated()
+        .iter()
+        .map(|c| {
+            vec![
+                c.key.into(),
+                format!("{:e}", c.value),
+                format!("{:e} .. {:e}", c.range[0], c.range[1]),
+                format!("{:.2}", c.deviation),
+                if c.determined { "yes".into() } else { "no".into() },
+                format!("{} ({:+.2})", c.partner, c.correlation),
+            ]
+        })
+        .collect();
+    format!(
+        "Published, measured on the real crane, and the virtual crane\n{}\n\n\
+         Parameters; the deviation is a share of the range, were each tolerance a standard deviation\n{}",
+        output::table(
+            &["result", "table", "published", "virtual crane", "off [%]", "wanted [%]", ""],
+            &reached
+        ),
+        output::table(
+            &["key", "value", "plausible", "deviation", "determined", "traded against"],
+            &calibrated
+        )
+    )
+}

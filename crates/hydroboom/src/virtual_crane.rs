@@ -1,0 +1,122 @@
+//! `hydroboom virtual`
+
+use crate::crane_file::{CraneFile, text};
+use crate::output;
+use clap::{Args, ValueEnum};
+use hydroboom_description::Description;
+use hydroboom_lab::motion_test::Strategy;
+use hydroboom_lab::simulate::Recording;
+use hydroboom_lab::virtual_run::{Contents, Task, virtual_run};
+use hydroboom_virtual_crane::Effect;
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum StrategyName {
+    VelocityFeedforward,
+    SimulationFeedforwardOpenLoop,
+    BenchmarkClosedLoop,
+    SimulationFeedforwardClosedLoop,
+}
+
+impl From<StrategyName> for Strategy {
+    fn from(name: StrategyName) -> Self {
+        match name {
+            StrategyName::VelocityFeedforward => Self::VelocityFeedforward,
+            StrategyName::SimulationFeedforwardOpenLoop => Self::SimulationFeedforwardOpenLoop,
+            StrategyName::BenchmarkClosedLoop => Self::BenchmarkClosedLoop,
+            StrategyName::SimulationFeedforwardClosedLoop => Self::SimulationFeedforwardClosedLoop,
+        }
+    }
+}
+
+/// Run the virtual crane, which stands in for a real one, and log what its sensors see.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  hydroboom virtual --log out.csv\n  \
+    hydroboom virtual --strategy benchmark-closed-loop --speed-mm-s 25 --truth --log out.csv\n  \
+    hydroboom virtual --without sensors,fieldbus --input drive.csv --log out.csv")]
+pub struct Virtual {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Crane file of the model that the controllers know; the paper's crane when not given.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Effects to switch off: segments, payload-shape, base, friction, slip, torque-losses, ripple,
+    /// drive, valve, temperature, sensors, fieldbus.
+    #[arg(long, value_name = "EFFECTS", value_delimiter = ',')]
+    without: Vec<String>,
+    /// Speed of the motion; the model's fast one when not given.
+    #[arg(long)]
+    speed_mm_s: Option<f64>,
+    /// How the motor's speed is found.
+    #[arg(long, value_enum, default_value = "velocity-feedforward")]
+    strategy: StrategyName,
+    /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
+    #[arg(long, value_name = "FILE", conflicts_with = "speed_mm_s")]
+    input: Option<PathBuf>,
+    /// CSV log to write, a row each control period.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Add the hidden states to the log.
+    #[arg(long, requires = "log")]
+    truth: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Virtual {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let mut crane = self.crane.read_or(Description::uia_virtual)?;
+        for name in &self.without {
+            let effect = Effect::from_name(name).ok_or_else(|| {
+                let names = Effect::ALL.map(Effect::name).join(", ");
+                miette::miette!(help = format!("one of: {names}"), "no effect \"{name}\"")
+            })?;
+            effect.remove_from(&mut crane)?;
+        }
+        let model = match &self.model {
+            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
+            None => Description::uia_single_boom()?,
+        };
+        let task = match &self.input {
+            Some(path) => Task::Recording(Recording::read(path).into_diagnostic()?),
+            None => {
+                let speed = self.speed_mm_s.map_or(model.numbers.fast, |mm_s| mm_s * 1e-3);
+                if !(speed > 0.0 && speed.is_finite()) {
+                    miette::bail!("--speed-mm-s is a positive number");
+                }
+                Task::Motion(model.motion(speed), self.strategy.into())
+            }
+        };
+        let contents = if self.truth { Contents::Truth } else { Contents::Readings };
+        let bar = ProgressBar::new(1000);
+        let log = self.log.as_deref().map(|path| (path, contents));
+        let result = virtual_run(&model, &crane, &task, log, |share| {
+            bar.set_position((share * 1000.0) as u64);
+        });
+        bar.finish_and_clear();
+        let summary = result.into_diagnostic()?;
+        if self.json {
+            let mut value = serde_json::to_value(&summary).into_diagnostic()?;
+            value["crane"] = json!(crane.name);
+            value["log"] = json!(self.log);
+            return output::json(&value);
+        }
+        let mut said = format!("{}: {:.3} s", crane.name, summary.duration_s);
+        if let (Some(rms), Some(peak)) = (summary.rms_mm, summary.peak_mm) {
+            said += &format!(", tracking error RMS {rms:.3} mm, peak {peak:.3} mm");
+        }
+        said += &format!(
+            "; at the end x_cyl {:.3} mm, p_A {:.2} bar, oil {:.2} C; largest motor torque {:.1} N m",
+            summary.stroke_mm, summary.pressure_a_bar, summary.oil_c, summary.torque_nm
+        );
+        if let Some(log) = &self.log {
+            said += &format!("\nlog: {}", log.display());
+        }
+        output::text(&said)
+    }
+}

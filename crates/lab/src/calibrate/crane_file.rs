@@ -1,0 +1,161 @@
+//! The calibrated crane as a file: values, provenance, and what they were held against.
+
+use super::parameter::PARAMETERS;
+use super::published::published;
+use super::search::Found;
+use crate::LabError;
+use serde::Serialize;
+use toml_edit::{DocumentMut, InlineTable, Item, Value};
+
+/// Between these lines stands what the last calibration reached.
+const BEGIN: &str = "# --- calibration: written by `hydroboom calibrate` ---";
+const END: &str = "# --- end of calibration ---";
+
+/// A published result beside what the virtual crane shows.
+#[derive(Clone, Debug, Serialize)]
+pub struct Reached {
+    /// What it is, with its unit.
+    pub name: String,
+    /// Table of the paper.
+    pub table: &'static str,
+    /// Value printed there, measured on the real crane.
+    pub published: f64,
+    /// Value of the virtual crane.
+    pub reached: f64,
+    /// Difference in percent of the published one.
+    pub difference_percent: f64,
+    /// How near it should come.
+    pub tolerance_percent: f64,
+    /// Whether it does.
+    pub within: bool,
+}
+
+/// A calibrated parameter.
+#[derive(Clone, Debug, Serialize)]
+pub struct Calibrated {
+    /// `section.key`.
+    pub key: &'static str,
+    /// Its value, in the key's unit.
+    pub value: f64,
+    /// Its plausible range.
+    pub range: [f64; 2],
+    /// Standard deviation as a share of the range; near or above 0.3 the data say nothing.
+    pub deviation: f64,
+    /// Whether the published results determine it: to better than a tenth of its range.
+    pub determined: bool,
+    /// The parameter it is traded against most.
+    pub partner: &'static str,
+    /// Correlation with that one, -1 to 1.
+    pub correlation: f64,
+}
+
+impl Found {
+    /// Every published result beside what was reached.
+    pub fn reached(&self) -> Vec<Reached> {
+        published()
+            .into_iter()
+            .zip(self.shown)
+            .map(|(p, reached)| {
+                let difference = reached / p.value - 1.0;
+                Reached {
+                    name: p.name,
+                    table: p.table,
+                    published: p.value,
+                    reached,
+                    difference_percent: difference * 100.0,
+                    tolerance_percent: p.tolerance * 100.0,
+                    within: difference.abs() <= p.tolerance,
+                }
+            })
+            .collect()
+    }
+
+    /// Every parameter, and how well it is determined.
+    pub fn calibrated(&self) -> Vec<Calibrated> {
+        PARAMETERS
+            .iter()
+            .enumerate()
+            .map(|(k, parameter)| {
+                let others = (0..PARAMETERS.len()).filter(|other| *other != k);
+                let partner = others
+                    .max_by(|i, j| {
+                        let size = |other: usize| self.correlation[(k, other)].abs();
+                        size(*i).total_cmp(&size(*j))
+                    })
+                    .unwrap_or(k);
+                Calibrated {
+                    key: parameter.key,
+                    value: rounded(parameter.value(self.shares[k])),
+                    range: [parameter.low, parameter.high],
+                    deviation: self.deviation[k],
+                    determined: self.deviation[k] < 0.1,
+                    partner: PARAMETERS[partner].key,
+                    correlation: self.correlation[(k, partner)],
+                }
+            })
+            .collect()
+    }
+
+    /// The template with the parameters found, their provenance, and a table of what was reached.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Input`] when the template is not TOML.
+    pub fn crane_file(&self, template: &str) -> Result<String, LabError> {
+        let mut document: DocumentMut = template.parse().map_err(|e| LabError::Input {
+            file: "template of the virtual crane".into(),
+            reason: format!("{e}"),
+        })?;
+        for found in self.calibrated() {
+            let Some((section, name)) = found.key.split_once('.') else { continue };
+            let mut entry = InlineTable::new();
+            entry.insert("value", found.value.into());
+            entry.insert("provenance", "calibrated".into());
+            let [low, high] = found.range;
+            let how_well = match found.determined {
+                true => format!("to Tables 5 to 8, within {low} to {high}"),
+                false => format!("within {low} to {high}; Tables 5 to 8 do not determine it"),
+            };
+            entry.insert("source", how_well.into());
+            document[section][name] = Item::Value(Value::InlineTable(entry));
+        }
+        let text = document.to_string();
+        let without = match (text.find(BEGIN), text.find(END)) {
+            (Some(from), Some(to)) if from < to => {
+                format!("{}{}", &text[..from], text[to + END.len()..].trim_start_matches('\n'))
+            }
+            _ => text,
+        };
+        let place = without.find("[crane]").unwrap_or(0);
+        let (head, body) = without.split_at(place);
+        Ok(format!("{head}{}\n{body}", self.table()))
+    }
+
+    fn table(&self) -> String {
+        let mut lines = vec![
+            BEGIN.to_string(),
+            format!(
+                "# {:<46} {:>9} {:>9} {:>8}  {}",
+                "published, measured on the real crane", "published", "reached", "off", "wanted"
+            ),
+        ];
+        lines.extend(self.reached().iter().map(|r| {
+            format!(
+                "# {:<46} {:>9.3} {:>9.3} {:>+7.1}%  within {}%{}",
+                format!("Table {}: {}", r.table, r.name),
+                r.published,
+                r.reached,
+                r.difference_percent,
+                r.tolerance_percent,
+                if r.within { "" } else { ": missed" },
+            )
+        }));
+        lines.push(END.into());
+        lines.join("\n") + "\n"
+    }
+}
+
+/// Five digits: more than the data know.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.4e}").parse().unwrap_or(value)
+}

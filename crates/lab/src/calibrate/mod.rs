@@ -1,0 +1,14 @@
+//! A virtual crane that behaves as the real one was published to: what the published measurements
+//! are, which parameters may explain them, and the search for those that do.
+
+mod crane_file;
+mod journal;
+mod parameter;
+mod published;
+mod search;
+
+pub use crane_file::{Calibrated, Reached};
+pub use journal::Journal;
+pub use parameter::{PARAMETERS, Parameter, crane_at, shares_of};
+pub use published::{Published, RESULTS, Tests, differences, published, shown, tests};
+pub use search::{Effort, Found, Progress, search};

@@ -1,0 +1,145 @@
+//! What the real crane showed, and what a virtual one shows in the same tests.
+
+use crate::eigenfrequency::{locked_mode, without_friction};
+use crate::motion_test::{Run, Strategy, pressure_oscillation, run};
+use crate::{LabError, paper};
+use hydroboom_control::Motion;
+use hydroboom_description::Description;
+use hydroboom_virtual_crane::Reading;
+use serde::Serialize;
+use std::thread;
+
+/// A published result of the real crane.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Published {
+    /// What it is, with its unit.
+    pub name: String,
+    /// Where it is printed.
+    pub table: &'static str,
+    /// The value.
+    pub value: f64,
+    /// How near a virtual crane should come, as a share of it.
+    pub tolerance: f64,
+}
+
+/// Number of published results.
+pub const RESULTS: usize = 3 + 4 + 4 + 7;
+
+/// All of them, in the order of [`shown`].
+pub fn published() -> Vec<Published> {
+    let mut all = Vec::with_capacity(RESULTS);
+    let mut add = |name: String, table, value, tolerance| {
+        all.push(Published { name, table, value, tolerance });
+    };
+    for (stroke, hz) in paper::EIGEN_STROKE_MM.iter().zip(paper::EIGEN_MEASURED_HZ) {
+        add(format!("eigenfrequency at {stroke} mm [Hz]"), "5", hz, 0.02);
+    }
+    for (strategy, table, tolerance, name) in [
+        (Strategy::VelocityFeedforward, "7", 0.05, "velocity feedforward"),
+        (Strategy::BenchmarkClosedLoop, "8", 0.20, "benchmark"),
+    ] {
+        let (rms, peak) = paper::tracking_mm(strategy);
+        for (k, speed) in paper::SPEEDS_MM_S.iter().enumerate() {
+            add(format!("{name}, {speed} mm/s, RMS [mm]"), table, rms[k], tolerance);
+            add(format!("{name}, {speed} mm/s, peak [mm]"), table, peak[k], tolerance);
+        }
+    }
+    for (signal, unit, _, rms) in paper::TABLE_6 {
+        add(format!("simulation less crane, {signal} RMS [{unit}]"), "6", rms, 0.30);
+    }
+    let oscillation = "frequency of p_A's oscillation [Hz]";
+    add(oscillation.into(), "6", paper::PRESSURE_OSCILLATION_MEASURED_HZ, 0.02);
+    all
+}
+
+/// The tests that the published results come from, on one virtual crane.
+#[derive(Clone, Debug)]
+pub struct Tests {
+    /// Table 5 \[Hz\].
+    pub eigenfrequency: [f64; 3],
+    /// Velocity feedforward at both speeds.
+    pub velocity_feedforward: [Run; 2],
+    /// Benchmark controller at both speeds.
+    pub benchmark: [Run; 2],
+    /// The published model under velocity feedforward at the fast speed, for Table 6.
+    pub simulated: Run,
+    /// Where the fast motion cruises \[s\].
+    motion: Motion<f64>,
+}
+
+/// Runs the tests, on two threads.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane cannot be simulated.
+pub fn tests(model: &Description, crane: &Description) -> Result<Tests, LabError> {
+    let [slow, fast] = [model.numbers.slow, model.numbers.fast];
+    let pair = |strategy| -> Result<[Run; 2], LabError> {
+        Ok([run(model, crane, strategy, slow)?, run(model, crane, strategy, fast)?])
+    };
+    thread::scope(|scope| {
+        let other = scope.spawn(|| pair(Strategy::BenchmarkClosedLoop));
+        let frictionless = without_friction(crane)?;
+        let mut eigenfrequency = [0.0; 3];
+        for (hz, stroke) in eigenfrequency.iter_mut().zip(paper::EIGEN_STROKE_MM) {
+            *hz = locked_mode(&frictionless, stroke * 1e-3)?.frequency_hz;
+        }
+        let velocity_feedforward = pair(Strategy::VelocityFeedforward)?;
+        // the model along the crane's motion, whose window of time may differ
+        let mut alongside = model.clone();
+        alongside.numbers.rest = crane.numbers.rest;
+        let simulated = run(&alongside, &alongside, Strategy::VelocityFeedforward, fast)?;
+        let benchmark = match other.join() {
+            Ok(runs) => runs?,
+            Err(panic) => std::panic::resume_unwind(panic),
+        };
+        let motion = crane.motion(fast);
+        Ok(Tests { eigenfrequency, velocity_feedforward, benchmark, simulated, motion })
+    })
+}
+
+/// What the tests showed, in the order of [`published`].
+///
+/// # Errors
+///
+/// [`LabError::NoOscillation`] when p_A does not ring.
+pub fn shown(tests: &Tests) -> Result<[f64; RESULTS], LabError> {
+    let mut values = Vec::with_capacity(RESULTS);
+    values.extend(tests.eigenfrequency);
+    for run in tests.velocity_feedforward.iter().chain(&tests.benchmark) {
+        values.extend([run.rms() * 1e3, run.peak() * 1e3]);
+    }
+    let fast = &tests.velocity_feedforward[1];
+    values.extend(differences(&tests.simulated, fast).map(|(rms, _)| rms));
+    values.push(pressure_oscillation(&tests.motion, fast)?);
+    values.try_into().map_err(|_| LabError::NoOscillation("a result is missing".into()))
+}
+
+/// Table 6: RMS and peak difference of each signal between two runs under the same input, in the
+/// table's units.
+pub fn differences(simulated: &Run, crane: &Run) -> [(f64, f64); 6] {
+    let signals = |r: &Reading<f64>| {
+        [
+            r.stroke * 1e3,
+            r.pressure_a * 1e-5,
+            r.pressure_b * 1e-5,
+            r.pressure_pump_a * 1e-5,
+            r.pressure_pump_b * 1e-5,
+            r.pressure_accumulator * 1e-5,
+        ]
+    };
+    let mut squares = [0.0; 6];
+    let mut peaks = [0.0_f64; 6];
+    for (s, c) in simulated.samples.iter().zip(&crane.samples) {
+        let (s, c) = (signals(&s.reading), signals(&c.reading));
+        for k in 0..6 {
+            let difference = s[k] - c[k];
+            squares[k] += difference * difference;
+            if difference.abs() > peaks[k].abs() {
+                peaks[k] = difference;
+            }
+        }
+    }
+    let count = simulated.samples.len().max(1) as f64;
+    std::array::from_fn(|k| ((squares[k] / count).sqrt(), peaks[k]))
+}

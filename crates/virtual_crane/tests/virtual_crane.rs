@@ -1,0 +1,144 @@
+//! What the virtual crane promises.
+
+use hydroboom_description::Description;
+use hydroboom_model::{Input, Scheme};
+use hydroboom_plant::plant;
+use hydroboom_virtual_crane::{Command, Effect, Reading, VirtualCrane};
+
+fn crane(overrides: &[&str]) -> Description {
+    let mut crane = Description::uia_virtual().unwrap();
+    for assignment in overrides {
+        crane.set(assignment).unwrap();
+    }
+    crane
+}
+
+/// A lively command: speeds that change every period.
+fn command(k: u32) -> Command<f64> {
+    let t = f64::from(k) * 1e-3;
+    Command { motor_speed: 12.0 * (3.0 * t).sin() + 4.0 * (41.0 * t).sin(), holding_valve: 1.0 }
+}
+
+fn readings(description: &Description, periods: u32) -> Vec<Reading<f64>> {
+    let mut crane = VirtualCrane::new(description, &description.start(0.25)).unwrap();
+    (0..periods)
+        .map(|k| {
+            crane.advance(&command(k)).unwrap();
+            crane.reading()
+        })
+        .collect()
+}
+
+#[test]
+fn without_its_effects_it_is_the_model_to_the_last_bit() {
+    let mut bare = crane(&["start.preload_percent=100", "virtual.step_us=0"]);
+    for effect in Effect::ALL {
+        effect.remove_from(&mut bare).unwrap();
+    }
+    let mut model =
+        plant(&bare, &bare.start(0.25), Scheme::Published, bare.numbers.simulation_period).unwrap();
+    let limits = bare.benchmark().limits;
+    let mut speed = 0.0;
+    for (k, reading) in (0..).zip(readings(&bare, 500)) {
+        let command = command(k);
+        speed = limits.follow(speed, command.motor_speed, 1e-3);
+        model.advance(&Input { pump_speed: speed, holding_valve: 1.0 }, 20).unwrap();
+        let outputs = model.outputs();
+        assert_eq!(reading.stroke, outputs.stroke);
+        assert_eq!(reading.pressure_a, outputs.pressure_a);
+        assert_eq!(reading.pressure_pump_b, outputs.pressure_pump_b);
+        assert_eq!(reading.motor_speed, speed);
+    }
+}
+
+#[test]
+fn every_effect_can_be_switched_off_and_does_something() {
+    // off its reference temperature, and with transducers that err, so that all show
+    let all = crane(&["temperature.oil_c=25", "sensors.pressure_error_percent=0.25"]);
+    let with = readings(&all, 600);
+    for effect in Effect::ALL {
+        assert_eq!(Effect::from_name(effect.name()), Some(effect));
+        let mut less = all.clone();
+        effect.remove_from(&mut less).unwrap();
+        if effect == Effect::TorqueLosses {
+            // seen by the motor, and by nothing else while it is strong enough
+            let torque = |d: &Description| {
+                let mut crane = VirtualCrane::new(d, &d.start(0.25)).unwrap();
+                (0..100).for_each(|k| crane.advance(&command(k)).unwrap());
+                crane.truth().motor_torque
+            };
+            assert!(torque(&all) > torque(&less));
+            continue;
+        }
+        if effect == Effect::Valve {
+            // it has long been open here; see the next test
+            continue;
+        }
+        let without = readings(&less, 600);
+        assert!(with != without, "{} changes nothing", effect.name());
+    }
+}
+
+#[test]
+fn the_load_is_let_go_only_after_the_valve_and_its_lines() {
+    let description = crane(&["switching_valve.delay_ms=40", "fieldbus.delay_cycles=2"]);
+    let mut start = description.start(0.25);
+    start.preload = 0.0;
+    let mut crane = VirtualCrane::new(&description, &start).unwrap();
+    let open = Command { motor_speed: 0.0, holding_valve: 1.0 };
+    let before = crane.truth().outputs.stroke;
+    for _ in 0..41 {
+        crane.advance(&open).unwrap();
+    }
+    assert_eq!(crane.truth().pilot, 0.0);
+    let held = (crane.truth().outputs.stroke - before).abs();
+    for _ in 0..200 {
+        crane.advance(&open).unwrap();
+    }
+    // onto an unloaded pump side the piston drops by tens of millimetres
+    let dropped = before - crane.truth().outputs.stroke;
+    assert!(held < 1e-5 && dropped > 0.02, "{held} m, then {dropped} m");
+}
+
+#[test]
+fn static_friction_holds_the_boom_with_the_pump_stopped() {
+    let description = crane(&[]);
+    let mut start = description.start(0.25);
+    start.preload = 0.0;
+    let mut crane = VirtualCrane::new(&description, &start).unwrap();
+    let still = Command { motor_speed: 0.0, holding_valve: 0.0 };
+    let before = crane.truth().outputs.stroke;
+    for _ in 0..60_000 {
+        crane.advance(&still).unwrap();
+    }
+    let crept = (crane.truth().outputs.stroke - before).abs();
+    assert!(crept < 1e-7, "crept {crept} m in a minute");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_readings_and_another_one_others() {
+    let seeded = |seed: &str| readings(&crane(&[seed]), 50);
+    assert_eq!(seeded("virtual.seed=7"), seeded("virtual.seed=7"));
+    assert_ne!(seeded("virtual.seed=7"), seeded("virtual.seed=8"));
+}
+
+#[test]
+fn its_own_error_is_below_the_noise_of_its_sensors() {
+    // the noise-free crane at its step against a fourth of it
+    let mut quiet = crane(&[]);
+    Effect::Sensors.remove_from(&mut quiet).unwrap();
+    let step = quiet.numbers.virtual_step;
+    let mut fine = quiet.clone();
+    fine.numbers.virtual_step = 0.25 * step;
+    let (coarse, fine) = (readings(&quiet, 2000), readings(&fine, 2000));
+    let rms = |quantity: fn(&Reading<f64>) -> f64| {
+        let pairs = coarse.iter().zip(&fine);
+        let sum: f64 = pairs.map(|(a, b)| (quantity(a) - quantity(b)).powi(2)).sum();
+        (sum / coarse.len() as f64).sqrt()
+    };
+    let n = crane(&[]).numbers;
+    let (position, pressure) = (rms(|r| r.stroke), rms(|r| r.pressure_a));
+    assert!(position < n.position_noise, "{position} m");
+    let noise = n.pressure_noise * n.pressure_span;
+    assert!(pressure < noise, "{pressure} Pa against {noise} Pa");
+}
