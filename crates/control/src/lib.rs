@@ -12,5 +12,5 @@ mod motor;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
 pub use filter::HighPass;
-pub use motion::{Motion, Profile, Reference};
+pub use motion::{Motion, Profile, Reference, Way};
 pub use motor::MotorLimits;

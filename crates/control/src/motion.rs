@@ -72,10 +72,36 @@ impl<T: Real> Motion<T> {
     /// Distance and speed of one way, begun at t = 0.
     #[inline(always)]
     fn one_way(&self, t: T) -> Reference<T> {
-        let cruise_end = self.travel_time() - self.ramp;
+        let way = (self.end - self.start).abs();
+        Way { distance: way, speed: self.speed, ramp: self.ramp, profile: self.profile }.at(t)
+    }
+}
+
+/// A single move, begun at t = 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Way<T> {
+    /// Distance \[m\], not negative.
+    pub distance: T,
+    /// Speed between the ramps \[m/s\]. A way too short to reach it peaks below.
+    pub speed: T,
+    /// Duration of each ramp \[s\].
+    pub ramp: T,
+    /// Shape of the ramps.
+    pub profile: Profile,
+}
+
+impl<T: Real> Way<T> {
+    /// Duration \[s\], the ramps included.
+    pub fn duration(&self) -> T {
+        self.distance / self.speed + self.ramp
+    }
+
+    /// Distance and speed at the time `t` \[s\].
+    #[inline(always)]
+    pub fn at(&self, t: T) -> Reference<T> {
         // the speed is the rise begun at 0 less the one begun at the end of the cruise
         let (rise, risen) = self.ramp_up(t);
-        let (fall, fallen) = self.ramp_up(t - cruise_end);
+        let (fall, fallen) = self.ramp_up(t - self.distance / self.speed);
         Reference { position: self.speed * (risen - fallen), velocity: self.speed * (rise - fall) }
     }
 
@@ -122,6 +148,18 @@ mod tests {
                 assert!(reference.velocity.abs() < 1e-12, "{t}: {reference:?}");
             }
             assert!((motion.reference(4.0).velocity - 0.12).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_way_too_short_for_its_speed_still_arrives_at_rest() {
+        for profile in [Profile::Trapezoidal, Profile::SCurve] {
+            let way = Way { distance: 0.01, speed: 0.12, ramp: 1.0, profile };
+            let end = way.at(way.duration());
+            assert!((end.position - 0.01).abs() < 1e-12 && end.velocity.abs() < 1e-12, "{end:?}");
+            let fastest =
+                (0..1100).map(|k| way.at(f64::from(k) * 1e-3).velocity).fold(0.0, f64::max);
+            assert!(fastest < 0.02, "{fastest} m/s");
         }
     }
 

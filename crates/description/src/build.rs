@@ -84,6 +84,7 @@ impl Description {
                 transition_slope: 1.0 / n.transition_width,
                 vapour_pressure: n.vapour_pressure,
             },
+            dissolved_air: None,
             pump: Pump {
                 displacement: n.displacement,
                 delivery: match self.choices.delivery {

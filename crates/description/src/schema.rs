@@ -220,6 +220,10 @@ keys! {
     drive_torque: "drive" "max_torque_nm" ["N m" = 1.0] 0.1..=1e6 or 1e6, "Largest torque of the motor";
     drive_inertia: "drive" "inertia_kgm2" ["kg m2" = 1.0] 1e-6..=1e3 or 1e-6, "Moment of inertia of motor and pump";
 
+    air_shift: "oil" "air_shift_bar" ["bar" = BAR] 0.0..=100.0 or 0.0, "How far the transition falls once the oil has dissolved its air; 0 is no hysteresis";
+    air_dissolving: "oil" "air_dissolving_s" ["s" = 1.0] 1e-3..=1e5 or 20.0, "Time constant of air dissolving under pressure";
+    air_releasing: "oil" "air_releasing_s" ["s" = 1.0] 1e-3..=1e5 or 2.0, "Time constant of air coming out again";
+
     valve_delay: "switching_valve" "delay_ms" ["ms" = MS] 0.0..=1e4 or 0.0, "Time from the command of the 3/2 valve to its first effect";
     pilot_line: "switching_valve" "pilot_line_ms" ["ms" = MS] 0.0..=1e4 or 0.0, "Time constant of the pilot lines filling";
 

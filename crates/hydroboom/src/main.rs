@@ -6,11 +6,13 @@ mod check;
 mod crane_file;
 mod eigen;
 mod energy;
+mod family;
 mod linearise;
 mod motion;
 mod new;
 mod output;
 mod processor;
+mod scenarios;
 mod show;
 mod simulate;
 mod study;
@@ -41,6 +43,7 @@ enum Command {
     Study(study::Study),
     Virtual(virtual_crane::Virtual),
     Calibrate(calibrate::Calibrate),
+    Scenarios(scenarios::Scenarios),
     Bench(bench::Bench),
 }
 
@@ -64,6 +67,7 @@ fn main() -> Result<()> {
         Command::Study(command) => command.run(),
         Command::Virtual(command) => command.run(),
         Command::Calibrate(command) => command.run(),
+        Command::Scenarios(command) => command.run(),
         Command::Bench(command) => command.run(),
     }
 }

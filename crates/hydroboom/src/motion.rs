@@ -1,7 +1,7 @@
 //! `hydroboom motion`
 
 use crate::crane_file::{CraneFile, text};
-use crate::output;
+use crate::{family, output};
 use clap::Args;
 use hydroboom_description::{Description, Difference};
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
@@ -12,17 +12,30 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// Name of the embedded virtual crane.
+const VIRTUAL: &str = "virtual";
 
 /// Tests 1 to 3: four strategies at both speeds, on a plant that may differ from the model.
 #[derive(Args)]
-#[command(after_help = "Example: hydroboom motion --plant-set payload.mass_kg=340 --out motion")]
+#[command(
+    after_help = "Examples:\n  hydroboom motion --plant-set payload.mass_kg=340 --out motion\n  \
+    hydroboom motion --plant virtual\n  hydroboom motion --family 200 --out family"
+)]
 pub struct MotionTests {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant, or a file with a `[set]` table of overrides; the model when not given.
+    /// Crane file of the plant, or a file with a `[set]` table of overrides, or `virtual` for the
+    /// embedded virtual crane; the model when not given.
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
+    /// Run on so many virtual cranes around the plant (the virtual crane when not given) instead.
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    family: Option<u64>,
+    /// Seed of the family.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
     /// Override a key of the plant only; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     plant_set: Vec<String>,
@@ -40,7 +53,11 @@ impl MotionTests {
         let model = self.crane.read()?;
         let mut name = NOMINAL.to_string();
         let mut plant = model.clone();
-        if let Some(path) = &self.plant {
+        let is_virtual = self.plant.as_deref() == Some(Path::new(VIRTUAL));
+        if is_virtual || (self.plant.is_none() && self.family.is_some()) {
+            name = VIRTUAL.into();
+            plant = Description::uia_virtual()?;
+        } else if let Some(path) = &self.plant {
             name = path.display().to_string();
             let content = text(path)?;
             plant = match content.contains("[set]") {
@@ -51,10 +68,14 @@ impl MotionTests {
         for assignment in &self.plant_set {
             plant.set(assignment)?;
         }
-        if !self.plant_set.is_empty() {
-            name = "changed".into();
+        if let Some(count) = self.family {
+            return family::run(&model, &plant, count, self.seed, self.out.as_deref(), self.json);
         }
-        let differences = model.differences(&plant);
+        if !self.plant_set.is_empty() {
+            name = if is_virtual { format!("{VIRTUAL}, changed") } else { "changed".into() };
+        }
+        // the virtual crane differs in all it has: `hydroboom show` lists that
+        let differences = if is_virtual { Vec::new() } else { model.differences(&plant) };
         let bar = ProgressBar::new((2 * Strategy::ALL.len() + differences.len()) as u64);
         let effects = differences
             .iter()

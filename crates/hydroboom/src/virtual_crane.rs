@@ -2,11 +2,14 @@
 
 use crate::crane_file::{CraneFile, text};
 use crate::output;
+use crate::scenarios::named;
 use clap::{Args, ValueEnum};
 use hydroboom_description::Description;
+use hydroboom_lab::dataset::dataset;
 use hydroboom_lab::motion_test::Strategy;
+use hydroboom_lab::scenario::Course;
 use hydroboom_lab::simulate::Recording;
-use hydroboom_lab::virtual_run::{Contents, Task, virtual_run};
+use hydroboom_lab::virtual_run::{Contents, LogOrder, Task, virtual_run};
 use hydroboom_virtual_crane::Effect;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
@@ -36,7 +39,8 @@ impl From<StrategyName> for Strategy {
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom virtual --log out.csv\n  \
     hydroboom virtual --strategy benchmark-closed-loop --speed-mm-s 25 --truth --log out.csv\n  \
-    hydroboom virtual --without sensors,fieldbus --input drive.csv --log out.csv")]
+    hydroboom virtual --without sensors,fieldbus --input drive.csv --log out.csv\n  \
+    hydroboom virtual --dataset logs")]
 pub struct Virtual {
     #[command(flatten)]
     crane: CraneFile,
@@ -44,7 +48,7 @@ pub struct Virtual {
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// Effects to switch off: segments, payload-shape, base, friction, slip, torque-losses, ripple,
-    /// drive, valve, temperature, sensors, fieldbus.
+    /// drive, valve, air, temperature, sensors, fieldbus.
     #[arg(long, value_name = "EFFECTS", value_delimiter = ',')]
     without: Vec<String>,
     /// Speed of the motion; the model's fast one when not given.
@@ -53,15 +57,24 @@ pub struct Virtual {
     /// How the motor's speed is found.
     #[arg(long, value_enum, default_value = "velocity-feedforward")]
     strategy: StrategyName,
+    /// Run a scenario; `hydroboom scenarios` lists them.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["speed_mm_s", "input"])]
+    scenario: Option<String>,
     /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
     #[arg(long, value_name = "FILE", conflicts_with = "speed_mm_s")]
     input: Option<PathBuf>,
-    /// CSV log to write, a row each control period.
+    /// Log to write: CSV, or MAT where the name ends so.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
+    /// Interval of the log; never shorter than a control period.
+    #[arg(long, default_value_t = 1.0)]
+    log_ms: f64,
     /// Add the hidden states to the log.
     #[arg(long, requires = "log")]
     truth: bool,
+    /// Write a documented set of logs for identification and control into this new folder.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["input", "log", "scenario", "speed_mm_s"])]
+    dataset: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -82,20 +95,40 @@ impl Virtual {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
             None => Description::uia_single_boom()?,
         };
+        if let Some(folder) = &self.dataset {
+            let bar = ProgressBar::new(1000);
+            let files = dataset(&model, &crane, folder, |share| {
+                bar.set_position((share * 1000.0) as u64);
+            });
+            bar.finish_and_clear();
+            let files = files.into_diagnostic()?;
+            return match self.json {
+                true => output::json(&json!({ "written": folder, "files": files })),
+                false => output::text(&format!(
+                    "{} files in {}; start with its README.md",
+                    files.len(),
+                    folder.display()
+                )),
+            };
+        }
+        let speed = self.speed_mm_s.map_or(model.numbers.fast, |mm_s| mm_s * 1e-3);
+        if !(speed > 0.0 && speed.is_finite()) {
+            miette::bail!("--speed-mm-s is a positive number");
+        }
+        let course: Box<dyn Course> = match &self.scenario {
+            Some(name) => Box::new(named(&crane, name)?),
+            None => Box::new(crane.motion(speed)),
+        };
         let task = match &self.input {
             Some(path) => Task::Recording(Recording::read(path).into_diagnostic()?),
-            None => {
-                let speed = self.speed_mm_s.map_or(model.numbers.fast, |mm_s| mm_s * 1e-3);
-                if !(speed > 0.0 && speed.is_finite()) {
-                    miette::bail!("--speed-mm-s is a positive number");
-                }
-                Task::Motion(model.motion(speed), self.strategy.into())
-            }
+            None => Task::Course(course.as_ref(), self.strategy.into()),
         };
         let contents = if self.truth { Contents::Truth } else { Contents::Readings };
         let bar = ProgressBar::new(1000);
-        let log = self.log.as_deref().map(|path| (path, contents));
-        let result = virtual_run(&model, &crane, &task, log, |share| {
+        let interval = self.log_ms * 1e-3;
+        let log = self.log.as_deref().map(|path| LogOrder { path, contents, interval });
+        let logs: Vec<_> = log.into_iter().collect();
+        let result = virtual_run(&model, &crane, &task, &logs, |share| {
             bar.set_position((share * 1000.0) as u64);
         });
         bar.finish_and_clear();

@@ -34,6 +34,9 @@ fn every_command_explains_itself_with_an_example() {
         "linearise",
         "energy",
         "motion",
+        "virtual",
+        "scenarios",
+        "calibrate",
         "study",
         "bench",
     ] {
@@ -209,4 +212,97 @@ fn results_for_machines_have_the_promised_names() {
     for figure in ["Figure 8", "Figure 17", "Figure 24", "Figure 25", "Figure 26", "Figure 27"] {
         assert!(report.contains(figure), "{figure}");
     }
+}
+
+#[test]
+fn the_virtual_crane_logs_what_a_data_acquisition_would_see() {
+    let log = folder("virtual").join("out.csv");
+    let path = log.to_str().unwrap();
+    let run = |arguments: &[&str]| {
+        let all = [&["virtual", "--scenario", "small-moves", "--log", path], arguments].concat();
+        let output = hydroboom(&all);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        std::fs::read_to_string(&log).unwrap()
+    };
+    let seen = run(&[]);
+    let header = seen.lines().next().unwrap();
+    assert!(header.contains("stroke_mm") && header.contains("motor_speed_rpm"), "{header}");
+    assert!(!header.contains("true_"), "{header}");
+    assert_eq!(seen, run(&[]), "the same seed gives the same log");
+    assert!(run(&["--truth"]).lines().next().unwrap().contains("true_oil_temperature_c"));
+    says(&hydroboom(&["virtual", "--without", "gravity"]), "no effect \"gravity\"");
+    says(&hydroboom(&["virtual", "--scenario", "lunch"]), "no scenario \"lunch\"");
+}
+
+#[test]
+fn a_dataset_is_whole_documented_and_keeps_the_truth_apart() {
+    let parent = folder("dataset");
+    let path = parent.join("logs");
+    let coarse = ["--set", "virtual.step_us=1000", "--set", "boom.segments=3"];
+    let arguments = [&["virtual", "--dataset", path.to_str().unwrap()], &coarse[..]].concat();
+    let output = hydroboom(&arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let readme = std::fs::read_to_string(path.join("README.md")).unwrap();
+    assert!(readme.contains("nothing here is a measurement"));
+    let files = |kind: &str| {
+        let mut names: Vec<_> = std::fs::read_dir(path.join(kind))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    };
+    assert_eq!(files("readings"), files("truth"));
+    assert_eq!(files("readings").len(), 2 * 2 * (4 + 3 + 4));
+    let held = std::fs::read_to_string(path.join("readings/healthy-oscillation-200.csv")).unwrap();
+    assert!(!held.contains("true_"));
+    // a second one does not overwrite the first
+    assert!(!hydroboom(&arguments).status.success());
+}
+
+#[test]
+fn an_interrupted_calibration_ends_as_an_uninterrupted_one() {
+    let folder = folder("calibrate");
+    // a crane of three segments is enough to see it, and quick
+    let template = folder.join("template.toml");
+    let text =
+        hydroboom_description::UIA_VIRTUAL.replace("segments           = 10", "segments = 3");
+    std::fs::write(
+        &template,
+        text.replace(
+            "value = 250.0, provenance = \"derived\"",
+            "value = 1000.0, provenance = \"derived\"",
+        ),
+    )
+    .unwrap();
+    let command = |out: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_hydroboom"));
+        command.args(["calibrate", "--generations", "1", "--population", "4", "--iterations", "0"]);
+        command.args(["--crane", template.to_str().unwrap(), "--out", out]);
+        command
+    };
+    let calibrate = |out: &str| {
+        let output = command(out).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        std::fs::read_to_string(out).unwrap()
+    };
+    let path = |name: &str| folder.join(name).to_str().unwrap().to_string();
+    let whole = calibrate(&path("whole.toml"));
+    assert!(whole.contains("# --- calibration"), "{whole}");
+
+    let journal = folder.join("interrupted.toml.journal");
+    let mut child = command(&path("interrupted.toml")).spawn().unwrap();
+    let written = || std::fs::read_to_string(&journal).map_or(0, |text| text.lines().count());
+    while written() < 4 && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(journal.exists() && !folder.join("interrupted.toml").exists());
+    assert_eq!(calibrate(&path("interrupted.toml")), whole);
+    assert!(!journal.exists());
+
+    // what it writes can be read, and calibrated again
+    let check = hydroboom(&["check", "--crane", &path("whole.toml")]);
+    assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stderr));
 }

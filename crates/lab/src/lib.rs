@@ -5,9 +5,11 @@
 
 pub mod benchmark;
 pub mod calibrate;
+pub mod dataset;
 pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
+pub mod family;
 pub mod linearise;
 pub mod log;
 pub mod mat_file;
@@ -15,6 +17,7 @@ pub mod motion_test;
 pub mod numerical_damping;
 pub mod paper;
 pub mod report;
+pub mod scenario;
 pub mod simulate;
 pub mod study;
 pub mod virtual_run;

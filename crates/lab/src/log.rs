@@ -1,8 +1,9 @@
-//! CSV logs: columns that carry their unit, written whole or not at all.
+//! Logs: columns that carry their unit, written whole or not at all.
 
 use crate::LabError;
+use crate::mat_file::{Matrix, mat_file};
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Units of a log: suffix of the column and size in SI units.
@@ -36,12 +37,45 @@ pub fn scaled<'a>(values: &'a [f64], units: &'a [&'static str]) -> impl Iterator
 }
 
 /// A log that is being written, beside its final name; [`finish`](Log::finish) moves it there. A
-/// log that is dropped before leaves nothing.
+/// log that is dropped before leaves nothing. A name that ends in `.mat` makes it a MAT file with a
+/// variable for each column, any other a CSV file.
 pub struct Log {
     path: PathBuf,
     partial: PathBuf,
     /// None once the log is complete.
-    writer: Option<csv::Writer<BufWriter<File>>>,
+    writer: Option<Writer>,
+}
+
+enum Writer {
+    Csv(Box<csv::Writer<BufWriter<File>>>),
+    /// Names and columns, kept until the end: the format wants whole columns.
+    Mat(BufWriter<File>, Vec<(String, Vec<Vec<f64>>)>),
+}
+
+impl Writer {
+    fn row(&mut self, values: &[f64]) -> std::io::Result<()> {
+        match self {
+            Self::Csv(writer) => {
+                Ok(writer.write_record(values.iter().map(|v| format!("{v:.9e}")))?)
+            }
+            Self::Mat(_, columns) => {
+                columns.iter_mut().zip(values).for_each(|((_, rows), v)| rows.push(vec![*v]));
+                Ok(())
+            }
+        }
+    }
+
+    fn finish(&mut self) -> std::io::Result<()> {
+        match self {
+            Self::Csv(writer) => writer.flush(),
+            Self::Mat(file, columns) => {
+                let matrices: Vec<Matrix<'_>> =
+                    columns.iter().map(|(name, rows)| Matrix { name, rows }).collect();
+                file.write_all(&mat_file(&matrices, &[]))?;
+                file.flush()
+            }
+        }
+    }
 }
 
 impl Log {
@@ -51,11 +85,20 @@ impl Log {
     ///
     /// [`LabError::File`] when it cannot be written.
     pub fn begin(path: &Path, header: &[String]) -> Result<Self, LabError> {
-        let partial = path.with_extension("csv.partial");
+        let mut partial = path.as_os_str().to_owned();
+        partial.push(".partial");
+        let partial = PathBuf::from(partial);
         let file = File::create(&partial)
             .map_err(|error| LabError::File { path: partial.display().to_string(), error })?;
-        let mut writer = csv::Writer::from_writer(BufWriter::new(file));
-        let begun = writer.write_record(header);
+        let file = BufWriter::new(file);
+        let mut begun = Ok(());
+        let writer = if path.extension().is_some_and(|extension| extension == "mat") {
+            Writer::Mat(file, header.iter().map(|name| (name.clone(), Vec::new())).collect())
+        } else {
+            let mut writer = csv::Writer::from_writer(file);
+            begun = writer.write_record(header).map_err(std::io::Error::from);
+            Writer::Csv(Box::new(writer))
+        };
         let log = Self { path: path.into(), partial, writer: Some(writer) };
         begun.map_err(|error| log.failed(error))?;
         Ok(log)
@@ -67,8 +110,7 @@ impl Log {
     ///
     /// [`LabError::File`] when it cannot be written.
     pub fn row(&mut self, values: &[f64]) -> Result<(), LabError> {
-        let fields = values.iter().map(|v| format!("{v:.9e}"));
-        let written = self.writer.as_mut().map_or(Ok(()), |writer| writer.write_record(fields));
+        let written = self.writer.as_mut().map_or(Ok(()), |writer| writer.row(values));
         written.map_err(|error| self.failed(error))
     }
 
@@ -78,17 +120,16 @@ impl Log {
     ///
     /// [`LabError::File`] when it cannot be written.
     pub fn finish(mut self) -> Result<(), LabError> {
-        let flushed = self.writer.as_mut().map_or(Ok(()), csv::Writer::flush);
+        let flushed = self.writer.as_mut().map_or(Ok(()), Writer::finish);
         flushed
             .and_then(|()| std::fs::rename(&self.partial, &self.path))
-            .map_err(|error| self.failed(error.into()))?;
+            .map_err(|error| self.failed(error))?;
         self.writer = None;
         Ok(())
     }
 
-    fn failed(&self, error: csv::Error) -> LabError {
-        let path = self.path.display().to_string();
-        LabError::File { path, error: std::io::Error::other(error) }
+    fn failed(&self, error: std::io::Error) -> LabError {
+        LabError::File { path: self.path.display().to_string(), error }
     }
 }
 

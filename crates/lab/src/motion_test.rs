@@ -1,6 +1,7 @@
 //! Tests 1 to 3 of section 5.3: four strategies, two speeds, on a plant that may differ from the
 //! model.
 
+use crate::scenario::Course;
 use crate::{LabError, Plant, paper, plant};
 use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Motion, Reference};
 use hydroboom_description::Description;
@@ -149,13 +150,9 @@ struct Simulated {
 }
 
 impl Simulated {
-    fn new(
-        model: &Description,
-        controller: Benchmark<f64>,
-        motion: &Motion<f64>,
-    ) -> Result<Self, LabError> {
+    fn new(model: &Description, controller: Benchmark<f64>, start: f64) -> Result<Self, LabError> {
         let step = model.numbers.simulation_period;
-        let plant = plant(model, &model.start(motion.start), Scheme::Published, step)?;
+        let plant = plant(model, &model.start(start), Scheme::Published, step)?;
         let count = (controller.period / step).round() as u32;
         let memory = controller.start(&measured(plant.as_ref()));
         Ok(Self { plant, controller, memory, motor: 0.0, count })
@@ -202,7 +199,7 @@ pub fn run(
     Ok(Run { strategy, speed, samples })
 }
 
-/// The same along any motion, each control period shown to `observe`, which may stop it.
+/// The same along any course, each control period shown to `observe`, which may stop it.
 ///
 /// # Errors
 ///
@@ -212,23 +209,28 @@ pub fn steer(
     model: &Description,
     plant: &Description,
     strategy: Strategy,
-    motion: &Motion<f64>,
+    course: &dyn Course,
     mut observe: impl FnMut(&Sample) -> Result<(), LabError>,
 ) -> Result<(), LabError> {
     let controller = model.benchmark();
-    let mut real = VirtualCrane::new(plant, &plant.start(motion.start))?;
+    let start = course.reference(0.0).position;
+    let mut real = VirtualCrane::new(plant, &plant.start(start))?;
     let mut memory = controller.start(&real.measured());
     let mut simulated = match strategy.simulates() {
-        true => Some(Simulated::new(model, controller, motion)?),
+        true => Some(Simulated::new(model, controller, start)?),
         false => None,
     };
     let period = controller.period;
-    let periods = (motion.duration() / period).round() as u64;
-    let during = format!("{} at {:.0} mm/s", strategy.name(), motion.speed * 1e3);
+    let periods = (course.duration() / period).round() as u64;
+    let mut loads = course.loads().iter().peekable();
+    let during = format!("{} at {:.0} mm/s", strategy.name(), course.speed() * 1e3);
 
     for k in 0..=periods {
         let time = k as f64 * period;
-        let reference = motion.reference(time);
+        while let Some(load) = loads.next_if(|load| load.time <= time) {
+            real.set_payload(load.mass)?;
+        }
+        let reference = course.reference(time);
         let feedforward = match &mut simulated {
             Some(crane) => crane
                 .advance(&reference)

@@ -3,8 +3,9 @@
 use crate::LabError;
 use crate::log::{Log, columns, scaled};
 use crate::motion_test::{Sample, Strategy, steer};
+use crate::scenario::Course;
 use crate::simulate::Recording;
-use hydroboom_control::{Motion, Reference};
+use hydroboom_control::Reference;
 use hydroboom_description::Description;
 use hydroboom_model::Outputs;
 use hydroboom_virtual_crane::{Command, Reading, Truth, VirtualCrane};
@@ -12,13 +13,23 @@ use serde::Serialize;
 use std::path::Path;
 
 /// What the virtual crane is told.
-#[derive(Clone, Debug)]
-pub enum Task {
-    /// A motion under one of the strategies, which know the model only.
-    Motion(Motion<f64>, Strategy),
+#[derive(Clone)]
+pub enum Task<'a> {
+    /// A course under one of the strategies, which know the model only.
+    Course(&'a dyn Course, Strategy),
     /// A recorded input.
     Recording(Recording),
+    /// The locked-valve oscillation test: the tip dropped by so much at a piston position \[m\].
+    Oscillation {
+        /// Piston position \[m\].
+        stroke: f64,
+        /// Height of the tip above rest \[m\].
+        drop: f64,
+    },
 }
+
+/// Duration of the oscillation test \[s\].
+const OSCILLATION: f64 = 4.0;
 
 /// What a log holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +38,28 @@ pub enum Contents {
     Readings,
     /// The hidden states too.
     Truth,
+    /// The hidden states alone.
+    TruthAlone,
+}
+
+impl Contents {
+    fn readings(self) -> bool {
+        self != Self::TruthAlone
+    }
+    fn truth(self) -> bool {
+        self != Self::Readings
+    }
+}
+
+/// A log to be written.
+#[derive(Clone, Copy, Debug)]
+pub struct LogOrder<'a> {
+    /// Where.
+    pub path: &'a Path,
+    /// What.
+    pub contents: Contents,
+    /// Interval between rows \[s\].
+    pub interval: f64,
 }
 
 /// A run in short.
@@ -48,7 +81,7 @@ pub struct Summary {
     pub oil_c: f64,
 }
 
-/// Runs the virtual crane and logs it once each control period; `progress` is told the share done.
+/// Runs the virtual crane and logs what is ordered; `progress` is told the share done.
 ///
 /// # Errors
 ///
@@ -57,22 +90,28 @@ pub fn virtual_run(
     model: &Description,
     crane: &Description,
     task: &Task,
-    log: Option<(&Path, Contents)>,
+    logs: &[LogOrder<'_>],
     mut progress: impl FnMut(f64),
 ) -> Result<Summary, LabError> {
-    let mut writer = match log {
-        Some((path, contents)) => Some((Log::begin(path, &header(contents, task))?, contents)),
-        None => None,
-    };
+    let period = crane.numbers.control_period;
+    let mut writers = Vec::with_capacity(logs.len());
+    for order in logs {
+        let log = Log::begin(order.path, &header(order.contents, task))?;
+        let every = (order.interval / period).round().max(1.0) as u64;
+        writers.push((log, order.contents, every));
+    }
     let duration = match task {
-        Task::Motion(motion, _) => motion.duration(),
+        Task::Course(course, _) => course.duration(),
         Task::Recording(recording) => recording.duration(),
+        Task::Oscillation { .. } => OSCILLATION,
     };
     let mut summary = Summary { duration_s: duration, ..Summary::default() };
     let (mut square, mut peak, mut count) = (0.0, 0.0_f64, 0_u64);
     let mut observe = |sample: &Sample| {
-        if let Some((log, contents)) = &mut writer {
-            log.row(&row(*contents, task, sample))?;
+        for (log, contents, every) in &mut writers {
+            if count % *every == 0 {
+                log.row(&row(*contents, task, sample))?;
+            }
         }
         let truth = &sample.truth;
         summary.stroke_mm = truth.outputs.stroke * 1e3;
@@ -90,40 +129,56 @@ pub fn virtual_run(
         Ok(())
     };
     match task {
-        Task::Motion(motion, strategy) => steer(model, crane, *strategy, motion, &mut observe)?,
-        Task::Recording(recording) => follow(crane, recording, &mut observe)?,
+        Task::Course(course, strategy) => steer(model, crane, *strategy, *course, &mut observe)?,
+        Task::Recording(recording) => {
+            let mut start = crane.start(crane.numbers.motion_start);
+            if recording.at(0.0).holding_valve < 0.5 {
+                start.preload = 0.0;
+            }
+            let real = VirtualCrane::new(crane, &start)?;
+            let command = |time| {
+                let input = recording.at(time);
+                Command { motor_speed: input.pump_speed, holding_valve: input.holding_valve }
+            };
+            follow(real, duration, command, &mut observe)?;
+        }
+        Task::Oscillation { stroke, drop } => {
+            let mut start = crane.start(*stroke);
+            start.rod_side_pressure = crane.numbers.oscillation_rod_side;
+            start.preload = 0.0;
+            let mut real = VirtualCrane::new(crane, &start)?;
+            real.lift(drop / crane.numbers.boom_length)
+                .map_err(LabError::during("lifting the boom"))?;
+            let held = Command { motor_speed: 0.0, holding_valve: 0.0 };
+            follow(real, duration, |_| held, &mut observe)?;
+        }
     }
-    if matches!(task, Task::Motion(..)) {
+    if matches!(task, Task::Course(..)) {
         summary.rms_mm = Some((square / count.max(1) as f64).sqrt() * 1e3);
         summary.peak_mm = Some(peak * 1e3);
     }
-    writer.map_or(Ok(()), |(log, _)| log.finish())?;
+    writers.into_iter().try_for_each(|(log, ..)| log.finish())?;
     Ok(summary)
 }
 
-/// Sends a recorded input to the crane.
+/// Sends commands that depend on nothing but time.
 fn follow(
-    crane: &Description,
-    recording: &Recording,
+    mut real: VirtualCrane,
+    duration: f64,
+    command: impl Fn(f64) -> Command<f64>,
     observe: &mut dyn FnMut(&Sample) -> Result<(), LabError>,
 ) -> Result<(), LabError> {
-    let mut start = crane.start(crane.numbers.motion_start);
-    if recording.at(0.0).holding_valve < 0.5 {
-        start.preload = 0.0;
-    }
-    let mut real = VirtualCrane::new(crane, &start)?;
-    let period = crane.numbers.control_period;
-    let periods = (recording.duration() / period).round() as u64;
+    let period = real.period();
+    let periods = (duration / period).round() as u64;
     for k in 0..=periods {
         let time = k as f64 * period;
-        let input = recording.at(time);
-        let command = Command { motor_speed: input.pump_speed, holding_valve: input.holding_valve };
+        let command = command(time);
         let reading = real.reading();
         // there is no reference to be away from
         let reference = Reference { position: reading.stroke, velocity: 0.0 };
         observe(&Sample { time, reference, reading, truth: real.truth(), command })?;
         if k < periods {
-            real.advance(&command).map_err(LabError::during("recorded input"))?;
+            real.advance(&command).map_err(LabError::during("virtual crane"))?;
         }
     }
     Ok(())
@@ -131,12 +186,14 @@ fn follow(
 
 fn header(contents: Contents, task: &Task) -> Vec<String> {
     let mut header = vec!["time_s".to_string()];
-    if matches!(task, Task::Motion(..)) {
-        header.extend(columns(&Reference::NAMES, &Reference::UNITS, "reference_"));
+    if contents.readings() {
+        if matches!(task, Task::Course(..)) {
+            header.extend(columns(&Reference::NAMES, &Reference::UNITS, "reference_"));
+        }
+        header.extend(columns(&Command::NAMES, &Command::UNITS, "command_"));
+        header.extend(columns(&Reading::NAMES, &Reading::UNITS, ""));
     }
-    header.extend(columns(&Command::NAMES, &Command::UNITS, "command_"));
-    header.extend(columns(&Reading::NAMES, &Reading::UNITS, ""));
-    if contents == Contents::Truth {
+    if contents.truth() {
         header.extend(columns(&Outputs::NAMES, &Outputs::UNITS, "true_"));
         header.extend(columns(&Truth::NAMES, &Truth::UNITS, "true_"));
     }
@@ -145,12 +202,14 @@ fn header(contents: Contents, task: &Task) -> Vec<String> {
 
 fn row(contents: Contents, task: &Task, sample: &Sample) -> Vec<f64> {
     let mut row = vec![sample.time];
-    if matches!(task, Task::Motion(..)) {
-        row.extend(scaled(&sample.reference.to_array(), &Reference::UNITS));
+    if contents.readings() {
+        if matches!(task, Task::Course(..)) {
+            row.extend(scaled(&sample.reference.to_array(), &Reference::UNITS));
+        }
+        row.extend(scaled(&sample.command.to_array(), &Command::UNITS));
+        row.extend(scaled(&sample.reading.to_array(), &Reading::UNITS));
     }
-    row.extend(scaled(&sample.command.to_array(), &Command::UNITS));
-    row.extend(scaled(&sample.reading.to_array(), &Reading::UNITS));
-    if contents == Contents::Truth {
+    if contents.truth() {
         row.extend(scaled(&sample.truth.outputs.to_array(), &Outputs::UNITS));
         row.extend(scaled(&sample.truth.beside_outputs(), &Truth::UNITS));
     }

@@ -3,7 +3,7 @@
 /// Declares a record whose fields are all of the same number type.
 ///
 /// Besides the struct it makes the tables that logs, exports and dashboards read (`NAMES`,
-/// `UNITS`) and the conversions an integrator needs (`from_array`, `to_array`, `map`).
+/// `UNITS`, `MEANINGS`) and the conversions an integrator needs (`from_array`, `to_array`, `map`).
 ///
 /// ```
 /// hydroboom_math::record! {
@@ -40,6 +40,8 @@ macro_rules! record {
             pub const NAMES: [&'static str; [$($unit),+].len()] = [$(stringify!($field)),+];
             /// Units, in declaration order.
             pub const UNITS: [&'static str; [$($unit),+].len()] = [$($unit),+];
+            /// What the fields mean, in declaration order: their documentation.
+            pub const MEANINGS: [&'static str; [$($unit),+].len()] = [$(concat!($($doc),*)),+];
         }
 
         impl<T> $Name<T> {

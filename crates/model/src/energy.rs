@@ -6,8 +6,10 @@
 //! is not, and the pump's k_flow stands in for that compression. An inflow Q at pressure p carries
 //! `Q (p + ρe)`.
 
+use crate::circuit::Nodes;
 use crate::crane::{Crane, CraneState, Input};
 use crate::hydraulics::FrictionLaw;
+use core::array::from_fn;
 use hydroboom_math::{Real, record};
 
 record! {
@@ -104,18 +106,19 @@ impl<T: Real, const N: usize> Crane<T, N> {
     pub fn energy(&self, state: &CraneState<T, N>) -> Energy<T> {
         let pose = self.boom.pose(&state.boom.angle);
         let stroke = self.boom.cylinder_pose(&pose).stroke;
-        let oil = &self.circuit.oil;
+        let oils = self.circuit.oils().to_array();
         let volumes = self.node_volumes(state, stroke).to_array();
         let mut stored = T::zero();
-        for (q, volume) in state.circuit.nodes.to_array().into_iter().zip(volumes) {
+        let nodes = state.circuit.nodes.to_array();
+        for ((q, volume), oil) in nodes.into_iter().zip(volumes).zip(&oils) {
             let p = oil.pressure(q);
             let cavity = oil.cavity_volume(q, volume);
             stored = stored + oil.energy_density(p) * (volume - cavity) - p * cavity;
         }
-        let gas = self
-            .circuit
-            .accumulator
-            .gas_energy(oil.pressure(state.circuit.nodes.accumulator), state.circuit.gas_volume);
+        let gas = self.circuit.accumulator.gas_energy(
+            self.circuit.oil.pressure(state.circuit.nodes.accumulator),
+            state.circuit.gas_volume,
+        );
         Energy {
             kinetic: self.boom.kinetic_energy(&pose, &state.boom),
             gravitational: self.boom.gravitational_energy(&pose),
@@ -136,7 +139,8 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let q = self.circuit.flows(&p, input.pump_speed, input.holding_valve);
         let forces = self.piston_forces(&p, state.bristle, cylinder.stroke, velocity);
 
-        let density = p.map(|p| self.circuit.oil.energy_density(p));
+        let (oils, pressures) = (self.circuit.oils().to_array(), p.to_array());
+        let density = Nodes::from_array(from_fn(|i| oils[i].energy_density(pressures[i])));
         // each restriction with its pressures and energy densities, from and to
         let to_accumulator_a = (p.pump_a - p.accumulator, density.accumulator - density.pump_a);
         let to_accumulator_b = (p.pump_b - p.accumulator, density.accumulator - density.pump_b);

@@ -65,6 +65,9 @@ pub trait Plant {
     ///
     /// [`PlantError`] when the description gives no model of this size.
     fn set_parameters(&mut self, description: &Description) -> Result<(), PlantError>;
+    /// Sets by how much dissolved air lowers the pressure at which the oil stiffens, node by node
+    /// \[Pa\].
+    fn set_dissolved_air(&mut self, shift: Nodes<f64>);
     /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in, so that it
     /// will drop onto its cylinder.
     ///
@@ -205,6 +208,12 @@ impl<const N: usize> Plant for Simulation<N> {
         Ok(())
     }
 
+    fn set_dissolved_air(&mut self, shift: Nodes<f64>) {
+        let mut crane = *self.crane();
+        crane.circuit.dissolved_air = Some(shift);
+        self.set_crane(crane);
+    }
+
     fn lift(&mut self, angle: f64) -> Result<(), SimulationError> {
         let crane = *self.crane();
         let mut state = *self.state();
@@ -220,9 +229,9 @@ impl<const N: usize> Plant for Simulation<N> {
             let x = before + (f64::from(i) + 0.5) * dx;
             let cylinder = &crane.cylinder;
             let (growth_a, growth_b) = (cylinder.piston_area * dx, -cylinder.rod_side_area * dx);
-            let oil = &crane.circuit.oil;
-            a += oil.growing_pressure_rate(a, 1.0 / cylinder.volume_a(x), 0.0, growth_a);
-            b += oil.growing_pressure_rate(b, 1.0 / cylinder.volume_b(x), 0.0, growth_b);
+            let oil = crane.circuit.oils();
+            a += oil.a.growing_pressure_rate(a, 1.0 / cylinder.volume_a(x), 0.0, growth_a);
+            b += oil.b.growing_pressure_rate(b, 1.0 / cylinder.volume_b(x), 0.0, growth_b);
         }
         (state.circuit.nodes.a, state.circuit.nodes.b) = (a, b);
         self.set_state(state)

@@ -1,5 +1,6 @@
 //! The virtual crane, one control period at a time.
 
+use crate::air::Air;
 use crate::drive::{Drive, DriveState};
 use crate::fieldbus::Fieldbus;
 use crate::pump::PumpShaft;
@@ -10,7 +11,7 @@ use hydroboom_control::{Measured, MotorLimits};
 use hydroboom_description::Description;
 use hydroboom_math::record;
 use hydroboom_model::hydraulics::Cylinder;
-use hydroboom_model::{Input, Outputs, Scheme, SimulationError, Start};
+use hydroboom_model::{Input, Nodes, Outputs, Scheme, SimulationError, Start};
 use hydroboom_plant::{Plant, PlantError, plant};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -78,18 +79,29 @@ impl Truth {
     /// Their units, where the name does not say.
     pub const UNITS: [&str; 5] = ["rev/s", "", "", "", ""];
 
+    /// What they mean.
+    pub const MEANINGS: [&str; 5] = [
+        "Motor speed",
+        "Torque the pump asks of the motor",
+        "Position of the load-holding valves' pilots, 0 to 1",
+        "Oil temperature",
+        "Power lost as heat",
+    ];
+
     /// What stands beside the outputs, in the order of [`NAMES`](Self::NAMES).
     pub fn beside_outputs(&self) -> [f64; 5] {
         [self.motor_speed, self.motor_torque, self.pilot, self.oil_temperature, self.heat]
     }
 }
 
-/// Control periods between two looks at the oil's heat.
-const HEAT_EVERY: u64 = 20;
+/// Control periods between two looks at what changes slowly, the oil's heat and air.
+const SLOW_EVERY: u64 = 20;
 
 /// A crane with all that stands between it and a controller.
 pub struct VirtualCrane {
     plant: Box<dyn Plant>,
+    /// Of the plant, now.
+    outputs: Outputs<f64>,
     /// Steps in a control period.
     steps: u32,
     period: f64,
@@ -102,6 +114,7 @@ pub struct VirtualCrane {
     valve: Option<SwitchingValve>,
     pilot: f64,
     temperature: Temperature,
+    air: Option<Air>,
     /// Power that is lost as heat \[W\].
     heat: f64,
     /// Of position, then of the five pressures in the order of [`Reading`].
@@ -138,7 +151,11 @@ impl VirtualCrane {
             false => period / steps,
         };
         let temperature = Temperature::new(description);
-        let plant = plant(&temperature.description(), start, scheme, step)?;
+        let mut plant = plant(&temperature.description(), start, scheme, step)?;
+        let air = Air::new(description, &pressures(&plant.outputs()));
+        if let Some(air) = &air {
+            plant.set_dissolved_air(air.shift());
+        }
         let pilot = f64::from(u8::from(start.preload > 0.0));
 
         let drive = (n.drive_bandwidth > 0.0).then_some(Drive {
@@ -169,7 +186,7 @@ impl VirtualCrane {
             true => [f64::NEG_INFINITY, f64::INFINITY],
             false => [-0.1 * n.pressure_span, n.pressure_span],
         };
-        let mut pressure = |value: f64| {
+        let mut transducer = |value: f64| {
             let error = n.pressure_error * n.pressure_span * random.random_range(-1.0..=1.0);
             let noise = n.pressure_noise * n.pressure_span;
             let data = SensorData { error, noise, resolution, range };
@@ -177,17 +194,18 @@ impl VirtualCrane {
         };
         let sensors = [
             Sensor::new(position, n.sensor_bandwidth, step, outputs.stroke),
-            pressure(outputs.pressure_pump_a),
-            pressure(outputs.pressure_a),
-            pressure(outputs.pressure_b),
-            pressure(outputs.pressure_pump_b),
-            pressure(outputs.pressure_accumulator),
+            transducer(outputs.pressure_pump_a),
+            transducer(outputs.pressure_a),
+            transducer(outputs.pressure_b),
+            transducer(outputs.pressure_pump_b),
+            transducer(outputs.pressure_accumulator),
         ];
         let reading = sampled(&sensors, 0.0, &mut random);
         let cycles = n.fieldbus_delay.round() as usize;
         let still = Command { motor_speed: 0.0, holding_valve: pilot };
         Ok(Self {
             plant,
+            outputs,
             steps: steps as u32,
             period,
             drive,
@@ -204,6 +222,7 @@ impl VirtualCrane {
             valve,
             pilot,
             temperature,
+            air,
             heat: 0.0,
             sensors,
             sensors_lag: n.sensor_bandwidth > 0.0,
@@ -238,11 +257,10 @@ impl VirtualCrane {
 
     /// What nobody sees.
     pub fn truth(&self) -> Truth {
-        let outputs = self.plant.outputs();
         Truth {
-            outputs,
+            outputs: self.outputs,
             motor_speed: self.motor.speed,
-            motor_torque: self.torque(&outputs),
+            motor_torque: self.torque(),
             pilot: self.pilot,
             oil_temperature: self.temperature.oil(),
             heat: self.heat,
@@ -257,6 +275,35 @@ impl VirtualCrane {
     /// Time since the start \[s\].
     pub fn time(&self) -> f64 {
         self.periods as f64 * self.period
+    }
+
+    /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in, so that it
+    /// will drop onto its cylinder.
+    ///
+    /// # Errors
+    ///
+    /// [`SimulationError`] when the lifted state is not valid.
+    pub fn lift(&mut self, angle: f64) -> Result<(), SimulationError> {
+        self.plant.lift(angle)?;
+        self.outputs = self.plant.outputs();
+        Ok(())
+    }
+
+    /// Control period \[s\].
+    pub fn period(&self) -> f64 {
+        self.period
+    }
+
+    /// Hangs another payload \[kg\] on the boom, at the same place.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when there is no crane with such a payload.
+    pub fn set_payload(&mut self, mass: f64) -> Result<(), PlantError> {
+        let heavier = self.temperature.with_payload(mass);
+        self.plant.set_parameters(&heavier)?;
+        self.dissolve(0.0);
+        Ok(())
     }
 
     /// One control period under a command.
@@ -283,10 +330,14 @@ impl VirtualCrane {
             }
         } else {
             self.pilot = command.holding_valve;
-            self.plant.advance(&self.input(1.0), self.steps)?;
+            self.plant.advance(&self.input(self.motor.speed), self.steps)?;
+            self.outputs = self.plant.outputs();
         }
         self.periods += 1;
-        self.warm();
+        if self.periods.is_multiple_of(SLOW_EVERY) {
+            self.warm();
+            self.dissolve(self.period * SLOW_EVERY as f64);
+        }
 
         if !self.sensors_lag {
             self.show();
@@ -299,35 +350,43 @@ impl VirtualCrane {
     /// One step of plant and equipment.
     fn step(&mut self, command: &Command<f64>) -> Result<(), SimulationError> {
         let step = self.plant.step();
-        if let Some(drive) = self.drive {
-            let load = self.torque(&self.plant.outputs());
-            drive.advance(&mut self.motor, command.motor_speed, load, step);
-        } else {
-            self.motor.angle = (self.motor.angle + step * self.motor.speed).rem_euclid(1.0);
-        }
+        let angle = self.motor.angle;
+        let mean_speed = match self.drive {
+            Some(drive) => {
+                let load = self.torque();
+                drive.advance(&mut self.motor, command.motor_speed, load, step)
+            }
+            None => {
+                self.motor.angle = (angle + step * self.motor.speed).rem_euclid(1.0);
+                self.motor.speed
+            }
+        };
         self.pilot = match &mut self.valve {
             Some(valve) => valve.advance(command.holding_valve),
             None => command.holding_valve,
         };
-        self.plant.advance(&self.input(self.shaft.delivery(self.motor.angle)), 1)?;
+        // the ripple in the middle of the step
+        let delivery = self.shaft.delivery(angle + 0.5 * step * mean_speed);
+        self.plant.advance(&self.input(mean_speed * delivery), 1)?;
+        self.outputs = self.plant.outputs();
         if self.sensors_lag {
             self.show();
         }
         Ok(())
     }
 
-    fn input(&self, delivery: f64) -> Input<f64> {
-        Input { pump_speed: self.motor.speed * delivery, holding_valve: self.pilot }
+    fn input(&self, pump_speed: f64) -> Input<f64> {
+        Input { pump_speed, holding_valve: self.pilot }
     }
 
-    fn torque(&self, outputs: &Outputs<f64>) -> f64 {
-        let difference = outputs.pressure_pump_a - outputs.pressure_pump_b;
+    fn torque(&self) -> f64 {
+        let difference = self.outputs.pressure_pump_a - self.outputs.pressure_pump_b;
         self.shaft.torque(difference, self.motor.speed)
     }
 
     /// Shows the sensors what they follow.
     fn show(&mut self) {
-        let o = self.plant.outputs();
+        let o = &self.outputs;
         let seen = [
             o.stroke,
             o.pressure_pump_a,
@@ -339,20 +398,34 @@ impl VirtualCrane {
         self.sensors.iter_mut().zip(seen).for_each(|(sensor, value)| sensor.follow(value));
     }
 
+    /// Lets the oil's air dissolve or come out for `time` \[s\].
+    fn dissolve(&mut self, time: f64) {
+        if let Some(air) = &mut self.air {
+            air.advance(&pressures(&self.outputs), time);
+            self.plant.set_dissolved_air(air.shift());
+        }
+    }
+
     /// Gathers what is lost as heat, and warms the oil with it.
     fn warm(&mut self) {
-        if !self.periods.is_multiple_of(HEAT_EVERY) {
-            return;
-        }
-        let outputs = self.plant.outputs();
-        let difference = outputs.pressure_pump_a - outputs.pressure_pump_b;
-        self.heat = self.plant.power(&self.input(1.0)).losses()
+        let difference = self.outputs.pressure_pump_a - self.outputs.pressure_pump_b;
+        self.heat = self.plant.power(&self.input(self.motor.speed)).losses()
             + self.shaft.heat(difference, self.motor.speed);
-        let time = self.period * HEAT_EVERY as f64;
+        let time = self.period * SLOW_EVERY as f64;
         if let Some(warmer) = self.temperature.advance(self.heat, time) {
             // the number of segments is what it was, and so the type has room for them
             self.plant.set_parameters(&warmer).expect("as many segments as at the start");
         }
+    }
+}
+
+fn pressures(outputs: &Outputs<f64>) -> Nodes<f64> {
+    Nodes {
+        pump_a: outputs.pressure_pump_a,
+        a: outputs.pressure_a,
+        b: outputs.pressure_b,
+        pump_b: outputs.pressure_pump_b,
+        accumulator: outputs.pressure_accumulator,
     }
 }
 

@@ -21,6 +21,9 @@ pub(crate) struct Drive {
     pub limits: MotorLimits<f64>,
 }
 
+/// Angle \[rad\] of the lag's own oscillation in one part of a step.
+const FINEST: f64 = 0.01;
+
 /// What a drive remembers.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct DriveState {
@@ -34,8 +37,21 @@ pub(crate) struct DriveState {
 
 impl Drive {
     /// Moves the motor on by `step` \[s\], asked for `wanted` \[rev/s\] against a load torque
-    /// \[N·m\] that is positive where it brakes positive speed.
-    pub(crate) fn advance(&self, state: &mut DriveState, wanted: f64, load: f64, step: f64) {
+    /// \[N·m\] that is positive where it brakes positive speed. Returns its mean speed \[rev/s\]
+    /// over the step.
+    pub(crate) fn advance(&self, state: &mut DriveState, wanted: f64, load: f64, step: f64) -> f64 {
+        // first order, but in parts so short that it does not show
+        let parts = (self.frequency * step / FINEST).ceil().clamp(1.0, 20.0);
+        let mut sum = 0.0;
+        for _ in 0..parts as u32 {
+            let before = state.speed;
+            self.part(state, wanted, load, step / parts);
+            sum += 0.5 * (before + state.speed);
+        }
+        sum / parts
+    }
+
+    fn part(&self, state: &mut DriveState, wanted: f64, load: f64, step: f64) {
         let wanted = wanted.clamp(-self.limits.speed, self.limits.speed);
         let (w, h) = (self.frequency, step);
         // linearly implicit, so that no bandwidth is too high for the step

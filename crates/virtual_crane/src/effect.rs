@@ -24,6 +24,8 @@ pub enum Effect {
     Drive,
     /// Delay of the 3/2 valve and its pilot lines.
     Valve,
+    /// Air that dissolves and comes out again.
+    Air,
     /// Oil that is warmer or colder than its parameters.
     Temperature,
     /// Errors, noise, resolution and bandwidth of the sensors.
@@ -34,7 +36,7 @@ pub enum Effect {
 
 impl Effect {
     /// All of them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Segments,
         Self::PayloadShape,
         Self::Base,
@@ -44,6 +46,7 @@ impl Effect {
         Self::Ripple,
         Self::Drive,
         Self::Valve,
+        Self::Air,
         Self::Temperature,
         Self::Sensors,
         Self::Fieldbus,
@@ -61,6 +64,7 @@ impl Effect {
             Self::Ripple => "ripple",
             Self::Drive => "drive",
             Self::Valve => "valve",
+            Self::Air => "air",
             Self::Temperature => "temperature",
             Self::Sensors => "sensors",
             Self::Fieldbus => "fieldbus",
@@ -82,6 +86,7 @@ impl Effect {
             Self::Ripple => &["pump.ripple_percent"],
             Self::Drive => &["drive."],
             Self::Valve => &["switching_valve."],
+            Self::Air => &["oil.air_shift_bar"],
             Self::Temperature => &["temperature."],
             Self::Sensors => &["sensors."],
             Self::Fieldbus => &["fieldbus."],

@@ -3,13 +3,14 @@
 //!
 //! ```text
 //! command -> fieldbus -> servo drive, ripple -> pump  \
-//!         -> fieldbus -> 3/2 valve, pilot lines       -> model with elastic base, slip, warm oil
+//!         -> fieldbus -> 3/2 valve, pilot lines       -> model with elastic base, slip, warm and airy oil
 //! reading <- fieldbus <- analogue inputs <- sensors   /
 //! ```
 //!
 //! Each part is off where the crane file does not mention it; with all of them off a
 //! [`VirtualCrane`] is the model, bit for bit. Nothing it yields is a measurement.
 
+mod air;
 mod crane;
 mod drive;
 mod effect;

@@ -51,6 +51,12 @@ impl Temperature {
         description
     }
 
+    /// The crane with another payload \[kg\] from now on.
+    pub(crate) fn with_payload(&mut self, mass: f64) -> Description {
+        self.described.numbers.payload = mass;
+        self.description()
+    }
+
     /// Heats the oil with `heat` \[W\] for `time` \[s\]; the crane's description where it has
     /// changed enough to matter.
     pub(crate) fn advance(&mut self, heat: f64, time: f64) -> Option<Description> {

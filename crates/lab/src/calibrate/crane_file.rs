@@ -135,13 +135,13 @@ impl Found {
         let mut lines = vec![
             BEGIN.to_string(),
             format!(
-                "# {:<46} {:>9} {:>9} {:>8}  {}",
+                "# {:<54} {:>9} {:>9} {:>8}  {}",
                 "published, measured on the real crane", "published", "reached", "off", "wanted"
             ),
         ];
         lines.extend(self.reached().iter().map(|r| {
             format!(
-                "# {:<46} {:>9.3} {:>9.3} {:>+7.1}%  within {}%{}",
+                "# {:<54} {:>9.3} {:>9.3} {:>+7.1}%  within {}%{}",
                 format!("Table {}: {}", r.table, r.name),
                 r.published,
                 r.reached,

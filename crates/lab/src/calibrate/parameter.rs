@@ -71,8 +71,13 @@ pub const PARAMETERS: [Parameter; 24] = [
         3.0e-6,
         "15 to 55 L/min at 1 bar, with the hoses",
     ),
-    linear("return_valve.cracking_bar", 0.1, 0.95, "0.2 to 2 bar"),
-    factor("lines.filter_m3_s_sqrtpa", 1.0e-6, 1.0e-5, "a filter that has seen oil"),
+    linear("check_valve.cracking_bar", 0.1, 0.75, "0.2 to 2 bar, below the opening pressure"),
+    factor(
+        "check_valve.flow_coefficient_m3_s_sqrtpa",
+        0.5e-6,
+        3.0e-6,
+        "10 to 55 L/min at 1 bar, with the line to the accumulator",
+    ),
     factor("drive.bandwidth_hz", 8.0, 120.0, "a servo drive with pump and coupling"),
     linear("motion.rest_s", 0.5, 8.0, "the paper does not state the window of its errors"),
 ];

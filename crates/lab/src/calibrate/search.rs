@@ -42,7 +42,7 @@ pub struct Effort {
 pub struct Progress {
     /// Evaluations so far.
     pub evaluations: usize,
-    /// Sum of squares of the best crane so far.
+    /// Loss of the best crane so far.
     pub best: f64,
 }
 
@@ -102,7 +102,10 @@ impl Case<'_> {
         let mut residuals = [FAILED; RESIDUALS];
         let Some(values) = self.shown(shares) else { return residuals };
         for (k, (published, value)) in published().iter().zip(values).enumerate() {
-            residuals[k] = (value / published.value - 1.0) / published.tolerance;
+            let off = (value / published.value - 1.0) / published.tolerance;
+            // Cauchy's loss ln(1 + off²): results that cannot be met together with the others are
+            // given up one by one, in place of all being missed a little
+            residuals[k] = off.signum() * off.powi(2).ln_1p().sqrt();
         }
         for k in 0..SIZE {
             residuals[RESULTS + k] = PRIOR * (shares[k] - self.start[k]);
@@ -190,11 +193,8 @@ pub fn search(
         failure: RefCell::new(None),
     };
     let impossible = |reason: String| LabError::Input { file: "calibration".into(), reason };
-    // the global search looks at the logarithm: one bad result must not hide the others
-    let objective = |x: &Point<f64>| {
-        let sum: f64 = case.residuals(x.as_slice()).iter().map(|r| r * r).sum();
-        sum.ln()
-    };
+    let objective =
+        |x: &Point<f64>| case.residuals(x.as_slice()).iter().map(|r| r * r).sum::<f64>();
     if effort.generations > 0 {
         let mut global = CMAESOptions::new(start.to_vec(), 0.2)
             .population_size(effort.population)

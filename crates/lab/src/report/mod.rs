@@ -4,10 +4,12 @@
 mod bode;
 mod document;
 mod drawing;
+mod family;
 mod figure;
 mod page;
 mod tracking;
 
 pub use bode::bode_page;
+pub use family::family_page;
 pub use page::page;
 pub use tracking::motion_page;

@@ -85,6 +85,9 @@ record! {
 pub struct SelfContained<T> {
     /// Oil in all nodes.
     pub oil: Oil<T>,
+    /// By how much dissolved air lowers the pressure at which the oil stiffens, node by node
+    /// \[Pa\]; the published model does not know it. It changes slowly, from outside.
+    pub dissolved_air: Option<Nodes<T>>,
     /// Axial piston machine (11).
     pub pump: Pump<T>,
     /// Accumulator (9).
@@ -119,6 +122,15 @@ pub struct SelfContained<T> {
 }
 
 impl<T: Real> SelfContained<T> {
+    /// The oil of each node.
+    #[inline(always)]
+    pub fn oils(&self) -> Nodes<Oil<T>> {
+        match self.dissolved_air {
+            Some(shift) => shift.map(|shift| self.oil.with_dissolved_air(shift)),
+            None => Nodes::from_array([self.oil; 5]),
+        }
+    }
+
     /// Gauge pressures \[Pa\] of the nodes.
     #[inline(always)]
     pub fn pressures(&self, state: &CircuitState<T>) -> Nodes<T> {
@@ -240,24 +252,24 @@ impl<T: Real> SelfContained<T> {
         let growth_b = -(velocity * cylinder.rod_side_area);
 
         // (A20), (A21); a cavity takes the place of the gas below vapour pressure
-        let p_acc = self.oil.pressure(q.accumulator);
-        let beta = self.oil.bulk_modulus(p_acc);
+        let oil = self.oils();
+        let p_acc = oil.accumulator.pressure(q.accumulator);
+        let beta = oil.accumulator.bulk_modulus(p_acc);
         let (accumulator, gas_volume) =
             self.accumulator.rates(beta, q.accumulator, state.gas_volume, into.accumulator);
 
         // a division costs as much as eight multiplications: one for both chambers
         let (volume_a, volume_b) = (cylinder.volume_a(stroke), cylinder.volume_b(stroke));
         let per_product = T::one() / (volume_a * volume_b);
-        let oil = &self.oil;
         let (per_a, per_b) = (volume_b * per_product, volume_a * per_product);
         let (per_pump_a, per_pump_b) =
             (T::one() / self.volume_pump_a, T::one() / self.volume_pump_b);
         CircuitState {
             nodes: Nodes {
-                pump_a: oil.pressure_rate(q.pump_a, per_pump_a, into.pump_a),
-                a: oil.growing_pressure_rate(q.a, per_a, into.a, growth_a),
-                b: oil.growing_pressure_rate(q.b, per_b, into.b, growth_b),
-                pump_b: oil.pressure_rate(q.pump_b, per_pump_b, into.pump_b),
+                pump_a: oil.pump_a.pressure_rate(q.pump_a, per_pump_a, into.pump_a),
+                a: oil.a.growing_pressure_rate(q.a, per_a, into.a, growth_a),
+                b: oil.b.growing_pressure_rate(q.b, per_b, into.b, growth_b),
+                pump_b: oil.pump_b.pressure_rate(q.pump_b, per_pump_b, into.pump_b),
                 accumulator,
             },
             gas_volume,
@@ -270,6 +282,7 @@ impl<T> SelfContained<T> {
     pub fn map<U>(self, f: &mut impl FnMut(T) -> U) -> SelfContained<U> {
         SelfContained {
             oil: self.oil.map(&mut *f),
+            dissolved_air: self.dissolved_air.map(|shift| shift.map(&mut *f)),
             pump: self.pump.map(f),
             accumulator: self.accumulator.map(&mut *f),
             volume_pump_a: f(self.volume_pump_a),

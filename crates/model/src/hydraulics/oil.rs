@@ -47,6 +47,13 @@ impl<T: Real> Oil<T> {
         z.tanh().mul_add(half_range, middle)
     }
 
+    /// The same oil with some of its air dissolved: it stiffens at a pressure lower by `shift`
+    /// \[Pa\].
+    #[inline(always)]
+    pub fn with_dissolved_air(self, shift: T) -> Self {
+        Self { transition_pressure: self.transition_pressure - shift, ..self }
+    }
+
     /// Gauge pressure \[Pa\] of a node with the pressure coordinate q \[Pa\].
     #[inline(always)]
     pub fn pressure(&self, coordinate: T) -> T {

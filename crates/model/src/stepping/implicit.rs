@@ -15,8 +15,9 @@
 //!
 //! Newton's matrix holds what is stiff, exactly: the circuit's and the friction's derivatives by
 //! pressures, bristle and piston (dual numbers); the joints' springs and dampers; and the cylinder
-//! force between both. It leaves out gravity, centripetal terms, the turning of the moment arms and
-//! the gas volume's column, which are slow: that costs convergence a little, the solution nothing.
+//! force between both. It leaves out gravity, centripetal terms, the turning of the boom within a
+//! step and the gas volume's column, which are slow: that costs convergence a little, the solution
+//! nothing.
 //!
 //! Structure keeps the cost linear in the segments. The joints turn the mass matrix M into
 //! `S = M + γh b + (γh)² k`, which is [factored](crate::boom::Articulated) joint by joint. The
@@ -25,6 +26,7 @@
 //! `Δv = arm·S⁻¹ rhs + (arm·S⁻¹ arm) γh ΔF`, and what is left is a system of seven unknowns: five
 //! pressures, bristle, piston velocity.
 
+use crate::boom::{Articulated, Boom};
 use crate::circuit::{CircuitState, Nodes, SelfContained};
 use crate::crane::{Crane, CraneState, Input};
 use crate::hydraulics::{Cylinder, EndStops, Friction, FrictionLaw};
@@ -52,6 +54,24 @@ pub struct Implicit<T> {
     cylinder: Cylinder<D<T>>,
     end_stops: EndStops<D<T>>,
     friction: Friction<D<T>>,
+}
+
+/// The boom of Newton's matrix, at the beginning of the step: within it the pose turns by less
+/// than a thousandth, which costs convergence next to nothing.
+struct Eliminated<T, const N: usize> {
+    factors: Articulated<T, N>,
+    /// Angular accelerations for a unit of the cylinder's force.
+    answer: [T; N],
+}
+
+impl<T: Real, const N: usize> Eliminated<T, N> {
+    #[inline(always)]
+    fn new(boom: &Boom<T, N>, angle: &[T; N], impedance: &[T; N]) -> Self {
+        let pose = boom.pose(angle);
+        let factors = boom.articulated(&pose, Some(impedance));
+        let answer = factors.solve(boom, &boom.cylinder_pose(&pose).arm);
+        Self { factors, answer }
+    }
 }
 
 /// The stiff part of the right-hand side at one state, with its derivatives.
@@ -94,11 +114,12 @@ impl<T: Real> Implicit<T> {
         if let Some(base) = crane.boom.base() {
             impedance[crane.boom.len()] = gh * (base.damping + gh * base.stiffness);
         }
-        let (first, left) = self.stage(crane, state, state, input, gh, &impedance);
+        let boom = Eliminated::new(&crane.boom, &state.boom.angle, &impedance);
+        let (first, left) = self.stage(crane, state, state, input, gh, &boom);
         // u + (1 − γ)h f(Y1), where γh f(Y1) = Y1 − u
         let share = T::lit((1.0 - GAMMA) / GAMMA);
         let base = beyond(crane, state, &first, share);
-        let (second, left_again) = self.stage(crane, &base, &first, input, gh, &impedance);
+        let (second, left_again) = self.stage(crane, &base, &first, input, gh, &boom);
         *state = second;
         left.max(left_again)
     }
@@ -113,7 +134,7 @@ impl<T: Real> Implicit<T> {
         guess: &CraneState<T, N>,
         input: &Input<T>,
         gh: T,
-        impedance: &[T; N],
+        eliminated: &Eliminated<T, N>,
     ) -> (CraneState<T, N>, T) {
         let n = crane.boom.coordinates();
         let mut y = *guess;
@@ -122,7 +143,7 @@ impl<T: Real> Implicit<T> {
             y.boom.angle[i] = base.boom.angle[i] + gh * y.boom.angular_velocity[i];
         }
         for _ in 0..ITERATIONS {
-            left = self.iterate(crane, base, &mut y, input, gh, impedance);
+            left = self.iterate(crane, base, &mut y, input, gh, eliminated);
         }
         (y, left)
     }
@@ -137,7 +158,7 @@ impl<T: Real> Implicit<T> {
         y: &mut CraneState<T, N>,
         input: &Input<T>,
         gh: T,
-        impedance: &[T; N],
+        eliminated: &Eliminated<T, N>,
     ) -> T {
         let boom = &crane.boom;
         let n = boom.coordinates();
@@ -159,10 +180,9 @@ impl<T: Real> Implicit<T> {
         }
 
         // the boom eliminated
-        let factors = boom.articulated(&pose, Some(impedance));
-        let free = factors.solve(boom, &lacking);
-        let answer = factors.solve(boom, &cylinder.arm);
-        let push = gh * cylinder.velocity(boom, &answer);
+        let free = eliminated.factors.solve(boom, &lacking);
+        let answer = &eliminated.answer;
+        let push = gh * cylinder.velocity(boom, answer);
 
         let mut matrix = [[T::zero(); UNKNOWNS]; UNKNOWNS];
         let mut rhs = [T::zero(); UNKNOWNS];

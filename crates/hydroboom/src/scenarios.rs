@@ -1,0 +1,110 @@
+//! `hydroboom scenarios`
+
+use crate::crane_file::{CraneFile, text};
+use crate::output;
+use clap::Args;
+use hydroboom_description::Description;
+use hydroboom_lab::motion_test::Strategy;
+use hydroboom_lab::scenario::{Scenario, scenarios};
+use hydroboom_lab::virtual_run::{Summary, Task, virtual_run};
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// List what cranes do all day, or run one of these scenarios under all strategies.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  hydroboom scenarios\n  hydroboom scenarios reversal\n  \
+    hydroboom virtual --scenario payload-change --log out.csv")]
+pub struct Scenarios {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Scenario to run on the virtual crane; the list when not given.
+    name: Option<String>,
+    /// Crane file of the model that the controllers know; the paper's crane when not given.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Scenarios {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let crane = self.crane.read_or(Description::uia_virtual)?;
+        let Some(name) = &self.name else { return list(&crane, self.json) };
+        let scenario = named(&crane, name)?;
+        let model = match &self.model {
+            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
+            None => Description::uia_single_boom()?,
+        };
+        let mut results: Vec<(Strategy, Summary)> = Vec::new();
+        for strategy in Strategy::ALL {
+            let bar = ProgressBar::new(1000);
+            let task = Task::Course(&scenario, strategy);
+            let summary = virtual_run(&model, &crane, &task, &[], |share| {
+                bar.set_position((share * 1000.0) as u64);
+            });
+            bar.finish_and_clear();
+            results.push((strategy, summary.into_diagnostic()?));
+        }
+        if self.json {
+            let rows: Vec<_> = results
+                .iter()
+                .map(|(strategy, summary)| json!({ "strategy": strategy, "result": summary }))
+                .collect();
+            return output::json(&json!({ "scenario": scenario.outline(), "results": rows }));
+        }
+        let rows: Vec<Vec<String>> = results
+            .iter()
+            .map(|(strategy, s)| {
+                vec![
+                    strategy.name().into(),
+                    output::optional(s.rms_mm, 3),
+                    output::optional(s.peak_mm, 3),
+                    format!("{:.1}", s.torque_nm),
+                    format!("{:.1}", s.oil_c),
+                ]
+            })
+            .collect();
+        let header =
+            ["strategy", "RMS [mm]", "peak [mm]", "motor torque [N m]", "oil at the end [C]"];
+        output::text(&format!(
+            "{} on the virtual crane: {}\n{}",
+            scenario.name,
+            scenario.meaning,
+            output::table(&header, &rows)
+        ))
+    }
+}
+
+/// The crane's scenario of this name.
+pub fn named(crane: &Description, name: &str) -> Result<Scenario> {
+    let all = scenarios(crane);
+    let names = all.iter().map(|s| s.name).collect::<Vec<_>>().join(", ");
+    all.into_iter()
+        .find(|scenario| scenario.name == name)
+        .ok_or_else(|| miette::miette!(help = format!("one of: {names}"), "no scenario \"{name}\""))
+}
+
+fn list(crane: &Description, as_json: bool) -> Result<()> {
+    let outlines: Vec<_> = scenarios(crane).iter().map(Scenario::outline).collect();
+    if as_json {
+        return output::json(&json!({ "scenarios": outlines }));
+    }
+    let rows: Vec<Vec<String>> = outlines
+        .iter()
+        .map(|o| {
+            vec![
+                o.name.into(),
+                o.moves.to_string(),
+                format!("{:.0}", o.duration_s),
+                format!("{:.0}", o.speed_mm_s),
+                o.meaning.into(),
+            ]
+        })
+        .collect();
+    let header = ["scenario", "moves", "duration [s]", "speed [mm/s]", "meaning"];
+    output::text(&output::table(&header, &rows))
+}

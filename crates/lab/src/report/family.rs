@@ -1,0 +1,173 @@
+//! What a family of virtual cranes makes of the strategies: boxes and tables.
+
+use super::document::{document, figure};
+use crate::family::{Row, Spread, VARIATIONS};
+use crate::motion_test::Strategy;
+use maud::{Markup, html};
+use std::fmt::Write;
+
+/// The page of a family of `count` cranes drawn with `seed`.
+pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String {
+    let mut speeds: Vec<f64> = rows.iter().map(|row| row.speed_mm_s).collect();
+    speeds.sort_by(f64::total_cmp);
+    speeds.dedup();
+    let of = |speed: f64| rows.iter().filter(move |row| row.speed_mm_s == speed);
+    let body = html! {
+        p.soft {
+            (count) " virtual cranes, drawn with seed " (seed) " around \"" (crane) "\". "
+            "The controllers and the simulation beside each know the published model only. "
+            "Nothing here is a measurement."
+        }
+        h2 { "What varies" }
+        table {
+            thead { tr { th { "quantity" } th { "from" } th { "to" } } }
+            tbody { @for v in VARIATIONS { tr { td { (v.name) } td { (v.low) } td { (v.high) } } } }
+        }
+        @for speed in &speeds {
+            h2 { (format!("{speed:.0} mm/s")) }
+            (figure(
+                "RMS tracking error: box from quarter to three quarters of the cranes with the median, \
+                 line from 5 to 95 %, dot for the worst.",
+                &boxes(&of(*speed).map(|r| (name(r), r.rms_mm)).collect::<Vec<_>>())))
+            (figure("Magnitude of the peak error.",
+                &boxes(&of(*speed).map(|r| (name(r), r.peak_mm)).collect::<Vec<_>>())))
+            (table(of(*speed)))
+        }
+        (explanation())
+    };
+    document(&format!("A family of virtual cranes: {crane}"), &body)
+}
+
+fn name(row: &Row) -> &'static str {
+    row.strategy.name()
+}
+
+fn table<'a>(rows: impl Iterator<Item = &'a Row>) -> Markup {
+    let three =
+        |s: &Spread| format!("{:.2} ({:.2} .. {:.2}), {:.2}", s.median, s.p5, s.p95, s.worst);
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "strategy" } th { "RMS [mm]: median (5 .. 95 %), worst" }
+                th { "peak [mm]: median (5 .. 95 %), worst" } th { "unstable [%]" }
+                th { "better than the benchmark by [%]: median (5 .. 95 %)" } th { "on so many [%]" }
+            } }
+            tbody { @for r in rows {
+                tr {
+                    td { (name(r)) } td { (three(&r.rms_mm)) } td { (three(&r.peak_mm)) }
+                    td { (format!("{:.1}", r.unstable_percent)) }
+                    @if r.strategy == Strategy::BenchmarkClosedLoop {
+                        td { "-" } td { "-" }
+                    } @else {
+                        td { (format!("{:.0} ({:.0} .. {:.0})", r.improvement_percent.median,
+                            r.improvement_percent.p5, r.improvement_percent.p95)) }
+                        td { (format!("{:.0}", r.improved_percent)) }
+                    }
+                }
+            } }
+        } }
+    }
+}
+
+/// Why the simulated speed in an unchanged closed loop hurts, from the loop's equations.
+fn explanation() -> Markup {
+    html! {
+        h2 { "Where simulation feedforward helps, and where it hurts" }
+        p {
+            "In open loop it knows what velocity feedforward does not, the oil's compression and the "
+            "pump's losses, and needs no sensor: it helps as far as the model is right about them."
+        }
+        p {
+            "In closed loop the published scheme adds the simulation's speed to an unchanged PI and "
+            "pressure feedback. With plant G (to position " i { "G" sub { "x" } } " and load pressure "
+            i { "G" sub { "p" } } "), PI " i { "C" } ", pressure feedback " i { "F" }
+            " and loop L = C G" sub { "x" } " + F G" sub { "p" } ", the benchmark's error is "
+            "E = (1 − G" sub { "x" } " u" sub { "FF" } " + F G" sub { "p" } ")/(1 + L) of the reference. "
+            "Where the model equals the plant, simulation feedforward makes of it"
+        }
+        p { "E' = (E + F G" sub { "p" } ")/(1 + L)." }
+        p {
+            "The first term is the benchmark's error, fought by the loop a second time: that helps. "
+            "The second is new: the plant's pressure feedback brakes the very load pressure that the "
+            "simulation, which has its own pressure feedback, had asked for. The motion is damped "
+            "twice. Where the loop is fast the first term wins, in ramps and corners the second. The "
+            "remedy is to feed back what differs from the simulation, not what it expects."
+        }
+    }
+}
+
+const WIDTH: f64 = 760.0;
+const LEFT: f64 = 250.0;
+const LINE: f64 = 34.0;
+
+/// Boxes over a logarithmic axis in mm, as SVG.
+fn boxes(rows: &[(&str, Spread)]) -> String {
+    let positive = |v: f64| v.max(1e-3);
+    let low = rows.iter().map(|(_, s)| positive(s.p5)).fold(f64::INFINITY, f64::min) * 0.8;
+    let high = rows.iter().map(|(_, s)| positive(s.worst)).fold(0.0, f64::max) * 1.25;
+    if !(low.is_finite() && high > low) {
+        return String::new();
+    }
+    let x = |v: f64| LEFT + (WIDTH - LEFT - 20.0) * (positive(v) / low).ln() / (high / low).ln();
+    let bottom = 10.0 + LINE * rows.len() as f64;
+    let mut svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {}\" width=\"100%\" \
+         role=\"img\" font-family=\"sans-serif\" font-size=\"14\" fill=\"var(--ink)\">",
+        bottom + 42.0
+    );
+    let mut decade = 10f64.powf(low.log10().floor());
+    while decade < high {
+        for step in [1.0, 2.0, 5.0] {
+            let tick = decade * step;
+            if (low..=high).contains(&tick) {
+                let _ = write!(
+                    svg,
+                    "<line x1=\"{0:.1}\" x2=\"{0:.1}\" y1=\"4\" y2=\"{bottom}\" stroke=\"var(--grid)\"/>\
+                     <text x=\"{0:.1}\" y=\"{1}\" text-anchor=\"middle\">{2}</text>",
+                    x(tick),
+                    bottom + 17.0,
+                    trimmed(tick)
+                );
+            }
+        }
+        decade *= 10.0;
+    }
+    let _ = write!(
+        svg,
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">error [mm]</text>",
+        (LEFT + WIDTH) / 2.0,
+        bottom + 37.0
+    );
+    for (k, (name, s)) in rows.iter().enumerate() {
+        let y = 10.0 + LINE * (k as f64 + 0.5);
+        let colour = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"][k % 4];
+        let (edge, top, end) = (x(s.p25), y - 9.0, y + 9.0);
+        let (width, median) = (x(s.p75) - edge, x(s.median));
+        let _ = write!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{name}</text>\
+             <line x1=\"{:.1}\" x2=\"{:.1}\" y1=\"{y:.1}\" y2=\"{y:.1}\" stroke=\"{colour}\" \
+             stroke-width=\"2\"/>\
+             <rect x=\"{edge:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"18\" \
+             fill=\"{colour}\" fill-opacity=\"0.35\" stroke=\"{colour}\" stroke-width=\"1.5\"/>\
+             <line x1=\"{median:.1}\" x2=\"{median:.1}\" y1=\"{top:.1}\" y2=\"{end:.1}\" \
+             stroke=\"var(--ink)\" stroke-width=\"2.5\"/>\
+             <circle cx=\"{:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{colour}\"/>",
+            LEFT - 12.0,
+            y + 5.0,
+            x(s.p5),
+            x(s.p95),
+            x(s.worst),
+        );
+    }
+    svg.push_str("</svg>");
+    svg
+}
+
+fn trimmed(tick: f64) -> String {
+    if tick >= 1.0 {
+        format!("{tick:.0}")
+    } else {
+        format!("{tick:.3}").trim_end_matches('0').into()
+    }
+}

@@ -1,0 +1,240 @@
+//! What cranes do all day: courses of the piston, and loads that change under way (section 6.3).
+
+use hydroboom_control::{Motion, Profile, Reference, Way};
+use hydroboom_description::Description;
+use serde::Serialize;
+
+/// Where the piston shall be, over time.
+pub trait Course {
+    /// Position and velocity at the time `t` \[s\].
+    fn reference(&self, t: f64) -> Reference<f64>;
+    /// Duration \[s\].
+    fn duration(&self) -> f64;
+    /// Largest speed \[m/s\].
+    fn speed(&self) -> f64;
+    /// Changes of the payload on the way, in the order of their times.
+    fn loads(&self) -> &[Load] {
+        &[]
+    }
+}
+
+impl Course for Motion<f64> {
+    fn reference(&self, t: f64) -> Reference<f64> {
+        Motion::reference(self, t)
+    }
+    fn duration(&self) -> f64 {
+        Motion::duration(self)
+    }
+    fn speed(&self) -> f64 {
+        self.speed
+    }
+}
+
+/// From a time on, another payload.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Load {
+    /// Time \[s\].
+    pub time: f64,
+    /// Mass \[kg\].
+    pub mass: f64,
+}
+
+/// One move of a scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Leg {
+    begin: f64,
+    from: f64,
+    /// +1 out, −1 in.
+    sign: f64,
+    way: Way<f64>,
+}
+
+/// A named course.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    /// Name at the command line.
+    pub name: &'static str,
+    /// What it stands for.
+    pub meaning: &'static str,
+    start: f64,
+    legs: Vec<Leg>,
+    loads: Vec<Load>,
+    duration: f64,
+}
+
+/// A scenario in short.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outline {
+    /// Name at the command line.
+    pub name: &'static str,
+    /// What it stands for.
+    pub meaning: &'static str,
+    /// Number of moves.
+    pub moves: usize,
+    /// Duration.
+    pub duration_s: f64,
+    /// Largest speed.
+    pub speed_mm_s: f64,
+}
+
+impl Scenario {
+    fn new(name: &'static str, meaning: &'static str, start: f64) -> Self {
+        Self { name, meaning, start, legs: Vec::new(), loads: Vec::new(), duration: 0.0 }
+    }
+
+    fn rest(mut self, duration: f64) -> Self {
+        self.duration += duration;
+        self
+    }
+
+    fn go(mut self, to: f64, speed: f64, ramp: f64, profile: Profile) -> Self {
+        let from =
+            self.legs.last().map_or(self.start, |leg| leg.from + leg.sign * leg.way.distance);
+        let way = Way { distance: (to - from).abs(), speed, ramp, profile };
+        let sign = if to < from { -1.0 } else { 1.0 };
+        self.legs.push(Leg { begin: self.duration, from, sign, way });
+        self.duration += way.duration();
+        self
+    }
+
+    fn load(mut self, mass: f64) -> Self {
+        self.loads.push(Load { time: self.duration, mass });
+        self
+    }
+
+    /// The scenario in short.
+    pub fn outline(&self) -> Outline {
+        Outline {
+            name: self.name,
+            meaning: self.meaning,
+            moves: self.legs.len(),
+            duration_s: self.duration,
+            speed_mm_s: Course::speed(self) * 1e3,
+        }
+    }
+}
+
+impl Course for Scenario {
+    fn reference(&self, t: f64) -> Reference<f64> {
+        let begun = self.legs.partition_point(|leg| leg.begin <= t);
+        match begun.checked_sub(1).map(|last| self.legs[last]) {
+            Some(leg) => {
+                let done = leg.way.at(t - leg.begin);
+                Reference {
+                    position: leg.from + leg.sign * done.position,
+                    velocity: leg.sign * done.velocity,
+                }
+            }
+            None => Reference { position: self.start, velocity: 0.0 },
+        }
+    }
+    fn duration(&self) -> f64 {
+        self.duration
+    }
+    fn speed(&self) -> f64 {
+        self.legs.iter().map(|leg| leg.way.speed).fold(0.0, f64::max)
+    }
+    fn loads(&self) -> &[Load] {
+        &self.loads
+    }
+}
+
+/// All scenarios of a crane, within its own stroke, speeds and payload.
+pub fn scenarios(crane: &Description) -> Vec<Scenario> {
+    let n = &crane.numbers;
+    let motion = crane.motion(n.fast);
+    let (start, end, profile) = (n.motion_start, n.motion_end, motion.profile);
+    let (fast, slow, ramp) = (n.fast, n.slow, n.ramp);
+    let at = |share: f64| start + share * (end - start);
+
+    let pick_and_place = Scenario::new(
+        "payload-change",
+        "lifts a load, sets it down, comes back with half of it and without",
+        start,
+    )
+    .rest(2.0)
+    .go(end, fast, ramp, profile)
+    .rest(2.0)
+    .load(0.5 * n.payload)
+    .rest(3.0)
+    .go(start, fast, ramp, profile)
+    .rest(2.0)
+    .load(0.0)
+    .rest(3.0)
+    .go(at(0.5), fast, ramp, profile)
+    .rest(2.0)
+    .load(n.payload)
+    .rest(4.0);
+
+    let mut start_stop =
+        Scenario::new("start-stop", "starts and stops ten times on the way up and down", start)
+            .rest(2.0);
+    for k in (1..=10).chain((0..10).rev()) {
+        start_stop = start_stop.go(at(f64::from(k) / 10.0), fast, 0.3 * ramp, profile).rest(0.5);
+    }
+
+    let mut small =
+        Scenario::new("small-moves", "positions to and fro by 1, 2, 5 and 10 mm", at(0.5))
+            .rest(2.0);
+    for millimetres in [1.0, 2.0, 5.0, 10.0] {
+        small = small
+            .go(at(0.5) + millimetres * 1e-3, slow, 0.3 * ramp, profile)
+            .rest(2.0)
+            .go(at(0.5), slow, 0.3 * ramp, profile)
+            .rest(2.0);
+    }
+
+    let mut reversal =
+        Scenario::new("reversal", "reverses under load without a pause", at(0.3)).rest(2.0);
+    for _ in 0..5 {
+        reversal =
+            reversal.go(at(0.7), fast, 0.5 * ramp, profile).go(at(0.3), fast, 0.5 * ramp, profile);
+    }
+    let reversal = reversal.rest(3.0);
+
+    let mut shift = Scenario::new(
+        "shift",
+        "eight hours of work: twelve cycles, then a break as long, again and again, oil warming",
+        start,
+    )
+    .rest(2.0);
+    while shift.duration < 8.0 * 3600.0 {
+        let begun = shift.duration;
+        for _ in 0..12 {
+            shift = shift
+                .go(end, fast, ramp, profile)
+                .rest(3.0)
+                .go(start, fast, ramp, profile)
+                .rest(3.0);
+        }
+        let worked = shift.duration - begun;
+        shift = shift.rest(worked);
+    }
+
+    vec![pick_and_place, start_stop, small, reversal, shift]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_course_is_continuous_and_stays_within_the_stroke() {
+        let crane = Description::uia_single_boom().unwrap();
+        for scenario in scenarios(&crane) {
+            let step = 0.01;
+            let mut before = scenario.reference(0.0);
+            let mut time = step;
+            while time <= scenario.duration().min(600.0) {
+                let now = scenario.reference(time);
+                let mean = 0.5 * (now.velocity + before.velocity);
+                let gap = (now.position - before.position - mean * step).abs();
+                // the ramps' corners: a m/s² over a step
+                assert!(gap < 2e-4, "{}: {gap} m at {time} s", scenario.name);
+                assert!((0.0..=crane.numbers.stroke).contains(&now.position), "{}", scenario.name);
+                assert!(now.velocity.abs() <= scenario.speed() * (1.0 + 1e-9));
+                (before, time) = (now, time + step);
+            }
+        }
+    }
+}
