@@ -4,10 +4,11 @@ use crate::crane_file::{CraneFile, text};
 use crate::{family, output};
 use clap::Args;
 use hydroboom_description::{Description, Difference};
+use hydroboom_lab::calibrate::table_6;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
 use hydroboom_lab::motion_test::{Row, Strategy, run};
 use hydroboom_lab::study::NOMINAL;
-use hydroboom_lab::{LabError, report};
+use hydroboom_lab::{LabError, paper, report};
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
@@ -98,10 +99,28 @@ impl MotionTests {
             let page = report::motion_page(&model.name, &format!("plant \"{name}\""), &runs);
             output::file(&folder.join("motion.html"), page.into_diagnostic()?.as_bytes())?;
         }
+        let table_6 = match is_virtual {
+            true => Some(signals(&table_6(&model, &plant).into_diagnostic()?)),
+            false => None,
+        };
         if self.json {
-            return output::json(&json!({ "motion": rows, "plant_changes": effects }));
+            return output::json(&json!({
+                "motion": rows, "plant_changes": effects, "differences": table_6,
+            }));
         }
         let mut said = String::new();
+        if let Some(signals) = &table_6 {
+            let count = model.differences(&plant).len();
+            let cells: Vec<Vec<String>> = signals.iter().map(Signal::cells).collect();
+            let header = ["signal", "unit", "RMS paper", "RMS here", "peak paper", "peak here"];
+            said = format!(
+                "The plant is the virtual crane. It differs from the model in {count} keys \
+                 (hydroboom show --crane cranes/uia-virtual.toml)\n\
+                 Table 6: crane less published model, both under velocity feedforward; the paper \
+                 measured a real crane\n{}\n\n",
+                output::table(&header, &cells)
+            );
+        }
         if !effects.is_empty() {
             let cells: Vec<Vec<String>> = effects.iter().map(Effect::cells).collect();
             let header = [
@@ -120,6 +139,40 @@ impl MotionTests {
         }
         output::text(&format!("{said}{}", table(&rows)))
     }
+}
+
+/// A row of Table 6.
+#[derive(Serialize)]
+struct Signal {
+    signal: &'static str,
+    unit: &'static str,
+    paper_rms: f64,
+    rms: f64,
+    paper_peak: f64,
+    peak: f64,
+}
+
+impl Signal {
+    fn cells(&self) -> Vec<String> {
+        let number = |v: f64| format!("{v:.3}");
+        let [a, b, c, d] = [self.paper_rms, self.rms, self.paper_peak, self.peak].map(number);
+        vec![self.signal.into(), self.unit.into(), a, b, c, d]
+    }
+}
+
+fn signals(seen: &[(f64, f64); 6]) -> Vec<Signal> {
+    paper::TABLE_6
+        .iter()
+        .zip(seen)
+        .map(|((signal, unit, paper_peak, paper_rms), (rms, peak))| Signal {
+            signal,
+            unit,
+            paper_rms: *paper_rms,
+            rms: *rms,
+            paper_peak: *paper_peak,
+            peak: *peak,
+        })
+        .collect()
 }
 
 /// What one changed key does by itself.

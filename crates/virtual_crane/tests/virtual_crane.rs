@@ -1,5 +1,7 @@
 //! What the virtual crane promises.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme};
 use hydroboom_plant::plant;

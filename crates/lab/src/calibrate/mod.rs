@@ -10,5 +10,5 @@ mod search;
 pub use crane_file::{Calibrated, Reached};
 pub use journal::Journal;
 pub use parameter::{PARAMETERS, Parameter, crane_at, shares_of};
-pub use published::{Published, RESULTS, Tests, differences, published, shown, tests};
+pub use published::{Published, RESULTS, Tests, differences, published, shown, table_6, tests};
 pub use search::{Effort, Found, Progress, search};
