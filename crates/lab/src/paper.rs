@@ -12,8 +12,8 @@ pub const EIGEN_MEASURED_HZ: [f64; 3] = [3.19, 3.18, 3.10];
 pub const PRESSURE_OSCILLATION_HZ: f64 = 2.2404;
 /// Table 6: frequency of the measured one \[Hz\].
 pub const PRESSURE_OSCILLATION_MEASURED_HZ: f64 = 2.2744;
-/// Table 6: differences, crane less simulation, between the real crane and the paper's simulation at the fast speed,
-/// (signal, unit, peak, RMS).
+/// Table 6: differences, crane less simulation, between the real crane and the paper's simulation
+/// at the fast speed, (signal, unit, peak, RMS).
 pub const TABLE_6: [(&str, &str, f64, f64); 6] = [
     ("x_cyl", "mm", -9.5524, 4.4377),
     ("p_A", "bar", 8.8999, 2.7538),
