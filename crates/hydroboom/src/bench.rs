@@ -2,6 +2,7 @@
 
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
+use hydroboom_description::Description;
 use hydroboom_lab::{benchmark, study};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -24,7 +25,8 @@ impl Bench {
         let description = self.crane.read()?;
         let timing = benchmark::timing(&description).into_diagnostic()?;
         let clock = Instant::now();
-        study::study(&description, &|_| {}).into_diagnostic()?;
+        study::study(&description, Some(&Description::uia_virtual()?), &|_| {})
+            .into_diagnostic()?;
         let study_s = clock.elapsed().as_secs_f64();
         if self.json {
             return output::json(&json!({

@@ -17,6 +17,11 @@ pub struct CraneFile {
 }
 
 impl CraneFile {
+    /// Whether the crane is an embedded one, overrides or not.
+    pub fn is_embedded(&self) -> bool {
+        self.crane.is_none()
+    }
+
     /// Reads the crane, the paper's where none is given, applies the overrides, and says what looks
     /// wrong.
     pub fn read(&self) -> Result<Description> {

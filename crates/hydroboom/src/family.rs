@@ -5,28 +5,37 @@ use hydroboom_description::Description;
 use hydroboom_lab::family::{Row, Spread, VARIATIONS, family, rows};
 use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::report;
+use hydroboom_lab::scenario::CourseChoice;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::path::Path;
 
-/// Runs every strategy on `count` virtual cranes drawn around `nominal` with `seed`.
+/// Runs every strategy along every course on `count` virtual cranes drawn around `nominal` with
+/// `seed`.
 pub fn run(
     model: &Description,
     nominal: &Description,
+    courses: &[CourseChoice],
     count: u64,
     seed: u64,
     out: Option<&Path>,
     as_json: bool,
 ) -> Result<()> {
-    let bar = ProgressBar::new(count).with_style(
-        ProgressStyle::with_template("{bar:40} {pos} of {len} cranes, {eta} left")
+    let names = courses
+        .iter()
+        .map(|course| course.of(nominal).map(|course| course.name()))
+        .collect::<Result<Vec<_>, _>>()
+        .into_diagnostic()?;
+    let bar = ProgressBar::new(1000).with_style(
+        ProgressStyle::with_template("{bar:40} {percent} % of the family, {eta} left")
             .into_diagnostic()?,
     );
-    let results = family(model, nominal, count, seed, &|done| bar.set_position(done));
+    let share = |share: f64| bar.set_position((share * 1000.0) as u64);
+    let results = family(model, nominal, courses, count, seed, &share);
     bar.finish_and_clear();
     let results = results.into_diagnostic()?;
-    let rows = rows(model, &results);
+    let rows = rows(&names, &results);
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).into_diagnostic()?;
         let page = report::family_page(&nominal.name, results.len(), seed, &rows);
@@ -37,10 +46,10 @@ pub fn run(
             .iter()
             .map(|(member, outcomes)| json!({ "values": member.values, "outcomes": outcomes }))
             .collect();
-        let names = Strategy::ALL.map(Strategy::name);
+        let strategies = Strategy::ALL.map(Strategy::name);
         return output::json(&json!({
             "family": rows, "seed": seed, "variations": VARIATIONS,
-            "strategies": names, "cranes": cranes,
+            "strategies": strategies, "courses": names, "cranes": cranes,
         }));
     }
     output::text(&format!(
@@ -56,33 +65,29 @@ fn table(rows: &[Row]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()
         .map(|r| {
-            let gain = &r.improvement_percent;
-            let (better, share) = match r.strategy {
+            let (over, share) = match r.strategy {
                 Strategy::BenchmarkClosedLoop => ("-".into(), "-".into()),
-                _ => (
-                    format!("{:.0} ({:.0} .. {:.0})", gain.median, gain.p5, gain.p95),
-                    format!("{:.0}", r.improved_percent),
-                ),
+                _ => (spread(&r.rms_over_benchmark), format!("{:.0}", r.better_percent)),
             };
             vec![
                 r.strategy.name().into(),
-                format!("{:.0}", r.speed_mm_s),
+                r.course.clone(),
                 spread(&r.rms_mm),
                 spread(&r.peak_mm),
                 format!("{:.1}", r.unstable_percent),
-                better,
+                over,
                 share,
             ]
         })
         .collect();
     let header = [
         "strategy",
-        "mm/s",
+        "course",
         "RMS [mm]",
         "peak [mm]",
         "unstable [%]",
-        "better than benchmark by [%]",
-        "on [%] of cranes",
+        "RMS over benchmark's",
+        "better on [%]",
     ];
     output::table(&header, &cells)
 }

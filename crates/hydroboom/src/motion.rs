@@ -4,9 +4,10 @@ use crate::crane_file::{CraneFile, text};
 use crate::{family, output};
 use clap::Args;
 use hydroboom_description::{Description, Difference};
-use hydroboom_lab::calibrate::table_6;
+use hydroboom_lab::calibrate::differences;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
-use hydroboom_lab::motion_test::{Row, Strategy, run};
+use hydroboom_lab::motion_test::{Row, Strategy, run, run_all};
+use hydroboom_lab::scenario::CourseChoice;
 use hydroboom_lab::study::NOMINAL;
 use hydroboom_lab::{LabError, paper, report};
 use indicatif::ProgressBar;
@@ -22,7 +23,8 @@ const VIRTUAL: &str = "virtual";
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom motion --plant-set payload.mass_kg=340 --out motion\n  \
-    hydroboom motion --plant virtual\n  hydroboom motion --family 200 --out family"
+    hydroboom motion --plant virtual\n  hydroboom motion --family 200 --out family\n  \
+    hydroboom motion --plant virtual --scenario reversal --out motion"
 )]
 pub struct MotionTests {
     #[command(flatten)]
@@ -37,10 +39,14 @@ pub struct MotionTests {
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Run a scenario in place of the motion at both speeds; `hydroboom scenarios` lists them.
+    #[arg(long, value_name = "NAME")]
+    scenario: Option<String>,
     /// Override a key of the plant only; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     plant_set: Vec<String>,
-    /// Write motion.html with figures 24 to 27 into this folder.
+    /// Write motion.html, with figures 24 to 27 and on the virtual crane 18 to 23, or family.html into
+    /// this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON.
@@ -69,16 +75,21 @@ impl MotionTests {
         for assignment in &self.plant_set {
             plant.set(assignment)?;
         }
+        let courses = match &self.scenario {
+            Some(name) => vec![CourseChoice::Scenario(name.clone())],
+            None => [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion).to_vec(),
+        };
         if let Some(count) = self.family {
-            return family::run(&model, &plant, count, self.seed, self.out.as_deref(), self.json);
+            let out = self.out.as_deref();
+            return family::run(&model, &plant, &courses, count, self.seed, out, self.json);
         }
         if !self.plant_set.is_empty() {
             name = if is_virtual { format!("{VIRTUAL}, changed") } else { "changed".into() };
         }
         // the virtual crane differs in all it has: `hydroboom show` lists that
-        let differences = if is_virtual { Vec::new() } else { model.differences(&plant) };
-        let bar = ProgressBar::new((2 * Strategy::ALL.len() + differences.len()) as u64);
-        let effects = differences
+        let changes = if is_virtual { Vec::new() } else { model.differences(&plant) };
+        let bar = ProgressBar::new((courses.len() + changes.len()) as u64);
+        let effects = changes
             .iter()
             .map(|difference| {
                 bar.inc(1);
@@ -86,23 +97,40 @@ impl MotionTests {
             })
             .collect::<Result<Vec<_>>>()?;
         let mut runs = Vec::new();
-        for strategy in Strategy::ALL {
-            for speed in [model.numbers.slow, model.numbers.fast] {
-                runs.push(run(&model, &plant, strategy, speed).into_diagnostic()?);
-                bar.inc(1);
-            }
+        for choice in &courses {
+            let course = choice.of(&plant).into_diagnostic()?;
+            runs.extend(run_all(&model, &plant, course.as_ref()).into_diagnostic()?);
+            bar.inc(1);
         }
         bar.finish_and_clear();
         let rows: Vec<Row> = runs.iter().map(|run| Row::of(&name, run)).collect();
+        // Table 6: the published model along the last course, the fast motion unless it is a scenario
+        let velocity_feedforward =
+            runs.iter().rfind(|run| run.strategy == Strategy::VelocityFeedforward);
+        let mut alongside = None;
+        if is_virtual && let Some(choice) = courses.last() {
+            let course = choice.of(&plant).into_diagnostic()?;
+            let simulated = run(&model, &model, Strategy::VelocityFeedforward, course.as_ref());
+            alongside = Some(simulated.into_diagnostic()?);
+        }
+        let table_6 = alongside
+            .as_ref()
+            .zip(velocity_feedforward)
+            .map(|(simulated, crane)| signals(&differences(simulated, crane)));
         if let Some(folder) = &self.out {
             std::fs::create_dir_all(folder).into_diagnostic()?;
-            let page = report::motion_page(&model.name, &format!("plant \"{name}\""), &runs);
+            let plant = match is_virtual {
+                true => "virtual crane".to_string(),
+                false => format!("plant \"{name}\""),
+            };
+            let page = report::motion_page(&report::MotionTests {
+                crane: &model.name,
+                plant: &plant,
+                runs: &runs,
+                alongside: alongside.as_ref(),
+            });
             output::file(&folder.join("motion.html"), page.into_diagnostic()?.as_bytes())?;
         }
-        let table_6 = match is_virtual {
-            true => Some(signals(&table_6(&model, &plant).into_diagnostic()?)),
-            false => None,
-        };
         if self.json {
             return output::json(&json!({
                 "motion": rows, "plant_changes": effects, "differences": table_6,
@@ -116,8 +144,9 @@ impl MotionTests {
             said = format!(
                 "The plant is the virtual crane. It differs from the model in {count} keys \
                  (hydroboom show --crane cranes/uia-virtual.toml)\n\
-                 Table 6: crane less published model, both under velocity feedforward; the paper \
-                 measured a real crane\n{}\n\n",
+                 Table 6: crane less published model, both under velocity feedforward along {}; \
+                 the paper measured a real crane\n{}\n\n",
+                velocity_feedforward.map_or("", |run| &run.course),
                 output::table(&header, &cells)
             );
         }
@@ -210,7 +239,8 @@ impl Effect {
 fn effect(model: &Description, difference: &Difference) -> Result<Effect, LabError> {
     let mut plant = model.clone();
     plant.set(&difference.assignment())?;
-    let drive = |plant| run(model, plant, Strategy::VelocityFeedforward, model.numbers.fast);
+    let course = model.motion(model.numbers.fast);
+    let drive = |plant| run(model, plant, Strategy::VelocityFeedforward, &course);
     let (before, after) = (drive(model)?, drive(&plant)?);
     let pairs = before.samples.iter().zip(&after.samples);
     let square: f64 =
@@ -238,7 +268,7 @@ pub fn table(rows: &[Row]) -> String {
             vec![
                 r.strategy.name().into(),
                 r.plant.clone(),
-                format!("{:.0}", r.speed_mm_s),
+                r.course.clone(),
                 output::optional(r.paper_rms_mm, 2),
                 format!("{:.3}", r.rms_mm),
                 output::optional(r.paper_peak_mm, 2),
@@ -246,7 +276,8 @@ pub fn table(rows: &[Row]) -> String {
             ]
         })
         .collect();
-    let header = ["strategy", "plant", "mm/s", "RMS paper", "RMS here", "peak paper", "peak here"];
+    let header =
+        ["strategy", "plant", "course", "RMS paper", "RMS here", "peak paper", "peak here"];
     format!(
         "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane\n{}",
         output::table(&header, &cells)

@@ -4,9 +4,8 @@ use crate::crane_file::{CraneFile, text};
 use crate::output;
 use clap::Args;
 use hydroboom_description::Description;
-use hydroboom_lab::motion_test::Strategy;
-use hydroboom_lab::scenario::{Scenario, scenarios};
-use hydroboom_lab::virtual_run::{Summary, Task, virtual_run};
+use hydroboom_lab::scenario::{CourseChoice, Scenario, scenarios};
+use hydroboom_lab::virtual_run::strategies;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -34,27 +33,23 @@ impl Scenarios {
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_or(Description::uia_virtual)?;
         let Some(name) = &self.name else { return list(&crane, self.json) };
-        let scenario = named(&crane, name)?;
+        let scenario = CourseChoice::Scenario(name.clone()).of(&crane).into_diagnostic()?;
         let model = match &self.model {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
             None => Description::uia_single_boom()?,
         };
-        let mut results: Vec<(Strategy, Summary)> = Vec::new();
-        for strategy in Strategy::ALL {
-            let bar = ProgressBar::new(1000);
-            let task = Task::Course(&scenario, strategy);
-            let summary = virtual_run(&model, &crane, &task, &[], |share| {
-                bar.set_position((share * 1000.0) as u64);
-            });
-            bar.finish_and_clear();
-            results.push((strategy, summary.into_diagnostic()?));
-        }
+        let bar = ProgressBar::new(1000);
+        let results = strategies(&model, &crane, scenario.as_ref(), |share| {
+            bar.set_position((share * 1000.0) as u64);
+        });
+        bar.finish_and_clear();
+        let results = results.into_diagnostic()?;
         if self.json {
             let rows: Vec<_> = results
                 .iter()
                 .map(|(strategy, summary)| json!({ "strategy": strategy, "result": summary }))
                 .collect();
-            return output::json(&json!({ "scenario": scenario.outline(), "results": rows }));
+            return output::json(&json!({ "scenario": name, "results": rows }));
         }
         let rows: Vec<Vec<String>> = results
             .iter()
@@ -70,22 +65,8 @@ impl Scenarios {
             .collect();
         let header =
             ["strategy", "RMS [mm]", "peak [mm]", "motor torque [N m]", "oil at the end [C]"];
-        output::text(&format!(
-            "{} on the virtual crane: {}\n{}",
-            scenario.name,
-            scenario.meaning,
-            output::table(&header, &rows)
-        ))
+        output::text(&format!("{name} on \"{}\"\n{}", crane.name, output::table(&header, &rows)))
     }
-}
-
-/// The crane's scenario of this name.
-pub fn named(crane: &Description, name: &str) -> Result<Scenario> {
-    let all = scenarios(crane);
-    let names = all.iter().map(|s| s.name).collect::<Vec<_>>().join(", ");
-    all.into_iter()
-        .find(|scenario| scenario.name == name)
-        .ok_or_else(|| miette::miette!(help = format!("one of: {names}"), "no scenario \"{name}\""))
 }
 
 fn list(crane: &Description, as_json: bool) -> Result<()> {

@@ -2,6 +2,7 @@
 
 use crate::{crane_file::CraneFile, linearise::valve, output};
 use clap::{Args, ValueEnum};
+use hydroboom_lab::scenario::CourseChoice;
 use hydroboom_lab::simulate::{Drive, Recording, Settings, simulate};
 use hydroboom_lab::study::IMPLICIT_STEP;
 use hydroboom_model::{Input, Outputs, Scheme};
@@ -20,6 +21,7 @@ enum SchemeName {
 /// Simulate the crane under a motion, a recorded input or a constant one; write a CSV log.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom simulate --speed-mm-s 120 --log out.csv\n  \
+    hydroboom simulate --scenario reversal --log out.csv\n  \
     hydroboom simulate --input drive.csv --log out.csv   (columns time_s, motor_speed_rpm, valve)\n  \
     hydroboom simulate --hold-s 3600 --valve 0 --set friction.law=lugre")]
 pub struct Simulate {
@@ -31,6 +33,9 @@ pub struct Simulate {
     /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
     #[arg(long, value_name = "FILE", conflicts_with = "hold_s")]
     input: Option<PathBuf>,
+    /// Run a scenario under velocity feedforward; `hydroboom scenarios` lists them.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["speed_mm_s", "input", "hold_s"])]
+    scenario: Option<String>,
     /// Hold a constant input for so many seconds.
     #[arg(long)]
     hold_s: Option<f64>,
@@ -85,11 +90,19 @@ impl Simulate {
                 if !(speed > 0.0 && speed.is_finite()) {
                     miette::bail!("--speed-mm-s is a positive number");
                 }
-                Drive::Motion(speed)
+                let choice = match self.scenario {
+                    Some(name) => CourseChoice::Scenario(name),
+                    None => CourseChoice::Motion(speed),
+                };
+                Drive::Course(choice.of(&description).into_diagnostic()?)
             }
         };
         let settings = Settings {
-            start_stroke: self.start_mm.map_or(n.motion_start, |mm| mm * 1e-3),
+            start_stroke: match (self.start_mm, &drive) {
+                (Some(mm), _) => mm * 1e-3,
+                (None, Drive::Course(course)) => course.reference(0.0).position,
+                (None, _) => n.motion_start,
+            },
             scheme,
             step: self.step_us.map_or(default_step, |us| us * 1e-6),
             log_interval: self.log_ms * 1e-3,

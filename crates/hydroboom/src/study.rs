@@ -1,7 +1,9 @@
 //! `hydroboom study`
 
-use crate::{crane_file::CraneFile, eigen, energy, motion, output};
+use crate::crane_file::{CraneFile, text};
+use crate::{eigen, energy, motion, output};
 use clap::Args;
+use hydroboom_description::Description;
 use hydroboom_lab::{report, study};
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::path::PathBuf;
@@ -13,6 +15,10 @@ use std::time::Instant;
 pub struct Study {
     #[command(flatten)]
     crane: CraneFile,
+    /// Crane file of a virtual crane that stands in for the real one; the embedded one where no
+    /// --crane is given, else none.
+    #[arg(long, value_name = "FILE")]
+    virtual_crane: Option<PathBuf>,
     /// Folder for report.html.
     #[arg(long, value_name = "DIR", default_value = "study")]
     out: PathBuf,
@@ -27,7 +33,12 @@ impl Study {
         let clock = Instant::now();
         let description = self.crane.read()?;
         let said = |done: &str| eprintln!("{:5.1} s  {done}", clock.elapsed().as_secs_f64());
-        let result = study::study(&description, &said).into_diagnostic()?;
+        let stand_in = match &self.virtual_crane {
+            Some(path) => Some(Description::parse(&path.display().to_string(), &text(path)?)?),
+            None if self.crane.is_embedded() => Some(Description::uia_virtual()?),
+            None => None,
+        };
+        let result = study::study(&description, stand_in.as_ref(), &said).into_diagnostic()?;
         let page = report::page(&description, &result).into_diagnostic()?;
         std::fs::create_dir_all(&self.out)
             .into_diagnostic()
@@ -37,29 +48,65 @@ impl Study {
         if self.json {
             return output::json(&serde_json::to_value(&result).into_diagnostic()?);
         }
+        let three = |v: f64| format!("{v:.3}");
         let differences: Vec<Vec<String>> = result
             .differences
             .iter()
             .map(|d| {
                 vec![
                     format!("{} [{}]", d.signal, d.unit),
-                    format!("{:.3}", d.paper_rms),
-                    format!("{:.3}", d.rms),
-                    format!("{:.3}", d.paper_peak),
-                    format!("{:.3}", d.peak),
+                    three(d.paper_rms),
+                    output::optional(d.virtual_rms, 3),
+                    three(d.off_model_rms),
+                    three(d.paper_peak),
+                    output::optional(d.virtual_peak, 3),
+                    three(d.off_model_peak),
                 ]
             })
             .collect();
-        let header = ["signal", "RMS paper", "RMS here", "peak paper", "peak here"];
-        output::text(&format!(
-            "{}\n\np_A oscillation, valve open [Hz]: paper {:.3}, here {:.3}\n\n\
-             Table 6: paper: its simulation against the real crane; here: model against the \
-             off-model plant\n{}\n\n{}\n\n{}\n\nreport: {} ({:.1} s)",
-            eigen::table(&result.eigenfrequency),
+        let header =
+            ["signal", "RMS paper", "virtual", "off-model", "peak paper", "virtual", "off-model"];
+        let mut said = eigen::table(&result.eigenfrequency);
+        if let Some(hz) = result.virtual_eigenfrequency_hz {
+            let hz = hz.map(three).join(", ");
+            said += &format!("\nvirtual crane, beside \"paper measured\": {hz}");
+        }
+        said += &format!(
+            "\n\np_A oscillation, valve open [Hz]: paper simulated {:.3}, here {:.3}; paper measured {:.3}, \
+             virtual crane {}",
             result.paper_pressure_oscillation_hz,
             result.pressure_oscillation_hz,
-            output::table(&header, &differences),
-            motion::table(&result.motion),
+            result.paper_measured_pressure_oscillation_hz,
+            output::optional(result.virtual_pressure_oscillation_hz, 3),
+        );
+        said += &format!(
+            "\n\nTable 6: plant less published model, at the fast speed; the paper's plant is its real \
+             crane\n{}",
+            output::table(&header, &differences)
+        );
+        said += &format!("\n\n{}", motion::table(&result.motion));
+        let pair = |[rms, peak]: [f64; 2]| format!("{rms:.3} / {peak:.3}");
+        let damping: Vec<Vec<String>> = result
+            .double_damping
+            .iter()
+            .map(|d| {
+                vec![
+                    d.plant.clone(),
+                    d.course.clone(),
+                    pair(d.benchmark_mm),
+                    pair(d.damped_twice_mm),
+                    pair(d.damped_once_mm),
+                ]
+            })
+            .collect();
+        let header = ["plant", "course", "benchmark", "as published", "on p - p_sim"];
+        said += &format!(
+            "\n\nSimulation feedforward in closed loop damps twice, RMS / peak [mm]; last: pressure feedback on \
+             what differs from the simulation\n{}",
+            output::table(&header, &damping)
+        );
+        output::text(&format!(
+            "{said}\n\n{}\n\nreport: {} ({:.1} s)",
             energy::table(&result.energy.audits),
             path.display(),
             clock.elapsed().as_secs_f64()

@@ -2,12 +2,11 @@
 
 use crate::crane_file::{CraneFile, text};
 use crate::output;
-use crate::scenarios::named;
 use clap::{Args, ValueEnum};
 use hydroboom_description::Description;
 use hydroboom_lab::dataset::dataset;
 use hydroboom_lab::motion_test::Strategy;
-use hydroboom_lab::scenario::Course;
+use hydroboom_lab::scenario::CourseChoice;
 use hydroboom_lab::simulate::Recording;
 use hydroboom_lab::virtual_run::{Contents, LogOrder, Task, virtual_run};
 use hydroboom_virtual_crane::Effect;
@@ -115,10 +114,11 @@ impl Virtual {
         if !(speed > 0.0 && speed.is_finite()) {
             miette::bail!("--speed-mm-s is a positive number");
         }
-        let course: Box<dyn Course> = match &self.scenario {
-            Some(name) => Box::new(named(&crane, name)?),
-            None => Box::new(crane.motion(speed)),
+        let choice = match self.scenario {
+            Some(name) => CourseChoice::Scenario(name),
+            None => CourseChoice::Motion(speed),
         };
+        let course = choice.of(&crane).into_diagnostic()?;
         let task = match &self.input {
             Some(path) => Task::Recording(Recording::read(path).into_diagnostic()?),
             None => Task::Course(course.as_ref(), self.strategy.into()),

@@ -41,6 +41,14 @@ pub enum LabError {
         /// Duration of the run.
         duration_s: f64,
     },
+    /// No such scenario.
+    #[error("no scenario \"{name}\"; there are {names}")]
+    Scenario {
+        /// What was asked for.
+        name: String,
+        /// Those there are.
+        names: String,
+    },
     /// Too little oscillation to measure.
     #[error("{0}")]
     NoOscillation(String),

@@ -1,13 +1,17 @@
 //! Many virtual cranes: no two machines are alike, and none stays as it was.
 
 use crate::LabError;
-use crate::motion_test::{Run, Strategy, run};
+use crate::motion_test::Strategy;
+use crate::scenario::CourseChoice;
+use crate::score::Score;
+use crate::steering::{Lane, WIDTH, steer_together};
 use hydroboom_description::Description;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What varies from crane to crane, evenly within its range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -105,7 +109,7 @@ pub fn worn(crane: &Description) -> Result<Description, LabError> {
     Ok(worn)
 }
 
-/// What one crane did under one strategy at one speed.
+/// What one crane did under one strategy along one course.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Outcome {
     /// RMS tracking error.
@@ -116,71 +120,87 @@ pub struct Outcome {
     pub unstable: bool,
 }
 
-/// A crane still swings if its position moves by more than this in the last second of rest \[m\]...
-const SWINGING: f64 = 2e-3;
-/// ... and no less than this share of what it did in the second before.
-const SUSTAINED: f64 = 0.9;
+/// What one crane did: outcomes by strategy in the order of [`Strategy::ALL`], then by course.
+pub type Outcomes = [Vec<Outcome>; 4];
 
-/// Whether a run ends in an oscillation that does not die out.
-pub fn is_unstable(run: &Run) -> bool {
-    let swing = |from: usize, to: usize| {
-        let count = run.samples.len();
-        let part = &run.samples[count.saturating_sub(from)..count.saturating_sub(to)];
-        let extent = part.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| {
-            (low.min(s.truth.outputs.stroke), high.max(s.truth.outputs.stroke))
-        });
-        extent.1 - extent.0
-    };
-    let period = run.samples.get(1).map_or(1e-3, |s| s.time);
-    let second = (1.0 / period).round() as usize;
-    let (last, before) = (swing(second, 0), swing(2 * second, second));
-    last > SWINGING && last > SUSTAINED * before
-}
-
-/// All strategies on one crane: outcomes by strategy, then by speed.
-pub type Outcomes = [[Outcome; 2]; 4];
-
-/// Runs all strategies at both speeds on cranes 0 to `count` − 1, on all cores; `progress` is told
-/// the number of cranes done.
+/// Runs all strategies along all courses on cranes 0 to `count` - 1, side by side in lanes and on all
+/// cores; `progress` is told the share done.
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built. One that cannot finish a motion counts as unstable.
+/// [`LabError`] when a crane cannot be built. One that cannot finish a course counts as unstable.
 pub fn family(
     model: &Description,
     nominal: &Description,
+    courses: &[CourseChoice],
     count: u64,
     seed: u64,
-    progress: &(dyn Fn(u64) + Sync),
+    progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Vec<(Member, Outcomes)>, LabError> {
-    let done = std::sync::atomic::AtomicU64::new(0);
-    (0..count)
-        .into_par_iter()
-        .map(|number| {
-            let member = member(nominal, seed, number)?;
-            let mut outcomes = Vec::with_capacity(4);
-            for strategy in Strategy::ALL {
-                outcomes.push(
-                    [model.numbers.slow, model.numbers.fast]
-                        .map(|speed| outcome(run(model, &member.crane, strategy, speed))),
-                );
-            }
-            progress(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1);
-            let outcomes = std::array::from_fn(|k| outcomes[k]);
-            Ok((member, outcomes))
+    let members =
+        (0..count).map(|number| member(nominal, seed, number)).collect::<Result<Vec<_>, _>>()?;
+    let groups: Vec<&[Member]> = members.chunks(WIDTH).collect();
+    let jobs: Vec<_> = groups
+        .iter()
+        .flat_map(|group| {
+            Strategy::ALL.into_iter().flat_map(move |strategy| {
+                courses.iter().map(move |course| (*group, strategy, course))
+            })
         })
-        .collect()
+        .collect();
+    let done = AtomicUsize::new(0);
+    let outcomes = jobs
+        .par_iter()
+        .map(|(group, strategy, course)| {
+            let outcomes = together(model, group, *strategy, course)?;
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress(done as f64 / jobs.len() as f64);
+            Ok(outcomes)
+        })
+        .collect::<Result<Vec<_>, LabError>>()?;
+    let of = |number: usize, s: usize, c: usize| {
+        let job = (number / WIDTH * Strategy::ALL.len() + s) * courses.len() + c;
+        outcomes[job][number % WIDTH]
+    };
+    Ok(members
+        .into_iter()
+        .enumerate()
+        .map(|(number, member)| {
+            let outcomes =
+                std::array::from_fn(|s| (0..courses.len()).map(|c| of(number, s, c)).collect());
+            (member, outcomes)
+        })
+        .collect())
 }
 
-fn outcome(run: Result<Run, LabError>) -> Outcome {
-    match run {
-        Ok(run) => Outcome {
-            rms_mm: run.rms() * 1e3,
-            peak_mm: run.peak() * 1e3,
-            unstable: is_unstable(&run),
+/// One strategy along one course on up to [`WIDTH`] cranes.
+fn together(
+    model: &Description,
+    group: &[Member],
+    strategy: Strategy,
+    choice: &CourseChoice,
+) -> Result<[Outcome; WIDTH], LabError> {
+    // the last group may be smaller: then its last crane runs in the lanes left over too
+    let member = |lane: usize| &group[lane.min(group.len() - 1)].crane;
+    let mut courses = Vec::with_capacity(WIDTH);
+    for lane in 0..WIDTH {
+        courses.push(choice.of(member(lane))?);
+    }
+    let lanes: [Lane<'_>; WIDTH] = std::array::from_fn(|lane| Lane {
+        crane: member(lane),
+        strategy,
+        course: courses[lane].as_ref(),
+    });
+    let mut scores = lanes.map(|lane| Score::new(lane.course.duration()));
+    let ends = steer_together(model, &lanes, |lane, sample| scores[lane].add(sample));
+    Ok(std::array::from_fn(|lane| match &ends[lane] {
+        Ok(()) => Outcome {
+            rms_mm: scores[lane].rms() * 1e3,
+            peak_mm: scores[lane].peak() * 1e3,
+            unstable: scores[lane].is_unstable(),
         },
         Err(_) => Outcome { rms_mm: f64::NAN, peak_mm: f64::NAN, unstable: true },
-    }
+    }))
 }
 
 /// The distribution of a quantity over a family.
@@ -218,49 +238,52 @@ impl Spread {
     }
 }
 
-/// One strategy at one speed over the whole family.
+/// One strategy along one course over the whole family.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// The strategy.
     pub strategy: Strategy,
-    /// Speed of the motion.
-    pub speed_mm_s: f64,
+    /// The course.
+    pub course: String,
     /// RMS tracking error.
     pub rms_mm: Spread,
     /// Magnitude of the peak tracking error.
     pub peak_mm: Spread,
     /// Share of cranes on which it is unstable.
     pub unstable_percent: f64,
-    /// By how much its RMS is smaller than the benchmark's on the same crane; negative where it is
-    /// larger.
-    pub improvement_percent: Spread,
-    /// Share of cranes on which it is smaller.
-    pub improved_percent: f64,
+    /// Its RMS over the benchmark's on the same crane: below 1 where it is better.
+    pub rms_over_benchmark: Spread,
+    /// Its peak over the benchmark's on the same crane.
+    pub peak_over_benchmark: Spread,
+    /// Share of cranes on which its RMS is smaller.
+    pub better_percent: f64,
 }
 
-/// The family in numbers: every strategy at both speeds.
-pub fn rows(model: &Description, results: &[(Member, Outcomes)]) -> Vec<Row> {
+/// The family in numbers: every strategy along every course.
+pub fn rows(courses: &[String], results: &[(Member, Outcomes)]) -> Vec<Row> {
     let benchmark = Strategy::BenchmarkClosedLoop as usize;
     let count = results.len().max(1) as f64;
     let mut rows = Vec::new();
     for (s, strategy) in Strategy::ALL.into_iter().enumerate() {
-        for (v, speed) in [model.numbers.slow, model.numbers.fast].into_iter().enumerate() {
-            let of = |outcome: fn(&Outcome) -> f64| {
-                Spread::of(results.iter().map(|(_, o)| outcome(&o[s][v])))
+        for (c, course) in courses.iter().enumerate() {
+            let spread = |of: &dyn Fn(&Outcome) -> f64| {
+                Spread::of(results.iter().map(|(_, o)| of(&o[s][c])))
             };
-            let improvement =
-                |o: &Outcomes| (1.0 - o[s][v].rms_mm / o[benchmark][v].rms_mm) * 100.0;
+            let over = |of: &dyn Fn(&Outcome) -> f64| {
+                Spread::of(results.iter().map(|(_, o)| of(&o[s][c]) / of(&o[benchmark][c])))
+            };
             let share = |holds: &dyn Fn(&Outcomes) -> bool| {
                 results.iter().filter(|(_, o)| holds(o)).count() as f64 / count * 100.0
             };
             rows.push(Row {
                 strategy,
-                speed_mm_s: speed * 1e3,
-                rms_mm: of(|o| o.rms_mm),
-                peak_mm: of(|o| o.peak_mm.abs()),
-                unstable_percent: share(&|o| o[s][v].unstable),
-                improvement_percent: Spread::of(results.iter().map(|(_, o)| improvement(o))),
-                improved_percent: share(&|o| improvement(o) > 0.0),
+                course: course.clone(),
+                rms_mm: spread(&|o| o.rms_mm),
+                peak_mm: spread(&|o| o.peak_mm.abs()),
+                unstable_percent: share(&|o| o[s][c].unstable),
+                rms_over_benchmark: over(&|o| o.rms_mm),
+                peak_over_benchmark: over(&|o| o.peak_mm.abs()),
+                better_percent: share(&|o| o[s][c].rms_mm < o[benchmark][c].rms_mm),
             });
         }
     }

@@ -6,6 +6,7 @@
 pub mod benchmark;
 pub mod calibrate;
 pub mod dataset;
+pub mod double_damping;
 pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
@@ -18,7 +19,9 @@ pub mod numerical_damping;
 pub mod paper;
 pub mod report;
 pub mod scenario;
+pub mod score;
 pub mod simulate;
+pub mod steering;
 pub mod study;
 pub mod virtual_run;
 pub mod work_precision;

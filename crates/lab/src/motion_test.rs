@@ -1,12 +1,13 @@
 //! Tests 1 to 3 of section 5.3: four strategies, two speeds, on a plant that may differ from the
 //! model.
 
-use crate::scenario::Course;
-use crate::{LabError, Plant, paper, plant};
-use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Motion, Reference};
+use crate::scenario::{Course, motion_name};
+use crate::score::Score;
+use crate::steering::{Lane, steer, steer_together};
+use crate::{LabError, paper};
+use hydroboom_control::{Motion, Reference};
 use hydroboom_description::Description;
-use hydroboom_model::{Input, Scheme, SimulationError};
-use hydroboom_virtual_crane::{Command, Reading, Truth, VirtualCrane};
+use hydroboom_virtual_crane::{Command, Reading, Truth};
 use serde::Serialize;
 
 /// How the motor's speed is found.
@@ -42,11 +43,13 @@ impl Strategy {
         }
     }
 
-    fn simulates(self) -> bool {
+    /// Whether a simulation runs beside the machine.
+    pub fn simulates(self) -> bool {
         matches!(self, Self::SimulationFeedforwardOpenLoop | Self::SimulationFeedforwardClosedLoop)
     }
 
-    fn measures(self) -> bool {
+    /// Whether it looks at the machine.
+    pub fn measures(self) -> bool {
         matches!(self, Self::BenchmarkClosedLoop | Self::SimulationFeedforwardClosedLoop)
     }
 }
@@ -73,28 +76,35 @@ impl Sample {
     }
 }
 
-/// One strategy at one speed on one plant.
+/// One strategy along one course on one plant.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// The strategy.
     pub strategy: Strategy,
-    /// Speed of the motion \[m/s\].
+    /// Name of the course.
+    pub course: String,
+    /// Its largest speed \[m/s\].
     pub speed: f64,
     /// Every control period.
     pub samples: Vec<Sample>,
 }
 
 impl Run {
+    /// How well the course was followed.
+    pub fn score(&self) -> Score {
+        let mut score = Score::new(self.samples.last().map_or(0.0, |s| s.time));
+        self.samples.iter().for_each(|sample| score.add(sample));
+        score
+    }
+
     /// Root mean square of the tracking error over the whole motion, rests included \[m\].
     pub fn rms(&self) -> f64 {
-        let sum: f64 = self.samples.iter().map(|s| s.error().powi(2)).sum();
-        (sum / self.samples.len().max(1) as f64).sqrt()
+        self.score().rms()
     }
 
     /// The error of largest magnitude, with its sign \[m\].
     pub fn peak(&self) -> f64 {
-        let errors = self.samples.iter().map(Sample::error);
-        errors.fold(0.0, |peak: f64, e| if e.abs() > peak.abs() { e } else { peak })
+        self.score().peak()
     }
 }
 
@@ -105,7 +115,9 @@ pub struct Row {
     pub plant: String,
     /// The strategy.
     pub strategy: Strategy,
-    /// Speed of the motion.
+    /// Name of the course.
+    pub course: String,
+    /// Its largest speed.
     pub speed_mm_s: f64,
     /// RMS error here.
     pub rms_mm: f64,
@@ -121,7 +133,7 @@ impl Row {
     /// The row of a run on the named plant.
     pub fn of(plant: &str, run: &Run) -> Self {
         let speed_mm_s = run.speed * 1e3;
-        let column = paper::SPEEDS_MM_S.iter().position(|v| (v - speed_mm_s).abs() < 1e-6);
+        let column = paper::SPEEDS_MM_S.iter().position(|v| run.course == motion_name(*v));
         let row = Strategy::ALL.iter().position(|s| *s == run.strategy);
         let printed = column.zip(row).map(|(c, r)| {
             let (rms, peak) = paper::TRACKING_MM[r];
@@ -130,6 +142,7 @@ impl Row {
         Self {
             plant: plant.into(),
             strategy: run.strategy,
+            course: run.course.clone(),
             speed_mm_s,
             rms_mm: run.rms() * 1e3,
             peak_mm: run.peak() * 1e3,
@@ -139,46 +152,11 @@ impl Row {
     }
 }
 
-/// The simulated crane beside the machine, under the benchmark controller.
-struct Simulated {
-    plant: Box<dyn Plant>,
-    controller: Benchmark<f64>,
-    memory: BenchmarkMemory<f64>,
-    motor: f64,
-    /// Steps in a control period.
-    count: u32,
-}
-
-impl Simulated {
-    fn new(model: &Description, controller: Benchmark<f64>, start: f64) -> Result<Self, LabError> {
-        let step = model.numbers.simulation_period;
-        let plant = plant(model, &model.start(start), Scheme::Published, step)?;
-        let count = (controller.period / step).round() as u32;
-        let memory = controller.start(&measured(plant.as_ref()));
-        Ok(Self { plant, controller, memory, motor: 0.0, count })
-    }
-
-    /// The speed \[rev/s\] that the controller gives the simulated crane, which moves on with it.
-    fn advance(&mut self, reference: &Reference<f64>) -> Result<f64, SimulationError> {
-        let controller = &self.controller;
-        let feedforward = controller.velocity_feedforward(reference);
-        let seen = measured(self.plant.as_ref());
-        let wanted = controller.update(&mut self.memory, reference, &seen, feedforward);
-        self.motor = controller.limits.follow(self.motor, wanted, controller.period);
-        let input = Input { pump_speed: self.motor, holding_valve: 1.0 };
-        self.plant.advance(&input, self.count)?;
-        Ok(self.motor)
-    }
-}
-
-fn measured(plant: &dyn Plant) -> Measured<f64> {
-    Measured { stroke: plant.outputs().stroke, load_pressure: plant.load_pressure() }
-}
-
-/// Runs one strategy: controllers every control period, cranes every simulation period.
+/// Runs one strategy along a course: controllers every control period, cranes every simulation
+/// period.
 ///
 /// The controller, and the simulation beside the machine, know the `model` only; what they steer
-/// is the `plant`, seen through its sensors, along the plant's motion.
+/// is the `plant`, seen through its sensors.
 ///
 /// # Errors
 ///
@@ -187,73 +165,41 @@ pub fn run(
     model: &Description,
     plant: &Description,
     strategy: Strategy,
-    speed: f64,
+    course: &dyn Course,
 ) -> Result<Run, LabError> {
-    let motion = plant.motion(speed);
-    let mut samples =
-        Vec::with_capacity((motion.duration() / model.numbers.control_period) as usize + 2);
-    steer(model, plant, strategy, &motion, |sample| {
+    let mut samples = Vec::with_capacity(count(model, course));
+    steer(model, plant, strategy, course, |sample| {
         samples.push(*sample);
         Ok(())
     })?;
-    Ok(Run { strategy, speed, samples })
+    Ok(Run { strategy, course: course.name(), speed: course.speed(), samples })
 }
 
-/// The same along any course, each control period shown to `observe`, which may stop it.
+/// All strategies along a course, side by side where the plant allows it.
 ///
 /// # Errors
 ///
-/// [`LabError`] when either crane cannot be built or leaves what the model holds for, or from
-/// `observe`.
-pub fn steer(
+/// As of [`run`].
+pub fn run_all(
     model: &Description,
     plant: &Description,
-    strategy: Strategy,
     course: &dyn Course,
-    mut observe: impl FnMut(&Sample) -> Result<(), LabError>,
-) -> Result<(), LabError> {
-    let controller = model.benchmark();
-    let start = course.reference(0.0).position;
-    let mut real = VirtualCrane::new(plant, &plant.start(start))?;
-    let mut memory = controller.start(&real.measured());
-    let mut simulated = match strategy.simulates() {
-        true => Some(Simulated::new(model, controller, start)?),
-        false => None,
-    };
-    let period = controller.period;
-    let periods = (course.duration() / period).round() as u64;
-    let mut loads = course.loads().iter().peekable();
-    let during = format!("{} at {:.0} mm/s", strategy.name(), course.speed() * 1e3);
+) -> Result<[Run; 4], LabError> {
+    let lanes = Strategy::ALL.map(|strategy| Lane { crane: plant, strategy, course });
+    let mut samples = lanes.map(|_| Vec::with_capacity(count(model, course)));
+    let ends = steer_together(model, &lanes, |lane, sample| samples[lane].push(*sample));
+    ends.into_iter().collect::<Result<(), _>>()?;
+    let mut samples = samples.into_iter();
+    Ok(Strategy::ALL.map(|strategy| Run {
+        strategy,
+        course: course.name(),
+        speed: course.speed(),
+        samples: samples.next().unwrap_or_default(),
+    }))
+}
 
-    for k in 0..=periods {
-        let time = k as f64 * period;
-        while let Some(load) = loads.next_if(|load| load.time <= time) {
-            real.set_payload(load.mass)?;
-        }
-        let reference = course.reference(time);
-        let feedforward = match &mut simulated {
-            Some(crane) => crane
-                .advance(&reference)
-                .map_err(LabError::during(&format!("{during}, the simulated crane")))?,
-            None => controller.velocity_feedforward(&reference),
-        };
-        let wanted = match strategy.measures() {
-            true => controller.update(&mut memory, &reference, &real.measured(), feedforward),
-            false => feedforward,
-        };
-        let command = Command { motor_speed: wanted, holding_valve: 1.0 };
-        observe(&Sample {
-            time,
-            reference,
-            reading: real.reading(),
-            truth: real.truth(),
-            command,
-        })?;
-        if k < periods {
-            real.advance(&command).map_err(LabError::during(&during))?;
-        }
-    }
-    Ok(())
+fn count(model: &Description, course: &dyn Course) -> usize {
+    (course.duration() / model.numbers.control_period) as usize + 2
 }
 
 /// The frequency \[Hz\] at which p_A rings after the start of the cruise, from a velocity
@@ -272,4 +218,28 @@ pub fn pressure_oscillation(motion: &Motion<f64>, run: &Run) -> Result<f64, LabE
         .map(|s| (s.time, s.truth.outputs.pressure_a))
         .unzip();
     crate::eigenfrequency::frequency(&times, &values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::CourseChoice;
+
+    #[test]
+    fn strategies_side_by_side_do_what_each_does_alone() {
+        let model = Description::uia_single_boom().unwrap();
+        let crane = Description::uia_virtual().unwrap();
+        // with a payload that changes on the way
+        let course = CourseChoice::Scenario("payload-change".into()).of(&crane).unwrap();
+        let together = run_all(&model, &crane, course.as_ref()).unwrap();
+        for strategy in [Strategy::VelocityFeedforward, Strategy::SimulationFeedforwardClosedLoop] {
+            let alone = run(&model, &crane, strategy, course.as_ref()).unwrap();
+            let other = &together[strategy as usize];
+            assert_eq!(alone.samples.len(), other.samples.len());
+            for (a, b) in alone.samples.iter().zip(&other.samples) {
+                assert_eq!(a.reading, b.reading);
+                assert_eq!(a.command, b.command);
+            }
+        }
+    }
 }

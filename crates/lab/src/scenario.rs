@@ -1,11 +1,14 @@
 //! What cranes do all day: courses of the piston, and loads that change under way (section 6.3).
 
+use crate::LabError;
 use hydroboom_control::{Motion, Profile, Reference, Way};
 use hydroboom_description::Description;
 use serde::Serialize;
 
 /// Where the piston shall be, over time.
-pub trait Course {
+pub trait Course: Send + Sync {
+    /// Name, in tables and messages.
+    fn name(&self) -> String;
     /// Position and velocity at the time `t` \[s\].
     fn reference(&self, t: f64) -> Reference<f64>;
     /// Duration \[s\].
@@ -18,7 +21,15 @@ pub trait Course {
     }
 }
 
+/// Name of the motion at a speed.
+pub fn motion_name(speed_mm_s: f64) -> String {
+    format!("{speed_mm_s:.0} mm/s")
+}
+
 impl Course for Motion<f64> {
+    fn name(&self) -> String {
+        motion_name(self.speed * 1e3)
+    }
     fn reference(&self, t: f64) -> Reference<f64> {
         Motion::reference(self, t)
     }
@@ -37,6 +48,15 @@ pub struct Load {
     pub time: f64,
     /// Mass \[kg\].
     pub mass: f64,
+}
+
+/// The payload to be hung on by a time \[s\], if it changes then; what is left are the
+/// later ones.
+pub fn due(loads: &mut &[Load], time: f64) -> Option<f64> {
+    let count = loads.iter().take_while(|load| load.time <= time).count();
+    let (now, later) = loads.split_at(count);
+    *loads = later;
+    now.last().map(|load| load.mass)
 }
 
 /// One move of a scenario.
@@ -115,6 +135,9 @@ impl Scenario {
 }
 
 impl Course for Scenario {
+    fn name(&self) -> String {
+        self.name.into()
+    }
     fn reference(&self, t: f64) -> Reference<f64> {
         let begun = self.legs.partition_point(|leg| leg.begin <= t);
         match begun.checked_sub(1).map(|last| self.legs[last]) {
@@ -136,6 +159,37 @@ impl Course for Scenario {
     }
     fn loads(&self) -> &[Load] {
         &self.loads
+    }
+}
+
+/// Which course a crane shall take.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CourseChoice {
+    /// The crane file's motion at a speed \[m/s\].
+    Motion(f64),
+    /// The scenario of this name.
+    Scenario(String),
+}
+
+impl CourseChoice {
+    /// The course of a crane.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Scenario`] when there is none of that name.
+    pub fn of(&self, crane: &Description) -> Result<Box<dyn Course>, LabError> {
+        match self {
+            Self::Motion(speed) => Ok(Box::new(crane.motion(*speed))),
+            Self::Scenario(name) => {
+                let all = scenarios(crane);
+                let names = all.iter().map(|s| s.name).collect::<Vec<_>>().join(", ");
+                let wanted = all.into_iter().find(|scenario| scenario.name == name);
+                match wanted {
+                    Some(scenario) => Ok(Box::new(scenario)),
+                    None => Err(LabError::Scenario { name: name.clone(), names }),
+                }
+            }
+        }
     }
 }
 
@@ -172,6 +226,7 @@ pub fn scenarios(crane: &Description) -> Vec<Scenario> {
     for k in (1..=10).chain((0..10).rev()) {
         start_stop = start_stop.go(at(f64::from(k) / 10.0), fast, 0.3 * ramp, profile).rest(0.5);
     }
+    let start_stop = start_stop.rest(2.0);
 
     let mut small =
         Scenario::new("small-moves", "positions to and fro by 1, 2, 5 and 10 mm", at(0.5))

@@ -1,6 +1,7 @@
 //! Any crane under any input, written as CSV.
 
 use crate::log::{self, Log};
+use crate::scenario::{Course, due};
 use crate::{LabError, Plant, plant};
 use hydroboom_description::Description;
 use hydroboom_model::{Flows, Input, Outputs, Scheme};
@@ -15,10 +16,9 @@ pub struct Recording {
 }
 
 /// What drives the crane.
-#[derive(Clone, Debug)]
 pub enum Drive {
-    /// Velocity feedforward along the motion at this speed \[m/s\].
-    Motion(f64),
+    /// Velocity feedforward along a course, its payload changing with it.
+    Course(Box<dyn Course>),
     /// A recorded input.
     Recording(Recording),
     /// A constant motor speed \[rev/s\] and valve for a duration \[s\].
@@ -156,25 +156,23 @@ pub fn simulate(
         start.preload = 0.0;
     };
     let mut crane = plant(description, &start, settings.scheme, settings.step)?;
-    let motion = match drive {
-        Drive::Motion(speed) => Some(description.motion(*speed)),
-        _ => None,
-    };
     let controller = description.benchmark();
-    let duration = match (drive, &motion) {
-        (Drive::Recording(recording), _) => recording.duration(),
-        (Drive::Constant(_, duration), _) => *duration,
-        (Drive::Motion(_), Some(motion)) => motion.duration(),
-        (Drive::Motion(_), None) => 0.0,
+    let duration = match drive {
+        Drive::Recording(recording) => recording.duration(),
+        Drive::Constant(_, duration) => *duration,
+        Drive::Course(course) => course.duration(),
     };
-    let input_at = |time: f64| match (drive, &motion) {
-        (Drive::Recording(recording), _) => recording.at(time),
-        (Drive::Constant(input, _), _) => *input,
-        (Drive::Motion(_), Some(motion)) => Input {
-            pump_speed: controller.velocity_feedforward(&motion.reference(time)),
+    let input_at = |time: f64| match drive {
+        Drive::Recording(recording) => recording.at(time),
+        Drive::Constant(input, _) => *input,
+        Drive::Course(course) => Input {
+            pump_speed: controller.velocity_feedforward(&course.reference(time)),
             holding_valve: 1.0,
         },
-        (Drive::Motion(_), None) => Input { pump_speed: 0.0, holding_valve: 0.0 },
+    };
+    let mut loads = match drive {
+        Drive::Course(course) => course.loads(),
+        _ => &[],
     };
 
     if settings.step > duration {
@@ -187,7 +185,13 @@ pub fn simulate(
     let steps = (duration / settings.step).round() as u64;
     let every = (settings.log_interval / settings.step).round().max(1.0) as u64;
     for k in 0..=steps {
-        let input = input_at(k as f64 * settings.step);
+        let time = k as f64 * settings.step;
+        let input = input_at(time);
+        if let Some(mass) = due(&mut loads, time) {
+            let mut heavier = description.clone();
+            heavier.numbers.payload = mass;
+            crane.set_parameters(&heavier)?;
+        }
         if k % every == 0 {
             if let Some(log) = &mut log {
                 log.row(&log_row(crane.as_ref(), &input))?;

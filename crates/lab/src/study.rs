@@ -1,8 +1,10 @@
 //! The paper's experiments in one go.
 
+use crate::double_damping::{DoubleDamping, double_damping};
 use crate::energy_audit::{Audit, audit};
-use crate::motion_test::{Row, Run, Strategy, pressure_oscillation, run};
+use crate::motion_test::{Row, Run, Strategy, pressure_oscillation, run, run_all};
 use crate::numerical_damping::{NumericalDamping, numerical_damping};
+use crate::scenario::Course;
 use crate::work_precision::{Point, work_precision};
 use crate::{LabError, calibrate, eigenfrequency, paper};
 use hydroboom_description::{Description, OFF_MODEL};
@@ -15,21 +17,29 @@ pub const NOMINAL: &str = "nominal";
 /// Name of the embedded plant that does not.
 pub const OFF: &str = "off-model";
 
+/// Name of the virtual crane as a plant.
+pub const VIRTUAL: &str = "virtual";
+
 /// Default step of the implicit scheme \[s\].
 pub const IMPLICIT_STEP: f64 = 500e-6;
 
-/// RMS and peak difference of one signal between model and off-model plant under the same input.
+/// RMS and peak difference of one signal, plant less published model, both under velocity
+/// feedforward.
 #[derive(Clone, Debug, Serialize)]
 pub struct Difference {
     /// The paper's name of the signal.
     pub signal: String,
     /// Its unit.
     pub unit: String,
-    /// RMS difference here.
-    pub rms: f64,
-    /// Peak difference here.
-    pub peak: f64,
-    /// The paper's, between its simulation and the real crane.
+    /// RMS difference of the virtual crane, where there is one.
+    pub virtual_rms: Option<f64>,
+    /// Peak difference of the virtual crane.
+    pub virtual_peak: Option<f64>,
+    /// RMS difference of the off-model plant.
+    pub off_model_rms: f64,
+    /// Peak difference of the off-model plant.
+    pub off_model_peak: f64,
+    /// The paper's, between the real crane and its simulation.
     pub paper_rms: f64,
     /// The paper's.
     pub paper_peak: f64,
@@ -51,23 +61,34 @@ pub struct Study {
     pub crane: String,
     /// Table 5.
     pub eigenfrequency: Vec<eigenfrequency::Row>,
-    /// Tables 7 to 9, on both plants.
+    /// Eigenfrequencies of the virtual crane at the same positions, where there is one.
+    pub virtual_eigenfrequency_hz: Option<[f64; 3]>,
+    /// Tables 7 to 9, on all plants.
     pub motion: Vec<Row>,
     /// Frequency of the p_A oscillation with the valve open, not fitted.
     pub pressure_oscillation_hz: f64,
     /// The paper's simulated one.
     pub paper_pressure_oscillation_hz: f64,
-    /// Table 6 between model and off-model plant.
+    /// That of the virtual crane.
+    pub virtual_pressure_oscillation_hz: Option<f64>,
+    /// The paper's measured one.
+    pub paper_measured_pressure_oscillation_hz: f64,
+    /// Table 6.
     pub differences: Vec<Difference>,
+    /// What the second damping costs, on the nominal plant and on the virtual crane.
+    pub double_damping: Vec<DoubleDamping>,
     /// Energy.
     pub energy: EnergyResults,
     /// Work-precision trials.
     pub work_precision: Vec<Point>,
     /// Overrides that make the off-model plant.
     pub off_model: Vec<String>,
-    /// The runs themselves, for figures: nominal, then off-model.
+    /// The runs themselves, for figures: nominal, then off-model, then virtual.
     #[serde(skip)]
     pub runs: Vec<(String, Run)>,
+    /// The published model along the virtual crane's fast motion, for figures 18 to 23.
+    #[serde(skip)]
+    pub alongside: Option<Run>,
     /// A locked-valve oscillation for figure 17, at the middle stroke.
     #[serde(skip)]
     pub oscillation: Option<eigenfrequency::Oscillation>,
@@ -87,13 +108,49 @@ impl Study {
     }
 }
 
-/// Runs the study on a crane; `progress` is told what has been done.
+/// What the study finds out about the virtual crane.
+struct VirtualResults {
+    eigenfrequency: [f64; 3],
+    runs: Vec<Run>,
+    alongside: Run,
+    pressure_oscillation: f64,
+    damping: DoubleDamping,
+}
+
+fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualResults, LabError> {
+    let n = &model.numbers;
+    let frictionless = eigenfrequency::without_friction(crane)?;
+    let mut frequencies = [0.0; 3];
+    for (hz, stroke) in frequencies.iter_mut().zip(paper::EIGEN_STROKE_MM) {
+        *hz = eigenfrequency::locked_mode(&frictionless, stroke * 1e-3)?.frequency_hz;
+    }
+    let fast = crane.motion(n.fast);
+    let mut runs = Vec::new();
+    for motion in [crane.motion(n.slow), fast] {
+        runs.extend(run_all(model, crane, &motion)?);
+    }
+    let velocity_feedforward = runs
+        .iter()
+        .find(|run| run.strategy == Strategy::VelocityFeedforward && run.course == fast.name());
+    let oscillation = velocity_feedforward.map(|run| pressure_oscillation(&fast, run));
+    Ok(VirtualResults {
+        eigenfrequency: frequencies,
+        alongside: run(model, model, Strategy::VelocityFeedforward, &fast)?,
+        pressure_oscillation: oscillation.transpose()?.unwrap_or(f64::NAN),
+        damping: double_damping(model, VIRTUAL, crane, &fast, &runs)?,
+        runs,
+    })
+}
+
+/// Runs the study on a crane, and on a virtual crane that stands in for it where one is given;
+/// `progress` is told what has been done.
 ///
 /// # Errors
 ///
 /// [`LabError`] when any of the experiments fails.
 pub fn study(
     description: &Description,
+    virtual_crane: Option<&Description>,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Study, LabError> {
     let (off, off_model) = description.overridden("cranes/off-model.toml", OFF_MODEL)?;
@@ -101,6 +158,11 @@ pub fn study(
     // two workers: the motion tests, and everything else
     let (runs, rest) = thread::scope(|scope| {
         let rest = scope.spawn(|| {
+            let virtual_results = match virtual_crane {
+                Some(crane) => Some(virtual_results(description, crane)?),
+                None => None,
+            };
+            progress("virtual crane");
             let mut rows = Vec::new();
             for stroke_mm in paper::EIGEN_STROKE_MM {
                 rows.push(eigenfrequency::row(description, stroke_mm * 1e-3)?);
@@ -114,27 +176,47 @@ pub fn study(
             let numerical_damping = numerical_damping(description)?;
             let energy = EnergyResults { audits, numerical_damping };
             progress("energy audit");
-            let points = work_precision(description)?;
-            progress("work and precision");
-            Ok::<_, LabError>((rows, oscillation, energy, points))
+            Ok::<_, LabError>((rows, oscillation, virtual_results, energy))
         });
         let runs = (|| {
             let mut runs = Vec::new();
             for (name, plant) in [(NOMINAL, description), (OFF, &off)] {
-                for strategy in Strategy::ALL {
-                    for speed in [n.slow, n.fast] {
-                        runs.push((name.to_string(), run(description, plant, strategy, speed)?));
-                    }
+                for speed in [n.slow, n.fast] {
+                    let all = run_all(description, plant, &description.motion(speed))?;
+                    runs.extend(all.into_iter().map(|run| (name.to_string(), run)));
                 }
                 progress(&format!("motion tests, {name} plant"));
             }
-            Ok::<_, LabError>(runs)
+            let fast = description.motion(n.fast);
+            let damping = double_damping(description, NOMINAL, description, &fast, &[])?;
+            let points = work_precision(description)?;
+            progress("work and precision");
+            Ok::<_, LabError>((runs, damping, points))
         })();
         let rest = rest.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         (runs, rest)
     });
-    let (runs, (eigenfrequency, oscillation, energy, points)) = (runs?, rest?);
+    let (mut runs, damping, points) = runs?;
+    let (eigenfrequency, oscillation, virtual_results, energy) = rest?;
 
+    let mut double_damping = vec![damping];
+    let mut seen = None;
+    let (mut alongside, mut virtual_hz, mut virtual_oscillation) = (None, None, None);
+    if let Some(results) = virtual_results {
+        let is_fast = |run: &&Run| {
+            run.strategy == Strategy::VelocityFeedforward && run.course == results.alongside.course
+        };
+        seen = results
+            .runs
+            .iter()
+            .find(is_fast)
+            .map(|run| calibrate::differences(&results.alongside, run));
+        runs.extend(results.runs.into_iter().map(|run| (VIRTUAL.to_string(), run)));
+        double_damping.push(results.damping);
+        alongside = Some(results.alongside);
+        virtual_hz = Some(results.eigenfrequency);
+        virtual_oscillation = Some(results.pressure_oscillation);
+    }
     let motion = runs.iter().map(|(plant, run)| Row::of(plant, run)).collect();
     let fast = |plant: &str| {
         runs.iter().find(|(name, run)| {
@@ -145,33 +227,41 @@ pub fn study(
         return Err(LabError::NoOscillation("the fast motion was not run".into()));
     };
     let pressure_oscillation_hz = pressure_oscillation(&description.motion(n.fast), nominal)?;
-    let differences = differences(nominal, other);
+    let differences = differences(seen, calibrate::differences(nominal, other));
     Ok(Study {
         crane: description.name.clone(),
         eigenfrequency,
+        virtual_eigenfrequency_hz: virtual_hz,
         motion,
         pressure_oscillation_hz,
         paper_pressure_oscillation_hz: paper::PRESSURE_OSCILLATION_HZ,
+        virtual_pressure_oscillation_hz: virtual_oscillation,
+        paper_measured_pressure_oscillation_hz: paper::PRESSURE_OSCILLATION_MEASURED_HZ,
         differences,
+        double_damping,
         energy,
         work_precision: points,
         off_model,
         runs,
+        alongside,
         oscillation: Some(oscillation),
     })
 }
 
-/// Table 6: the same motor speed drives model and plant.
-fn differences(model: &Run, plant: &Run) -> Vec<Difference> {
-    let seen = calibrate::differences(model, plant);
-    paper::TABLE_6
-        .iter()
-        .zip(seen)
-        .map(|((name, unit, paper_peak, paper_rms), (rms, peak))| Difference {
+/// Table 6.
+fn differences(
+    virtual_crane: Option<[(f64, f64); 6]>,
+    off_model: [(f64, f64); 6],
+) -> Vec<Difference> {
+    let table = paper::TABLE_6.iter().zip(off_model).enumerate();
+    table
+        .map(|(k, ((name, unit, paper_peak, paper_rms), (off_rms, off_peak)))| Difference {
             signal: name.to_string(),
             unit: unit.to_string(),
-            rms,
-            peak,
+            virtual_rms: virtual_crane.map(|seen| seen[k].0),
+            virtual_peak: virtual_crane.map(|seen| seen[k].1),
+            off_model_rms: off_rms,
+            off_model_peak: off_peak,
             paper_rms: *paper_rms,
             paper_peak: *paper_peak,
         })

@@ -2,9 +2,11 @@
 
 use crate::LabError;
 use crate::log::{Log, columns, scaled};
-use crate::motion_test::{Sample, Strategy, steer};
+use crate::motion_test::{Sample, Strategy};
 use crate::scenario::Course;
+use crate::score::Score;
 use crate::simulate::Recording;
+use crate::steering::{Lane, steer, steer_together};
 use hydroboom_control::Reference;
 use hydroboom_description::Description;
 use hydroboom_model::Outputs;
@@ -63,7 +65,7 @@ pub struct LogOrder<'a> {
 }
 
 /// A run in short.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Summary {
     /// Duration.
     pub duration_s: f64,
@@ -106,23 +108,16 @@ pub fn virtual_run(
         Task::Oscillation { .. } => OSCILLATION,
     };
     let mut summary = Summary { duration_s: duration, ..Summary::default() };
-    let (mut square, mut peak, mut count) = (0.0, 0.0_f64, 0_u64);
+    let (mut score, mut count) = (Score::new(duration), 0_u64);
     let mut observe = |sample: &Sample| {
         for (log, contents, every) in &mut writers {
             if count % *every == 0 {
                 log.row(&row(*contents, task, sample))?;
             }
         }
-        let truth = &sample.truth;
-        summary.stroke_mm = truth.outputs.stroke * 1e3;
-        summary.pressure_a_bar = truth.outputs.pressure_a * 1e-5;
-        summary.torque_nm = summary.torque_nm.max(truth.motor_torque.abs());
-        summary.oil_c = truth.oil_temperature;
-        let error = sample.error();
-        (square, count) = (square + error * error, count + 1);
-        if error.abs() > peak.abs() {
-            peak = error;
-        }
+        summary.add(sample);
+        score.add(sample);
+        count += 1;
         if count % 1000 == 0 {
             progress(sample.time / duration);
         }
@@ -154,11 +149,60 @@ pub fn virtual_run(
         }
     }
     if matches!(task, Task::Course(..)) {
-        summary.rms_mm = Some((square / count.max(1) as f64).sqrt() * 1e3);
-        summary.peak_mm = Some(peak * 1e3);
+        summary.finish(&score);
     }
     writers.into_iter().try_for_each(|(log, ..)| log.finish())?;
     Ok(summary)
+}
+
+/// All strategies along a course, side by side, each in short; `progress` is told the share done.
+///
+/// # Errors
+///
+/// [`LabError`] when a crane cannot be simulated.
+pub fn strategies(
+    model: &Description,
+    crane: &Description,
+    course: &dyn Course,
+    mut progress: impl FnMut(f64),
+) -> Result<Vec<(Strategy, Summary)>, LabError> {
+    let duration = course.duration();
+    let lanes = Strategy::ALL.map(|strategy| Lane { crane, strategy, course });
+    let mut gathered =
+        [(Summary { duration_s: duration, ..Summary::default() }, Score::new(duration)); 4];
+    let mut count = 0_u64;
+    let ends = steer_together(model, &lanes, |lane, sample| {
+        let (summary, score) = &mut gathered[lane];
+        summary.add(sample);
+        score.add(sample);
+        count += 1;
+        if count % 10_000 == 0 {
+            progress(sample.time / duration);
+        }
+    });
+    let mut results = Vec::with_capacity(Strategy::ALL.len());
+    for ((strategy, end), (mut summary, score)) in Strategy::ALL.into_iter().zip(ends).zip(gathered)
+    {
+        end?;
+        summary.finish(&score);
+        results.push((strategy, summary));
+    }
+    Ok(results)
+}
+
+impl Summary {
+    fn add(&mut self, sample: &Sample) {
+        let truth = &sample.truth;
+        self.stroke_mm = truth.outputs.stroke * 1e3;
+        self.pressure_a_bar = truth.outputs.pressure_a * 1e-5;
+        self.torque_nm = self.torque_nm.max(truth.motor_torque.abs());
+        self.oil_c = truth.oil_temperature;
+    }
+
+    fn finish(&mut self, score: &Score) {
+        self.rms_mm = Some(score.rms() * 1e3);
+        self.peak_mm = Some(score.peak() * 1e3);
+    }
 }
 
 /// Sends commands that depend on nothing but time.

@@ -1,7 +1,7 @@
 //! A crane in motion: parameters, state, scheme and clock, with every step checked.
 
 use crate::crane::{Crane, CraneState, Input};
-use crate::stepping::{Implicit, StepLimit, published, runge_kutta_4};
+use crate::stepping::{Implicit, MOST_PARTS, StepLimit, published, runge_kutta_4};
 use crate::validity::Invalid;
 use core::fmt;
 
@@ -18,13 +18,6 @@ pub enum Scheme {
 
 /// More substeps than this are refused: the step asked for does not suit the scheme.
 const MOST_SUBSTEPS: f64 = 1000.0;
-
-/// An implicit step whose last iteration still changed a pressure by more than this \[Pa\] has not
-/// settled: 0.01 bar. It happens where steps are far too long for an event, an end stop struck at
-/// full speed, say; over a motion at 0.5 ms the largest change is 10 Pa, the usual one 1e-9 Pa.
-const UNSETTLED: f64 = 1e3;
-/// Parts that a step which does not settle is divided into at most.
-const MOST_PARTS: u32 = 256;
 
 /// Why a simulation cannot go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -156,7 +149,8 @@ impl<const N: usize> Simulation<N> {
             }
             Stepper::Implicit(scheme) => {
                 for _ in 0..substeps {
-                    state = settled(scheme, &self.crane, &state, input, step)
+                    state = scheme
+                        .settled(&self.crane, &state, input, step)
                         .ok_or(SimulationError::Unsettled { time: self.time() })?;
                 }
             }
@@ -226,24 +220,4 @@ impl<const N: usize> Simulation<N> {
     pub fn step_limit(&self) -> StepLimit {
         self.crane.step_limit(&self.state)
     }
-}
-
-/// The state after one implicit step, taken in as many parts as it needs to settle.
-fn settled<const N: usize>(
-    scheme: &Implicit<f64>,
-    crane: &Crane<f64, N>,
-    state: &CraneState<f64, N>,
-    input: &Input<f64>,
-    step: f64,
-) -> Option<CraneState<f64, N>> {
-    let mut parts = 1;
-    while parts <= MOST_PARTS {
-        let mut trial = *state;
-        let part = step / f64::from(parts);
-        if (0..parts).all(|_| scheme.step(crane, &mut trial, input, part) <= UNSETTLED) {
-            return Some(trial);
-        }
-        parts *= 2;
-    }
-    None
 }

@@ -2,7 +2,7 @@
 
 use crate::crane::{Crane, CraneState};
 use core::fmt;
-use hydroboom_math::Real;
+use hydroboom_math::{LaneMask, Real};
 
 /// Pressures above this \[Pa\] mean that the model, or the machine, has broken: 1000 bar, four
 /// times what such cylinders are built for.
@@ -100,6 +100,22 @@ impl<T: Real, const N: usize> Crane<T, N> {
     fn stroke(&self, state: &CraneState<T, N>) -> T {
         let pose = self.boom.pose(&state.boom.angle);
         self.boom.cylinder_pose(&pose).stroke
+    }
+}
+
+impl<const W: usize> Validity<LaneMask<W>> {
+    /// The validity of each lane.
+    pub fn to_lanes(self) -> [Validity<bool>; W] {
+        let [finite, pressures, filled, bending, stroke] =
+            [self.finite, self.pressures, self.filled, self.bending, self.stroke]
+                .map(LaneMask::to_array);
+        core::array::from_fn(|lane| Validity {
+            finite: finite[lane],
+            pressures: pressures[lane],
+            filled: filled[lane],
+            bending: bending[lane],
+            stroke: stroke[lane],
+        })
     }
 }
 

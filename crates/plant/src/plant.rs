@@ -27,6 +27,12 @@ pub enum PlantError {
         /// The cylinder's stroke.
         longest_mm: f64,
     },
+    /// A crane side by side with others that differs from them in more than numbers.
+    #[error(
+        "cranes that are simulated side by side have the same friction law, number of segments and \
+         effects"
+    )]
+    Make,
 }
 
 /// A simulated crane. Its segments are hidden; all else can be seen.

@@ -35,6 +35,14 @@ pub(crate) struct DriveState {
     pub angle: f64,
 }
 
+impl DriveState {
+    /// Turns the shaft for `time` \[s\].
+    pub(crate) fn turn(&mut self, time: f64) {
+        let angle = self.angle + time * self.speed;
+        self.angle = angle - angle.floor();
+    }
+}
+
 impl Drive {
     /// Moves the motor on by `step` \[s\], asked for `wanted` \[rev/s\] against a load torque
     /// \[N·m\] that is positive where it brakes positive speed. Returns its mean speed \[rev/s\]
@@ -64,7 +72,7 @@ impl Drive {
         state.acceleration = asked.min(high).max(low.min(high));
         let speed = state.speed + h * state.acceleration;
         state.speed = speed.clamp(-self.limits.speed, self.limits.speed);
-        state.angle = (state.angle + h * state.speed).rem_euclid(1.0);
+        state.turn(h);
     }
 }
 

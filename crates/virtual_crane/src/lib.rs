@@ -14,12 +14,17 @@ mod air;
 mod crane;
 mod drive;
 mod effect;
+mod equipment;
 mod fieldbus;
+mod fleet;
 mod lag;
 mod pump;
 mod sensor;
+mod signals;
 mod temperature;
 mod valve;
 
-pub use crane::{Command, Reading, Truth, VirtualCrane};
+pub use crane::VirtualCrane;
 pub use effect::Effect;
+pub use fleet::Fleet;
+pub use signals::{Command, Reading, Truth};

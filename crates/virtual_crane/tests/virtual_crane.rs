@@ -5,7 +5,7 @@
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme};
 use hydroboom_plant::plant;
-use hydroboom_virtual_crane::{Command, Effect, Reading, VirtualCrane};
+use hydroboom_virtual_crane::{Command, Effect, Fleet, Reading, Truth, VirtualCrane};
 
 fn crane(overrides: &[&str]) -> Description {
     let mut crane = Description::uia_virtual().unwrap();
@@ -143,4 +143,119 @@ fn its_own_error_is_below_the_noise_of_its_sensors() {
     assert!(position < n.position_noise, "{position} m");
     let noise = n.pressure_noise * n.pressure_span;
     assert!(pressure < noise, "{pressure} Pa against {noise} Pa");
+}
+
+#[test]
+fn cranes_side_by_side_do_what_each_does_alone() {
+    let cranes = [
+        crane(&[]),
+        crane(&["payload.mass_kg=100", "temperature.oil_c=25", "virtual.seed=5"]),
+        crane(&["friction.coulomb_n=400", "drive.bandwidth_hz=20"]),
+        // strikes its lower stop, where a step needs parts that the others do not need
+        crane(&["motion.start_mm=10", "oil.air_shift_bar=3"]),
+    ];
+    let starts = cranes.each_ref().map(|c| {
+        let stroke = if c.numbers.motion_start < 0.02 { 0.001 } else { 0.25 };
+        c.start(stroke)
+    });
+    let mut fleet = Fleet::new(&cranes, &starts).unwrap().unwrap();
+    let mut alone: Vec<_> =
+        cranes.iter().zip(&starts).map(|(c, s)| VirtualCrane::new(c, s).unwrap()).collect();
+    for k in 0..700 {
+        let commands = std::array::from_fn(|lane| {
+            let mut command = command(k);
+            if lane == 3 {
+                command.motor_speed = -30.0;
+            }
+            command
+        });
+        if k == 300 {
+            fleet.set_payload(1, 50.0).unwrap();
+            alone[1].set_payload(50.0).unwrap();
+        }
+        fleet.advance(&commands);
+        for (lane, single) in alone.iter_mut().enumerate() {
+            assert_eq!(single.advance(&commands[lane]).err(), fleet.stopped(lane));
+            assert_eq!(single.reading(), fleet.reading(lane), "lane {lane}, period {k}");
+            assert_eq!(single.truth().outputs, fleet.truth(lane).outputs);
+            assert_eq!(single.truth().heat, fleet.truth(lane).heat);
+        }
+    }
+}
+
+#[test]
+fn cranes_of_another_make_are_not_simulated_side_by_side() {
+    let other = crane(&["friction.law=stribeck"]);
+    let cranes = [crane(&[]), other];
+    let starts = cranes.each_ref().map(|c| c.start(0.25));
+    assert!(Fleet::new(&cranes, &starts).unwrap().is_none());
+}
+
+/// Errors of piston position and pressure, RMS over a second, against a reference \[m, Pa\].
+fn errors(coarse: &[Truth], fine: &[Truth]) -> [f64; 2] {
+    let rms = |of: fn(&Truth) -> f64| {
+        let pairs = coarse.iter().zip(fine);
+        let sum: f64 = pairs.map(|(a, b)| (of(a) - of(b)).powi(2)).sum();
+        (sum / coarse.len() as f64).sqrt()
+    };
+    [rms(|t| t.outputs.stroke), rms(|t| t.outputs.pressure_a)]
+}
+
+#[test]
+fn halving_the_step_quarters_the_error() {
+    // pump sides at the load's pressure, so that nothing jumps at the start
+    let described = crane(&["start.preload_percent=100"]);
+    let run = |step_us: f64| -> Vec<Truth> {
+        let mut described = described.clone();
+        described.numbers.virtual_step = step_us * 1e-6;
+        let mut crane = VirtualCrane::new(&described, &described.start(0.25)).unwrap();
+        let speed = |k: u32| 10.0 * (1.0 - (std::f64::consts::TAU * f64::from(k) * 1e-3).cos());
+        (0..1000)
+            .map(|k| {
+                crane.advance(&Command { motor_speed: speed(k), holding_valve: 1.0 }).unwrap();
+                crane.truth()
+            })
+            .collect()
+    };
+    let reference = run(15.625);
+    let [coarse, fine] = [250.0, 125.0].map(|step| errors(&run(step), &reference));
+    for (coarse, fine) in coarse.iter().zip(fine) {
+        assert!((3.6..4.4).contains(&(coarse / fine)), "{coarse} {fine}");
+    }
+}
+
+#[test]
+fn motor_and_sensors_stay_within_their_limits() {
+    // strong enough that no load overpowers it, which no slew limit could prevent
+    let described = crane(&["sensors.pressure_span_bar=80", "drive.max_torque_nm=500"]);
+    let n = &described.numbers;
+    let mut crane = VirtualCrane::new(&described, &described.start(0.25)).unwrap();
+    let mut before = 0.0;
+    let (mut fastest, mut steepest, mut highest) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for k in 0..1500 {
+        // far more than the motor has, to and fro
+        let motor_speed = if (k / 250) % 2 == 0 { 400.0 } else { -400.0 };
+        crane.advance(&Command { motor_speed, holding_valve: 1.0 }).unwrap();
+        let truth = crane.truth();
+        fastest = fastest.max(truth.motor_speed.abs());
+        steepest = steepest.max((truth.motor_speed - before).abs() / crane.period());
+        highest = highest.max(crane.reading().pressure_a);
+        before = truth.motor_speed;
+    }
+    assert!(fastest <= n.motor_speed && fastest > 0.99 * n.motor_speed, "{fastest} rev/s");
+    assert!(steepest <= n.motor_slew * (1.0 + 1e-9) && steepest > 0.5 * n.motor_slew, "{steepest}");
+    // the transducer's last digit may round beyond its span, by half of itself
+    let digit = n.pressure_span / n.pressure_bits.exp2();
+    assert!(highest <= n.pressure_span + 0.5 * digit && highest > 0.99 * n.pressure_span);
+}
+
+#[test]
+fn a_motor_too_weak_for_its_load_lets_it_down() {
+    // 68 bar at 10.6 cm3 ask for 11.5 N m and the losses
+    let described = crane(&["drive.max_torque_nm=6"]);
+    let mut crane = VirtualCrane::new(&described, &described.start(0.25)).unwrap();
+    for _ in 0..1000 {
+        crane.advance(&Command { motor_speed: 10.0, holding_valve: 1.0 }).unwrap();
+    }
+    assert!(crane.truth().motor_speed < 0.0, "{} rev/s", crane.truth().motor_speed);
 }

@@ -75,7 +75,8 @@ pub struct Tests {
 pub fn tests(model: &Description, crane: &Description) -> Result<Tests, LabError> {
     let [slow, fast] = [model.numbers.slow, model.numbers.fast];
     let pair = |strategy| -> Result<[Run; 2], LabError> {
-        Ok([run(model, crane, strategy, slow)?, run(model, crane, strategy, fast)?])
+        let along = |speed| run(model, crane, strategy, &crane.motion(speed));
+        Ok([along(slow)?, along(fast)?])
     };
     thread::scope(|scope| {
         let other = scope.spawn(|| pair(Strategy::BenchmarkClosedLoop));
@@ -85,10 +86,7 @@ pub fn tests(model: &Description, crane: &Description) -> Result<Tests, LabError
             *hz = locked_mode(&frictionless, stroke * 1e-3)?.frequency_hz;
         }
         let velocity_feedforward = pair(Strategy::VelocityFeedforward)?;
-        // the model along the crane's motion, whose window of time may differ
-        let mut alongside = model.clone();
-        alongside.numbers.rest = crane.numbers.rest;
-        let simulated = run(&alongside, &alongside, Strategy::VelocityFeedforward, fast)?;
+        let simulated = run(model, model, Strategy::VelocityFeedforward, &crane.motion(fast))?;
         let benchmark = match other.join() {
             Ok(runs) => runs?,
             Err(panic) => std::panic::resume_unwind(panic),
@@ -122,10 +120,9 @@ pub fn shown(tests: &Tests) -> Result<[f64; RESULTS], LabError> {
 ///
 /// [`LabError`] when either cannot be simulated.
 pub fn table_6(model: &Description, crane: &Description) -> Result<[(f64, f64); 6], LabError> {
-    let mut alongside = model.clone();
-    alongside.numbers.rest = crane.numbers.rest;
-    let drive = |plant| run(model, plant, Strategy::VelocityFeedforward, model.numbers.fast);
-    Ok(differences(&drive(&alongside)?, &drive(crane)?))
+    let course = crane.motion(model.numbers.fast);
+    let drive = |plant| run(model, plant, Strategy::VelocityFeedforward, &course);
+    Ok(differences(&drive(model)?, &drive(crane)?))
 }
 
 /// Table 6: RMS and peak of the difference, crane less simulation, of each signal between two runs

@@ -8,10 +8,14 @@ use std::fmt::Write;
 
 /// The page of a family of `count` cranes drawn with `seed`.
 pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String {
-    let mut speeds: Vec<f64> = rows.iter().map(|row| row.speed_mm_s).collect();
-    speeds.sort_by(f64::total_cmp);
-    speeds.dedup();
-    let of = |speed: f64| rows.iter().filter(move |row| row.speed_mm_s == speed);
+    let first = rows.first().map(|row| row.strategy);
+    let courses: Vec<&str> = rows
+        .iter()
+        .filter(|row| Some(row.strategy) == first)
+        .map(|row| row.course.as_str())
+        .collect();
+    let of =
+        |course: &str| -> Vec<&Row> { rows.iter().filter(|row| row.course == course).collect() };
     let body = html! {
         p.soft {
             (count) " virtual cranes, drawn with seed " (seed) " around \"" (crane) "\". "
@@ -23,15 +27,20 @@ pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String
             thead { tr { th { "quantity" } th { "from" } th { "to" } } }
             tbody { @for v in VARIATIONS { tr { td { (v.name) } td { (v.low) } td { (v.high) } } } }
         }
-        @for speed in &speeds {
-            h2 { (format!("{speed:.0} mm/s")) }
+        @for course in &courses {
+            h2 { (course) }
             (figure(
                 "RMS tracking error: box from quarter to three quarters of the cranes with the median, \
                  line from 5 to 95 %, dot for the worst.",
-                &boxes(&of(*speed).map(|r| (name(r), r.rms_mm)).collect::<Vec<_>>())))
+                &boxes("error [mm]", &of(course).iter().map(|r| (name(r), r.rms_mm)).collect::<Vec<_>>())))
             (figure("Magnitude of the peak error.",
-                &boxes(&of(*speed).map(|r| (name(r), r.peak_mm)).collect::<Vec<_>>())))
-            (table(of(*speed)))
+                &boxes("error [mm]", &of(course).iter().map(|r| (name(r), r.peak_mm)).collect::<Vec<_>>())))
+            (figure(
+                "RMS error over the benchmark's on the same crane: left of 1 the strategy is better.",
+                &boxes("times the benchmark's", &of(course).iter()
+                    .filter(|r| r.strategy != Strategy::BenchmarkClosedLoop)
+                    .map(|r| (name(r), r.rms_over_benchmark)).collect::<Vec<_>>())))
+            (table(&of(course)))
         }
         (explanation())
     };
@@ -42,7 +51,7 @@ fn name(row: &Row) -> &'static str {
     row.strategy.name()
 }
 
-fn table<'a>(rows: impl Iterator<Item = &'a Row>) -> Markup {
+fn table(rows: &[&Row]) -> Markup {
     let three =
         |s: &Spread| format!("{:.2} ({:.2} .. {:.2}), {:.2}", s.median, s.p5, s.p95, s.worst);
     html! {
@@ -50,7 +59,7 @@ fn table<'a>(rows: impl Iterator<Item = &'a Row>) -> Markup {
             thead { tr {
                 th { "strategy" } th { "RMS [mm]: median (5 .. 95 %), worst" }
                 th { "peak [mm]: median (5 .. 95 %), worst" } th { "unstable [%]" }
-                th { "better than the benchmark by [%]: median (5 .. 95 %)" } th { "on so many [%]" }
+                th { "RMS over the benchmark's: median (5 .. 95 %), worst" } th { "better on [%]" }
             } }
             tbody { @for r in rows {
                 tr {
@@ -59,9 +68,8 @@ fn table<'a>(rows: impl Iterator<Item = &'a Row>) -> Markup {
                     @if r.strategy == Strategy::BenchmarkClosedLoop {
                         td { "-" } td { "-" }
                     } @else {
-                        td { (format!("{:.0} ({:.0} .. {:.0})", r.improvement_percent.median,
-                            r.improvement_percent.p5, r.improvement_percent.p95)) }
-                        td { (format!("{:.0}", r.improved_percent)) }
+                        td { (three(&r.rms_over_benchmark)) }
+                        td { (format!("{:.0}", r.better_percent)) }
                     }
                 }
             } }
@@ -100,8 +108,8 @@ const WIDTH: f64 = 760.0;
 const LEFT: f64 = 250.0;
 const LINE: f64 = 34.0;
 
-/// Boxes over a logarithmic axis in mm, as SVG.
-fn boxes(rows: &[(&str, Spread)]) -> String {
+/// Boxes over a logarithmic axis, as SVG.
+fn boxes(axis: &str, rows: &[(&str, Spread)]) -> String {
     let positive = |v: f64| v.max(1e-3);
     let low = rows.iter().map(|(_, s)| positive(s.p5)).fold(f64::INFINITY, f64::min) * 0.8;
     let high = rows.iter().map(|(_, s)| positive(s.worst)).fold(0.0, f64::max) * 1.25;
@@ -134,7 +142,7 @@ fn boxes(rows: &[(&str, Spread)]) -> String {
     }
     let _ = write!(
         svg,
-        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">error [mm]</text>",
+        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{axis}</text>",
         (LEFT + WIDTH) / 2.0,
         bottom + 37.0
     );

@@ -8,8 +8,9 @@ mod family;
 mod figure;
 mod page;
 mod tracking;
+mod validation;
 
 pub use bode::bode_page;
 pub use family::family_page;
 pub use page::page;
-pub use tracking::motion_page;
+pub use tracking::{MotionTests, motion_page};

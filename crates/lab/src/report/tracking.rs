@@ -2,8 +2,9 @@
 
 use super::document::{document, figure};
 use super::figure::{Axes, Figure, Series};
+use super::validation;
 use crate::LabError;
-use crate::motion_test::{Run, Sample, Strategy};
+use crate::motion_test::{Row, Run, Sample, Strategy};
 use maud::{Markup, html};
 
 /// What the paper's figures hold against each other.
@@ -69,28 +70,82 @@ pub fn panels<'a>(
     })
 }
 
-/// A page with the figures of every speed that was run.
+/// What a page of motion tests shows.
+pub struct MotionTests<'a> {
+    /// Name of the model.
+    pub crane: &'a str,
+    /// Name of the plant.
+    pub plant: &'a str,
+    /// All strategies along all courses.
+    pub runs: &'a [Run],
+    /// The published model along the same course as the fastest velocity feedforward run, for
+    /// figures 18 to 23.
+    pub alongside: Option<&'a Run>,
+}
+
+/// A page with the figures of every course that was run.
 ///
 /// # Errors
 ///
 /// [`LabError`] when a figure cannot be drawn.
-pub fn motion_page(crane: &str, plant: &str, runs: &[Run]) -> Result<String, LabError> {
-    let mut speeds: Vec<f64> = runs.iter().map(|run| run.speed).collect();
-    speeds.sort_by(f64::total_cmp);
-    speeds.dedup();
+pub fn motion_page(tests: &MotionTests<'_>) -> Result<String, LabError> {
+    let mut courses: Vec<&str> = tests.runs.iter().map(|run| run.course.as_str()).collect();
+    courses.dedup();
+    courses.sort_unstable();
+    courses.dedup();
     let mut sections = Vec::new();
-    for speed in speeds {
+    for course in courses {
         let of = |strategy: Strategy| {
-            runs.iter().find(|run| run.strategy == strategy && run.speed == speed)
+            tests.runs.iter().find(|run| run.strategy == strategy && run.course == course)
         };
-        sections.push((speed * 1e3, panels(of, runs.iter().find(|r| r.speed == speed), plant)?));
+        let reference = tests.runs.iter().find(|run| run.course == course);
+        let rows: Vec<Row> =
+            Strategy::ALL.into_iter().filter_map(of).map(|run| Row::of(tests.plant, run)).collect();
+        sections.push((course, table(&rows), panels(of, reference, tests.plant)?));
     }
+    let compared = match tests.alongside {
+        Some(simulated) => {
+            let same = |run: &&Run| {
+                run.strategy == Strategy::VelocityFeedforward && run.course == simulated.course
+            };
+            match tests.runs.iter().find(same) {
+                Some(run) => Some(validation::panels(simulated, run, tests.plant)?),
+                None => None,
+            }
+        }
+        None => None,
+    };
     let body = html! {
-        p.soft { "Simulated: the model steers, " (plant) " follows." }
-        @for (speed, figures) in &sections {
-            h2 { (format!("{speed:.0} mm/s")) }
+        p.soft {
+            "Simulated: the model steers, " (tests.plant) " follows, and is seen through its sensors. "
+            "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement."
+        }
+        @for (course, table, figures) in &sections {
+            h2 { (course) }
+            (table)
+            (figures)
+        }
+        @if let Some(figures) = &compared {
+            h2 { "Model and plant, both under velocity feedforward" }
             (figures)
         }
     };
-    Ok(document(&format!("Motion tests: {crane}"), &body))
+    Ok(document(&format!("Motion tests: {}", tests.crane), &body))
+}
+
+fn table(rows: &[Row]) -> Markup {
+    let optional = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"));
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "strategy" } th { "RMS, paper [mm]" } th { "RMS, here" }
+                th { "peak, paper [mm]" } th { "peak, here" }
+            } }
+            tbody { @for r in rows { tr {
+                td { (r.strategy.name()) }
+                td { (optional(r.paper_rms_mm)) } td { (format!("{:.3}", r.rms_mm)) }
+                td { (optional(r.paper_peak_mm)) } td { (format!("{:.3}", r.peak_mm)) }
+            } } }
+        } }
+    }
 }

@@ -1,7 +1,8 @@
 //! The boom's equations of motion and its segments.
 
 use crate::cranes::{Scatter, described, resting, scattered};
-use hydroboom_lab::eigenfrequency::locked_mode;
+use hydroboom_description::Description;
+use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
 use hydroboom_math::Dual;
 
 type D = Dual<f64, 1>;
@@ -66,6 +67,17 @@ fn number_of_segments_is_free_and_layouts_agree() {
     assert!((0.93..0.97).contains(&(ten / three)), "{ten} against {three}");
     assert!((twenty / ten - 1.0).abs() < 0.02, "{twenty} against {ten}");
     assert!((fifty / twenty - 1.0).abs() < 0.01, "{fifty} against {twenty}");
+}
+
+#[test]
+fn more_segments_come_nearer_at_second_order_or_better() {
+    let frictionless = without_friction(&Description::uia_virtual().unwrap()).unwrap();
+    let frequency =
+        |segments: usize| locked_mode(&frictionless.divided(segments), 0.2).unwrap().frequency_hz;
+    let [coarse, middle, fine, finest] = [6, 12, 24, 48].map(frequency);
+    // halving the segments leaves a quarter of the change
+    assert!((middle - coarse).abs() > 3.5 * (fine - middle).abs(), "{coarse} {middle} {fine}");
+    assert!((fine - middle).abs() > 3.5 * (finest - fine).abs(), "{middle} {fine} {finest}");
 }
 
 #[test]

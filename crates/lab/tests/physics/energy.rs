@@ -102,3 +102,14 @@ fn energy_audit_closes_over_a_motion_cycle() {
     let order = (coarse / fine).log2() / 4.0;
     assert!((1.6..2.4).contains(&order), "{order}: {coarse} to {fine}");
 }
+
+#[test]
+fn energy_audit_of_the_virtual_crane_closes_too() {
+    // elastic base, slip, LuGre friction, ten segments; at its own step and at shorter ones
+    let crane = Description::uia_virtual().unwrap();
+    let step = crane.numbers.virtual_step;
+    let residual = |step| audit(&crane, Scheme::Implicit, step).unwrap().relative_residual;
+    let [own, fine] = [step, 0.25 * step].map(residual);
+    // a bristle that lets go within a step costs a part of the order
+    assert!(own < 1e-6 && fine < 0.3 * own, "{own}, {fine}");
+}

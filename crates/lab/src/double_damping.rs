@@ -1,0 +1,100 @@
+//! Why the published closed loop of simulation feedforward can be worse than the benchmark, shown by
+//! taking its second damping away.
+//!
+//! Plant G (motor speed to position, G_x, and to load pressure, G_p), PI C, pressure feedback F, loop
+//! L = C G_x + F G_p. With model and plant alike, the benchmark's error E becomes
+//!
+//! ```text
+//! published:                    n = n_s + C e − F p           E' = (E + F G_p)/(1 + L)
+//! pressure differences only:    n = n_s + C e − F (p − p_s)   E'' = E (1 + F G_p)/(1 + L)
+//! ```
+
+use crate::LabError;
+use crate::motion_test::{Run, Sample, Strategy, run};
+use crate::scenario::Course;
+use crate::score::Score;
+use crate::steering::{Feedback, Feedforward};
+use hydroboom_control::Measured;
+use hydroboom_description::Description;
+use hydroboom_virtual_crane::VirtualCrane;
+use serde::Serialize;
+
+/// RMS and peak tracking errors on one plant along one course.
+#[derive(Clone, Debug, Serialize)]
+pub struct DoubleDamping {
+    /// Name of the plant.
+    pub plant: String,
+    /// Name of the course.
+    pub course: String,
+    /// The benchmark controller.
+    pub benchmark_mm: [f64; 2],
+    /// Simulation feedforward in closed loop, as published: damped in the simulation and again on the
+    /// plant.
+    pub damped_twice_mm: [f64; 2],
+    /// The same with the pressure feedback acting on p − p_sim: damped once.
+    pub damped_once_mm: [f64; 2],
+}
+
+/// The three along a course: two from `runs` on the plant, where both have been run along it, and the
+/// one that damps once. `plant_name` is for the table.
+///
+/// # Errors
+///
+/// [`LabError`] when a crane cannot be simulated.
+pub fn double_damping(
+    model: &Description,
+    plant_name: &str,
+    plant: &Description,
+    course: &dyn Course,
+    runs: &[Run],
+) -> Result<DoubleDamping, LabError> {
+    let known = |strategy| -> Result<[f64; 2], LabError> {
+        let of = |run: &Run| [run.rms() * 1e3, run.peak() * 1e3];
+        let name = course.name();
+        match runs.iter().find(|run| run.strategy == strategy && run.course == name) {
+            Some(run) => Ok(of(run)),
+            None => Ok(of(&run(model, plant, strategy, course)?)),
+        }
+    };
+    Ok(DoubleDamping {
+        plant: plant_name.into(),
+        course: course.name(),
+        benchmark_mm: known(Strategy::BenchmarkClosedLoop)?,
+        damped_twice_mm: known(Strategy::SimulationFeedforwardClosedLoop)?,
+        damped_once_mm: damped_once(model, plant, course)?,
+    })
+}
+
+fn damped_once(
+    model: &Description,
+    plant: &Description,
+    course: &dyn Course,
+) -> Result<[f64; 2], LabError> {
+    let strategy = Strategy::SimulationFeedforwardClosedLoop;
+    let start = course.reference(0.0).position;
+    let mut crane = VirtualCrane::new(plant, &plant.start(start))?;
+    let mut feedforward = Feedforward::new(model, strategy, start)?;
+    let beyond = |seen: Measured<f64>, simulated: Option<Measured<f64>>| Measured {
+        load_pressure: seen.load_pressure - simulated.map_or(0.0, |s| s.load_pressure),
+        ..seen
+    };
+    let mut feedback =
+        Feedback::new(model, strategy, &beyond(crane.measured(), feedforward.simulated()));
+    let period = model.numbers.control_period;
+    let periods = (course.duration() / period).round() as u64;
+    let mut score = Score::new(course.duration());
+    for k in 0..=periods {
+        let time = k as f64 * period;
+        let reference = course.reference(time);
+        let seen = beyond(crane.measured(), feedforward.simulated());
+        let speed =
+            feedforward.speed(&reference).map_err(LabError::during("the simulated crane"))?;
+        let command = feedback.command(&reference, &seen, speed);
+        let (reading, truth) = (crane.reading(), crane.truth());
+        score.add(&Sample { time, reference, reading, truth, command });
+        if k < periods {
+            crane.advance(&command).map_err(LabError::during("damped once"))?;
+        }
+    }
+    Ok([score.rms() * 1e3, score.peak() * 1e3])
+}

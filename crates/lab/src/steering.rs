@@ -1,0 +1,247 @@
+//! A strategy at work on virtual cranes, one by one or side by side.
+
+use crate::motion_test::{Sample, Strategy};
+use crate::scenario::{Course, due};
+use crate::{LabError, Plant, plant};
+use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Reference};
+use hydroboom_description::Description;
+use hydroboom_model::{Input, Scheme, SimulationError};
+use hydroboom_virtual_crane::{Command, Fleet, VirtualCrane};
+
+/// Cranes that are simulated side by side.
+pub const WIDTH: usize = 4;
+
+/// What drives the motor before anything has been measured. It knows the model and the course only,
+/// and so is the same for every crane.
+pub(crate) struct Feedforward {
+    controller: Benchmark<f64>,
+    simulated: Option<Simulated>,
+}
+
+/// The simulated crane beside the machine, under the benchmark controller.
+struct Simulated {
+    plant: Box<dyn Plant>,
+    memory: BenchmarkMemory<f64>,
+    motor: f64,
+    /// Steps in a control period.
+    count: u32,
+}
+
+impl Feedforward {
+    pub(crate) fn new(
+        model: &Description,
+        strategy: Strategy,
+        start: f64,
+    ) -> Result<Self, LabError> {
+        let controller = model.benchmark();
+        let simulated = match strategy.simulates() {
+            true => {
+                let step = model.numbers.simulation_period;
+                let plant = plant(model, &model.start(start), Scheme::Published, step)?;
+                let count = (controller.period / step).round() as u32;
+                let memory = controller.start(&measured(plant.as_ref()));
+                Some(Simulated { plant, memory, motor: 0.0, count })
+            }
+            false => None,
+        };
+        Ok(Self { controller, simulated })
+    }
+
+    /// What the simulated crane shows now; none where there is none.
+    pub(crate) fn simulated(&self) -> Option<Measured<f64>> {
+        self.simulated.as_ref().map(|crane| measured(crane.plant.as_ref()))
+    }
+
+    /// Motor speed \[rev/s\] for the coming period; the simulated crane moves on with it.
+    pub(crate) fn speed(&mut self, reference: &Reference<f64>) -> Result<f64, SimulationError> {
+        let controller = &self.controller;
+        let velocity_feedforward = controller.velocity_feedforward(reference);
+        let Some(crane) = &mut self.simulated else { return Ok(velocity_feedforward) };
+        let seen = measured(crane.plant.as_ref());
+        let wanted = controller.update(&mut crane.memory, reference, &seen, velocity_feedforward);
+        crane.motor = controller.limits.follow(crane.motor, wanted, controller.period);
+        let input = Input { pump_speed: crane.motor, holding_valve: 1.0 };
+        crane.plant.advance(&input, crane.count)?;
+        Ok(crane.motor)
+    }
+}
+
+fn measured(plant: &dyn Plant) -> Measured<f64> {
+    Measured { stroke: plant.outputs().stroke, load_pressure: plant.load_pressure() }
+}
+
+/// What is added once the machine has been looked at.
+pub(crate) struct Feedback {
+    controller: Benchmark<f64>,
+    memory: BenchmarkMemory<f64>,
+    measures: bool,
+}
+
+impl Feedback {
+    pub(crate) fn new(model: &Description, strategy: Strategy, seen: &Measured<f64>) -> Self {
+        let controller = model.benchmark();
+        let memory = controller.start(seen);
+        Self { controller, memory, measures: strategy.measures() }
+    }
+
+    pub(crate) fn command(
+        &mut self,
+        reference: &Reference<f64>,
+        seen: &Measured<f64>,
+        feedforward: f64,
+    ) -> Command<f64> {
+        let motor_speed = match self.measures {
+            true => self.controller.update(&mut self.memory, reference, seen, feedforward),
+            false => feedforward,
+        };
+        Command { motor_speed, holding_valve: 1.0 }
+    }
+}
+
+/// One strategy on one crane along a course, each control period shown to `observe`, which may stop
+/// it.
+///
+/// # Errors
+///
+/// [`LabError`] when either crane cannot be built or leaves what the model holds for, or from
+/// `observe`.
+pub fn steer(
+    model: &Description,
+    crane: &Description,
+    strategy: Strategy,
+    course: &dyn Course,
+    mut observe: impl FnMut(&Sample) -> Result<(), LabError>,
+) -> Result<(), LabError> {
+    let start = course.reference(0.0).position;
+    let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
+    let mut feedforward = Feedforward::new(model, strategy, start)?;
+    let mut feedback = Feedback::new(model, strategy, &crane.measured());
+    let period = model.numbers.control_period;
+    let periods = (course.duration() / period).round() as u64;
+    let mut loads = course.loads();
+    let during = format!("{}, {}", strategy.name(), course.name());
+
+    for k in 0..=periods {
+        let time = k as f64 * period;
+        if let Some(mass) = due(&mut loads, time) {
+            crane.set_payload(mass)?;
+        }
+        let reference = course.reference(time);
+        let speed = feedforward
+            .speed(&reference)
+            .map_err(LabError::during(&format!("{during}, the simulated crane")))?;
+        let command = feedback.command(&reference, &crane.measured(), speed);
+        let (reading, truth) = (crane.reading(), crane.truth());
+        observe(&Sample { time, reference, reading, truth, command })?;
+        if k < periods {
+            crane.advance(&command).map_err(LabError::during(&during))?;
+        }
+    }
+    Ok(())
+}
+
+/// A crane under a strategy along a course.
+#[derive(Clone, Copy)]
+pub struct Lane<'a> {
+    /// The crane.
+    pub crane: &'a Description,
+    /// The strategy.
+    pub strategy: Strategy,
+    /// The course; all that run together have the same reference, and each its own loads.
+    pub course: &'a (dyn Course + 'a),
+}
+
+/// Cranes steered side by side, each control period of each shown to `observe`; how each ended. They
+/// do what each would do alone, which is also how they are run if they are of different make.
+pub fn steer_together(
+    model: &Description,
+    lanes: &[Lane<'_>; WIDTH],
+    mut observe: impl FnMut(usize, &Sample),
+) -> [Result<(), LabError>; WIDTH] {
+    match side_by_side(model, lanes, &mut observe) {
+        Some(ends) => ends,
+        None => {
+            let mut lane = 0..;
+            lanes.map(|Lane { crane, strategy, course }| {
+                let lane = lane.next().unwrap_or_default();
+                steer(model, crane, strategy, course, |sample| {
+                    observe(lane, sample);
+                    Ok(())
+                })
+            })
+        }
+    }
+}
+
+/// How each ended; none where they cannot be run side by side.
+fn side_by_side(
+    model: &Description,
+    lanes: &[Lane<'_>; WIDTH],
+    observe: &mut dyn FnMut(usize, &Sample),
+) -> Option<[Result<(), LabError>; WIDTH]> {
+    let course = lanes[0].course;
+    let start = course.reference(0.0).position;
+    let cranes = lanes.each_ref().map(|lane| lane.crane.clone());
+    let starts = cranes.each_ref().map(|crane| crane.start(start));
+    // what is wrong with one of them is said where it is run alone
+    let mut fleet = Fleet::new(&cranes, &starts).ok().flatten()?;
+    let mut feedback: [Feedback; WIDTH] =
+        std::array::from_fn(|k| Feedback::new(model, lanes[k].strategy, &fleet.measured(k)));
+    let mut feedforward = Vec::with_capacity(2);
+    for simulates in [false, true] {
+        let strategy = lanes.iter().map(|l| l.strategy).find(|s| s.simulates() == simulates);
+        feedforward.push(match strategy {
+            Some(strategy) => Some(Feedforward::new(model, strategy, start).ok()?),
+            None => None,
+        });
+    }
+    let period = model.numbers.control_period;
+    let periods = (course.duration() / period).round() as u64;
+    let mut loads = lanes.map(|lane| lane.course.loads());
+    let mut ends: [Result<(), LabError>; WIDTH] = std::array::from_fn(|_| Ok(()));
+
+    for k in 0..=periods {
+        let time = k as f64 * period;
+        let reference = course.reference(time);
+        let mut speeds = [0.0; 2];
+        for (speed, feedforward) in speeds.iter_mut().zip(&mut feedforward) {
+            let Some(shared) = feedforward else { continue };
+            match shared.speed(&reference) {
+                Ok(now) => *speed = now,
+                Err(error) => {
+                    *feedforward = None;
+                    let simulating = lanes.iter().map(|lane| lane.strategy.simulates());
+                    for (end, _) in ends.iter_mut().zip(simulating).filter(|(_, s)| *s) {
+                        *end = Err(LabError::during("the simulated crane")(error));
+                    }
+                }
+            }
+        }
+        let commands = std::array::from_fn(|lane| {
+            if let Some(mass) = due(&mut loads[lane], time)
+                && let Err(error) = fleet.set_payload(lane, mass)
+                && ends[lane].is_ok()
+            {
+                ends[lane] = Err(error.into());
+            }
+            let speed = speeds[usize::from(lanes[lane].strategy.simulates())];
+            let command = feedback[lane].command(&reference, &fleet.measured(lane), speed);
+            if ends[lane].is_ok() {
+                let (reading, truth) = (fleet.reading(lane), fleet.truth(lane));
+                observe(lane, &Sample { time, reference, reading, truth, command });
+            }
+            command
+        });
+        if k < periods {
+            fleet.advance(&commands);
+            for (lane, end) in ends.iter_mut().enumerate() {
+                if let (Some(error), Ok(())) = (fleet.stopped(lane), &end) {
+                    let Lane { strategy, course, .. } = lanes[lane];
+                    let during = format!("{}, {}", strategy.name(), course.name());
+                    *end = Err(LabError::during(&during)(error));
+                }
+            }
+        }
+    }
+    Some(ends)
+}

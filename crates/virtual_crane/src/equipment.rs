@@ -1,0 +1,353 @@
+//! All that stands between a controller and a plant: drive, pump shaft, valve, sensors, fieldbus, and the
+//! oil's temperature and air.
+
+use crate::air::Air;
+use crate::drive::{Drive, DriveState};
+use crate::fieldbus::Fieldbus;
+use crate::pump::PumpShaft;
+use crate::sensor::{Sensor, SensorData};
+use crate::signals::{Command, Reading, Truth};
+use crate::temperature::Temperature;
+use crate::valve::SwitchingValve;
+use hydroboom_control::{Measured, MotorLimits};
+use hydroboom_description::Description;
+use hydroboom_model::hydraulics::Cylinder;
+use hydroboom_model::{Input, Nodes, Outputs, Scheme, Start};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+/// Control periods between two looks at what changes slowly, the oil's heat and air.
+const SLOW_EVERY: u64 = 20;
+
+/// How a virtual crane's plant moves in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stepping {
+    pub scheme: Scheme,
+    /// Step \[s\].
+    pub step: f64,
+    /// Steps in a control period.
+    pub count: u32,
+}
+
+impl Stepping {
+    /// As the description asks, a whole number of steps in a control period.
+    pub(crate) fn of(description: &Description) -> Self {
+        let n = &description.numbers;
+        let (scheme, wanted) = match n.virtual_step > 0.0 {
+            true => (Scheme::Implicit, n.virtual_step),
+            false => (Scheme::Published, n.simulation_period),
+        };
+        let count = (n.control_period / wanted * (1.0 - 1e-12)).ceil().max(1.0);
+        // a step that fits already stays as it is, to the last bit
+        let step = match (count * wanted / n.control_period - 1.0).abs() < 1e-12 {
+            true => wanted,
+            false => n.control_period / count,
+        };
+        Self { scheme, step, count: count as u32 }
+    }
+}
+
+/// The equipment of one crane. It is told what the plant shows and says what acts on it.
+pub(crate) struct Equipment {
+    period: f64,
+    /// None: the motor follows at once, within its limits, as the model's does.
+    drive: Option<Drive>,
+    limits: MotorLimits<f64>,
+    motor: DriveState,
+    shaft: PumpShaft,
+    /// None: the valve switches at once.
+    valve: Option<SwitchingValve>,
+    pilot: f64,
+    temperature: Temperature,
+    air: Option<Air>,
+    /// Power that is lost as heat \[W\].
+    heat: f64,
+    /// Of position, then of the five pressures in the order of [`Reading`].
+    sensors: [Sensor; 6],
+    /// Whether a sensor must be shown every step, not only what it samples.
+    sensors_lag: bool,
+    to_crane: Fieldbus<Command<f64>>,
+    to_controller: Fieldbus<Reading<f64>>,
+    reading: Reading<f64>,
+    random: Pcg64Mcg,
+    periods: u64,
+    /// For its areas.
+    cylinder: Cylinder<f64>,
+}
+
+impl Equipment {
+    /// The equipment of a crane whose plant shows `outputs` and moves in steps of `step` \[s\], 3/2
+    /// valve energised unless the pump sides have no load at all.
+    pub(crate) fn new(
+        description: &Description,
+        start: &Start,
+        outputs: &Outputs<f64>,
+        step: f64,
+    ) -> Self {
+        let n = &description.numbers;
+        let pilot = f64::from(u8::from(start.preload > 0.0));
+        let drive = (n.drive_bandwidth > 0.0).then_some(Drive {
+            frequency: std::f64::consts::TAU * n.drive_bandwidth,
+            damping: n.drive_damping,
+            torque: n.drive_torque,
+            inertia: n.drive_inertia,
+            limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
+        });
+        let valve = (n.valve_delay + n.pilot_line > 0.0)
+            .then(|| SwitchingValve::new(n.valve_delay, n.pilot_line, step, pilot));
+
+        let mut random = Pcg64Mcg::seed_from_u64(n.seed as u64);
+        let position = SensorData {
+            error: 0.0,
+            noise: n.position_noise,
+            resolution: n.position_resolution,
+            range: [f64::NEG_INFINITY, f64::INFINITY],
+        };
+        let resolution = match n.pressure_bits >= 1.0 {
+            true => n.pressure_span / n.pressure_bits.exp2(),
+            false => 0.0,
+        };
+        // without any of a transducer's effects it reads the pressure itself, suction included
+        let ideal = n.pressure_error + n.pressure_noise + resolution == 0.0;
+        let range = match ideal {
+            true => [f64::NEG_INFINITY, f64::INFINITY],
+            false => [-0.1 * n.pressure_span, n.pressure_span],
+        };
+        let mut transducer = |value: f64| {
+            let error = n.pressure_error * n.pressure_span * random.random_range(-1.0..=1.0);
+            let noise = n.pressure_noise * n.pressure_span;
+            let data = SensorData { error, noise, resolution, range };
+            Sensor::new(data, n.sensor_bandwidth, step, value)
+        };
+        let sensors = [
+            Sensor::new(position, n.sensor_bandwidth, step, outputs.stroke),
+            transducer(outputs.pressure_pump_a),
+            transducer(outputs.pressure_a),
+            transducer(outputs.pressure_b),
+            transducer(outputs.pressure_pump_b),
+            transducer(outputs.pressure_accumulator),
+        ];
+        let reading = sampled(&sensors, 0.0, &mut random);
+        let cycles = n.fieldbus_delay.round() as usize;
+        let still = Command { motor_speed: 0.0, holding_valve: pilot };
+        Self {
+            period: n.control_period,
+            drive,
+            limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
+            motor: DriveState::default(),
+            shaft: PumpShaft {
+                displacement: n.displacement,
+                pistons: n.pistons,
+                ripple: n.ripple,
+                loss: n.torque_loss,
+                loss_share: n.torque_loss_share,
+                loss_speed: n.torque_loss_speed,
+            },
+            valve,
+            pilot,
+            temperature: Temperature::new(description),
+            air: Air::new(description, &pressures(outputs)),
+            heat: 0.0,
+            sensors,
+            sensors_lag: n.sensor_bandwidth > 0.0,
+            to_crane: Fieldbus::new(cycles, still),
+            to_controller: Fieldbus::new(cycles, reading),
+            reading,
+            random,
+            periods: 0,
+            cylinder: Cylinder::from_diameters(
+                n.piston,
+                n.rod,
+                n.stroke,
+                n.dead_volume_a,
+                n.dead_volume_b,
+            ),
+        }
+    }
+
+    /// The crane as the oil's first temperature makes it.
+    pub(crate) fn warmed(description: &Description) -> Description {
+        Temperature::new(description).description()
+    }
+
+    /// What has arrived at the controller.
+    pub(crate) fn reading(&self) -> Reading<f64> {
+        self.reading
+    }
+
+    /// What the benchmark controller makes of it.
+    pub(crate) fn measured(&self) -> Measured<f64> {
+        let r = &self.reading;
+        Measured {
+            stroke: r.stroke,
+            load_pressure: self.cylinder.load_pressure(r.pressure_a, r.pressure_b),
+        }
+    }
+
+    /// What nobody sees.
+    pub(crate) fn truth(&self, outputs: &Outputs<f64>) -> Truth {
+        Truth {
+            outputs: *outputs,
+            motor_speed: self.motor.speed,
+            motor_torque: self.torque(outputs),
+            pilot: self.pilot,
+            oil_temperature: self.temperature.oil(),
+            heat: self.heat,
+        }
+    }
+
+    /// Time since the start \[s\].
+    pub(crate) fn time(&self) -> f64 {
+        self.periods as f64 * self.period
+    }
+
+    /// Control period \[s\].
+    pub(crate) fn period(&self) -> f64 {
+        self.period
+    }
+
+    /// The crane with another payload \[kg\].
+    pub(crate) fn with_payload(&mut self, mass: f64) -> Description {
+        self.temperature.with_payload(mass)
+    }
+
+    /// Begins a control period with what the controller sends; what arrives at the crane, or none
+    /// where it is not a number.
+    pub(crate) fn begin(&mut self, command: &Command<f64>) -> Option<Command<f64>> {
+        let command = self.to_crane.exchange(*command);
+        if !(command.motor_speed.is_finite() && command.holding_valve.is_finite()) {
+            return None;
+        }
+        if self.drive.is_none() {
+            self.motor.speed =
+                self.limits.follow(self.motor.speed, command.motor_speed, self.period);
+        }
+        if self.valve.is_none() {
+            self.pilot = command.holding_valve;
+        }
+        Some(command)
+    }
+
+    /// Whether what acts on the plant is the same during a whole control period.
+    pub(crate) fn is_steady(&self) -> bool {
+        self.drive.is_none()
+            && self.valve.is_none()
+            && !self.sensors_lag
+            && self.shaft.ripple == 0.0
+    }
+
+    /// What acts on the plant for a whole steady period.
+    pub(crate) fn input(&self) -> Input<f64> {
+        Input { pump_speed: self.motor.speed, holding_valve: self.pilot }
+    }
+
+    /// What acts on the plant in the next step of `step` \[s\].
+    pub(crate) fn step(
+        &mut self,
+        command: &Command<f64>,
+        outputs: &Outputs<f64>,
+        step: f64,
+    ) -> Input<f64> {
+        let angle = self.motor.angle;
+        let mean_speed = match self.drive {
+            Some(drive) => {
+                let load = self.torque(outputs);
+                drive.advance(&mut self.motor, command.motor_speed, load, step)
+            }
+            None => {
+                self.motor.turn(step);
+                self.motor.speed
+            }
+        };
+        if let Some(valve) = &mut self.valve {
+            self.pilot = valve.advance(command.holding_valve);
+        }
+        // the ripple in the middle of the step
+        let delivery = self.shaft.delivery(angle + 0.5 * step * mean_speed);
+        Input { pump_speed: mean_speed * delivery, holding_valve: self.pilot }
+    }
+
+    /// Shows the sensors what a step made of the plant.
+    pub(crate) fn see(&mut self, outputs: &Outputs<f64>) {
+        if self.sensors_lag {
+            self.show(outputs);
+        }
+    }
+
+    /// Ends a control period: samples, and sends to the controller.
+    pub(crate) fn end(&mut self, outputs: &Outputs<f64>) {
+        self.periods += 1;
+        if !self.sensors_lag {
+            self.show(outputs);
+        }
+        let sent = sampled(&self.sensors, self.motor.speed, &mut self.random);
+        self.reading = self.to_controller.exchange(sent);
+    }
+
+    fn torque(&self, o: &Outputs<f64>) -> f64 {
+        self.shaft.torque(o.pressure_pump_a - o.pressure_pump_b, self.motor.speed)
+    }
+
+    fn show(&mut self, o: &Outputs<f64>) {
+        let seen = [
+            o.stroke,
+            o.pressure_pump_a,
+            o.pressure_a,
+            o.pressure_b,
+            o.pressure_pump_b,
+            o.pressure_accumulator,
+        ];
+        self.sensors.iter_mut().zip(seen).for_each(|(sensor, value)| sensor.follow(value));
+    }
+
+    /// Whether it is time, in the period under way, to look at what changes slowly.
+    pub(crate) fn slow_is_due(&self) -> bool {
+        (self.periods + 1).is_multiple_of(SLOW_EVERY)
+    }
+
+    /// Warms the oil with what the plant loses \[W\]; the crane's description where it has changed
+    /// enough to matter.
+    pub(crate) fn warm(&mut self, losses: f64, o: &Outputs<f64>) -> Option<Description> {
+        let difference = o.pressure_pump_a - o.pressure_pump_b;
+        self.heat = losses + self.shaft.heat(difference, self.motor.speed);
+        self.temperature.advance(self.heat, self.period * SLOW_EVERY as f64)
+    }
+
+    /// Lets the oil's air dissolve or come out since the last look; what it then does to the pressure
+    /// at which the oil stiffens, node by node \[Pa\]. None where the crane has no such effect.
+    pub(crate) fn dissolve(&mut self, outputs: &Outputs<f64>) -> Option<Nodes<f64>> {
+        let time = self.period * SLOW_EVERY as f64;
+        let air = self.air.as_mut()?;
+        air.advance(&pressures(outputs), time);
+        Some(air.shift())
+    }
+
+    /// What the dissolved air does now.
+    pub(crate) fn dissolved(&self) -> Option<Nodes<f64>> {
+        self.air.as_ref().map(Air::shift)
+    }
+}
+
+fn pressures(outputs: &Outputs<f64>) -> Nodes<f64> {
+    Nodes {
+        pump_a: outputs.pressure_pump_a,
+        a: outputs.pressure_a,
+        b: outputs.pressure_b,
+        pump_b: outputs.pressure_pump_b,
+        accumulator: outputs.pressure_accumulator,
+    }
+}
+
+fn sampled(sensors: &[Sensor; 6], motor_speed: f64, random: &mut impl Rng) -> Reading<f64> {
+    let [stroke, pressure_pump_a, pressure_a, pressure_b, pressure_pump_b, pressure_accumulator] =
+        sensors.each_ref().map(|sensor| sensor.sample(random));
+    Reading {
+        stroke,
+        pressure_pump_a,
+        pressure_a,
+        pressure_b,
+        pressure_pump_b,
+        pressure_accumulator,
+        motor_speed,
+    }
+}

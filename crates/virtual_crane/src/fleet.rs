@@ -1,0 +1,133 @@
+//! Several virtual cranes moving together, their plants side by side in SIMD lanes.
+
+use crate::equipment::{Equipment, Stepping};
+use crate::signals::{Command, Reading, Truth};
+use hydroboom_control::Measured;
+use hydroboom_description::Description;
+use hydroboom_model::{Outputs, Scheme, SimulationError, Start};
+use hydroboom_plant::{PlantError, SideBySide};
+
+/// `W` virtual cranes of the same make; each gives what a [`VirtualCrane`](crate::VirtualCrane)
+/// gives alone, to the last bit.
+pub struct Fleet<const W: usize> {
+    plants: SideBySide<W>,
+    outputs: [Outputs<f64>; W],
+    /// Steps in a control period.
+    steps: u32,
+    equipment: [Equipment; W],
+    stopped: [Option<SimulationError>; W],
+}
+
+impl<const W: usize> Fleet<W> {
+    /// Cranes at rest. None where they are not of the same make, do not take steps of the same
+    /// length, or do not use the implicit scheme; such cranes can only be simulated one by one.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when a description gives no model.
+    pub fn new(
+        descriptions: &[Description; W],
+        starts: &[Start; W],
+    ) -> Result<Option<Self>, PlantError> {
+        let stepping = Stepping::of(&descriptions[0]);
+        let alike = |d: &Description| {
+            Stepping::of(d) == stepping
+                && d.numbers.control_period == descriptions[0].numbers.control_period
+        };
+        if stepping.scheme != Scheme::Implicit || !descriptions.iter().all(alike) {
+            return Ok(None);
+        }
+        let warmed = descriptions.each_ref().map(Equipment::warmed);
+        let Some(mut plants) = SideBySide::new(&warmed, starts, stepping.step)? else {
+            return Ok(None);
+        };
+        let outputs = plants.outputs();
+        let equipment: [Equipment; W] = std::array::from_fn(|lane| {
+            let (description, start) = (&descriptions[lane], &starts[lane]);
+            Equipment::new(description, start, &outputs[lane], stepping.step)
+        });
+        if !plants.set_dissolved_air(equipment.each_ref().map(Equipment::dissolved)) {
+            return Ok(None);
+        }
+        let outputs = plants.outputs();
+        let steps = stepping.count;
+        Ok(Some(Self { plants, outputs, steps, equipment, stopped: [None; W] }))
+    }
+
+    /// What has arrived at one crane's controller.
+    pub fn reading(&self, lane: usize) -> Reading<f64> {
+        self.equipment[lane].reading()
+    }
+
+    /// What the benchmark controller makes of it.
+    pub fn measured(&self, lane: usize) -> Measured<f64> {
+        self.equipment[lane].measured()
+    }
+
+    /// What nobody sees of it.
+    pub fn truth(&self, lane: usize) -> Truth {
+        self.equipment[lane].truth(&self.outputs[lane])
+    }
+
+    /// Why a crane could not go on; none while it does. A crane that has stopped stays where it was.
+    pub fn stopped(&self, lane: usize) -> Option<SimulationError> {
+        self.stopped[lane].or(self.plants.stopped(lane))
+    }
+
+    /// Hangs another payload \[kg\] on one crane's boom, at the same place.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when there is no crane with such a payload.
+    pub fn set_payload(&mut self, lane: usize, mass: f64) -> Result<(), PlantError> {
+        let heavier = self.equipment[lane].with_payload(mass);
+        self.plants.set_parameters(lane, &heavier, self.equipment[lane].dissolved())
+    }
+
+    /// One control period, each crane under its own command.
+    pub fn advance(&mut self, commands: &[Command<f64>; W]) {
+        let still = Command { motor_speed: 0.0, holding_valve: 0.0 };
+        let commands: [Command<f64>; W] = std::array::from_fn(|lane| {
+            let time = self.equipment[lane].time();
+            self.equipment[lane].begin(&commands[lane]).unwrap_or_else(|| {
+                self.stopped[lane].get_or_insert(SimulationError::Input { time });
+                still
+            })
+        });
+        for _ in 0..self.steps {
+            let step = self.plants.step();
+            let inputs = std::array::from_fn(|lane| {
+                self.equipment[lane].step(&commands[lane], &self.outputs[lane], step)
+            });
+            self.plants.advance(&inputs);
+            self.outputs = self.plants.outputs();
+            for (equipment, outputs) in self.equipment.iter_mut().zip(&self.outputs) {
+                equipment.see(outputs);
+            }
+        }
+        if self.equipment[0].slow_is_due() {
+            self.slowly();
+        }
+        for (equipment, outputs) in self.equipment.iter_mut().zip(&self.outputs) {
+            equipment.end(outputs);
+        }
+    }
+
+    /// Heat and air of every crane.
+    fn slowly(&mut self) {
+        let mut shifts = [None; W];
+        for lane in 0..W {
+            let (equipment, outputs) = (&mut self.equipment[lane], &self.outputs[lane]);
+            let losses = self.plants.losses(lane, &equipment.input());
+            let warmer = equipment.warm(losses, outputs);
+            shifts[lane] = equipment.dissolve(outputs);
+            if let Some(warmer) = warmer {
+                // only numbers have changed, within what gave a model before
+                self.plants
+                    .set_parameters(lane, &warmer, shifts[lane])
+                    .expect("as many segments as at the start");
+            }
+        }
+        self.plants.set_dissolved_air(shifts);
+    }
+}
