@@ -4,7 +4,7 @@ use crate::crane_file::text;
 use crate::output;
 use clap::Args;
 use hydroboom_description::{Description, UIA_VIRTUAL};
-use hydroboom_lab::calibrate::{Effort, Found, Journal, PARAMETERS, search};
+use hydroboom_lab::calibrate::{Effort, Found, Journal, PARAMETERS, published, search, trade_off};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -13,7 +13,8 @@ use std::path::PathBuf;
 /// Find the virtual crane's unpublished parameters from what was published of the real one.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom calibrate --out my-virtual.toml\n\
-    It takes about half an hour. Interrupt it at will: run again, it goes on where it stopped.")]
+    It takes about a quarter of an hour. Interrupt it at will: run again, it goes on where it stopped.\n\
+    hydroboom calibrate --trade-off friction.coulomb_n=300,787,1300   (searches and writes nothing)")]
 pub struct Calibrate {
     /// Virtual crane to start from, which also keeps all that is not calibrated; the embedded one
     /// when not given.
@@ -35,6 +36,9 @@ pub struct Calibrate {
     /// Iterations of the local search.
     #[arg(long, default_value_t = 4)]
     iterations: usize,
+    /// Do not calibrate, but show every published result for several values of one key.
+    #[arg(long, value_name = "KEY=VALUE,...", conflicts_with_all = ["generations", "population", "iterations", "journal", "out"])]
+    trade_off: Option<String>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -49,6 +53,9 @@ impl Calibrate {
             None => ("cranes/uia-virtual.toml (embedded)".to_string(), UIA_VIRTUAL.to_string()),
         };
         let template = Description::parse(&name, &template_text)?;
+        if let Some(asked) = &self.trade_off {
+            return trade(&model, &template, asked, self.json);
+        }
         let effort = Effort {
             generations: self.generations,
             population: self.population.max(4),
@@ -87,6 +94,51 @@ impl Calibrate {
             false => output::text(&format!("{}\nwritten: {}", said(&found), self.out.display())),
         }
     }
+}
+
+/// Shows what one key does to every published result.
+fn trade(model: &Description, crane: &Description, asked: &str, as_json: bool) -> Result<()> {
+    let wrong = || miette::miette!("--trade-off is KEY=VALUE,VALUE,..., not \"{asked}\"");
+    let (key, values) = asked.split_once('=').ok_or_else(wrong)?;
+    let values = values
+        .split(',')
+        .map(|value| value.trim().parse::<f64>().map_err(|_| wrong()))
+        .collect::<Result<Vec<_>>>()?;
+    for value in &values {
+        // what is wrong with it is said with the key's range and what was probably meant
+        crane.clone().set(&format!("{key}={value}"))?;
+    }
+    let bar = ProgressBar::new(values.len() as u64);
+    let shown = trade_off(model, crane, key, &values, &|done| bar.set_position(done as u64));
+    bar.finish_and_clear();
+    let shown = shown.into_diagnostic()?;
+    let published = published();
+    if as_json {
+        return output::json(&json!({
+            "key": key, "values": values, "published": published, "shown": shown,
+        }));
+    }
+    let rows: Vec<Vec<String>> = published
+        .iter()
+        .enumerate()
+        .map(|(k, p)| {
+            let cells = shown.iter().map(|values| {
+                let off = (values[k] / p.value - 1.0).abs();
+                let mark = if off <= p.tolerance { "" } else { " *" };
+                format!("{:.3}{mark}", values[k])
+            });
+            [p.name.clone(), format!("{:.3}", p.value)].into_iter().chain(cells).collect()
+        })
+        .collect();
+    let header: Vec<String> = ["result".to_string(), "published".into()]
+        .into_iter()
+        .chain(values.iter().map(|value| format!("{value}")))
+        .collect();
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    output::text(&format!(
+        "{key}; * misses what is published by more than its tolerance\n{}",
+        output::table(&header, &rows)
+    ))
 }
 
 /// Tells one template from another (Fowler, Noll and Vo's hash).

@@ -134,7 +134,7 @@ impl Virtual {
         bar.finish_and_clear();
         let summary = result.into_diagnostic()?;
         if self.json {
-            let mut value = serde_json::to_value(&summary).into_diagnostic()?;
+            let mut value = serde_json::to_value(summary).into_diagnostic()?;
             value["crane"] = json!(crane.name);
             value["log"] = json!(self.log);
             return output::json(&value);

@@ -207,9 +207,21 @@ fn results_for_machines_have_the_promised_names() {
         ["plant", "strategy", "speed_mm_s", "rms_mm", "peak_mm", "paper_rms_mm", "paper_peak_mm"];
     keys(&study["motion"][0], &row);
     keys(&study["energy"], &["audits", "numerical_damping"]);
+    let row = ["signal", "paper_rms", "virtual_rms", "off_model_rms", "virtual_peak"];
+    keys(&study["differences"][0], &row);
+    keys(&study["double_damping"][1], &["plant", "benchmark_mm", "damped_once_mm"]);
     let report = std::fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(!report.contains("http://") || !report.contains("src=\"http"), "not self-contained");
-    for figure in ["Figure 8", "Figure 17", "Figure 24", "Figure 25", "Figure 26", "Figure 27"] {
+    for figure in [
+        "Figure 8",
+        "Figure 17",
+        "Figure 18",
+        "Figure 23",
+        "Figure 24",
+        "Figure 25",
+        "Figure 26",
+        "Figure 27",
+    ] {
         assert!(report.contains(figure), "{figure}");
     }
 }

@@ -176,7 +176,7 @@ pub fn strategies(
         summary.add(sample);
         score.add(sample);
         count += 1;
-        if count % 10_000 == 0 {
+        if count.is_multiple_of(10_000) {
             progress(sample.time / duration);
         }
     });

@@ -44,6 +44,9 @@ impl Real for Oracle {
     fn select(mask: bool, yes: Self, no: Self) -> Self {
         if mask { yes } else { no }
     }
+    fn any(mask: bool) -> bool {
+        mask
+    }
     fn mul_add(self, factor: Self, term: Self) -> Self {
         self * factor + term
     }

@@ -13,7 +13,8 @@ fn crane() -> Description {
 fn velocity_feedforward_errs_as_published() {
     let crane = crane();
     for speed in [crane.numbers.slow, crane.numbers.fast] {
-        let done = run(&crane, &crane, Strategy::VelocityFeedforward, speed).unwrap();
+        let done =
+            run(&crane, &crane, Strategy::VelocityFeedforward, &crane.motion(speed)).unwrap();
         let row = Row::of("nominal", &done);
         let rms = row.rms_mm / row.paper_rms_mm.unwrap() - 1.0;
         let peak = row.peak_mm / row.paper_peak_mm.unwrap() - 1.0;
@@ -44,7 +45,7 @@ fn oscillation_and_linearisation_agree_without_friction() {
 fn open_valve_pressure_oscillates_at_the_published_frequency() {
     let crane = crane();
     let speed = crane.numbers.fast;
-    let done = run(&crane, &crane, Strategy::VelocityFeedforward, speed).unwrap();
+    let done = run(&crane, &crane, Strategy::VelocityFeedforward, &crane.motion(speed)).unwrap();
     let frequency = pressure_oscillation(&crane.motion(speed), &done).unwrap();
     let error = frequency / paper::PRESSURE_OSCILLATION_HZ - 1.0;
     assert!(error.abs() < 0.1, "{frequency}");
@@ -58,8 +59,12 @@ fn benchmark_is_stable_with_pressure_feedback_and_unstable_without() {
     let speed = with.numbers.fast;
     // tracking error in the last second of rest: a stable loop holds its place there, an unstable
     // one swings about it
-    let swing = |crane: &Description| match run(crane, crane, Strategy::BenchmarkClosedLoop, speed)
-    {
+    let swing = |crane: &Description| match run(
+        crane,
+        crane,
+        Strategy::BenchmarkClosedLoop,
+        &crane.motion(speed),
+    ) {
         Ok(done) => {
             let tail = &done.samples[done.samples.len() - 1000..];
             tail.iter().map(|s| s.error().abs()).fold(0.0, f64::max)

@@ -100,6 +100,14 @@ impl<T: Real, const N: usize> Real for Dual<T, N> {
         yes.zip(no, T::select(mask, yes.value, no.value), |y, n| T::select(mask, y, n))
     }
     #[inline(always)]
+    fn any(mask: Self::Mask) -> bool {
+        T::any(mask)
+    }
+    #[inline(always)]
+    fn still_changes(self, _: Self) -> Self::Mask {
+        T::zero().lt(T::one())
+    }
+    #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
         let slope = |i: usize| {
             let rest = self.value.mul_add(factor.slope[i], term.slope[i]);

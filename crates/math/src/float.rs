@@ -23,6 +23,10 @@ macro_rules! real {
                 if mask { yes } else { no }
             }
             #[inline(always)]
+            fn any(mask: bool) -> bool {
+                mask
+            }
+            #[inline(always)]
             fn mul_add(self, factor: Self, term: Self) -> Self {
                 $mul_add(self, factor, term)
             }

@@ -107,6 +107,10 @@ impl<const W: usize> Real for Lanes<W> {
         }))
     }
     #[inline(always)]
+    fn any(mask: LaneMask<W>) -> bool {
+        mask.0.iter().fold(0, |bits, lane| bits | lane) != 0
+    }
+    #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
         Self(from_fn(|i| Real::mul_add(self.0[i], factor.0[i], term.0[i])))
     }

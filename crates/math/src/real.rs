@@ -35,6 +35,16 @@ pub trait Real:
     /// `yes` where `mask` holds, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
+    /// Whether `mask` holds in any lane. For leaving out work that every lane would discard, and for
+    /// nothing else: a number that records what is done to it answers yes.
+    fn any(mask: Self::Mask) -> bool;
+    /// Whether an iteration whose last change was `self` has to go on. Derivatives settle an
+    /// iteration later than their value: numbers that carry some always go on.
+    #[inline(always)]
+    fn still_changes(self, tolerance: Self) -> Self::Mask {
+        tolerance.lt(self)
+    }
+
     /// `self * factor + term`, rounded once: one instruction, and one rounding, in place of two.
     fn mul_add(self, factor: Self, term: Self) -> Self;
     /// Square root.

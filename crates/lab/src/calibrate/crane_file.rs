@@ -150,6 +150,24 @@ impl Found {
                 if r.within { "" } else { ": missed" },
             )
         }));
+        lines.push(format!(
+            "# {:<44} {:>9}  {:<50} {}",
+            "parameters, were each", "deviation", "traded most against", "determined"
+        ));
+        lines.push(format!(
+            "# {:<44} {:>9}  {:<50} {}",
+            "tolerance a standard deviation", "of range", "(correlation)", "by the data"
+        ));
+        lines.extend(self.calibrated().iter().map(|c| {
+            format!(
+                "# {:<44} {:>9}  {:<50} {}",
+                c.key,
+                // wider than an even spread over the range: the data say nothing
+                if c.deviation < 0.3 { format!("{:.2}", c.deviation) } else { "> 0.3".into() },
+                format!("{} ({:+.2})", c.partner, c.correlation),
+                if c.determined { "yes" } else { "no" },
+            )
+        }));
         lines.push(END.into());
         lines.join("\n") + "\n"
     }

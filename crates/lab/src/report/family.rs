@@ -148,7 +148,8 @@ fn boxes(axis: &str, rows: &[(&str, Spread)]) -> String {
     );
     for (k, (name, s)) in rows.iter().enumerate() {
         let y = 10.0 + LINE * (k as f64 + 0.5);
-        let colour = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"][k % 4];
+        let known = Strategy::ALL.iter().position(|strategy| strategy.name() == *name);
+        let colour = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"][known.unwrap_or(k) % 4];
         let (edge, top, end) = (x(s.p25), y - 9.0, y + 9.0);
         let (width, median) = (x(s.p75) - edge, x(s.median));
         let _ = write!(

@@ -28,7 +28,7 @@ pub fn over_time(run: &Run, value: impl Fn(&Sample) -> f64) -> Vec<(f64, f64)> {
     run.samples.iter().map(|s| (s.time, value(s))).collect()
 }
 
-/// The figures of one speed on the named plant; `reference` is any run with its reference.
+/// The figures of one course on the named plant; `reference` is any run with its reference.
 ///
 /// # Errors
 ///
@@ -39,7 +39,7 @@ pub fn panels<'a>(
     plant: &str,
 ) -> Result<Markup, LabError> {
     let Some(reference) = reference else { return Ok(html! {}) };
-    let speed = reference.speed * 1e3;
+    let course = &reference.course;
     let wanted = || over_time(reference, |s| s.reference.position * 1e3);
     let position = |series, y| Figure { x: "time [s]", y, series, axes: Axes::Linear }.svg();
     let motion = position(Series::list([("x_ref", wanted())]), "x_ref [mm]")?;
@@ -61,9 +61,9 @@ pub fn panels<'a>(
         ));
     }
     Ok(html! {
-        (figure(&format!("Figure 24: reference at {speed:.0} mm/s."), &motion))
+        (figure(&format!("Figure 24: reference, {course}."), &motion))
         @for (title, a, b) in &panels {
-            h3 { (title) ", " (plant) ", " (format!("{speed:.0} mm/s")) }
+            h3 { (title) ", " (plant) ", " (course) }
             (figure("(a) Piston position.", a))
             (figure("(b) Tracking error.", b))
         }
@@ -117,7 +117,7 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<String, LabError> {
     };
     let body = html! {
         p.soft {
-            "Simulated: the model steers, " (tests.plant) " follows, and is seen through its sensors. "
+            "Simulated: the model steers, the " (tests.plant) " follows, and is seen through its sensors. "
             "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement."
         }
         @for (course, table, figures) in &sections {

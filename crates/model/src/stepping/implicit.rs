@@ -8,7 +8,7 @@
 //! Y2 = u + (1 − γ)h f(Y1) + γh f(Y2),   u ← Y2,   γ = 1 − 1/√2
 //! ```
 //!
-//! Each stage takes a fixed number of Newton iterations. One linear solution, as in a Rosenbrock
+//! Each stage takes at most three Newton iterations, and two where that is enough. One linear solution, as in a Rosenbrock
 //! method, was tried and is not enough: the load-holding valves open over 0.2 bar beyond a dead
 //! band that the pump crosses within half a millisecond. A step that jumps over that ramp
 //! linearises on its wrong side and chatters; a second look from where it landed does not.
@@ -36,8 +36,11 @@ use hydroboom_math::{Dual, Factored, Real};
 /// γ = 1 − 1/√2, which makes the scheme L-stable.
 const GAMMA: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
 
-/// Newton iterations of each stage.
+/// Newton iterations of each stage, at most.
 const ITERATIONS: usize = 3;
+/// A stage is left alone once an iteration changed no pressure by more than this \[Pa\]: the next one
+/// would change it by a thousandth of that, and the scheme's own error is larger by far.
+const SETTLED: f64 = 1.0;
 
 /// An implicit step whose last iteration still changed a pressure by more than this \[Pa\] has not
 /// settled: 0.01 bar. It happens where steps are far too long for an event, an end stop struck at
@@ -145,12 +148,20 @@ impl<T: Real> Implicit<T> {
     ) -> (CraneState<T, N>, T) {
         let n = crane.boom.coordinates();
         let mut y = *guess;
-        let mut left = T::zero();
+        let mut left = T::lit(f64::INFINITY);
         for i in 0..n {
             y.boom.angle[i] = base.boom.angle[i] + gh * y.boom.angular_velocity[i];
         }
         for _ in 0..ITERATIONS {
-            left = self.iterate(crane, base, &mut y, input, gh, eliminated);
+            let goes_on = left.still_changes(T::lit(SETTLED));
+            if !T::any(goes_on) {
+                break;
+            }
+            let mut next = y;
+            let change = self.iterate(crane, base, &mut next, input, gh, eliminated);
+            // lane by lane, so that none depends on what the others need
+            y = chosen(goes_on, &next, &y, n);
+            left = T::select(goes_on, change, left);
         }
         (y, left)
     }
@@ -260,6 +271,28 @@ impl<T: Real> Implicit<T> {
             force: self.cylinder.force(p.a, p.b) - friction + stops,
         }
     }
+}
+
+/// `yes` in the lanes where `mask` holds, `no` in the others.
+#[inline(always)]
+fn chosen<T: Real, const N: usize>(
+    mask: T::Mask,
+    yes: &CraneState<T, N>,
+    no: &CraneState<T, N>,
+    coordinates: usize,
+) -> CraneState<T, N> {
+    let mut state = *no;
+    for i in 0..coordinates {
+        let (a, b) = (&yes.boom, &no.boom);
+        state.boom.angle[i] = T::select(mask, a.angle[i], b.angle[i]);
+        state.boom.angular_velocity[i] =
+            T::select(mask, a.angular_velocity[i], b.angular_velocity[i]);
+    }
+    let (q, r) = (yes.circuit.nodes.to_array(), no.circuit.nodes.to_array());
+    state.circuit.nodes = Nodes::from_array(from_fn(|i| T::select(mask, q[i], r[i])));
+    state.circuit.gas_volume = T::select(mask, yes.circuit.gas_volume, no.circuit.gas_volume);
+    state.bristle = T::select(mask, yes.bristle, no.bristle);
+    state
 }
 
 impl Implicit<f64> {

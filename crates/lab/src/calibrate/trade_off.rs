@@ -1,0 +1,29 @@
+//! What one parameter does to all published results: where it mends one and spoils another, they
+//! cannot be met together by it.
+
+use super::published::{RESULTS, shown, tests};
+use crate::LabError;
+use hydroboom_description::Description;
+
+/// What a crane shows with each of several values of a key (in the key's unit), in the order of
+/// [`published`](super::published()).
+///
+/// # Errors
+///
+/// [`LabError`] when there is no such key, or a crane with such a value cannot be simulated.
+pub fn trade_off(
+    model: &Description,
+    crane: &Description,
+    key: &str,
+    values: &[f64],
+    progress: &dyn Fn(usize),
+) -> Result<Vec<[f64; RESULTS]>, LabError> {
+    let mut rows = Vec::with_capacity(values.len());
+    for value in values {
+        let mut changed = crane.clone();
+        changed.set(&format!("{key}={value}"))?;
+        rows.push(shown(&tests(model, &changed)?)?);
+        progress(rows.len());
+    }
+    Ok(rows)
+}
