@@ -92,6 +92,25 @@ impl<T: Real> Benchmark<T> {
 
         wanted.clamp(-self.limits.speed, self.limits.speed)
     }
+
+    /// Makes the next [`update`](Self::update) ask for `speed` \[rev/s\], so that the controller takes
+    /// over from whatever moved the machine until now without a bump.
+    #[inline(always)]
+    pub fn take_over(
+        &self,
+        memory: &mut BenchmarkMemory<T>,
+        reference: &Reference<T>,
+        measured: &Measured<T>,
+        feedforward: T,
+        speed: T,
+    ) {
+        let mut ahead = *memory;
+        let error = reference.position - measured.stroke;
+        let filtered = self.high_pass.update(&mut ahead.low_passed, measured.load_pressure);
+        let u_pf = self.pressure_feedback / self.displacement * filtered;
+        let lacking = speed - feedforward + u_pf;
+        memory.integral = lacking / self.revolutions_per_metre - self.proportional * error;
+    }
 }
 
 #[cfg(test)]
@@ -111,6 +130,18 @@ mod tests {
             limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },
             period: lit(1e-3),
         }
+    }
+
+    #[test]
+    fn it_takes_over_at_the_speed_that_it_finds() {
+        let controller = benchmark::<f64>();
+        let reference = Reference { position: 0.21, velocity: 0.05 };
+        let measured = Measured { stroke: 0.2, load_pressure: 71e5 };
+        let mut memory = BenchmarkMemory { integral: 0.3, low_passed: 68e5 };
+        let feedforward = controller.velocity_feedforward(&reference);
+        controller.take_over(&mut memory, &reference, &measured, feedforward, 12.5);
+        let next = controller.update(&mut memory, &reference, &measured, feedforward);
+        assert!((next - 12.5).abs() < 1e-9, "{next}");
     }
 
     const STILL: Reference<f64> = Reference { position: 0.2, velocity: 0.0 };

@@ -6,11 +6,17 @@
 #![cfg_attr(not(test), no_std)]
 
 mod benchmark;
+mod fault;
 mod filter;
 mod motion;
 mod motor;
+mod signals;
+mod supervisor;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
+pub use fault::Cause;
 pub use filter::HighPass;
 pub use motion::{Motion, Profile, Reference, Way};
 pub use motor::MotorLimits;
+pub use signals::{Command, Reading};
+pub use supervisor::{Decision, Limits, Observation, Request, SOFT_STOP, State, Supervisor};

@@ -1,8 +1,8 @@
 //! The virtual crane, one control period at a time.
 
 use crate::equipment::{Equipment, Stepping};
-use crate::signals::{Command, Reading, Truth};
-use hydroboom_control::Measured;
+use crate::signals::Truth;
+use hydroboom_control::{Command, Measured, Reading};
 use hydroboom_description::Description;
 use hydroboom_model::{Outputs, SimulationError, Start};
 use hydroboom_plant::{Plant, PlantError, plant};

@@ -1,8 +1,8 @@
 //! Several virtual cranes moving together, their plants side by side in SIMD lanes.
 
 use crate::equipment::{Equipment, Stepping};
-use crate::signals::{Command, Reading, Truth};
-use hydroboom_control::Measured;
+use crate::signals::Truth;
+use hydroboom_control::{Command, Measured, Reading};
 use hydroboom_description::Description;
 use hydroboom_model::{Outputs, Scheme, SimulationError, Start};
 use hydroboom_plant::{PlantError, SideBySide};

@@ -27,4 +27,5 @@ mod valve;
 pub use crane::VirtualCrane;
 pub use effect::Effect;
 pub use fleet::Fleet;
-pub use signals::{Command, Reading, Truth};
+pub use hydroboom_control::{Command, Reading};
+pub use signals::Truth;

@@ -1,0 +1,523 @@
+//! The supervisor: what the machine may do, and what brings it to rest.
+//!
+//! A pure state machine, called once a control period; it allocates nothing and knows no clock but
+//! the one it is given.
+//!
+//! ```text
+//! Idle -enable-> Ready -hold-> Holding -start, pre-loaded-> Moving -stop, course over-> Stopping -> Holding
+//!   any fault -> Fault -reset, all well-> Ready
+//! ```
+//!
+//! It is no safety function in the sense of ISO 13849: it runs on an ordinary computer, by an
+//! ordinary program. A hardware emergency stop that cuts drive and valve stays where it is.
+
+use crate::fault::Cause;
+use crate::signals::{Command, Reading};
+
+/// What the machine is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// Nothing has been asked for; nothing acts.
+    Idle,
+    /// Readings are plausible; nothing acts.
+    Ready,
+    /// The load hangs on its valves; before a motion the pump takes it over.
+    Holding,
+    /// The valves are open, the controller moves the load.
+    Moving,
+    /// The load is brought to rest, then held.
+    Stopping,
+    /// Something was wrong; the load is held until a person resets.
+    Fault,
+}
+
+/// What a person, or the program for him, asks for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Request {
+    /// Nothing.
+    #[default]
+    None,
+    /// Watch the machine.
+    Enable,
+    /// Switch the drive on, load held.
+    Hold,
+    /// Release the load and move.
+    Start,
+    /// Come to rest and hold.
+    Stop,
+    /// Hold at once.
+    EmergencyStop,
+    /// After a fault: watch the machine again.
+    Reset,
+}
+
+/// What is allowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Control period \[s\].
+    pub period: f64,
+    /// Length of the stroke \[m\].
+    pub stroke: f64,
+    /// How near its ends the piston may come while moving towards them \[m\].
+    pub margin: f64,
+    /// Largest speed of the piston \[m/s\].
+    pub speed: f64,
+    /// Largest pressure \[Pa\].
+    pub pressure: f64,
+    /// Largest distance from the reference \[m\].
+    pub tracking: f64,
+    /// Largest distance the load may creep while held \[m\].
+    pub creep: f64,
+    /// Largest motor speed \[rev/s\].
+    pub motor_speed: f64,
+    /// Largest motor slew \[rev/s²\].
+    pub motor_slew: f64,
+    /// Largest deviation of the motor from its command, and for how long \[rev/s, s\].
+    pub drive_deviation: (f64, f64),
+    /// Age of the newest reading \[s\] that is too old.
+    pub stale: f64,
+    /// A signal that repeats itself to the last bit for so long is stuck \[s\]; zero where sensors have
+    /// no noise.
+    pub stuck: f64,
+    /// Largest scatter from one reading to the next, RMS over 64 of them: of position \[m\], of a
+    /// pressure \[Pa\].
+    pub scatter: (f64, f64),
+    /// Largest step from one reading to the next of a pressure \[Pa\].
+    pub pressure_step: f64,
+    /// Missed deadlines in a row that are too many.
+    pub overruns: u32,
+    /// Pump pressure within this of the load's pressure counts as pre-loaded \[Pa\].
+    pub preload: f64,
+    /// Time that pre-loading may take \[s\].
+    pub preload_time: f64,
+    /// Time from the valve's command until it has opened \[s\].
+    pub valve_time: f64,
+}
+
+/// What the supervisor sees in a control period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// Newest reading.
+    pub reading: Reading<f64>,
+    /// Its age \[s\].
+    pub age: f64,
+    /// Whether it is another one than in the last period.
+    pub is_new: bool,
+    /// Where the piston should be \[m\]; the position of the start before the course begins.
+    pub reference: f64,
+    /// Motor speed that the controller asks for \[rev/s\].
+    pub wanted: f64,
+    /// Whether the course is over.
+    pub course_over: bool,
+    /// Deadlines missed in a row.
+    pub overruns: u32,
+    /// Whether somebody attends the machine.
+    pub attended: bool,
+    /// Whether the clock jumped since the last period.
+    pub clock_jumped: bool,
+}
+
+/// What is to be sent, and what the machine is doing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Decision {
+    /// What to send.
+    pub command: Command<f64>,
+    /// What the machine is doing.
+    pub state: State,
+    /// Why it is in [`State::Fault`].
+    pub cause: Option<Cause>,
+    /// Whether the controller has the load: then its course runs.
+    pub controls: bool,
+}
+
+/// Signals that are watched one by one: position, then five pressures.
+const SIGNALS: usize = 6;
+
+/// The supervisor at work.
+#[derive(Clone, Debug)]
+pub struct Supervisor {
+    limits: Limits,
+    state: State,
+    cause: Option<Cause>,
+    command: Command<f64>,
+    /// Time in this state \[s\].
+    since: f64,
+    /// Whether the load has been asked to move.
+    starting: bool,
+    /// Time that the pump has been pre-loaded \[s\].
+    preloaded: f64,
+    /// Motor speed when stopping began \[rev/s\].
+    stopping_from: f64,
+    /// Position at which the load is held \[m\].
+    held_at: Option<f64>,
+    /// Time that the drive has not followed \[s\].
+    deviating: f64,
+    last: Option<Reading<f64>>,
+    /// Time for which each signal has repeated itself \[s\].
+    repeated: [f64; SIGNALS],
+    /// Mean square of each signal's second difference.
+    scatter: [f64; SIGNALS],
+    differences: [f64; SIGNALS],
+    /// Velocity of the piston, averaged \[m/s\].
+    velocity: f64,
+    /// New readings since the start, saturating.
+    readings: u32,
+}
+
+/// Motor speed per pressure that the pump side lacks while it is pre-loaded \[rev/s per Pa\].
+const PRELOAD_GAIN: f64 = 0.5e-5;
+/// Largest motor speed while pre-loading \[rev/s\].
+const PRELOAD_SPEED: f64 = 8.0;
+/// The pump side must stay pre-loaded for so long before the load is released \[s\].
+const PRELOADED: f64 = 0.1;
+/// A piston faster than so many times the largest speed runs away.
+const RUNAWAY: f64 = 1.5;
+/// Readings that the velocity is averaged over.
+const VELOCITY_WINDOW: f64 = 20.0;
+/// Readings that the scatter of a signal is averaged over.
+const SCATTER_WINDOW: u32 = 64;
+/// How far beyond its stroke a piston may be read \[m\]: end stops give way, encoders have a zero.
+const STROKE_SLACK: f64 = 5e-3;
+/// Lowest pressure that is read of a sound transducer \[Pa\]: a vacuum, and the transducer's error.
+const LOWEST_PRESSURE: f64 = -1.5e5;
+
+/// A load is brought to rest within this time \[s\], if the cause allows for it.
+pub const SOFT_STOP: f64 = 0.4;
+
+impl Supervisor {
+    /// A supervisor in [`State::Idle`].
+    pub fn new(limits: Limits) -> Self {
+        Self {
+            limits,
+            state: State::Idle,
+            cause: None,
+            command: Command { motor_speed: 0.0, holding_valve: 0.0 },
+            since: 0.0,
+            starting: false,
+            preloaded: 0.0,
+            stopping_from: 0.0,
+            held_at: None,
+            deviating: 0.0,
+            last: None,
+            repeated: [0.0; SIGNALS],
+            scatter: [0.0; SIGNALS],
+            differences: [0.0; SIGNALS],
+            velocity: 0.0,
+            readings: 0,
+        }
+    }
+
+    /// What the machine is doing.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Time within which every fault reaches the safe state: motor at zero, valve de-energised \[s\].
+    pub fn bound(&self) -> f64 {
+        let ramp = self.limits.motor_speed / self.limits.motor_slew;
+        SOFT_STOP.max(ramp) + 2.0 * self.limits.period
+    }
+
+    /// One control period.
+    pub fn advance(&mut self, seen: &Observation, request: Request) -> Decision {
+        self.since += self.limits.period;
+        let begins = match self.state {
+            State::Idle => request == Request::Enable,
+            State::Fault => request == Request::Reset && self.is_at_rest(),
+            _ => false,
+        };
+        if begins {
+            self.forget();
+        }
+        let wrong = self.what_is_wrong(seen, request);
+        self.remember(seen);
+        match (self.state, wrong) {
+            (State::Fault | State::Idle, None) if begins => {
+                self.cause = None;
+                self.enter(State::Ready);
+            }
+            // a machine that is not watched yet has no faults
+            (State::Fault | State::Idle, _) => {}
+            (_, Some(cause)) => {
+                self.cause = Some(cause);
+                self.stopping_from = self.command.motor_speed;
+                self.enter(State::Fault);
+            }
+            (_, None) => {}
+        }
+        match self.state {
+            State::Idle => {}
+            State::Ready => self.ready(request),
+            State::Holding => self.holding(seen, request),
+            State::Moving => self.moving(seen, request),
+            State::Stopping => self.stopping(),
+            State::Fault => self.faulty(),
+        }
+        Decision {
+            command: self.command,
+            state: self.state,
+            cause: self.cause,
+            controls: self.controls(),
+        }
+    }
+
+    /// Whether the controller has the load: the valve has had its time to open.
+    fn controls(&self) -> bool {
+        self.state == State::Moving && self.since >= self.limits.valve_time
+    }
+
+    fn is_at_rest(&self) -> bool {
+        self.command.motor_speed == 0.0 && self.command.holding_valve == 0.0
+    }
+
+    fn enter(&mut self, state: State) {
+        self.state = state;
+        self.since = 0.0;
+        self.starting = false;
+        self.preloaded = 0.0;
+        self.held_at = None;
+    }
+
+    fn ramp(&mut self, wanted: f64) {
+        let reach = self.limits.motor_slew * self.limits.period;
+        let now = self.command.motor_speed;
+        let most = self.limits.motor_speed;
+        self.command.motor_speed = wanted.clamp(-most, most).clamp(now - reach, now + reach);
+    }
+
+    fn ready(&mut self, request: Request) {
+        self.command.holding_valve = 0.0;
+        self.ramp(0.0);
+        if request == Request::Hold {
+            self.enter(State::Holding);
+        }
+    }
+
+    /// The load hangs on its valves. Asked to start, the pump side is brought to the load's pressure
+    /// first: released onto an empty one, the load would fall by centimetres.
+    fn holding(&mut self, seen: &Observation, request: Request) {
+        self.command.holding_valve = 0.0;
+        match request {
+            Request::Start if !self.starting => {
+                self.starting = true;
+                self.since = 0.0;
+            }
+            Request::Stop => self.starting = false,
+            _ => {}
+        }
+        self.held_at.get_or_insert(seen.reading.stroke);
+        if !self.starting {
+            self.ramp(0.0);
+            return;
+        }
+        let lacking = seen.reading.pressure_a - seen.reading.pressure_pump_a;
+        // quickly up, slowly at the end: the line's air gives way first, and then no more
+        self.ramp((PRELOAD_GAIN * lacking).clamp(-PRELOAD_SPEED, PRELOAD_SPEED));
+        self.preloaded = match lacking.abs() < 0.5 * self.limits.preload {
+            true => self.preloaded + self.limits.period,
+            false => 0.0,
+        };
+        if self.preloaded >= PRELOADED {
+            let speed = self.command.motor_speed;
+            self.enter(State::Moving);
+            self.command = Command { motor_speed: speed, holding_valve: 1.0 };
+        }
+    }
+
+    fn moving(&mut self, seen: &Observation, request: Request) {
+        self.command.holding_valve = 1.0;
+        if self.controls() {
+            self.ramp(seen.wanted);
+        }
+        if request == Request::Stop || (self.controls() && seen.course_over) {
+            self.stopping_from = self.command.motor_speed;
+            self.enter(State::Stopping);
+        }
+    }
+
+    fn stopping(&mut self) {
+        if self.slow_down(SOFT_STOP) {
+            self.enter(State::Holding);
+        }
+    }
+
+    fn faulty(&mut self) {
+        match self.cause.is_some_and(Cause::stops_softly) && self.command.holding_valve > 0.0 {
+            true => {
+                self.slow_down(SOFT_STOP);
+            }
+            false => {
+                self.command.holding_valve = 0.0;
+                self.ramp(0.0);
+            }
+        }
+    }
+
+    /// Takes the motor to zero within a time \[s\], then the valve; true once both are.
+    fn slow_down(&mut self, within: f64) -> bool {
+        let left = (1.0 - self.since / (0.75 * within)).max(0.0);
+        self.ramp(self.stopping_from * left);
+        if self.since >= within {
+            self.command.holding_valve = 0.0;
+            self.ramp(0.0);
+        }
+        self.is_at_rest()
+    }
+
+    /// The first thing that is wrong, if any.
+    fn what_is_wrong(&mut self, seen: &Observation, request: Request) -> Option<Cause> {
+        if request == Request::EmergencyStop {
+            return Some(Cause::EmergencyStop);
+        }
+        if let Some(cause) = self.judge(seen) {
+            return Some(cause);
+        }
+        let l = &self.limits;
+        let reading = &seen.reading;
+        if matches!(self.state, State::Holding | State::Moving | State::Stopping) {
+            if !seen.attended {
+                return Some(Cause::OperatorLost);
+            }
+            let deviation = (reading.motor_speed - self.command.motor_speed).abs();
+            self.deviating = match deviation > l.drive_deviation.0 {
+                true => self.deviating + l.period,
+                false => 0.0,
+            };
+            if self.deviating > l.drive_deviation.1 {
+                return Some(Cause::DriveNotFollowing);
+            }
+        }
+        if self.velocity.abs() > RUNAWAY * l.speed {
+            return Some(Cause::Runaway);
+        }
+        match self.state {
+            State::Holding => {
+                let moved = self.held_at.map_or(0.0, |at| (reading.stroke - at).abs());
+                if moved > l.creep {
+                    return Some(Cause::LoadNotHeld);
+                }
+                if self.starting && self.since > l.preload_time {
+                    return Some(Cause::NoPreload);
+                }
+            }
+            State::Moving if self.controls() => {
+                if !seen.wanted.is_finite() {
+                    return Some(Cause::ControllerInvalid);
+                }
+                if (reading.stroke - seen.reference).abs() > l.tracking {
+                    return Some(Cause::TrackingError);
+                }
+                let towards_end = (reading.stroke < l.margin && self.command.motor_speed < 0.0)
+                    || (reading.stroke > l.stroke - l.margin && self.command.motor_speed > 0.0);
+                if towards_end {
+                    return Some(Cause::EndOfStroke);
+                }
+            }
+            _ => {}
+        }
+        None
+    }
+
+    /// What is wrong with the readings themselves.
+    fn judge(&self, seen: &Observation) -> Option<Cause> {
+        let l = &self.limits;
+        let values = signals(&seen.reading);
+        if seen.clock_jumped {
+            return Some(Cause::ClockJumped);
+        }
+        if !(values.iter().all(|v| v.is_finite()) && seen.reading.motor_speed.is_finite()) {
+            return Some(Cause::NotANumber);
+        }
+        if seen.age.is_nan() || seen.age > l.stale {
+            return Some(Cause::MachineLost);
+        }
+        if seen.overruns >= l.overruns {
+            return Some(Cause::Overruns);
+        }
+        let [stroke, pressures @ ..] = values;
+        if !(-STROKE_SLACK..=l.stroke + STROKE_SLACK).contains(&stroke) {
+            return Some(Cause::PositionImplausible);
+        }
+        if pressures.iter().any(|p| *p < LOWEST_PRESSURE || *p > 2.0 * l.pressure) {
+            return Some(Cause::PressureImplausible);
+        }
+        if let Some(last) = self.last.filter(|_| seen.is_new) {
+            let [before, pressures_before @ ..] = signals(&last);
+            // what the piston can do until readings are too old, and the scatter of its encoder
+            let reach = (l.stale + l.period) * RUNAWAY * l.speed + 6.0 * l.scatter.0;
+            if (stroke - before).abs() > reach {
+                return Some(Cause::PositionJumped);
+            }
+            let pairs = pressures.iter().zip(pressures_before);
+            if pairs.into_iter().any(|(now, before)| (now - before).abs() > l.pressure_step) {
+                return Some(Cause::PressureJumped);
+            }
+        }
+        if pressures.iter().any(|p| *p > l.pressure) {
+            return Some(Cause::OverPressure);
+        }
+        if l.stuck > 0.0 && self.repeated.iter().any(|time| *time > l.stuck) {
+            return Some(Cause::SensorStuck);
+        }
+        let [position_scatter, pressure_scatters @ ..] = self.scatter;
+        let noisy = position_scatter > l.scatter.0 * l.scatter.0
+            || pressure_scatters.iter().any(|s| *s > l.scatter.1 * l.scatter.1);
+        if self.readings > SCATTER_WINDOW && noisy {
+            return Some(Cause::SensorNoisy);
+        }
+        None
+    }
+
+    /// Watches anew: what was wrong before a reset is judged by new readings only.
+    fn forget(&mut self) {
+        self.last = None;
+        self.repeated = [0.0; SIGNALS];
+        self.scatter = [0.0; SIGNALS];
+        self.differences = [0.0; SIGNALS];
+        self.velocity = 0.0;
+        self.readings = 0;
+        self.deviating = 0.0;
+    }
+
+    /// Takes a new reading into what is watched over time.
+    fn remember(&mut self, seen: &Observation) {
+        let values = signals(&seen.reading);
+        if !seen.is_new || values.iter().any(|v| !v.is_finite()) {
+            return;
+        }
+        if let Some(last) = self.last {
+            let before = signals(&last);
+            let velocity = (values[0] - before[0]) / self.limits.period;
+            self.velocity += (velocity - self.velocity) / VELOCITY_WINDOW;
+            for k in 0..SIGNALS {
+                let difference = values[k] - before[k];
+                self.repeated[k] = match difference == 0.0 {
+                    true => self.repeated[k] + self.limits.period,
+                    false => 0.0,
+                };
+                // the second difference: a steady motion does not scatter
+                let most =
+                    10.0 * if k == 0 { self.limits.scatter.0 } else { self.limits.scatter.1 };
+                // one jump, however large, is no noise
+                let second = (difference - self.differences[k]).clamp(-most, most);
+                let share = 1.0 / f64::from(SCATTER_WINDOW);
+                self.scatter[k] += share * (second * second / 6.0 - self.scatter[k]);
+                self.differences[k] = difference;
+            }
+        }
+        self.last = Some(seen.reading);
+        self.readings = self.readings.saturating_add(1);
+    }
+}
+
+/// Position, then the pressures.
+fn signals(r: &Reading<f64>) -> [f64; SIGNALS] {
+    [
+        r.stroke,
+        r.pressure_pump_a,
+        r.pressure_a,
+        r.pressure_b,
+        r.pressure_pump_b,
+        r.pressure_accumulator,
+    ]
+}
