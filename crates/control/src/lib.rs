@@ -11,6 +11,7 @@ mod filter;
 mod motion;
 mod motor;
 mod signals;
+mod strategy;
 mod supervisor;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
@@ -19,4 +20,5 @@ pub use filter::HighPass;
 pub use motion::{Motion, Profile, Reference, Way};
 pub use motor::MotorLimits;
 pub use signals::{Command, Reading};
+pub use strategy::Strategy;
 pub use supervisor::{Decision, Limits, Observation, Request, SOFT_STOP, State, Supervisor};

@@ -146,6 +146,8 @@ pub struct Supervisor {
     starting: bool,
     /// Time that the pump has been pre-loaded \[s\].
     preloaded: f64,
+    /// Motor speed that the pump's leakage takes \[rev/s\].
+    leakage: f64,
     /// Motor speed when stopping began \[rev/s\].
     stopping_from: f64,
     /// Position at which the load is held \[m\].
@@ -166,6 +168,8 @@ pub struct Supervisor {
 
 /// Motor speed per pressure that the pump side lacks while it is pre-loaded \[rev/s per Pa\].
 const PRELOAD_GAIN: f64 = 0.5e-5;
+/// Time in which the speed that the leakage takes is found \[s\].
+const PRELOAD_RESET: f64 = 0.5;
 /// Largest motor speed while pre-loading \[rev/s\].
 const PRELOAD_SPEED: f64 = 8.0;
 /// The pump side must stay pre-loaded for so long before the load is released \[s\].
@@ -195,6 +199,7 @@ impl Supervisor {
             since: 0.0,
             starting: false,
             preloaded: 0.0,
+            leakage: 0.0,
             stopping_from: 0.0,
             held_at: None,
             deviating: 0.0,
@@ -275,6 +280,7 @@ impl Supervisor {
         self.since = 0.0;
         self.starting = false;
         self.preloaded = 0.0;
+        self.leakage = 0.0;
         self.held_at = None;
     }
 
@@ -312,7 +318,12 @@ impl Supervisor {
         }
         let lacking = seen.reading.pressure_a - seen.reading.pressure_pump_a;
         // quickly up, slowly at the end: the line's air gives way first, and then no more
-        self.ramp((PRELOAD_GAIN * lacking).clamp(-PRELOAD_SPEED, PRELOAD_SPEED));
+        if lacking.abs() < 2.0 * self.limits.preload {
+            // what leaks is found out near the end only
+            self.leakage += PRELOAD_GAIN * lacking * self.limits.period / PRELOAD_RESET;
+        }
+        let speed = PRELOAD_GAIN * lacking + self.leakage;
+        self.ramp(speed.clamp(-PRELOAD_SPEED, PRELOAD_SPEED));
         self.preloaded = match lacking.abs() < 0.5 * self.limits.preload {
             true => self.preloaded + self.limits.period,
             false => 0.0,

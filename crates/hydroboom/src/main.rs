@@ -8,10 +8,12 @@ mod eigen;
 mod energy;
 mod family;
 mod linearise;
+mod machine;
 mod motion;
 mod new;
 mod output;
 mod processor;
+mod run;
 mod scenarios;
 mod show;
 mod simulate;
@@ -44,6 +46,9 @@ enum Command {
     Virtual(virtual_crane::Virtual),
     Calibrate(calibrate::Calibrate),
     Scenarios(scenarios::Scenarios),
+    Run(run::Run),
+    #[command(hide = true)]
+    Machine(machine::Machine),
     Bench(bench::Bench),
 }
 
@@ -68,6 +73,8 @@ fn main() -> Result<()> {
         Command::Virtual(command) => command.run(),
         Command::Calibrate(command) => command.run(),
         Command::Scenarios(command) => command.run(),
+        Command::Run(command) => command.run(),
+        Command::Machine(command) => command.run(),
         Command::Bench(command) => command.run(),
     }
 }

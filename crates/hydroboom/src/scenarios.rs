@@ -47,7 +47,9 @@ impl Scenarios {
         if self.json {
             let rows: Vec<_> = results
                 .iter()
-                .map(|(strategy, summary)| json!({ "strategy": strategy, "result": summary }))
+                .map(
+                    |(strategy, summary)| json!({ "strategy": strategy.name(), "result": summary }),
+                )
                 .collect();
             return output::json(&json!({ "scenario": name, "results": rows }));
         }

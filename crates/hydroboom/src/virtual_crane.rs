@@ -15,8 +15,9 @@ use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
+/// A strategy, as the command line names it.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum StrategyName {
+pub enum StrategyName {
     VelocityFeedforward,
     SimulationFeedforwardOpenLoop,
     BenchmarkClosedLoop,

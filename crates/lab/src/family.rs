@@ -1,7 +1,7 @@
 //! Many virtual cranes: no two machines are alike, and none stays as it was.
 
 use crate::LabError;
-use crate::motion_test::Strategy;
+use crate::motion_test::{Strategy, by_name};
 use crate::scenario::CourseChoice;
 use crate::score::Score;
 use crate::steering::{Lane, WIDTH, steer_together};
@@ -242,6 +242,7 @@ impl Spread {
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// The strategy.
+    #[serde(serialize_with = "by_name")]
     pub strategy: Strategy,
     /// The course.
     pub course: String,

@@ -8,50 +8,13 @@ use crate::{LabError, paper};
 use hydroboom_control::{Motion, Reference};
 use hydroboom_description::Description;
 use hydroboom_virtual_crane::{Command, Reading, Truth};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
-/// How the motor's speed is found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Strategy {
-    /// u_FF alone, without any feedback (test 1).
-    VelocityFeedforward,
-    /// The speed that the benchmark controller gives the simulated crane (tests 1 and 2).
-    SimulationFeedforwardOpenLoop,
-    /// The benchmark controller (tests 2 and 3).
-    BenchmarkClosedLoop,
-    /// The benchmark controller with the simulation's speed in the place of u_FF (test 3).
-    SimulationFeedforwardClosedLoop,
-}
+pub use hydroboom_control::Strategy;
 
-impl Strategy {
-    /// All strategies, in the paper's order.
-    pub const ALL: [Self; 4] = [
-        Self::VelocityFeedforward,
-        Self::SimulationFeedforwardOpenLoop,
-        Self::BenchmarkClosedLoop,
-        Self::SimulationFeedforwardClosedLoop,
-    ];
-
-    /// Name in commands, tables and JSON.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::VelocityFeedforward => "velocity-feedforward",
-            Self::SimulationFeedforwardOpenLoop => "simulation-feedforward-open-loop",
-            Self::BenchmarkClosedLoop => "benchmark-closed-loop",
-            Self::SimulationFeedforwardClosedLoop => "simulation-feedforward-closed-loop",
-        }
-    }
-
-    /// Whether a simulation runs beside the machine.
-    pub fn simulates(self) -> bool {
-        matches!(self, Self::SimulationFeedforwardOpenLoop | Self::SimulationFeedforwardClosedLoop)
-    }
-
-    /// Whether it looks at the machine.
-    pub fn measures(self) -> bool {
-        matches!(self, Self::BenchmarkClosedLoop | Self::SimulationFeedforwardClosedLoop)
-    }
+/// Writes a strategy by its name.
+pub(crate) fn by_name<S: Serializer>(strategy: &Strategy, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(strategy.name())
 }
 
 /// One control period of a run.
@@ -114,6 +77,7 @@ pub struct Row {
     /// Name of the plant, `nominal` for the model itself.
     pub plant: String,
     /// The strategy.
+    #[serde(serialize_with = "by_name")]
     pub strategy: Strategy,
     /// Name of the course.
     pub course: String,

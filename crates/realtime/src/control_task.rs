@@ -1,0 +1,263 @@
+//! The control task: one control period from reading to command.
+
+use crate::machine::Incoming;
+use crate::simulation_task::Simulated;
+use hydroboom_control::{
+    Benchmark, BenchmarkMemory, Command, Decision, Limits, Measured, Motion, Observation, Reading,
+    Reference, Request, State, Strategy, Supervisor,
+};
+use hydroboom_description::Description;
+
+/// The simulation may be so far from the machine in closed loop before the benchmark takes over
+/// \[m\]; in open loop half of what the tracking error may be.
+const DRIFT: f64 = 0.02;
+/// A bump that a switch to open loop would make dies out with this time constant \[s\].
+const BUMP: f64 = 0.3;
+
+/// What a control period needs to know.
+#[derive(Clone, Copy, Debug)]
+pub struct Period {
+    /// Newest reading, if any has come.
+    pub incoming: Option<Incoming>,
+    /// What the simulation shows; none while there is none.
+    pub simulated: Option<Simulated>,
+    /// What a person asks for.
+    pub request: Request,
+    /// The strategy that is asked for.
+    pub strategy: Strategy,
+    /// Deadlines missed in a row.
+    pub overruns: u32,
+    /// Whether somebody attends the machine.
+    pub attended: bool,
+    /// Whether the clock jumped.
+    pub clock_jumped: bool,
+}
+
+/// One control period, for the log.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// Time since the executive began \[s\].
+    pub time: f64,
+    /// Time since the course began \[s\]; none before.
+    pub course_time: Option<f64>,
+    /// Where the piston should be.
+    pub reference: Reference<f64>,
+    /// What was read.
+    pub reading: Reading<f64>,
+    /// Its number.
+    pub sequence: u64,
+    /// What the simulation showed.
+    pub simulated: Option<Measured<f64>>,
+    /// What was decided and sent.
+    pub decision: Decision,
+    /// The strategy at work.
+    pub strategy: Strategy,
+    /// Whether the benchmark had to take over from a simulation that drifted away or failed.
+    pub fallback: bool,
+}
+
+impl Record {
+    /// Tracking error x − x_ref \[m\] while the course runs.
+    pub fn error(&self) -> Option<f64> {
+        self.course_time.map(|_| self.reading.stroke - self.reference.position)
+    }
+}
+
+/// The control task, called once a period; it allocates nothing.
+pub struct ControlTask {
+    benchmark: Benchmark<f64>,
+    area_ratio: f64,
+    motion: Motion<f64>,
+    supervisor: Supervisor,
+    tracking: f64,
+    time: f64,
+    course_time: f64,
+    decision: Decision,
+    strategy: Strategy,
+    fallback: bool,
+    memory: BenchmarkMemory<f64>,
+    simulated_memory: BenchmarkMemory<f64>,
+    /// Speed of the simulated crane's motor \[rev/s\].
+    simulated_motor: f64,
+    /// What is still left of a bump \[rev/s\].
+    offset: f64,
+    wanted: f64,
+    reading: Reading<f64>,
+    sequence: u64,
+    age: f64,
+}
+
+/// Limits for a crane as described, and a course at a speed \[m/s\]: those of the machine from its
+/// description, the others ours. Twenty periods without a reading, or a deadline met, are what the
+/// watchdog of a drive bears.
+pub fn limits(model: &Description, speed: f64) -> Limits {
+    let n = &model.numbers;
+    Limits {
+        period: n.control_period,
+        stroke: n.stroke,
+        margin: 0.01,
+        speed,
+        pressure: 200e5,
+        tracking: 0.1,
+        creep: 3e-3,
+        motor_speed: n.motor_speed,
+        motor_slew: n.motor_slew,
+        drive_deviation: (5.0, 0.1),
+        stale: 20.0 * n.control_period,
+        stuck: 0.25,
+        scatter: (2e-4, 3e5),
+        pressure_step: 40e5,
+        overruns: 20,
+        preload: 1e5,
+        preload_time: 15.0,
+        valve_time: 0.08,
+    }
+}
+
+impl ControlTask {
+    /// A control task that knows the model, for a course and within limits.
+    pub fn new(
+        model: &Description,
+        motion: Motion<f64>,
+        limits: Limits,
+        strategy: Strategy,
+    ) -> Self {
+        let n = &model.numbers;
+        let benchmark = model.benchmark();
+        let nothing = Measured::default();
+        Self {
+            memory: benchmark.start(&nothing),
+            simulated_memory: benchmark.start(&nothing),
+            benchmark,
+            area_ratio: 1.0 - (n.rod / n.piston) * (n.rod / n.piston),
+            motion,
+            tracking: limits.tracking,
+            supervisor: Supervisor::new(limits),
+            time: 0.0,
+            course_time: 0.0,
+            decision: Decision {
+                command: Command { motor_speed: 0.0, holding_valve: 0.0 },
+                state: State::Idle,
+                cause: None,
+                controls: false,
+            },
+            strategy,
+            fallback: false,
+            simulated_motor: 0.0,
+            offset: 0.0,
+            wanted: 0.0,
+            reading: Reading::default(),
+            sequence: 0,
+            age: f64::INFINITY,
+        }
+    }
+
+    /// Speed of the simulated crane's motor \[rev/s\] until the next period; none while it rests.
+    pub fn simulated_motor(&self) -> Option<f64> {
+        self.decision.controls.then_some(self.simulated_motor)
+    }
+
+    /// One control period.
+    pub fn period(&mut self, now: &Period) -> Record {
+        let period = self.benchmark.period;
+        let is_new = now.incoming.is_some_and(|i| i.sequence != self.sequence);
+        self.age += period;
+        if let Some(incoming) = now.incoming.filter(|_| is_new) {
+            self.reading = incoming.reading;
+            self.sequence = incoming.sequence;
+            self.age = 0.0;
+        }
+        let measured = self.reading.measured(self.area_ratio);
+        let controls = self.decision.controls;
+        let reference = self.motion.reference(if controls { self.course_time } else { 0.0 });
+        if controls {
+            self.control(&reference, &measured, now);
+        } else {
+            self.wanted = 0.0;
+            self.strategy = now.strategy;
+            self.fallback = false;
+        }
+        let observation = Observation {
+            reading: self.reading,
+            age: self.age,
+            is_new,
+            reference: reference.position,
+            wanted: self.wanted,
+            course_over: self.course_time >= self.motion.duration(),
+            overruns: now.overruns,
+            attended: now.attended,
+            clock_jumped: now.clock_jumped,
+        };
+        let before = self.decision;
+        self.decision = self.supervisor.advance(&observation, now.request);
+        let record = Record {
+            time: self.time,
+            course_time: controls.then_some(self.course_time),
+            reference,
+            reading: self.reading,
+            sequence: self.sequence,
+            simulated: now.simulated.map(|s| s.measured),
+            decision: self.decision,
+            strategy: self.strategy,
+            fallback: self.fallback,
+        };
+        self.time += period;
+        match (before.controls, self.decision.controls) {
+            (false, true) => self.begin(&measured, now),
+            (true, true) => self.course_time += period,
+            (_, false) => self.course_time = 0.0,
+        }
+        record
+    }
+
+    /// The load is the controller's from the next period on.
+    fn begin(&mut self, measured: &Measured<f64>, now: &Period) {
+        self.course_time = 0.0;
+        self.offset = 0.0;
+        self.simulated_motor = 0.0;
+        self.memory = self.benchmark.start(measured);
+        if let Some(simulated) = now.simulated {
+            self.simulated_memory = self.benchmark.start(&simulated.measured);
+        }
+        // what keeps the pump pre-loaded now is what the leakage takes
+        let reference = self.motion.reference(0.0);
+        let speed = self.decision.command.motor_speed;
+        self.benchmark.take_over(&mut self.memory, &reference, measured, 0.0, speed);
+    }
+
+    /// The speed the strategy wants.
+    fn control(&mut self, reference: &Reference<f64>, measured: &Measured<f64>, now: &Period) {
+        let b = &self.benchmark;
+        let velocity_feedforward = b.velocity_feedforward(reference);
+        if let Some(simulated) = now.simulated.filter(|s| !s.failed) {
+            let memory = &mut self.simulated_memory;
+            let wanted = b.update(memory, reference, &simulated.measured, velocity_feedforward);
+            self.simulated_motor = b.limits.follow(self.simulated_motor, wanted, b.period);
+        }
+        // a strategy that needs a simulation that is not there, or not true, is not followed
+        let most = if now.strategy.measures() { DRIFT } else { 0.5 * self.tracking };
+        let is_true = now
+            .simulated
+            .is_some_and(|s| !s.failed && (s.measured.stroke - measured.stroke).abs() <= most);
+        self.fallback |= now.strategy.simulates() && !is_true;
+        let strategy = match self.fallback {
+            true => Strategy::BenchmarkClosedLoop,
+            false => now.strategy,
+        };
+        let feedforward = match strategy.simulates() {
+            true => self.simulated_motor,
+            false => velocity_feedforward,
+        };
+        if strategy != self.strategy {
+            let speed = self.wanted;
+            b.take_over(&mut self.memory, reference, measured, feedforward, speed);
+            self.offset = if strategy.measures() { 0.0 } else { speed - feedforward };
+            self.strategy = strategy;
+        }
+        self.wanted = match strategy.measures() {
+            true => b.update(&mut self.memory, reference, measured, feedforward),
+            false => feedforward + self.offset,
+        };
+        self.offset *= 1.0 - b.period / BUMP;
+    }
+}

@@ -1,0 +1,23 @@
+//! The executive: the simulation runs beside the machine, 50 us a step, and the controller uses it
+//! every millisecond.
+//!
+//! ```text
+//! machine  -reading->  control task (1 ms)  -pump speed->  simulation task (50 us)
+//!          <-command-  supervisor, strategy <-simulated-
+//! ```
+//!
+//! The tasks know no clock and no thread. [`executive`] runs them in real time, each on a core of its
+//! own; [`lockstep`] in simulated time, every time the same.
+
+pub mod control_task;
+pub mod desk;
+pub mod executive;
+pub mod host;
+pub mod lockstep;
+pub mod machine;
+pub mod operator;
+pub mod posix;
+pub mod shared;
+pub mod simulation_task;
+pub mod slot;
+pub mod timing;

@@ -1,0 +1,99 @@
+//! What the operating system gives to a real-time thread.
+#![expect(unsafe_code, reason = "system calls; each is proven where it is made")]
+
+use std::fs::File;
+use std::io::{self, Write};
+
+/// A clock's time \[ns\].
+fn clock(id: libc::clockid_t) -> u64 {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: `time` is a valid timespec to write to, and both clocks exist on every Linux.
+    unsafe { libc::clock_gettime(id, &mut time) };
+    time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
+}
+
+/// Time since some moment, never going back \[ns\].
+pub fn now() -> u64 {
+    clock(libc::CLOCK_MONOTONIC)
+}
+
+/// Time this thread has had a processor \[ns\]: without what others took from it.
+pub fn thread_time() -> u64 {
+    clock(libc::CLOCK_THREAD_CPUTIME_ID)
+}
+
+/// Sleeps until `spin` before `time`, then looks at the clock until it is there \[ns\]. A sleeper wakes
+/// tens of microseconds late; who spins is on time, but must leave the processor some rest.
+pub fn wait_until(time: u64, spin: u64) {
+    let wake = time.saturating_sub(spin);
+    if now() < wake {
+        let at = libc::timespec {
+            tv_sec: (wake / 1_000_000_000) as libc::time_t,
+            tv_nsec: (wake % 1_000_000_000) as libc::c_long,
+        };
+        let flags = libc::TIMER_ABSTIME;
+        // SAFETY: `at` is a valid timespec; an absolute sleep writes no remainder, so null is allowed.
+        // A signal that ends the sleep early only makes the spinning longer.
+        unsafe { libc::clock_nanosleep(libc::CLOCK_MONOTONIC, flags, &at, std::ptr::null_mut()) };
+    }
+    while now() < time {
+        std::hint::spin_loop();
+    }
+}
+
+/// Keeps the calling thread on one core.
+///
+/// # Errors
+///
+/// What the system says.
+pub fn pin_to(core: usize) -> io::Result<()> {
+    // SAFETY: a cpu_set_t is a plain array of bits, for which zero is a valid value.
+    let mut set: libc::cpu_set_t = unsafe { std::mem::zeroed() };
+    if core >= libc::CPU_SETSIZE as usize {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "no such core"));
+    }
+    // SAFETY: `core` is within the set, which is valid; the size is that of the set.
+    checked(unsafe {
+        libc::CPU_SET(core, &mut set);
+        libc::sched_setaffinity(0, size_of::<libc::cpu_set_t>(), &set)
+    })
+}
+
+/// Lets the calling thread run before all ordinary ones, with a priority of 1 to 99.
+///
+/// # Errors
+///
+/// What the system says; without privileges, that it is not permitted.
+pub fn run_first(priority: i32) -> io::Result<()> {
+    let parameter = libc::sched_param { sched_priority: priority };
+    // SAFETY: `parameter` is valid; 0 is the calling thread.
+    checked(unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &parameter) })
+}
+
+/// Keeps all memory of the process in memory, now and later.
+///
+/// # Errors
+///
+/// What the system says.
+pub fn lock_memory() -> io::Result<()> {
+    // SAFETY: no pointers are passed.
+    checked(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
+}
+
+/// Keeps the processor from sleeping so deeply that it wakes late, as long as the file is held.
+///
+/// # Errors
+///
+/// What the system says; without privileges, that it is not permitted.
+pub fn stay_awake() -> io::Result<File> {
+    let mut file = File::options().write(true).open("/dev/cpu_dma_latency")?;
+    file.write_all(&0_i32.to_ne_bytes())?;
+    Ok(file)
+}
+
+fn checked(result: libc::c_int) -> io::Result<()> {
+    match result {
+        0 => Ok(()),
+        _ => Err(io::Error::last_os_error()),
+    }
+}

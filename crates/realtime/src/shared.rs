@@ -1,0 +1,102 @@
+//! A machine in another process, over shared memory: no system call to read or write it.
+
+use crate::machine::{Incoming, Machine};
+use crate::slot::Slot;
+use hydroboom_control::{Command, Reading};
+use memmap2::MmapMut;
+use std::fs::OpenOptions;
+use std::io;
+use std::path::Path;
+
+/// Tells our memory from anything else.
+const MAGIC: u64 = 0x6879_6472_6f62_6f6f;
+
+/// What both processes see.
+#[repr(C)]
+struct Layout {
+    magic: Slot<1>,
+    /// Number, then the reading's fields.
+    reading: Slot<8>,
+    /// Number, then the command's fields.
+    command: Slot<3>,
+}
+
+/// Memory shared by the executive and a machine's process.
+pub struct Shared {
+    map: MmapMut,
+}
+
+impl Shared {
+    /// Makes the memory at a path, empty.
+    ///
+    /// # Errors
+    ///
+    /// What the system says when the file cannot be made.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
+        file.set_len(size_of::<Layout>() as u64)?;
+        let shared = Self::map(&file)?;
+        shared.layout().magic.publish([MAGIC]);
+        Ok(shared)
+    }
+
+    /// Opens the memory that another process made.
+    ///
+    /// # Errors
+    ///
+    /// What the system says, or that it is not such a memory.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().read(true).write(true).open(path)?;
+        if file.metadata()?.len() != size_of::<Layout>() as u64 {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "not a machine's memory"));
+        }
+        let shared = Self::map(&file)?;
+        match shared.layout().magic.read() {
+            Some((_, [MAGIC])) => Ok(shared),
+            _ => Err(io::Error::new(io::ErrorKind::InvalidData, "not a machine's memory")),
+        }
+    }
+
+    fn map(file: &std::fs::File) -> io::Result<Self> {
+        // SAFETY: the map is only ever used through `Layout`, whose words are all atomic: whatever
+        // another process does to it is a change of atomics, and any bytes are valid ones. A file
+        // cut short under us is not guarded against; nobody but the two processes has its path.
+        #[expect(unsafe_code, reason = "memory shared with another process")]
+        let map = unsafe { MmapMut::map_mut(file)? };
+        Ok(Self { map })
+    }
+
+    fn layout(&self) -> &Layout {
+        // SAFETY: the map begins at a page, is as long as `Layout` (created or checked so), lives as
+        // long as `self`, and `Layout` consists of atomics for which any bytes are valid.
+        #[expect(unsafe_code, reason = "atomics in a shared map")]
+        unsafe {
+            &*self.map.as_ptr().cast::<Layout>()
+        }
+    }
+
+    /// For the machine's process: the newest command and its number.
+    pub fn command(&self) -> Option<(u64, Command<f64>)> {
+        let (_, [sequence, speed, valve]) = self.layout().command.read()?;
+        let (motor_speed, holding_valve) = (f64::from_bits(speed), f64::from_bits(valve));
+        Some((sequence, Command { motor_speed, holding_valve }))
+    }
+
+    /// For the machine's process: shows a reading with its number.
+    pub fn show(&self, sequence: u64, reading: &Reading<f64>) {
+        let [a, b, c, d, e, f, g] = reading.to_array().map(f64::to_bits);
+        self.layout().reading.publish([sequence, a, b, c, d, e, f, g]);
+    }
+}
+
+impl Machine for Shared {
+    fn read(&mut self) -> Option<Incoming> {
+        let (_, [sequence, values @ ..]) = self.layout().reading.read()?;
+        Some(Incoming { sequence, reading: Reading::from_array(values.map(f64::from_bits)) })
+    }
+
+    fn write(&mut self, sequence: u64, command: &Command<f64>) {
+        let [speed, valve] = command.to_array().map(f64::to_bits);
+        self.layout().command.publish([sequence, speed, valve]);
+    }
+}

@@ -1,0 +1,70 @@
+//! The simulation beside the machine: a step of 50 us at a time.
+
+use hydroboom_control::Measured;
+use hydroboom_description::{BuildError, Description};
+use hydroboom_model::{Input, Scheme, Simulation, Start};
+use hydroboom_plant::PlantError;
+
+/// What the simulation shows the controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Simulated {
+    /// Steps taken.
+    pub steps: u64,
+    /// What the benchmark controller looks at.
+    pub measured: Measured<f64>,
+    /// Whether it left what the model holds for; it then stays where it was.
+    pub failed: bool,
+}
+
+/// The simulated crane, three segments, published scheme.
+pub struct SimulationTask {
+    simulation: Simulation<3>,
+    simulated: Simulated,
+}
+
+impl SimulationTask {
+    /// A simulated crane at rest, pump pre-loaded.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when the description gives no model of three segments, or no state of rest.
+    pub fn new(model: &Description, start: &Start) -> Result<Self, PlantError> {
+        let crane = model.crane::<3>().map_err(BuildError::from)?;
+        let state = crane.at_rest(start).map_err(BuildError::from)?;
+        let step = model.numbers.simulation_period;
+        let simulation = Simulation::new(crane, state, Scheme::Published, step)
+            .map_err(PlantError::Simulation)?;
+        let mut task = Self { simulation, simulated: Simulated::default() };
+        task.look();
+        Ok(task)
+    }
+
+    /// One step with the given pump speed \[rev/s\].
+    pub fn step(&mut self, pump_speed: f64) {
+        if self.simulated.failed {
+            return;
+        }
+        match self.simulation.advance(&Input { pump_speed, holding_valve: 1.0 }, 1) {
+            Ok(()) => {
+                self.simulated.steps += 1;
+                self.look();
+            }
+            Err(_) => self.simulated.failed = true,
+        }
+    }
+
+    fn look(&mut self) {
+        let (crane, state) = (self.simulation.crane(), self.simulation.state());
+        let p = crane.circuit.pressures(&state.circuit);
+        let pose = crane.boom.pose(&state.boom.angle);
+        self.simulated.measured = Measured {
+            stroke: crane.boom.cylinder_pose(&pose).stroke,
+            load_pressure: crane.cylinder.load_pressure(p.a, p.b),
+        };
+    }
+
+    /// What it shows now.
+    pub fn simulated(&self) -> Simulated {
+        self.simulated
+    }
+}

@@ -1,0 +1,86 @@
+//! The newest value of one writer, for any number of readers, between threads or processes.
+
+use std::sync::atomic::{AtomicU64, Ordering, fence};
+
+/// Tries of a reader before it makes do with what it read last.
+const TRIES: usize = 16;
+
+/// `N` words that are read together or not at all: a sequence lock made of atomics only, so that any
+/// bytes in a shared memory are a valid one. The writer never waits; a reader tries a bounded number
+/// of times.
+#[repr(C)]
+#[derive(Debug)]
+pub struct Slot<const N: usize> {
+    /// Odd while the writer is at work.
+    version: AtomicU64,
+    words: [AtomicU64; N],
+}
+
+impl<const N: usize> Default for Slot<N> {
+    fn default() -> Self {
+        Self { version: AtomicU64::new(0), words: [const { AtomicU64::new(0) }; N] }
+    }
+}
+
+impl<const N: usize> Slot<N> {
+    /// Makes `words` the newest value. There must be one writer only.
+    pub fn publish(&self, words: [u64; N]) {
+        let version = self.version.load(Ordering::Relaxed) & !1;
+        self.version.store(version + 1, Ordering::Relaxed);
+        // the odd version is seen before any of the words
+        fence(Ordering::Release);
+        for (word, value) in self.words.iter().zip(words) {
+            word.store(value, Ordering::Relaxed);
+        }
+        self.version.store(version + 2, Ordering::Release);
+    }
+
+    /// The newest value and its version, which grows by two with each; none before the first, or while
+    /// the writer is at work all the time (or has died there).
+    pub fn read(&self) -> Option<(u64, [u64; N])> {
+        for _ in 0..TRIES {
+            let version = self.version.load(Ordering::Acquire);
+            if version == 0 {
+                return None;
+            }
+            if version & 1 == 1 {
+                std::hint::spin_loop();
+                continue;
+            }
+            let words = std::array::from_fn(|i| self.words[i].load(Ordering::Relaxed));
+            // the words are read before the version is looked at again
+            fence(Ordering::Acquire);
+            if self.version.load(Ordering::Relaxed) == version {
+                return Some((version, words));
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    #[test]
+    fn a_reader_never_sees_parts_of_two_values() {
+        let slot = Arc::new(Slot::<8>::default());
+        assert!(slot.read().is_none());
+        let count = 200_000_u64;
+        let writer = {
+            let slot = Arc::clone(&slot);
+            std::thread::spawn(move || (1..=count).for_each(|k| slot.publish([k; 8])))
+        };
+        let mut last = 0;
+        while last < count {
+            if let Some((version, words)) = slot.read() {
+                assert!(words.iter().all(|w| *w == words[0]), "{words:?}");
+                assert_eq!(version, 2 * words[0]);
+                assert!(words[0] >= last, "an older value after a newer one");
+                last = words[0];
+            }
+        }
+        writer.join().unwrap();
+    }
+}

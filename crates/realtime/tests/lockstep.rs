@@ -1,0 +1,129 @@
+//! The executive in simulated time, on the virtual crane.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_control::{Cause, Motion, State, Strategy};
+use hydroboom_description::Description;
+use hydroboom_realtime::control_task::Record;
+use hydroboom_realtime::lockstep::Lockstep;
+use hydroboom_realtime::operator::Operator;
+
+struct Case {
+    model: Description,
+    crane: Description,
+    motion: Motion<f64>,
+}
+
+fn case(overrides: &[&str]) -> Case {
+    let model = Description::uia_single_boom().unwrap();
+    let mut crane = Description::uia_virtual().unwrap();
+    for assignment in overrides {
+        crane.set(assignment).unwrap();
+    }
+    let motion = crane.motion(model.numbers.fast);
+    Case { model, crane, motion }
+}
+
+/// A whole course, from the load held to the load held; the strategy may depend on what was.
+fn course(case: &Case, first: Strategy, then: impl Fn(&Record) -> Strategy) -> Vec<Record> {
+    let mut run = Lockstep::new(&case.model, &case.crane, case.motion, first).unwrap();
+    let mut operator = Operator::new(true);
+    let mut records: Vec<Record> = Vec::new();
+    while !operator.is_done() && records.len() < 60_000 {
+        let now = records.last().map_or(first, &then);
+        records.push(run.period(&mut operator, now).unwrap());
+    }
+    records
+}
+
+fn rms_mm(records: &[Record]) -> f64 {
+    let errors: Vec<f64> = records.iter().filter_map(Record::error).collect();
+    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt() * 1e3
+}
+
+#[test]
+fn every_strategy_runs_its_course_and_the_load_is_released_and_held_softly() {
+    let case = case(&[]);
+    for strategy in Strategy::ALL {
+        let records = course(&case, strategy, |_| strategy);
+        let end = &records[records.len() - 1];
+        assert_eq!((end.decision.state, end.decision.cause), (State::Holding, None));
+        let at = records.iter().position(|r| r.decision.state == State::Moving).unwrap();
+        let released = &records[at].reading;
+        let apart = (released.pressure_a - released.pressure_pump_a).abs();
+        assert!(apart < 1e5, "released with {apart} Pa between pump and load");
+        let held = released.stroke;
+        let drop = records[at..at + 500].iter().map(|r| held - r.reading.stroke);
+        let drop = drop.fold(0.0, f64::max);
+        assert!(drop < 1e-3, "dropped {drop} m");
+        // and it is what the lab finds for the strategy, which starts from a released load
+        let published = if strategy.measures() { 1.1 } else { 30.0 };
+        assert!(rms_mm(&records) < published, "{}: {} mm", strategy.name(), rms_mm(&records));
+    }
+}
+
+#[test]
+fn simulated_time_is_the_same_every_time_to_the_last_bit() {
+    let case = case(&[]);
+    let run = || course(&case, Strategy::SimulationFeedforwardClosedLoop, |r| r.strategy);
+    let (one, other) = (run(), run());
+    assert_eq!(one.len(), other.len());
+    for (a, b) in one.iter().zip(&other) {
+        assert_eq!((a.reading, a.decision), (b.reading, b.decision));
+    }
+}
+
+#[test]
+fn strategies_change_without_a_bump() {
+    let case = case(&[]);
+    let all = Strategy::ALL;
+    for (first, then) in all.iter().flat_map(|a| all.iter().map(move |b| (*a, *b))) {
+        let at = 4.0;
+        let records =
+            course(
+                &case,
+                first,
+                |r| {
+                    if r.course_time.is_some_and(|t| t >= at) { then } else { first }
+                },
+            );
+        let steps = records.windows(2).filter(|w| {
+            w[0].course_time.is_some_and(|t| (t - at).abs() < 0.05) && w[1].course_time.is_some()
+        });
+        let speeds =
+            steps.map(|w| w[1].decision.command.motor_speed - w[0].decision.command.motor_speed);
+        let largest = speeds.fold(0.0, |most: f64, step| most.max(step.abs()));
+        // noise of position and pressure through the controller's gains, and a ramp's slope
+        assert!(largest < 0.25, "{} to {}: {largest} rev/s", first.name(), then.name());
+        assert_eq!(records[records.len() - 1].decision.state, State::Holding);
+    }
+}
+
+#[test]
+fn the_benchmark_takes_over_from_a_simulation_that_is_not_true() {
+    // a pump that delivers a fifth less: in open loop the machine falls behind the simulation
+    let far = case(&["pump.flow_gain=0.75"]);
+    let records = course(&far, Strategy::SimulationFeedforwardOpenLoop, |_| {
+        Strategy::SimulationFeedforwardOpenLoop
+    });
+    let at = records.iter().position(|r| r.fallback).expect("it drifts away");
+    let step =
+        records[at].decision.command.motor_speed - records[at - 1].decision.command.motor_speed;
+    assert!(step.abs() < 0.6, "a bump of {step} rev/s");
+    assert_eq!(records[at].strategy, Strategy::BenchmarkClosedLoop);
+    let end = records[records.len() - 1].decision;
+    assert_eq!((end.state, end.cause), (State::Holding, None));
+}
+
+#[test]
+fn a_motor_too_weak_for_the_load_ends_in_a_fault_with_the_load_held() {
+    let weak = case(&["drive.max_torque_nm=8"]);
+    let records = course(&weak, Strategy::BenchmarkClosedLoop, |r| r.strategy);
+    let end = records[records.len() - 1].decision;
+    assert!(
+        matches!(end.cause, Some(Cause::DriveNotFollowing | Cause::NoPreload)),
+        "{:?}",
+        end.cause
+    );
+    assert_eq!(end.state, State::Fault);
+}

@@ -1,0 +1,76 @@
+//! The cycle allocates nothing.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use hydroboom_control::{Request, State, Strategy};
+use hydroboom_description::Description;
+use hydroboom_model::Start;
+use hydroboom_realtime::control_task::{ControlTask, Period, limits};
+use hydroboom_realtime::machine::{Incoming, Machine};
+use hydroboom_realtime::shared::Shared;
+use hydroboom_realtime::simulation_task::SimulationTask;
+use hydroboom_realtime::slot::Slot;
+use hydroboom_realtime::timing::Timing;
+use hydroboom_virtual_crane::VirtualCrane;
+
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
+#[test]
+fn simulation_control_and_exchange_allocate_nothing() {
+    let model = Description::uia_single_boom().unwrap();
+    let crane = Description::uia_virtual().unwrap();
+    let motion = crane.motion(model.numbers.fast);
+    let mut start: Start = crane.start(motion.start);
+    start.preload = 0.0;
+    let mut machine = VirtualCrane::new(&crane, &start).unwrap();
+    let strategy = Strategy::SimulationFeedforwardClosedLoop;
+    let mut control = ControlTask::new(&model, motion, limits(&model, motion.speed), strategy);
+    let mut simulation = SimulationTask::new(&model, &model.start(motion.start)).unwrap();
+    let mut timing = Timing::new(1_000_000).unwrap();
+    let slot = Slot::<4>::default();
+    let path = std::env::temp_dir().join(format!("hydroboom-test-{}", std::process::id()));
+    let _ = std::fs::remove_file(&path);
+    let mut shared = Shared::create(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+
+    let mut moved = false;
+    let mut state = State::Idle;
+    for k in 0..8000_u64 {
+        // the machine is another process
+        shared.show(k + 1, &machine.reading());
+        let record = assert_no_alloc(|| {
+            let incoming: Option<Incoming> = shared.read();
+            let request = match state {
+                State::Idle => Request::Enable,
+                State::Ready => Request::Hold,
+                State::Holding => Request::Start,
+                _ => Request::None,
+            };
+            let record = control.period(&Period {
+                incoming,
+                simulated: Some(simulation.simulated()),
+                request,
+                strategy,
+                overruns: 0,
+                attended: true,
+                clock_jumped: false,
+            });
+            shared.write(k, &record.decision.command);
+            for _ in 0..20 {
+                if let Some(speed) = control.simulated_motor() {
+                    simulation.step(speed);
+                }
+                slot.publish([simulation.simulated().steps, 0, 0, 0]);
+            }
+            timing.released(k % 2_000_000);
+            timing.executed(k, k + 1, k);
+            record
+        });
+        state = record.decision.state;
+        moved |= record.course_time.is_some_and(|t| t > 3.0);
+        machine.advance(&record.decision.command).unwrap();
+    }
+    assert!(moved, "it ended in {state:?}");
+}
