@@ -64,8 +64,6 @@ pub struct Limits {
     pub speed: f64,
     /// Largest pressure \[Pa\].
     pub pressure: f64,
-    /// Largest distance from the reference \[m\].
-    pub tracking: f64,
     /// Largest distance the load may creep while held \[m\].
     pub creep: f64,
     /// Largest motor speed \[rev/s\].
@@ -105,6 +103,8 @@ pub struct Observation {
     pub is_new: bool,
     /// Where the piston should be \[m\]; the position of the start before the course begins.
     pub reference: f64,
+    /// How far from it the piston may be under the strategy at work \[m\].
+    pub tracking: f64,
     /// Motor speed that the controller asks for \[rev/s\].
     pub wanted: f64,
     /// Whether the course is over.
@@ -415,7 +415,7 @@ impl Supervisor {
                 if !seen.wanted.is_finite() {
                     return Some(Cause::ControllerInvalid);
                 }
-                if (reading.stroke - seen.reference).abs() > l.tracking {
+                if (reading.stroke - seen.reference).abs() > seen.tracking {
                     return Some(Cause::TrackingError);
                 }
                 let towards_end = (reading.stroke < l.margin && self.command.motor_speed < 0.0)

@@ -30,6 +30,9 @@ impl Machine {
         let mut start = crane.start(crane.numbers.motion_start);
         start.preload = 0.0;
         let crane = VirtualCrane::new(&crane, &start).into_diagnostic()?;
-        host(crane, &shared).into_diagnostic()
+        let end = host(crane, &shared).into_diagnostic();
+        // who made it has gone without a word, or has removed it
+        let _ = std::fs::remove_file(&self.shared);
+        end
     }
 }

@@ -4,10 +4,13 @@ mod bench;
 mod calibrate;
 mod check;
 mod crane_file;
+mod doctor;
 mod eigen;
 mod energy;
 mod family;
+mod faults;
 mod linearise;
+mod log;
 mod machine;
 mod motion;
 mod new;
@@ -47,6 +50,9 @@ enum Command {
     Calibrate(calibrate::Calibrate),
     Scenarios(scenarios::Scenarios),
     Run(run::Run),
+    Log(log::Log),
+    Faults(faults::Faults),
+    Doctor(doctor::Doctor),
     #[command(hide = true)]
     Machine(machine::Machine),
     Bench(bench::Bench),
@@ -74,6 +80,9 @@ fn main() -> Result<()> {
         Command::Calibrate(command) => command.run(),
         Command::Scenarios(command) => command.run(),
         Command::Run(command) => command.run(),
+        Command::Log(command) => command.run(),
+        Command::Faults(command) => command.run(),
+        Command::Doctor(command) => command.run(),
         Command::Machine(command) => command.run(),
         Command::Bench(command) => command.run(),
     }

@@ -11,6 +11,7 @@ use hydroboom_realtime::control_task::{ControlTask, Record, limits};
 use hydroboom_realtime::desk::Desk;
 use hydroboom_realtime::executive::{self, Placement, RealTime};
 use hydroboom_realtime::lockstep::Lockstep;
+use hydroboom_realtime::log::LogWriter;
 use hydroboom_realtime::operator::Operator;
 use hydroboom_realtime::shared::Shared;
 use hydroboom_realtime::simulation_task::SimulationTask;
@@ -46,6 +47,9 @@ pub struct Run {
     /// Start at once, without waiting for Enter.
     #[arg(long)]
     auto: bool,
+    /// Log to write, MCAP: Foxglove and PlotJuggler open it, `hydroboom log to-csv` converts it.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
     /// In simulated time: the same tasks, as fast as they go, every time the same.
     #[arg(long)]
     simulated_time: bool,
@@ -79,15 +83,19 @@ impl Run {
             then: self.then.map_or(strategy, Strategy::from),
             at: 0.5 * motion.duration(),
         };
-        let simulated = in_simulated_time(&model, &machine, motion, &switch)?;
-        let done = match self.simulated_time {
-            true => simulated,
-            false => {
-                let done = self.in_real_time(&model, motion, &switch)?;
-                return self.report(&model, speed, &switch, &done, Some(&simulated));
-            }
+        let mut log = match &self.log {
+            Some(path) => Some(LogWriter::begin(path).into_diagnostic()?),
+            None => None,
         };
-        self.report(&model, speed, &switch, &done, None)
+        let simulated = in_simulated_time(&model, &machine, motion, &switch)?;
+        if self.simulated_time {
+            simulated.records.iter().for_each(|record| add(&mut log, record));
+            log.map_or(Ok(()), LogWriter::finish).into_diagnostic()?;
+            return self.report(&model, speed, &switch, &simulated, None);
+        }
+        let done = self.in_real_time(&model, motion, &switch, &mut log)?;
+        log.map_or(Ok(()), LogWriter::finish).into_diagnostic()?;
+        self.report(&model, speed, &switch, &done, Some(&simulated))
     }
 
     fn in_real_time(
@@ -95,6 +103,7 @@ impl Run {
         model: &Description,
         motion: Motion<f64>,
         switch: &Switch,
+        log: &mut Option<LogWriter>,
     ) -> Result<Done> {
         let memory = Memory::new()?;
         let shared = Shared::create(&memory.path)
@@ -125,6 +134,7 @@ impl Run {
                 if state.replace(now) != Some(now) {
                     eprintln!("{:8.3} s  {}", record.time, said(now, record.decision.cause));
                 }
+                add(log, record);
                 records.push(*record);
             },
         )
@@ -188,6 +198,9 @@ impl Run {
             if let Some(real_time) = &done.real_time {
                 said += &timing_table(model, real_time);
             }
+            if let Some(log) = &self.log {
+                said += &format!("\nlog: {}", log.display());
+            }
             output::text(&said)?;
         }
         match cause {
@@ -196,6 +209,16 @@ impl Run {
                 Err(miette!(help = cause.advice(), "the supervisor stopped it: {}", cause.code()))
             }
         }
+    }
+}
+
+/// Adds a record; a log that cannot be written is given up, and the run goes on.
+fn add(log: &mut Option<LogWriter>, record: &Record) {
+    if let Some(writer) = log
+        && let Err(error) = writer.add(record)
+    {
+        eprintln!("the log ends here: {error}");
+        *log = None;
     }
 }
 
@@ -315,8 +338,8 @@ fn timing_table(model: &Description, r: &RealTime) -> String {
     let table =
         output::table(&header, &[row("simulation", &r.simulation), row("control", &r.control)]);
     let mut said = format!(
-        "\n\nDeadlines on {}\n{table}\nexecution is time on the processor; what others took of it stands \
-         apart. The paper ran both tasks at {:.0} us and {:.0} us on its IPC and prints no execution \
+        "\n\nDeadlines on {}\n{table}\nexecution is the thread's time on its processor; what other threads took \
+         stands apart, what a hypervisor took does not: the kernel does not tell it. The paper ran both tasks at {:.0} us and {:.0} us on its IPC and prints no execution \
          times.",
         processor(),
         model.numbers.simulation_period * 1e6,

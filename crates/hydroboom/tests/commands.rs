@@ -38,6 +38,10 @@ fn every_command_explains_itself_with_an_example() {
         "scenarios",
         "calibrate",
         "study",
+        "run",
+        "log",
+        "doctor",
+        "faults",
         "bench",
     ] {
         let help = hydroboom(&[command, "--help"]);
@@ -180,16 +184,18 @@ fn a_plant_that_differs_is_named_with_what_each_change_does() {
     assert_eq!(done["motion"].as_array().unwrap().len(), 8);
 }
 
+fn keys(value: &serde_json::Value, wanted: &[&str]) {
+    for key in wanted {
+        assert!(value.get(key).is_some(), "no {key} in {value}");
+    }
+}
+
+fn parsed(arguments: &[&str]) -> serde_json::Value {
+    serde_json::from_slice(&hydroboom(arguments).stdout).unwrap()
+}
+
 #[test]
 fn results_for_machines_have_the_promised_names() {
-    let keys = |value: &serde_json::Value, wanted: &[&str]| {
-        for key in wanted {
-            assert!(value.get(key).is_some(), "no {key} in {value}");
-        }
-    };
-    let parsed = |arguments: &[&str]| -> serde_json::Value {
-        serde_json::from_slice(&hydroboom(arguments).stdout).unwrap()
-    };
     let eigen = parsed(&["eigen", "--stroke-mm", "200", "--json"]);
     let row = [
         "stroke_mm",
@@ -317,4 +323,97 @@ fn an_interrupted_calibration_ends_as_an_uninterrupted_one() {
     // what it writes can be read, and calibrated again
     let check = hydroboom(&["check", "--crane", &path("whole.toml")]);
     assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stderr));
+}
+
+#[test]
+fn a_run_in_simulated_time_is_logged_and_converted() {
+    let folder = folder("run");
+    let log = folder.join("run.mcap");
+    let run = parsed(&["run", "--simulated-time", "--json", "--log", log.to_str().unwrap()]);
+    keys(&run, &["strategy", "rms_mm", "peak_mm", "paper", "fault", "processor"]);
+    assert!(run["fault"].is_null(), "{run}");
+    assert!(run["rms_mm"].as_f64().unwrap() < 1.1, "{run}");
+    let rows = |log: &std::path::Path| {
+        let csv = log.with_extension("csv");
+        let arguments = ["log", "to-csv", log.to_str().unwrap(), "--out", csv.to_str().unwrap()];
+        let output = hydroboom(&arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        std::fs::read_to_string(csv).unwrap().lines().count() - 1
+    };
+    let whole = rows(&log);
+    assert!(whole > 20_000, "{whole} rows");
+    // cut off anywhere, less than a second is lost
+    let bytes = std::fs::read(&log).unwrap();
+    let cut = folder.join("cut.mcap");
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let left = rows(&cut);
+    assert!(left > 5_000 && left < whole, "{left} rows of {whole}");
+    let foreign = hydroboom(&["log", "to-csv", folder.join("cut.csv").to_str().unwrap()]);
+    assert!(!foreign.status.success());
+}
+
+#[test]
+fn a_machine_that_dies_is_noticed_and_a_killed_run_leaves_a_machine_that_holds_its_load() {
+    // a machine that stalls may miss deadlines first: then it is tried again
+    for _ in 0..3 {
+        let run = std::process::Command::new(env!("CARGO_BIN_EXE_hydroboom"))
+            .args(["run", "--auto", "--json"])
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::null())
+            .spawn()
+            .unwrap();
+        let children = format!("/proc/{0}/task/{0}/children", run.id());
+        let machine = (0..200).find_map(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            let children = std::fs::read_to_string(&children).ok()?;
+            children.split_whitespace().next().map(str::to_string)
+        });
+        std::thread::sleep(std::time::Duration::from_secs(4));
+        let killed = std::process::Command::new("kill")
+            .args(["-9", &machine.expect("the machine's process")])
+            .status();
+        assert!(killed.is_ok_and(|status| status.success()));
+        let begun = std::time::Instant::now();
+        let output = run.wait_with_output().unwrap();
+        assert!(!output.status.success());
+        assert!(begun.elapsed().as_secs() < 5, "it went on");
+        let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        match said["fault"].as_str() {
+            Some("machine-lost") => return,
+            Some("overruns") => {}
+            other => panic!("{other:?}"),
+        }
+    }
+    panic!("deadlines were missed every time");
+}
+
+#[test]
+fn every_fault_ends_with_the_load_held_or_does_no_harm() {
+    let campaign = parsed(&["faults", "--json"]);
+    let outcomes = campaign["outcomes"].as_array().unwrap();
+    assert!(campaign["faults"].as_u64().unwrap() >= 30);
+    assert_eq!(outcomes.len() as u64, 12 * campaign["faults"].as_u64().unwrap());
+    for o in outcomes {
+        let fault = o["fault"].as_str().unwrap();
+        assert!(o["broke"].is_null(), "{o}");
+        let strayed = o["strayed_mm"].as_f64().unwrap();
+        let measures = o["strategy"].as_str().unwrap().contains("closed-loop");
+        let most = match (o["cause"].is_null(), measures) {
+            // what was borne was borne well; open loop errs anyway
+            (true, true) => 20.0,
+            (true, false) => 60.0,
+            // the limits of the tracking error, and what a falling load does meanwhile
+            (false, true) => 100.0,
+            (false, false) => 160.0,
+        };
+        assert!(strayed < most, "{o}");
+        // a number that is none, a machine that is gone, a button that is pressed: at once
+        let at_once = ["not a number", "machine killed", "emergency stop", "clock jump"];
+        if at_once.iter().any(|name| fault.contains(name)) {
+            assert!(o["safe_after_ms"].as_f64().is_some_and(|safe| safe < 200.0), "{o}");
+        }
+        if ["stuck", "noisy"].iter().any(|name| fault.contains(name)) && fault.contains("p_") {
+            assert!(o["safe_after_ms"].as_f64().is_some_and(|safe| safe < 500.0), "{o}");
+        }
+    }
 }

@@ -11,6 +11,14 @@ use hydroboom_description::Description;
 /// The simulation may be so far from the machine in closed loop before the benchmark takes over
 /// \[m\]; in open loop half of what the tracking error may be.
 const DRIFT: f64 = 0.02;
+/// How far the piston may be from its reference, with and without feedback \[m\].
+const TRACKING: f64 = 0.03;
+const OPEN_LOOP_TRACKING: f64 = 0.1;
+/// Time constant in which the limit comes down after feedback has taken over from open loop \[s\].
+const RECOVERY: f64 = 2.0;
+/// Steps that the simulation may be behind: more than it makes up for after a delay that the control
+/// task bears.
+const BEHIND: f64 = 500.0;
 /// A bump that a switch to open loop would make dies out with this time constant \[s\].
 const BUMP: f64 = 0.3;
 
@@ -69,7 +77,14 @@ pub struct ControlTask {
     area_ratio: f64,
     motion: Motion<f64>,
     supervisor: Supervisor,
+    /// How far the piston may be from its reference now \[m\].
     tracking: f64,
+    /// Steps of the simulation that are due in a period.
+    steps_due: f64,
+    /// Steps it had taken when it was looked at last.
+    steps: u64,
+    /// Steps that it is behind.
+    behind: f64,
     time: f64,
     course_time: f64,
     decision: Decision,
@@ -98,7 +113,6 @@ pub fn limits(model: &Description, speed: f64) -> Limits {
         margin: 0.01,
         speed,
         pressure: 200e5,
-        tracking: 0.1,
         creep: 3e-3,
         motor_speed: n.motor_speed,
         motor_slew: n.motor_slew,
@@ -106,7 +120,7 @@ pub fn limits(model: &Description, speed: f64) -> Limits {
         stale: 20.0 * n.control_period,
         stuck: 0.25,
         scatter: (2e-4, 3e5),
-        pressure_step: 40e5,
+        pressure_step: 10e5,
         overruns: 20,
         preload: 1e5,
         preload_time: 15.0,
@@ -131,7 +145,10 @@ impl ControlTask {
             benchmark,
             area_ratio: 1.0 - (n.rod / n.piston) * (n.rod / n.piston),
             motion,
-            tracking: limits.tracking,
+            tracking: OPEN_LOOP_TRACKING,
+            steps_due: (n.control_period / n.simulation_period).round(),
+            steps: 0,
+            behind: 0.0,
             supervisor: Supervisor::new(limits),
             time: 0.0,
             course_time: 0.0,
@@ -182,6 +199,7 @@ impl ControlTask {
             age: self.age,
             is_new,
             reference: reference.position,
+            tracking: self.tracking,
             wanted: self.wanted,
             course_over: self.course_time >= self.motion.duration(),
             overruns: now.overruns,
@@ -214,7 +232,10 @@ impl ControlTask {
     fn begin(&mut self, measured: &Measured<f64>, now: &Period) {
         self.course_time = 0.0;
         self.offset = 0.0;
+        self.tracking = if self.strategy.measures() { TRACKING } else { OPEN_LOOP_TRACKING };
         self.simulated_motor = 0.0;
+        self.behind = 0.0;
+        self.steps = now.simulated.map_or(0, |s| s.steps);
         self.memory = self.benchmark.start(measured);
         if let Some(simulated) = now.simulated {
             self.simulated_memory = self.benchmark.start(&simulated.measured);
@@ -235,10 +256,15 @@ impl ControlTask {
             self.simulated_motor = b.limits.follow(self.simulated_motor, wanted, b.period);
         }
         // a strategy that needs a simulation that is not there, or not true, is not followed
-        let most = if now.strategy.measures() { DRIFT } else { 0.5 * self.tracking };
-        let is_true = now
-            .simulated
-            .is_some_and(|s| !s.failed && (s.measured.stroke - measured.stroke).abs() <= most);
+        let most = if now.strategy.measures() { DRIFT } else { 0.5 * OPEN_LOOP_TRACKING };
+        if let Some(simulated) = now.simulated {
+            let taken = simulated.steps.saturating_sub(self.steps) as f64;
+            self.behind = (self.behind + self.steps_due - taken).max(0.0);
+            self.steps = simulated.steps;
+        }
+        let alive = self.behind < BEHIND;
+        let near = |s: Simulated| (s.measured.stroke - measured.stroke).abs() <= most;
+        let is_true = alive && now.simulated.is_some_and(|s| !s.failed && near(s));
         self.fallback |= now.strategy.simulates() && !is_true;
         let strategy = match self.fallback {
             true => Strategy::BenchmarkClosedLoop,
@@ -259,5 +285,10 @@ impl ControlTask {
             false => feedforward + self.offset,
         };
         self.offset *= 1.0 - b.period / BUMP;
+        // feedback that takes over from open loop has its time to make good what it finds
+        self.tracking = match strategy.measures() {
+            true => self.tracking + (TRACKING - self.tracking) * b.period / RECOVERY,
+            false => OPEN_LOOP_TRACKING,
+        };
     }
 }

@@ -11,9 +11,12 @@
 
 pub mod control_task;
 pub mod desk;
+pub mod doctor;
 pub mod executive;
+pub mod faults;
 pub mod host;
 pub mod lockstep;
+pub mod log;
 pub mod machine;
 pub mod operator;
 pub mod posix;

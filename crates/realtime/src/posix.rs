@@ -80,6 +80,15 @@ pub fn lock_memory() -> io::Result<()> {
     checked(unsafe { libc::mlockall(libc::MCL_CURRENT | libc::MCL_FUTURE) })
 }
 
+/// Whether all memory of a process may be locked.
+pub fn may_lock_memory() -> bool {
+    let mut limit = libc::rlimit { rlim_cur: 0, rlim_max: 0 };
+    // SAFETY: `limit` is valid to write to; geteuid always succeeds.
+    let (known, user) =
+        unsafe { (libc::getrlimit(libc::RLIMIT_MEMLOCK, &mut limit) == 0, libc::geteuid()) };
+    user == 0 || (known && limit.rlim_cur == libc::RLIM_INFINITY)
+}
+
 /// Keeps the processor from sleeping so deeply that it wakes late, as long as the file is held.
 ///
 /// # Errors

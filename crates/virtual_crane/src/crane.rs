@@ -91,6 +91,20 @@ impl VirtualCrane {
         Ok(())
     }
 
+    /// Goes on as another crane of the same number of segments: after a line burst, say.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when there is no such crane.
+    pub fn set_description(&mut self, description: &Description) -> Result<(), PlantError> {
+        let changed = self.equipment.with_description(description);
+        self.plant.set_parameters(&changed)?;
+        if let Some(shift) = self.equipment.dissolved() {
+            self.plant.set_dissolved_air(shift);
+        }
+        Ok(())
+    }
+
     /// One control period under a command.
     ///
     /// # Errors

@@ -211,6 +211,11 @@ impl Equipment {
         self.temperature.with_payload(mass)
     }
 
+    /// The crane as described anew, at the oil's temperature.
+    pub(crate) fn with_description(&mut self, description: &Description) -> Description {
+        self.temperature.with_description(description)
+    }
+
     /// Begins a control period with what the controller sends; what arrives at the crane, or none
     /// where it is not a number.
     pub(crate) fn begin(&mut self, command: &Command<f64>) -> Option<Command<f64>> {

@@ -57,6 +57,12 @@ impl Temperature {
         self.description()
     }
 
+    /// Another crane from now on, at the same temperature.
+    pub(crate) fn with_description(&mut self, described: &Description) -> Description {
+        self.described = described.clone();
+        self.description()
+    }
+
     /// Heats the oil with `heat` \[W\] for `time` \[s\]; the crane's description where it has
     /// changed enough to matter.
     pub(crate) fn advance(&mut self, heat: f64, time: f64) -> Option<Description> {

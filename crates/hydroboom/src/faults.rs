@@ -1,0 +1,114 @@
+//! `hydroboom faults`
+
+use crate::crane_file::CraneFile;
+use crate::output;
+use clap::Args;
+use hydroboom_control::Strategy;
+use hydroboom_description::Description;
+use hydroboom_realtime::faults::{Fault, Outcome, inject, moments};
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, Result};
+use rayon::prelude::*;
+use serde_json::json;
+
+/// Let everything go wrong that can, under every strategy and at three moments of the cycle, in
+/// simulated time, and say what the supervisor made of it.
+#[derive(Args)]
+#[command(after_help = "Example: hydroboom faults")]
+pub struct Faults {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Only faults whose name contains this.
+    #[arg(long, value_name = "TEXT")]
+    only: Option<String>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Faults {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let model = self.crane.read()?;
+        let machine = Description::uia_virtual()?;
+        let motion = machine.motion(model.numbers.fast);
+        let wanted = self.only.as_deref().unwrap_or("");
+        let faults: Vec<Fault> =
+            Fault::all().into_iter().filter(|fault| fault.name().contains(wanted)).collect();
+        if faults.is_empty() {
+            miette::bail!("no fault's name contains \"{wanted}\"");
+        }
+        let cases: Vec<_> = faults
+            .iter()
+            .flat_map(|fault| {
+                Strategy::ALL.into_iter().flat_map(move |strategy| {
+                    moments(&motion).map(|moment| (*fault, strategy, moment))
+                })
+            })
+            .collect();
+        let bar = ProgressBar::new(cases.len() as u64);
+        let outcomes = cases
+            .par_iter()
+            .map(|(fault, strategy, moment)| {
+                let outcome = inject(&model, &machine, motion, *strategy, *fault, moment);
+                bar.inc(1);
+                outcome
+            })
+            .collect::<Result<Vec<Outcome>, _>>();
+        bar.finish_and_clear();
+        let outcomes = outcomes.into_diagnostic()?;
+        if self.json {
+            let list: Vec<_> = outcomes.iter().map(in_json).collect();
+            return output::json(&json!({ "faults": faults.len(), "outcomes": list }));
+        }
+        let rows: Vec<Vec<String>> = faults.iter().map(|fault| row(*fault, &outcomes)).collect();
+        let header = [
+            "fault",
+            "found as",
+            "finished",
+            "safe after [ms]",
+            "strayed [mm]",
+            "moved when safe [mm]",
+        ];
+        output::text(&format!(
+            "{} faults, {} cases: worst of four strategies and three moments\n{}",
+            faults.len(),
+            outcomes.len(),
+            output::table(&header, &rows)
+        ))
+    }
+}
+
+fn in_json(o: &Outcome) -> serde_json::Value {
+    json!({
+        "fault": o.fault.name(), "strategy": o.strategy.name(), "moment": o.moment,
+        "cause": o.cause.map(|cause| cause.code()), "safe_after_ms": o.safe_after.map(|s| s * 1e3),
+        "fallback": o.fallback, "strayed_mm": o.strayed * 1e3,
+        "moved_after_mm": o.moved_after * 1e3, "broke": o.broke.map(|error| error.to_string()),
+    })
+}
+
+/// The worst of a fault's cases.
+fn row(fault: Fault, outcomes: &[Outcome]) -> Vec<String> {
+    let cases: Vec<&Outcome> = outcomes.iter().filter(|o| o.fault == fault).collect();
+    let most = |of: &dyn Fn(&Outcome) -> f64| cases.iter().map(|o| of(o)).fold(0.0, f64::max);
+    let mut causes: Vec<&str> = cases.iter().filter_map(|o| o.cause).map(|c| c.code()).collect();
+    if cases.iter().any(|o| o.fallback) {
+        causes.push("(benchmark took over)");
+    }
+    if cases.iter().any(|o| o.broke.is_some()) {
+        causes.push("MACHINE BROKEN");
+    }
+    causes.sort_unstable();
+    causes.dedup();
+    let finished = cases.iter().filter(|o| o.cause.is_none() && o.broke.is_none()).count();
+    let safe = most(&|o| o.safe_after.unwrap_or(0.0) * 1e3);
+    vec![
+        fault.name(),
+        causes.join(", "),
+        format!("{finished} of {}", cases.len()),
+        if safe > 0.0 { format!("{safe:.0}") } else { "-".into() },
+        format!("{:.1}", most(&|o| o.strayed * 1e3)),
+        format!("{:.2}", most(&|o| o.moved_after * 1e3)),
+    ]
+}

@@ -1,0 +1,212 @@
+//! The log: MCAP, which Foxglove and PlotJuggler open, a JSON message for every control period.
+//!
+//! It is written by an ordinary thread. Every half second a chunk is ended and handed to the system:
+//! whoever is killed loses less than a second, and the file stays readable up to there. A disk that
+//! is full ends the log and nothing else.
+
+use crate::control_task::Record;
+use mcap::records::MessageHeader;
+use mcap::{Compression, McapError, Schema, WriteOptions, Writer};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+use thiserror::Error;
+
+/// Time between two chunks \[s\].
+const CHUNK: f64 = 0.5;
+const TOPIC: &str = "/control";
+
+/// Why there is no log.
+#[derive(Debug, Error)]
+pub enum LogError {
+    /// The file cannot be made or read.
+    #[error("{path}: {error}")]
+    File {
+        /// Its path.
+        path: String,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// It cannot be written any more, or is no such log.
+    #[error("{path}: {error}")]
+    Mcap {
+        /// Its path.
+        path: String,
+        /// What the library says.
+        error: McapError,
+    },
+    /// A message that is none of ours.
+    #[error("{path}: not a log of hydroboom run: {reason}")]
+    Foreign {
+        /// Its path.
+        path: String,
+        /// What was found.
+        reason: String,
+    },
+}
+
+/// Names, with units, and kinds of the fields.
+fn fields() -> Vec<(&'static str, &'static str)> {
+    let mut fields: Vec<(&str, &str)> = NUMBERS.iter().map(|(name, _)| (*name, "number")).collect();
+    fields.extend([("state", "string"), ("cause", "string"), ("strategy", "string")]);
+    fields.push(("fallback", "boolean"));
+    fields
+}
+
+type Number = (&'static str, fn(&Record) -> Option<f64>);
+
+/// The numbers of a record, in the units of their names; none where there is nothing to say.
+const NUMBERS: [Number; 18] = [
+    ("time_s", |r| Some(r.time)),
+    ("course_time_s", |r| r.course_time),
+    ("reading_number", |r| Some(r.sequence as f64)),
+    ("reference_position_mm", |r| Some(r.reference.position * 1e3)),
+    ("reference_velocity_mm_s", |r| Some(r.reference.velocity * 1e3)),
+    ("stroke_mm", |r| Some(r.reading.stroke * 1e3)),
+    ("error_mm", |r| r.error().map(|e| e * 1e3)),
+    ("simulated_stroke_mm", |r| r.simulated.map(|s| s.stroke * 1e3)),
+    ("simulated_load_pressure_bar", |r| r.simulated.map(|s| s.load_pressure * 1e-5)),
+    ("pressure_pump_a_bar", |r| Some(r.reading.pressure_pump_a * 1e-5)),
+    ("pressure_a_bar", |r| Some(r.reading.pressure_a * 1e-5)),
+    ("pressure_b_bar", |r| Some(r.reading.pressure_b * 1e-5)),
+    ("pressure_pump_b_bar", |r| Some(r.reading.pressure_pump_b * 1e-5)),
+    ("pressure_accumulator_bar", |r| Some(r.reading.pressure_accumulator * 1e-5)),
+    ("motor_speed_rpm", |r| Some(r.reading.motor_speed * 60.0)),
+    ("command_motor_speed_rpm", |r| Some(r.decision.command.motor_speed * 60.0)),
+    ("command_holding_valve", |r| Some(r.decision.command.holding_valve)),
+    ("controls", |r| Some(f64::from(u8::from(r.decision.controls)))),
+];
+
+/// A log being written.
+pub struct LogWriter {
+    path: String,
+    writer: Writer<BufWriter<File>>,
+    channel: u16,
+    count: u32,
+    chunk_from: f64,
+}
+
+impl LogWriter {
+    /// Begins a log.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`] when the file cannot be made.
+    pub fn begin(path: &Path) -> Result<Self, LogError> {
+        let name = path.display().to_string();
+        let file =
+            File::create(path).map_err(|error| LogError::File { path: name.clone(), error })?;
+        let failed = |error| LogError::Mcap { path: name.clone(), error };
+        let mut writer = WriteOptions::new()
+            .compression(Some(Compression::Zstd))
+            .chunk_size(None)
+            .library(concat!("hydroboom ", env!("CARGO_PKG_VERSION")))
+            .create(BufWriter::new(file))
+            .map_err(failed)?;
+        let properties: Map<String, Value> = fields()
+            .into_iter()
+            .map(|(name, kind)| (name.to_string(), json!({ "type": kind })))
+            .collect();
+        let schema = json!({
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": "hydroboom.Control", "type": "object", "properties": properties,
+        });
+        let schema = writer
+            .add_schema("hydroboom.Control", "jsonschema", schema.to_string().as_bytes())
+            .map_err(failed)?;
+        let channel =
+            writer.add_channel(schema, TOPIC, "json", &BTreeMap::new()).map_err(failed)?;
+        Ok(Self { path: name, writer, channel, count: 0, chunk_from: 0.0 })
+    }
+
+    /// Adds a record.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`] when it cannot be written; what was written stays readable.
+    pub fn add(&mut self, record: &Record) -> Result<(), LogError> {
+        let mut message = Map::new();
+        for (name, of) in NUMBERS {
+            // JSON knows no NaN: what is none is left out
+            if let Some(number) = of(record).and_then(serde_json::Number::from_f64) {
+                message.insert(name.into(), Value::Number(number));
+            }
+        }
+        let decision = &record.decision;
+        message.insert("state".into(), json!(format!("{:?}", decision.state)));
+        message.insert("cause".into(), json!(decision.cause.map_or("", |cause| cause.code())));
+        message.insert("strategy".into(), json!(record.strategy.name()));
+        message.insert("fallback".into(), json!(record.fallback));
+        let time = (record.time * 1e9).round() as u64;
+        let header = MessageHeader {
+            channel_id: self.channel,
+            sequence: self.count,
+            log_time: time,
+            publish_time: time,
+        };
+        self.count = self.count.wrapping_add(1);
+        let data = Value::Object(message).to_string();
+        let written = self.writer.write_to_known_channel(&header, data.as_bytes());
+        let chunk_ends = record.time >= self.chunk_from + CHUNK;
+        written
+            .and_then(|()| match chunk_ends {
+                true => {
+                    self.chunk_from = record.time;
+                    self.writer.flush()
+                }
+                false => Ok(()),
+            })
+            .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
+    }
+
+    /// Ends the log.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`] when its end cannot be written.
+    pub fn finish(mut self) -> Result<(), LogError> {
+        let path = self.path.clone();
+        self.writer.finish().map(|_| ()).map_err(|error| LogError::Mcap { path, error })
+    }
+}
+
+/// A log as a table: the header, then a row for each control period. A log that was cut off is read up
+/// to where it was.
+///
+/// # Errors
+///
+/// [`LogError`] when it cannot be read, or is none of ours.
+pub fn read(path: &Path) -> Result<(Vec<&'static str>, Vec<Vec<String>>), LogError> {
+    let name = path.display().to_string();
+    let bytes =
+        std::fs::read(path).map_err(|error| LogError::File { path: name.clone(), error })?;
+    if !bytes.starts_with(mcap::MAGIC) {
+        let reason = "it does not begin as an MCAP file does".into();
+        return Err(LogError::Foreign { path: name, reason });
+    }
+    let options = [mcap::read::Options::IgnoreEndMagic];
+    let messages = mcap::MessageStream::new_with_options(&bytes, options.into_iter().collect())
+        .map_err(|error| LogError::Mcap { path: name.clone(), error })?;
+    let foreign = |reason: String| LogError::Foreign { path: name.clone(), reason };
+    let header: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
+    let mut rows = Vec::new();
+    for message in messages {
+        // the last chunk of a log that was cut off
+        let Ok(message) = message else { break };
+        let schema: Option<&Schema<'_>> = message.channel.schema.as_deref();
+        if schema.is_none_or(|schema| schema.name != "hydroboom.Control") {
+            return Err(foreign(format!("a message on {}", message.channel.topic)));
+        }
+        let value: Value =
+            serde_json::from_slice(&message.data).map_err(|e| foreign(e.to_string()))?;
+        let cell = |name: &&str| match &value[*name] {
+            Value::Null => String::new(),
+            Value::String(text) => text.clone(),
+            other => other.to_string(),
+        };
+        rows.push(header.iter().map(cell).collect());
+    }
+    Ok((header, rows))
+}
