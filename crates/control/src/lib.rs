@@ -13,6 +13,7 @@ mod motor;
 mod signals;
 mod strategy;
 mod supervisor;
+mod watch;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
 pub use fault::Cause;

@@ -1,7 +1,6 @@
 //! What goes between a controller and a machine.
 
-use crate::Measured;
-use hydroboom_math::{Real, record};
+use hydroboom_math::record;
 
 record! {
     /// What a controller sends.
@@ -39,16 +38,5 @@ record! {
         /// Motor speed, from the drive's encoder
         #[unit = "rev/s"]
         pub motor_speed: T,
-    }
-}
-
-impl<T: Real> Reading<T> {
-    /// What the benchmark controller makes of it, for a cylinder with the given ratio A_r/A_p.
-    #[inline(always)]
-    pub fn measured(&self, area_ratio: T) -> Measured<T> {
-        Measured {
-            stroke: self.stroke,
-            load_pressure: self.pressure_a - area_ratio * self.pressure_b,
-        }
     }
 }

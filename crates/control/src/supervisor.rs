@@ -13,6 +13,7 @@
 
 use crate::fault::Cause;
 use crate::signals::{Command, Reading};
+use crate::watch::{RUNAWAY, Watch};
 
 /// What the machine is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,9 +131,6 @@ pub struct Decision {
     pub controls: bool,
 }
 
-/// Signals that are watched one by one: position, then five pressures.
-const SIGNALS: usize = 6;
-
 /// The supervisor at work.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
@@ -154,16 +152,7 @@ pub struct Supervisor {
     held_at: Option<f64>,
     /// Time that the drive has not followed \[s\].
     deviating: f64,
-    last: Option<Reading<f64>>,
-    /// Time for which each signal has repeated itself \[s\].
-    repeated: [f64; SIGNALS],
-    /// Mean square of each signal's second difference.
-    scatter: [f64; SIGNALS],
-    differences: [f64; SIGNALS],
-    /// Velocity of the piston, averaged \[m/s\].
-    velocity: f64,
-    /// New readings since the start, saturating.
-    readings: u32,
+    watch: Watch,
 }
 
 /// Motor speed per pressure that the pump side lacks while it is pre-loaded \[rev/s per Pa\].
@@ -174,17 +163,6 @@ const PRELOAD_RESET: f64 = 0.5;
 const PRELOAD_SPEED: f64 = 8.0;
 /// The pump side must stay pre-loaded for so long before the load is released \[s\].
 const PRELOADED: f64 = 0.1;
-/// A piston faster than so many times the largest speed runs away.
-const RUNAWAY: f64 = 1.5;
-/// Readings that the velocity is averaged over.
-const VELOCITY_WINDOW: f64 = 20.0;
-/// Readings that the scatter of a signal is averaged over.
-const SCATTER_WINDOW: u32 = 64;
-/// How far beyond its stroke a piston may be read \[m\]: end stops give way, encoders have a zero.
-const STROKE_SLACK: f64 = 5e-3;
-/// Lowest pressure that is read of a sound transducer \[Pa\]: a vacuum, and the transducer's error.
-const LOWEST_PRESSURE: f64 = -1.5e5;
-
 /// A load is brought to rest within this time \[s\], if the cause allows for it.
 pub const SOFT_STOP: f64 = 0.4;
 
@@ -203,12 +181,7 @@ impl Supervisor {
             stopping_from: 0.0,
             held_at: None,
             deviating: 0.0,
-            last: None,
-            repeated: [0.0; SIGNALS],
-            scatter: [0.0; SIGNALS],
-            differences: [0.0; SIGNALS],
-            velocity: 0.0,
-            readings: 0,
+            watch: Watch::default(),
         }
     }
 
@@ -232,10 +205,12 @@ impl Supervisor {
             _ => false,
         };
         if begins {
-            self.forget();
+            // what was wrong before is judged by new readings only
+            self.watch = Watch::default();
+            self.deviating = 0.0;
         }
         let wrong = self.what_is_wrong(seen, request);
-        self.remember(seen);
+        self.watch.remember(seen, &self.limits);
         match (self.state, wrong) {
             (State::Fault | State::Idle, None) if begins => {
                 self.cause = None;
@@ -380,7 +355,7 @@ impl Supervisor {
         if request == Request::EmergencyStop {
             return Some(Cause::EmergencyStop);
         }
-        if let Some(cause) = self.judge(seen) {
+        if let Some(cause) = self.watch.judge(seen, &self.limits) {
             return Some(cause);
         }
         let l = &self.limits;
@@ -398,7 +373,7 @@ impl Supervisor {
                 return Some(Cause::DriveNotFollowing);
             }
         }
-        if self.velocity.abs() > RUNAWAY * l.speed {
+        if self.watch.velocity().abs() > RUNAWAY * l.speed {
             return Some(Cause::Runaway);
         }
         match self.state {
@@ -428,107 +403,4 @@ impl Supervisor {
         }
         None
     }
-
-    /// What is wrong with the readings themselves.
-    fn judge(&self, seen: &Observation) -> Option<Cause> {
-        let l = &self.limits;
-        let values = signals(&seen.reading);
-        if seen.clock_jumped {
-            return Some(Cause::ClockJumped);
-        }
-        if !(values.iter().all(|v| v.is_finite()) && seen.reading.motor_speed.is_finite()) {
-            return Some(Cause::NotANumber);
-        }
-        if seen.age.is_nan() || seen.age > l.stale {
-            return Some(Cause::MachineLost);
-        }
-        if seen.overruns >= l.overruns {
-            return Some(Cause::Overruns);
-        }
-        let [stroke, pressures @ ..] = values;
-        if !(-STROKE_SLACK..=l.stroke + STROKE_SLACK).contains(&stroke) {
-            return Some(Cause::PositionImplausible);
-        }
-        if pressures.iter().any(|p| *p < LOWEST_PRESSURE || *p > 2.0 * l.pressure) {
-            return Some(Cause::PressureImplausible);
-        }
-        if let Some(last) = self.last.filter(|_| seen.is_new) {
-            let [before, pressures_before @ ..] = signals(&last);
-            // what the piston can do until readings are too old, and the scatter of its encoder
-            let reach = (l.stale + l.period) * RUNAWAY * l.speed + 6.0 * l.scatter.0;
-            if (stroke - before).abs() > reach {
-                return Some(Cause::PositionJumped);
-            }
-            let pairs = pressures.iter().zip(pressures_before);
-            if pairs.into_iter().any(|(now, before)| (now - before).abs() > l.pressure_step) {
-                return Some(Cause::PressureJumped);
-            }
-        }
-        if pressures.iter().any(|p| *p > l.pressure) {
-            return Some(Cause::OverPressure);
-        }
-        if l.stuck > 0.0 && self.repeated.iter().any(|time| *time > l.stuck) {
-            return Some(Cause::SensorStuck);
-        }
-        let [position_scatter, pressure_scatters @ ..] = self.scatter;
-        let noisy = position_scatter > l.scatter.0 * l.scatter.0
-            || pressure_scatters.iter().any(|s| *s > l.scatter.1 * l.scatter.1);
-        if self.readings > SCATTER_WINDOW && noisy {
-            return Some(Cause::SensorNoisy);
-        }
-        None
-    }
-
-    /// Watches anew: what was wrong before a reset is judged by new readings only.
-    fn forget(&mut self) {
-        self.last = None;
-        self.repeated = [0.0; SIGNALS];
-        self.scatter = [0.0; SIGNALS];
-        self.differences = [0.0; SIGNALS];
-        self.velocity = 0.0;
-        self.readings = 0;
-        self.deviating = 0.0;
-    }
-
-    /// Takes a new reading into what is watched over time.
-    fn remember(&mut self, seen: &Observation) {
-        let values = signals(&seen.reading);
-        if !seen.is_new || values.iter().any(|v| !v.is_finite()) {
-            return;
-        }
-        if let Some(last) = self.last {
-            let before = signals(&last);
-            let velocity = (values[0] - before[0]) / self.limits.period;
-            self.velocity += (velocity - self.velocity) / VELOCITY_WINDOW;
-            for k in 0..SIGNALS {
-                let difference = values[k] - before[k];
-                self.repeated[k] = match difference == 0.0 {
-                    true => self.repeated[k] + self.limits.period,
-                    false => 0.0,
-                };
-                // the second difference: a steady motion does not scatter
-                let most =
-                    10.0 * if k == 0 { self.limits.scatter.0 } else { self.limits.scatter.1 };
-                // one jump, however large, is no noise
-                let second = (difference - self.differences[k]).clamp(-most, most);
-                let share = 1.0 / f64::from(SCATTER_WINDOW);
-                self.scatter[k] += share * (second * second / 6.0 - self.scatter[k]);
-                self.differences[k] = difference;
-            }
-        }
-        self.last = Some(seen.reading);
-        self.readings = self.readings.saturating_add(1);
-    }
-}
-
-/// Position, then the pressures.
-fn signals(r: &Reading<f64>) -> [f64; SIGNALS] {
-    [
-        r.stroke,
-        r.pressure_pump_a,
-        r.pressure_a,
-        r.pressure_b,
-        r.pressure_pump_b,
-        r.pressure_accumulator,
-    ]
 }

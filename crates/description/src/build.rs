@@ -125,13 +125,7 @@ impl Description {
         };
         Ok(Crane {
             circuit,
-            cylinder: Cylinder::from_diameters(
-                n.piston,
-                n.rod,
-                n.stroke,
-                n.dead_volume_a,
-                n.dead_volume_b,
-            ),
+            cylinder: self.cylinder(),
             end_stops: EndStops { stiffness: n.stop_stiffness, damping: n.stop_damping },
             friction,
             boom,
@@ -199,6 +193,12 @@ impl Description {
             limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
             period: n.control_period,
         }
+    }
+
+    /// The cylinder, as the model has it.
+    pub fn cylinder(&self) -> Cylinder<f64> {
+        let n = &self.numbers;
+        Cylinder::from_diameters(n.piston, n.rod, n.stroke, n.dead_volume_a, n.dead_volume_b)
     }
 
     /// The motion of the tests at a speed \[m/s\].

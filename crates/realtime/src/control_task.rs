@@ -7,6 +7,7 @@ use hydroboom_control::{
     Reference, Request, State, Strategy, Supervisor,
 };
 use hydroboom_description::Description;
+use hydroboom_model::hydraulics::Cylinder;
 
 /// The simulation may be so far from the machine in closed loop before the benchmark takes over
 /// \[m\]; in open loop half of what the tracking error may be.
@@ -74,7 +75,8 @@ impl Record {
 /// The control task, called once a period; it allocates nothing.
 pub struct ControlTask {
     benchmark: Benchmark<f64>,
-    area_ratio: f64,
+    /// For its areas.
+    cylinder: Cylinder<f64>,
     motion: Motion<f64>,
     supervisor: Supervisor,
     /// How far the piston may be from its reference now \[m\].
@@ -143,7 +145,7 @@ impl ControlTask {
             memory: benchmark.start(&nothing),
             simulated_memory: benchmark.start(&nothing),
             benchmark,
-            area_ratio: 1.0 - (n.rod / n.piston) * (n.rod / n.piston),
+            cylinder: model.cylinder(),
             motion,
             tracking: OPEN_LOOP_TRACKING,
             steps_due: (n.control_period / n.simulation_period).round(),
@@ -184,7 +186,11 @@ impl ControlTask {
             self.sequence = incoming.sequence;
             self.age = 0.0;
         }
-        let measured = self.reading.measured(self.area_ratio);
+        let r = &self.reading;
+        let measured = Measured {
+            stroke: r.stroke,
+            load_pressure: self.cylinder.load_pressure(r.pressure_a, r.pressure_b),
+        };
         let controls = self.decision.controls;
         let reference = self.motion.reference(if controls { self.course_time } else { 0.0 });
         if controls {

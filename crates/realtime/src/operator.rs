@@ -28,7 +28,8 @@ impl Operator {
                 self.emergency = false;
                 Request::EmergencyStop
             }
-            State::Moving if self.stop => Request::Stop,
+            // also while the pump takes the load over: it is not released then
+            State::Moving | State::Holding if self.stop => Request::Stop,
             _ if self.stop || self.has_moved => Request::None,
             State::Idle => Request::Enable,
             State::Ready => Request::Hold,

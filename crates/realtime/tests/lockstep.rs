@@ -127,3 +127,24 @@ fn a_motor_too_weak_for_the_load_ends_in_a_fault_with_the_load_held() {
     );
     assert_eq!(end.state, State::Fault);
 }
+
+#[test]
+fn stopped_while_the_pump_takes_the_load_over_it_is_not_released() {
+    let case = case(&[]);
+    let strategy = Strategy::BenchmarkClosedLoop;
+    let mut run = Lockstep::new(&case.model, &case.crane, case.motion, strategy).unwrap();
+    let mut operator = Operator::new(true);
+    for k in 0..5000 {
+        // pre-loading takes almost three seconds
+        operator.stop |= k == 1500;
+        let record = run.period(&mut operator, strategy).unwrap();
+        assert_eq!(record.decision.command.holding_valve, 0.0, "released after {k} ms");
+        if k == 1500 {
+            assert!(record.decision.command.motor_speed > 0.0, "it was pumping");
+        }
+        if k > 2000 {
+            assert_eq!(record.decision.command.motor_speed, 0.0);
+        }
+    }
+    assert!(operator.is_done());
+}

@@ -155,13 +155,7 @@ impl Equipment {
             reading,
             random,
             periods: 0,
-            cylinder: Cylinder::from_diameters(
-                n.piston,
-                n.rod,
-                n.stroke,
-                n.dead_volume_a,
-                n.dead_volume_b,
-            ),
+            cylinder: description.cylinder(),
         }
     }
 

@@ -1,0 +1,130 @@
+//! What readings say about themselves: whether their sensors, and the way here, can be trusted.
+
+use crate::fault::Cause;
+use crate::signals::Reading;
+use crate::supervisor::{Limits, Observation};
+
+/// A piston faster than so many times the largest speed runs away.
+pub(crate) const RUNAWAY: f64 = 1.5;
+/// Readings that the velocity is averaged over.
+const VELOCITY_WINDOW: f64 = 20.0;
+/// Readings that the scatter of a signal is averaged over.
+const SCATTER_WINDOW: u32 = 64;
+/// How far beyond its stroke a piston may be read \[m\]: end stops give way, encoders have a zero.
+const STROKE_SLACK: f64 = 5e-3;
+/// Lowest pressure that is read of a sound transducer \[Pa\]: a vacuum, and the transducer's error.
+const LOWEST_PRESSURE: f64 = -1.5e5;
+/// Signals that are watched one by one: position, then five pressures.
+const SIGNALS: usize = 6;
+
+/// What is known of the readings so far.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Watch {
+    last: Option<Reading<f64>>,
+    /// Time for which each signal has repeated itself \[s\].
+    repeated: [f64; SIGNALS],
+    /// Mean square of each signal's second difference, a sixth of it.
+    scatter: [f64; SIGNALS],
+    differences: [f64; SIGNALS],
+    /// Velocity of the piston, averaged \[m/s\].
+    velocity: f64,
+    /// New readings since the start, saturating.
+    readings: u32,
+}
+
+impl Watch {
+    /// Velocity of the piston, averaged \[m/s\].
+    pub(crate) fn velocity(&self) -> f64 {
+        self.velocity
+    }
+
+    /// What is wrong with the readings themselves.
+    pub(crate) fn judge(&self, seen: &Observation, l: &Limits) -> Option<Cause> {
+        let values = signals(&seen.reading);
+        if seen.clock_jumped {
+            return Some(Cause::ClockJumped);
+        }
+        if !(values.iter().all(|v| v.is_finite()) && seen.reading.motor_speed.is_finite()) {
+            return Some(Cause::NotANumber);
+        }
+        if seen.age.is_nan() || seen.age > l.stale {
+            return Some(Cause::MachineLost);
+        }
+        if seen.overruns >= l.overruns {
+            return Some(Cause::Overruns);
+        }
+        let [stroke, pressures @ ..] = values;
+        if !(-STROKE_SLACK..=l.stroke + STROKE_SLACK).contains(&stroke) {
+            return Some(Cause::PositionImplausible);
+        }
+        if pressures.iter().any(|p| *p < LOWEST_PRESSURE || *p > 2.0 * l.pressure) {
+            return Some(Cause::PressureImplausible);
+        }
+        if let Some(last) = self.last.filter(|_| seen.is_new) {
+            let [before, pressures_before @ ..] = signals(&last);
+            // what the piston can do until readings are too old, and the scatter of its encoder
+            let reach = (l.stale + l.period) * RUNAWAY * l.speed + 6.0 * l.scatter.0;
+            if (stroke - before).abs() > reach {
+                return Some(Cause::PositionJumped);
+            }
+            let pairs = pressures.iter().zip(pressures_before);
+            if pairs.into_iter().any(|(now, before)| (now - before).abs() > l.pressure_step) {
+                return Some(Cause::PressureJumped);
+            }
+        }
+        if pressures.iter().any(|p| *p > l.pressure) {
+            return Some(Cause::OverPressure);
+        }
+        if l.stuck > 0.0 && self.repeated.iter().any(|time| *time > l.stuck) {
+            return Some(Cause::SensorStuck);
+        }
+        let [position_scatter, pressure_scatters @ ..] = self.scatter;
+        let noisy = position_scatter > l.scatter.0 * l.scatter.0
+            || pressure_scatters.iter().any(|s| *s > l.scatter.1 * l.scatter.1);
+        if self.readings > SCATTER_WINDOW && noisy {
+            return Some(Cause::SensorNoisy);
+        }
+        None
+    }
+
+    /// Takes a new reading into what is watched over time.
+    pub(crate) fn remember(&mut self, seen: &Observation, l: &Limits) {
+        let values = signals(&seen.reading);
+        if !seen.is_new || values.iter().any(|v| !v.is_finite()) {
+            return;
+        }
+        if let Some(last) = self.last {
+            let before = signals(&last);
+            let velocity = (values[0] - before[0]) / l.period;
+            self.velocity += (velocity - self.velocity) / VELOCITY_WINDOW;
+            for k in 0..SIGNALS {
+                let difference = values[k] - before[k];
+                self.repeated[k] = match difference == 0.0 {
+                    true => self.repeated[k] + l.period,
+                    false => 0.0,
+                };
+                // the second difference: a steady motion does not scatter
+                let most = 10.0 * if k == 0 { l.scatter.0 } else { l.scatter.1 };
+                // one jump, however large, is no noise
+                let second = (difference - self.differences[k]).clamp(-most, most);
+                let share = 1.0 / f64::from(SCATTER_WINDOW);
+                self.scatter[k] += share * (second * second / 6.0 - self.scatter[k]);
+                self.differences[k] = difference;
+            }
+        }
+        self.last = Some(seen.reading);
+        self.readings = self.readings.saturating_add(1);
+    }
+}
+
+/// Position, then the pressures.
+fn signals(r: &Reading<f64>) -> [f64; SIGNALS] {
+    [
+        r.stroke,
+        r.pressure_pump_a,
+        r.pressure_a,
+        r.pressure_b,
+        r.pressure_pump_b,
+        r.pressure_accumulator,
+    ]
+}
