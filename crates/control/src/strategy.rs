@@ -32,6 +32,11 @@ impl Strategy {
         }
     }
 
+    /// The strategy of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|strategy| strategy.name() == name)
+    }
+
     /// Whether a simulation runs beside the machine.
     pub fn simulates(self) -> bool {
         matches!(self, Self::SimulationFeedforwardOpenLoop | Self::SimulationFeedforwardClosedLoop)

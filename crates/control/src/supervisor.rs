@@ -32,6 +32,29 @@ pub enum State {
     Fault,
 }
 
+impl State {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Idle, Self::Ready, Self::Holding, Self::Moving, Self::Stopping, Self::Fault];
+
+    /// Name in logs and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "Idle",
+            Self::Ready => "Ready",
+            Self::Holding => "Holding",
+            Self::Moving => "Moving",
+            Self::Stopping => "Stopping",
+            Self::Fault => "Fault",
+        }
+    }
+
+    /// The state of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.name() == name)
+    }
+}
+
 /// What a person, or the program for him, asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Request {
@@ -163,6 +186,9 @@ const PRELOAD_RESET: f64 = 0.5;
 const PRELOAD_SPEED: f64 = 8.0;
 /// The pump side must stay pre-loaded for so long before the load is released \[s\].
 const PRELOADED: f64 = 0.1;
+/// A load is still once its piston has been slower than this \[m/s\] for so long \[s\], a swing.
+const STILL_SPEED: f64 = 0.015;
+const STILL_TIME: f64 = 0.35;
 /// A load is brought to rest within this time \[s\], if the cause allows for it.
 pub const SOFT_STOP: f64 = 0.4;
 
@@ -183,6 +209,11 @@ impl Supervisor {
             deviating: 0.0,
             watch: Watch::default(),
         }
+    }
+
+    /// Allows for another largest speed of the piston \[m/s\].
+    pub fn set_speed(&mut self, speed: f64) {
+        self.limits.speed = speed;
     }
 
     /// What the machine is doing.
@@ -227,7 +258,7 @@ impl Supervisor {
         }
         match self.state {
             State::Idle => {}
-            State::Ready => self.ready(request),
+            State::Ready => self.ready(seen, request),
             State::Holding => self.holding(seen, request),
             State::Moving => self.moving(seen, request),
             State::Stopping => self.stopping(),
@@ -266,10 +297,12 @@ impl Supervisor {
         self.command.motor_speed = wanted.clamp(-most, most).clamp(now - reach, now + reach);
     }
 
-    fn ready(&mut self, request: Request) {
+    fn ready(&mut self, seen: &Observation, request: Request) {
         self.command.holding_valve = 0.0;
         self.ramp(0.0);
-        if request == Request::Hold {
+        // a load that still swings on its locked cylinder, after an emergency stop, would seem to creep
+        let is_still = self.since >= STILL_TIME && self.watch.swing() < STILL_SPEED;
+        if request == Request::Hold && seen.attended && is_still {
             self.enter(State::Holding);
         }
     }
@@ -289,6 +322,10 @@ impl Supervisor {
         self.held_at.get_or_insert(seen.reading.stroke);
         if !self.starting {
             self.ramp(0.0);
+            // nothing moves, nobody is there: that is no fault, but the drive goes off
+            if !seen.attended && self.is_at_rest() {
+                self.enter(State::Ready);
+            }
             return;
         }
         let lacking = seen.reading.pressure_a - seen.reading.pressure_pump_a;
@@ -361,7 +398,8 @@ impl Supervisor {
         let l = &self.limits;
         let reading = &seen.reading;
         if matches!(self.state, State::Holding | State::Moving | State::Stopping) {
-            if !seen.attended {
+            let is_resting = self.state == State::Holding && !self.starting && self.is_at_rest();
+            if !seen.attended && !is_resting {
                 return Some(Cause::OperatorLost);
             }
             let deviation = (reading.motor_speed - self.command.motor_speed).abs();

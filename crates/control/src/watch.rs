@@ -8,6 +8,8 @@ use crate::supervisor::{Limits, Observation};
 pub(crate) const RUNAWAY: f64 = 1.5;
 /// Readings that the velocity is averaged over.
 const VELOCITY_WINDOW: f64 = 20.0;
+/// Time constant in which a swing is forgotten \[s\].
+const SWING_MEMORY: f64 = 0.5;
 /// Readings that the scatter of a signal is averaged over.
 const SCATTER_WINDOW: u32 = 64;
 /// How far beyond its stroke a piston may be read \[m\]: end stops give way, encoders have a zero.
@@ -28,6 +30,8 @@ pub(crate) struct Watch {
     differences: [f64; SIGNALS],
     /// Velocity of the piston, averaged \[m/s\].
     velocity: f64,
+    /// Largest velocity of late, forgotten within a swing or two \[m/s\].
+    swing: f64,
     /// New readings since the start, saturating.
     readings: u32,
 }
@@ -36,6 +40,11 @@ impl Watch {
     /// Velocity of the piston, averaged \[m/s\].
     pub(crate) fn velocity(&self) -> f64 {
         self.velocity
+    }
+
+    /// Largest velocity of late \[m/s\].
+    pub(crate) fn swing(&self) -> f64 {
+        self.swing
     }
 
     /// What is wrong with the readings themselves.
@@ -97,6 +106,8 @@ impl Watch {
             let before = signals(&last);
             let velocity = (values[0] - before[0]) / l.period;
             self.velocity += (velocity - self.velocity) / VELOCITY_WINDOW;
+            let forgotten = (self.swing * (1.0 - l.period / SWING_MEMORY)).max(0.0);
+            self.swing = forgotten.max(self.velocity.abs());
             for k in 0..SIGNALS {
                 let difference = values[k] - before[k];
                 self.repeated[k] = match difference == 0.0 {

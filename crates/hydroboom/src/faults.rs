@@ -5,22 +5,31 @@ use crate::output;
 use clap::Args;
 use hydroboom_control::Strategy;
 use hydroboom_description::Description;
-use hydroboom_realtime::faults::{Fault, Outcome, inject, moments};
+use hydroboom_lab::report::document;
+use hydroboom_realtime::fault::Fault;
+use hydroboom_realtime::faults::{Outcome, inject, moments};
 use indicatif::ProgressBar;
+use maud::html;
 use miette::{IntoDiagnostic, Result};
 use rayon::prelude::*;
 use serde_json::json;
+use std::path::PathBuf;
 
 /// Let everything go wrong that can, under every strategy and at three moments of the cycle, in
 /// simulated time, and say what the supervisor made of it.
 #[derive(Args)]
-#[command(after_help = "Example: hydroboom faults")]
+#[command(
+    after_help = "Examples:\n  hydroboom faults\n  hydroboom faults --only p_A --report faults.html"
+)]
 pub struct Faults {
     #[command(flatten)]
     crane: CraneFile,
     /// Only faults whose name contains this.
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
+    /// Report to write (HTML): every case.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -57,25 +66,24 @@ impl Faults {
             .collect::<Result<Vec<Outcome>, _>>();
         bar.finish_and_clear();
         let outcomes = outcomes.into_diagnostic()?;
+        if let Some(path) = &self.report {
+            output::file(path, page(&faults, &outcomes).as_bytes())?;
+        }
         if self.json {
             let list: Vec<_> = outcomes.iter().map(in_json).collect();
             return output::json(&json!({ "faults": faults.len(), "outcomes": list }));
         }
         let rows: Vec<Vec<String>> = faults.iter().map(|fault| row(*fault, &outcomes)).collect();
-        let header = [
-            "fault",
-            "found as",
-            "finished",
-            "safe after [ms]",
-            "strayed [mm]",
-            "moved when safe [mm]",
-        ];
-        output::text(&format!(
+        let mut said = format!(
             "{} faults, {} cases: worst of four strategies and three moments\n{}",
             faults.len(),
             outcomes.len(),
-            output::table(&header, &rows)
-        ))
+            output::table(&HEADER, &rows)
+        );
+        if let Some(path) = &self.report {
+            said += &format!("\nreport: {}", path.display());
+        }
+        output::text(&said)
     }
 }
 
@@ -86,6 +94,49 @@ fn in_json(o: &Outcome) -> serde_json::Value {
         "fallback": o.fallback, "strayed_mm": o.strayed * 1e3,
         "moved_after_mm": o.moved_after * 1e3, "broke": o.broke.map(|error| error.to_string()),
     })
+}
+
+const HEADER: [&str; 6] =
+    ["fault", "found as", "finished", "safe after [ms]", "strayed [mm]", "moved when safe [mm]"];
+
+/// All cases as a page.
+fn page(faults: &[Fault], outcomes: &[Outcome]) -> String {
+    let cause = |o: &Outcome| match (&o.broke, o.cause) {
+        (Some(error), _) => format!("machine broken: {error}"),
+        (None, Some(cause)) => cause.code().to_string(),
+        (None, None) if o.fallback => "course finished, the benchmark took over".into(),
+        (None, None) => "course finished".into(),
+    };
+    let body = html! {
+        p.soft {
+            "Every fault under four strategies at three moments of the 120 mm/s cycle, in simulated time, on the "
+            "virtual crane. \"Safe\" is motor at zero and load-holding valves shut. \"Strayed\" is how far the "
+            "tracking error, truly, went from where it was at the fault, until then or the course's end; \"moved when "
+            "safe\" how far the piston moved in the two seconds after."
+        }
+        h2 { "Worst of each fault" }
+        div.wide { table {
+            thead { tr { @for name in HEADER { th { (name) } } } }
+            tbody { @for fault in faults { tr {
+                @for (k, cell) in row(*fault, outcomes).into_iter().enumerate() {
+                    @if k == 1 { td.text { (cell) } } @else { td { (cell) } }
+                }
+            } } }
+        } }
+        h2 { "Every case" }
+        div.wide { table {
+            thead { tr {
+                th { "fault" } th { "strategy" } th { "moment" } th { "found as" } th { "safe after [ms]" }
+                th { "strayed [mm]" } th { "moved when safe [mm]" }
+            } }
+            tbody { @for o in outcomes { tr {
+                td { (o.fault.name()) } td.text { (o.strategy.name()) } td.text { (o.moment) }
+                td.text { (cause(o)) } td { (output::optional(o.safe_after.map(|s| s * 1e3), 0)) }
+                td { (format!("{:.1}", o.strayed * 1e3)) } td { (format!("{:.2}", o.moved_after * 1e3)) }
+            } } }
+        } }
+    };
+    document(&format!("Hydroboom: {} faults, {} cases", faults.len(), outcomes.len()), &body)
 }
 
 /// The worst of a fault's cases.

@@ -29,8 +29,8 @@ impl Machine {
         // the load held, the pump without pressure
         let mut start = crane.start(crane.numbers.motion_start);
         start.preload = 0.0;
-        let crane = VirtualCrane::new(&crane, &start).into_diagnostic()?;
-        let end = host(crane, &shared).into_diagnostic();
+        let machine = VirtualCrane::new(&crane, &start).into_diagnostic()?;
+        let end = host(machine, &crane, &shared).into_diagnostic();
         // who made it has gone without a word, or has removed it
         let _ = std::fs::remove_file(&self.shared);
         end

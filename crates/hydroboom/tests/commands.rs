@@ -330,7 +330,7 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
     let folder = folder("run");
     let log = folder.join("run.mcap");
     let run = parsed(&["run", "--simulated-time", "--json", "--log", log.to_str().unwrap()]);
-    keys(&run, &["strategy", "rms_mm", "peak_mm", "paper", "fault", "processor"]);
+    keys(&run, &["courses", "rms_mm", "peak_mm", "paper", "fault", "processor"]);
     assert!(run["fault"].is_null(), "{run}");
     assert!(run["rms_mm"].as_f64().unwrap() < 1.1, "{run}");
     let rows = |log: &std::path::Path| {
@@ -350,6 +350,60 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
     assert!(left > 5_000 && left < whole, "{left} rows of {whole}");
     let foreign = hydroboom(&["log", "to-csv", folder.join("cut.csv").to_str().unwrap()]);
     assert!(!foreign.status.success());
+}
+
+#[test]
+fn a_run_is_replayed_reported_and_says_what_cannot_be() {
+    let folder = folder("replay");
+    let (log, report) = (folder.join("run.mcap"), folder.join("run.html"));
+    let (log, report) = (log.to_str().unwrap(), report.to_str().unwrap());
+    let run =
+        ["run", "--simulated-time", "--scenario", "reversal", "--log", log, "--report", report];
+    let output = hydroboom(&run);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let page = std::fs::read_to_string(report).unwrap();
+    assert!(page.contains("reversal") && page.matches("<svg").count() >= 4);
+    let replayed = parsed(&["run", "--replay", log, "--json"]);
+    assert_eq!(replayed["periods_in_another_state"], 0, "{replayed}");
+    assert!(replayed["command_differs_by_rpm"].as_f64().unwrap() < 20.0, "{replayed}");
+    says(&hydroboom(&["run", "--simulated-time", "--scenario", "none"]), "reversal");
+    says(&hydroboom(&["run", "--simulated-time", "--speed-mm-s", "900"]), "0.1 to 240 mm/s");
+    says(&hydroboom(&["run", "--replay", report]), "not a log");
+    says(&hydroboom(&["run", "--simulated-time", "--dashboard", "0.0.0.0:0"]), "--allow-remote");
+}
+
+#[test]
+fn several_courses_are_summed_up() {
+    let run =
+        parsed(&["run", "--simulated-time", "--cycles", "3", "--json"]);
+    let courses = run["courses"].as_array().unwrap();
+    assert_eq!(courses.len(), 3);
+    for course in courses {
+        keys(course, &["course", "strategy", "begun_s", "rms_mm", "peak_mm", "fault", "memory_mb"]);
+    }
+}
+
+#[test]
+fn a_full_disk_ends_the_log_and_not_the_run() {
+    let folder = folder("full");
+    let log = folder.join("run.mcap");
+    // no file may become larger than 500 kB: the system refuses to write on, as on a full disk
+    let script = r#"ulimit -f 500 && exec "$0" run --simulated-time --json --log "$1""#;
+    let output = Command::new("bash")
+        .args(["-c", script, env!("CARGO_BIN_EXE_hydroboom"), log.to_str().unwrap()])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("the log ends here"), "{said}");
+    let full: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let free = parsed(&["run", "--simulated-time", "--json"]);
+    assert_eq!(full["rms_mm"], free["rms_mm"], "the control noticed it");
+    assert!(full["fault"].is_null());
+    let csv = folder.join("run.csv");
+    let read = hydroboom(&["log", "to-csv", log.to_str().unwrap(), "--out", csv.to_str().unwrap()]);
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    let rows = std::fs::read_to_string(csv).unwrap().lines().count();
+    assert!(rows > 2000, "{rows} rows are left");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use crate::motion_test::Strategy;
 use crate::paper;
 use crate::scenario::{Course, scenarios};
 use crate::virtual_run::{Contents, LogOrder, Task, virtual_run};
+use hydroboom_control::Path as _;
 use hydroboom_description::Description;
 use hydroboom_model::Outputs;
 use hydroboom_virtual_crane::{Command, Reading, Truth};

@@ -1,20 +1,14 @@
 //! What cranes do all day: courses of the piston, and loads that change under way (section 6.3).
 
 use crate::LabError;
-use hydroboom_control::{Motion, Profile, Reference, Way};
+use hydroboom_control::{Motion, Path, Profile, Reference, Way};
 use hydroboom_description::Description;
 use serde::Serialize;
 
-/// Where the piston shall be, over time.
-pub trait Course: Send + Sync {
+/// A path with a name, and what happens to the load on the way.
+pub trait Course: Path {
     /// Name, in tables and messages.
     fn name(&self) -> String;
-    /// Position and velocity at the time `t` \[s\].
-    fn reference(&self, t: f64) -> Reference<f64>;
-    /// Duration \[s\].
-    fn duration(&self) -> f64;
-    /// Largest speed \[m/s\].
-    fn speed(&self) -> f64;
     /// Changes of the payload on the way, in the order of their times.
     fn loads(&self) -> &[Load] {
         &[]
@@ -29,15 +23,6 @@ pub fn motion_name(speed_mm_s: f64) -> String {
 impl Course for Motion<f64> {
     fn name(&self) -> String {
         motion_name(self.speed * 1e3)
-    }
-    fn reference(&self, t: f64) -> Reference<f64> {
-        Motion::reference(self, t)
-    }
-    fn duration(&self) -> f64 {
-        Motion::duration(self)
-    }
-    fn speed(&self) -> f64 {
-        self.speed
     }
 }
 
@@ -129,15 +114,12 @@ impl Scenario {
             meaning: self.meaning,
             moves: self.legs.len(),
             duration_s: self.duration,
-            speed_mm_s: Course::speed(self) * 1e3,
+            speed_mm_s: self.speed() * 1e3,
         }
     }
 }
 
-impl Course for Scenario {
-    fn name(&self) -> String {
-        self.name.into()
-    }
+impl Path for Scenario {
     fn reference(&self, t: f64) -> Reference<f64> {
         let begun = self.legs.partition_point(|leg| leg.begin <= t);
         match begun.checked_sub(1).map(|last| self.legs[last]) {
@@ -156,6 +138,12 @@ impl Course for Scenario {
     }
     fn speed(&self) -> f64 {
         self.legs.iter().map(|leg| leg.way.speed).fold(0.0, f64::max)
+    }
+}
+
+impl Course for Scenario {
+    fn name(&self) -> String {
+        self.name.into()
     }
     fn loads(&self) -> &[Load] {
         &self.loads

@@ -1,9 +1,10 @@
 //! The control task: one control period from reading to command.
 
+use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::{
-    Benchmark, BenchmarkMemory, Command, Decision, Limits, Measured, Motion, Observation, Reading,
+    Benchmark, BenchmarkMemory, Command, Decision, Limits, Measured, Observation, Reading,
     Reference, Request, State, Strategy, Supervisor,
 };
 use hydroboom_description::Description;
@@ -22,6 +23,9 @@ const RECOVERY: f64 = 2.0;
 const BEHIND: f64 = 500.0;
 /// A bump that a switch to open loop would make dies out with this time constant \[s\].
 const BUMP: f64 = 0.3;
+/// A simulation that was set to the machine's state is followed again after it was true for so
+/// long \[s\].
+const TRUSTED: f64 = 0.5;
 
 /// What a control period needs to know.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +44,8 @@ pub struct Period {
     pub attended: bool,
     /// Whether the clock jumped.
     pub clock_jumped: bool,
+    /// How the tasks were on time, for the record.
+    pub deadlines: Option<Deadlines>,
 }
 
 /// One control period, for the log.
@@ -47,7 +53,8 @@ pub struct Period {
 pub struct Record {
     /// Time since the executive began \[s\].
     pub time: f64,
-    /// Time since the course began \[s\]; none before.
+    /// Time since the course began \[s\], negative on the way to its beginning; none while the load is
+    /// not the controller's.
     pub course_time: Option<f64>,
     /// Where the piston should be.
     pub reference: Reference<f64>,
@@ -56,19 +63,40 @@ pub struct Record {
     /// Its number.
     pub sequence: u64,
     /// What the simulation showed.
-    pub simulated: Option<Measured<f64>>,
+    pub simulated: Option<Simulated>,
     /// What was decided and sent.
     pub decision: Decision,
     /// The strategy at work.
     pub strategy: Strategy,
     /// Whether the benchmark had to take over from a simulation that drifted away or failed.
     pub fallback: bool,
+    /// How the tasks were on time; none in simulated time.
+    pub deadlines: Option<Deadlines>,
+}
+
+/// How the tasks were on time, seen from the control task.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Deadlines {
+    /// How late control was released \[ns\].
+    pub control_late: u64,
+    /// How long its last period took \[ns\].
+    pub control_execution: u64,
+    /// Releases of control that were missed since the beginning.
+    pub control_missed: u64,
+    /// The latest of about a period's releases of the simulation \[ns\].
+    pub simulation_late: u64,
+    /// The longest of about a period's steps of the simulation \[ns\].
+    pub simulation_execution: u64,
+    /// Releases of the simulation that were missed since the beginning.
+    pub simulation_missed: u64,
 }
 
 impl Record {
-    /// Tracking error x − x_ref \[m\] while the course runs.
+    /// Tracking error x − x_ref \[m\] while the course runs, the way to its beginning left out.
     pub fn error(&self) -> Option<f64> {
-        self.course_time.map(|_| self.reading.stroke - self.reference.position)
+        self.course_time
+            .filter(|time| *time >= 0.0)
+            .map(|_| self.reading.stroke - self.reference.position)
     }
 }
 
@@ -77,7 +105,7 @@ pub struct ControlTask {
     benchmark: Benchmark<f64>,
     /// For its areas.
     cylinder: Cylinder<f64>,
-    motion: Motion<f64>,
+    course: Course,
     supervisor: Supervisor,
     /// How far the piston may be from its reference now \[m\].
     tracking: f64,
@@ -87,6 +115,12 @@ pub struct ControlTask {
     steps: u64,
     /// Steps that it is behind.
     behind: f64,
+    /// How often it had been set to a state when it was looked at last.
+    epoch: u64,
+    /// For how long it has been true since then \[s\].
+    trusted: f64,
+    /// How often it had been set to a state when it was followed last.
+    fallen_at: u64,
     time: f64,
     course_time: f64,
     decision: Decision,
@@ -132,12 +166,7 @@ pub fn limits(model: &Description, speed: f64) -> Limits {
 
 impl ControlTask {
     /// A control task that knows the model, for a course and within limits.
-    pub fn new(
-        model: &Description,
-        motion: Motion<f64>,
-        limits: Limits,
-        strategy: Strategy,
-    ) -> Self {
+    pub fn new(model: &Description, course: Course, limits: Limits, strategy: Strategy) -> Self {
         let n = &model.numbers;
         let benchmark = model.benchmark();
         let nothing = Measured::default();
@@ -146,11 +175,14 @@ impl ControlTask {
             simulated_memory: benchmark.start(&nothing),
             benchmark,
             cylinder: model.cylinder(),
-            motion,
+            course,
             tracking: OPEN_LOOP_TRACKING,
             steps_due: (n.control_period / n.simulation_period).round(),
             steps: 0,
             behind: 0.0,
+            epoch: 0,
+            trusted: 0.0,
+            fallen_at: 0,
             supervisor: Supervisor::new(limits),
             time: 0.0,
             course_time: 0.0,
@@ -168,6 +200,14 @@ impl ControlTask {
             reading: Reading::default(),
             sequence: 0,
             age: f64::INFINITY,
+        }
+    }
+
+    /// Takes another course, if the load is not the controller's just now.
+    pub fn take(&mut self, course: Course) {
+        if !self.decision.controls {
+            self.supervisor.set_speed(course.speed());
+            self.course = course;
         }
     }
 
@@ -192,7 +232,10 @@ impl ControlTask {
             load_pressure: self.cylinder.load_pressure(r.pressure_a, r.pressure_b),
         };
         let controls = self.decision.controls;
-        let reference = self.motion.reference(if controls { self.course_time } else { 0.0 });
+        if !controls {
+            self.course_time = -self.course.approach();
+        }
+        let reference = self.course.reference(self.course_time);
         if controls {
             self.control(&reference, &measured, now);
         } else {
@@ -207,7 +250,7 @@ impl ControlTask {
             reference: reference.position,
             tracking: self.tracking,
             wanted: self.wanted,
-            course_over: self.course_time >= self.motion.duration(),
+            course_over: self.course_time >= self.course.duration(),
             overruns: now.overruns,
             attended: now.attended,
             clock_jumped: now.clock_jumped,
@@ -220,35 +263,46 @@ impl ControlTask {
             reference,
             reading: self.reading,
             sequence: self.sequence,
-            simulated: now.simulated.map(|s| s.measured),
+            simulated: now.simulated,
             decision: self.decision,
             strategy: self.strategy,
             fallback: self.fallback,
+            deadlines: now.deadlines,
         };
         self.time += period;
         match (before.controls, self.decision.controls) {
             (false, true) => self.begin(&measured, now),
             (true, true) => self.course_time += period,
-            (_, false) => self.course_time = 0.0,
+            (_, false) => {}
         }
         record
     }
 
+    /// The strategy asked for; on the way to its beginning a course is measured, whatever comes then.
+    fn asked(&self, now: &Period) -> Strategy {
+        match self.course_time < 0.0 {
+            true => Strategy::BenchmarkClosedLoop,
+            false => now.strategy,
+        }
+    }
+
     /// The load is the controller's from the next period on.
     fn begin(&mut self, measured: &Measured<f64>, now: &Period) {
-        self.course_time = 0.0;
         self.offset = 0.0;
+        self.strategy = self.asked(now);
         self.tracking = if self.strategy.measures() { TRACKING } else { OPEN_LOOP_TRACKING };
         self.simulated_motor = 0.0;
         self.behind = 0.0;
         self.steps = now.simulated.map_or(0, |s| s.steps);
         self.memory = self.benchmark.start(measured);
         if let Some(simulated) = now.simulated {
+            self.epoch = simulated.epoch;
             self.simulated_memory = self.benchmark.start(&simulated.measured);
         }
         // what keeps the pump pre-loaded now is what the leakage takes
-        let reference = self.motion.reference(0.0);
+        let reference = self.course.reference(-self.course.approach());
         let speed = self.decision.command.motor_speed;
+        self.wanted = speed;
         self.benchmark.take_over(&mut self.memory, &reference, measured, 0.0, speed);
     }
 
@@ -256,13 +310,21 @@ impl ControlTask {
     fn control(&mut self, reference: &Reference<f64>, measured: &Measured<f64>, now: &Period) {
         let b = &self.benchmark;
         let velocity_feedforward = b.velocity_feedforward(reference);
+        if let Some(simulated) = now.simulated.filter(|s| s.epoch != self.epoch) {
+            // it was set to where the machine is, at rest
+            self.epoch = simulated.epoch;
+            self.steps = simulated.steps;
+            self.simulated_memory = b.start(&simulated.measured);
+            (self.simulated_motor, self.behind, self.trusted) = (0.0, 0.0, 0.0);
+        }
+        let asked = self.asked(now);
         if let Some(simulated) = now.simulated.filter(|s| !s.failed) {
             let memory = &mut self.simulated_memory;
             let wanted = b.update(memory, reference, &simulated.measured, velocity_feedforward);
             self.simulated_motor = b.limits.follow(self.simulated_motor, wanted, b.period);
         }
         // a strategy that needs a simulation that is not there, or not true, is not followed
-        let most = if now.strategy.measures() { DRIFT } else { 0.5 * OPEN_LOOP_TRACKING };
+        let most = if asked.measures() { DRIFT } else { 0.5 * OPEN_LOOP_TRACKING };
         if let Some(simulated) = now.simulated {
             let taken = simulated.steps.saturating_sub(self.steps) as f64;
             self.behind = (self.behind + self.steps_due - taken).max(0.0);
@@ -271,10 +333,18 @@ impl ControlTask {
         let alive = self.behind < BEHIND;
         let near = |s: Simulated| (s.measured.stroke - measured.stroke).abs() <= most;
         let is_true = alive && now.simulated.is_some_and(|s| !s.failed && near(s));
-        self.fallback |= now.strategy.simulates() && !is_true;
+        self.fallback |= asked.simulates() && !is_true;
+        self.trusted = if is_true && self.fallback { self.trusted + b.period } else { 0.0 };
+        // it is followed again only after it was set to the machine's state
+        if self.trusted >= TRUSTED && self.epoch != self.fallen_at {
+            self.fallback = false;
+        }
+        if !self.fallback {
+            self.fallen_at = self.epoch;
+        }
         let strategy = match self.fallback {
             true => Strategy::BenchmarkClosedLoop,
-            false => now.strategy,
+            false => asked,
         };
         let feedforward = match strategy.simulates() {
             true => self.simulated_motor,

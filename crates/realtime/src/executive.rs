@@ -5,14 +5,19 @@
 //! supervisor faults after too many in a row; the simulation catches up within a bound, beyond which it is
 //! left behind and the benchmark takes over.
 
-use crate::control_task::{ControlTask, Period, Record};
+use crate::control_task::{ControlTask, Deadlines, Period, Record};
+use crate::course::Course;
 use crate::desk::Desk;
 use crate::machine::Machine;
 use crate::operator::Operator;
-use crate::posix::{lock_memory, now, pin_to, run_first, stay_awake, thread_time, wait_until};
-use crate::simulation_task::{Simulated, SimulationTask};
+use crate::posix::{
+    lock_memory, now, pin_to, run_first, stay_awake, stolen, thread_time, wait_until,
+};
+use crate::session::{Attendant, Ending, Lookout, Order};
+use crate::simulation_task::{Simulated, SimulatedState, SimulationTask};
 use crate::slot::Slot;
 use crate::timing::Timing;
+use crate::trouble::Tampering;
 use hydroboom_control::{Decision, Measured};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -49,6 +54,12 @@ const CATCH_UP: u64 = 2000;
 const CLOCK_JUMP: u64 = 1_000_000_000;
 /// Records on their way to the log, at most: four seconds.
 const QUEUE: usize = 4096;
+/// Orders on their way to a task, at most.
+const ORDERS: usize = 16;
+/// Steps over which the worst of the simulation's timing is shown: a control period.
+const SHOWN: u64 = 20;
+/// Periods for which the load has to rest before a run ends.
+const RESTED: u32 = 200;
 
 /// What a run in real time came to.
 #[derive(Clone, Debug)]
@@ -59,6 +70,9 @@ pub struct RealTime {
     pub control: Timing,
     /// What the system did not grant, and what that costs.
     pub lost: Vec<String>,
+    /// Time that the hypervisor took from each task's core meanwhile \[s\]: simulation, control. None
+    /// where the kernel does not tell.
+    pub stolen: Option<[f64; 2]>,
     /// Records that the log was too slow for.
     pub dropped: u64,
     /// What was decided last.
@@ -78,29 +92,40 @@ pub enum ExecutiveError {
 
 /// Between both tasks.
 struct Between {
-    /// Steps taken, stroke, load pressure, whether it failed.
-    simulated: Slot<4>,
+    simulated: Slot<SIMULATED>,
     /// Whether it shall move, and with which pump speed.
     pump: Slot<2>,
     ended: AtomicBool,
     dropped: AtomicU64,
 }
 
-/// Runs one course in real time. `observe` is shown every record, in an ordinary thread; it may be as
-/// slow as it likes.
+/// What the tasks run on, and with.
+pub struct Tasks {
+    /// The control task.
+    pub control: ControlTask,
+    /// The simulation.
+    pub simulation: SimulationTask,
+    /// The machine.
+    pub machine: Box<dyn Machine>,
+    /// Periods of the simulation and of control \[s\].
+    pub periods: (f64, f64),
+    /// Where and how they run.
+    pub placement: Placement,
+}
+
+/// Runs a session in real time. The attendant is shown every record, in an ordinary thread, and may be as
+/// slow as it likes; `tamper` does to a virtual machine what it orders.
 ///
 /// # Errors
 ///
 /// [`ExecutiveError`] when it cannot begin.
 pub fn run(
-    control: ControlTask,
-    simulation: SimulationTask,
-    machine: Box<dyn Machine>,
-    desk: &Desk,
-    periods: (f64, f64),
-    placement: &Placement,
-    mut observe: impl FnMut(&Record),
+    tasks: Tasks,
+    lookout: Lookout<'_>,
+    tamper: &mut dyn FnMut(Tampering),
 ) -> Result<RealTime, ExecutiveError> {
+    let Tasks { control, simulation, machine, periods, placement } = tasks;
+    let Lookout { desk, attendant, ending } = lookout;
     let nanoseconds = |seconds: f64| (seconds * 1e9).round() as u64;
     let (simulation_period, control_period) = (nanoseconds(periods.0), nanoseconds(periods.1));
     let timing = |period| Timing::new(period).ok_or(ExecutiveError::Memory);
@@ -111,8 +136,11 @@ pub fn run(
         ended: AtomicBool::new(false),
         dropped: AtomicU64::new(0),
     };
-    show(&between, &simulation.simulated());
-    let (producer, consumer) = RingBuffer::new(QUEUE);
+    let shown = Shown::default();
+    between.simulated.publish(words(&simulation.simulated(), &shown));
+    let (records, to_observe) = RingBuffer::new(QUEUE);
+    let (mut courses, courses_taken) = RingBuffer::new(ORDERS);
+    let (mut states, states_taken) = RingBuffer::new(ORDERS);
     let mut lost = Vec::new();
     if let Err(error) = lock_memory() {
         lost.push(format!("memory is not locked ({error}): a page may be missing in the cycle"));
@@ -121,28 +149,56 @@ pub fn run(
     if let Err(error) = &awake {
         lost.push(format!("the processor may sleep deeply ({error}): tasks are released later"));
     }
+    let cores = [placement.simulation_core, placement.control_core];
+    let stolen_before = cores.map(stolen);
     let between = &between;
     thread::scope(|scope| {
         let simulation = scope.spawn(move || {
             let lost = prepare("the simulation", placement.simulation_core, SIMULATION_PRIORITY);
-            (simulate(simulation, between, simulation_timing, placement.simulation_spin), lost)
+            let spin = placement.simulation_spin;
+            (simulate(simulation, between, states_taken, simulation_timing, spin), lost)
         });
         let control = scope.spawn(move || {
+            // also when it panics: nobody shall wait for it then
+            let _ended = EndsWithMe(&between.ended);
             let lost = prepare("the control task", placement.control_core, CONTROL_PRIORITY);
-            let spin = placement.control_spin;
-            let done = steer(control, machine, desk, between, producer, control_timing, spin);
-            between.ended.store(true, Ordering::Release);
-            (done, lost)
+            let steering = Steering {
+                task: control,
+                machine,
+                desk,
+                courses: courses_taken,
+                records,
+                ending,
+                spin: placement.control_spin,
+            };
+            (steer(steering, between, control_timing), lost)
         });
-        collect(consumer, between, &mut observe);
+        let mut hand_over = |order| match order {
+            // a queue that is full has tasks that are not there any more
+            Order::Course(course) => drop(courses.push(course)),
+            Order::Synchronise(state) => drop(states.push(*state)),
+            Order::Tamper(what) => tamper(what),
+        };
+        collect(to_observe, between, attendant, &mut hand_over);
         let ended = |_| ExecutiveError::Thread;
         let ((control, end), lost_by_control) = control.join().map_err(ended)?;
         let (simulation, lost_by_simulation) = simulation.join().map_err(ended)?;
         lost.extend(lost_by_simulation);
         lost.extend(lost_by_control);
         let dropped = between.dropped.load(Ordering::Relaxed);
-        Ok(RealTime { simulation, control, lost, dropped, end })
+        let taken = |k: usize| Some(stolen(cores[k])? - stolen_before[k]?);
+        let stolen = taken(0).zip(taken(1)).map(|(simulation, control)| [simulation, control]);
+        Ok(RealTime { simulation, control, lost, stolen, dropped, end })
     })
+}
+
+/// Tells the others when its thread ends.
+struct EndsWithMe<'a>(&'a AtomicBool);
+
+impl Drop for EndsWithMe<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
 }
 
 /// Makes the calling thread a real-time one as far as the system lets it; what it did not.
@@ -157,20 +213,59 @@ fn prepare(task: &str, core: usize, priority: i32) -> Vec<String> {
     lost
 }
 
-fn show(between: &Between, simulated: &Simulated) {
-    between.simulated.publish([
+/// What is shown of the simulation's timing \[ns\].
+#[derive(Clone, Copy, Default)]
+struct Shown {
+    late: u64,
+    execution: u64,
+    missed: u64,
+}
+
+/// Words in which the simulation is shown to the control task.
+const SIMULATED: usize = 11;
+
+fn words(simulated: &Simulated, shown: &Shown) -> [u64; SIMULATED] {
+    let [inner, middle, outer] = simulated.angle.map(f64::to_bits);
+    [
         simulated.steps,
+        simulated.epoch,
         simulated.measured.stroke.to_bits(),
         simulated.measured.load_pressure.to_bits(),
+        inner,
+        middle,
+        outer,
         u64::from(simulated.failed),
-    ]);
+        shown.late,
+        shown.execution,
+        shown.missed,
+    ]
+}
+
+fn from_words(words: &[u64; SIMULATED]) -> (Simulated, Shown) {
+    let number = |k: usize| f64::from_bits(words[k]);
+    let simulated = Simulated {
+        steps: words[0],
+        epoch: words[1],
+        measured: Measured { stroke: number(2), load_pressure: number(3) },
+        angle: [number(4), number(5), number(6)],
+        failed: words[7] != 0,
+    };
+    (simulated, Shown { late: words[8], execution: words[9], missed: words[10] })
 }
 
 /// The simulation's cycle.
-fn simulate(mut task: SimulationTask, between: &Between, mut timing: Timing, spin: u64) -> Timing {
+fn simulate(
+    mut task: SimulationTask,
+    between: &Between,
+    mut states: Consumer<SimulatedState>,
+    mut timing: Timing,
+    spin: u64,
+) -> Timing {
     let first = now();
     let mut release = first;
     let mut pump = None;
+    // of this stretch, and of the one before
+    let (mut worst, mut shown) = (Shown::default(), Shown::default());
     while !between.ended.load(Ordering::Acquire) {
         release += timing.period;
         wait_until(release, spin);
@@ -180,39 +275,54 @@ fn simulate(mut task: SimulationTask, between: &Between, mut timing: Timing, spi
         let missed = late / timing.period;
         let steps = 1 + missed.min(CATCH_UP);
         release += missed * timing.period;
+        if timing.steps.is_multiple_of(SHOWN) {
+            shown = worst;
+            worst = Shown::default();
+        }
+        worst.late = worst.late.max(late);
+        shown.missed = timing.missed;
         for _ in 0..steps {
             let clock = now();
             let before = thread_time();
+            if let Ok(state) = states.pop() {
+                task.synchronise(state);
+            }
             if let Some((_, words)) = between.pump.read() {
                 pump = (words[0] == 1).then(|| f64::from_bits(words[1]));
             }
             if let Some(speed) = pump {
                 task.step(speed);
-                show(between, &task.simulated());
             }
+            between.simulated.publish(words(&task.simulated(), &shown));
             let on_processor = thread_time() - before;
+            worst.execution = worst.execution.max(on_processor);
             timing.executed(on_processor, now() - clock, clock - first);
         }
     }
     timing
 }
 
-/// The control task's cycle, until the load is held and nothing more is to be done.
-fn steer(
-    mut task: ControlTask,
-    mut machine: Box<dyn Machine>,
-    desk: &Desk,
-    between: &Between,
-    mut log: Producer<Record>,
-    mut timing: Timing,
+/// What the control task's thread has.
+struct Steering<'a> {
+    task: ControlTask,
+    machine: Box<dyn Machine>,
+    desk: &'a Desk,
+    courses: Consumer<Course>,
+    records: Producer<Record>,
+    ending: Ending,
     spin: u64,
-) -> (Timing, Decision) {
+}
+
+/// The control task's cycle, until the load is held and nothing more is to be done.
+fn steer(with: Steering<'_>, between: &Between, mut timing: Timing) -> (Timing, Decision) {
+    let Steering { mut task, mut machine, desk, mut courses, mut records, ending, spin } = with;
     let mut operator = Operator::new(false);
     let first = now();
     let mut release = first;
     let mut overruns = 0_u32;
     let mut sequence = 0;
     let mut done_for = 0;
+    let mut execution = 0;
     loop {
         release += timing.period;
         wait_until(release, spin);
@@ -224,57 +334,67 @@ fn steer(
 
         let clock = now();
         let before = thread_time();
-        operator.start = desk.is_started();
-        operator.stop = desk.is_stopped();
-        operator.emergency |= desk.take_emergency();
-        let simulated = between.simulated.read().map(|(_, words)| Simulated {
-            steps: words[0],
-            measured: Measured {
-                stroke: f64::from_bits(words[1]),
-                load_pressure: f64::from_bits(words[2]),
-            },
-            failed: words[3] != 0,
-        });
+        operator.listen(desk);
+        if let Ok(course) = courses.pop() {
+            task.take(course);
+        }
+        let seen = between.simulated.read().map(|(_, words)| from_words(&words));
+        let shown = seen.map_or(Shown::default(), |(_, shown)| shown);
         let record = task.period(&Period {
             incoming: machine.read(),
-            simulated,
+            simulated: seen.map(|(simulated, _)| simulated),
             request: operator.request(),
             strategy: desk.strategy(),
             overruns,
-            attended: true,
+            attended: desk.is_attended(),
             clock_jumped: late > CLOCK_JUMP,
+            deadlines: Some(Deadlines {
+                control_late: late,
+                control_execution: execution,
+                control_missed: timing.missed,
+                simulation_late: shown.late,
+                simulation_execution: shown.execution,
+                simulation_missed: shown.missed,
+            }),
         });
         operator.see(&record.decision);
         sequence += 1;
         machine.write(sequence, &record.decision.command);
         let pump = task.simulated_motor();
         between.pump.publish([u64::from(pump.is_some()), pump.unwrap_or(0.0).to_bits()]);
-        if log.push(record).is_err() {
+        if records.push(record).is_err() {
             between.dropped.fetch_add(1, Ordering::Relaxed);
         }
-        let on_processor = thread_time() - before;
-        timing.executed(on_processor, now() - clock, clock - first);
+        execution = thread_time() - before;
+        timing.executed(execution, now() - clock, clock - first);
 
         // a stopped motor and a shut valve have to reach the machine too
-        let at_rest = record.decision.command.motor_speed == 0.0
-            && record.decision.command.holding_valve == 0.0;
-        done_for = if operator.is_done() && at_rest { done_for + 1 } else { 0 };
-        if done_for > 200 {
+        done_for = match ending.has_come(&operator, desk, &record.decision) {
+            true => done_for + 1,
+            false => 0,
+        };
+        if done_for > RESTED {
             return (timing, record.decision);
         }
     }
 }
 
-/// Takes the records out of the queue, until both tasks have ended.
-fn collect(mut queue: Consumer<Record>, between: &Between, observe: &mut dyn FnMut(&Record)) {
+/// Takes the records out of the queue, and hands orders over, until both tasks have ended.
+fn collect(
+    mut queue: Consumer<Record>,
+    between: &Between,
+    attendant: &mut dyn Attendant,
+    hand_over: &mut dyn FnMut(Order),
+) {
     loop {
         let ended = between.ended.load(Ordering::Acquire);
         while let Ok(record) = queue.pop() {
-            observe(&record);
+            attendant.see(&record);
         }
         if ended {
             return;
         }
-        thread::sleep(Duration::from_millis(20));
+        attendant.orders().into_iter().for_each(&mut *hand_over);
+        thread::sleep(Duration::from_millis(10));
     }
 }

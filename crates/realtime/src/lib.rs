@@ -10,9 +10,11 @@
 //! own; [`lockstep`] in simulated time, every time the same.
 
 pub mod control_task;
+pub mod course;
 pub mod desk;
 pub mod doctor;
 pub mod executive;
+pub mod fault;
 pub mod faults;
 pub mod host;
 pub mod lockstep;
@@ -20,7 +22,10 @@ pub mod log;
 pub mod machine;
 pub mod operator;
 pub mod posix;
+pub mod replay;
+pub mod session;
 pub mod shared;
 pub mod simulation_task;
 pub mod slot;
 pub mod timing;
+pub mod trouble;

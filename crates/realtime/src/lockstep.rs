@@ -2,14 +2,20 @@
 //! goes and every time the same.
 
 use crate::control_task::{ControlTask, Period, Record, limits};
+use crate::course::Course;
+use crate::desk::Desk;
 use crate::machine::Incoming;
 use crate::operator::Operator;
+use crate::posix::{now, wait_until};
+use crate::session::{Lookout, Order};
 use crate::simulation_task::SimulationTask;
-use hydroboom_control::{Command, Motion, Strategy};
+use crate::trouble::{Tampering, Trouble};
+use hydroboom_control::{Command, Decision, Path, Strategy};
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
 use hydroboom_virtual_crane::{Truth, VirtualCrane};
+use std::sync::Arc;
 
 /// What may go wrong between the tasks and the machine. By default nothing does.
 pub trait Disturbance {
@@ -76,15 +82,17 @@ impl Lockstep {
     pub fn new(
         model: &Description,
         machine: &Description,
-        motion: Motion<f64>,
+        path: impl Path + 'static,
         strategy: Strategy,
     ) -> Result<Self, PlantError> {
-        let mut start = machine.start(motion.start);
+        let (begin, speed) = (path.reference(0.0).position, path.speed());
+        let mut start = machine.start(begin);
         start.preload = 0.0;
         let n = &model.numbers;
+        let course = Course::new(Arc::new(path));
         Ok(Self {
-            control: ControlTask::new(model, motion, limits(model, motion.speed), strategy),
-            simulation: SimulationTask::new(model, &model.start(motion.start))?,
+            control: ControlTask::new(model, course, limits(model, speed), strategy),
+            simulation: SimulationTask::new(model, &model.start(begin))?,
             machine: VirtualCrane::new(machine, &start)?,
             steps: (n.control_period / n.simulation_period).round() as u32,
             sequence: 0,
@@ -126,6 +134,7 @@ impl Lockstep {
             overruns: disturbance.overruns(),
             attended: disturbance.attended(),
             clock_jumped: disturbance.clock_jumped(),
+            deadlines: None,
         });
         operator.see(&record.decision);
         if let Some(speed) = self.control.simulated_motor() {
@@ -142,6 +151,16 @@ impl Lockstep {
         Ok(record)
     }
 
+    /// Takes an order, but for tampering with the machine, which is a disturbance.
+    pub fn take(&mut self, order: Order) -> Option<Tampering> {
+        match order {
+            Order::Course(course) => self.control.take(course),
+            Order::Synchronise(state) => self.simulation.synchronise(*state),
+            Order::Tamper(what) => return Some(what),
+        }
+        None
+    }
+
     /// What nobody sees of the machine.
     pub fn truth(&self) -> Truth {
         self.machine.truth()
@@ -149,3 +168,91 @@ impl Lockstep {
 }
 
 const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
+
+/// How time passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// As fast as it goes.
+    Free,
+    /// Not faster than the clock, so that people can follow; slower where the computer is.
+    Clock,
+}
+
+/// Periods between two looks at what is to be handed over.
+const ORDERS: u32 = 20;
+/// Periods for which the load has to rest before a run ends.
+const RESTED: u32 = 200;
+
+/// Runs a session in simulated time; what was decided last.
+///
+/// # Errors
+///
+/// [`SimulationError`] when the machine breaks.
+pub fn run(
+    mut lockstep: Lockstep,
+    machine: &Description,
+    lookout: Lookout<'_>,
+    pace: Pace,
+) -> Result<Decision, SimulationError> {
+    let Lookout { desk, attendant, ending } = lookout;
+    let mut operator = Operator::new(false);
+    let mut watched = Watched { trouble: Trouble::new(machine), desk };
+    let period = (lockstep.machine.period() * 1e9).round() as u64;
+    let (mut release, mut rested, mut count) = (now(), 0, 0_u32);
+    loop {
+        if count.is_multiple_of(ORDERS) {
+            for order in attendant.orders() {
+                if let Some(what) = lockstep.take(order) {
+                    watched.trouble.tamper(what);
+                }
+            }
+        }
+        count = count.wrapping_add(1);
+        operator.listen(desk);
+        let record = lockstep.disturbed_period(&mut operator, desk.strategy(), &mut watched)?;
+        watched.trouble.pass();
+        attendant.see(&record);
+        rested = match ending.has_come(&operator, desk, &record.decision) {
+            true => rested + 1,
+            false => 0,
+        };
+        if rested > RESTED {
+            return Ok(record.decision);
+        }
+        if pace == Pace::Clock {
+            // who fell behind goes on from now
+            release = (release + period).max(now().saturating_sub(10 * period));
+            wait_until(release, 0);
+        }
+    }
+}
+
+/// Trouble, and people at a desk.
+struct Watched<'a> {
+    trouble: Trouble,
+    desk: &'a Desk,
+}
+
+impl Disturbance for Watched<'_> {
+    fn reading(&mut self, incoming: Incoming) -> Option<Incoming> {
+        self.trouble.reading(incoming)
+    }
+    fn command(&mut self, command: Command<f64>) -> Option<Command<f64>> {
+        self.trouble.command(command)
+    }
+    fn steps(&mut self, due: u32) -> u32 {
+        self.trouble.steps(due)
+    }
+    fn attended(&mut self) -> bool {
+        self.trouble.attended() && self.desk.is_attended()
+    }
+    fn clock_jumped(&mut self) -> bool {
+        self.trouble.clock_jumped()
+    }
+    fn overruns(&mut self) -> u32 {
+        self.trouble.overruns()
+    }
+    fn machine(&mut self, machine: &mut VirtualCrane) -> Result<(), PlantError> {
+        self.trouble.machine(machine)
+    }
+}

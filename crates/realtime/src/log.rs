@@ -5,6 +5,8 @@
 //! is full ends the log and nothing else.
 
 use crate::control_task::Record;
+use crate::posix::survive_large_files;
+use hydroboom_control::{Command, Reading, Reference, State, Strategy};
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, Schema, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
@@ -58,7 +60,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 18] = [
+const NUMBERS: [Number; 24] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("reading_number", |r| Some(r.sequence as f64)),
@@ -66,8 +68,8 @@ const NUMBERS: [Number; 18] = [
     ("reference_velocity_mm_s", |r| Some(r.reference.velocity * 1e3)),
     ("stroke_mm", |r| Some(r.reading.stroke * 1e3)),
     ("error_mm", |r| r.error().map(|e| e * 1e3)),
-    ("simulated_stroke_mm", |r| r.simulated.map(|s| s.stroke * 1e3)),
-    ("simulated_load_pressure_bar", |r| r.simulated.map(|s| s.load_pressure * 1e-5)),
+    ("simulated_stroke_mm", |r| r.simulated.map(|s| s.measured.stroke * 1e3)),
+    ("simulated_load_pressure_bar", |r| r.simulated.map(|s| s.measured.load_pressure * 1e-5)),
     ("pressure_pump_a_bar", |r| Some(r.reading.pressure_pump_a * 1e-5)),
     ("pressure_a_bar", |r| Some(r.reading.pressure_a * 1e-5)),
     ("pressure_b_bar", |r| Some(r.reading.pressure_b * 1e-5)),
@@ -77,6 +79,12 @@ const NUMBERS: [Number; 18] = [
     ("command_motor_speed_rpm", |r| Some(r.decision.command.motor_speed * 60.0)),
     ("command_holding_valve", |r| Some(r.decision.command.holding_valve)),
     ("controls", |r| Some(f64::from(u8::from(r.decision.controls)))),
+    ("control_late_us", |r| r.deadlines.map(|d| d.control_late as f64 * 1e-3)),
+    ("control_execution_us", |r| r.deadlines.map(|d| d.control_execution as f64 * 1e-3)),
+    ("control_missed", |r| r.deadlines.map(|d| d.control_missed as f64)),
+    ("simulation_late_us", |r| r.deadlines.map(|d| d.simulation_late as f64 * 1e-3)),
+    ("simulation_execution_us", |r| r.deadlines.map(|d| d.simulation_execution as f64 * 1e-3)),
+    ("simulation_missed", |r| r.deadlines.map(|d| d.simulation_missed as f64)),
 ];
 
 /// A log being written.
@@ -95,6 +103,7 @@ impl LogWriter {
     ///
     /// [`LogError`] when the file cannot be made.
     pub fn begin(path: &Path) -> Result<Self, LogError> {
+        survive_large_files();
         let name = path.display().to_string();
         let file =
             File::create(path).map_err(|error| LogError::File { path: name.clone(), error })?;
@@ -135,7 +144,7 @@ impl LogWriter {
             }
         }
         let decision = &record.decision;
-        message.insert("state".into(), json!(format!("{:?}", decision.state)));
+        message.insert("state".into(), json!(decision.state.name()));
         message.insert("cause".into(), json!(decision.cause.map_or("", |cause| cause.code())));
         message.insert("strategy".into(), json!(record.strategy.name()));
         message.insert("fallback".into(), json!(record.fallback));
@@ -172,26 +181,62 @@ impl LogWriter {
     }
 }
 
-/// A log as a table: the header, then a row for each control period. A log that was cut off is read up
-/// to where it was.
-///
-/// # Errors
-///
-/// [`LogError`] when it cannot be read, or is none of ours.
-pub fn read(path: &Path) -> Result<(Vec<&'static str>, Vec<Vec<String>>), LogError> {
+/// Records as CSV, with the columns of a log.
+pub fn csv(records: &[Record]) -> String {
+    let names: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
+    let mut text = names.join(",") + "\n";
+    for record in records {
+        let number = |of: fn(&Record) -> Option<f64>| {
+            of(record).filter(|v| v.is_finite()).map_or(String::new(), |v| v.to_string())
+        };
+        let mut cells: Vec<String> = NUMBERS.iter().map(|(_, of)| number(*of)).collect();
+        let cause = record.decision.cause.map_or("", |cause| cause.code());
+        cells.extend(
+            [record.decision.state.name(), cause, record.strategy.name()].map(String::from),
+        );
+        cells.push(record.fallback.to_string());
+        text += &cells.join(",");
+        text.push('\n');
+    }
+    text
+}
+
+/// One control period of a log, as far as a replay needs it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// Number of the reading.
+    pub sequence: u64,
+    /// What was read; none before the first reading. What was no number is NaN.
+    pub reading: Option<Reading<f64>>,
+    /// Time of the course \[s\]; none while the load was not the controller's.
+    pub course_time: Option<f64>,
+    /// Where the piston should have been.
+    pub reference: Reference<f64>,
+    /// What was sent.
+    pub command: Command<f64>,
+    /// What the machine did.
+    pub state: State,
+    /// Code of the fault, or empty.
+    pub cause: String,
+    /// The strategy at work.
+    pub strategy: Strategy,
+}
+
+/// Calls with every message of a log, in order. A log that was cut off is read up to where it was.
+fn messages(
+    path: &Path,
+    mut each: impl FnMut(Value) -> Result<(), String>,
+) -> Result<(), LogError> {
     let name = path.display().to_string();
     let bytes =
         std::fs::read(path).map_err(|error| LogError::File { path: name.clone(), error })?;
+    let foreign = |reason: String| LogError::Foreign { path: name.clone(), reason };
     if !bytes.starts_with(mcap::MAGIC) {
-        let reason = "it does not begin as an MCAP file does".into();
-        return Err(LogError::Foreign { path: name, reason });
+        return Err(foreign("it does not begin as an MCAP file does".into()));
     }
     let options = [mcap::read::Options::IgnoreEndMagic];
     let messages = mcap::MessageStream::new_with_options(&bytes, options.into_iter().collect())
         .map_err(|error| LogError::Mcap { path: name.clone(), error })?;
-    let foreign = |reason: String| LogError::Foreign { path: name.clone(), reason };
-    let header: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
-    let mut rows = Vec::new();
     for message in messages {
         // the last chunk of a log that was cut off
         let Ok(message) = message else { break };
@@ -201,12 +246,77 @@ pub fn read(path: &Path) -> Result<(Vec<&'static str>, Vec<Vec<String>>), LogErr
         }
         let value: Value =
             serde_json::from_slice(&message.data).map_err(|e| foreign(e.to_string()))?;
+        each(value).map_err(foreign)?;
+    }
+    Ok(())
+}
+
+/// A log as a table: the header, then a row for each control period. A log that was cut off is read up
+/// to where it was.
+///
+/// # Errors
+///
+/// [`LogError`] when it cannot be read, or is none of ours.
+pub fn read(path: &Path) -> Result<(Vec<&'static str>, Vec<Vec<String>>), LogError> {
+    let header: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
+    let mut rows = Vec::new();
+    messages(path, |value| {
         let cell = |name: &&str| match &value[*name] {
             Value::Null => String::new(),
             Value::String(text) => text.clone(),
             other => other.to_string(),
         };
         rows.push(header.iter().map(cell).collect());
-    }
+        Ok(())
+    })?;
     Ok((header, rows))
+}
+
+/// A log's control periods, to be replayed.
+///
+/// # Errors
+///
+/// [`LogError`] when it cannot be read, or is none of ours.
+pub fn rows(path: &Path) -> Result<Vec<Row>, LogError> {
+    let mut rows = Vec::new();
+    messages(path, |value| {
+        rows.push(row(&value)?);
+        Ok(())
+    })?;
+    Ok(rows)
+}
+
+fn row(value: &Value) -> Result<Row, String> {
+    let number = |name: &str, unit: f64| value[name].as_f64().map_or(f64::NAN, |v| v * unit);
+    let text = |name: &str| value[name].as_str().ok_or_else(|| format!("a message without {name}"));
+    let needed =
+        |name: &str| value[name].as_f64().ok_or_else(|| format!("a message without {name}"));
+    let (state, strategy) = (text("state")?, text("strategy")?);
+    let sequence = needed("reading_number")? as u64;
+    let reading = Reading {
+        stroke: number("stroke_mm", 1e-3),
+        pressure_pump_a: number("pressure_pump_a_bar", 1e5),
+        pressure_a: number("pressure_a_bar", 1e5),
+        pressure_b: number("pressure_b_bar", 1e5),
+        pressure_pump_b: number("pressure_pump_b_bar", 1e5),
+        pressure_accumulator: number("pressure_accumulator_bar", 1e5),
+        motor_speed: number("motor_speed_rpm", 1.0 / 60.0),
+    };
+    Ok(Row {
+        sequence,
+        reading: (sequence > 0).then_some(reading),
+        course_time: value["course_time_s"].as_f64(),
+        reference: Reference {
+            position: needed("reference_position_mm")? * 1e-3,
+            velocity: needed("reference_velocity_mm_s")? * 1e-3,
+        },
+        command: Command {
+            motor_speed: needed("command_motor_speed_rpm")? / 60.0,
+            holding_valve: needed("command_holding_valve")?,
+        },
+        state: State::from_name(state).ok_or_else(|| format!("no state \"{state}\""))?,
+        cause: text("cause")?.into(),
+        strategy: Strategy::from_name(strategy)
+            .ok_or_else(|| format!("no strategy \"{strategy}\""))?,
+    })
 }

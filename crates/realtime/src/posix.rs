@@ -89,6 +89,22 @@ pub fn may_lock_memory() -> bool {
     user == 0 || (known && limit.rlim_cur == libc::RLIM_INFINITY)
 }
 
+/// Time that a hypervisor has taken from a core since it came up \[s\], in steps of 10 ms; none where the
+/// kernel does not tell.
+pub fn stolen(core: usize) -> Option<f64> {
+    // user, nice, system, idle, waiting, interrupts, soft interrupts, stolen: in hundredths of a second
+    let statistics = std::fs::read_to_string("/proc/stat").ok()?;
+    let name = format!("cpu{core}");
+    let line = statistics.lines().find(|line| line.split_whitespace().next() == Some(&name))?;
+    line.split_whitespace().nth(8)?.parse::<f64>().ok().map(|ticks| 0.01 * ticks)
+}
+
+/// Lets a file that grows beyond what is allowed end with an error, not with the program.
+pub fn survive_large_files() {
+    // SAFETY: ignoring a signal runs no code of ours.
+    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
+}
+
 /// Keeps the processor from sleeping so deeply that it wakes late, as long as the file is held.
 ///
 /// # Errors

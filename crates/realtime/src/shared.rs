@@ -2,6 +2,7 @@
 
 use crate::machine::{Incoming, Machine};
 use crate::slot::Slot;
+use crate::trouble::Tampering;
 use hydroboom_control::{Command, Reading};
 use memmap2::MmapMut;
 use std::fs::OpenOptions;
@@ -19,6 +20,8 @@ struct Layout {
     reading: Slot<8>,
     /// Number, then the command's fields.
     command: Slot<3>,
+    /// Number, then what is done to the machine.
+    tampering: Slot<3>,
 }
 
 /// Memory shared by the executive and a machine's process.
@@ -86,6 +89,18 @@ impl Shared {
     pub fn show(&self, sequence: u64, reading: &Reading<f64>) {
         let [a, b, c, d, e, f, g] = reading.to_array().map(f64::to_bits);
         self.layout().reading.publish([sequence, a, b, c, d, e, f, g]);
+    }
+
+    /// For the machine's process: what was ordered to be done to it last, and its number.
+    pub fn tampering(&self) -> Option<(u64, Tampering)> {
+        let (_, [number, kind, value]) = self.layout().tampering.read()?;
+        Some((number, Tampering::from_words([kind, value])?))
+    }
+
+    /// For the executive's process: has something done to the machine, with a number that grows.
+    pub fn tamper(&self, number: u64, what: Tampering) {
+        let [kind, value] = what.to_words();
+        self.layout().tampering.publish([number, kind, value]);
     }
 }
 

@@ -2,16 +2,23 @@
 
 use hydroboom_control::Measured;
 use hydroboom_description::{BuildError, Description};
-use hydroboom_model::{Input, Scheme, Simulation, Start};
+use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation, Start};
 use hydroboom_plant::PlantError;
 
-/// What the simulation shows the controller.
+/// State of the simulated crane, three segments.
+pub type SimulatedState = CraneState<f64, 3>;
+
+/// What the simulation shows the controller, and who looks on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Simulated {
     /// Steps taken.
     pub steps: u64,
+    /// How often it was set to a state.
+    pub epoch: u64,
     /// What the benchmark controller looks at.
     pub measured: Measured<f64>,
+    /// Absolute angle of each boom segment \[rad\].
+    pub angle: [f64; 3],
     /// Whether it left what the model holds for; it then stays where it was.
     pub failed: bool,
 }
@@ -22,6 +29,20 @@ pub struct SimulationTask {
     simulated: Simulated,
 }
 
+/// The model, and its state at rest. Takes milliseconds: not for a real-time cycle.
+///
+/// # Errors
+///
+/// [`PlantError`] when the description gives no model of three segments, or no state of rest.
+pub fn at_rest(
+    model: &Description,
+    start: &Start,
+) -> Result<(Crane<f64, 3>, SimulatedState), PlantError> {
+    let crane = model.crane::<3>().map_err(BuildError::from)?;
+    let state = crane.at_rest(start).map_err(BuildError::from)?;
+    Ok((crane, state))
+}
+
 impl SimulationTask {
     /// A simulated crane at rest, pump pre-loaded.
     ///
@@ -29,8 +50,7 @@ impl SimulationTask {
     ///
     /// [`PlantError`] when the description gives no model of three segments, or no state of rest.
     pub fn new(model: &Description, start: &Start) -> Result<Self, PlantError> {
-        let crane = model.crane::<3>().map_err(BuildError::from)?;
-        let state = crane.at_rest(start).map_err(BuildError::from)?;
+        let (crane, state) = at_rest(model, start)?;
         let step = model.numbers.simulation_period;
         let simulation = Simulation::new(crane, state, Scheme::Published, step)
             .map_err(PlantError::Simulation)?;
@@ -53,6 +73,15 @@ impl SimulationTask {
         }
     }
 
+    /// Goes on from another state, also after it has failed. A state that is not valid is left out.
+    pub fn synchronise(&mut self, state: SimulatedState) {
+        if self.simulation.set_state(state).is_ok() {
+            self.simulated.failed = false;
+            self.simulated.epoch += 1;
+            self.look();
+        }
+    }
+
     fn look(&mut self) {
         let (crane, state) = (self.simulation.crane(), self.simulation.state());
         let p = crane.circuit.pressures(&state.circuit);
@@ -61,6 +90,7 @@ impl SimulationTask {
             stroke: crane.boom.cylinder_pose(&pose).stroke,
             load_pressure: crane.cylinder.load_pressure(p.a, p.b),
         };
+        self.simulated.angle = state.boom.angle;
     }
 
     /// What it shows now.

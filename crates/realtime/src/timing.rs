@@ -60,6 +60,16 @@ impl Timing {
         }
     }
 
+    /// How late the releases were: for each time \[us\] the share that was later.
+    pub fn later_than(&self) -> Vec<(f64, f64)> {
+        beyond(&self.lateness)
+    }
+
+    /// How long the steps took: for each time \[us\] the share that took longer.
+    pub fn longer_than(&self) -> Vec<(f64, f64)> {
+        beyond(&self.execution)
+    }
+
     /// A share of the releases were at most so late \[us\].
     pub fn lateness_us(&self, share: f64) -> f64 {
         self.lateness.value_at_quantile(share) as f64 * 1e-3
@@ -68,5 +78,42 @@ impl Timing {
     /// A share of the steps took at most so long \[us\].
     pub fn execution_us(&self, share: f64) -> f64 {
         self.execution.value_at_quantile(share) as f64 * 1e-3
+    }
+}
+
+/// For each recorded time \[us\] the share of all that is above; the last one, which nothing is above, left
+/// out.
+fn beyond(histogram: &Histogram<u64>) -> Vec<(f64, f64)> {
+    let all = histogram.len().max(1) as f64;
+    let mut counted = 0;
+    let mut shares = Vec::new();
+    for step in histogram.iter_recorded() {
+        counted += step.count_at_value();
+        shares.push((step.value_iterated_to() as f64 * 1e-3, 1.0 - counted as f64 / all));
+    }
+    shares.pop();
+    shares
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_step_is_counted_once_and_the_shares_fall_to_the_worst() {
+        let mut timing = Timing::new(50_000).unwrap_or_else(|| panic!("no memory"));
+        for k in 1..=1000_u64 {
+            timing.released(k * 100);
+            timing.executed(k, k + 20_000, k);
+        }
+        assert_eq!(timing.steps, 1000);
+        // later than 50 us once, than 100 us never: 500 releases at or beyond a period, one beyond two
+        assert_eq!(timing.missed, 501 + 1);
+        assert_eq!(timing.worst, (1000, 1000));
+        let later = timing.later_than();
+        assert!(later.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 > w[1].1));
+        let (_, half) = later.iter().find(|(us, _)| *us >= 50.0).copied().unwrap_or_default();
+        assert!((half - 0.5).abs() < 2e-3, "{half}");
+        assert!(timing.taken > 0);
     }
 }

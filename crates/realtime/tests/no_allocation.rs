@@ -1,16 +1,18 @@
 //! The cycle allocates nothing.
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
-use hydroboom_control::{Request, State, Strategy};
+use hydroboom_control::{Path, Request, State, Strategy};
 use hydroboom_description::Description;
 use hydroboom_model::Start;
 use hydroboom_realtime::control_task::{ControlTask, Period, limits};
+use hydroboom_realtime::course::Course;
 use hydroboom_realtime::machine::{Incoming, Machine};
 use hydroboom_realtime::shared::Shared;
 use hydroboom_realtime::simulation_task::SimulationTask;
 use hydroboom_realtime::slot::Slot;
 use hydroboom_realtime::timing::Timing;
 use hydroboom_virtual_crane::VirtualCrane;
+use std::sync::Arc;
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;
@@ -24,7 +26,9 @@ fn simulation_control_and_exchange_allocate_nothing() {
     start.preload = 0.0;
     let mut machine = VirtualCrane::new(&crane, &start).unwrap();
     let strategy = Strategy::SimulationFeedforwardClosedLoop;
-    let mut control = ControlTask::new(&model, motion, limits(&model, motion.speed), strategy);
+    let path: Arc<dyn Path> = Arc::new(motion);
+    let course = Course::new(Arc::clone(&path));
+    let mut control = ControlTask::new(&model, course, limits(&model, motion.speed), strategy);
     let mut simulation = SimulationTask::new(&model, &model.start(motion.start)).unwrap();
     let mut timing = Timing::new(1_000_000).unwrap();
     let slot = Slot::<4>::default();
@@ -54,6 +58,7 @@ fn simulation_control_and_exchange_allocate_nothing() {
                 overruns: 0,
                 attended: true,
                 clock_jumped: false,
+                deadlines: None,
             });
             shared.write(k, &record.decision.command);
             for _ in 0..20 {

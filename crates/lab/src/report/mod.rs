@@ -11,6 +11,8 @@ mod tracking;
 mod validation;
 
 pub use bode::bode_page;
+pub use document::{document, figure};
 pub use family::family_page;
+pub use figure::{Axes, Figure, Series};
 pub use page::page;
 pub use tracking::{MotionTests, motion_page};

@@ -1,0 +1,195 @@
+// The page: what comes from the program is shown, what a person wants is sent.
+"use strict";
+
+const $ = (id) => document.getElementById(id);
+const token = location.hash.slice(1);
+const picture = new CranePicture($("crane"));
+const page = { socket: null, viewer: null, charts: null, frame: null, setup: null, isOperator: false, frames: 0 };
+
+function send(command, rest = {}) {
+  if (page.socket?.readyState !== WebSocket.OPEN) return refuse("there is no connection: nothing was sent");
+  page.socket.send(JSON.stringify({ command, ...(command === "alive" ? {} : { token }), ...rest }));
+}
+
+let refusalTimer;
+function refuse(reason) {
+  $("refusal").textContent = reason;
+  $("refusal").hidden = false;
+  clearTimeout(refusalTimer);
+  refusalTimer = setTimeout(() => { $("refusal").hidden = true; }, 8000);
+}
+
+function connect() {
+  const socket = new WebSocket(`ws://${location.host}/live`);
+  page.socket = socket;
+  socket.onmessage = (event) => receive(JSON.parse(event.data));
+  socket.onclose = () => {
+    page.isOperator = false;
+    badge("no connection", "off");
+    enable();
+    setTimeout(connect, 1000);
+  };
+}
+
+function receive(message) {
+  if (message.type === "setup") setUp(message);
+  else if (message.type === "past") {
+    // also after a connection was lost: what was missed is there
+    document.querySelectorAll(".chart").forEach((chart) => chart.replaceChildren());
+    page.charts = new Charts(message.names, page.setup.real_time);
+    page.charts.add(message.samples);
+    news(message.news);
+  } else if (message.type === "frame") {
+    page.frame = message;
+    page.frames += 1;
+    page.charts?.add(message.samples);
+    if (message.news) news(message.news);
+  } else if (message.type === "refused") refuse(`refused: ${message.reason}`);
+}
+
+function option(value, text = value) {
+  const made = document.createElement("option");
+  made.value = value;
+  made.textContent = text;
+  return made;
+}
+
+function setUp(setup) {
+  const again = page.setup !== null;
+  page.setup = setup;
+  page.viewer = setup.viewer;
+  picture.setup(setup);
+  $("crane-name").textContent = `${setup.crane_name}${setup.virtual ? ", virtual" : ""}${setup.real_time ? "" : ", simulated time"}`;
+  if (again) return;
+  $("strategy").replaceChildren(...setup.strategies.map((name) => option(name)));
+  $("strategy").value = "simulation-feedforward-closed-loop";
+  $("motion").replaceChildren(option("", "out and back"), ...setup.scenarios.map((name) => option(name)));
+  $("speed").max = setup.most_speed_mm_s;
+  $("speed").value = Math.max(...setup.speeds_mm_s);
+  $("faults").hidden = setup.faults.length === 0;
+  $("fault").replaceChildren(...setup.faults.map((name) => option(name)));
+  $("chart-execution").hidden = $("chart-late").hidden = !setup.real_time;
+  $("no-token").hidden = token !== "";
+}
+
+function cell(text, className) {
+  const made = document.createElement("td");
+  made.textContent = text;
+  if (className) made.className = className;
+  return made;
+}
+
+function news(all) {
+  if (all.results.length) {
+    $("results").replaceChildren(...all.results.slice().reverse().map((result) => {
+      const row = document.createElement("tr");
+      const strategy = result.then ? `${result.strategy}, then ${result.then}` : result.strategy;
+      const ended = (result.fault ?? "load held") + (result.fallback ? ", benchmark took over" : "");
+      row.append(cell(result.course), cell(strategy), cell(result.rms_mm.toFixed(3)), cell(result.peak_mm.toFixed(3)), cell(ended));
+      return row;
+    }));
+  }
+  const events = [
+    ...all.alarms.map((a) => [a.time_s, `${a.code}: ${a.advice}`]),
+    ...all.notices.map((n) => [n.time_s, n.text]),
+  ].sort((a, b) => b[0] - a[0]);
+  if (events.length) {
+    $("events").replaceChildren(...events.map(([time, text]) => {
+      const item = document.createElement("li");
+      item.textContent = `${time.toFixed(1)} s: ${text}`;
+      return item;
+    }));
+  }
+  $("report").hidden = !all.has_report;
+  $("fault-data").hidden = !all.has_fault_data;
+}
+
+function badge(text, kind) {
+  if ($("state").textContent !== text) $("state").textContent = text;
+  $("state").className = `badge ${kind}`;
+}
+
+function enable() {
+  const state = page.frame?.state;
+  const connected = page.socket?.readyState === WebSocket.OPEN;
+  const operates = connected && page.isOperator;
+  $("commands").disabled = !operates;
+  $("emergency").disabled = !connected || token === "";
+  $("role").disabled = !connected || token === "" || (!page.isOperator && page.frame?.operator != null);
+  $("start").disabled = !(state === "Holding" || state === "Ready");
+  $("stop").disabled = state === "Fault" || state === "Idle";
+  $("reset").disabled = state !== "Fault";
+}
+
+function draw() {
+  requestAnimationFrame(draw);
+  const frame = page.frame;
+  if (!frame || frame === draw.last || page.socket?.readyState !== WebSocket.OPEN) return;
+  draw.last = frame;
+  page.isOperator = frame.operator === page.viewer;
+  badge(frame.state, frame.state);
+  $("clock").textContent = `${frame.time_s.toFixed(1)} s` + (frame.course_s == null ? "" : `, course ${frame.course_s.toFixed(1)} s`);
+  $("strategy-now").textContent = frame.state === "Moving"
+    ? frame.strategy + (frame.fallback ? " (took over: the simulation is not true)" : "") : "";
+  $("alarm").hidden = frame.cause == null;
+  if (frame.cause != null) {
+    $("alarm-code").textContent = frame.cause;
+    $("alarm-advice").textContent = frame.advice;
+  }
+  $("role").textContent = page.isOperator ? "Give the operator's role back" : "Take the operator's role";
+  $("role-now").textContent = page.isOperator ? "you operate" : frame.operator == null ? "nobody operates" : "somebody else operates";
+  $("viewers").textContent = `${frame.viewers} viewer${frame.viewers === 1 ? "" : "s"}`;
+  $("missed").textContent = frame.missed ? `releases missed: simulation ${frame.missed[0]}, control ${frame.missed[1]}` : "";
+  enable();
+  const charts = page.charts;
+  if (!charts) return;
+  charts.draw();
+  const bar = (name) => charts.latest(`${name}_bar`);
+  if (frame.crane) {
+    $("bending").textContent = `tip bent by ${frame.crane.deflection_mm.toFixed(1)} mm (simulated)`;
+    picture.draw(frame.crane, { pa: bar("p_PA"), a: bar("p_A"), b: bar("p_B"), pb: bar("p_PB"), acc: bar("p_acc") });
+  }
+}
+
+$("emergency").onclick = () => send("emergency-stop");
+$("role").onclick = () => send(page.isOperator ? "leave-role" : "take-role");
+$("start").onclick = () => {
+  const scenario = $("motion").value;
+  const rest = { strategy: $("strategy").value };
+  if (scenario) rest.scenario = scenario;
+  else {
+    rest.speed_mm_s = Number($("speed").value);
+    if (!(rest.speed_mm_s > 0)) return refuse("the speed is a positive number");
+  }
+  send("start", rest);
+};
+$("stop").onclick = () => send("stop");
+$("reset").onclick = () => {
+  send("reset");
+  setTimeout(() => {
+    if (page.frame?.state === "Fault") refuse("not reset: something is still wrong");
+  }, 1200);
+};
+$("strategy").onchange = () => send("strategy", { strategy: $("strategy").value });
+$("motion").onchange = () => { $("speed-label").hidden = $("motion").value !== ""; };
+$("inject").onclick = () => send("fault", { fault: $("fault").value });
+$("mend").onclick = () => send("mend");
+$("magnify").oninput = () => {
+  picture.magnify = Number($("magnify").value);
+  $("magnified").textContent = picture.magnify;
+  draw.last = null;
+};
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape") {
+    event.preventDefault();
+    send("emergency-stop");
+  }
+});
+setInterval(() => { if (page.isOperator) send("alive"); }, 300);
+setInterval(() => {
+  $("rate").textContent = `${page.frames} frames a second`;
+  page.frames = 0;
+}, 1000);
+connect();
+enable();
+requestAnimationFrame(draw);

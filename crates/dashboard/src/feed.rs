@@ -1,0 +1,194 @@
+//! What viewers are shown: kept here by the session's thread, sent from here thirty times a second.
+
+use crate::scene::{Scene, shorter};
+use hydroboom_realtime::control_task::{Deadlines, Record};
+use hydroboom_realtime::log;
+use hydroboom_realtime::session::FaultData;
+use serde_json::{Value, json};
+use std::collections::VecDeque;
+
+/// Records from one sample to the next: 10 ms, as fine as a chart of twenty seconds can show.
+const EVERY: u32 = 10;
+/// Samples that a new viewer is shown at once: thirty seconds.
+const HISTORY: usize = 3000;
+/// Samples that are kept for the next frame at most: a second. More come only when frames do not go.
+const WAITING: usize = 100;
+/// Alarms, results and notices that are kept.
+const KEPT: usize = 20;
+
+/// Names of a sample's numbers, in order.
+pub(crate) const SAMPLE: [&str; 16] = [
+    "time_s",
+    "reference_mm",
+    "stroke_mm",
+    "simulated_mm",
+    "error_mm",
+    "p_PA_bar",
+    "p_A_bar",
+    "p_B_bar",
+    "p_PB_bar",
+    "p_acc_bar",
+    "command_rpm",
+    "motor_rpm",
+    "simulation_execution_us",
+    "control_execution_us",
+    "simulation_late_us",
+    "control_late_us",
+];
+
+/// What viewers are shown.
+pub(crate) struct Feed {
+    last: Option<Record>,
+    /// Worst timing since the last sample.
+    worst: Deadlines,
+    count: u32,
+    history: VecDeque<Value>,
+    waiting: Vec<Value>,
+    alarms: VecDeque<Value>,
+    results: VecDeque<Value>,
+    notices: VecDeque<Value>,
+    /// Grows with each alarm, result and notice, so that only news are sent.
+    news: u64,
+    sent: u64,
+    /// Report of the last course.
+    pub(crate) report: Option<String>,
+    /// The last second before the last fault.
+    pub(crate) fault_data: Option<String>,
+}
+
+impl Feed {
+    pub(crate) fn new() -> Self {
+        Self {
+            last: None,
+            worst: Deadlines::default(),
+            count: 0,
+            history: VecDeque::with_capacity(HISTORY),
+            waiting: Vec::new(),
+            alarms: VecDeque::new(),
+            results: VecDeque::new(),
+            notices: VecDeque::new(),
+            news: 0,
+            sent: 0,
+            report: None,
+            fault_data: None,
+        }
+    }
+
+    pub(crate) fn see(&mut self, record: &Record) {
+        if let Some(d) = record.deadlines {
+            let w = &mut self.worst;
+            w.control_late = w.control_late.max(d.control_late);
+            w.control_execution = w.control_execution.max(d.control_execution);
+            w.simulation_late = w.simulation_late.max(d.simulation_late);
+            w.simulation_execution = w.simulation_execution.max(d.simulation_execution);
+        }
+        self.last = Some(*record);
+        self.count += 1;
+        if !self.count.is_multiple_of(EVERY) {
+            return;
+        }
+        let sample = sample(record, &self.worst);
+        self.worst = Deadlines::default();
+        self.history.push_back(sample.clone());
+        if self.history.len() > HISTORY {
+            self.history.pop_front();
+        }
+        if self.waiting.len() < WAITING {
+            self.waiting.push(sample);
+        }
+    }
+
+    fn keep(list: &mut VecDeque<Value>, what: Value) {
+        list.push_back(what);
+        if list.len() > KEPT {
+            list.pop_front();
+        }
+    }
+
+    fn time(&self) -> f64 {
+        self.last.map_or(0.0, |r| shorter(r.time))
+    }
+
+    pub(crate) fn alarm(&mut self, fault: &FaultData) {
+        self.fault_data = Some(log::csv(&fault.records));
+        let alarm = json!({
+            "time_s": shorter(fault.time), "code": fault.cause.code(), "advice": fault.cause.advice(),
+        });
+        Self::keep(&mut self.alarms, alarm);
+        self.news += 1;
+    }
+
+    pub(crate) fn result(&mut self, result: &Value) {
+        Self::keep(&mut self.results, result.clone());
+        self.news += 1;
+    }
+
+    pub(crate) fn say(&mut self, text: &str) {
+        let notice = json!({ "time_s": self.time(), "text": text });
+        Self::keep(&mut self.notices, notice);
+        self.news += 1;
+    }
+
+    /// What has happened so far, for a new viewer.
+    pub(crate) fn past(&self) -> Value {
+        json!({ "type": "past", "names": SAMPLE, "samples": self.history, "news": self.all_news() })
+    }
+
+    fn all_news(&self) -> Value {
+        json!({
+            "alarms": self.alarms, "results": self.results, "notices": self.notices,
+            "has_report": self.report.is_some(), "has_fault_data": self.fault_data.is_some(),
+        })
+    }
+
+    /// The next frame, for all; none before the first record.
+    pub(crate) fn frame(
+        &mut self,
+        scene: &Scene,
+        operator: Option<u64>,
+        viewers: usize,
+    ) -> Option<Value> {
+        let r = self.last?;
+        let cause = r.decision.cause;
+        let mut frame = json!({
+            "type": "frame", "time_s": self.time(), "state": r.decision.state.name(),
+            "cause": cause.map(|c| c.code()), "advice": cause.map(|c| c.advice()),
+            "strategy": r.strategy.name(), "fallback": r.fallback,
+            "course_s": r.course_time.map(shorter), "valve": r.decision.command.holding_valve,
+            "missed": r.deadlines.map(|d| [d.simulation_missed, d.control_missed]),
+            "crane": r.simulated.map(|s| scene.drawn(&s.angle, r.reading.stroke)),
+            "simulated_failed": r.simulated.is_none_or(|s| s.failed),
+            "samples": std::mem::take(&mut self.waiting), "operator": operator, "viewers": viewers,
+        });
+        if self.sent != self.news {
+            self.sent = self.news;
+            frame["news"] = self.all_news();
+        }
+        Some(frame)
+    }
+}
+
+/// Numbers in the order of [`SAMPLE`]; null where there is none.
+fn sample(r: &Record, worst: &Deadlines) -> Value {
+    let some = |value: f64| value.is_finite().then(|| (value * 1e3).round() * 1e-3);
+    let bar = |pascal: f64| some(pascal * 1e-5);
+    let us = |nanoseconds: u64| r.deadlines.and_then(|_| some(nanoseconds as f64 * 1e-3));
+    json!([
+        some(r.time),
+        r.course_time.and_then(|_| some(r.reference.position * 1e3)),
+        some(r.reading.stroke * 1e3),
+        r.simulated.and_then(|s| some(s.measured.stroke * 1e3)),
+        r.error().and_then(|e| some(e * 1e3)),
+        bar(r.reading.pressure_pump_a),
+        bar(r.reading.pressure_a),
+        bar(r.reading.pressure_b),
+        bar(r.reading.pressure_pump_b),
+        bar(r.reading.pressure_accumulator),
+        some(r.decision.command.motor_speed * 60.0),
+        some(r.reading.motor_speed * 60.0),
+        us(worst.simulation_execution),
+        us(worst.control_execution),
+        us(worst.simulation_late),
+        us(worst.control_late),
+    ])
+}

@@ -1,0 +1,107 @@
+//! What does not change during a run: the crane to be drawn, and what can be chosen.
+
+use hydroboom_control::Strategy;
+use hydroboom_description::{BuildError, Description};
+use hydroboom_model::Crane;
+use hydroboom_realtime::fault::Fault;
+use serde_json::{Value, json};
+
+/// What a dashboard is to show.
+pub struct Setup<'a> {
+    /// The model, for its geometry.
+    pub model: &'a Description,
+    /// Names of the scenarios that can be run.
+    pub scenarios: Vec<String>,
+    /// Whether the machine is virtual, so that faults may be injected.
+    pub is_virtual: bool,
+    /// Whether time is real.
+    pub in_real_time: bool,
+}
+
+/// The crane, to be drawn at any angles.
+pub(crate) struct Scene {
+    crane: Crane<f64, 3>,
+    setup: Value,
+}
+
+impl Scene {
+    pub(crate) fn new(setup: &Setup<'_>) -> Result<Self, BuildError> {
+        let n = &setup.model.numbers;
+        let faults: Vec<String> = match setup.is_virtual {
+            true => Fault::of_machine().into_iter().map(Fault::name).collect(),
+            false => Vec::new(),
+        };
+        let value = json!({
+            "type": "setup", "crane_name": setup.model.name, "virtual": setup.is_virtual,
+            "real_time": setup.in_real_time,
+            "base_m": [n.base_x, n.base_y], "shortest_m": n.shortest, "stroke_mm": n.stroke * 1e3,
+            "boom_m": n.boom_length, "payload_kg": n.payload,
+            "speeds_mm_s": [n.slow * 1e3, n.fast * 1e3], "most_speed_mm_s": 2e3 * n.fast,
+            "strategies": Strategy::ALL.map(Strategy::name), "scenarios": setup.scenarios,
+            "faults": faults, "period_us": [n.simulation_period * 1e6, n.control_period * 1e6],
+        });
+        let mut scene = Self { crane: setup.model.crane::<3>()?, setup: value };
+        let tip = |stroke: f64| scene.drawn(&[0.0; 3], stroke)["boom"][3].clone();
+        let reach = json!([tip(0.0), tip(0.5 * n.stroke), tip(n.stroke)]);
+        scene.setup["reach_m"] = reach;
+        Ok(scene)
+    }
+
+    /// What a new viewer has to know.
+    pub(crate) fn setup(&self) -> &Value {
+        &self.setup
+    }
+
+    /// The boom's joints from bearing to tip, and the cylinder's mount \[m\], bent as at the segments'
+    /// absolute angles \[rad\] and turned to where the piston is \[m\].
+    pub(crate) fn drawn(&self, angle: &[f64; 3], stroke: f64) -> Value {
+        let boom = &self.crane.boom;
+        let stroke_at =
+            |turned: f64| boom.cylinder_pose(&boom.pose(&angle.map(|a| a + turned))).stroke;
+        let mut turned = 0.0;
+        if stroke.is_finite() {
+            // secants: the stroke is all but linear in the angle
+            for _ in 0..6 {
+                let slope = (stroke_at(turned + 1e-4) - stroke_at(turned)) / 1e-4;
+                turned += (stroke - stroke_at(turned)) / slope;
+            }
+        }
+        let turned = if turned.is_finite() { turned } else { 0.0 };
+        let pose = boom.pose(&angle.map(|a| a + turned));
+        let mut line = vec![[0.0; 2]];
+        line.extend((0..boom.len()).map(|i| boom.joint_position(&pose, i)));
+        json!({
+            "boom": line.iter().map(|p| p.map(shorter)).collect::<Vec<_>>(),
+            "mount": boom.mount_position(&pose).map(shorter),
+            "deflection_mm": shorter(boom.tip_deflection(&pose) * 1e3),
+        })
+    }
+}
+
+/// Five decimals: what is drawn needs no more.
+pub(crate) fn shorter(value: f64) -> f64 {
+    (value * 1e5).round() * 1e-5
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_crane_is_drawn_where_its_piston_is() {
+        let model = Description::uia_single_boom().unwrap();
+        let setup =
+            Setup { model: &model, scenarios: vec![], is_virtual: true, in_real_time: false };
+        let scene = Scene::new(&setup).unwrap();
+        for stroke in [0.05, 0.2, 0.45] {
+            let drawn = scene.drawn(&[0.1, 0.09, 0.08], stroke);
+            let [x, y] = [0, 1].map(|k| drawn["mount"][k].as_f64().unwrap());
+            let n = &model.numbers;
+            let length = (x - n.base_x).hypot(y - n.base_y);
+            assert!((length - n.shortest - stroke).abs() < 2e-5, "{length} m at {stroke} m");
+            assert_eq!(drawn["boom"].as_array().unwrap().len(), 4);
+        }
+        // a sensor that shows no number leaves a drawing all the same
+        assert!(scene.drawn(&[0.1, 0.09, 0.08], f64::NAN)["mount"][0].is_number());
+    }
+}

@@ -1,0 +1,49 @@
+//! The secret without which nothing is commanded.
+
+use std::fmt::Write;
+
+/// Letters of a token: 128 bits.
+const BYTES: usize = 16;
+
+/// A secret of its own for every run.
+#[derive(Clone)]
+pub(crate) struct Token(String);
+
+impl Token {
+    /// A new one, from the system's source of chance.
+    pub(crate) fn new() -> Result<Self, getrandom::Error> {
+        let mut bytes = [0_u8; BYTES];
+        getrandom::fill(&mut bytes)?;
+        let mut text = String::with_capacity(2 * BYTES);
+        for byte in bytes {
+            // writing to a String cannot fail
+            let _ = write!(text, "{byte:02x}");
+        }
+        Ok(Self(text))
+    }
+
+    /// Whether it is this one. Takes as long for a wrong one as for the right one.
+    pub(crate) fn is(&self, other: &str) -> bool {
+        let (ours, theirs) = (self.0.as_bytes(), other.as_bytes());
+        let differ = ours.iter().zip(theirs).fold(0, |differ, (a, b)| differ | (a ^ b));
+        ours.len() == theirs.len() && differ == 0
+    }
+
+    /// For the person who started the run.
+    pub(crate) fn text(&self) -> &str {
+        &self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_is_only_itself() {
+        let (one, other) = (Token::new().unwrap(), Token::new().unwrap());
+        assert!(one.is(one.text()) && !one.is(other.text()));
+        assert!(!one.is("") && !one.is(&one.text()[1..]) && !one.is(&format!("{}0", one.text())));
+        assert_eq!(one.text().len(), 2 * BYTES);
+    }
+}

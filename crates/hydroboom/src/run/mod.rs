@@ -1,0 +1,364 @@
+//! `hydroboom run`
+
+mod page;
+mod process;
+mod replay;
+mod report;
+mod watch;
+
+use crate::crane_file::{CraneFile, text};
+use crate::output;
+use crate::virtual_crane::StrategyName;
+use clap::Args;
+use hydroboom_control::{Path, Strategy};
+use hydroboom_dashboard::{Dashboard, Setup};
+use hydroboom_description::Description;
+use hydroboom_lab::paper;
+use hydroboom_lab::scenario::{CourseChoice, scenarios};
+use hydroboom_realtime::control_task::{ControlTask, limits};
+use hydroboom_realtime::course::Course;
+use hydroboom_realtime::desk::Desk;
+use hydroboom_realtime::executive::{self, Placement, RealTime, Tasks};
+use hydroboom_realtime::lockstep::{self, Lockstep, Pace};
+use hydroboom_realtime::log::LogWriter;
+use hydroboom_realtime::session::{Ending, Lookout, Session};
+use hydroboom_realtime::shared::Shared;
+use hydroboom_realtime::simulation_task::SimulationTask;
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use process::{Host, Memory};
+use report::{Report, processor};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
+
+/// Run the motion in real time on the virtual crane, which plays the machine in a process of its own.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  hydroboom run --auto\n  hydroboom run --auto --strategy \
+    benchmark-closed-loop --speed-mm-s 25\n  hydroboom run --dashboard\n  hydroboom run --auto --simulated-time\n  \
+    hydroboom run --replay run.mcap\n\n\
+    Ctrl-C stops under control, a second Ctrl-C holds the load at once.\n\
+    The supervisor is no safety function in the sense of ISO 13849: at a real machine a hardware \
+    emergency stop stays.")]
+pub struct Run {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Crane file of the virtual crane that plays the machine; the embedded one when not given.
+    #[arg(long, value_name = "FILE")]
+    machine: Option<PathBuf>,
+    /// How the motor's speed is found.
+    #[arg(long, value_enum, default_value = "simulation-feedforward-closed-loop")]
+    strategy: StrategyName,
+    /// Change to this strategy in the middle of the motion, without a bump.
+    #[arg(long, value_enum, value_name = "STRATEGY")]
+    then: Option<StrategyName>,
+    /// Speed of the motion; the model's fast one when not given.
+    #[arg(long)]
+    speed_mm_s: Option<f64>,
+    /// Run a scenario; `hydroboom scenarios` lists them.
+    #[arg(long, value_name = "NAME", conflicts_with = "speed_mm_s")]
+    scenario: Option<String>,
+    /// Start at once, without waiting for Enter.
+    #[arg(long)]
+    auto: bool,
+    /// Run it so often, one after the other, and say what drifted or grew.
+    #[arg(long, value_name = "COUNT", conflicts_with = "dashboard")]
+    cycles: Option<u32>,
+    /// With --cycles: reset faults, and go on with the next one.
+    #[arg(long, requires = "cycles")]
+    carry_on: bool,
+    /// Show the run in a browser, and let it be commanded from there, until Ctrl-C.
+    #[arg(long, num_args = 0..=1, default_missing_value = "127.0.0.1:8140", value_name = "ADDRESS:PORT")]
+    dashboard: Option<SocketAddr>,
+    /// Let the dashboard be reached from other computers, without encryption.
+    #[arg(long, requires = "dashboard")]
+    allow_remote: bool,
+    /// Log to write, MCAP: Foxglove and PlotJuggler open it, `hydroboom log to-csv` converts it.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Show the controller and the supervisor the readings of such a log again, in simulated time.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["dashboard", "cycles", "log", "scenario"])]
+    replay: Option<PathBuf>,
+    /// Report to write (HTML); after a fault its last second is written beside it, as CSV.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// In simulated time: the same tasks, as fast as they go (with a dashboard: as fast as the clock),
+    /// every time the same.
+    #[arg(long)]
+    simulated_time: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What runs, and with what.
+struct Cranes {
+    model: Description,
+    machine: Description,
+}
+
+impl Run {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let model = self.crane.read()?;
+        if let Some(log) = &self.replay {
+            return replay::replay(&model, log, self.json);
+        }
+        let machine = match &self.machine {
+            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
+            None => Description::uia_virtual()?,
+        };
+        let cranes = Cranes { model, machine };
+        let wanted = cranes.course(self.speed_mm_s, self.scenario.as_deref())?;
+        let strategy = Strategy::from(self.strategy);
+        let switch = Switch {
+            first: strategy,
+            then: self.then.map_or(strategy, Strategy::from),
+            at: 0.5 * wanted.path.duration(),
+        };
+        let alone =
+            cranes.beforehand(&wanted, switch, self.simulated_time || self.dashboard.is_some())?;
+        let desk = Arc::new(Desk::new(strategy));
+        let mut watch = self.watch(&cranes, &desk, wanted, switch)?;
+        let real_time = match self.simulated_time {
+            true => {
+                let pace = if self.dashboard.is_some() { Pace::Clock } else { Pace::Free };
+                if self.dashboard.is_some() {
+                    attend(&desk)?;
+                }
+                let run = cranes.lockstep(strategy)?;
+                let lookout =
+                    Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
+                lockstep::run(run, &cranes.machine, lookout, pace).into_diagnostic()?;
+                None
+            }
+            false => {
+                attend(&desk)?;
+                Some(self.in_real_time(&cranes, strategy, &desk, &mut watch)?)
+            }
+        };
+        watch.close_log();
+        self.conclude(&cranes, &watch, alone.as_ref(), real_time.as_ref())
+    }
+
+    /// Who looks on.
+    fn watch(
+        &self,
+        cranes: &Cranes,
+        desk: &Arc<Desk>,
+        wanted: Wanted,
+        switch: Switch,
+    ) -> Result<Watch> {
+        let log = match &self.log {
+            Some(path) => Some(LogWriter::begin(path).into_diagnostic()?),
+            None => None,
+        };
+        let session = Session::new(&cranes.model);
+        let mut watch = Watch::new(session, Arc::clone(desk), wanted).with_log(log);
+        if !self.simulated_time || self.dashboard.is_some() {
+            watch = watch.speaking();
+        }
+        let Some(address) = self.dashboard else {
+            let plan = Plan {
+                left: self.cycles.unwrap_or(1),
+                carry_on: self.carry_on,
+                waits: !self.auto && !self.simulated_time,
+            };
+            if plan.waits {
+                wait_for_enter(watch.starter());
+            }
+            return Ok(watch.with_switch(switch).with_plan(plan));
+        };
+        let setup = Setup {
+            model: &cranes.model,
+            scenarios: scenarios(&cranes.machine).iter().map(|s| s.name.to_string()).collect(),
+            is_virtual: true,
+            in_real_time: !self.simulated_time,
+        };
+        let dashboard = Dashboard::open(address, self.allow_remote, &setup, Arc::clone(desk))
+            .into_diagnostic()?;
+        eprintln!("dashboard: {}", dashboard.address());
+        Ok(watch.with_dashboard(dashboard, cranes.courses()))
+    }
+
+    fn in_real_time(
+        &self,
+        cranes: &Cranes,
+        strategy: Strategy,
+        desk: &Arc<Desk>,
+        watch: &mut Watch,
+    ) -> Result<RealTime> {
+        let memory = Memory::new()?;
+        let open = |result: std::io::Result<Shared>| {
+            result.into_diagnostic().wrap_err_with(|| memory.path.display().to_string())
+        };
+        let shared = open(Shared::create(&memory.path))?;
+        let tampering = open(Shared::open(&memory.path))?;
+        let mut host = Host::start(&memory.path, self.machine.as_deref())?;
+        let model = &cranes.model;
+        let n = &model.numbers;
+        let motion = cranes.machine.motion(n.fast);
+        let course = Course::new(Arc::new(motion));
+        let tasks = Tasks {
+            control: ControlTask::new(model, course, limits(model, motion.speed), strategy),
+            simulation: SimulationTask::new(model, &model.start(motion.start)).into_diagnostic()?,
+            machine: Box::new(shared),
+            periods: (n.simulation_period, n.control_period),
+            placement: Placement::default(),
+        };
+        let lookout = Lookout { desk, attendant: watch, ending: Ending::OnceClosed };
+        let mut number = 0;
+        let real_time = executive::run(tasks, lookout, &mut |what| {
+            number += 1;
+            tampering.tamper(number, what);
+        })
+        .into_diagnostic()?;
+        host.end();
+        Ok(real_time)
+    }
+
+    /// Says what came of it, and writes the report.
+    fn conclude(
+        &self,
+        cranes: &Cranes,
+        watch: &Watch,
+        simulated: Option<&CourseResult>,
+        real_time: Option<&RealTime>,
+    ) -> Result<()> {
+        let results = &watch.results;
+        let report = Report {
+            model: &cranes.model,
+            results,
+            simulated: simulated.filter(|_| real_time.is_some()),
+            paper: self.paper(cranes, results),
+            synchronised: watch.session().synchronised_in_all(),
+            real_time,
+        };
+        if let Some(path) = &self.report {
+            let page =
+                page::run_page(results, report.paper, &watch.records, real_time, &processor());
+            output::file(path, page.into_diagnostic()?.as_bytes())?;
+        }
+        match self.json {
+            true => output::json(&report.json())?,
+            false => {
+                let mut said = report.text();
+                for (what, path) in [("log", &self.log), ("report", &self.report)] {
+                    if let Some(path) = path {
+                        said += &format!("\n{what}: {}", path.display());
+                    }
+                }
+                output::text(&said)?;
+            }
+        }
+        let Some(fault) = watch.session().fault() else { return Ok(()) };
+        if let Some(path) = &self.report {
+            let data = path.with_extension("fault.csv");
+            output::file(&data, hydroboom_realtime::log::csv(&fault.records).as_bytes())?;
+            eprintln!("the last second before the fault: {}", data.display());
+        }
+        if self.dashboard.is_some() || self.carry_on {
+            return Ok(());
+        }
+        Err(miette!(
+            help = fault.cause.advice(),
+            "the supervisor stopped it at {:.3} s: {}",
+            fault.time,
+            fault.cause.code()
+        ))
+    }
+
+    /// What the paper measured in the same test.
+    fn paper(&self, cranes: &Cranes, results: &[CourseResult]) -> Option<[f64; 2]> {
+        let result = results.first().filter(|r| r.then.is_none() && self.scenario.is_none())?;
+        let speed = self.speed_mm_s.unwrap_or(cranes.model.numbers.fast * 1e3);
+        let column = paper::SPEEDS_MM_S.iter().position(|v| (v - speed).abs() < 1e-6)?;
+        let (rms, peak) = paper::tracking_mm(Strategy::from_name(result.strategy)?);
+        Some([rms[column], peak[column]])
+    }
+}
+
+/// Longer courses are not run beforehand in simulated time \[s\].
+const LONGEST_BEFOREHAND: f64 = 120.0;
+
+impl Cranes {
+    /// The course at a speed \[mm/s\] or of a scenario.
+    fn course(&self, speed_mm_s: Option<f64>, scenario: Option<&str>) -> Result<Wanted> {
+        let speed = speed_mm_s.map_or(self.model.numbers.fast, |mm_s| mm_s * 1e-3);
+        let fastest = 2.0 * self.model.numbers.fast;
+        if !(speed > 1e-4 && speed <= fastest) {
+            miette::bail!(
+                "a speed of {:.3} mm/s: it is 0.1 to {:.0} mm/s",
+                speed * 1e3,
+                fastest * 1e3
+            );
+        }
+        let choice = match scenario {
+            Some(name) => CourseChoice::Scenario(name.into()),
+            None => CourseChoice::Motion(speed),
+        };
+        let course = choice.of(&self.machine).into_diagnostic()?;
+        let hung = course.loads().iter().map(|load| (load.time, load.mass)).collect();
+        Ok(Wanted { name: course.name(), path: Arc::from(course as Box<dyn Path>), hung })
+    }
+
+    /// What finds the courses wanted at a dashboard.
+    fn courses(&self) -> Courses {
+        let cranes = Cranes { model: self.model.clone(), machine: self.machine.clone() };
+        Box::new(move |speed_mm_s, scenario| cranes.course(speed_mm_s, scenario))
+    }
+
+    fn lockstep(&self, strategy: Strategy) -> Result<Lockstep> {
+        let motion = self.machine.motion(self.model.numbers.fast);
+        Lockstep::new(&self.model, &self.machine, motion, strategy).into_diagnostic()
+    }
+
+    /// The course in simulated time, to compare with; none where nobody asks for it, or it is long.
+    fn beforehand(
+        &self,
+        wanted: &Wanted,
+        switch: Switch,
+        is_needless: bool,
+    ) -> Result<Option<CourseResult>> {
+        if is_needless || wanted.path.duration() > LONGEST_BEFOREHAND {
+            return Ok(None);
+        }
+        let desk = Arc::new(Desk::new(switch.first));
+        let session = Session::new(&self.model);
+        let plan = Plan { left: 1, carry_on: false, waits: false };
+        let mut watch = Watch::new(session, Arc::clone(&desk), wanted.clone())
+            .with_switch(switch)
+            .with_plan(plan);
+        let lookout = Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
+        let run = self.lockstep(switch.first)?;
+        lockstep::run(run, &self.machine, lookout, Pace::Free).into_diagnostic()?;
+        Ok(watch.results.pop())
+    }
+}
+
+/// Ctrl-C stops and ends; once more holds the load at once.
+fn attend(desk: &Arc<Desk>) -> Result<()> {
+    let desk = Arc::clone(desk);
+    let mut pressed = false;
+    ctrlc::set_handler(move || {
+        if std::mem::replace(&mut pressed, true) {
+            eprintln!("emergency stop");
+            desk.emergency_stop();
+        } else {
+            eprintln!("stopping; once more for an emergency stop");
+            desk.close();
+        }
+    })
+    .into_diagnostic()
+}
+
+/// Enter starts what is planned.
+fn wait_for_enter(started: Arc<std::sync::atomic::AtomicBool>) {
+    eprintln!("the load is held; Enter starts the motion, Ctrl-C ends");
+    std::thread::spawn(move || {
+        let mut line = String::new();
+        if std::io::stdin().read_line(&mut line).is_ok_and(|count| count > 0) {
+            started.store(true, std::sync::atomic::Ordering::Relaxed);
+        }
+    });
+}

@@ -1,0 +1,137 @@
+//! What a run came to, as a page.
+
+use super::watch::CourseResult;
+use hydroboom_lab::LabError;
+use hydroboom_lab::report::{Axes, Figure, Series, document, figure};
+use hydroboom_realtime::control_task::Record;
+use hydroboom_realtime::executive::RealTime;
+use hydroboom_realtime::timing::Timing;
+use maud::{Markup, html};
+
+/// One course, as it is shown at once after it.
+pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<String, LabError> {
+    let body = html! {
+        (results(std::slice::from_ref(result), None))
+        (course(records)?)
+    };
+    Ok(document(&format!("Hydroboom: {} with {}", result.course, result.strategy), &body))
+}
+
+/// A whole run: all courses, the last one in figures, the deadlines.
+pub fn run_page(
+    list: &[CourseResult],
+    paper: Option<[f64; 2]>,
+    records: &[Record],
+    real_time: Option<&RealTime>,
+    computer: &str,
+) -> Result<String, LabError> {
+    let body = html! {
+        p.soft {
+            "The machine is the virtual crane, which stands in for a real one: nothing here is a measurement of "
+            "a real crane, but for the paper's numbers and the times of the tasks, which were taken on this computer."
+        }
+        (results(list, paper))
+        (course(records)?)
+        @if let Some(real_time) = real_time { (deadlines(real_time, computer)?) }
+    };
+    Ok(document("Hydroboom: a run", &body))
+}
+
+fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
+    html! {
+        h2 { "Tracking error x - x_ref" }
+        div.wide { table {
+            thead { tr {
+                th { "course" } th { "strategy" } th { "begun [s]" } th { "RMS [mm]" }
+                th { "peak [mm]" } th { "ended" }
+            } }
+            tbody {
+                @for r in list { tr {
+                    td { (r.course) }
+                    td.text { (r.strategy) @if let Some(then) = r.then { ", then " (then) } }
+                    td { (format!("{:.1}", r.begun_s)) }
+                    td { (format!("{:.3}", r.rms_mm)) } td { (format!("{:.3}", r.peak_mm)) }
+                    td.text {
+                        @if let Some(fault) = r.fault { strong { (fault) } } @else { "load held" }
+                        @if r.fallback { ", benchmark took over" }
+                    }
+                } }
+                @if let Some([rms, peak]) = paper { tr {
+                    td { "paper, measured on its crane" } td { } td { }
+                    td { (format!("{rms:.3}")) } td { (format!("{peak:.3}")) } td { }
+                } }
+            }
+        } }
+    }
+}
+
+/// A course in figures.
+fn course(records: &[Record]) -> Result<Markup, LabError> {
+    let Some(first) = records.first() else { return Ok(html! {}) };
+    let over = |of: &dyn Fn(&Record) -> Option<f64>| -> Vec<(f64, f64)> {
+        records.iter().filter_map(|r| Some((r.time - first.time, of(r)?))).collect()
+    };
+    let draw = |y: &str, lines: Vec<(&str, Vec<(f64, f64)>)>| {
+        let series = Series::list(lines.into_iter().filter(|(_, points)| !points.is_empty()));
+        Figure { x: "time since the start was asked for [s]", y, series, axes: Axes::Linear }.svg()
+    };
+    let bar = |of: fn(&Record) -> f64| over(&|r| Some(of(r) * 1e-5));
+    let has_error = records.iter().any(|r| r.error().is_some());
+    Ok(html! {
+        h2 { "The course" }
+        (figure("Position. Before the load is released the pump takes it over.", &draw("position [mm]", vec![
+            ("reference", over(&|r| Some(r.reference.position * 1e3))),
+            ("machine", over(&|r| Some(r.reading.stroke * 1e3))),
+            ("simulation", over(&|r| r.simulated.map(|s| s.measured.stroke * 1e3))),
+        ])?))
+        @if has_error {
+            (figure("Tracking error.", &draw("x - x_ref [mm]", vec![
+                ("machine", over(&|r| r.error().map(|e| e * 1e3))),
+            ])?))
+        }
+        (figure("Pressures.", &draw("pressure [bar]", vec![
+            ("p_PA", bar(|r| r.reading.pressure_pump_a)),
+            ("p_A", bar(|r| r.reading.pressure_a)),
+            ("p_B", bar(|r| r.reading.pressure_b)),
+            ("p_PB", bar(|r| r.reading.pressure_pump_b)),
+            ("p_acc", bar(|r| r.reading.pressure_accumulator)),
+        ])?))
+        (figure("Motor speed.", &draw("motor speed [rpm]", vec![
+            ("asked for", over(&|r| Some(r.decision.command.motor_speed * 60.0))),
+            ("read", over(&|r| Some(r.reading.motor_speed * 60.0))),
+        ])?))
+    })
+}
+
+fn deadlines(r: &RealTime, computer: &str) -> Result<Markup, LabError> {
+    let row = |name: &str, t: &Timing| {
+        html! { tr {
+            td { (name) } td { (format!("{:.0}", t.period as f64 * 1e-3)) } td { (t.steps) }
+            td { (format!("{:.2}", t.execution_us(0.5))) } td { (format!("{:.2}", t.execution_us(0.999))) }
+            td { (format!("{:.1} at {:.3} s", t.worst.0 as f64 * 1e-3, t.worst.1 as f64 * 1e-9)) }
+            td { (format!("{:.1}", t.lateness_us(0.5))) } td { (format!("{:.1}", t.lateness_us(0.999))) }
+            td { (format!("{:.1}", t.lateness_us(1.0))) } td { (t.missed) }
+            td { (format!("{:.1}", t.taken as f64 * 1e-6)) }
+        } }
+    };
+    let draw = |x: &str, of: fn(&Timing) -> Vec<(f64, f64)>| {
+        let lines = [("simulation", of(&r.simulation)), ("control", of(&r.control))];
+        let y = "share of all beyond";
+        Figure { x, y, series: Series::list(lines), axes: Axes::Logarithmic }.svg()
+    };
+    Ok(html! {
+        h2 { "Deadlines" }
+        p.soft { (computer) }
+        div.wide { table {
+            thead { tr {
+                th { "task" } th { "period [us]" } th { "steps" } th { "execution p50 [us]" } th { "p99.9" }
+                th { "worst" } th { "late p50 [us]" } th { "p99.9" } th { "worst" } th { "missed" }
+                th { "taken by others [ms]" }
+            } }
+            tbody { (row("simulation", &r.simulation)) (row("control", &r.control)) }
+        } }
+        p.soft { (super::report::remarks(r)) }
+        (figure("Execution time of a step on its processor.", &draw("execution [us]", Timing::longer_than)?))
+        (figure("How late a step was released.", &draw("release late by [us]", Timing::later_than)?))
+    })
+}

@@ -1,0 +1,53 @@
+//! The tasks beside a log.
+
+use crate::output;
+use hydroboom_control::{Cause, State};
+use hydroboom_description::Description;
+use hydroboom_realtime::log;
+use hydroboom_realtime::replay::replay as run;
+use miette::{IntoDiagnostic, Result};
+use serde_json::json;
+use std::path::Path;
+
+/// Shows the tasks a log's readings again, and says where they decide otherwise than they did.
+pub fn replay(model: &Description, path: &Path, as_json: bool) -> Result<()> {
+    let rows = log::rows(path).into_diagnostic()?;
+    let records = run(model, &rows, None).into_diagnostic()?;
+    let both = || rows.iter().zip(&records);
+    let apart = |(row, record): (&log::Row, &hydroboom_realtime::control_task::Record)| {
+        60.0 * (row.command.motor_speed - record.decision.command.motor_speed).abs()
+    };
+    let largest = both().map(apart).fold(0.0, f64::max);
+    let others = both().filter(|(row, record)| row.state != record.decision.state).count();
+    let first = both().find(|(row, record)| row.state != record.decision.state);
+    let logged = rows.iter().find(|row| row.state == State::Fault);
+    let found = records.iter().find_map(|r| r.decision.cause.map(|cause| (r.time, cause)));
+    if as_json {
+        return output::json(&json!({
+            "periods": rows.len(), "command_differs_by_rpm": largest, "periods_in_another_state": others,
+            "logged_fault": logged.map(|row| row.cause.as_str()),
+            "fault": found.map(|(_, cause)| cause.code()), "fault_s": found.map(|(time, _)| time),
+        }));
+    }
+    let mut said = format!(
+        "{} control periods of {}: the motor's command differs by {largest:.4} rpm at most, the state in {others} \
+         periods",
+        rows.len(),
+        path.display()
+    );
+    if let Some((row, record)) = first {
+        said += &format!(
+            "\nfirst at {:.3} s: {} then, {} now",
+            record.time,
+            row.state.name(),
+            record.decision.state.name()
+        );
+    }
+    let code = |found: Option<&str>| found.filter(|c| !c.is_empty()).unwrap_or("none").to_string();
+    said += &format!(
+        "\nfault then: {}; now: {}",
+        code(logged.map(|row| row.cause.as_str())),
+        code(found.map(|(_, cause): (f64, Cause)| cause.code()))
+    );
+    output::text(&said)
+}

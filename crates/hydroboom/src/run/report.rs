@@ -1,0 +1,203 @@
+//! What a run came to, in text and JSON.
+
+use super::watch::CourseResult;
+use crate::output;
+use hydroboom_description::Description;
+use hydroboom_realtime::executive::RealTime;
+use hydroboom_realtime::timing::Timing;
+use serde_json::{Value, json};
+
+/// What is said of a run.
+pub struct Report<'a> {
+    /// The model.
+    pub model: &'a Description,
+    /// Courses that were run.
+    pub results: &'a [CourseResult],
+    /// The first of them in simulated time.
+    pub simulated: Option<&'a CourseResult>,
+    /// RMS and peak \[mm\] that the paper measured, where it did.
+    pub paper: Option<[f64; 2]>,
+    /// How often the simulation was set to the machine's state in the midst of a course.
+    pub synchronised: u32,
+    /// What the deadlines came to.
+    pub real_time: Option<&'a RealTime>,
+}
+
+/// More courses than these are not listed one by one.
+const LISTED: usize = 12;
+
+impl Report<'_> {
+    /// For machines.
+    pub fn json(&self) -> Value {
+        let timing = self.real_time.map(|r| {
+            json!({
+                "simulation": timing_json(&r.simulation), "control": timing_json(&r.control),
+                "stolen_s": r.stolen, "lost": r.lost, "records_dropped": r.dropped,
+            })
+        });
+        let last = self.results.last();
+        json!({
+            "courses": self.results, "rms_mm": last.map(|r| r.rms_mm), "peak_mm": last.map(|r| r.peak_mm),
+            "fault": last.and_then(|r| r.fault), "paper": self.paper,
+            "simulated_time": self.simulated.map(|s| [s.rms_mm, s.peak_mm]),
+            "synchronised": self.synchronised, "timing": timing, "processor": processor(),
+        })
+    }
+
+    /// For people.
+    pub fn text(&self) -> String {
+        let row = |name: &str, [rms, peak]: [f64; 2], ended: &str| {
+            vec![name.to_string(), format!("{rms:.3}"), format!("{peak:.3}"), ended.to_string()]
+        };
+        let ended = |r: &CourseResult| {
+            let end = r.fault.unwrap_or("load held");
+            let fallback = if r.fallback { ", benchmark took over" } else { "" };
+            format!("{end}{fallback}")
+        };
+        let mut rows = Vec::new();
+        let skipped = self.results.len().saturating_sub(LISTED);
+        for (k, r) in self.results.iter().enumerate() {
+            if skipped > 0 && (LISTED / 2..LISTED / 2 + skipped).contains(&k) {
+                if k == LISTED / 2 {
+                    rows.push(vec![format!("... {skipped} more"), "".into(), "".into(), "".into()]);
+                }
+                continue;
+            }
+            let then = r.then.map_or(String::new(), |then| format!(", then {then}"));
+            let name = format!("{} with {}{then}", r.course, r.strategy);
+            rows.push(row(&name, [r.rms_mm, r.peak_mm], &ended(r)));
+        }
+        if let Some(simulated) = self.simulated {
+            let values = [simulated.rms_mm, simulated.peak_mm];
+            rows.push(row("the first in simulated time", values, &ended(simulated)));
+        }
+        if let Some(paper) = self.paper {
+            rows.push(row("paper, measured on its crane", paper, ""));
+        }
+        let header = ["course", "RMS [mm]", "peak [mm]", "ended"];
+        let mut said = format!(
+            "Tracking error x - x_ref on the virtual crane\n{}",
+            output::table(&header, &rows)
+        );
+        if let Some(drift) = self.drift() {
+            said += &format!("\n{drift}");
+        }
+        if self.synchronised > 0 {
+            said += &format!("\nthe simulation was set to the machine {} times", self.synchronised);
+        }
+        if let Some(real_time) = self.real_time {
+            said += &timing_table(self.model, real_time);
+        }
+        said
+    }
+
+    /// Whether anything grew over many courses.
+    fn drift(&self) -> Option<String> {
+        let whole: Vec<&CourseResult> = self.results.iter().filter(|r| r.fault.is_none()).collect();
+        let (first, last) = (whole.first()?, whole.last()?);
+        if whole.len() < 3 {
+            return None;
+        }
+        let rms =
+            |of: fn(f64, f64) -> f64, from: f64| whole.iter().map(|r| r.rms_mm).fold(from, of);
+        let memory = first.memory_mb.zip(last.memory_mb);
+        let memory = memory.map_or(String::new(), |(a, b)| format!("; memory {a:.1} to {b:.1} MB"));
+        let faults = self.results.len() - whole.len();
+        Some(format!(
+            "{} courses whole, {faults} ended by a fault: RMS {:.3} to {:.3} mm, the first {:.3}, the last {:.3}{memory}",
+            whole.len(),
+            rms(f64::min, f64::INFINITY),
+            rms(f64::max, 0.0),
+            first.rms_mm,
+            last.rms_mm,
+        ))
+    }
+}
+
+/// What else is to be said of the deadlines.
+pub fn remarks(r: &RealTime) -> String {
+    let mut said = String::from(
+        "Execution is the thread's time on its processor; what other threads took stands apart. The simulation \
+         has core 1; the control task shares core 0 with the machine's process, the log and everything else.",
+    );
+    match r.stolen {
+        Some([simulation, control]) => {
+            said += &format!(
+                " The hypervisor says that it took {:.0} ms from the simulation's core and {:.0} ms from \
+                 control's.",
+                simulation * 1e3,
+                control * 1e3
+            );
+        }
+        None => said += " What a hypervisor took the kernel does not tell.",
+    }
+    said
+}
+
+fn timing_json(t: &Timing) -> serde_json::Value {
+    json!({
+        "period_us": t.period as f64 * 1e-3, "steps": t.steps, "missed": t.missed,
+        "execution_p50_us": t.execution_us(0.5), "execution_p999_us": t.execution_us(0.999),
+        "execution_worst_us": t.worst.0 as f64 * 1e-3, "worst_at_s": t.worst.1 as f64 * 1e-9,
+        "late_p50_us": t.lateness_us(0.5), "late_p999_us": t.lateness_us(0.999),
+        "late_worst_us": t.lateness_us(1.0), "taken_by_others_ms": t.taken as f64 * 1e-6,
+    })
+}
+
+fn timing_table(model: &Description, r: &RealTime) -> String {
+    let row = |name: &str, t: &Timing| {
+        vec![
+            name.to_string(),
+            format!("{:.0}", t.period as f64 * 1e-3),
+            t.steps.to_string(),
+            format!("{:.2}", t.execution_us(0.5)),
+            format!("{:.2}", t.execution_us(0.999)),
+            format!("{:.1} at {:.3} s", t.worst.0 as f64 * 1e-3, t.worst.1 as f64 * 1e-9),
+            format!("{:.1}", t.lateness_us(0.5)),
+            format!("{:.1}", t.lateness_us(0.999)),
+            format!("{:.1}", t.lateness_us(1.0)),
+            t.missed.to_string(),
+            format!("{:.1}", t.taken as f64 * 1e-6),
+        ]
+    };
+    let header = [
+        "task",
+        "period [us]",
+        "steps",
+        "execution p50 [us]",
+        "p99.9",
+        "worst",
+        "late p50 [us]",
+        "p99.9",
+        "worst",
+        "missed",
+        "taken by others [ms]",
+    ];
+    let table =
+        output::table(&header, &[row("simulation", &r.simulation), row("control", &r.control)]);
+    let mut said = format!(
+        "\n\nDeadlines on {}\n{table}\n{} The paper ran both tasks at {:.0} us and {:.0} us on its IPC and \
+         prints no execution times.",
+        processor(),
+        remarks(r),
+        model.numbers.simulation_period * 1e6,
+        model.numbers.control_period * 1e6,
+    );
+    for lost in &r.lost {
+        said += &format!("\nnot granted: {lost}");
+    }
+    if r.dropped > 0 {
+        said += &format!("\n{} records were lost on their way here", r.dropped);
+    }
+    said
+}
+
+/// Processor and kernel, as the system names them.
+pub fn processor() -> String {
+    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+    let cpus = read("/proc/cpuinfo");
+    let model = cpus.lines().find_map(|line| line.strip_prefix("model name"));
+    let model = model.and_then(|rest| rest.split(':').nth(1)).unwrap_or("an unknown processor");
+    let cores = cpus.lines().filter(|line| line.starts_with("processor")).count();
+    format!("{}, {cores} cores, Linux {}", model.trim(), read("/proc/sys/kernel/osrelease").trim())
+}

@@ -1,0 +1,400 @@
+//! Who looks on while a machine runs: writes the log, sums the courses up, asks for the next one.
+
+use hydroboom_control::{Path, State, Strategy};
+use hydroboom_dashboard::{Dashboard, Demand};
+use hydroboom_realtime::control_task::Record;
+use hydroboom_realtime::desk::Desk;
+use hydroboom_realtime::log::LogWriter;
+use hydroboom_realtime::session::{Attendant, Hung, Order, Session};
+use hydroboom_realtime::trouble::Tampering;
+use miette::{IntoDiagnostic, Result};
+use serde::Serialize;
+use serde_json::json;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What a course came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct CourseResult {
+    /// Name of its path.
+    pub course: String,
+    /// The strategy it began with.
+    pub strategy: &'static str,
+    /// The one it ended with, if it was another.
+    pub then: Option<&'static str>,
+    /// When it began.
+    pub begun_s: f64,
+    /// RMS tracking error.
+    pub rms_mm: f64,
+    /// Largest tracking error.
+    pub peak_mm: f64,
+    /// Code of the fault that ended it.
+    pub fault: Option<&'static str>,
+    /// Whether the benchmark had to take over.
+    pub fallback: bool,
+    /// Memory that the program had at its end.
+    pub memory_mb: Option<f64>,
+}
+
+/// A path to be run, with a name and what is hung on meanwhile.
+#[derive(Clone)]
+pub struct Wanted {
+    /// Name.
+    pub name: String,
+    /// Where the piston shall be.
+    pub path: Arc<dyn Path>,
+    /// Payloads.
+    pub hung: Vec<Hung>,
+}
+
+/// Which strategy when.
+#[derive(Clone, Copy)]
+pub struct Switch {
+    /// At first.
+    pub first: Strategy,
+    /// Later.
+    pub then: Strategy,
+    /// From this time of the course on \[s\].
+    pub at: f64,
+}
+
+impl Switch {
+    fn at_time(&self, course_time: Option<f64>) -> Strategy {
+        if course_time.is_some_and(|time| time >= self.at) { self.then } else { self.first }
+    }
+}
+
+/// The course that runs.
+struct Running {
+    strategy: Strategy,
+    then: Strategy,
+    begun: f64,
+    sum: f64,
+    count: u32,
+    peak: f64,
+    fallback: bool,
+}
+
+/// How often a course shall be run by itself.
+#[derive(Clone, Copy)]
+pub struct Plan {
+    /// Courses that are still to be begun.
+    pub left: u32,
+    /// Whether faults are reset.
+    pub carry_on: bool,
+    /// Whether the first one waits for somebody.
+    pub waits: bool,
+}
+
+/// Looks on.
+pub struct Watch {
+    session: Session,
+    desk: Arc<Desk>,
+    wanted: Wanted,
+    switch: Option<Switch>,
+    plan: Option<Plan>,
+    log: Option<LogWriter>,
+    speaks: bool,
+    state: Option<State>,
+    running: Option<Running>,
+    /// Records of the last course, from the request to the load held.
+    pub records: Vec<Record>,
+    /// Courses that are over.
+    pub results: Vec<CourseResult>,
+    /// Since when nothing moves \[s\].
+    resting: Option<f64>,
+    /// What is to be handed over.
+    orders: Vec<Order>,
+    dashboard: Option<(Dashboard, Courses)>,
+    /// Whether somebody has let the plan begin.
+    started: Arc<AtomicBool>,
+}
+
+/// Finds the path that somebody at the dashboard wants: at a speed \[mm/s\], or a scenario's.
+pub type Courses = Box<dyn Fn(Option<f64>, Option<&str>) -> Result<Wanted>>;
+
+/// After a course, or a fault, so long until the next one \[s\].
+const PAUSE: f64 = 1.0;
+/// More records of one course are not kept: twenty minutes.
+const MOST_RECORDS: usize = 1_200_000;
+
+impl Watch {
+    /// A watch over a session with a path wanted.
+    pub fn new(session: Session, desk: Arc<Desk>, wanted: Wanted) -> Self {
+        Self {
+            session,
+            desk,
+            wanted,
+            switch: None,
+            plan: None,
+            log: None,
+            speaks: false,
+            state: None,
+            running: None,
+            records: Vec::with_capacity(40_000),
+            results: Vec::new(),
+            resting: None,
+            orders: Vec::new(),
+            dashboard: None,
+            started: Arc::new(AtomicBool::new(false)),
+        }
+    }
+
+    /// Shows all to a dashboard, and does what is asked for there.
+    pub fn with_dashboard(mut self, dashboard: Dashboard, courses: Courses) -> Self {
+        self.dashboard = Some((dashboard, courses));
+        self
+    }
+
+    /// Writes a log.
+    pub fn with_log(mut self, log: Option<LogWriter>) -> Self {
+        self.log = log;
+        self
+    }
+
+    /// Changes the strategy on the way.
+    pub fn with_switch(mut self, switch: Switch) -> Self {
+        self.switch = Some(switch);
+        self
+    }
+
+    /// Says on the screen what the machine does.
+    pub fn speaking(mut self) -> Self {
+        self.speaks = true;
+        self
+    }
+
+    /// Runs the path so often, then closes the desk.
+    pub fn with_plan(mut self, plan: Plan) -> Self {
+        self.plan = Some(plan);
+        self
+    }
+
+    /// Prepares the wanted path as the first course.
+    ///
+    /// # Errors
+    ///
+    /// When the model has no state of rest there.
+    pub fn prepare(&mut self) -> Result<()> {
+        let (path, hung) = (Arc::clone(&self.wanted.path), self.wanted.hung.clone());
+        self.orders.extend(self.session.prepare(path, hung).into_diagnostic()?);
+        Ok(())
+    }
+
+    /// What lets a plan begin that waits.
+    pub fn starter(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.started)
+    }
+
+    /// What the session knows.
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Ends the log; a log that cannot be ended is said to end.
+    pub fn close_log(&mut self) {
+        if let Some(Err(error)) = self.log.take().map(LogWriter::finish) {
+            eprintln!("the log ends here: {error}");
+        }
+    }
+}
+
+impl Attendant for Watch {
+    fn see(&mut self, record: &Record) {
+        self.session.see(record);
+        self.write(record);
+        let (before, now) = (self.state, record.decision.state);
+        if before != Some(now) {
+            self.changed(before, record);
+        }
+        if let Some(switch) = &self.switch {
+            self.desk.choose(switch.at_time(record.course_time));
+        }
+        let begins = before == Some(State::Holding) && record.decision.command.motor_speed != 0.0;
+        if begins && now == State::Holding && self.running.is_none() {
+            self.begin(record);
+        }
+        if let (Some(running), Some(error)) = (&mut self.running, record.error()) {
+            running.add(record, error * 1e3);
+        }
+        if self.running.is_some() && self.records.len() < MOST_RECORDS {
+            self.records.push(*record);
+        }
+        let rests = matches!(now, State::Holding | State::Fault)
+            && record.decision.command.motor_speed == 0.0
+            && record.decision.command.holding_valve == 0.0;
+        self.resting = if rests { self.resting.or(Some(record.time)) } else { None };
+        if let Some((dashboard, _)) = &mut self.dashboard {
+            dashboard.see(record);
+        }
+    }
+
+    fn orders(&mut self) -> Vec<Order> {
+        self.follow_plan();
+        self.follow_demands();
+        let mut orders = std::mem::take(&mut self.orders);
+        orders.extend(self.session.orders());
+        orders
+    }
+}
+
+impl Running {
+    fn add(&mut self, record: &Record, error_mm: f64) {
+        if self.count == 0 {
+            self.strategy = record.strategy;
+        }
+        self.then = record.strategy;
+        self.sum += error_mm * error_mm;
+        self.count += 1;
+        self.fallback |= record.fallback;
+        if error_mm.abs() > self.peak.abs() {
+            self.peak = error_mm;
+        }
+    }
+}
+
+impl Watch {
+    /// Adds a record to the log; a log that cannot be written is given up, and the run goes on.
+    fn write(&mut self, record: &Record) {
+        if let Some(writer) = &mut self.log
+            && let Err(error) = writer.add(record)
+        {
+            self.log = None;
+            self.say(&format!("the log ends here: {error}"));
+        }
+    }
+
+    fn say(&mut self, text: &str) {
+        eprintln!("{text}");
+        if let Some((dashboard, _)) = &mut self.dashboard {
+            dashboard.say(text);
+        }
+    }
+
+    fn begin(&mut self, record: &Record) {
+        self.records.clear();
+        self.running = Some(Running {
+            strategy: record.strategy,
+            then: record.strategy,
+            begun: record.time,
+            sum: 0.0,
+            count: 0,
+            peak: 0.0,
+            fallback: false,
+        });
+    }
+
+    fn changed(&mut self, before: Option<State>, record: &Record) {
+        let now = record.decision.state;
+        self.state = Some(now);
+        if self.speaks {
+            match record.decision.cause {
+                Some(cause) if now == State::Fault => {
+                    let (code, advice) = (cause.code(), cause.advice());
+                    eprintln!("{:8.3} s  Fault: {code}: {advice}", record.time);
+                }
+                _ => eprintln!("{:8.3} s  {}", record.time, now.name()),
+            }
+        }
+        let is_over = match before {
+            Some(State::Stopping) => now == State::Holding,
+            _ => now == State::Fault,
+        };
+        if is_over && let Some(running) = self.running.take() {
+            self.end(&running, record);
+        }
+        if now == State::Fault
+            && let (Some((dashboard, _)), Some(fault)) = (&mut self.dashboard, self.session.fault())
+        {
+            dashboard.alarm(fault);
+        }
+    }
+
+    fn end(&mut self, running: &Running, record: &Record) {
+        let rms = (running.sum / f64::from(running.count.max(1))).sqrt();
+        let result = CourseResult {
+            course: self.wanted.name.clone(),
+            strategy: running.strategy.name(),
+            then: (running.then != running.strategy).then(|| running.then.name()),
+            begun_s: running.begun,
+            rms_mm: rms,
+            peak_mm: running.peak,
+            fault: record.decision.cause.map(|cause| cause.code()),
+            fallback: running.fallback,
+            memory_mb: memory_mb(),
+        };
+        if let Some((dashboard, _)) = &mut self.dashboard {
+            dashboard.result(&json!(result));
+            match super::page::course_page(&result, &self.records) {
+                Ok(page) => dashboard.set_report(page),
+                Err(error) => dashboard.say(&format!("no report: {error}")),
+            }
+        }
+        self.results.push(result);
+    }
+
+    /// Begins the next course of the plan, or ends it.
+    fn follow_plan(&mut self) {
+        let (Some(mut plan), Some(since)) = (self.plan, self.resting) else { return };
+        let Some(last) = self.session.last().copied() else { return };
+        let is_due = last.time - since >= PAUSE || self.results.is_empty();
+        if !is_due || (plan.waits && !self.started.load(Ordering::Relaxed)) {
+            return;
+        }
+        let is_fault = last.decision.state == State::Fault;
+        if self.desk.is_closing() || (is_fault && !plan.carry_on) {
+            self.desk.close();
+        } else if is_fault {
+            eprintln!("{:8.3} s  reset, because it shall carry on", last.time);
+            self.desk.reset();
+            self.resting = None;
+        } else if plan.left == 0 {
+            self.desk.close();
+        } else {
+            plan.left -= 1;
+            self.plan = Some(plan);
+            self.resting = None;
+            self.start();
+        }
+    }
+
+    /// Starts what is wanted.
+    fn start(&mut self) {
+        match self.prepare() {
+            Ok(()) => self.desk.start(),
+            Err(error) => self.say(&format!("no start: {error}")),
+        }
+    }
+
+    fn follow_demands(&mut self) {
+        let Some((dashboard, courses)) = &mut self.dashboard else { return };
+        let mut wanted = None;
+        let mut refused = Vec::new();
+        for demand in dashboard.demands() {
+            match demand {
+                Demand::Start { speed_mm_s, scenario } => {
+                    match courses(speed_mm_s, scenario.as_deref()) {
+                        Ok(course) => wanted = Some(course),
+                        Err(error) => refused.push(format!("no start: {error}")),
+                    }
+                }
+                Demand::Fault(fault) => self.orders.push(Order::Tamper(Tampering::Fault(fault))),
+                Demand::Mend => self.orders.push(Order::Tamper(Tampering::Mend)),
+            }
+        }
+        refused.iter().for_each(|text| self.say(text));
+        let Some(wanted) = wanted else { return };
+        if !self.session.is_ready() {
+            return self.say("no start: the machine moves, or is in a fault");
+        }
+        self.wanted = wanted;
+        self.start();
+    }
+}
+
+/// Memory of this process that is in use.
+fn memory_mb() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kilobytes| kilobytes / 1024.0)
+}

@@ -1,0 +1,126 @@
+//! What the control task is to run: from where the piston is to where a path begins, then the path.
+
+use hydroboom_control::{Path, Profile, Reference, Way};
+use std::sync::Arc;
+
+/// A piston that is nearer to the path's beginning than this needs no approach \[m\].
+const NEAR: f64 = 1e-3;
+/// An approach is no faster than this \[m/s\].
+const APPROACH_SPEED: f64 = 0.05;
+/// Its ramps, and the rest after it \[s\].
+const APPROACH_RAMP: f64 = 0.5;
+const APPROACH_REST: f64 = 0.5;
+
+/// A path and the way to its beginning.
+#[derive(Clone)]
+pub struct Course {
+    path: Arc<dyn Path>,
+    approach: Approach,
+}
+
+/// The way to where a path begins.
+#[derive(Clone, Copy)]
+enum Approach {
+    /// The piston is near.
+    None,
+    /// From a position \[m\], in a direction.
+    Way(f64, Way<f64>, f64),
+    /// The path itself has it, for so long \[s\].
+    Path(f64),
+}
+
+impl Course {
+    /// A path for a piston that is at its beginning.
+    pub fn new(path: Arc<dyn Path>) -> Self {
+        Self { path, approach: Approach::None }
+    }
+
+    /// A path that begins before its time zero, with an approach of so long \[s\].
+    pub fn with_approach(path: Arc<dyn Path>, duration: f64) -> Self {
+        Self { path, approach: Approach::Path(duration) }
+    }
+
+    /// A path for a piston that is somewhere \[m\].
+    pub fn from_stroke(path: Arc<dyn Path>, stroke: f64) -> Self {
+        let begin = path.reference(0.0).position;
+        let distance = begin - stroke;
+        if distance.abs() <= NEAR {
+            return Self::new(path);
+        }
+        let way = Way {
+            distance: distance.abs(),
+            speed: APPROACH_SPEED.min(path.speed()),
+            ramp: APPROACH_RAMP,
+            profile: Profile::SCurve,
+        };
+        Self { path, approach: Approach::Way(stroke, way, distance.signum()) }
+    }
+
+    /// Duration of the approach \[s\]; zero where there is none.
+    pub fn approach(&self) -> f64 {
+        match self.approach {
+            Approach::None => 0.0,
+            Approach::Way(_, way, _) => way.duration() + APPROACH_REST,
+            Approach::Path(duration) => duration,
+        }
+    }
+
+    /// Position and velocity at a time of the course \[s\]: zero where the path begins, negative in the
+    /// approach.
+    pub fn reference(&self, t: f64) -> Reference<f64> {
+        match self.approach {
+            Approach::Way(from, way, sign) if t < 0.0 => {
+                let done = way.at(t + self.approach());
+                Reference { position: from + sign * done.position, velocity: sign * done.velocity }
+            }
+            _ => self.path.reference(t),
+        }
+    }
+
+    /// Duration of the path \[s\].
+    pub fn duration(&self) -> f64 {
+        self.path.duration()
+    }
+
+    /// Largest speed \[m/s\].
+    pub fn speed(&self) -> f64 {
+        self.path.speed()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_control::Motion;
+
+    #[test]
+    fn an_approach_begins_at_the_piston_and_ends_at_rest_where_the_path_begins() {
+        let motion = Motion {
+            start: 0.05,
+            end: 0.45,
+            speed: 0.12,
+            ramp: 1.0,
+            dwell: 5.0,
+            rest: 2.0,
+            profile: Profile::Trapezoidal,
+        };
+        for stroke in [0.3, 0.0, 0.052] {
+            let course = Course::from_stroke(Arc::new(motion), stroke);
+            let begin = -course.approach();
+            assert!(begin < 0.0);
+            assert!((course.reference(begin).position - stroke).abs() < 1e-12);
+            let (mut last, step) = (course.reference(begin), 1e-3);
+            let mut t = begin + step;
+            while t < 1.0 {
+                let now = course.reference(t);
+                let mean = 0.5 * (now.velocity + last.velocity);
+                assert!((now.position - last.position - mean * step).abs() < 1e-6, "at {t}");
+                assert!(now.velocity.abs() <= APPROACH_SPEED + 1e-12);
+                (last, t) = (now, t + step);
+            }
+            assert!((last.position - 0.05).abs() < 1e-9 && last.velocity == 0.0);
+        }
+        let near = Course::from_stroke(Arc::new(motion), 0.0505);
+        assert_eq!(near.approach(), 0.0);
+    }
+}

@@ -1,0 +1,159 @@
+//! A log as a machine: its readings come again, and nobody hears the commands.
+
+use crate::control_task::{ControlTask, Period, Record, limits};
+use crate::course::Course;
+use crate::log::Row;
+use crate::machine::{Incoming, Machine};
+use crate::simulation_task::SimulationTask;
+use hydroboom_control::{Command, Path, Reading, Reference, Request, State, Strategy};
+use hydroboom_description::Description;
+use hydroboom_plant::PlantError;
+use std::sync::Arc;
+
+/// The readings of a log, one with each look.
+pub struct Replay {
+    readings: Vec<(u64, Option<Reading<f64>>)>,
+    next: usize,
+    newest: Option<Incoming>,
+}
+
+impl Replay {
+    /// A machine that shows what was logged.
+    pub fn new(rows: &[Row]) -> Self {
+        let readings = rows.iter().map(|row| (row.sequence, row.reading)).collect();
+        Self { readings, next: 0, newest: None }
+    }
+}
+
+impl Machine for Replay {
+    fn read(&mut self) -> Option<Incoming> {
+        let row = self.readings.get(self.next).copied();
+        self.next += 1;
+        if let Some((sequence, Some(reading))) = row {
+            self.newest = Some(Incoming { sequence, reading });
+        }
+        self.newest
+    }
+
+    fn write(&mut self, _sequence: u64, _command: &Command<f64>) {}
+}
+
+/// Where the piston should have been, as logged.
+struct Recorded {
+    /// Time of the first reference \[s\].
+    from: f64,
+    period: f64,
+    references: Vec<Reference<f64>>,
+    speed: f64,
+}
+
+impl Path for Recorded {
+    fn reference(&self, t: f64) -> Reference<f64> {
+        let k = ((t - self.from) / self.period).round().max(0.0) as usize;
+        let last = self.references.last().copied();
+        self.references.get(k).copied().or(last).unwrap_or_default()
+    }
+    fn duration(&self) -> f64 {
+        // over in the period of the last reference, whether by itself or because somebody stopped it
+        self.from + self.period * (self.references.len() as f64 - 1.5)
+    }
+    fn speed(&self) -> f64 {
+        self.speed
+    }
+}
+
+/// The tasks beside a log: what they decide about its readings now, row for row. `strategy` stands in
+/// for the logged one.
+///
+/// # Errors
+///
+/// [`PlantError`] when the model cannot be built.
+pub fn replay(
+    model: &Description,
+    rows: &[Row],
+    strategy: Option<Strategy>,
+) -> Result<Vec<Record>, PlantError> {
+    let n = &model.numbers;
+    let steps = (n.control_period / n.simulation_period).round() as u32;
+    let first = rows.iter().find_map(|row| row.reading);
+    let begin = first.map_or(n.motion_start, |reading| reading.stroke.clamp(0.0, n.stroke));
+    let strategy_of = |row: &Row| strategy.unwrap_or(row.strategy);
+    let chosen = rows.first().map_or(Strategy::BenchmarkClosedLoop, strategy_of);
+    let resting =
+        Recorded { from: 0.0, period: n.control_period, references: vec![], speed: n.fast };
+    let resting = Course::new(Arc::new(resting));
+    let mut control = ControlTask::new(model, resting, limits(model, n.fast), chosen);
+    let mut simulation = SimulationTask::new(model, &model.start(begin))?;
+    let mut machine = Replay::new(rows);
+    let mut records = Vec::with_capacity(rows.len());
+    let mut state = State::Idle;
+    for (k, row) in rows.iter().enumerate() {
+        if begins(rows, k) {
+            let course = recorded(model, &rows[k..]);
+            let stroke = course.reference(-course.approach()).position;
+            simulation.synchronise(crate::simulation_task::at_rest(model, &model.start(stroke))?.1);
+            control.take(course);
+        }
+        let record = control.period(&Period {
+            incoming: machine.read(),
+            simulated: Some(simulation.simulated()),
+            request: request(rows, k, state),
+            strategy: strategy_of(row),
+            overruns: 0,
+            attended: true,
+            clock_jumped: false,
+            deadlines: None,
+        });
+        state = record.decision.state;
+        if let Some(speed) = control.simulated_motor() {
+            (0..steps).for_each(|_| simulation.step(speed));
+        }
+        records.push(record);
+    }
+    Ok(records)
+}
+
+/// Whether a person wanted a course in this row: the motor turns while the load is held, and did not.
+fn begins(rows: &[Row], k: usize) -> bool {
+    let turns = |row: &Row| row.state == State::Holding && row.command.motor_speed != 0.0;
+    turns(&rows[k])
+        && (k == 0 || !turns(&rows[k - 1]))
+        && rows[k.saturating_sub(1)].state == State::Holding
+}
+
+/// What was asked for in a row, as far as what came of it tells.
+fn request(rows: &[Row], k: usize, state: State) -> Request {
+    let row = &rows[k];
+    let before = if k == 0 { State::Idle } else { rows[k - 1].state };
+    let is_course_over = rows[k..].iter().take(2).all(|row| row.course_time.is_none());
+    match (state, row.state) {
+        (State::Idle, _) => Request::Enable,
+        (State::Ready, State::Holding | State::Moving) => Request::Hold,
+        (_, State::Fault) if before != State::Fault && row.cause == "emergency-stop" => {
+            Request::EmergencyStop
+        }
+        (State::Fault, State::Ready) if before == State::Fault => Request::Reset,
+        (State::Moving, State::Stopping) if before == State::Moving && is_course_over => {
+            Request::Stop
+        }
+        (State::Holding, State::Holding) if begins(rows, k) => Request::Start,
+        _ => Request::None,
+    }
+}
+
+/// The references of the course that follows.
+fn recorded(model: &Description, rows: &[Row]) -> Course {
+    let running = rows.iter().skip_while(|row| row.course_time.is_none());
+    let course: Vec<&Row> = running.take_while(|row| row.course_time.is_some()).collect();
+    let references: Vec<Reference<f64>> = course.iter().map(|row| row.reference).collect();
+    let fastest = references.iter().map(|r| r.velocity.abs()).fold(0.0, f64::max);
+    let from = course.first().and_then(|row| row.course_time).unwrap_or(0.0);
+    let path = Recorded {
+        from,
+        period: model.numbers.control_period,
+        references,
+        // a log that was cut off may not have its largest speed
+        speed: fastest.max(model.numbers.fast),
+    };
+    Course::with_approach(Arc::new(path), -from)
+}
