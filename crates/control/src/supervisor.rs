@@ -123,8 +123,9 @@ pub struct Observation {
     pub reading: Reading<f64>,
     /// Its age \[s\].
     pub age: f64,
-    /// Whether it is another one than in the last period.
-    pub is_new: bool,
+    /// Readings that were made since the one seen last: one in good times, none where nothing came, more
+    /// where some were missed.
+    pub new_readings: u32,
     /// Where the piston should be \[m\]; the position of the start before the course begins.
     pub reference: f64,
     /// How far from it the piston may be under the strategy at work \[m\].

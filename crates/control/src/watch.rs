@@ -69,7 +69,7 @@ impl Watch {
         if pressures.iter().any(|p| *p < LOWEST_PRESSURE || *p > 2.0 * l.pressure) {
             return Some(Cause::PressureImplausible);
         }
-        if let Some(last) = self.last.filter(|_| seen.is_new) {
+        if let Some(last) = self.last.filter(|_| seen.new_readings > 0) {
             let [before, pressures_before @ ..] = signals(&last);
             // what the piston can do until readings are too old, and the scatter of its encoder
             let reach = (l.stale + l.period) * RUNAWAY * l.speed + 6.0 * l.scatter.0;
@@ -99,19 +99,22 @@ impl Watch {
     /// Takes a new reading into what is watched over time.
     pub(crate) fn remember(&mut self, seen: &Observation, l: &Limits) {
         let values = signals(&seen.reading);
-        if !seen.is_new || values.iter().any(|v| !v.is_finite()) {
+        if seen.new_readings == 0 || values.iter().any(|v| !v.is_finite()) {
             return;
         }
         if let Some(last) = self.last {
             let before = signals(&last);
-            let velocity = (values[0] - before[0]) / l.period;
-            self.velocity += (velocity - self.velocity) / VELOCITY_WINDOW;
-            let forgotten = (self.swing * (1.0 - l.period / SWING_MEMORY)).max(0.0);
+            // where readings were missed, it has moved for as many periods
+            let readings = f64::from(seen.new_readings);
+            let passed = readings * l.period;
+            let velocity = (values[0] - before[0]) / passed;
+            self.velocity += (velocity - self.velocity) * (readings / VELOCITY_WINDOW).min(1.0);
+            let forgotten = (self.swing * (1.0 - passed / SWING_MEMORY)).max(0.0);
             self.swing = forgotten.max(self.velocity.abs());
             for k in 0..SIGNALS {
-                let difference = values[k] - before[k];
+                let difference = (values[k] - before[k]) / readings;
                 self.repeated[k] = match difference == 0.0 {
-                    true => self.repeated[k] + l.period,
+                    true => self.repeated[k] + passed,
                     false => 0.0,
                 };
                 // the second difference: a steady motion does not scatter

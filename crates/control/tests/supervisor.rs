@@ -39,7 +39,7 @@ fn well(now: &Decision, k: u32, preloaded: bool) -> Observation {
             motor_speed: now.command.motor_speed,
         },
         age: 1e-3,
-        is_new: true,
+        new_readings: 1,
         reference: 0.2,
         tracking: 0.1,
         wanted: 3.0,
@@ -95,7 +95,7 @@ fn spoil(seen: &mut Observation, how: u8) {
         13 => seen.reading.pressure_a += 40e5,
         14 => seen.course_over = true,
         15 => seen.wanted = -200.0,
-        16 => seen.is_new = false,
+        16 => seen.new_readings = 0,
         _ => seen.reading.pressure_pump_a = 3e5,
     }
 }
@@ -270,4 +270,22 @@ fn a_load_that_still_swings_is_held_once_it_rests() {
     }
     let from = held_from.expect("it is held in the end");
     assert!((from..5000).all(|k| swing(k).abs() < 1.5e-3), "held while it swung, after {from}");
+}
+
+#[test]
+fn readings_that_were_missed_make_no_piston_run_away() {
+    let (mut supervisor, mut now) = brought_to(State::Moving);
+    // the piston moves at its largest speed; of twelve readings eleven are missed, again and again
+    let (mut k, mut read) = (1000, 1000);
+    for _ in 0..2000 {
+        k += 1;
+        let mut seen = well(&now, k, true);
+        let missed = k % 24 < 12 && k % 12 != 0;
+        seen.new_readings = if missed { 0 } else { k - read };
+        read = if missed { read } else { k };
+        seen.reading.stroke = 0.2 + LIMITS.speed * LIMITS.period * f64::from(read - 1000);
+        seen.reference = seen.reading.stroke;
+        now = supervisor.advance(&seen, Request::None);
+        assert_eq!(now.cause, None, "at {k}");
+    }
 }

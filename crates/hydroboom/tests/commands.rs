@@ -374,8 +374,7 @@ fn a_run_is_replayed_reported_and_says_what_cannot_be() {
 
 #[test]
 fn several_courses_are_summed_up() {
-    let run =
-        parsed(&["run", "--simulated-time", "--cycles", "3", "--json"]);
+    let run = parsed(&["run", "--simulated-time", "--cycles", "3", "--json"]);
     let courses = run["courses"].as_array().unwrap();
     assert_eq!(courses.len(), 3);
     for course in courses {

@@ -219,9 +219,15 @@ impl ControlTask {
     /// One control period.
     pub fn period(&mut self, now: &Period) -> Record {
         let period = self.benchmark.period;
-        let is_new = now.incoming.is_some_and(|i| i.sequence != self.sequence);
+        let before = self.sequence;
+        let newest = now.incoming.filter(|incoming| incoming.sequence != before);
+        // a machine that was restarted counts anew
+        let new_readings = newest.map_or(0, |i| match i.sequence.checked_sub(before) {
+            Some(more) => u32::try_from(more).unwrap_or(1),
+            None => 1,
+        });
         self.age += period;
-        if let Some(incoming) = now.incoming.filter(|_| is_new) {
+        if let Some(incoming) = newest {
             self.reading = incoming.reading;
             self.sequence = incoming.sequence;
             self.age = 0.0;
@@ -246,7 +252,7 @@ impl ControlTask {
         let observation = Observation {
             reading: self.reading,
             age: self.age,
-            is_new,
+            new_readings,
             reference: reference.position,
             tracking: self.tracking,
             wanted: self.wanted,

@@ -151,7 +151,7 @@ impl Figure<'_> {
             }
             let pad = 0.06 * (y_high - y_low).max(1e-9 * y_high.abs()).max(1e-12);
             // room for the legend above the lines
-            let head = if series.len() > 1 { 4.0 } else { 1.0 };
+            let head = if series.len() > 1 { 1.5 + series.len() as f64 } else { 1.0 };
             let even = y_low - pad..y_high + head * pad;
             let decades = (x_low * 0.8..x_high * 1.25).log_scale();
             let log_head = if series.len() > 1 { (y_high / y_low).powf(0.3) } else { 1.4 };
