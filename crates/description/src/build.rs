@@ -1,8 +1,9 @@
 //! From a description to the model, the controller and the motion.
 
 use crate::Description;
-use crate::schema::{DeliveryChoice, FrictionChoice, ProfileChoice, ReliefChoice};
+use crate::schema::{DeliveryChoice, FrictionChoice, Numbers, ProfileChoice, ReliefChoice};
 use hydroboom_control::{Benchmark, HighPass, Motion, MotorLimits, Profile};
+use hydroboom_math::Real;
 use hydroboom_model::boom::BaseFrame;
 use hydroboom_model::hydraulics::{
     Accumulator, CheckValve, Cylinder, Delivery, EndStops, Friction, LuGre, Oil, Orifice,
@@ -32,7 +33,20 @@ impl Description {
     /// [`LayoutError`] when the boom has more segments than `N`, or, for the exact types of up to
     /// three, another number.
     pub fn crane<const N: usize>(&self) -> Result<Crane<f64, N>, LayoutError> {
-        let n = &self.numbers;
+        self.crane_over(&self.numbers)
+    }
+
+    /// The same model over other numbers: with slopes along some keys, say. What there is of it (how many
+    /// segments, which friction law, whether its base gives way) follows the description.
+    ///
+    /// # Errors
+    ///
+    /// As [`crane`](Self::crane).
+    pub fn crane_over<T: Real, const N: usize>(
+        &self,
+        n: &Numbers<T>,
+    ) -> Result<Crane<T, N>, LayoutError> {
+        let has = &self.numbers;
         let beam = Beam {
             length: n.boom_length,
             mass: n.boom_mass,
@@ -51,13 +65,13 @@ impl Description {
             base_y: n.base_y,
             shortest: n.shortest,
         };
-        let mount_share = n.mount_x / n.boom_length;
+        let mount_share = has.mount_x / has.boom_length;
         let mut boom = Boom::from_beam(&beam, &geometry, &self.segment_shares, mount_share)?;
-        if let Some(base) = self.base_frame() {
+        if let Some(base) = self.base_frame(n) {
             boom = boom.on_base(base)?;
         }
 
-        let stribeck_slope = 1.0 / n.stribeck_velocity;
+        let stribeck_slope = T::one() / n.stribeck_velocity;
         let friction = match self.choices.friction {
             FrictionChoice::Stribeck => Friction::Stribeck(Stribeck {
                 viscous: n.viscous,
@@ -81,7 +95,7 @@ impl Description {
                 bulk_modulus_max: n.bulk_modulus_max,
                 bulk_modulus_min: n.bulk_modulus_min,
                 transition_pressure: n.transition,
-                transition_slope: 1.0 / n.transition_width,
+                transition_slope: T::one() / n.transition_width,
                 vapour_pressure: n.vapour_pressure,
             },
             dissolved_air: None,
@@ -92,11 +106,11 @@ impl Description {
                     DeliveryChoice::Computed => Delivery::Computed,
                 },
             },
-            accumulator: self.accumulator().0,
+            accumulator: self.accumulator(n).0,
             volume_pump_a: n.volume_pump_a,
             volume_pump_b: n.volume_pump_b,
             internal_leakage: n.internal_leakage,
-            slip: (n.slip_at_rest + n.slip_per_speed > 0.0)
+            slip: (has.slip_at_rest + has.slip_per_speed > 0.0)
                 .then_some(Slip { at_rest: n.slip_at_rest, per_speed: n.slip_per_speed }),
             case_leakage_a: n.case_leakage_a,
             case_leakage_b: n.case_leakage_b,
@@ -125,7 +139,7 @@ impl Description {
         };
         Ok(Crane {
             circuit,
-            cylinder: self.cylinder(),
+            cylinder: cylinder(n),
             end_stops: EndStops { stiffness: n.stop_stiffness, damping: n.stop_damping },
             friction,
             boom,
@@ -133,12 +147,11 @@ impl Description {
     }
 
     /// The base frame, if it is elastic.
-    fn base_frame(&self) -> Option<BaseFrame<f64>> {
-        let n = &self.numbers;
-        (n.base_stiffness > 0.0).then_some(BaseFrame {
+    fn base_frame<T: Real>(&self, n: &Numbers<T>) -> Option<BaseFrame<T>> {
+        (self.numbers.base_stiffness > 0.0).then(|| BaseFrame {
             inertia: n.base_inertia,
             stiffness: n.base_stiffness,
-            damping: 2.0 * n.base_damping * (n.base_stiffness * n.base_inertia).sqrt(),
+            damping: T::lit(2.0) * n.base_damping * (n.base_stiffness * n.base_inertia).sqrt(),
             slack: n.base_slack,
         })
     }
@@ -153,11 +166,10 @@ impl Description {
 
     /// Angles the model needs: one for each segment and one for an elastic base frame.
     pub fn coordinates(&self) -> usize {
-        self.segment_shares.len() + usize::from(self.base_frame().is_some())
+        self.segment_shares.len() + usize::from(self.numbers.base_stiffness > 0.0)
     }
 
-    fn accumulator(&self) -> (Accumulator<f64>, f64) {
-        let n = &self.numbers;
+    fn accumulator<T: Real>(&self, n: &Numbers<T>) -> (Accumulator<T>, T) {
         Accumulator::filled(
             n.accumulator_volume,
             n.residual_volume,
@@ -170,12 +182,17 @@ impl Description {
 
     /// A start at the given piston position \[m\], pump sides pre-loaded as described.
     pub fn start(&self, stroke: f64) -> Start {
+        self.start_over(&self.numbers, stroke)
+    }
+
+    /// The same over other numbers, as [`crane_over`](Self::crane_over).
+    pub fn start_over<T: Real>(&self, n: &Numbers<T>, stroke: T) -> Start<T> {
         Start {
             stroke,
-            rod_side_pressure: self.numbers.rod_side,
-            accumulator_pressure: self.numbers.working_pressure,
-            gas_volume: self.accumulator().1,
-            preload: self.numbers.preload,
+            rod_side_pressure: n.rod_side,
+            accumulator_pressure: n.working_pressure,
+            gas_volume: self.accumulator(n).1,
+            preload: n.preload,
         }
     }
 
@@ -197,8 +214,7 @@ impl Description {
 
     /// The cylinder, as the model has it.
     pub fn cylinder(&self) -> Cylinder<f64> {
-        let n = &self.numbers;
-        Cylinder::from_diameters(n.piston, n.rod, n.stroke, n.dead_volume_a, n.dead_volume_b)
+        cylinder(&self.numbers)
     }
 
     /// The motion of the tests at a speed \[m/s\].
@@ -217,4 +233,8 @@ impl Description {
             },
         }
     }
+}
+
+fn cylinder<T: Real>(n: &Numbers<T>) -> Cylinder<T> {
+    Cylinder::from_diameters(n.piston, n.rod, n.stroke, n.dead_volume_a, n.dead_volume_b)
 }

@@ -1,25 +1,25 @@
 //! A state at rest to start from, so that nothing rings at t = 0.
 
-use crate::boom::{BoomState, MAX_SEGMENTS};
+use crate::boom::{Boom, BoomState, MAX_SEGMENTS};
 use crate::circuit::{CircuitState, Nodes};
 use crate::crane::{Crane, CraneState};
 use core::fmt;
-use hydroboom_math::{Dual, solve_pivoted};
+use hydroboom_math::{Dual, Real, solve_pivoted};
 
 /// Where to start from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Start {
+pub struct Start<T = f64> {
     /// Piston position \[m\].
-    pub stroke: f64,
+    pub stroke: T,
     /// Gauge pressure trapped or resting on the rod side \[Pa\].
-    pub rod_side_pressure: f64,
+    pub rod_side_pressure: T,
     /// Gauge pressure of the accumulator \[Pa\].
-    pub accumulator_pressure: f64,
+    pub accumulator_pressure: T,
     /// Gas volume of the accumulator \[m³\].
-    pub gas_volume: f64,
+    pub gas_volume: T,
     /// How far the pump sides have been pre-loaded, 0 to 1: from the accumulator's pressure, as
     /// after a long rest with the load held, to the cylinder's, ready to energise the 3/2 valve.
-    pub preload: f64,
+    pub preload: T,
 }
 
 /// Why there is no state of rest.
@@ -81,36 +81,12 @@ impl<const N: usize> Crane<f64, N> {
     /// [`EquilibriumError`] where the geometry or the load admit no such state.
     pub fn at_rest(&self, start: &Start) -> Result<CraneState<f64, N>, EquilibriumError> {
         let (angle, force) = self.static_balance(start.stroke)?;
-        let vapour = self.circuit.oil.vapour_pressure;
-        let pressure_b = start.rod_side_pressure;
-        let end_stops = self.end_stops.force(start.stroke, 0.0, self.cylinder.stroke_length);
-        let pressure_a = (force - end_stops + self.cylinder.rod_side_area * pressure_b)
-            / self.cylinder.piston_area;
-        if pressure_a < vapour {
+        let state = self.resting(start, angle, force);
+        let pressure_a = state.circuit.nodes.a;
+        if pressure_a < self.circuit.oil.vapour_pressure {
             return Err(EquilibriumError::LoadPulls { pressure_a });
         }
-        let loaded = |chamber: f64| match start.preload < 1.0 {
-            true => {
-                let rest = start.accumulator_pressure;
-                rest + start.preload * (chamber - rest)
-            }
-            false => chamber,
-        };
-        let (pump_a, pump_b) = (loaded(pressure_a), loaded(pressure_b));
-        Ok(CraneState {
-            boom: BoomState { angle, angular_velocity: [0.0; N] },
-            bristle: 0.0,
-            circuit: CircuitState {
-                nodes: Nodes {
-                    pump_a,
-                    a: pressure_a,
-                    b: pressure_b,
-                    pump_b,
-                    accumulator: start.accumulator_pressure,
-                },
-                gas_volume: start.gas_volume,
-            },
-        })
+        Ok(state)
     }
 
     /// Angle \[rad\] of the boom, were it straight and rigid, with the piston at `stroke` \[m\].
@@ -133,22 +109,7 @@ impl<const N: usize> Crane<f64, N> {
     /// Angles and cylinder force of the boom at rest: moments balance on every segment, and the
     /// piston stands at `stroke`. Newton's method with exact derivatives.
     fn static_balance(&self, stroke: f64) -> Result<([f64; N], f64), EquilibriumError> {
-        type D = Dual<f64, 1>;
         let n = self.boom.coordinates();
-        let boom = self.boom.map(&mut D::constant);
-        let residual = |angle: &[D; N], force: D| {
-            let pose = boom.pose(angle);
-            let cylinder = boom.cylinder_pose(&pose);
-            let state = BoomState { angle: *angle, angular_velocity: [D::constant(0.0); N] };
-            let mut r = [D::constant(0.0); UNKNOWNS];
-            let moments = boom.applied_moments(&pose, &state);
-            for i in 0..n {
-                r[i] = moments[i] + cylinder.arm[i] * force;
-            }
-            r[n] = cylinder.stroke - D::constant(stroke);
-            r
-        };
-
         let mut angle = [self.rigid_angle(stroke)?; N];
         if let Some(base) = self.boom.base() {
             // the cylinder pushes: the slack is taken up on the side to which its arm points
@@ -163,22 +124,7 @@ impl<const N: usize> Crane<f64, N> {
         let length: f64 = self.boom.segments().iter().map(|s| s.length).sum();
         let moment_scale = (weight * length).max(1e-6);
         for _ in 0..50 {
-            let constants = angle.map(D::constant);
-            let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
-            let mut step = [0.0; UNKNOWNS];
-            for column in 0..=n {
-                let mut varied = constants;
-                let mut varied_force = D::constant(force);
-                match varied.get_mut(column).filter(|_| column < n) {
-                    Some(angle) => angle.slope[0] = 1.0,
-                    None => varied_force.slope[0] = 1.0,
-                }
-                let r = residual(&varied, varied_force);
-                for row in 0..=n {
-                    matrix[row][column] = r[row].slope[0];
-                    step[row] = -r[row].value;
-                }
-            }
+            let (mut matrix, mut step) = self.balance_matrix(&angle, force, stroke);
             let error = step[..n].iter().fold(0.0_f64, |worst, r| worst.max(r.abs()));
             let done = error < 1e-12 * moment_scale && step[n].abs() < 1e-14;
             solve_pivoted(&mut matrix, &mut step, n + 1)
@@ -193,12 +139,135 @@ impl<const N: usize> Crane<f64, N> {
             }
         }
         // moments of stiff joints cannot be balanced below their rounding error
-        let r = residual(&angle.map(D::constant), D::constant(force));
-        let error = r[..n].iter().fold(0.0_f64, |worst, r| worst.max(r.value.abs()));
-        if error < 1e-7 * moment_scale && r[n].value.abs() < 1e-12 {
+        let r = imbalance(&self.boom, &angle, force, stroke);
+        let error = r[..n].iter().fold(0.0_f64, |worst, r| worst.max(r.abs()));
+        if error < 1e-7 * moment_scale && r[n].abs() < 1e-12 {
             Ok((angle, force))
         } else {
             Err(EquilibriumError::NoBalance { stroke })
+        }
+    }
+
+    /// What the imbalance changes by with angles and force, and what takes it away.
+    fn balance_matrix(
+        &self,
+        angle: &[f64; N],
+        force: f64,
+        stroke: f64,
+    ) -> (Matrix, [f64; UNKNOWNS]) {
+        type D = Dual<f64, 1>;
+        let n = self.boom.coordinates();
+        let boom = self.boom.map(&mut D::constant);
+        let constants = angle.map(D::constant);
+        let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
+        let mut step = [0.0; UNKNOWNS];
+        for column in 0..=n {
+            let mut varied = constants;
+            let mut varied_force = D::constant(force);
+            match varied.get_mut(column).filter(|_| column < n) {
+                Some(angle) => angle.slope[0] = 1.0,
+                None => varied_force.slope[0] = 1.0,
+            }
+            let r = imbalance(&boom, &varied, varied_force, D::constant(stroke));
+            for row in 0..=n {
+                matrix[row][column] = r[row].slope[0];
+                step[row] = -r[row].value;
+            }
+        }
+        (matrix, step)
+    }
+}
+
+type Matrix = [[f64; UNKNOWNS]; UNKNOWNS];
+
+/// What is left of the moments on every segment, and of the piston's position, with the boom at angles and
+/// the cylinder under a force.
+fn imbalance<T: Real, const N: usize>(
+    boom: &Boom<T, N>,
+    angle: &[T; N],
+    force: T,
+    stroke: T,
+) -> [T; UNKNOWNS] {
+    let n = boom.coordinates();
+    let pose = boom.pose(angle);
+    let cylinder = boom.cylinder_pose(&pose);
+    let state = BoomState { angle: *angle, angular_velocity: [T::zero(); N] };
+    let mut r = [T::zero(); UNKNOWNS];
+    let moments = boom.applied_moments(&pose, &state);
+    for i in 0..n {
+        r[i] = moments[i] + cylinder.arm[i] * force;
+    }
+    r[n] = cylinder.stroke - stroke;
+    r
+}
+
+impl<T: Real, const N: usize> Crane<T, N> {
+    /// The state in which the boom stands at angles that balance a cylinder force.
+    fn resting(&self, start: &Start<T>, angle: [T; N], force: T) -> CraneState<T, N> {
+        let zero = T::zero();
+        let pressure_b = start.rod_side_pressure;
+        let end_stops = self.end_stops.force(start.stroke, zero, self.cylinder.stroke_length);
+        let pressure_a = (force - end_stops + self.cylinder.rod_side_area * pressure_b)
+            / self.cylinder.piston_area;
+        let loaded = |chamber: T| {
+            let rest = start.accumulator_pressure;
+            let partly = rest + start.preload * (chamber - rest);
+            T::select(start.preload.lt(T::one()), partly, chamber)
+        };
+        CraneState {
+            boom: BoomState { angle, angular_velocity: [zero; N] },
+            bristle: zero,
+            circuit: CircuitState {
+                nodes: Nodes {
+                    pump_a: loaded(pressure_a),
+                    a: pressure_a,
+                    b: pressure_b,
+                    pump_b: loaded(pressure_b),
+                    accumulator: start.accumulator_pressure,
+                },
+                gas_volume: start.gas_volume,
+            },
+        }
+    }
+}
+
+impl<const P: usize, const N: usize> Crane<Dual<f64, P>, N> {
+    /// The same state of rest with its exact slopes along the crane's directions and the start's.
+    ///
+    /// At the balance R(φ, F; θ) = 0 the slopes follow from R_φF d(φ, F) = −R_θ dθ: one Newton step in dual
+    /// numbers, taken from the balance.
+    ///
+    /// # Errors
+    ///
+    /// [`EquilibriumError`] where the geometry or the load admit no such state.
+    pub fn at_rest_along(
+        &self,
+        start: &Start<Dual<f64, P>>,
+    ) -> Result<CraneState<Dual<f64, P>, N>, EquilibriumError> {
+        let n = self.boom.coordinates();
+        let stroke = start.stroke.value;
+        let plain = self.map(&mut |d: Dual<f64, P>| d.value);
+        let (angle, force) = plain.static_balance(stroke)?;
+        let (matrix, _) = plain.balance_matrix(&angle, force, stroke);
+        let constant = Dual::<f64, P>::constant;
+        let left = imbalance(&self.boom, &angle.map(constant), constant(force), start.stroke);
+        let mut angle = angle.map(constant);
+        let mut force = constant(force);
+        for direction in 0..P {
+            let mut matrix = matrix;
+            let mut step: [f64; UNKNOWNS] = core::array::from_fn(|row| -left[row].slope[direction]);
+            solve_pivoted(&mut matrix, &mut step, n + 1)
+                .ok_or(EquilibriumError::NoBalance { stroke })?;
+            for i in 0..n {
+                angle[i].slope[direction] = step[i];
+            }
+            force.slope[direction] = step[n];
+        }
+        let state = self.resting(start, angle, force);
+        let pressure_a = state.circuit.nodes.a.value;
+        match pressure_a < plain.circuit.oil.vapour_pressure {
+            true => Err(EquilibriumError::LoadPulls { pressure_a }),
+            false => Ok(state),
         }
     }
 }

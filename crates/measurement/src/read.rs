@@ -1,0 +1,49 @@
+//! A log from a file, whatever its kind.
+
+use crate::channel::Measurement;
+use crate::error::MeasurementError;
+use crate::{csv_file, mat_file, mcap_file};
+use sha2::{Digest, Sha256};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// How an MCAP file begins.
+const MCAP: &[u8] = &[0x89, b'M', b'C', b'A', b'P'];
+
+/// Reads a log: MCAP by how it begins, MAT by its name, anything else as delimited text. `time` names the
+/// column that holds the time, where it is not named so.
+///
+/// # Errors
+///
+/// [`MeasurementError`] with the place of what cannot be used.
+pub fn read(path: &Path, time: Option<&str>) -> Result<Measurement, MeasurementError> {
+    let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
+    let mut begins = [0; 5];
+    let count = File::open(path).and_then(|mut f| f.read(&mut begins)).map_err(failed)?;
+    let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
+    match count {
+        5 if begins == MCAP => mcap_file::read(path),
+        _ if is_mat => mat_file::read(path, time),
+        _ => csv_file::read(path, time),
+    }
+}
+
+/// SHA-256 of a file, in hexadecimal: which log a parameter was tuned to.
+///
+/// # Errors
+///
+/// [`MeasurementError::File`] when it cannot be read.
+pub fn digest(path: &Path) -> Result<String, MeasurementError> {
+    let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
+    let mut file = File::open(path).map_err(failed)?;
+    let mut hasher = Sha256::new();
+    let mut buffer = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut buffer).map_err(failed)? {
+            0 => break,
+            count => hasher.update(&buffer[..count]),
+        }
+    }
+    Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}

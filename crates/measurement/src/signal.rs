@@ -1,0 +1,143 @@
+//! What a model knows of a machine, and what people call it.
+
+use crate::unit::Dimension;
+
+/// A signal of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Signal {
+    /// Piston position.
+    Stroke,
+    /// Pressure on pump side A.
+    PressurePumpA,
+    /// Pressure on the piston side.
+    PressureA,
+    /// Pressure on the rod side.
+    PressureB,
+    /// Pressure on pump side B.
+    PressurePumpB,
+    /// Pressure in the accumulator.
+    PressureAccumulator,
+    /// Motor speed, read.
+    MotorSpeed,
+    /// Motor speed, asked for.
+    MotorCommand,
+    /// Load-holding valve, 1 open.
+    HoldingValve,
+}
+
+impl Signal {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Stroke,
+        Self::PressurePumpA,
+        Self::PressureA,
+        Self::PressureB,
+        Self::PressurePumpB,
+        Self::PressureAccumulator,
+        Self::MotorSpeed,
+        Self::MotorCommand,
+        Self::HoldingValve,
+    ];
+
+    /// Those that a model and a log are compared in.
+    pub const COMPARED: [Self; 6] = [
+        Self::Stroke,
+        Self::PressurePumpA,
+        Self::PressureA,
+        Self::PressureB,
+        Self::PressurePumpB,
+        Self::PressureAccumulator,
+    ];
+
+    /// Key in a mapping.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Stroke => "stroke",
+            Self::PressurePumpA => "pressure_pump_a",
+            Self::PressureA => "pressure_a",
+            Self::PressureB => "pressure_b",
+            Self::PressurePumpB => "pressure_pump_b",
+            Self::PressureAccumulator => "pressure_accumulator",
+            Self::MotorSpeed => "motor_speed",
+            Self::MotorCommand => "motor_command",
+            Self::HoldingValve => "holding_valve",
+        }
+    }
+
+    /// Symbol in tables and figures.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Stroke => "x_cyl",
+            Self::PressurePumpA => "p_PA",
+            Self::PressureA => "p_A",
+            Self::PressureB => "p_B",
+            Self::PressurePumpB => "p_PB",
+            Self::PressureAccumulator => "p_acc",
+            Self::MotorSpeed => "motor speed",
+            Self::MotorCommand => "motor command",
+            Self::HoldingValve => "valve",
+        }
+    }
+
+    /// The unit it is shown in, and its size in SI units.
+    pub fn shown(self) -> (&'static str, f64) {
+        match self.dimension() {
+            Dimension::Length => ("mm", 1e-3),
+            Dimension::Pressure => ("bar", 1e5),
+            Dimension::Rotation => ("rpm", 1.0 / 60.0),
+            _ => ("-", 1.0),
+        }
+    }
+
+    /// What it is of.
+    pub fn dimension(self) -> Dimension {
+        match self {
+            Self::Stroke => Dimension::Length,
+            Self::MotorSpeed | Self::MotorCommand => Dimension::Rotation,
+            Self::HoldingValve => Dimension::Share,
+            _ => Dimension::Pressure,
+        }
+    }
+
+    /// The signal of a key.
+    pub fn from_key(key: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|signal| signal.key() == key)
+    }
+
+    /// What people call it, in small letters without anything between them; the most telling first.
+    pub(crate) fn names(self) -> &'static [&'static str] {
+        match self {
+            Self::Stroke => &[
+                "stroke",
+                "xcyl",
+                "pistonposition",
+                "cylinderposition",
+                "strokecyl",
+                "position",
+                "xp",
+                "x",
+            ],
+            Self::PressurePumpA => &["pressurepumpa", "ppa", "pumpa", "ppumpa"],
+            Self::PressureA => &["pressurea", "pa", "pcyla", "pistonpressure", "pistonside", "p1"],
+            Self::PressureB => &["pressureb", "pb", "pcylb", "rodpressure", "rodside", "p2"],
+            Self::PressurePumpB => &["pressurepumpb", "ppb", "pumpb", "ppumpb"],
+            Self::PressureAccumulator => &["pressureaccumulator", "pacc", "accumulator", "accu"],
+            Self::MotorSpeed => {
+                &["motorspeed", "actualspeed", "speedact", "nmotor", "nact", "rpm", "speed"]
+            }
+            Self::MotorCommand => &[
+                "commandmotorspeed",
+                "motorcommand",
+                "speedcommand",
+                "speedset",
+                "setspeed",
+                "nset",
+                "ncmd",
+                "usm",
+            ],
+            Self::HoldingValve => {
+                &["holdingvalve", "commandholdingvalve", "valve", "valveon", "y32", "solenoid"]
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The signals of a log, in SI units.
+
+use crate::channel::Measurement;
+use crate::error::MeasurementError;
+use crate::mapping::Mapping;
+use crate::signal::Signal;
+use crate::time_base::TimeBase;
+use std::collections::BTreeMap;
+
+/// One signal over time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// Times \[s\].
+    time: Vec<f64>,
+    /// Values in SI units.
+    values: Vec<f64>,
+    /// Nothing is known between samples that are further apart \[s\].
+    reach: f64,
+}
+
+/// Signals with their times.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Signals {
+    tracks: BTreeMap<Signal, Track>,
+}
+
+impl Track {
+    /// A signal from its samples; those that are missing or repeat a time are left out.
+    pub fn new(time: &[f64], values: &[f64]) -> Self {
+        let mut kept: (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+        for (t, v) in time.iter().zip(values).filter(|(t, v)| t.is_finite() && v.is_finite()) {
+            if kept.0.last().is_none_or(|last| t > last) {
+                kept.0.push(*t);
+                kept.1.push(*v);
+            }
+        }
+        let reach = TimeBase::of(&kept.0).map_or(0.0, |base| 5.0 * base.interval);
+        Self { time: kept.0, values: kept.1, reach }
+    }
+
+    /// Times \[s\].
+    pub fn time(&self) -> &[f64] {
+        &self.time
+    }
+
+    /// Values in SI units.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The value at a time \[s\], between samples on the straight line; none in a gap, before or after.
+    pub fn at(&self, time: f64) -> Option<f64> {
+        let next = self.time.partition_point(|t| *t <= time);
+        let before = next.checked_sub(1)?;
+        if self.time[before] == time {
+            return Some(self.values[before]);
+        }
+        let (t0, t1) = (self.time[before], *self.time.get(next)?);
+        if t1 - t0 > self.reach {
+            return None;
+        }
+        let share = (time - t0) / (t1 - t0);
+        Some(self.values[before] + share * (self.values[next] - self.values[before]))
+    }
+
+    /// The last value at or before a time \[s\], however old; the first one before all.
+    pub fn held(&self, time: f64) -> Option<f64> {
+        let next = self.time.partition_point(|t| *t <= time);
+        self.values.get(next.saturating_sub(1)).copied()
+    }
+}
+
+impl Signals {
+    /// The signals of a log by a mapping.
+    ///
+    /// # Errors
+    ///
+    /// [`MeasurementError::Mapping`] when it names a column that is not there.
+    pub fn of(log: &Measurement, mapping: &Mapping) -> Result<Self, MeasurementError> {
+        let mut tracks = BTreeMap::new();
+        for (signal, entry) in &mapping.entries {
+            let Some(channel) = log.channel(&entry.column) else {
+                let reason = format!(
+                    "log.{} names the column \"{}\"; there are: {}",
+                    signal.key(),
+                    entry.column,
+                    log.headings()
+                );
+                return Err(MeasurementError::Mapping { file: log.name.clone(), reason });
+            };
+            let time: Vec<f64> = channel.time.iter().map(|t| t - entry.delay).collect();
+            let si = |v: &f64| entry.sign * (v + entry.offset) * entry.unit.size;
+            let values: Vec<f64> = channel.values.iter().map(si).collect();
+            let track = Track::new(&time, &values);
+            if track.time.len() >= 2 {
+                tracks.insert(*signal, track);
+            }
+        }
+        Ok(Self { tracks })
+    }
+
+    /// A signal, if it was measured.
+    pub fn get(&self, signal: Signal) -> Option<&Track> {
+        self.tracks.get(&signal)
+    }
+
+    /// Adds a signal.
+    pub fn insert(&mut self, signal: Signal, track: Track) {
+        self.tracks.insert(signal, track);
+    }
+
+    /// A signal that is needed.
+    ///
+    /// # Errors
+    ///
+    /// [`MeasurementError::Missing`] when there is none.
+    pub fn need(&self, signal: Signal, log: &Measurement) -> Result<&Track, MeasurementError> {
+        self.get(signal).ok_or_else(|| MeasurementError::Missing {
+            missing: signal.symbol().into(),
+            key: signal.key(),
+            columns: log.headings(),
+        })
+    }
+
+    /// From when to when all of some signals were measured \[s\].
+    pub fn overlap(&self, signals: &[Signal]) -> Option<(f64, f64)> {
+        let tracks = signals.iter().filter_map(|s| self.get(*s));
+        let (begin, end) = tracks.fold((f64::NEG_INFINITY, f64::INFINITY), |(b, e), track| {
+            let (first, last) = (track.time[0], track.time[track.time.len() - 1]);
+            (b.max(first), e.min(last))
+        });
+        (begin < end && begin.is_finite() && end.is_finite()).then_some((begin, end))
+    }
+}
