@@ -11,6 +11,7 @@ mod family;
 mod faults;
 mod linearise;
 mod log;
+mod log_mapping;
 mod machine;
 mod motion;
 mod new;
@@ -21,6 +22,7 @@ mod scenarios;
 mod show;
 mod simulate;
 mod study;
+mod validate;
 mod virtual_crane;
 
 use clap::{Parser, Subcommand};
@@ -46,6 +48,7 @@ enum Command {
     Energy(energy::Energy),
     Motion(motion::MotionTests),
     Study(study::Study),
+    Validate(validate::Validate),
     Virtual(virtual_crane::Virtual),
     Calibrate(calibrate::Calibrate),
     Scenarios(scenarios::Scenarios),
@@ -76,6 +79,7 @@ fn main() -> Result<()> {
         Command::Energy(command) => command.run(),
         Command::Motion(command) => command.run(),
         Command::Study(command) => command.run(),
+        Command::Validate(command) => command.run(),
         Command::Virtual(command) => command.run(),
         Command::Calibrate(command) => command.run(),
         Command::Scenarios(command) => command.run(),

@@ -215,7 +215,7 @@ fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
         toml::Value::Table(table) => table,
         _ => {
             return Err(
-                " is a column's name, or a table with column, unit, sign, offset, delay_ms".into()
+                " is a column's name, or a table with column, unit, sign, offset, delay_ms".into(),
             );
         }
     };

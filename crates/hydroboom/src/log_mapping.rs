@@ -1,0 +1,48 @@
+//! The options that say which column of a log is which signal.
+
+use crate::crane_file::text;
+use clap::Args;
+use hydroboom_measurement::{Mapping, Measurement, read};
+use miette::{IntoDiagnostic, Result};
+use std::path::{Path, PathBuf};
+
+/// The options that say which column of a log is which signal.
+#[derive(Args, Clone)]
+pub struct LogMapping {
+    /// Mapping: a TOML file with a table [log]; what it does not name is guessed.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
+}
+
+impl LogMapping {
+    /// Reads a log, and says which of its columns is what.
+    pub fn read(&self, log: &Path) -> Result<(Measurement, Mapping)> {
+        let given = match &self.mapping {
+            Some(path) => {
+                Mapping::parse(&path.display().to_string(), &text(path)?).into_diagnostic()?
+            }
+            None => Mapping::default(),
+        };
+        let log = read(log, given.time.as_deref()).into_diagnostic()?;
+        let mapping = given.completed(&log);
+        Ok((log, mapping))
+    }
+}
+
+/// The options that choose a part of a log.
+#[derive(Args, Clone, Copy)]
+pub struct LogWindow {
+    /// Use the log from here; from its beginning when not given.
+    #[arg(long)]
+    from_s: Option<f64>,
+    /// Use the log to here; to its end when not given.
+    #[arg(long)]
+    to_s: Option<f64>,
+}
+
+impl LogWindow {
+    /// The part.
+    pub fn of(self) -> hydroboom_identify::Window {
+        hydroboom_identify::Window { from: self.from_s, to: self.to_s }
+    }
+}

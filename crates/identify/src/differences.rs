@@ -1,0 +1,250 @@
+//! Model and log side by side, in numbers.
+
+use crate::experiment::{COMPARED, Experiment};
+use crate::prediction::Prediction;
+use crate::ringing::{Ringing, ringing};
+use hydroboom_measurement::Signal;
+
+/// How a signal of the log differs from the model's: log less model, in SI units.
+#[derive(Clone, Debug)]
+pub struct Difference {
+    /// The signal.
+    pub signal: Signal,
+    /// Samples that were compared.
+    pub count: usize,
+    /// Root of the mean square.
+    pub rms: f64,
+    /// The largest, with its sign.
+    pub peak: f64,
+    /// Mean.
+    pub bias: f64,
+    /// Correlation of log and model; none where one of them does not move.
+    pub correlation: Option<f64>,
+    /// 100 (1 − ‖log − model‖ / ‖log − its mean‖) \[%\]; none where the log does not move.
+    pub fit: Option<f64>,
+    /// How much later the log is than the model \[s\]: where their slopes agree best; none where nothing moves.
+    pub delay: Option<f64>,
+    /// RMS once the log is moved by its delay: much less than before where a delay is what is wrong.
+    pub rms_without_delay: Option<f64>,
+    /// The delay over the first and the second half: a clock that drifts shows here \[s\].
+    pub delay_halves: Option<[f64; 2]>,
+    /// How the log rings.
+    pub ringing: Option<Ringing>,
+    /// How the model rings.
+    pub model_ringing: Option<Ringing>,
+    /// Share of the difference's autocorrelations, up to a second, that are larger than white noise would have them:
+    /// 0.05 if nothing is left to be explained.
+    pub coloured: f64,
+    /// Error of the sensor, as its samples scatter from one to the next.
+    pub noise: f64,
+}
+
+/// All signals that were measured.
+pub type Differences = Vec<Difference>;
+
+/// Delays up to this are looked for \[s\].
+const LONGEST_DELAY: f64 = 0.1;
+/// The motor's speed is steady, and the oil rings freely, where it changes by less than this \[rev/s²\].
+const STEADY: f64 = 2.0;
+/// Autocorrelations are looked at up to this lag \[s\].
+const LAGS: f64 = 1.0;
+
+/// How log and model differ, for all signals that were measured.
+pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differences {
+    let interval = experiment.interval();
+    let is_free = free(experiment, interval);
+    COMPARED
+        .iter()
+        .enumerate()
+        .filter_map(|(k, signal)| {
+            let pairs = experiment.samples.iter().zip(prediction);
+            let both: Vec<(usize, f64, f64)> = pairs
+                .enumerate()
+                .filter_map(|(i, (sample, model))| Some((i, sample.values[k]?, model[k])))
+                .collect();
+            (both.len() > 20).then(|| difference(*signal, &both, interval, &is_free))
+        })
+        .collect()
+}
+
+/// Whether nothing drives an oscillation at each sample.
+fn free(experiment: &Experiment, interval: f64) -> Vec<bool> {
+    let speed: Vec<f64> =
+        (0..experiment.samples.len()).map(|k| experiment.motor_speed(k)).collect();
+    let lag = (0.1 / interval).round().max(1.0) as usize;
+    let slope = |k: usize| {
+        let (a, b) = (k.saturating_sub(lag), (k + lag).min(speed.len() - 1));
+        (speed[b] - speed[a]) / ((b - a).max(1) as f64 * interval)
+    };
+    (0..speed.len()).map(|k| slope(k).abs() < STEADY).collect()
+}
+
+fn difference(
+    signal: Signal,
+    both: &[(usize, f64, f64)],
+    interval: f64,
+    is_free: &[bool],
+) -> Difference {
+    let count = both.len() as f64;
+    let errors: Vec<f64> = both.iter().map(|(_, log, model)| log - model).collect();
+    let bias = errors.iter().sum::<f64>() / count;
+    let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
+    let peak = errors
+        .iter()
+        .copied()
+        .fold(0.0, |peak: f64, e| if e.abs() > peak.abs() { e } else { peak });
+    let mean = |of: fn(&(usize, f64, f64)) -> f64| both.iter().map(of).sum::<f64>() / count;
+    let (of_log, of_model) = (mean(|b| b.1), mean(|b| b.2));
+    let moment = |of: &dyn Fn(&(usize, f64, f64)) -> f64| both.iter().map(of).sum::<f64>() / count;
+    let spread_log = moment(&|b| (b.1 - of_log).powi(2)).sqrt();
+    let spread_model = moment(&|b| (b.2 - of_model).powi(2)).sqrt();
+    let together = moment(&|b| (b.1 - of_log) * (b.2 - of_model));
+    let moves = spread_log > 1e-9 * of_log.abs().max(1e-12);
+    let correlation = (moves && spread_model > 0.0).then(|| together / (spread_log * spread_model));
+    let log: Vec<f64> = both.iter().map(|b| b.1).collect();
+    let model: Vec<f64> = both.iter().map(|b| b.2).collect();
+    let is_whole = both.windows(2).all(|w| w[1].0 == w[0].0 + 1);
+    let rings = |values: &[f64]| {
+        let offset = both.first().map_or(0, |b| b.0);
+        is_whole.then(|| ringing(values, interval, is_free.get(offset..).unwrap_or(&[]))).flatten()
+    };
+    let late = delay(&log, &model, interval);
+    let half = log.len() / 2;
+    let halves = delay(&log[..half], &model[..half], interval)
+        .zip(delay(&log[half..], &model[half..], interval))
+        .map(|(first, second)| [first, second]);
+    Difference {
+        signal,
+        count: both.len(),
+        rms,
+        peak,
+        bias,
+        correlation,
+        fit: moves.then(|| 100.0 * (1.0 - rms / spread_log)),
+        delay: late,
+        rms_without_delay: late.map(|late| rms_moved(&log, &model, late / interval)),
+        delay_halves: halves,
+        ringing: rings(&log),
+        model_ringing: rings(&model),
+        coloured: coloured(&errors, bias, interval),
+        noise: noise(&log),
+    }
+}
+
+/// Scatter of a signal from one sample to the next: the median of its third differences, which a smooth
+/// course does not have.
+pub(crate) fn noise(values: &[f64]) -> f64 {
+    let mut third: Vec<f64> =
+        values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).collect();
+    if third.is_empty() {
+        return 0.0;
+    }
+    let middle = third.len() / 2;
+    let median = *third.select_nth_unstable_by(middle, f64::total_cmp).1;
+    // of a normal distribution; 1 + 9 + 9 + 1 = 20
+    median / 0.6745 / 20.0_f64.sqrt()
+}
+
+/// How much later the log is than the model \[s\]: the shift at which their slopes differ least, between samples by
+/// a parabola. None where nothing moves, or the slopes have nothing in common.
+fn delay(log: &[f64], model: &[f64], interval: f64) -> Option<f64> {
+    // slopes over 50 ms: noise counts less
+    let lag = (0.025 / interval).round().max(1.0) as usize;
+    let slopes =
+        |v: &[f64]| -> Vec<f64> { v.windows(2 * lag + 1).map(|w| w[2 * lag] - w[0]).collect() };
+    let (log, model) = (slopes(log), slopes(model));
+    let most = (LONGEST_DELAY / interval) as i64;
+    if (log.len() as i64) < 4 * most {
+        return None;
+    }
+    let middle = most..model.len() as i64 - most;
+    let apart = |shift: i64| -> f64 {
+        middle.clone().map(|k| (model[k as usize] - log[(k + shift) as usize]).powi(2)).sum()
+    };
+    let apart: Vec<f64> = (-most..=most).map(apart).collect();
+    let least = (0..apart.len()).min_by(|a, b| apart[*a].total_cmp(&apart[*b]))?;
+    let alone: f64 = middle.map(|k| model[k as usize].powi(2)).sum();
+    if least == 0 || least == apart.len() - 1 || apart[least] >= 0.5 * alone {
+        return None;
+    }
+    let (a, b, c) = (apart[least - 1], apart[least], apart[least + 1]);
+    let shift = 0.5 * (a - c) / (a - 2.0 * b + c);
+    Some((least as f64 - most as f64 + shift) * interval)
+}
+
+/// RMS of log less model with the log moved to earlier by so many samples.
+fn rms_moved(log: &[f64], model: &[f64], shift: f64) -> f64 {
+    let whole = shift.floor();
+    let share = shift - whole;
+    let squares = model.iter().enumerate().filter_map(|(k, model)| {
+        let at = usize::try_from(k as i64 + whole as i64).ok()?;
+        let (a, b) = (log.get(at)?, log.get(at + 1)?);
+        Some((a + share * (b - a) - model).powi(2))
+    });
+    let (sum, count) = squares.fold((0.0, 0_u32), |(sum, count), s| (sum + s, count + 1));
+    (sum / f64::from(count.max(1))).sqrt()
+}
+
+/// Share of autocorrelations beyond what white noise has in nineteen cases of twenty.
+fn coloured(errors: &[f64], bias: f64, interval: f64) -> f64 {
+    let lags = ((LAGS / interval) as usize).min(errors.len() / 4);
+    let centred: Vec<f64> = errors.iter().map(|e| e - bias).collect();
+    let power: f64 = centred.iter().map(|e| e * e).sum();
+    if lags == 0 || power <= 0.0 {
+        return 0.0;
+    }
+    let bound = 1.96 / (errors.len() as f64).sqrt();
+    let beyond = (1..=lags).filter(|lag| {
+        let sum: f64 = centred.iter().zip(&centred[*lag..]).map(|(a, b)| a * b).sum();
+        (sum / power).abs() > bound
+    });
+    beyond.count() as f64 / lags as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn course(k: i32, late: f64) -> f64 {
+        let t = f64::from(k) * 0.005 - late;
+        (1.3 * t).sin() + 0.4 * (9.0 * t).sin()
+    }
+
+    fn scatter(k: i32) -> f64 {
+        let x = (f64::from(k) * 12.9898).sin() * 43_758.547;
+        2.0 * (x - x.floor()) - 1.0
+    }
+
+    fn compared(log: impl Fn(i32) -> f64, model: impl Fn(i32) -> f64) -> Difference {
+        let both: Vec<(usize, f64, f64)> =
+            (0..3000).map(|k| (k as usize, log(k), model(k))).collect();
+        difference(Signal::PressureA, &both, 0.005, &[true; 3000])
+    }
+
+    #[test]
+    fn a_delay_an_offset_and_white_noise_are_told_apart() {
+        let late = compared(|k| course(k, 0.023) + 0.01 * scatter(k), |k| course(k, 0.0));
+        assert!((late.delay.unwrap() - 0.023).abs() < 1e-3, "{:?}", late.delay);
+        let [first, second] = late.delay_halves.unwrap();
+        assert!((first - second).abs() < 2e-3);
+        assert!(late.rms_without_delay.unwrap() < 0.2 * late.rms);
+        let shifted = compared(|k| course(k, 0.0) + 0.7, |k| course(k, 0.0));
+        assert!(
+            (shifted.bias - 0.7).abs() < 1e-12 && (shifted.correlation.unwrap() - 1.0).abs() < 1e-9
+        );
+        let noisy = compared(|k| course(k, 0.0) + 0.05 * scatter(k), |k| course(k, 0.0));
+        assert!(noisy.coloured < 0.12, "{}", noisy.coloured);
+        assert!(late.coloured > 0.5, "{}", late.coloured);
+        assert!((noisy.rms - 0.05 / 3.0_f64.sqrt()).abs() < 0.002);
+        assert!((noisy.noise / (0.05 / 3.0_f64.sqrt()) - 1.0).abs() < 0.25, "{}", noisy.noise);
+        assert!(noisy.fit.unwrap() > 95.0);
+    }
+
+    #[test]
+    fn a_clock_that_drifts_shows_in_the_halves() {
+        let drifting = compared(|k| course(k, 0.002 * f64::from(k) * 0.005), |k| course(k, 0.0));
+        let [first, second] = drifting.delay_halves.unwrap();
+        // 2 ms a second over 15 s: 7.5 ms in the middle of the first half, 22.5 ms of the second
+        assert!((second - first - 0.015).abs() < 4e-3, "{first} s, then {second} s");
+    }
+}

@@ -1,0 +1,196 @@
+//! A log, made ready to drive a model.
+
+use crate::error::IdentifyError;
+use hydroboom_description::Description;
+use hydroboom_measurement::{Measurement, Signal, Signals, Track};
+use hydroboom_model::Input;
+
+/// Signals that model and log are compared in, in this order.
+pub const COMPARED: [Signal; 6] = Signal::COMPARED;
+
+/// The part of a log that is used \[s\].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Window {
+    /// From here; from the beginning where none.
+    pub from: Option<f64>,
+    /// To here; to the end where none.
+    pub to: Option<f64>,
+}
+
+/// What was measured at a time, in SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Time since the experiment began \[s\].
+    pub time: f64,
+    /// The compared signals; none where nothing was measured.
+    pub values: [Option<f64>; COMPARED.len()],
+}
+
+/// What a model starts from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Beginning {
+    pub(crate) stroke: f64,
+    pub(crate) pump_a: Option<f64>,
+    pub(crate) rod_side: Option<f64>,
+    pub(crate) pump_b: Option<f64>,
+    pub(crate) accumulator: Option<f64>,
+}
+
+/// Inputs, and samples to compare with.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// Name of the log.
+    pub name: String,
+    /// Time of the log at which it begins \[s\].
+    pub begin: f64,
+    /// The input of each control period.
+    pub(crate) inputs: Vec<Input<f64>>,
+    /// Control period \[s\].
+    pub(crate) period: f64,
+    /// Control periods from sample to sample.
+    pub(crate) every: usize,
+    /// What was measured.
+    pub samples: Vec<Sample>,
+    pub(crate) beginning: Beginning,
+    /// What is to be said of it.
+    pub remarks: Vec<String>,
+}
+
+/// Model and log are compared every so often \[s\]: a hundred times in a period of the boom's first mode and
+/// thirty times in one of its second.
+const INTERVAL: f64 = 5e-3;
+/// What is there at the beginning is averaged over this time \[s\].
+const BEGINNING: f64 = 0.05;
+/// Faster than this nothing rests \[m/s\].
+const REST: f64 = 2e-3;
+/// The beginning is at rest if it is for so long \[s\].
+const RESTING: f64 = 0.3;
+
+impl Experiment {
+    /// A log's signals within a window, for a model.
+    ///
+    /// # Errors
+    ///
+    /// [`IdentifyError`] when position or motor speed are missing, or nothing is left of them.
+    pub fn new(
+        model: &Description,
+        log: &Measurement,
+        signals: &Signals,
+        window: Window,
+    ) -> Result<Self, IdentifyError> {
+        let wrong = |reason: String| IdentifyError::Log { log: log.name.clone(), reason };
+        let mut remarks = Vec::new();
+        let position = signals.need(Signal::Stroke, log)?;
+        let speed = match signals.get(Signal::MotorSpeed) {
+            Some(track) => track,
+            None => {
+                let command = signals.need(Signal::MotorCommand, log)?;
+                remarks.push(
+                    "the motor's speed was not read: the one asked for drives the model".into(),
+                );
+                command
+            }
+        };
+        let both = [
+            Signal::Stroke,
+            match signals.get(Signal::MotorSpeed) {
+                Some(_) => Signal::MotorSpeed,
+                None => Signal::MotorCommand,
+            },
+        ];
+        let (first, last) = signals.overlap(&both).ok_or_else(|| {
+            wrong("position and motor speed were never measured at the same time".into())
+        })?;
+        let begin = window.from.map_or(first, |from| from.max(first));
+        let end = window.to.map_or(last, |to| to.min(last));
+        let n = &model.numbers;
+        let period = n.control_period;
+        let count = ((end - begin) / period).floor();
+        if !(count >= 100.0 && count < 1e8) {
+            let reason = format!(
+                "{:.3} to {:.3} s is left of it ({first:.3} to {last:.3} s); at least a tenth of a second is needed",
+                begin, end
+            );
+            return Err(wrong(reason));
+        }
+        let valve = signals.get(Signal::HoldingValve);
+        if valve.is_none() {
+            remarks.push("the load-holding valve was not logged: it is taken as open".into());
+        }
+        let inputs: Vec<Input<f64>> = (0..count as usize)
+            .map(|k| {
+                let time = begin + k as f64 * period;
+                // over a gap the last speed holds: it is said below
+                let pump_speed = speed.at(time + 0.5 * period).or_else(|| speed.held(time));
+                let holding_valve = valve.and_then(|v| v.held(time)).unwrap_or(1.0);
+                Input { pump_speed: pump_speed.unwrap_or(0.0), holding_valve }
+            })
+            .collect();
+        let gaps =
+            (0..count as usize).filter(|k| speed.at(begin + *k as f64 * period).is_none()).count();
+        if gaps > 1 {
+            remarks.push(format!(
+                "for {:.3} s the motor's speed is missing: the last one holds",
+                gaps as f64 * period
+            ));
+        }
+        let every = (INTERVAL / period).round().max(1.0) as usize;
+        let tracks = COMPARED.map(|signal| signals.get(signal));
+        let samples: Vec<Sample> = (0..=count as usize)
+            .step_by(every)
+            .map(|k| {
+                let time = k as f64 * period;
+                Sample { time, values: tracks.map(|t| t.and_then(|t| t.at(begin + time))) }
+            })
+            .collect();
+        let average = |track: Option<&Track>| {
+            let track = track?;
+            let there = track.time().iter().zip(track.values());
+            let there = there.filter(|(t, _)| (begin..=begin + BEGINNING).contains(*t));
+            let (sum, count) = there.fold((0.0, 0), |(s, c), (_, v)| (s + v, c + 1));
+            if count > 0 { Some(sum / f64::from(count)) } else { track.at(begin) }
+        };
+        let stroke = average(Some(position))
+            .ok_or_else(|| wrong(format!("no position at its beginning, {begin:.3} s")))?;
+        let later = position.at(begin + RESTING);
+        let is_moving = later.is_some_and(|x| (x - stroke).abs() > REST * RESTING);
+        if is_moving {
+            remarks.push(
+                "it begins in motion, and the model at rest: the first seconds differ for that reason".into(),
+            );
+        }
+        let [_, pump_a, _, rod_side, pump_b, accumulator] = tracks.map(average);
+        Ok(Self {
+            name: log.name.clone(),
+            begin,
+            inputs,
+            period,
+            every,
+            samples,
+            beginning: Beginning {
+                stroke: stroke.clamp(0.0, n.stroke),
+                pump_a,
+                rod_side,
+                pump_b,
+                accumulator,
+            },
+            remarks,
+        })
+    }
+
+    /// Duration \[s\].
+    pub fn duration(&self) -> f64 {
+        self.inputs.len() as f64 * self.period
+    }
+
+    /// Interval from sample to sample \[s\].
+    pub fn interval(&self) -> f64 {
+        self.every as f64 * self.period
+    }
+
+    /// Motor speed \[rev/s\] at a sample.
+    pub fn motor_speed(&self, sample: usize) -> f64 {
+        let k = (sample * self.every).min(self.inputs.len() - 1);
+        self.inputs[k].pump_speed
+    }
+}

@@ -1,0 +1,89 @@
+//! Keys of a crane file that may be moved.
+
+use crate::error::IdentifyError;
+use hydroboom_description::Description;
+use hydroboom_description::schema::KEYS;
+
+/// A key that may be moved, as ln θ: every number that is moved is positive, and people think of its
+/// changes in per cent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Free {
+    /// Place of the key among all.
+    pub place: usize,
+}
+
+impl Free {
+    /// A key by its path, `section.name`; the unit may be left out.
+    ///
+    /// # Errors
+    ///
+    /// [`IdentifyError::Key`] when there is none, with what may be meant.
+    pub fn from_path(path: &str) -> Result<Self, IdentifyError> {
+        let exact = KEYS.iter().position(|key| key.path() == path);
+        let begun: Vec<usize> =
+            (0..KEYS.len()).filter(|k| KEYS[*k].path().starts_with(&format!("{path}_"))).collect();
+        match (exact, begun.as_slice()) {
+            (Some(place), _) => Ok(Self { place }),
+            (None, [place]) => Ok(Self { place: *place }),
+            (None, several) => {
+                let similar = |k: &usize| {
+                    let other = KEYS[*k].path();
+                    other
+                        .split('.')
+                        .nth(1)
+                        .is_some_and(|n| path.split('.').nth(1).is_some_and(|p| n.starts_with(p)))
+                };
+                let mut meant: Vec<String> = several.iter().map(|k| KEYS[*k].path()).collect();
+                if meant.is_empty() {
+                    meant = (0..KEYS.len()).filter(similar).map(|k| KEYS[k].path()).collect();
+                }
+                let suggestion = match meant.is_empty() {
+                    true => "; `hydroboom show` lists them".into(),
+                    false => format!(": is it {}?", meant.join(" or ")),
+                };
+                Err(IdentifyError::Key { key: path.into(), suggestion })
+            }
+        }
+    }
+
+    /// Keys that a log of position and pressures can be expected to tell something of.
+    pub fn usual(model: &Description) -> Vec<Self> {
+        const USUAL: [&str; 15] = [
+            "boom.youngs_modulus_gpa",
+            "boom.damping_ratio",
+            "payload.mass_kg",
+            "cylinder.dead_volume_a_l",
+            "cylinder.dead_volume_b_l",
+            "friction.viscous_ns_per_m",
+            "friction.coulomb_n",
+            "friction.stiction_n",
+            "oil.bulk_modulus_max_mpa",
+            "oil.transition_bar",
+            "pump.flow_gain",
+            "pump.internal_leakage_m3_s_sqrtpa",
+            "pump.case_leakage_a_m3_s_sqrtpa",
+            "pump.volume_a_l",
+            "pump.volume_b_l",
+        ];
+        let values = model.numbers.to_array();
+        let places =
+            USUAL.iter().filter_map(|path| KEYS.iter().position(|key| key.path() == *path));
+        places.filter(|place| values[*place] > 0.0).map(|place| Self { place }).collect()
+    }
+
+    /// Its path.
+    pub fn path(self) -> String {
+        KEYS[self.place].path()
+    }
+
+    /// Its value in a description, in SI units.
+    pub fn value(self, model: &Description) -> f64 {
+        model.numbers.to_array()[self.place]
+    }
+
+    /// The smallest and largest value allowed, in SI units.
+    pub fn bounds(self) -> (f64, f64) {
+        let key = &KEYS[self.place];
+        (key.to_si(key.low), key.to_si(key.high))
+    }
+}

@@ -1,0 +1,66 @@
+//! Logs made by a model.
+
+#![allow(dead_code, reason = "each test uses a part")]
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_description::Description;
+use hydroboom_description::schema::{KEYS, Numbers};
+use hydroboom_identify::{Experiment, Window};
+use hydroboom_lab::simulate::{Drive, Settings, simulate};
+use hydroboom_measurement::{Mapping, Signal, Signals, Track, read};
+use hydroboom_model::Scheme;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// The same description with a key multiplied.
+pub fn with(model: &Description, path: &str, factor: f64) -> Description {
+    let place = KEYS.iter().position(|key| key.path() == path).unwrap();
+    let mut numbers = model.numbers.to_array();
+    numbers[place] *= factor;
+    let mut changed = model.clone();
+    changed.numbers = Numbers::from_array(numbers);
+    changed
+}
+
+/// A log of the model under velocity feedforward at its fast speed, its sensors scattering by a share of what
+/// real ones do.
+pub fn log_of(model: &Description, noise: f64, seed: u64) -> Experiment {
+    log_at(model, model.numbers.fast, noise, seed)
+}
+
+/// The same at a speed \[m/s\].
+pub fn log_at(model: &Description, speed: f64, noise: f64, seed: u64) -> Experiment {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    let name = format!("made-{}-{count}.csv", std::process::id());
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let settings = Settings {
+        start_stroke: model.numbers.motion_start,
+        scheme: Scheme::Published,
+        step: model.numbers.simulation_period,
+        log_interval: 1e-3,
+        preloaded: true,
+    };
+    let drive = Drive::Course(Box::new(model.motion(speed)));
+    simulate(model, &drive, &settings, Some(&path), |_| {}).unwrap();
+    let log = read(&path, None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let clean = Signals::of(&log, &Mapping::guess(&log)).unwrap();
+    let mut signals = clean.clone();
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut uniform = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mut normal =
+        || (-2.0 * uniform().max(1e-300).ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos();
+    for signal in Signal::COMPARED {
+        let track = clean.get(signal).unwrap();
+        let size = noise * if signal == Signal::Stroke { 2e-5 } else { 0.1e5 };
+        let noisy: Vec<f64> = track.values().iter().map(|v| v + size * normal()).collect();
+        signals.insert(signal, Track::new(track.time(), &noisy));
+    }
+    Experiment::new(model, &log, &signals, Window::default()).unwrap()
+}
