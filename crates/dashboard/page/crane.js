@@ -105,8 +105,8 @@ class CranePicture {
     c.fillRect(tip[0] - side / 2, tip[1], side, side);
     c.fillStyle = ink;
     c.font = "13px system-ui, sans-serif";
-    c.textAlign = "right";
-    c.fillText(`${fixed.payload_kg.toFixed(0)} kg`, tip[0] - side / 2 - 5, tip[1] + side - 6);
+    c.textAlign = "center";
+    c.fillText(`${fixed.payload_kg.toFixed(0)} kg`, tip[0], tip[1] + side + 15);
     // one metre
     const [x0, y0] = [width - 16 - scale, height - 14];
     c.strokeStyle = ink;

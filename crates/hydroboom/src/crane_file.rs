@@ -1,7 +1,7 @@
 //! The options that choose a crane.
 
 use clap::Args;
-use hydroboom_description::{Description, DescriptionError};
+use hydroboom_description::{Description, DescriptionError, UIA_SINGLE_BOOM};
 use miette::{IntoDiagnostic, Result, WrapErr};
 use std::path::{Path, PathBuf};
 
@@ -20,6 +20,16 @@ impl CraneFile {
     /// Whether the crane is an embedded one, overrides or not.
     pub fn is_embedded(&self) -> bool {
         self.crane.is_none()
+    }
+
+    /// The text of the crane file, the paper's where none is given.
+    pub fn text(&self) -> Result<String> {
+        self.crane.as_deref().map_or_else(|| Ok(UIA_SINGLE_BOOM.into()), text)
+    }
+
+    /// Whether keys are overridden.
+    pub fn is_overridden(&self) -> bool {
+        !self.set.is_empty()
     }
 
     /// Reads the crane, the paper's where none is given, applies the overrides, and says what looks

@@ -22,6 +22,7 @@ mod scenarios;
 mod show;
 mod simulate;
 mod study;
+mod tune;
 mod validate;
 mod virtual_crane;
 
@@ -49,6 +50,7 @@ enum Command {
     Motion(motion::MotionTests),
     Study(study::Study),
     Validate(validate::Validate),
+    Tune(tune::Tune),
     Virtual(virtual_crane::Virtual),
     Calibrate(calibrate::Calibrate),
     Scenarios(scenarios::Scenarios),
@@ -80,6 +82,7 @@ fn main() -> Result<()> {
         Command::Motion(command) => command.run(),
         Command::Study(command) => command.run(),
         Command::Validate(command) => command.run(),
+        Command::Tune(command) => command.run(),
         Command::Virtual(command) => command.run(),
         Command::Calibrate(command) => command.run(),
         Command::Scenarios(command) => command.run(),

@@ -212,7 +212,15 @@ fn words(d: &Difference, remedies: &[Remedy]) -> String {
 
 /// Number of the paper's figure of a signal.
 fn paper_figure(signal: Signal) -> u32 {
-    18 + paper::TABLE_6.iter().position(|row| row.0 == signal.symbol()).unwrap_or(0) as u32
+    const FIGURES: [Signal; 6] = [
+        Signal::Stroke,
+        Signal::PressureA,
+        Signal::PressurePumpA,
+        Signal::PressurePumpB,
+        Signal::PressureB,
+        Signal::PressureAccumulator,
+    ];
+    18 + FIGURES.iter().position(|s| *s == signal).unwrap_or(0) as u32
 }
 
 fn page(

@@ -37,6 +37,11 @@ fn every_command_explains_itself_with_an_example() {
         "virtual",
         "scenarios",
         "calibrate",
+        "validate",
+        "tune",
+        "run",
+        "log",
+        "faults",
         "study",
         "run",
         "log",
@@ -403,6 +408,58 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
     assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
     let rows = std::fs::read_to_string(csv).unwrap().lines().count();
     assert!(rows > 2000, "{rows} rows are left");
+}
+
+#[test]
+fn a_model_is_held_against_a_log_and_tuned_to_it() {
+    let folder = folder("tune");
+    let path = |name: &str| folder.join(name).to_str().unwrap().to_string();
+    let (log, mapping, report, tuned) =
+        (path("fast.csv"), path("map.toml"), path("v.html"), path("tuned.toml"));
+    assert!(hydroboom(&["virtual", "--log", &log]).status.success());
+    let seen = parsed(&["log", "inspect", &log, "--mapping-out", &mapping, "--json"]);
+    let channels = seen["channels"].as_array().unwrap();
+    keys(
+        &channels[0],
+        &["column", "unit", "samples", "low", "high", "interval_ms", "gaps_s", "signal"],
+    );
+    assert_eq!(channels.iter().filter(|c| c["signal"].is_string()).count(), 9);
+    assert!(seen["suspicions"].as_array().unwrap().is_empty(), "{seen}");
+    let of = |crane: &[&str]| {
+        let window = ["validate", "--log", &log, "--mapping", &mapping, "--to-s", "9", "--json"];
+        parsed(&[&window[..], crane].concat())
+    };
+    let rms = |found: &serde_json::Value, k: usize| found["signals"][k]["rms"].as_f64().unwrap();
+    let before = of(&["--report", &report]);
+    keys(
+        &before["signals"][0],
+        &["rms", "peak", "bias", "fit_percent", "delay_ms", "said", "remedies"],
+    );
+    let page = std::fs::read_to_string(&report).unwrap();
+    assert!(page.contains("What looks wrong") && page.matches("<svg").count() == 12);
+    let found = parsed(&[
+        "tune",
+        "--log",
+        &log,
+        "--to-s",
+        "9",
+        "--free",
+        "pump.flow_gain,payload.mass",
+        "--out",
+        &tuned,
+        "--json",
+    ]);
+    keys(&found["keys"][0], &["key", "before", "after", "interval_95", "determined", "partner"]);
+    let text = std::fs::read_to_string(&tuned).unwrap();
+    assert!(
+        text.contains("provenance = \"tuned\"") && text.contains("fast.csv (sha256 "),
+        "{text}"
+    );
+    let after = of(&["--crane", &tuned]);
+    assert!(rms(&after, 0) < 0.5 * rms(&before, 0), "{} to {}", rms(&before, 0), rms(&after, 0));
+    says(&hydroboom(&["tune", "--log", &log, "--free", "boom.young"]), "boom.youngs_modulus_gpa");
+    says(&hydroboom(&["validate", "--log", &mapping]), "no row");
+    says(&hydroboom(&["validate", "--log", &log, "--from-s", "17.95"]), "is left of it");
 }
 
 #[test]

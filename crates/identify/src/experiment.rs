@@ -1,6 +1,7 @@
 //! A log, made ready to drive a model.
 
 use crate::error::IdentifyError;
+use crate::prediction::STARTS;
 use hydroboom_description::Description;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 use hydroboom_model::Input;
@@ -26,16 +27,6 @@ pub struct Sample {
     pub values: [Option<f64>; COMPARED.len()],
 }
 
-/// What a model starts from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Beginning {
-    pub(crate) stroke: f64,
-    pub(crate) pump_a: Option<f64>,
-    pub(crate) rod_side: Option<f64>,
-    pub(crate) pump_b: Option<f64>,
-    pub(crate) accumulator: Option<f64>,
-}
-
 /// Inputs, and samples to compare with.
 #[derive(Clone, Debug)]
 pub struct Experiment {
@@ -51,7 +42,8 @@ pub struct Experiment {
     pub(crate) every: usize,
     /// What was measured.
     pub samples: Vec<Sample>,
-    pub(crate) beginning: Beginning,
+    /// What the model starts from, as far as it was measured.
+    pub(crate) beginning: [Option<f64>; STARTS],
     /// What is to be said of it.
     pub remarks: Vec<String>,
 }
@@ -59,7 +51,7 @@ pub struct Experiment {
 /// Model and log are compared every so often \[s\]: a hundred times in a period of the boom's first mode and
 /// thirty times in one of its second.
 const INTERVAL: f64 = 5e-3;
-/// What is there at the beginning is averaged over this time \[s\].
+/// What is there at the beginning is found from this time \[s\].
 const BEGINNING: f64 = 0.05;
 /// Faster than this nothing rests \[m/s\].
 const REST: f64 = 2e-3;
@@ -106,7 +98,7 @@ impl Experiment {
         let n = &model.numbers;
         let period = n.control_period;
         let count = ((end - begin) / period).floor();
-        if !(count >= 100.0 && count < 1e8) {
+        if !(100.0..1e8).contains(&count) {
             let reason = format!(
                 "{:.3} to {:.3} s is left of it ({first:.3} to {last:.3} s); at least a tenth of a second is needed",
                 begin, end
@@ -143,13 +135,7 @@ impl Experiment {
                 Sample { time, values: tracks.map(|t| t.and_then(|t| t.at(begin + time))) }
             })
             .collect();
-        let average = |track: Option<&Track>| {
-            let track = track?;
-            let there = track.time().iter().zip(track.values());
-            let there = there.filter(|(t, _)| (begin..=begin + BEGINNING).contains(*t));
-            let (sum, count) = there.fold((0.0, 0), |(s, c), (_, v)| (s + v, c + 1));
-            if count > 0 { Some(sum / f64::from(count)) } else { track.at(begin) }
-        };
+        let average = |track: Option<&Track>| at_beginning(track?, begin);
         let stroke = average(Some(position))
             .ok_or_else(|| wrong(format!("no position at its beginning, {begin:.3} s")))?;
         let later = position.at(begin + RESTING);
@@ -167,13 +153,7 @@ impl Experiment {
             period,
             every,
             samples,
-            beginning: Beginning {
-                stroke: stroke.clamp(0.0, n.stroke),
-                pump_a,
-                rod_side,
-                pump_b,
-                accumulator,
-            },
+            beginning: [Some(stroke.clamp(0.0, n.stroke)), pump_a, rod_side, pump_b, accumulator],
             remarks,
         })
     }
@@ -193,4 +173,23 @@ impl Experiment {
         let k = (sample * self.every).min(self.inputs.len() - 1);
         self.inputs[k].pump_speed
     }
+}
+
+/// A signal at the beginning: on the straight line through its first samples, because a pump side leaks by bars in a second
+/// while its sensor scatters.
+fn at_beginning(track: &Track, begin: f64) -> Option<f64> {
+    let there = track.time().iter().zip(track.values());
+    let there: Vec<(f64, f64)> = there
+        .filter(|(t, _)| (begin..=begin + BEGINNING).contains(*t))
+        .map(|(t, v)| (t - begin, *v))
+        .collect();
+    if there.len() < 3 {
+        return track.at(begin);
+    }
+    let count = there.len() as f64;
+    let (t, v) = there.iter().fold((0.0, 0.0), |(t, v), s| (t + s.0 / count, v + s.1 / count));
+    let (along, square) = there
+        .iter()
+        .fold((0.0, 0.0), |(a, q), s| (a + (s.0 - t) * (s.1 - v), q + (s.0 - t).powi(2)));
+    Some(v - t * along / square)
 }

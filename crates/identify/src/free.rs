@@ -26,13 +26,14 @@ impl Free {
             (Some(place), _) => Ok(Self { place }),
             (None, [place]) => Ok(Self { place: *place }),
             (None, several) => {
-                let similar = |k: &usize| {
-                    let other = KEYS[*k].path();
-                    other
-                        .split('.')
-                        .nth(1)
-                        .is_some_and(|n| path.split('.').nth(1).is_some_and(|p| n.starts_with(p)))
-                };
+                // the same section, and a name that begins alike
+                let similar =
+                    |k: &usize| match (path.split_once('.'), KEYS[*k].path().split_once('.')) {
+                        (Some((section, name)), Some((other, key))) => {
+                            section == other && key.starts_with(name)
+                        }
+                        _ => false,
+                    };
                 let mut meant: Vec<String> = several.iter().map(|k| KEYS[*k].path()).collect();
                 if meant.is_empty() {
                     meant = (0..KEYS.len()).filter(similar).map(|k| KEYS[k].path()).collect();

@@ -2,12 +2,13 @@
 //!
 //! ```text
 //! Signals -> Experiment (inputs, samples) -> prediction -> differences, ringing, whiteness
-//!                                       \-> sensitivities (dual numbers) -> what would move it
+//!                                       \-> sensitivities (dual numbers) -> what would move it, fit
 //! ```
 
 mod differences;
 mod error;
 mod experiment;
+mod fit;
 mod free;
 mod prediction;
 mod remedy;
@@ -16,7 +17,8 @@ mod ringing;
 pub use differences::{Difference, Differences, differences};
 pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
+pub use fit::{Fit, Improvement, Tuned, fit, prior};
 pub use free::Free;
 pub use prediction::{Prediction, predict, sensitivities};
-pub use remedy::{Remedy, remedies};
+pub use remedy::{Remedies, Remedy, remedies};
 pub use ringing::{Ringing, ringing};

@@ -7,8 +7,9 @@ use hydroboom_description::schema::Numbers;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::{Dual, Real};
 use hydroboom_model::stepping::{Implicit, MOST_PARTS};
-use hydroboom_model::{Crane, CraneState, Input, Start};
+use hydroboom_model::{Crane, CraneState, EquilibriumError, Input, Start};
 use rayon::prelude::*;
+use std::array::from_fn;
 
 /// Segments of the published model.
 const SEGMENTS: usize = 3;
@@ -22,20 +23,34 @@ const STEPS: u32 = 2;
 /// [`COMPARED`].
 pub type Prediction = Vec<[f64; COMPARED.len()]>;
 
-/// Isothermal from the working pressure: an accumulator at another pressure at the beginning.
-fn at_beginning<T: Real>(model: &Description, n: &Numbers<T>, experiment: &Experiment) -> Start<T> {
-    let b = &experiment.beginning;
-    let mut start = model.start_over(n, T::lit(b.stroke));
-    if let Some(pressure) = b.rod_side {
-        start.rod_side_pressure = T::lit(pressure);
+/// What a model starts from: stroke, then the pressures p_PA, p_B, p_PB, p_acc; none where nothing was measured.
+pub(crate) const STARTS: usize = 5;
+
+/// The state at rest that an experiment begins with.
+///
+/// The accumulator's gas follows the isothermal law from its working pressure. `at_rest` finds the state of a start:
+/// plainly, or with slopes.
+fn beginning<T: Real>(
+    model: &Description,
+    n: &Numbers<T>,
+    begin: &[Option<T>; STARTS],
+    at_rest: impl FnOnce(&Start<T>) -> Result<CraneState<T, SEGMENTS>, EquilibriumError>,
+) -> Result<CraneState<T, SEGMENTS>, IdentifyError> {
+    let [stroke, pump_a, rod_side, pump_b, accumulator] = *begin;
+    let mut start = model.start_over(n, stroke.unwrap_or(n.motion_start));
+    if let Some(pressure) = rod_side {
+        start.rod_side_pressure = pressure;
     }
-    if let Some(pressure) = b.accumulator {
-        let pressure = T::lit(pressure);
+    if let Some(pressure) = accumulator {
         let (filled, now) = (n.working_pressure + n.atmosphere, pressure + n.atmosphere);
         start.gas_volume = start.gas_volume * filled / now;
         start.accumulator_pressure = pressure;
     }
-    start
+    let mut state = at_rest(&start).map_err(BuildError::from)?;
+    let nodes = &mut state.circuit.nodes;
+    nodes.pump_a = pump_a.unwrap_or(nodes.pump_a);
+    nodes.pump_b = pump_b.unwrap_or(nodes.pump_b);
+    Ok(state)
 }
 
 /// Runs the model from a state at rest; what it shows at each sample.
@@ -45,14 +60,6 @@ fn run<T: Real>(
     experiment: &Experiment,
     value: impl Fn(T) -> f64,
 ) -> Result<Vec<[T; COMPARED.len()]>, IdentifyError> {
-    let b = &experiment.beginning;
-    let nodes = &mut state.circuit.nodes;
-    if let Some(pressure) = b.pump_a {
-        nodes.pump_a = T::lit(pressure);
-    }
-    if let Some(pressure) = b.pump_b {
-        nodes.pump_b = T::lit(pressure);
-    }
     let scheme = Implicit::new(crane);
     let broken = |k: usize| {
         let time = k as f64 * experiment.period;
@@ -107,10 +114,19 @@ fn show<T: Real>(
 ///
 /// [`IdentifyError`] when there is no such model, or it breaks off.
 pub fn predict(model: &Description, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
+    predict_from(model, experiment, &[0.0; STARTS])
+}
+
+/// The same with each start moved by an offset.
+pub(crate) fn predict_from(
+    model: &Description,
+    experiment: &Experiment,
+    offsets: &[f64; STARTS],
+) -> Result<Prediction, IdentifyError> {
     check(model)?;
     let crane = model.crane::<SEGMENTS>().map_err(BuildError::from)?;
-    let start = at_beginning(model, &model.numbers, experiment);
-    let state = crane.at_rest(&start).map_err(BuildError::from)?;
+    let begin = from_fn(|k| experiment.beginning[k].map(|v| v + offsets[k]));
+    let state = beginning(model, &model.numbers, &begin, |start| crane.at_rest(start))?;
     run(&crane, state, experiment, |v| v)
 }
 
@@ -124,29 +140,61 @@ pub fn sensitivities(
     experiment: &Experiment,
     free: &[Free],
 ) -> Result<(Prediction, Vec<Prediction>), IdentifyError> {
+    let keys: Vec<Direction> = free.iter().map(|key| Direction::Key(*key)).collect();
+    slopes_from(model, experiment, &[0.0; STARTS], &keys)
+}
+
+/// What a prediction is differentiated by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Direction {
+    /// ln θ of a key.
+    Key(Free),
+    /// A start, in SI units.
+    Start(usize),
+}
+
+/// What the model shows with each start moved by an offset, and its slope along each direction.
+pub(crate) fn slopes_from(
+    model: &Description,
+    experiment: &Experiment,
+    offsets: &[f64; STARTS],
+    directions: &[Direction],
+) -> Result<(Prediction, Vec<Prediction>), IdentifyError> {
     type D = Dual<f64, TOGETHER>;
     check(model)?;
-    let parts: Vec<&[Free]> = free.chunks(TOGETHER).collect();
+    let parts: Vec<&[Direction]> = directions.chunks(TOGETHER).collect();
     let runs: Result<Vec<Vec<[D; COMPARED.len()]>>, IdentifyError> = parts
         .par_iter()
-        .map(|keys| {
+        .map(|part| {
             let mut numbers = model.numbers.to_array().map(D::constant);
-            for (direction, key) in keys.iter().enumerate() {
-                let value = numbers[key.place].value;
-                // dθ = θ d ln θ
-                numbers[key.place].slope[direction] = value;
+            let mut begin: [Option<D>; STARTS] =
+                from_fn(|k| experiment.beginning[k].map(|v| D::constant(v + offsets[k])));
+            for (direction, along) in part.iter().enumerate() {
+                match along {
+                    // dθ = θ d ln θ
+                    Direction::Key(key) => {
+                        let value = numbers[key.place].value;
+                        numbers[key.place].slope[direction] = value;
+                    }
+                    Direction::Start(k) => {
+                        if let Some(value) = &mut begin[*k] {
+                            value.slope[direction] = 1.0;
+                        }
+                    }
+                }
             }
             let numbers = Numbers::from_array(numbers);
             let crane = model.crane_over::<D, SEGMENTS>(&numbers).map_err(BuildError::from)?;
-            let start = at_beginning(model, &numbers, experiment);
-            let state = crane.at_rest_along(&start).map_err(BuildError::from)?;
+            let state = beginning(model, &numbers, &begin, |start| crane.at_rest_along(start))?;
             run(&crane, state, experiment, |v| v.value)
         })
         .collect();
     let runs = runs?;
-    let Some(first) = runs.first() else { return Ok((predict(model, experiment)?, Vec::new())) };
+    let Some(first) = runs.first() else {
+        return Ok((predict_from(model, experiment, offsets)?, Vec::new()));
+    };
     let values = first.iter().map(|row| row.map(|v| v.value)).collect();
-    let slopes = (0..free.len())
+    let slopes = (0..directions.len())
         .map(|k| {
             let (part, direction) = (k / TOGETHER, k % TOGETHER);
             runs[part].iter().map(|row| row.map(|v| v.slope[direction])).collect()

@@ -18,6 +18,9 @@ pub struct Remedy {
     pub rms: (f64, f64),
 }
 
+/// Remedies of each signal that was measured.
+pub type Remedies = Vec<(Signal, Vec<Remedy>)>;
+
 /// No key is changed by more than this factor: to first order more means nothing.
 const MOST: f64 = 1.5;
 /// A remedy takes away at least this share of the difference.
@@ -32,7 +35,7 @@ const WORTHWHILE: f64 = 0.05;
 pub fn remedies(
     model: &Description,
     experiment: &Experiment,
-) -> Result<(Prediction, Vec<(Signal, Vec<Remedy>)>), IdentifyError> {
+) -> Result<(Prediction, Remedies), IdentifyError> {
     let free = Free::usual(model);
     let (prediction, slopes) = sensitivities(model, experiment, &free)?;
     let mut found = Vec::new();

@@ -1,7 +1,5 @@
 //! The model beside logs that it made itself: what comes out is known.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
-
 mod made;
 
 use hydroboom_description::Description;
@@ -16,8 +14,8 @@ fn a_log_made_by_the_model_is_predicted_to_its_rounding() {
     let experiment = log_of(&model, 0.0, 1);
     let prediction = predict(&model, &experiment).unwrap();
     for d in differences(&experiment, &prediction) {
-        // the log was made by the published scheme, whose own error at 50 us is 0.14 bar
-        let most = if d.signal == Signal::Stroke { 2e-5 } else { 0.14e5 };
+        // nothing between them but half the step, and how the motor's speed runs from sample to sample
+        let most = if d.signal == Signal::Stroke { 1e-5 } else { 0.03e5 };
         assert!(d.rms < most, "{:?}: {}", d.signal, d.rms);
         assert!(d.correlation.is_none_or(|c| c > 0.999));
     }

@@ -43,7 +43,7 @@ pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, Measu
         let found = format!("{heading} has {} values", values.len());
         return Err(MeasurementError::Empty { file, found });
     }
-    if let Some(k) = values.windows(2).position(|w| !(w[1] >= w[0])) {
+    if let Some(k) = values.windows(2).position(|w| w[0].is_nan() || w[1].is_nan() || w[1] < w[0]) {
         return Err(MeasurementError::Time {
             file,
             line: k as u64 + 2,

@@ -55,7 +55,7 @@ impl Unit {
         Self::of("bar", Dimension::Pressure, 1e5, &["barg"]),
         Self::of("kPa", Dimension::Pressure, 1e3, &["kpa"]),
         Self::of("MPa", Dimension::Pressure, 1e6, &["mpa"]),
-        Self::of("psi", Dimension::Pressure, 6894.757_293_168, &[]),
+        Self::of("psi", Dimension::Pressure, 6_894.757_293_168, &[]),
         Self::of("Pa", Dimension::Pressure, 1.0, &["pa"]),
         Self::of("deg", Dimension::Angle, DEGREE, &["°"]),
         Self::of("rad", Dimension::Angle, 1.0, &[]),
