@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// The options that say which column of a log is which signal.
 #[derive(Args, Clone)]
 pub struct LogMapping {
-    /// Mapping: a TOML file with a table [log]; what it does not name is guessed.
+    /// Mapping: a TOML file with a table `log`; what it does not name is guessed.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
 }
