@@ -184,7 +184,17 @@ impl Mapping {
             let scaled = |u: &Unit| u.size / entry.unit.size;
             let better: Vec<&str> =
                 other.filter(|u| fits(low * scaled(u), high * scaled(u))).map(|u| u.name).collect();
+            // a length that moves by what the piston can, elsewhere: the cylinder's own length, say
+            let is_shifted = signal.dimension() == Dimension::Length
+                && (0.05 * stroke..=stroke).contains(&(high - low));
             match (better.as_slice(), fits(-high, -low)) {
+                _ if is_shifted && low > 0.0 => {
+                    let _ = write!(
+                        text,
+                        ": has it another zero? (offset, {:.1} at most)",
+                        -low / entry.unit.size
+                    );
+                }
                 (_, true) => text += ": does it count the other way? (sign = -1)",
                 ([], _) => text += ": has it another zero (offset), or is it another signal?",
                 (names, _) => {
