@@ -145,4 +145,22 @@ mod tests {
         assert_eq!(Unit::from_text("1/min").map(|u| u.name), Some("rpm"));
         assert!(Unit::from_text("furlong").is_none());
     }
+
+    #[test]
+    fn the_same_quantity_is_the_same_in_every_unit() {
+        // an atmosphere, a metre, a turn a second and a turn, as tables print them
+        for (quantity, list) in [
+            (101_325.0, &[("Pa", 101_325.0), ("kPa", 101.325), ("MPa", 0.101_325)][..]),
+            (101_325.0, &[("mbar", 1013.25), ("bar", 1.013_25), ("psi", 14.695_949)]),
+            (1.0, &[("m", 1.0), ("cm", 100.0), ("mm", 1e3), ("um", 1e6)]),
+            (1.0, &[("m/s", 1.0), ("mm/s", 1e3), ("rev/s", 1.0), ("rpm", 60.0)]),
+            (std::f64::consts::TAU, &[("rad", std::f64::consts::TAU), ("deg", 360.0)]),
+            (1.0, &[("s", 1.0), ("ms", 1e3), ("us", 1e6), ("%", 100.0)]),
+        ] {
+            for (name, count) in list {
+                let size = Unit::from_text(name).map_or(0.0, |u| u.size);
+                assert!((count * size / quantity - 1.0).abs() < 1e-7, "{name}");
+            }
+        }
+    }
 }
