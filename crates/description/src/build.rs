@@ -1,16 +1,21 @@
 //! From a description to the model, the controller and the motion.
 
 use crate::Description;
-use crate::schema::{DeliveryChoice, FrictionChoice, Numbers, ProfileChoice, ReliefChoice};
+use crate::schema::{
+    CircuitChoice, DeliveryChoice, FrictionChoice, Numbers, ProfileChoice, ReliefChoice,
+    StructureChoice,
+};
 use hydroboom_control::{Benchmark, HighPass, Motion, MotorLimits, Profile};
 use hydroboom_math::Real;
-use hydroboom_model::boom::BaseFrame;
+use hydroboom_model::boom::{BaseFrame, Link, Payload};
+use hydroboom_model::circuit::{Hose, SpoolValve, TrappedAir, ValveEdge};
 use hydroboom_model::hydraulics::{
     Accumulator, CheckValve, Cylinder, Delivery, EndStops, Friction, LuGre, Oil, Orifice,
     PilotCheckValve, Pump, Slip, Stribeck,
 };
 use hydroboom_model::{
     Beam, Boom, Crane, EquilibriumError, Geometry, LayoutError, SelfContained, Start,
+    ValveControlled, ValveStart,
 };
 use thiserror::Error;
 
@@ -20,6 +25,18 @@ pub enum BuildError {
     /// The boom's type has no room for that many segments.
     #[error(transparent)]
     Layout(#[from] LayoutError),
+    /// The crane has another circuit than what was asked for needs.
+    #[error(
+        "this needs a crane with a {needed} circuit, and its circuit.type is {found}",
+        needed = needed.name(),
+        found = found.name()
+    )]
+    Circuit {
+        /// Needed.
+        needed: CircuitChoice,
+        /// Of the crane.
+        found: CircuitChoice,
+    },
     /// There is no state to start from.
     #[error(transparent)]
     Equilibrium(#[from] EquilibriumError),
@@ -30,9 +47,9 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// [`LayoutError`] when the boom has more segments than `N`, or, for the exact types of up to
-    /// three, another number.
-    pub fn crane<const N: usize>(&self) -> Result<Crane<f64, N>, LayoutError> {
+    /// [`BuildError`] when the boom has more segments than `N`, or, for the exact types of up to
+    /// three, another number; or when the circuit is not self-contained.
+    pub fn crane<const N: usize>(&self) -> Result<Crane<f64, N>, BuildError> {
         self.crane_over(&self.numbers)
     }
 
@@ -45,59 +62,11 @@ impl Description {
     pub fn crane_over<T: Real, const N: usize>(
         &self,
         n: &Numbers<T>,
-    ) -> Result<Crane<T, N>, LayoutError> {
+    ) -> Result<Crane<T, N>, BuildError> {
+        self.need(CircuitChoice::SelfContained)?;
         let has = &self.numbers;
-        let beam = Beam {
-            length: n.boom_length,
-            mass: n.boom_mass,
-            flexural_rigidity: n.youngs_modulus * n.second_moment,
-            damping_ratio: n.damping_ratio,
-            payload_mass: n.payload,
-            payload_x: n.payload_x,
-            payload_y: n.payload_y,
-            payload_inertia: n.payload_inertia,
-            gravity: n.gravity,
-        };
-        let geometry = Geometry {
-            mount_x: n.mount_x,
-            mount_y: n.mount_y,
-            base_x: n.base_x,
-            base_y: n.base_y,
-            shortest: n.shortest,
-        };
-        let mount_share = has.mount_x / has.boom_length;
-        let mut boom = Boom::from_beam(&beam, &geometry, &self.segment_shares, mount_share)?;
-        if let Some(base) = self.base_frame(n) {
-            boom = boom.on_base(base)?;
-        }
-
-        let stribeck_slope = T::one() / n.stribeck_velocity;
-        let friction = match self.choices.friction {
-            FrictionChoice::Stribeck => Friction::Stribeck(Stribeck {
-                viscous: n.viscous,
-                coulomb: n.coulomb,
-                stiction: n.stiction,
-                stribeck_slope,
-                steepness: n.steepness,
-            }),
-            FrictionChoice::LuGre => Friction::LuGre(LuGre {
-                viscous: n.viscous,
-                coulomb: n.coulomb,
-                stiction: n.stiction,
-                stribeck_slope,
-                bristle_stiffness: n.bristle_stiffness,
-                bristle_damping: n.bristle_damping,
-            }),
-        };
-
         let circuit = SelfContained {
-            oil: Oil {
-                bulk_modulus_max: n.bulk_modulus_max,
-                bulk_modulus_min: n.bulk_modulus_min,
-                transition_pressure: n.transition,
-                transition_slope: T::one() / n.transition_width,
-                vapour_pressure: n.vapour_pressure,
-            },
+            oil: oil(n),
             dissolved_air: None,
             pump: Pump {
                 displacement: n.displacement,
@@ -137,13 +106,128 @@ impl Description {
             },
             orifice: Orifice::new(n.laminar_drop),
         };
+        Ok(self.around(circuit, n)?)
+    }
+
+    /// The model of a crane with a valve-controlled circuit.
+    ///
+    /// # Errors
+    ///
+    /// As [`crane`](Self::crane), when the circuit is not valve-controlled.
+    pub fn valve_crane_over<T: Real, const N: usize>(
+        &self,
+        n: &Numbers<T>,
+    ) -> Result<Crane<T, N, ValveControlled<T>>, BuildError> {
+        self.need(CircuitChoice::ValveControlled)?;
+        let edge = |coefficient, dead_band| ValveEdge { coefficient, dead_band };
+        let circuit = ValveControlled {
+            oil: oil(n),
+            valve: SpoolValve {
+                neutral: n.spool_neutral,
+                full: n.spool_full,
+                bandwidth: T::lit(std::f64::consts::TAU) * n.spool_bandwidth,
+                damping: n.spool_damping,
+                compensated_drop: n.compensated_drop,
+            },
+            supply_to_a: edge(n.supply_to_a, n.supply_to_a_band),
+            supply_to_b: edge(n.supply_to_b, n.supply_to_b_band),
+            a_to_tank: edge(n.a_to_tank, n.a_to_tank_band),
+            b_to_tank: edge(n.b_to_tank, n.b_to_tank_band),
+            leakage: n.valve_leakage,
+            hose_a: Hose { volume: n.hose_a, wall_modulus: n.hose_modulus },
+            hose_b: Hose { volume: n.hose_b, wall_modulus: n.hose_modulus },
+            air: TrappedAir {
+                piston_side: n.air_a,
+                rod_side: n.air_b,
+                polytropic_exponent: n.air_exponent,
+                atmosphere: n.air_atmosphere,
+            },
+            orifice: Orifice::new(n.laminar_drop),
+        };
+        Ok(self.around(circuit, n)?)
+    }
+
+    /// Refuses another circuit than the one needed.
+    fn need(&self, needed: CircuitChoice) -> Result<(), BuildError> {
+        match self.choices.circuit {
+            found if found != needed => Err(BuildError::Circuit { needed, found }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Cylinder, friction and boom around a circuit.
+    fn around<T: Real, const N: usize, C>(
+        &self,
+        circuit: C,
+        n: &Numbers<T>,
+    ) -> Result<Crane<T, N, C>, LayoutError> {
         Ok(Crane {
             circuit,
             cylinder: cylinder(n),
             end_stops: EndStops { stiffness: n.stop_stiffness, damping: n.stop_damping },
-            friction,
-            boom,
+            friction: self.friction(n),
+            boom: self.boom(n)?,
         })
+    }
+
+    fn boom<T: Real, const N: usize>(&self, n: &Numbers<T>) -> Result<Boom<T, N>, LayoutError> {
+        let has = &self.numbers;
+        let geometry = Geometry {
+            mount_x: n.mount_x,
+            mount_y: n.mount_y,
+            base_x: n.base_x,
+            base_y: n.base_y,
+            shortest: n.shortest,
+        };
+        if self.choices.structure == StructureChoice::Links {
+            let links = links(n);
+            let count = self.segment_shares.len().min(links.len());
+            let payload = Payload {
+                mass: n.payload,
+                x: n.payload_x,
+                y: n.payload_y,
+                inertia: n.payload_inertia,
+            };
+            return Boom::from_links(&links[..count], &payload, &geometry, n.gravity);
+        }
+        let beam = Beam {
+            length: n.boom_length,
+            mass: n.boom_mass,
+            flexural_rigidity: n.youngs_modulus * n.second_moment,
+            damping_ratio: n.damping_ratio,
+            payload_mass: n.payload,
+            payload_x: n.payload_x,
+            payload_y: n.payload_y,
+            payload_inertia: n.payload_inertia,
+            gravity: n.gravity,
+        };
+        let mount_share = has.mount_x / has.boom_length;
+        let boom = Boom::from_beam(&beam, &geometry, &self.segment_shares, mount_share)?;
+        match self.base_frame(n) {
+            Some(base) => boom.on_base(base),
+            None => Ok(boom),
+        }
+    }
+
+    fn friction<T: Real>(&self, n: &Numbers<T>) -> Friction<T> {
+        let stribeck_slope = T::one() / n.stribeck_velocity;
+        match self.choices.friction {
+            FrictionChoice::Stribeck => Friction::Stribeck(Stribeck {
+                viscous: n.viscous,
+                coulomb: n.coulomb,
+                stiction: n.stiction,
+                stribeck_slope,
+                steepness: n.steepness,
+            }),
+            FrictionChoice::LuGre => Friction::LuGre(LuGre {
+                viscous: n.viscous,
+                coulomb: n.coulomb,
+                stiction: n.stiction,
+                stribeck_slope,
+                bristle_stiffness: n.bristle_stiffness,
+                bristle_damping: n.bristle_damping,
+            }),
+        }
     }
 
     /// The base frame, if it is elastic.
@@ -196,6 +280,11 @@ impl Description {
         }
     }
 
+    /// A start of a valve-controlled crane at the given piston position \[m\], the rod side at the tank's pressure.
+    pub fn valve_start_over<T: Real>(&self, n: &Numbers<T>, stroke: T) -> ValveStart<T> {
+        ValveStart { stroke, pressure_a: None, pressure_b: n.tank_pressure }
+    }
+
     /// The benchmark controller.
     pub fn benchmark(&self) -> Benchmark<f64> {
         let n = &self.numbers;
@@ -237,4 +326,51 @@ impl Description {
 
 fn cylinder<T: Real>(n: &Numbers<T>) -> Cylinder<T> {
     Cylinder::from_diameters(n.piston, n.rod, n.stroke, n.dead_volume_a, n.dead_volume_b)
+}
+
+fn oil<T: Real>(n: &Numbers<T>) -> Oil<T> {
+    Oil {
+        bulk_modulus_max: n.bulk_modulus_max,
+        bulk_modulus_min: n.bulk_modulus_min,
+        transition_pressure: n.transition,
+        transition_slope: T::one() / n.transition_width,
+        vapour_pressure: n.vapour_pressure,
+    }
+}
+
+/// All links there can be; the first one turns freely.
+fn links<T: Real>(n: &Numbers<T>) -> [Link<T>; 3] {
+    let zero = T::zero();
+    [
+        Link {
+            length: n.link_1_length,
+            mass: n.link_1_mass,
+            centre_x: n.link_1_x,
+            centre_y: n.link_1_y,
+            inertia: n.link_1_inertia,
+            joint_stiffness: zero,
+            joint_damping: zero,
+            joint_angle: zero,
+        },
+        Link {
+            length: n.link_2_length,
+            mass: n.link_2_mass,
+            centre_x: n.link_2_x,
+            centre_y: n.link_2_y,
+            inertia: n.link_2_inertia,
+            joint_stiffness: n.link_2_stiffness,
+            joint_damping: n.link_2_damping,
+            joint_angle: n.link_2_angle,
+        },
+        Link {
+            length: n.link_3_length,
+            mass: n.link_3_mass,
+            centre_x: n.link_3_x,
+            centre_y: n.link_3_y,
+            inertia: n.link_3_inertia,
+            joint_stiffness: n.link_3_stiffness,
+            joint_damping: n.link_3_damping,
+            joint_angle: n.link_3_angle,
+        },
+    ]
 }

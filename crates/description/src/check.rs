@@ -1,8 +1,9 @@
 //! Machines that cannot exist, and those that probably should not.
 
 use crate::Description;
-use crate::schema::{FrictionChoice, ReliefChoice};
+use crate::schema::{CircuitChoice, FrictionChoice, ReliefChoice, StructureChoice};
 use hydroboom_math::Dual;
+use hydroboom_model::EquilibriumError;
 use hydroboom_model::hydraulics::{FrictionLaw, Stribeck};
 
 impl Description {
@@ -21,13 +22,17 @@ impl Description {
                 "exchange cylinder.rod_mm and cylinder.piston_mm, or check both".into(),
             ));
         }
-        if n.mount_x > n.boom_length {
+        let reach = match self.choices.structure {
+            StructureChoice::Beam => n.boom_length,
+            StructureChoice::Links => n.link_1_length,
+        };
+        if n.mount_x > reach {
             return Some((
                 "geometry.mount_x_mm",
                 format!(
-                    "the cylinder's mount at {:.0} mm lies beyond the boom's end at {:.0} mm",
+                    "the cylinder's mount at {:.0} mm lies beyond the end of what carries it, {:.0} mm",
                     n.mount_x * mm,
-                    n.boom_length * mm
+                    reach * mm
                 ),
                 "geometry.mount_x_mm is measured from the bearing along the boom".into(),
             ));
@@ -51,6 +56,38 @@ impl Description {
                     .into(),
             ));
         }
+        if n.bulk_modulus_min > n.bulk_modulus_max {
+            return Some((
+                "oil.bulk_modulus_min_mpa",
+                "the oil would be stiffer at low pressure than at high".into(),
+                "exchange oil.bulk_modulus_min_mpa and oil.bulk_modulus_max_mpa".into(),
+            ));
+        }
+        let wrong = match self.choices.circuit {
+            CircuitChoice::SelfContained => self.impossible_self_contained(),
+            CircuitChoice::ValveControlled => self.impossible_valve(),
+        };
+        wrong.or_else(|| self.unbalanced())
+    }
+
+    /// The same of a valve-controlled circuit.
+    fn impossible_valve(&self) -> Option<(&'static str, String, String)> {
+        let n = &self.numbers;
+        (n.spool_neutral == n.spool_full).then(|| {
+            let text =
+                format!("the valve's middle and its full travel are both at {} V", n.spool_full);
+            (
+                "valve.full_lift_v",
+                text,
+                "valve.full_lift_v is the command of full travel to lift".into(),
+            )
+        })
+    }
+
+    /// The same of a self-contained circuit, and of what the published tests do with it.
+    fn impossible_self_contained(&self) -> Option<(&'static str, String, String)> {
+        let n = &self.numbers;
+        let mm = 1e3;
         for (low, high, path, what) in [
             (
                 n.holding_cracking,
@@ -69,13 +106,6 @@ impl Description {
                     format!("{path} must be above the cracking pressure"),
                 ));
             }
-        }
-        if n.bulk_modulus_min > n.bulk_modulus_max {
-            return Some((
-                "oil.bulk_modulus_min_mpa",
-                "the oil would be stiffer at low pressure than at high".into(),
-                "exchange oil.bulk_modulus_min_mpa and oil.bulk_modulus_max_mpa".into(),
-            ));
         }
         if n.precharge >= n.working_pressure {
             return Some((
@@ -123,18 +153,19 @@ impl Description {
                     .into(),
             ));
         }
-        self.unbalanced()
+        None
     }
 
     /// Whether the load can be held over the whole stroke.
     fn unbalanced(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
-        // a rigid boom is enough to see it, and quick
-        let rigid = self.divided(1);
-        let crane = rigid.crane::<1>().ok()?;
+        // a rigid boom is enough to see it, and quick; links are few
+        let rigid = match self.choices.structure {
+            StructureChoice::Beam => self.divided(1),
+            StructureChoice::Links => self.clone(),
+        };
         [0.0, 0.5, 1.0].into_iter().find_map(|share| {
-            let start = rigid.start(share * n.stroke);
-            crane.at_rest(&start).err().map(|error| {
+            rigid.rest_error(share * n.stroke).map(|error| {
                 (
                     "payload.mass_kg",
                     format!("{error} (stroke {:.0} mm)", share * n.stroke * 1e3),
@@ -142,6 +173,28 @@ impl Description {
                 )
             })
         })
+    }
+
+    /// Why there is no state of rest at a stroke \[m\], if there is none.
+    fn rest_error(&self, stroke: f64) -> Option<EquilibriumError> {
+        match self.segment_shares.len() {
+            1 => self.rest_error_of::<1>(stroke),
+            2 => self.rest_error_of::<2>(stroke),
+            _ => self.rest_error_of::<3>(stroke),
+        }
+    }
+
+    fn rest_error_of<const N: usize>(&self, stroke: f64) -> Option<EquilibriumError> {
+        match self.choices.circuit {
+            CircuitChoice::SelfContained => {
+                self.crane::<N>().ok()?.at_rest(&self.start(stroke)).err()
+            }
+            CircuitChoice::ValveControlled => {
+                let start = self.valve_start_over(&self.numbers, stroke);
+                let crane = self.valve_crane_over::<f64, N>(&self.numbers).ok()?;
+                crane.at_rest(&start).err()
+            }
+        }
     }
 
     /// What is possible but looks wrong.
@@ -173,6 +226,9 @@ impl Description {
                     v * 1e3
                 ));
             }
+        }
+        if self.choices.circuit != CircuitChoice::SelfContained {
+            return warnings;
         }
         let needed = n.fast * std::f64::consts::FRAC_PI_4 * n.piston.powi(2) / n.displacement;
         if needed > n.motor_speed {

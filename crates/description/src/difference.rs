@@ -2,7 +2,6 @@
 
 use crate::Description;
 use crate::parse::SEGMENT_LENGTHS;
-use crate::schema::{DeliveryChoice, FrictionChoice, ProfileChoice, ReliefChoice};
 
 /// One key with two values.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,16 +27,10 @@ impl Description {
     /// Every key whose value differs in `other`, names left out.
     pub fn differences(&self, other: &Self) -> Vec<Difference> {
         let text = |description: &Self| {
-            let c = &description.choices;
             let shares: Vec<String> =
                 description.segment_shares.iter().map(f64::to_string).collect();
-            [
-                (FrictionChoice::PATH, c.friction.name().to_string()),
-                (DeliveryChoice::PATH, c.delivery.name().to_string()),
-                (ProfileChoice::PATH, c.profile.name().to_string()),
-                (ReliefChoice::PATH, c.relief.name().to_string()),
-                (SEGMENT_LENGTHS, shares.join(",")),
-            ]
+            let choices = description.choices.list().map(|(path, name)| (path, name.to_string()));
+            choices.into_iter().chain([(SEGMENT_LENGTHS, shares.join(","))])
         };
         let numbers =
             self.entries().zip(other.entries()).map(|((key, here, _), (_, there, _))| Difference {
@@ -46,10 +39,12 @@ impl Description {
                 there: there.to_string(),
                 unit: key.unit,
             });
-        let texts = text(self)
-            .into_iter()
-            .zip(text(other))
-            .map(|((key, here), (_, there))| Difference { key: key.into(), here, there, unit: "" });
+        let texts = text(self).zip(text(other)).map(|((key, here), (_, there))| Difference {
+            key: key.into(),
+            here,
+            there,
+            unit: "",
+        });
         numbers.chain(texts).filter(|difference| difference.here != difference.there).collect()
     }
 }

@@ -22,6 +22,13 @@ pub struct Problem {
     pub source_code: Option<NamedSource<String>>,
 }
 
+impl Problem {
+    /// A problem without a place in a file.
+    pub(crate) fn plain(message: String, help: Option<String>) -> Self {
+        Self { message, help, span: None, label: String::new(), source_code: None }
+    }
+}
+
 /// All that is wrong with a crane file.
 #[derive(Clone, Debug, Error, Diagnostic)]
 #[error("{name}: {} problem{}", problems.len(), if problems.len() == 1 { "" } else { "s" })]
@@ -36,8 +43,6 @@ pub struct DescriptionError {
 impl DescriptionError {
     /// A single problem without a place in a file.
     pub(crate) fn of(name: &str, message: String, help: Option<String>) -> Self {
-        let problem =
-            Problem { message, help, span: None, label: String::new(), source_code: None };
-        Self { name: name.into(), problems: vec![problem] }
+        Self { name: name.into(), problems: vec![Problem::plain(message, help)] }
     }
 }

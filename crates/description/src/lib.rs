@@ -44,6 +44,13 @@ impl Origin {
     }
 }
 
+impl Origin {
+    /// Of a key that another circuit or structure has.
+    fn foreign() -> Self {
+        Self { provenance: "foreign".into(), source: "not of this crane".into(), line: None }
+    }
+}
+
 /// A machine, as described by its file: numbers in SI units, choices, and the origin of each.
 #[derive(Clone, Debug)]
 pub struct Description {
@@ -65,7 +72,19 @@ pub const UIA_SINGLE_BOOM: &str = include_str!("../../../cranes/uia-single-boom.
 /// The virtual crane.
 pub const UIA_VIRTUAL: &str = include_str!("../../../cranes/uia-virtual.toml");
 
+/// A forestry crane's lift, valve-controlled.
+pub const PATU_LIFT: &str = include_str!("../../../cranes/patu-lift.toml");
+
 impl Description {
+    /// A forestry crane's lift with a valve-controlled circuit and a boom of links, embedded.
+    ///
+    /// # Errors
+    ///
+    /// None, as a test shows; the signature is that of any file.
+    pub fn patu_lift() -> Result<Self, DescriptionError> {
+        Self::parse("cranes/patu-lift.toml (embedded)", PATU_LIFT)
+    }
+
     /// The paper's crane, embedded.
     ///
     /// # Errors
@@ -82,6 +101,24 @@ impl Description {
     /// None, as a test shows; the signature is that of any file.
     pub fn uia_virtual() -> Result<Self, DescriptionError> {
         Self::parse("cranes/uia-virtual.toml (embedded)", UIA_VIRTUAL)
+    }
+
+    /// Every key that a crane of this kind has, with its value and origin as in [`entries`](Self::entries).
+    pub fn own_entries(&self) -> impl Iterator<Item = (&'static Key, f64, &Origin)> {
+        let segments = self.segment_shares.len();
+        self.entries().filter(move |(key, ..)| {
+            self.choices.excludes(key.section, key.name, segments).is_none()
+        })
+    }
+
+    /// Every choice that a crane of this kind has, with its name.
+    pub fn own_choices(&self) -> Vec<(&'static str, &'static str)> {
+        let segments = self.segment_shares.len();
+        let is_own = |path: &str| {
+            let (section, name) = path.split_once('.').unwrap_or((path, ""));
+            self.choices.excludes(section, name, segments).is_none()
+        };
+        self.choices.list().into_iter().filter(|(path, _)| is_own(path)).collect()
     }
 
     /// Every key with its value in the key's own unit and its origin.

@@ -1,9 +1,7 @@
 //! From text to a checked description.
 
 use crate::error::{DescriptionError, Problem};
-use crate::schema::{
-    Choices, DeliveryChoice, FrictionChoice, KEYS, Key, Numbers, ProfileChoice, ReliefChoice,
-};
+use crate::schema::{Choices, KEYS, Key, LINKS, Numbers, StructureChoice};
 use crate::{Description, Origin};
 use hydroboom_model::MAX_SEGMENTS;
 use miette::NamedSource;
@@ -21,16 +19,8 @@ const NAME: &str = "crane.name";
 
 /// All paths a file may use, for suggestions.
 fn known_paths() -> impl Iterator<Item = String> {
-    let others = [
-        NAME,
-        SEGMENTS,
-        SEGMENT_LENGTHS,
-        FrictionChoice::PATH,
-        DeliveryChoice::PATH,
-        ProfileChoice::PATH,
-        ReliefChoice::PATH,
-    ];
-    KEYS.iter().map(Key::path).chain(others.into_iter().map(String::from))
+    let others = [NAME, SEGMENTS, SEGMENT_LENGTHS].into_iter().chain(Choices::PATHS);
+    KEYS.iter().map(Key::path).chain(others.map(String::from))
 }
 
 /// "did you mean ...?" for an unknown path.
@@ -166,7 +156,7 @@ impl Reading<'_> {
             match inner.get_ref().as_str() {
                 Some(text) => {
                     let text = text.to_string();
-                    if let Some(allowed) = allowed_choices(path)
+                    if let Some(allowed) = Choices::allowed(path)
                         && !allowed.contains(&text.as_str())
                     {
                         self.problem(
@@ -183,7 +173,7 @@ impl Reading<'_> {
                     span,
                     format!("`{path}` is a text in quotes"),
                     "not a text",
-                    allowed_choices(path)
+                    Choices::allowed(path)
                         .map_or_else(String::new, |a| format!("one of: {}", a.join(", "))),
                 ),
             }
@@ -245,16 +235,6 @@ fn whole_segments(count: f64) -> Option<usize> {
 fn valid_lengths(lengths: &[f64]) -> bool {
     (1..=MAX_SEGMENTS).contains(&lengths.len())
         && lengths.iter().all(|length| *length > 0.0 && length.is_finite())
-}
-
-fn allowed_choices(path: &str) -> Option<&'static [&'static str]> {
-    match path {
-        FrictionChoice::PATH => Some(FrictionChoice::ALLOWED),
-        DeliveryChoice::PATH => Some(DeliveryChoice::ALLOWED),
-        ProfileChoice::PATH => Some(ProfileChoice::ALLOWED),
-        ReliefChoice::PATH => Some(ReliefChoice::ALLOWED),
-        _ => None,
-    }
 }
 
 impl Description {
@@ -326,6 +306,10 @@ impl Description {
         let (path, text) = (path.trim(), text.trim().trim_matches('"'));
         if let Some(index) = KEYS.iter().position(|key| key.path() == path) {
             let key = &KEYS[index];
+            let segments = self.segment_shares.len();
+            if let Some(why) = self.choices.excludes(key.section, key.name, segments) {
+                return Err(wrong(format!("this crane has no {path}"), why.into()));
+            }
             let value: f64 = text.parse().map_err(|_| {
                 wrong(format!("`{text}` is not a number"), format!("{path}: {}", key.meaning))
             })?;
@@ -353,22 +337,17 @@ impl Description {
             })?;
         } else if path == NAME {
             self.name = text.into();
-        } else if let Some(allowed) = allowed_choices(path) {
+        } else if let Some(allowed) = Choices::allowed(path) {
             let unknown = || {
                 wrong(format!("`{text}` is not known"), format!("one of: {}", allowed.join(", ")))
             };
-            let c = &mut self.choices;
-            match path {
-                FrictionChoice::PATH => {
-                    c.friction = FrictionChoice::from_name(text).ok_or_else(unknown)?;
-                }
-                DeliveryChoice::PATH => {
-                    c.delivery = DeliveryChoice::from_name(text).ok_or_else(unknown)?;
-                }
-                ProfileChoice::PATH => {
-                    c.profile = ProfileChoice::from_name(text).ok_or_else(unknown)?;
-                }
-                _ => c.relief = ReliefChoice::from_name(text).ok_or_else(unknown)?,
+            if path == crate::schema::CircuitChoice::PATH || path == StructureChoice::PATH {
+                let help =
+                    "another circuit or structure needs other keys: write a crane file".into();
+                return Err(wrong(format!("{path} cannot be overridden"), help));
+            }
+            if !self.choices.set(path, text) {
+                return Err(unknown());
             }
         } else {
             return Err(wrong(format!("unknown key `{path}`"), suggestion(path)));
@@ -386,65 +365,74 @@ impl Reading<'_> {
         if !self.problems.is_empty() {
             return failed(self.problems);
         }
-        let mut missing = Vec::new();
-        let mut values = [0.0; KEYS.len()];
-        for (index, key) in KEYS.iter().enumerate() {
-            match self.values[index] {
-                Some(value) => values[index] = value,
-                None if key.absent.is_some() => {
-                    values[index] = key.absent.map_or(0.0, |value| key.to_si(value));
-                    self.origins[index] = Origin::absent();
-                }
-                None => missing.push(format!("{} [{}]: {}", key.path(), key.unit, key.meaning)),
-            }
-        }
         let text = |path: &str| {
             self.texts.iter().find(|(known, _)| known == path).map(|(_, text)| text.as_str())
         };
-        let choices = (
-            text(FrictionChoice::PATH).and_then(FrictionChoice::from_name),
-            text(DeliveryChoice::PATH).and_then(DeliveryChoice::from_name),
-            text(ProfileChoice::PATH).and_then(ProfileChoice::from_name),
-            text(ReliefChoice::PATH).and_then(ReliefChoice::from_name),
-        );
-        for (present, path) in [
-            (choices.0.is_some(), FrictionChoice::PATH),
-            (choices.1.is_some(), DeliveryChoice::PATH),
-            (choices.2.is_some(), ProfileChoice::PATH),
-            (choices.3.is_some(), ReliefChoice::PATH),
-            (self.shares.is_some(), SEGMENTS),
-            (text(NAME).is_some(), NAME),
-        ] {
+        let (choices, mut unmade) = Choices::read(text);
+        let segments = self.shares.as_ref().map_or(0, Vec::len);
+        let excluded = |path: &str| {
+            let (section, name) = path.split_once('.').unwrap_or((path, ""));
+            choices.excludes(section, name, segments)
+        };
+        unmade.retain(|path| excluded(path).is_none());
+        let mut missing = Vec::new();
+        let mut strangers = Vec::new();
+        let mut values = [0.0; KEYS.len()];
+        for (index, key) in KEYS.iter().enumerate() {
+            let excluded = excluded(&key.path());
+            match (self.values[index], excluded) {
+                (Some(value), None) => values[index] = value,
+                (Some(_), Some(why)) => strangers.push((index, why)),
+                (None, _) => {
+                    values[index] = key.absent.map_or(0.0, |value| key.to_si(value));
+                    match excluded {
+                        Some(_) => self.origins[index] = Origin::foreign(),
+                        None if key.absent.is_some() => self.origins[index] = Origin::absent(),
+                        None => {
+                            missing.push(format!("{} [{}]: {}", key.path(), key.unit, key.meaning));
+                        }
+                    }
+                }
+            }
+        }
+        if choices.structure == StructureChoice::Links && segments > LINKS.len() {
+            let text =
+                format!("boom.segments = {segments}: a boom of links has at most {}", LINKS.len());
+            return failed(vec![Problem::plain(text, None)]);
+        }
+        if !strangers.is_empty() {
+            let problems = strangers.into_iter().map(|(index, why)| {
+                let span = self.origins[index].line.map(|line| line_span(self.text, line));
+                Problem {
+                    message: format!("this crane has no `{}`", KEYS[index].path()),
+                    help: Some(why.into()),
+                    span: span.map(Into::into),
+                    label: "not of this crane".into(),
+                    source_code: Some(NamedSource::new(self.file, self.text.to_string())),
+                }
+            });
+            return failed(problems.collect());
+        }
+        let name = text(NAME).map(String::from);
+        for (present, path) in [(self.shares.is_some(), SEGMENTS), (name.is_some(), NAME)] {
             if !present {
                 missing.push(path.into());
             }
         }
-        let (
-            (Some(friction), Some(delivery), Some(profile), Some(relief)),
-            Some(segment_shares),
-            Some(name),
-            true,
-        ) = (choices, self.shares.take(), text(NAME), missing.is_empty())
+        missing.extend(unmade.into_iter().map(String::from));
+        let (Some(segment_shares), Some(name), true) =
+            (self.shares.take(), name, missing.is_empty())
         else {
             let count = missing.len();
             let help = "`hydroboom new` writes a complete file to start from".to_string();
-            let problem = Problem {
-                message: format!(
-                    "{count} key{} missing:\n  {}",
-                    if count == 1 { " is" } else { "s are" },
-                    missing.join("\n  ")
-                ),
-                help: Some(help),
-                span: None,
-                label: String::new(),
-                source_code: None,
-            };
-            return failed(vec![problem]);
+            let verb = if count == 1 { " is" } else { "s are" };
+            let message = format!("{count} key{verb} missing:\n  {}", missing.join("\n  "));
+            return failed(vec![Problem::plain(message, Some(help))]);
         };
         let description = Description {
-            name: name.to_string(),
+            name,
             numbers: Numbers::from_array(values),
-            choices: Choices { friction, delivery, profile, relief },
+            choices,
             segment_shares,
             origins: self.origins.clone(),
         };

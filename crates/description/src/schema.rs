@@ -95,6 +95,7 @@ const LITRE: f64 = 1e-3;
 const RPM: f64 = 1.0 / 60.0;
 const MS: f64 = 1e-3;
 const PERCENT: f64 = 1e-2;
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Degrees Celsius are kept as such: only differences count.
 const CELSIUS: f64 = 1.0;
 
@@ -245,81 +246,240 @@ keys! {
 
     fieldbus_delay: "fieldbus" "delay_cycles" ["cycles" = 1.0] 0.0..=100.0 or 0.0, "Control cycles from command to drive, and again from sensor to controller";
 
+    spool_neutral: "valve" "neutral_v" ["V" = 1.0] -100.0..=100.0, "Command of the valve's middle position";
+    spool_full: "valve" "full_lift_v" ["V" = 1.0] -100.0..=100.0, "Command of full travel to lift";
+    spool_bandwidth: "valve" "bandwidth_hz" ["Hz" = 1.0] 0.1..=1e4, "Undamped frequency of the spool";
+    spool_damping: "valve" "damping_ratio" ["-" = 1.0] 0.1..=10.0, "Its damping ratio";
+    compensated_drop: "valve" "compensated_drop_bar" ["bar" = BAR] 0.1..=1000.0, "Largest drop that the pressure compensator leaves on the edges from the supply; as large as the supply's pressure, there is none";
+    supply_to_a: "valve" "supply_to_a_m3_s_sqrtpa" ["m3/(s Pa^0.5)" = 1.0] 1e-12..=1e-2, "Flow coefficient of the edge from the supply to the piston side, fully open";
+    supply_to_a_band: "valve" "supply_to_a_dead_band_percent" ["%" = PERCENT] 0.0..=99.0, "Its overlap, as a share of the travel";
+    supply_to_b: "valve" "supply_to_b_m3_s_sqrtpa" ["m3/(s Pa^0.5)" = 1.0] 1e-12..=1e-2, "Flow coefficient of the edge from the supply to the rod side, fully open";
+    supply_to_b_band: "valve" "supply_to_b_dead_band_percent" ["%" = PERCENT] 0.0..=99.0, "Its overlap, as a share of the travel";
+    a_to_tank: "valve" "a_to_tank_m3_s_sqrtpa" ["m3/(s Pa^0.5)" = 1.0] 1e-12..=1e-2, "Flow coefficient of the edge from the piston side to the tank, fully open";
+    a_to_tank_band: "valve" "a_to_tank_dead_band_percent" ["%" = PERCENT] 0.0..=99.0, "Its overlap, as a share of the travel";
+    b_to_tank: "valve" "b_to_tank_m3_s_sqrtpa" ["m3/(s Pa^0.5)" = 1.0] 1e-12..=1e-2, "Flow coefficient of the edge from the rod side to the tank, fully open";
+    b_to_tank_band: "valve" "b_to_tank_dead_band_percent" ["%" = PERCENT] 0.0..=99.0, "Its overlap, as a share of the travel";
+    valve_leakage: "valve" "leakage_l_min_per_bar" ["L/(min bar)" = 1e-3 / 60.0 / BAR] 0.0..=10.0, "Leakage past piston and spool from the piston side to the rod side";
+    hose_a: "hoses" "volume_a_l" ["L" = LITRE] 1e-6..=100.0, "Oil in the hose of the piston side";
+    hose_b: "hoses" "volume_b_l" ["L" = LITRE] 1e-6..=100.0, "Oil in the hose of the rod side";
+    hose_modulus: "hoses" "wall_modulus_mpa" ["MPa" = 1e6] 1.0..=1e6, "Bulk modulus of the hoses' walls";
+    air_a: "trapped_air" "piston_side_l" ["L" = LITRE] 0.0..=1e3 or 0.0, "Air shut in on the piston side, at atmospheric pressure";
+    air_b: "trapped_air" "rod_side_l" ["L" = LITRE] 0.0..=1e3 or 0.0, "Air shut in on the rod side, at atmospheric pressure";
+    air_exponent: "trapped_air" "polytropic_exponent" ["-" = 1.0] 1.0..=1.7 or 1.4, "Its polytropic exponent";
+    air_atmosphere: "trapped_air" "atmosphere_bar" ["bar" = BAR] 0.3..=1.2 or 1.013, "Atmospheric pressure, absolute";
+    supply_pressure: "supply" "pressure_bar" ["bar" = BAR] 1.0..=1000.0, "Pressure of the supply where none is measured";
+    tank_pressure: "supply" "tank_bar" ["bar" = BAR] -0.9..=100.0, "Pressure of the tank line where none is measured";
+
+    link_1_length: "link_1" "length_mm" ["mm" = MM] 10.0..=1e5, "Distance from the bearing to the joint with link 2, or to the tip";
+    link_1_mass: "link_1" "mass_kg" ["kg" = 1.0] 0.1..=1e5, "Mass of link 1";
+    link_1_x: "link_1" "centre_x_mm" ["mm" = MM] -1e5..=1e5, "Its centre of mass along it, from the bearing";
+    link_1_y: "link_1" "centre_y_mm" ["mm" = MM] -1e4..=1e4, "Its centre of mass across it, positive upwards";
+    link_1_inertia: "link_1" "inertia_kgm2" ["kg m2" = 1.0] 1e-6..=1e7, "Its moment of inertia about its centre of mass";
+    link_2_length: "link_2" "length_mm" ["mm" = MM] 10.0..=1e5, "Distance from its joint with link 1 to the joint with link 3, or to the tip";
+    link_2_mass: "link_2" "mass_kg" ["kg" = 1.0] 0.1..=1e5, "Mass of link 2";
+    link_2_x: "link_2" "centre_x_mm" ["mm" = MM] -1e5..=1e5, "Its centre of mass along it, from its joint with link 1";
+    link_2_y: "link_2" "centre_y_mm" ["mm" = MM] -1e4..=1e4, "Its centre of mass across it, positive upwards";
+    link_2_inertia: "link_2" "inertia_kgm2" ["kg m2" = 1.0] 1e-6..=1e7, "Its moment of inertia about its centre of mass";
+    link_2_stiffness: "link_2" "joint_stiffness_knm_per_rad" ["kN m/rad" = 1e3] 0.1..=1e7, "Stiffness of the joint that holds it to link 1";
+    link_2_damping: "link_2" "joint_damping_ratio" ["-" = 1.0] 0.0..=2.0, "Damping ratio of that joint with link 2 alone on it";
+    link_2_angle: "link_2" "joint_angle_deg" ["deg" = DEGREE] -180.0..=180.0, "Its angle against link 1 while the joint carries no load";
+    link_3_length: "link_3" "length_mm" ["mm" = MM] 10.0..=1e5, "Distance from its joint with link 2 to the tip";
+    link_3_mass: "link_3" "mass_kg" ["kg" = 1.0] 0.1..=1e5, "Mass of link 3";
+    link_3_x: "link_3" "centre_x_mm" ["mm" = MM] -1e5..=1e5, "Its centre of mass along it, from its joint with link 2";
+    link_3_y: "link_3" "centre_y_mm" ["mm" = MM] -1e4..=1e4, "Its centre of mass across it, positive upwards";
+    link_3_inertia: "link_3" "inertia_kgm2" ["kg m2" = 1.0] 1e-6..=1e7, "Its moment of inertia about its centre of mass";
+    link_3_stiffness: "link_3" "joint_stiffness_knm_per_rad" ["kN m/rad" = 1e3] 0.1..=1e7, "Stiffness of the joint that holds it to link 2";
+    link_3_damping: "link_3" "joint_damping_ratio" ["-" = 1.0] 0.0..=2.0, "Damping ratio of that joint with link 3 alone on it";
+    link_3_angle: "link_3" "joint_angle_deg" ["deg" = DEGREE] -180.0..=180.0, "Its angle against link 2 while the joint carries no load";
+
     virtual_step: "virtual" "step_us" ["us" = 1e-6] 0.0..=5000.0 or 0.0, "Step of the implicit scheme for the virtual crane; 0 takes the published scheme at controller.simulation_period_us";
     seed: "virtual" "seed" ["-" = 1.0] 0.0..=9e15 or 0.0, "Seed of all that is drawn: noise, and the sensors' constant errors";
 }
 
-/// The choices of a crane file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Choices {
-    /// `friction.law`.
-    pub friction: FrictionChoice,
-    /// `pump.delivery`.
-    pub delivery: DeliveryChoice,
-    /// `motion.profile`.
-    pub profile: ProfileChoice,
-    /// `relief.valves`.
-    pub relief: ReliefChoice,
-}
+macro_rules! choices {
+    ($( $(#[doc = $meaning:literal])* $field:ident: $Name:ident = $path:literal $(or $absent:ident)? {
+        $( $(#[doc = $doc:literal])* $Variant:ident = $text:literal, )+
+    } )+) => {
+        $(
+            $(#[doc = $meaning])*
+            #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+            pub enum $Name { $( $(#[doc = $doc])* $Variant, )+ }
 
-macro_rules! choice {
-    ($(#[$meta:meta])* $Name:ident: $path:literal { $( $(#[doc = $doc:literal])* $Variant:ident = $text:literal, )+ }) => {
-        $(#[$meta])*
+            impl $Name {
+                /// `section.name` of the key.
+                pub const PATH: &'static str = $path;
+                /// What the file may say.
+                pub const ALLOWED: &'static [&'static str] = &[$($text),+];
+
+                /// The choice with this name.
+                pub fn from_name(name: &str) -> Option<Self> {
+                    match name { $( $text => Some(Self::$Variant), )+ _ => None }
+                }
+
+                /// Its name.
+                pub fn name(self) -> &'static str {
+                    match self { $( Self::$Variant => $text, )+ }
+                }
+            }
+        )+
+
+        /// The choices of a crane file.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum $Name { $( $(#[doc = $doc])* $Variant, )+ }
+        pub struct Choices {
+            $( #[doc = concat!("`", $path, "`.")] pub $field: $Name, )+
+        }
 
-        impl $Name {
-            /// `section.name` of the key.
-            pub const PATH: &'static str = $path;
-            /// What the file may say.
-            pub const ALLOWED: &'static [&'static str] = &[$($text),+];
+        impl Choices {
+            /// `section.name` of every choice.
+            pub const PATHS: [&'static str; [$($path),+].len()] = [$($path),+];
 
-            /// The choice with this name.
-            pub fn from_name(name: &str) -> Option<Self> {
-                match name { $( $text => Some(Self::$Variant), )+ _ => None }
+            /// What a file may say for a choice; none where there is no such choice.
+            pub fn allowed(path: &str) -> Option<&'static [&'static str]> {
+                match path { $( $path => Some($Name::ALLOWED), )+ _ => None }
             }
 
-            /// Its name.
-            pub fn name(self) -> &'static str {
-                match self { $( Self::$Variant => $text, )+ }
+            /// Every choice with its name.
+            pub fn list(&self) -> [(&'static str, &'static str); Self::PATHS.len()] {
+                [$( ($path, self.$field.name()) ),+]
+            }
+
+            /// Changes one choice; false where there is no such choice, or nothing of that name.
+            pub(crate) fn set(&mut self, path: &str, name: &str) -> bool {
+                match path {
+                    $( $path => match $Name::from_name(name) {
+                        Some(choice) => { self.$field = choice; true }
+                        None => false,
+                    }, )+
+                    _ => false,
+                }
+            }
+
+            /// The choices of a file; a choice that it does not make, and has to, is the first of its list here and
+            /// stands among the paths.
+            pub(crate) fn read<'a>(text: impl Fn(&str) -> Option<&'a str>) -> (Self, Vec<&'static str>) {
+                let mut missing = Vec::new();
+                let choices = Self { $( $field: match text($path).and_then($Name::from_name) {
+                    Some(choice) => choice,
+                    None => choices!(@absent missing, $Name, $path $(, $absent)?),
+                } ),+ };
+                (choices, missing)
             }
         }
     };
+    (@absent $missing:ident, $Name:ident, $path:literal) => {{
+        $missing.push($path);
+        match $Name::from_name($Name::ALLOWED[0]) {
+            Some(first) => first,
+            None => unreachable!("every listed name has its choice"),
+        }
+    }};
+    (@absent $missing:ident, $Name:ident, $path:literal, $absent:ident) => { $Name::$absent };
 }
 
-choice! {
+choices! {
+    /// What moves the cylinder.
+    circuit: CircuitChoice = "circuit.type" or SelfContained {
+        /// A pump of its own: the published circuit.
+        SelfContained = "self-contained",
+        /// A 4/3 valve on a supply of given pressure.
+        ValveControlled = "valve-controlled",
+    }
+    /// How the boom is described.
+    structure: StructureChoice = "boom.structure" or Beam {
+        /// A uniform beam, divided into segments: the published boom.
+        Beam = "beam",
+        /// Links, each with a section of its own.
+        Links = "links",
+    }
     /// The friction law.
-    FrictionChoice: "friction.law" {
+    friction: FrictionChoice = "friction.law" {
         /// The published one.
         Stribeck = "stribeck",
         /// With friction at rest.
         LuGre = "lugre",
     }
-}
-choice! {
     /// How the pump's k_flow is found.
-    DeliveryChoice: "pump.delivery" {
+    delivery: DeliveryChoice = "pump.delivery" {
         /// The constant `pump.flow_gain`.
         Published = "published",
         /// From the pressures at every step.
         Computed = "computed",
     }
-}
-choice! {
     /// The shape of the motion's ramps.
-    ProfileChoice: "motion.profile" {
+    profile: ProfileChoice = "motion.profile" {
         /// Linear ramps, as published.
         Trapezoidal = "trapezoidal",
         /// Jerk-limited ramps.
         SCurve = "s-curve",
     }
-}
-choice! {
     /// Whether relief valves 13 are modelled.
-    ReliefChoice: "relief.valves" {
+    relief: ReliefChoice = "relief.valves" {
         /// None, as published.
         None = "none",
         /// One at each pump side.
         Fitted = "fitted",
+    }
+}
+
+/// Sections that only a self-contained crane has: its pump and valves, its drive, and what the published tests do
+/// with them.
+const OF_SELF_CONTAINED: [&str; 19] = [
+    "pump",
+    "holding_valve",
+    "return_valve",
+    "check_valve",
+    "lines",
+    "relief",
+    "accumulator",
+    "motor",
+    "controller",
+    "motion",
+    "start",
+    "oscillation",
+    "drive",
+    "switching_valve",
+    "temperature",
+    "sensors",
+    "fieldbus",
+    "virtual",
+    "base",
+];
+/// Sections that only a valve-controlled crane has.
+const OF_VALVE_CONTROLLED: [&str; 4] = ["valve", "hoses", "trapped_air", "supply"];
+/// Keys of a boom that is a beam.
+const OF_BEAM: [&str; 5] =
+    ["length_mm", "mass_kg", "youngs_modulus_gpa", "second_moment_cm4", "damping_ratio"];
+/// Sections of a boom's links.
+pub(crate) const LINKS: [&str; 3] = ["link_1", "link_2", "link_3"];
+
+impl Choices {
+    /// Why a crane with these choices and so many segments or links has no such key; none where it has.
+    pub fn excludes(&self, section: &str, name: &str, segments: usize) -> Option<&'static str> {
+        let is_valve_controlled = self.circuit == CircuitChoice::ValveControlled;
+        let has_links = self.structure == StructureChoice::Links;
+        if OF_SELF_CONTAINED.contains(&section) && is_valve_controlled
+            || section == "oil" && name.starts_with("air_") && is_valve_controlled
+        {
+            return Some(
+                "it belongs to a self-contained circuit, and circuit.type is valve-controlled",
+            );
+        }
+        if OF_VALVE_CONTROLLED.contains(&section) && !is_valve_controlled {
+            return Some(
+                "it belongs to a valve-controlled circuit, and circuit.type is self-contained",
+            );
+        }
+        if section == "boom" && OF_BEAM.contains(&name) && has_links {
+            return Some("it belongs to a beam, and boom.structure is links");
+        }
+        if let Some(link) = LINKS.iter().position(|known| *known == section) {
+            if !has_links {
+                return Some("it belongs to a boom of links, and boom.structure is beam");
+            }
+            if link >= segments {
+                return Some("the boom has fewer links: boom.segments says how many");
+            }
+        }
+        None
     }
 }

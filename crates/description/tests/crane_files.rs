@@ -1,6 +1,7 @@
 //! Crane files: what is read, what is refused, and how it is said.
 
-use hydroboom_description::{Description, UIA_SINGLE_BOOM};
+use hydroboom_description::schema::CircuitChoice;
+use hydroboom_description::{BuildError, Description, PATU_LIFT, UIA_SINGLE_BOOM};
 
 /// All messages and helps of the problems with a changed crane file.
 fn refused(text: &str) -> String {
@@ -131,4 +132,46 @@ fn overrides_are_checked_like_the_file() {
     ] {
         assert!(crane.clone().set(wrong).is_err(), "{wrong}");
     }
+}
+
+#[test]
+fn a_crane_on_a_valve_has_the_keys_of_its_kind_and_no_others() {
+    let crane = Description::patu_lift().unwrap();
+    assert_eq!(crane.choices.circuit, CircuitChoice::ValveControlled);
+    let has = |path: &str| crane.own_entries().any(|(key, ..)| key.path() == path);
+    assert!(has("valve.neutral_v") && has("link_2.mass_kg") && has("friction.coulomb_n"));
+    assert!(!has("pump.flow_gain") && !has("link_3.mass_kg") && !has("boom.youngs_modulus_gpa"));
+    assert!(crane.own_entries().all(|(_, _, origin)| origin.provenance != "foreign"));
+
+    let with = |line: &str| refused(&format!("{PATU_LIFT}\n{line}\n"));
+    let message = with("[pump]\nflow_gain = 0.9");
+    assert!(
+        message.contains("no `pump.flow_gain`") && message.contains("self-contained"),
+        "{message}"
+    );
+    let message = with("[link_3]\nmass_kg = 10.0");
+    assert!(message.contains("fewer links"), "{message}");
+    let message = refused(&PATU_LIFT.replace("segments     = 2", "segments     = 4"));
+    assert!(message.contains("at most 3"), "{message}");
+    let message = refused(&PATU_LIFT.replace("neutral_v ", "neutral "));
+    assert!(message.contains("did you mean `valve.neutral_v`?"), "{message}");
+    let message = refused(&PATU_LIFT.replace("value = 2.77,", "value = 5.77,"));
+    assert!(message.contains("full travel"), "{message}");
+    let message = refused(&format!("{UIA_SINGLE_BOOM}\n[valve]\nneutral_v = 5.0\n"));
+    assert!(message.contains("no `valve.neutral_v`"), "{message}");
+}
+
+#[test]
+fn what_needs_another_circuit_says_so() {
+    let valve = Description::patu_lift().unwrap();
+    let error = valve.crane::<2>().unwrap_err();
+    assert!(matches!(error, BuildError::Circuit { .. }));
+    assert!(error.to_string().contains("self-contained"), "{error}");
+    let pump = Description::uia_single_boom().unwrap();
+    assert!(pump.valve_crane_over::<f64, 3>(&pump.numbers).is_err());
+    let mut valve = valve;
+    let before = valve.choices;
+    assert!(valve.set("circuit.type=self-contained").is_err());
+    assert!(valve.set("pump.flow_gain=0.9").is_err());
+    assert_eq!(valve.choices, before);
 }

@@ -2,16 +2,31 @@
 
 use crate::output;
 use clap::Args;
-use hydroboom_description::UIA_SINGLE_BOOM;
+use clap::ValueEnum;
+use hydroboom_description::{PATU_LIFT, UIA_SINGLE_BOOM};
 use miette::Result;
 use std::path::PathBuf;
 
-/// Write a complete crane file to start from: the paper's crane.
+/// What the crane file is to describe.
+#[derive(Clone, Copy, ValueEnum)]
+enum Circuit {
+    /// A pump of its own: the paper's crane.
+    SelfContained,
+    /// A 4/3 valve on a supply, and a boom of links: the lift of a forestry crane.
+    ValveControlled,
+}
+
+/// Write a complete crane file to start from: the paper's crane, or one on a proportional valve.
 #[derive(Args)]
-#[command(after_help = "Example: hydroboom new my-crane.toml")]
+#[command(
+    after_help = "Example: hydroboom new my-crane.toml\n  hydroboom new my-lift.toml --circuit valve-controlled"
+)]
 pub struct New {
     /// File to write; it must not exist.
     file: PathBuf,
+    /// Circuit that moves the cylinder.
+    #[arg(long, value_enum, default_value = "self-contained")]
+    circuit: Circuit,
     /// Print what was written as JSON.
     #[arg(long)]
     json: bool,
@@ -27,7 +42,11 @@ impl New {
                 self.file.display()
             );
         }
-        output::file(&self.file, UIA_SINGLE_BOOM.as_bytes())?;
+        let text = match self.circuit {
+            Circuit::SelfContained => UIA_SINGLE_BOOM,
+            Circuit::ValveControlled => PATU_LIFT,
+        };
+        output::file(&self.file, text.as_bytes())?;
         let name = self.file.display().to_string();
         match self.json {
             true => output::json(&serde_json::json!({ "written": name })),

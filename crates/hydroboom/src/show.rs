@@ -20,15 +20,10 @@ impl Show {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let d = self.crane.read()?;
-        let choices = [
-            ("friction.law", d.choices.friction.name()),
-            ("pump.delivery", d.choices.delivery.name()),
-            ("motion.profile", d.choices.profile.name()),
-            ("relief.valves", d.choices.relief.name()),
-        ];
+        let choices = d.own_choices();
         if self.json {
             let keys: Vec<_> = d
-                .entries()
+                .own_entries()
                 .map(|(key, value, origin)| {
                     json!({
                         "key": key.path(), "value": value, "unit": key.unit,
@@ -45,7 +40,7 @@ impl Show {
             }));
         }
         let mut rows: Vec<Vec<String>> = d
-            .entries()
+            .own_entries()
             .map(|(key, value, origin)| {
                 let value = if value != 0.0 && value.abs() < 1e-3 {
                     format!("{value:e}")

@@ -4,6 +4,8 @@ use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
 use clap::Args;
+use hydroboom_description::Description;
+use hydroboom_description::schema::CircuitChoice;
 use hydroboom_identify::{
     COMPARED, Difference, Experiment, Prediction, Remedy, Ringing, differences, remedies,
 };
@@ -72,7 +74,7 @@ impl Validate {
         notes.extend(experiment.remarks.iter().cloned());
         notes.extend(suspicions.iter().map(|Suspicion { text, .. }| format!("suspicious: {text}")));
         if let Some(path) = &self.report {
-            let page = page(&self, &experiment, &prediction, &findings, &notes);
+            let page = page(&self, &crane, &experiment, &prediction, &findings, &notes);
             output::file(path, page.into_diagnostic()?.as_bytes())?;
         }
         if self.json {
@@ -225,6 +227,7 @@ fn paper_figure(signal: Signal) -> u32 {
 
 fn page(
     asked: &Validate,
+    crane: &Description,
     experiment: &Experiment,
     prediction: &Prediction,
     findings: &[Finding],
@@ -250,12 +253,23 @@ fn page(
         let difference = Figure { x, y: &y, series, axes: Axes::Linear }.svg()?;
         figures.push((signal, both, difference));
     }
+    // the paper measured a self-contained crane: its numbers say nothing beside another
+    let is_published = crane.choices.circuit == CircuitChoice::SelfContained;
     let paper_row = |signal: Signal| paper::TABLE_6.iter().find(|row| row.0 == signal.symbol());
+    let driven_by = match is_published {
+        true => {
+            "the log's motor speed and valve, and starts at rest where the log's piston is, with the log's pressures but for the one that \
+                 carries the load"
+        }
+        false => {
+            "the log's valve command, supply and tank pressure, and starts at rest where the log's piston is, with the log's pressures, as \
+                  far as friction can hold what they do not carry"
+        }
+    };
     let body = html! {
         p.soft {
-            "The log " code { (asked.log.display()) } ", from " (format!("{:.3}", experiment.begin)) " s on for "
-            (format!("{:.1}", experiment.duration())) " s. The model is driven by the log's motor speed and valve, and starts at rest "
-            "where the log's piston is, with the log's pressures but for the one that carries the load. All differences are log less model."
+            "The log " code { (asked.log.display()) } " beside \"" (crane.name) "\", from " (format!("{:.3}", experiment.begin)) " s on for "
+            (format!("{:.1}", experiment.duration())) " s. The model is driven by " (driven_by) ". All differences are log less model."
         }
         @for note in notes { p.soft { "Note: " (note) } }
         h2 { "What looks wrong, and what would move it" }
@@ -264,23 +278,25 @@ fn page(
             "What would move a signal is found by exact slopes along each key, one straight step of at most a half more or a third less: "
             "a hint where to look, no result. " code { "hydroboom show" } " lists where each value comes from."
         }
-        h2 { "In numbers, beside Table 6" }
+        h2 { "In numbers" @if is_published { ", beside Table 6" } }
         div.wide { table {
-            thead { tr { @for name in HEADER { th { (name) } } th { "paper's RMS" } th { "paper's peak" } } }
+            thead { tr { @for name in HEADER { th { (name) } } @if is_published { th { "paper's RMS" } th { "paper's peak" } } } }
             tbody { @for finding in findings { tr {
                 @for cell in row(finding) { td { (cell) } }
-                @match paper_row(finding.difference.signal) {
+                @if is_published { @match paper_row(finding.difference.signal) {
                     Some((_, _, peak, rms)) => { td { (format!("{rms:.3}")) } td { (format!("{peak:.3}")) } }
                     None => { td { "-" } td { "-" } }
-                }
+                } }
             } } }
         } }
         p.soft {
             "Fit: 100 % less the share of the log's own spread that the model misses. Coloured: share of the difference's autocorrelations, up to a "
-            "second, that white noise would not have; 0.05 if nothing is left to be explained. The paper's numbers are of its own crane at 120 mm/s."
+            "second, that white noise would not have; 0.05 if nothing is left to be explained."
+            @if is_published { " The paper's numbers are of its own crane at 120 mm/s." }
         }
         @for (signal, both, difference) in &figures {
-            (figure(&format!("{}, as the paper's figure {}: log and model.", signal.symbol(), paper_figure(*signal)), both))
+            @let paper = if is_published { format!(", as the paper's figure {}", paper_figure(*signal)) } else { String::new() };
+            (figure(&format!("{}{paper}: log and model.", signal.symbol()), both))
             (figure("Log less model.", difference))
         }
     };

@@ -44,8 +44,6 @@ pub type Differences = Vec<Difference>;
 
 /// Delays up to this are looked for \[s\].
 const LONGEST_DELAY: f64 = 0.1;
-/// The motor's speed is steady, and the oil rings freely, where it changes by less than this \[rev/s²\].
-const STEADY: f64 = 2.0;
 /// Autocorrelations are looked at up to this lag \[s\].
 const LAGS: f64 = 1.0;
 
@@ -68,15 +66,14 @@ pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differen
 }
 
 /// Whether nothing drives an oscillation at each sample.
-fn free(experiment: &Experiment, interval: f64) -> Vec<bool> {
-    let speed: Vec<f64> =
-        (0..experiment.samples.len()).map(|k| experiment.motor_speed(k)).collect();
+pub(crate) fn free(experiment: &Experiment, interval: f64) -> Vec<bool> {
+    let driving: Vec<f64> = (0..experiment.samples.len()).map(|k| experiment.driving(k)).collect();
     let lag = (0.1 / interval).round().max(1.0) as usize;
     let slope = |k: usize| {
-        let (a, b) = (k.saturating_sub(lag), (k + lag).min(speed.len() - 1));
-        (speed[b] - speed[a]) / ((b - a).max(1) as f64 * interval)
+        let (a, b) = (k.saturating_sub(lag), (k + lag).min(driving.len() - 1));
+        (driving[b] - driving[a]) / ((b - a).max(1) as f64 * interval)
     };
-    (0..speed.len()).map(|k| slope(k).abs() < STEADY).collect()
+    (0..driving.len()).map(|k| slope(k).abs() < 1.0).collect()
 }
 
 fn difference(

@@ -13,9 +13,10 @@ pub enum IdentifyError {
     /// The description gives no model, or no state of rest to start from.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// The model is none of three segments.
+    /// The model is none that logs are compared with.
     #[error(
-        "the model has {found} coordinates; logs are compared with the published model, of three segments"
+        "the model has {found} coordinates; logs are compared with the published model, of three segments, or with a \
+         valve-controlled crane of two or three links"
     )]
     Segments {
         /// Coordinates that it has.
@@ -38,6 +39,19 @@ pub enum IdentifyError {
         log: String,
         /// Time since its beginning \[s\].
         time: f64,
+    },
+    /// Told to stop.
+    #[error("stopped")]
+    Stopped,
+    /// Where a search is to begin again does not fit it.
+    #[error(
+        "the search that was saved moves {saved} numbers, this one {moved}: the keys or logs are others"
+    )]
+    Resume {
+        /// Numbers that this search moves.
+        moved: usize,
+        /// Numbers that were saved.
+        saved: usize,
     },
     /// A key that is none.
     #[error("no key \"{key}\" of a crane file{suggestion}")]

@@ -1,10 +1,11 @@
 //! A log, made ready to drive a model.
 
+use crate::drive::Drive;
 use crate::error::IdentifyError;
 use crate::prediction::STARTS;
 use hydroboom_description::Description;
+use hydroboom_description::schema::CircuitChoice;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
-use hydroboom_model::Input;
 
 /// Signals that model and log are compared in, in this order.
 pub const COMPARED: [Signal; 6] = Signal::COMPARED;
@@ -34,8 +35,8 @@ pub struct Experiment {
     pub name: String,
     /// Time of the log at which it begins \[s\].
     pub begin: f64,
-    /// The input of each control period.
-    pub(crate) inputs: Vec<Input<f64>>,
+    /// What drives the model.
+    pub(crate) drive: Drive,
     /// Control period \[s\].
     pub(crate) period: f64,
     /// Control periods from sample to sample.
@@ -48,6 +49,18 @@ pub struct Experiment {
     pub remarks: Vec<String>,
 }
 
+/// When the inputs of a model change.
+pub(crate) struct Times {
+    /// Time of the log at which they begin \[s\].
+    pub(crate) begin: f64,
+    /// How long each of them holds \[s\].
+    pub(crate) period: f64,
+    /// How many there are.
+    pub(crate) count: usize,
+}
+
+/// Where a crane's file has no control period, an input holds for so long \[s\].
+const HELD: f64 = 1e-3;
 /// Model and log are compared every so often \[s\]: a hundred times in a period of the boom's first mode and
 /// thirty times in one of its second.
 const INTERVAL: f64 = 5e-3;
@@ -63,7 +76,7 @@ impl Experiment {
     ///
     /// # Errors
     ///
-    /// [`IdentifyError`] when position or motor speed are missing, or nothing is left of them.
+    /// [`IdentifyError`] when position or what drives the model are missing, or nothing is left of them.
     pub fn new(
         model: &Description,
         log: &Measurement,
@@ -73,30 +86,18 @@ impl Experiment {
         let wrong = |reason: String| IdentifyError::Log { log: log.name.clone(), reason };
         let mut remarks = Vec::new();
         let position = signals.need(Signal::Stroke, log)?;
-        let speed = match signals.get(Signal::MotorSpeed) {
-            Some(track) => track,
-            None => {
-                let command = signals.need(Signal::MotorCommand, log)?;
-                remarks.push(
-                    "the motor's speed was not read: the one asked for drives the model".into(),
-                );
-                command
-            }
-        };
-        let both = [
-            Signal::Stroke,
-            match signals.get(Signal::MotorSpeed) {
-                Some(_) => Signal::MotorSpeed,
-                None => Signal::MotorCommand,
-            },
-        ];
-        let (first, last) = signals.overlap(&both).ok_or_else(|| {
-            wrong("position and motor speed were never measured at the same time".into())
+        let driving = Drive::signal(model, log, signals, &mut remarks)?;
+        let (first, last) = signals.overlap(&[Signal::Stroke, driving]).ok_or_else(|| {
+            let symbol = driving.symbol();
+            wrong(format!("position and {symbol} were never measured at the same time"))
         })?;
         let begin = window.from.map_or(first, |from| from.max(first));
         let end = window.to.map_or(last, |to| to.min(last));
         let n = &model.numbers;
-        let period = n.control_period;
+        let period = match model.choices.circuit {
+            CircuitChoice::SelfContained => n.control_period,
+            CircuitChoice::ValveControlled => HELD,
+        };
         let count = ((end - begin) / period).floor();
         if !(100.0..1e8).contains(&count) {
             let reason = format!(
@@ -105,27 +106,8 @@ impl Experiment {
             );
             return Err(wrong(reason));
         }
-        let valve = signals.get(Signal::HoldingValve);
-        if valve.is_none() {
-            remarks.push("the load-holding valve was not logged: it is taken as open".into());
-        }
-        let inputs: Vec<Input<f64>> = (0..count as usize)
-            .map(|k| {
-                let time = begin + k as f64 * period;
-                // over a gap the last speed holds: it is said below
-                let pump_speed = speed.at(time + 0.5 * period).or_else(|| speed.held(time));
-                let holding_valve = valve.and_then(|v| v.held(time)).unwrap_or(1.0);
-                Input { pump_speed: pump_speed.unwrap_or(0.0), holding_valve }
-            })
-            .collect();
-        let gaps =
-            (0..count as usize).filter(|k| speed.at(begin + *k as f64 * period).is_none()).count();
-        if gaps > 1 {
-            remarks.push(format!(
-                "for {:.3} s the motor's speed is missing: the last one holds",
-                gaps as f64 * period
-            ));
-        }
+        let times = Times { begin, period, count: count as usize };
+        let drive = Drive::new(model, driving, signals, &times, &mut remarks);
         let every = (INTERVAL / period).round().max(1.0) as usize;
         let tracks = COMPARED.map(|signal| signals.get(signal));
         let samples: Vec<Sample> = (0..=count as usize)
@@ -145,22 +127,27 @@ impl Experiment {
                 "it begins in motion, and the model at rest: the first seconds differ for that reason".into(),
             );
         }
-        let [_, pump_a, _, rod_side, pump_b, accumulator] = tracks.map(average);
+        let [_, pump_a, piston_side, rod_side, pump_b, accumulator] = tracks.map(average);
+        let stroke = Some(stroke.clamp(0.0, n.stroke));
+        let beginning = match model.choices.circuit {
+            CircuitChoice::SelfContained => [stroke, pump_a, rod_side, pump_b, accumulator],
+            CircuitChoice::ValveControlled => [stroke, piston_side, rod_side, None, None],
+        };
         Ok(Self {
             name: log.name.clone(),
             begin,
-            inputs,
+            drive,
             period,
             every,
             samples,
-            beginning: [Some(stroke.clamp(0.0, n.stroke)), pump_a, rod_side, pump_b, accumulator],
+            beginning,
             remarks,
         })
     }
 
     /// Duration \[s\].
     pub fn duration(&self) -> f64 {
-        self.inputs.len() as f64 * self.period
+        self.drive.len() as f64 * self.period
     }
 
     /// Interval from sample to sample \[s\].
@@ -168,10 +155,9 @@ impl Experiment {
         self.every as f64 * self.period
     }
 
-    /// Motor speed \[rev/s\] at a sample.
-    pub fn motor_speed(&self, sample: usize) -> f64 {
-        let k = (sample * self.every).min(self.inputs.len() - 1);
-        self.inputs[k].pump_speed
+    /// What drives the model at a sample, in units that a steady input changes by less than one of in a second.
+    pub(crate) fn driving(&self, sample: usize) -> f64 {
+        self.drive.driving((sample * self.every).min(self.drive.len() - 1))
     }
 }
 

@@ -49,9 +49,13 @@ impl Free {
 
     /// Keys that a log of position and pressures can be expected to tell something of.
     pub fn usual(model: &Description) -> Vec<Self> {
-        const USUAL: [&str; 15] = [
+        const USUAL: [&str; 26] = [
             "boom.youngs_modulus_gpa",
             "boom.damping_ratio",
+            "link_2.joint_stiffness_knm_per_rad",
+            "link_2.joint_damping_ratio",
+            "link_3.joint_stiffness_knm_per_rad",
+            "link_3.joint_damping_ratio",
             "payload.mass_kg",
             "cylinder.dead_volume_a_l",
             "cylinder.dead_volume_b_l",
@@ -65,6 +69,13 @@ impl Free {
             "pump.case_leakage_a_m3_s_sqrtpa",
             "pump.volume_a_l",
             "pump.volume_b_l",
+            "valve.supply_to_a_m3_s_sqrtpa",
+            "valve.supply_to_a_dead_band_percent",
+            "valve.a_to_tank_m3_s_sqrtpa",
+            "valve.b_to_tank_m3_s_sqrtpa",
+            "valve.bandwidth_hz",
+            "valve.leakage_l_min_per_bar",
+            "trapped_air.rod_side_l",
         ];
         let values = model.numbers.to_array();
         let places =

@@ -5,20 +5,26 @@
 //!                                       \-> sensitivities (dual numbers) -> what would move it, fit
 //! ```
 
+mod advice;
 mod differences;
+mod drive;
 mod error;
 mod experiment;
 mod fit;
 mod free;
+mod hold_out;
 mod prediction;
 mod remedy;
 mod ringing;
+mod tuning_fork;
 
+pub use advice::experiment_for;
 pub use differences::{Difference, Differences, differences};
 pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
-pub use fit::{Fit, Improvement, Tuned, fit, prior};
+pub use fit::{Fit, Improvement, Progress, Task, Tuned, fit, prior};
 pub use free::Free;
+pub use hold_out::{Foretold, HeldOut, Stretch, held_out};
 pub use prediction::{Prediction, predict, sensitivities};
 pub use remedy::{Remedies, Remedy, remedies};
 pub use ringing::{Ringing, ringing};

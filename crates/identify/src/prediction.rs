@@ -1,13 +1,17 @@
 //! The model under a log's inputs, and how each of its signals moves with each key.
 
+use crate::drive::Drive;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
 use hydroboom_description::schema::Numbers;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::{Dual, Real};
-use hydroboom_model::stepping::{Implicit, MOST_PARTS};
-use hydroboom_model::{Crane, CraneState, EquilibriumError, Input, Start};
+use hydroboom_model::stepping::{Implicit, MOST_PARTS, has_settled};
+use hydroboom_model::{
+    Circuit, Crane, CraneState, EquilibriumError, Start, ValveControlled, ValveCraneState,
+    ValveInput, ValveStart,
+};
 use rayon::prelude::*;
 use std::array::from_fn;
 
@@ -23,18 +27,125 @@ const STEPS: u32 = 2;
 /// [`COMPARED`].
 pub type Prediction = Vec<[f64; COMPARED.len()]>;
 
-/// What a model starts from: stroke, then the pressures p_PA, p_B, p_PB, p_acc; none where nothing was measured.
+/// What a model starts from: stroke, then the pressures p_PA, p_B, p_PB, p_acc, or p_A and p_B of a valve-controlled
+/// crane; none where nothing was measured.
 pub(crate) const STARTS: usize = 5;
 
-/// The state at rest that an experiment begins with.
-///
-/// The accumulator's gas follows the isothermal law from its working pressure. `at_rest` finds the state of a start:
-/// plainly, or with slopes.
-fn beginning<T: Real>(
+/// A number that a model can be run over: plain, or with slopes.
+pub(crate) trait Number: Real {
+    /// Without slopes.
+    fn plain(self) -> f64;
+
+    /// The state of rest of a self-contained crane.
+    fn rest<const N: usize>(
+        crane: &Crane<Self, N>,
+        start: &Start<Self>,
+    ) -> Result<CraneState<Self, N>, EquilibriumError>;
+
+    /// The state of rest of a valve-controlled crane.
+    fn valve_rest<const N: usize>(
+        crane: &Crane<Self, N, ValveControlled<Self>>,
+        start: &ValveStart<Self>,
+    ) -> Result<ValveCraneState<Self, N>, EquilibriumError>;
+}
+
+impl Number for f64 {
+    fn plain(self) -> f64 {
+        self
+    }
+
+    fn rest<const N: usize>(
+        crane: &Crane<f64, N>,
+        start: &Start,
+    ) -> Result<CraneState<f64, N>, EquilibriumError> {
+        crane.at_rest(start)
+    }
+
+    fn valve_rest<const N: usize>(
+        crane: &Crane<f64, N, ValveControlled<f64>>,
+        start: &ValveStart,
+    ) -> Result<ValveCraneState<f64, N>, EquilibriumError> {
+        crane.at_rest(start)
+    }
+}
+
+impl<const P: usize> Number for Dual<f64, P> {
+    fn plain(self) -> f64 {
+        self.value
+    }
+
+    fn rest<const N: usize>(
+        crane: &Crane<Self, N>,
+        start: &Start<Self>,
+    ) -> Result<CraneState<Self, N>, EquilibriumError> {
+        crane.at_rest_along(start)
+    }
+
+    fn valve_rest<const N: usize>(
+        crane: &Crane<Self, N, ValveControlled<Self>>,
+        start: &ValveStart<Self>,
+    ) -> Result<ValveCraneState<Self, N>, EquilibriumError> {
+        crane.at_rest_along(start)
+    }
+}
+
+/// What a model over some numbers shows at the samples of an experiment.
+type Shown<T> = Vec<[T; COMPARED.len()]>;
+
+/// Builds a model over some numbers, starts it at rest where the experiment begins, and runs it.
+fn shown<T: Number>(
     model: &Description,
     n: &Numbers<T>,
     begin: &[Option<T>; STARTS],
-    at_rest: impl FnOnce(&Start<T>) -> Result<CraneState<T, SEGMENTS>, EquilibriumError>,
+    experiment: &Experiment,
+) -> Result<Shown<T>, IdentifyError> {
+    let found = model.coordinates();
+    match (&experiment.drive, found) {
+        (Drive::Pump(inputs), SEGMENTS) => {
+            let crane = model.crane_over::<T, SEGMENTS>(n)?;
+            let state = beginning(model, n, begin, &crane)?;
+            let inputs = inputs.iter().map(|input| input.map(T::lit));
+            run(&crane, state, inputs, experiment, |circuit, state| {
+                let p = circuit.pressures(state);
+                [p.pump_a, p.a, p.b, p.pump_b, p.accumulator]
+            })
+        }
+        (Drive::Valve(inputs, _), 2) => at_valve::<T, 2>(model, n, begin, inputs, experiment),
+        (Drive::Valve(inputs, _), 3) => at_valve::<T, 3>(model, n, begin, inputs, experiment),
+        _ => Err(IdentifyError::Segments { found }),
+    }
+}
+
+/// The same of a valve-controlled crane.
+fn at_valve<T: Number, const N: usize>(
+    model: &Description,
+    n: &Numbers<T>,
+    begin: &[Option<T>; STARTS],
+    inputs: &[ValveInput<f64>],
+    experiment: &Experiment,
+) -> Result<Shown<T>, IdentifyError> {
+    let crane = model.valve_crane_over::<T, N>(n)?;
+    let [stroke, piston_side, rod_side, ..] = *begin;
+    let mut start = model.valve_start_over(n, stroke.unwrap_or(T::lit(0.5) * n.stroke));
+    start.pressure_a = piston_side;
+    start.pressure_b = rod_side.unwrap_or(start.pressure_b);
+    let state = T::valve_rest(&crane, &start).map_err(BuildError::from)?;
+    let inputs = inputs.iter().map(|input| input.map(T::lit));
+    run(&crane, state, inputs, experiment, |circuit, state| {
+        let (a, b) = circuit.chambers(state);
+        // what such a circuit has not, no log of it has either
+        [T::zero(), a, b, T::zero(), T::zero()]
+    })
+}
+
+/// The state at rest that an experiment begins with.
+///
+/// The accumulator's gas follows the isothermal law from its working pressure.
+fn beginning<T: Number>(
+    model: &Description,
+    n: &Numbers<T>,
+    begin: &[Option<T>; STARTS],
+    crane: &Crane<T, SEGMENTS>,
 ) -> Result<CraneState<T, SEGMENTS>, IdentifyError> {
     let [stroke, pump_a, rod_side, pump_b, accumulator] = *begin;
     let mut start = model.start_over(n, stroke.unwrap_or(n.motion_start));
@@ -46,46 +157,47 @@ fn beginning<T: Real>(
         start.gas_volume = start.gas_volume * filled / now;
         start.accumulator_pressure = pressure;
     }
-    let mut state = at_rest(&start).map_err(BuildError::from)?;
+    let mut state = T::rest(crane, &start).map_err(BuildError::from)?;
     let nodes = &mut state.circuit.nodes;
     nodes.pump_a = pump_a.unwrap_or(nodes.pump_a);
     nodes.pump_b = pump_b.unwrap_or(nodes.pump_b);
     Ok(state)
 }
 
-/// Runs the model from a state at rest; what it shows at each sample.
-fn run<T: Real>(
-    crane: &Crane<T, SEGMENTS>,
-    mut state: CraneState<T, SEGMENTS>,
+/// Runs the model from a state at rest; what it shows at each sample: position, then `pressures`.
+fn run<T: Number, const N: usize, C: Circuit<T>>(
+    crane: &Crane<T, N, C>,
+    mut state: CraneState<T, N, C::State>,
+    inputs: impl Iterator<Item = C::Input>,
     experiment: &Experiment,
-    value: impl Fn(T) -> f64,
-) -> Result<Vec<[T; COMPARED.len()]>, IdentifyError> {
+    pressures: impl Fn(&C, &C::State) -> [T; COMPARED.len() - 1],
+) -> Result<Shown<T>, IdentifyError> {
     let scheme = Implicit::new(crane);
+    let show = |state: &CraneState<T, N, C::State>| {
+        let pose = crane.boom.pose(&state.boom.angle);
+        let [pump_a, a, b, pump_b, accumulator] = pressures(&crane.circuit, &state.circuit);
+        [crane.boom.cylinder_pose(&pose).stroke, pump_a, a, b, pump_b, accumulator]
+    };
     let broken = |k: usize| {
         let time = k as f64 * experiment.period;
         IdentifyError::Broken { log: experiment.name.clone(), time }
     };
     let mut seen = Vec::with_capacity(experiment.samples.len());
-    for (k, input) in experiment.inputs.iter().enumerate() {
+    for (k, input) in inputs.enumerate() {
         if k % experiment.every == 0 {
-            let now = show(crane, &state);
-            if now.iter().any(|v| !value(*v).is_finite()) {
+            let now = show(&state);
+            if now.iter().any(|v| !v.plain().is_finite()) {
                 return Err(broken(k));
             }
             seen.push(now);
         }
-        let input = Input {
-            pump_speed: T::lit(input.pump_speed),
-            holding_valve: T::lit(input.holding_valve),
-        };
         // a step that does not settle is taken in parts, as often as it takes
         let mut parts = STEPS;
         state = loop {
             let mut trial = state;
             let step = T::lit(experiment.period / f64::from(parts));
-            let settled = (0..parts).all(|_| {
-                Implicit::has_settled(value(scheme.step(crane, &mut trial, &input, step)))
-            });
+            let settled = (0..parts)
+                .all(|_| has_settled(scheme.step(crane, &mut trial, &input, step).plain()));
             match settled {
                 true => break trial,
                 false if parts < MOST_PARTS => parts *= 2,
@@ -94,18 +206,9 @@ fn run<T: Real>(
         };
     }
     if seen.len() < experiment.samples.len() {
-        seen.push(show(crane, &state));
+        seen.push(show(&state));
     }
     Ok(seen)
-}
-
-fn show<T: Real>(
-    crane: &Crane<T, SEGMENTS>,
-    state: &CraneState<T, SEGMENTS>,
-) -> [T; COMPARED.len()] {
-    let p = crane.circuit.pressures(&state.circuit);
-    let pose = crane.boom.pose(&state.boom.angle);
-    [crane.boom.cylinder_pose(&pose).stroke, p.pump_a, p.a, p.b, p.pump_b, p.accumulator]
 }
 
 /// What the model shows under an experiment's inputs.
@@ -123,11 +226,8 @@ pub(crate) fn predict_from(
     experiment: &Experiment,
     offsets: &[f64; STARTS],
 ) -> Result<Prediction, IdentifyError> {
-    check(model)?;
-    let crane = model.crane::<SEGMENTS>().map_err(BuildError::from)?;
     let begin = from_fn(|k| experiment.beginning[k].map(|v| v + offsets[k]));
-    let state = beginning(model, &model.numbers, &begin, |start| crane.at_rest(start))?;
-    run(&crane, state, experiment, |v| v)
+    shown(model, &model.numbers, &begin, experiment)
 }
 
 /// What the model shows, and its slope along ln θ of each key: a prediction for each key, in units of the signal.
@@ -161,7 +261,6 @@ pub(crate) fn slopes_from(
     directions: &[Direction],
 ) -> Result<(Prediction, Vec<Prediction>), IdentifyError> {
     type D = Dual<f64, TOGETHER>;
-    check(model)?;
     let parts: Vec<&[Direction]> = directions.chunks(TOGETHER).collect();
     let runs: Result<Vec<Vec<[D; COMPARED.len()]>>, IdentifyError> = parts
         .par_iter()
@@ -183,10 +282,7 @@ pub(crate) fn slopes_from(
                     }
                 }
             }
-            let numbers = Numbers::from_array(numbers);
-            let crane = model.crane_over::<D, SEGMENTS>(&numbers).map_err(BuildError::from)?;
-            let state = beginning(model, &numbers, &begin, |start| crane.at_rest_along(start))?;
-            run(&crane, state, experiment, |v| v.value)
+            shown(model, &Numbers::from_array(numbers), &begin, experiment)
         })
         .collect();
     let runs = runs?;
@@ -201,11 +297,4 @@ pub(crate) fn slopes_from(
         })
         .collect();
     Ok((values, slopes))
-}
-
-fn check(model: &Description) -> Result<(), IdentifyError> {
-    match model.coordinates() {
-        SEGMENTS => Ok(()),
-        found => Err(IdentifyError::Segments { found }),
-    }
 }

@@ -5,7 +5,7 @@
 mod made;
 
 use hydroboom_description::Description;
-use hydroboom_identify::{Fit, Free, fit};
+use hydroboom_identify::{Fit, Free, Task, fit};
 use made::{log_of, with};
 
 /// What is moved.
@@ -20,7 +20,9 @@ const KEYS: [&str; 5] = [
 fn tuned(model: &Description, truth: &Description, seed: u64) -> Fit {
     let experiment = log_of(truth, 1.0, seed);
     let free: Vec<Free> = KEYS.iter().map(|path| Free::from_path(path).unwrap()).collect();
-    fit(model, &[experiment], &free, &|_, _| {}).unwrap()
+    let task =
+        Task { model, experiments: &[experiment], free: &free, resume: None, generations: 0 };
+    fit(&task, &|_| true).unwrap()
 }
 
 #[test]
@@ -58,7 +60,14 @@ fn what_a_log_cannot_tell_is_said() {
     // a resting accumulator, and a friction that fades within a millimetre a second
     let free = ["boom.youngs_modulus_gpa", "friction.steepness_s_per_m", "boom.damping_ratio"];
     let free: Vec<Free> = free.iter().map(|path| Free::from_path(path).unwrap()).collect();
-    let found = fit(&truth, &[experiment], &free, &|_, _| {}).unwrap();
+    let task = Task {
+        model: &truth,
+        experiments: &[experiment],
+        free: &free,
+        resume: None,
+        generations: 0,
+    };
+    let found = fit(&task, &|_| true).unwrap();
     let of = |path: &str| found.tuned.iter().find(|t| t.key.path() == path).unwrap();
     assert!(of("boom.youngs_modulus_gpa").is_determined);
     let damping = of("boom.damping_ratio");

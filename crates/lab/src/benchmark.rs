@@ -123,7 +123,7 @@ impl simd::Kernel for Wide<'_> {
 fn at_rest<const N: usize>(
     description: &Description,
 ) -> Result<(Crane<f64, N>, CraneState<f64, N>), LabError> {
-    let crane = description.crane::<N>().map_err(BuildError::from)?;
+    let crane = description.crane::<N>()?;
     let start = description.start(0.5 * description.numbers.stroke);
     let state = crane.at_rest(&start).map_err(BuildError::from)?;
     Ok((crane, state))

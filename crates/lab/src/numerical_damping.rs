@@ -121,7 +121,7 @@ fn step_jacobian(
     step: f64,
 ) -> Result<DMatrix<f64>, LabError> {
     type D = Dual<f64, 1>;
-    let crane = description.crane::<SEGMENTS>().map_err(BuildError::from)?;
+    let crane = description.crane::<SEGMENTS>()?;
     let rest = crane.at_rest(start).map_err(BuildError::from)?;
     let crane = crane.map(&mut D::constant);
     let rest = rest.map(D::constant);

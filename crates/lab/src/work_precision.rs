@@ -36,7 +36,7 @@ const INTERVAL: f64 = 2e-3;
 /// [`LabError`] when the crane has no state of rest.
 pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError> {
     let three = description.divided(3);
-    let crane = three.crane::<3>().map_err(BuildError::from)?;
+    let crane = three.crane::<3>()?;
     let motion = three.motion(three.numbers.fast);
     let start = crane.at_rest(&three.start(motion.start)).map_err(BuildError::from)?;
     let controller = three.benchmark();

@@ -24,7 +24,7 @@ mod unit;
 pub use channel::{Channel, Measurement, Range};
 pub use error::MeasurementError;
 pub use mapping::{Entry, Mapping, Suspicion};
-pub use read::{digest, read};
+pub use read::{digest, digest_of, read};
 pub use signal::Signal;
 pub use signals::{Signals, Track};
 pub use spark::sparkline;

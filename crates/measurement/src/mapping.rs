@@ -286,12 +286,20 @@ fn likeness(signal: Signal, channel: &Channel) -> f64 {
     let small = channel.name.to_lowercase();
     let words: Vec<&str> =
         small.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).collect();
-    let is_command = signal == Signal::MotorCommand || signal == Signal::HoldingValve;
+    let is_command =
+        matches!(signal, Signal::MotorCommand | Signal::HoldingValve | Signal::ValveCommand);
     let is_other = words.iter().any(|w| OTHERS.iter().any(|o| w.starts_with(o)));
     if is_other || (!is_command && words.iter().any(|w| w.starts_with("command") || *w == "cmd")) {
         return 0.0;
     }
     let whole: String = words.concat();
+    // `p1_pressure`, `s1_position`: what it is of, said once more
+    let said = match signal.dimension() {
+        Dimension::Pressure => "pressure",
+        Dimension::Length => "position",
+        _ => "",
+    };
+    let short: String = words.iter().copied().filter(|word| *word != said).collect();
     // a variable of a PLC: the last part counts, without its prefix of type
     let last = channel.name.rsplit(['.', '/']).next().unwrap_or("");
     let last: String = last.chars().filter(|c| c.is_alphanumeric()).collect();
@@ -305,6 +313,7 @@ fn likeness(signal: Signal, channel: &Channel) -> f64 {
         let telling = 1.0 - 0.02 * rank as f64;
         match () {
             _ if whole == *name || bare == *name => telling,
+            _ if short == *name && short != whole => 0.9 * telling,
             _ if name.len() >= 5 && whole.contains(name) => 0.8 * telling,
             _ => 0.0,
         }

@@ -23,11 +23,17 @@ pub enum Signal {
     MotorCommand,
     /// Load-holding valve, 1 open.
     HoldingValve,
+    /// Command of a proportional valve.
+    ValveCommand,
+    /// Pressure of a valve's supply.
+    PressureSupply,
+    /// Pressure of a valve's tank line.
+    PressureTank,
 }
 
 impl Signal {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 12] = [
         Self::Stroke,
         Self::PressurePumpA,
         Self::PressureA,
@@ -37,6 +43,9 @@ impl Signal {
         Self::MotorSpeed,
         Self::MotorCommand,
         Self::HoldingValve,
+        Self::ValveCommand,
+        Self::PressureSupply,
+        Self::PressureTank,
     ];
 
     /// Those that a model and a log are compared in.
@@ -61,6 +70,9 @@ impl Signal {
             Self::MotorSpeed => "motor_speed",
             Self::MotorCommand => "motor_command",
             Self::HoldingValve => "holding_valve",
+            Self::ValveCommand => "valve_command",
+            Self::PressureSupply => "pressure_supply",
+            Self::PressureTank => "pressure_tank",
         }
     }
 
@@ -76,6 +88,9 @@ impl Signal {
             Self::MotorSpeed => "motor speed",
             Self::MotorCommand => "motor command",
             Self::HoldingValve => "valve",
+            Self::ValveCommand => "valve command",
+            Self::PressureSupply => "p_P",
+            Self::PressureTank => "p_T",
         }
     }
 
@@ -85,6 +100,7 @@ impl Signal {
             Dimension::Length => ("mm", 1e-3),
             Dimension::Pressure => ("bar", 1e5),
             Dimension::Rotation => ("rpm", 1.0 / 60.0),
+            Dimension::Tension => ("V", 1.0),
             _ => ("-", 1.0),
         }
     }
@@ -95,6 +111,7 @@ impl Signal {
             Self::Stroke => Dimension::Length,
             Self::MotorSpeed | Self::MotorCommand => Dimension::Rotation,
             Self::HoldingValve => Dimension::Share,
+            Self::ValveCommand => Dimension::Tension,
             _ => Dimension::Pressure,
         }
     }
@@ -113,6 +130,7 @@ impl Signal {
                 "pistonposition",
                 "cylinderposition",
                 "strokecyl",
+                "s1",
                 "position",
                 "xp",
                 "x",
@@ -138,6 +156,17 @@ impl Signal {
             Self::HoldingValve => {
                 &["holdingvalve", "commandholdingvalve", "valve", "valveon", "y32", "solenoid"]
             }
+            Self::ValveCommand => &[
+                "valvecommand",
+                "commandvalve",
+                "spoolcommand",
+                "u1controlsignal",
+                "uvalve",
+                "u1",
+                "u",
+            ],
+            Self::PressureSupply => &["pressuresupply", "psupply", "supply", "pp", "ps"],
+            Self::PressureTank => &["pressuretank", "ptank", "tank", "pt"],
         }
     }
 }

@@ -1,16 +1,16 @@
 //! The assembled crane: parameters, state, input, outputs, and the equations that tie them.
 
 use crate::boom::{Boom, BoomState, CylinderPose, Pose};
-use crate::circuit::{CircuitState, Flows, Nodes, SelfContained};
+use crate::circuit::{Circuit, CircuitState, Flows, Nodes, SelfContained};
 use crate::hydraulics::{Cylinder, EndStops, Friction, FrictionLaw};
 use hydroboom_math::{Real, record};
 
 /// A crane: one boom with at most `N` segments, one cylinder, one circuit. Never changes during a
 /// run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Crane<T, const N: usize> {
-    /// Oil, pump, valves, accumulator.
-    pub circuit: SelfContained<T>,
+pub struct Crane<T, const N: usize, C = SelfContained<T>> {
+    /// What moves the cylinder.
+    pub circuit: C,
     /// Cylinder.
     pub cylinder: Cylinder<T>,
     /// Stops at both ends of its stroke.
@@ -23,24 +23,24 @@ pub struct Crane<T, const N: usize> {
 
 /// All that changes during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CraneState<T, const N: usize> {
+pub struct CraneState<T, const N: usize, S = CircuitState<T>> {
     /// Angles and angular velocities of the boom.
     pub boom: BoomState<T, N>,
     /// Bristle deflection of the friction law \[m\]; zero for laws without memory.
     pub bristle: T,
-    /// Pressures and gas volume.
-    pub circuit: CircuitState<T>,
+    /// What the circuit remembers: its pressures, above all.
+    pub circuit: S,
 }
 
 /// Rates of change of a [`CraneState`].
 #[derive(Clone, Copy, Debug)]
-pub struct CraneRates<T, const N: usize> {
+pub struct CraneRates<T, const N: usize, S = CircuitState<T>> {
     /// Angular accelerations \[rad/s²\].
     pub angular_acceleration: [T; N],
     /// Rate of the bristle deflection \[m/s\].
     pub bristle: T,
-    /// Rates of the pressure coordinates \[Pa/s\] and of the gas volume \[m³/s\].
-    pub circuit: CircuitState<T>,
+    /// Rates of what the circuit remembers, each in its unit per second.
+    pub circuit: S,
 }
 
 record! {
@@ -119,33 +119,37 @@ pub(crate) struct PistonForces<T> {
     pub bristle_rate: T,
 }
 
-impl<T: Real, const N: usize> Crane<T, N> {
+impl<T: Real, const N: usize, C: Circuit<T>> Crane<T, N, C> {
     /// Forces on the piston, equations (9) to (11).
     #[inline(always)]
     pub(crate) fn piston_forces(
         &self,
-        pressures: &Nodes<T>,
+        (pressure_a, pressure_b): (T, T),
         bristle: T,
         stroke: T,
         velocity: T,
     ) -> PistonForces<T> {
         let (friction, bristle_rate) = self.friction.evaluate(velocity, bristle);
         let end_stops = self.end_stops.force(stroke, velocity, self.cylinder.stroke_length);
-        let cylinder = (self.cylinder.force(pressures.a, pressures.b) + end_stops) - friction;
+        let cylinder = (self.cylinder.force(pressure_a, pressure_b) + end_stops) - friction;
         PistonForces { cylinder, friction, end_stops, bristle_rate }
     }
 
     /// Rates of change of every state.
     #[inline(always)]
-    pub fn derivative(&self, state: &CraneState<T, N>, input: &Input<T>) -> CraneRates<T, N> {
+    pub fn derivative(
+        &self,
+        state: &CraneState<T, N, C::State>,
+        input: &C::Input,
+    ) -> CraneRates<T, N, C::State> {
         let pose = self.boom.pose(&state.boom.angle);
         let cylinder = self.boom.cylinder_pose(&pose);
         let velocity = cylinder.velocity(&self.boom, &state.boom.angular_velocity);
 
-        let pressures = self.circuit.pressures(&state.circuit);
+        let pressures = self.circuit.chambers(&state.circuit);
         // first what takes longest: friction's chain of exponentials waits for the velocity, and
         // the circuit's many short chains run beside it
-        let forces = self.piston_forces(&pressures, state.bristle, cylinder.stroke, velocity);
+        let forces = self.piston_forces(pressures, state.bristle, cylinder.stroke, velocity);
 
         // (26), superposed: the friction in the cylinder's force is the last to be known, and what
         // the boom makes of a force need not wait for it
@@ -157,11 +161,26 @@ impl<T: Real, const N: usize> Crane<T, N> {
             angular_acceleration[i] = answer[i].mul_add(forces.cylinder, free[i]);
         }
 
-        let flows = self.circuit.flows(&pressures, input.pump_speed, input.holding_valve);
-        let circuit =
-            self.circuit.rates(&state.circuit, &flows, &self.cylinder, cylinder.stroke, velocity);
+        let circuit = self.circuit.state_rates(
+            &state.circuit,
+            input,
+            &self.cylinder,
+            cylinder.stroke,
+            velocity,
+        );
 
         CraneRates { angular_acceleration, bristle: forces.bristle_rate, circuit }
+    }
+
+    /// The same crane over another number type.
+    pub fn over<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> Crane<U, N, C::Over<U>> {
+        Crane {
+            circuit: self.circuit.over(f),
+            cylinder: self.cylinder.map(&mut *f),
+            end_stops: self.end_stops.map(&mut *f),
+            friction: self.friction.map(f),
+            boom: self.boom.map(f),
+        }
     }
 
     /// Applied moments with the cylinder's, l (24).
@@ -179,7 +198,9 @@ impl<T: Real, const N: usize> Crane<T, N> {
         }
         moments
     }
+}
 
+impl<T: Real, const N: usize> Crane<T, N> {
     /// What can be seen of the crane in this state.
     pub fn outputs(&self, state: &CraneState<T, N>) -> Outputs<T> {
         let pose = self.boom.pose(&state.boom.angle);
@@ -187,7 +208,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let (stroke, velocity) =
             (cylinder.stroke, cylinder.velocity(&self.boom, &state.boom.angular_velocity));
         let p = self.circuit.pressures(&state.circuit);
-        let forces = self.piston_forces(&p, state.bristle, stroke, velocity);
+        let forces = self.piston_forces((p.a, p.b), state.bristle, stroke, velocity);
         let [tip_x, tip_y] = self.boom.tip_position(&pose);
         let cavities = self.node_volumes(state, stroke).to_array();
         let cavity_volume = state

@@ -137,7 +137,7 @@ impl<T: Real, const N: usize> Crane<T, N> {
         let velocity = cylinder.velocity(&self.boom, &state.boom.angular_velocity);
         let p = self.circuit.pressures(&state.circuit);
         let q = self.circuit.flows(&p, input.pump_speed, input.holding_valve);
-        let forces = self.piston_forces(&p, state.bristle, cylinder.stroke, velocity);
+        let forces = self.piston_forces((p.a, p.b), state.bristle, cylinder.stroke, velocity);
 
         let (oils, pressures) = (self.circuit.oils().to_array(), p.to_array());
         let density = Nodes::from_array(from_fn(|i| oils[i].energy_density(pressures[i])));

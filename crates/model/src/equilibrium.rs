@@ -1,8 +1,9 @@
 //! A state at rest to start from, so that nothing rings at t = 0.
 
 use crate::boom::{Boom, BoomState, MAX_SEGMENTS};
-use crate::circuit::{CircuitState, Nodes};
+use crate::circuit::{Circuit, CircuitState, Nodes, ValveCircuitState, ValveControlled};
 use crate::crane::{Crane, CraneState};
+use crate::hydraulics::FrictionLaw;
 use core::fmt;
 use hydroboom_math::{Dual, Real, solve_pivoted};
 
@@ -20,6 +21,18 @@ pub struct Start<T = f64> {
     /// How far the pump sides have been pre-loaded, 0 to 1: from the accumulator's pressure, as
     /// after a long rest with the load held, to the cylinder's, ready to energise the 3/2 valve.
     pub preload: T,
+}
+
+/// Where a crane with a valve-controlled circuit starts from, its valve closed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ValveStart<T = f64> {
+    /// Piston position \[m\].
+    pub stroke: T,
+    /// Gauge pressure on the piston side \[Pa\]: what it lacks or has too much to carry the load, friction holds as far as
+    /// it can. None has the piston side carry the load alone.
+    pub pressure_a: Option<T>,
+    /// Gauge pressure on the rod side \[Pa\].
+    pub pressure_b: T,
 }
 
 /// Why there is no state of rest.
@@ -88,7 +101,9 @@ impl<const N: usize> Crane<f64, N> {
         }
         Ok(state)
     }
+}
 
+impl<const N: usize, C: Circuit<f64>> Crane<f64, N, C> {
     /// Angle \[rad\] of the boom, were it straight and rigid, with the piston at `stroke` \[m\].
     pub fn rigid_angle(&self, stroke: f64) -> Result<f64, EquilibriumError> {
         let mount = &self.boom.mount;
@@ -108,9 +123,12 @@ impl<const N: usize> Crane<f64, N> {
 
     /// Angles and cylinder force of the boom at rest: moments balance on every segment, and the
     /// piston stands at `stroke`. Newton's method with exact derivatives.
-    fn static_balance(&self, stroke: f64) -> Result<([f64; N], f64), EquilibriumError> {
+    fn static_balance(&self, stroke: f64) -> Result<Balance<N>, EquilibriumError> {
         let n = self.boom.coordinates();
         let mut angle = [self.rigid_angle(stroke)?; N];
+        for (i, joint) in self.boom.joints().iter().enumerate() {
+            angle[i + 1] = angle[i] + joint.rest;
+        }
         if let Some(base) = self.boom.base() {
             // the cylinder pushes: the slack is taken up on the side to which its arm points
             let base_angle = self.boom.len();
@@ -180,6 +198,9 @@ impl<const N: usize> Crane<f64, N> {
 
 type Matrix = [[f64; UNKNOWNS]; UNKNOWNS];
 
+/// Angles \[rad\] and cylinder force \[N\] of a boom at rest.
+type Balance<const N: usize, T = f64> = ([T; N], T);
+
 /// What is left of the moments on every segment, and of the piston's position, with the boom at angles and
 /// the cylinder under a force.
 fn imbalance<T: Real, const N: usize>(
@@ -231,11 +252,39 @@ impl<T: Real, const N: usize> Crane<T, N> {
     }
 }
 
+impl<const P: usize, const N: usize, C: Circuit<Dual<f64, P>>> Crane<Dual<f64, P>, N, C> {
+    /// The balance with its exact slopes along the crane's directions and the stroke's.
+    ///
+    /// At R(φ, F; θ) = 0 the slopes follow from R_φF d(φ, F) = −R_θ dθ: one Newton step in dual numbers, taken from the
+    /// balance.
+    fn balance_along(
+        &self,
+        stroke: Dual<f64, P>,
+    ) -> Result<Balance<N, Dual<f64, P>>, EquilibriumError> {
+        let n = self.boom.coordinates();
+        let plain: Crane<f64, N, C::Over<f64>> = self.over(&mut |d: Dual<f64, P>| d.value);
+        let (angle, force) = plain.static_balance(stroke.value)?;
+        let (matrix, _) = plain.balance_matrix(&angle, force, stroke.value);
+        let constant = Dual::<f64, P>::constant;
+        let left = imbalance(&self.boom, &angle.map(constant), constant(force), stroke);
+        let mut angle = angle.map(constant);
+        let mut force = constant(force);
+        for direction in 0..P {
+            let mut matrix = matrix;
+            let mut step: [f64; UNKNOWNS] = core::array::from_fn(|row| -left[row].slope[direction]);
+            solve_pivoted(&mut matrix, &mut step, n + 1)
+                .ok_or(EquilibriumError::NoBalance { stroke: stroke.value })?;
+            for i in 0..n {
+                angle[i].slope[direction] = step[i];
+            }
+            force.slope[direction] = step[n];
+        }
+        Ok((angle, force))
+    }
+}
+
 impl<const P: usize, const N: usize> Crane<Dual<f64, P>, N> {
     /// The same state of rest with its exact slopes along the crane's directions and the start's.
-    ///
-    /// At the balance R(φ, F; θ) = 0 the slopes follow from R_φF d(φ, F) = −R_θ dθ: one Newton step in dual
-    /// numbers, taken from the balance.
     ///
     /// # Errors
     ///
@@ -244,28 +293,79 @@ impl<const P: usize, const N: usize> Crane<Dual<f64, P>, N> {
         &self,
         start: &Start<Dual<f64, P>>,
     ) -> Result<CraneState<Dual<f64, P>, N>, EquilibriumError> {
-        let n = self.boom.coordinates();
-        let stroke = start.stroke.value;
-        let plain = self.map(&mut |d: Dual<f64, P>| d.value);
-        let (angle, force) = plain.static_balance(stroke)?;
-        let (matrix, _) = plain.balance_matrix(&angle, force, stroke);
-        let constant = Dual::<f64, P>::constant;
-        let left = imbalance(&self.boom, &angle.map(constant), constant(force), start.stroke);
-        let mut angle = angle.map(constant);
-        let mut force = constant(force);
-        for direction in 0..P {
-            let mut matrix = matrix;
-            let mut step: [f64; UNKNOWNS] = core::array::from_fn(|row| -left[row].slope[direction]);
-            solve_pivoted(&mut matrix, &mut step, n + 1)
-                .ok_or(EquilibriumError::NoBalance { stroke })?;
-            for i in 0..n {
-                angle[i].slope[direction] = step[i];
-            }
-            force.slope[direction] = step[n];
-        }
+        let (angle, force) = self.balance_along(start.stroke)?;
         let state = self.resting(start, angle, force);
         let pressure_a = state.circuit.nodes.a.value;
-        match pressure_a < plain.circuit.oil.vapour_pressure {
+        match pressure_a < self.circuit.oil.vapour_pressure.value {
+            true => Err(EquilibriumError::LoadPulls { pressure_a }),
+            false => Ok(state),
+        }
+    }
+}
+
+/// A valve-controlled crane at rest or in motion.
+pub type ValveCraneState<T, const N: usize> = CraneState<T, N, ValveCircuitState<T>>;
+
+impl<T: Real, const N: usize> Crane<T, N, ValveControlled<T>> {
+    /// The state in which the boom stands at angles that balance a cylinder force.
+    fn resting_at_valve(
+        &self,
+        start: &ValveStart<T>,
+        angle: [T; N],
+        force: T,
+    ) -> ValveCraneState<T, N> {
+        let zero = T::zero();
+        let end_stops = self.end_stops.force(start.stroke, zero, self.cylinder.stroke_length);
+        let needed = force - end_stops + self.cylinder.rod_side_area * start.pressure_b;
+        let surplus = match start.pressure_a {
+            Some(pressure) => self.cylinder.piston_area * pressure - needed,
+            None => zero,
+        };
+        // friction opposes what there is too much of
+        let (held, bristle) = self.friction.at_rest(surplus);
+        CraneState {
+            boom: BoomState { angle, angular_velocity: [zero; N] },
+            bristle,
+            circuit: ValveCircuitState {
+                a: (needed + held) / self.cylinder.piston_area,
+                b: start.pressure_b,
+                spool: zero,
+                spool_velocity: zero,
+            },
+        }
+    }
+}
+
+impl<const N: usize> Crane<f64, N, ValveControlled<f64>> {
+    /// The state at rest with the valve closed.
+    ///
+    /// # Errors
+    ///
+    /// [`EquilibriumError`] where the geometry or the load admit no such state.
+    pub fn at_rest(&self, start: &ValveStart) -> Result<ValveCraneState<f64, N>, EquilibriumError> {
+        let (angle, force) = self.static_balance(start.stroke)?;
+        let state = self.resting_at_valve(start, angle, force);
+        match state.circuit.a < self.circuit.oil.vapour_pressure {
+            true => Err(EquilibriumError::LoadPulls { pressure_a: state.circuit.a }),
+            false => Ok(state),
+        }
+    }
+}
+
+impl<const P: usize, const N: usize> Crane<Dual<f64, P>, N, ValveControlled<Dual<f64, P>>> {
+    /// The same state of rest with its exact slopes along the crane's directions and the start's.
+    ///
+    /// # Errors
+    ///
+    /// [`EquilibriumError`] where the geometry or the load admit no such state.
+    pub fn at_rest_along(
+        &self,
+        start: &ValveStart<Dual<f64, P>>,
+    ) -> Result<ValveCraneState<Dual<f64, P>, N>, EquilibriumError> {
+        let (angle, force) = self.balance_along(start.stroke)?;
+        let state = self.resting_at_valve(start, angle, force);
+        let pressure_a = state.circuit.a.value;
+        match pressure_a < self.circuit.oil.vapour_pressure.value {
             true => Err(EquilibriumError::LoadPulls { pressure_a }),
             false => Ok(state),
         }

@@ -23,9 +23,12 @@ pub mod stepping;
 mod validity;
 
 pub use boom::{Beam, Boom, BoomState, Geometry, LayoutError, MAX_SEGMENTS};
-pub use circuit::{CircuitState, Flows, Nodes, SelfContained};
+pub use circuit::{
+    Circuit, CircuitState, Flows, Nodes, SelfContained, ValveCircuitState, ValveControlled,
+    ValveInput,
+};
 pub use crane::{Crane, CraneRates, CraneState, Input, Outputs};
-pub use equilibrium::{EquilibriumError, Start};
+pub use equilibrium::{EquilibriumError, Start, ValveCraneState, ValveStart};
 pub use simulation::{Scheme, Simulation, SimulationError};
 pub use stepping::StepLimit;
 pub use validity::{Invalid, Validity};

@@ -68,7 +68,8 @@ impl<T: Real, const N: usize> Crane<T, N> {
         for i in 0..self.boom.coordinates() {
             sum = sum + state.boom.angle[i] + state.boom.angular_velocity[i];
             if i > 0 && i < n {
-                let bend = (state.boom.angle[i] - state.boom.angle[i - 1]).abs();
+                let bend = state.boom.angle[i] - state.boom.angle[i - 1];
+                let bend = (bend - self.boom.joints()[i - 1].rest).abs();
                 largest_bend = largest_bend.max(bend);
             }
         }

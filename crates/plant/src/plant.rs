@@ -120,7 +120,7 @@ fn sized<const N: usize>(
     scheme: Scheme,
     step: f64,
 ) -> Result<Box<dyn Plant>, PlantError> {
-    let crane = description.crane::<N>().map_err(BuildError::from)?;
+    let crane = description.crane::<N>()?;
     let state = crane.at_rest(start).map_err(BuildError::from)?;
     let simulation = Simulation::new(crane, state, scheme, step).map_err(PlantError::Simulation)?;
     Ok(Box::new(simulation))
@@ -210,7 +210,7 @@ impl<const N: usize> Plant for Simulation<N> {
     }
 
     fn set_parameters(&mut self, description: &Description) -> Result<(), PlantError> {
-        self.set_crane(description.crane::<N>().map_err(BuildError::from)?);
+        self.set_crane(description.crane::<N>()?);
         Ok(())
     }
 

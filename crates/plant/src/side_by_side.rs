@@ -3,7 +3,7 @@
 use crate::PlantError;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::Lanes;
-use hydroboom_model::stepping::Implicit;
+use hydroboom_model::stepping::{Implicit, has_settled};
 use hydroboom_model::{
     BoomState, CircuitState, Crane, CraneState, Input, Nodes, Outputs, SimulationError, Start,
 };
@@ -43,7 +43,7 @@ impl<const W: usize> SideBySide<W> {
         let mut cranes = Vec::with_capacity(W);
         let mut states = Vec::with_capacity(W);
         for (description, start) in descriptions.iter().zip(starts) {
-            let crane = description.crane::<ROOM>().map_err(BuildError::from)?;
+            let crane = description.crane::<ROOM>()?;
             states.push(crane.at_rest(start).map_err(BuildError::from)?);
             cranes.push(crane);
         }
@@ -74,7 +74,7 @@ impl<const W: usize> SideBySide<W> {
         let valid = self.wide.validity(&self.state).to_lanes();
         for lane in 0..W {
             if self.stopped[lane].is_none() {
-                if Implicit::<f64>::has_settled(left.0[lane]) && valid[lane].check().is_ok() {
+                if has_settled(left.0[lane]) && valid[lane].check().is_ok() {
                     continue;
                 }
                 // alone it may take the step in parts
@@ -135,7 +135,7 @@ impl<const W: usize> SideBySide<W> {
         description: &Description,
         dissolved_air: Option<Nodes<f64>>,
     ) -> Result<(), PlantError> {
-        let mut crane = description.crane::<ROOM>().map_err(BuildError::from)?;
+        let mut crane = description.crane::<ROOM>()?;
         crane.circuit.dissolved_air = dissolved_air;
         let before = std::mem::replace(&mut self.cranes[lane], crane);
         if !self.put_together() {

@@ -38,7 +38,7 @@ pub fn at_rest(
     model: &Description,
     start: &Start,
 ) -> Result<(Crane<f64, 3>, SimulatedState), PlantError> {
-    let crane = model.crane::<3>().map_err(BuildError::from)?;
+    let crane = model.crane::<3>()?;
     let state = crane.at_rest(start).map_err(BuildError::from)?;
     Ok((crane, state))
 }

@@ -1,16 +1,30 @@
 //! `hydroboom tune`
 
+mod held;
+mod journal;
+mod page;
+
 use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
 use clap::Args;
+use held::HoldOut;
+use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
-use hydroboom_identify::{COMPARED, Experiment, Fit, Free, Tuned, fit};
-use hydroboom_measurement::{Signals, digest};
+use hydroboom_identify::Stretch;
+use hydroboom_identify::{
+    COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Task, Tuned,
+    experiment_for, fit, held_out, predict,
+};
+use hydroboom_measurement::{Signals, digest, digest_of};
 use indicatif::ProgressBar;
+use journal::Journal;
 use miette::{IntoDiagnostic, Result, miette};
 use serde_json::json;
-use std::path::PathBuf;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use toml_edit::{DocumentMut, InlineTable, Item, Value};
 
 /// Move keys of a crane file until the model shows what logs do, and say how sure that is.
@@ -36,6 +50,20 @@ pub struct Tune {
     /// Crane file to write, with provenance `tuned` and the digests of the logs.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// A log that the search does not see: how the model does there, before and after; can be repeated.
+    #[arg(long, value_name = "FILE")]
+    test_log: Vec<PathBuf>,
+    #[command(flatten)]
+    hold_out: HoldOut,
+    /// Generations of a global search before the local one, for a model that is far off.
+    #[arg(long, value_name = "COUNT", default_value_t = 0)]
+    generations: usize,
+    /// Where the search is kept, to go on after Ctrl-C: beside --out where that is given.
+    #[arg(long, value_name = "FILE")]
+    journal: Option<PathBuf>,
+    /// Report to write (HTML).
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -63,45 +91,156 @@ impl Tune {
         }
         let (mut experiments, mut digests, mut notes) = (Vec::new(), Vec::new(), Vec::new());
         for path in &self.log {
-            let (log, mapping) = self.mapping.read(path)?;
-            let n = &crane.numbers;
-            let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
-            notes.extend(suspicions.into_iter().map(|s| format!("suspicious: {}", s.text)));
-            let signals = Signals::of(&log, &mapping).into_diagnostic()?;
-            let experiment =
-                Experiment::new(&crane, &log, &signals, self.window.of()).into_diagnostic()?;
-            notes.extend(experiment.remarks.iter().map(|r| format!("{}: {r}", path.display())));
-            experiments.push(experiment);
+            experiments.push(self.experiment(&crane, path, &mut notes)?);
             digests.push(digest(path).into_diagnostic()?);
         }
+        let tests = self.test_log.iter().map(|path| self.experiment(&crane, path, &mut notes));
+        let tests = tests.collect::<Result<Vec<Experiment>>>()?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&stop);
+        ctrlc::set_handler(move || told.store(true, Ordering::Relaxed)).into_diagnostic()?;
+
+        let mut held = Vec::new();
+        if self.hold_out.in_turn {
+            for stretch in &self.hold_out.hold_out {
+                let rest: Vec<Experiment> =
+                    experiments.iter().map(|e| e.without(&[*stretch])).collect();
+                let what = format!("without {} to {} s: ", stretch.from, stretch.to);
+                let found = self.search(&crane, &rest, &free, &stop, None, &what)?;
+                held.extend(judged(&experiments, &found, *stretch));
+            }
+        }
+        let rest: Vec<Experiment> = match self.hold_out.in_turn {
+            true => experiments.clone(),
+            false => experiments.iter().map(|e| e.without(&self.hold_out.hold_out)).collect(),
+        };
+        let kept = self.journal(&digests, &free)?;
+        let found = self.search(&crane, &rest, &free, &stop, kept.as_ref(), "")?;
+        if !self.hold_out.in_turn {
+            for stretch in &self.hold_out.hold_out {
+                held.extend(judged(&experiments, &found, *stretch));
+            }
+        }
+        let tests = tests
+            .iter()
+            .map(|e| tested(&crane, &found, e))
+            .collect::<Result<Vec<Improvement>, IdentifyError>>()
+            .into_diagnostic()?;
+        let outcome = Outcome { crane: &crane, experiments, found, held, tests, digests, notes };
+        self.told(&outcome)?;
+        if let Some((journal, _)) = kept {
+            journal.remove();
+        }
+        Ok(())
+    }
+
+    /// A log, ready to be compared with a crane; what is to be said of it is added to the notes.
+    fn experiment(
+        &self,
+        crane: &Description,
+        path: &Path,
+        notes: &mut Vec<String>,
+    ) -> Result<Experiment> {
+        let (log, mapping) = self.mapping.read(path)?;
+        let n = &crane.numbers;
+        let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
+        notes.extend(suspicions.into_iter().map(|s| format!("suspicious: {}", s.text)));
+        let signals = Signals::of(&log, &mapping).into_diagnostic()?;
+        let experiment =
+            Experiment::new(crane, &log, &signals, self.window.of()).into_diagnostic()?;
+        notes.extend(experiment.remarks.iter().map(|r| format!("{}: {r}", path.display())));
+        Ok(experiment)
+    }
+
+    /// The file that keeps the search, and where an interrupted one was.
+    fn journal(
+        &self,
+        digests: &[String],
+        free: &[Free],
+    ) -> Result<Option<(Journal, Option<Vec<f64>>)>> {
+        let beside = || {
+            let out = self.out.as_ref()?;
+            let mut name = out.as_os_str().to_owned();
+            name.push(".journal");
+            Some(PathBuf::from(name))
+        };
+        let Some(path) = self.journal.clone().or_else(beside) else { return Ok(None) };
+        let keys: Vec<String> = free.iter().map(|key| key.path()).collect();
+        let windows = (&self.hold_out.hold_out, self.hold_out.in_turn, self.window.of());
+        let search = format!(
+            "{}; {}; {}; {windows:?}",
+            digest_of(self.crane.text()?.as_bytes()),
+            digests.join(", "),
+            keys.join(", ")
+        );
+        Journal::open(&path, search).map(Some)
+    }
+
+    /// One search, with its progress shown and kept.
+    fn search(
+        &self,
+        crane: &Description,
+        experiments: &[Experiment],
+        free: &[Free],
+        stop: &AtomicBool,
+        kept: Option<&(Journal, Option<Vec<f64>>)>,
+        what: &str,
+    ) -> Result<Fit> {
         let bar = ProgressBar::new_spinner();
-        let found = fit(&crane, &experiments, &free, &|runs, sum| {
-            bar.set_message(format!("{runs} runs, {sum:.0} left"));
+        let resume = kept.and_then(|(_, at)| at.as_deref());
+        if resume.is_some() {
+            bar.println("an interrupted search goes on");
+        }
+        let task = Task { model: crane, experiments, free, resume, generations: self.generations };
+        let failed = RefCell::new(None);
+        let found = fit(&task, &|progress| {
+            bar.set_message(format!("{what}{} runs, {:.0} left", progress.runs, progress.sum));
             bar.tick();
+            let is_stopped = stop.load(Ordering::Relaxed);
+            if let Some((journal, _)) = kept
+                && let Err(error) = journal.keep(progress, is_stopped)
+            {
+                *failed.borrow_mut() = Some(error);
+            }
+            !is_stopped && failed.borrow().is_none()
         });
         bar.finish_and_clear();
-        let found = found.into_diagnostic()?;
+        if let Some(error) = failed.into_inner() {
+            return Err(error);
+        }
+        match (found, kept) {
+            (Err(IdentifyError::Stopped), Some(_)) => Err(miette!(
+                help = "the same command goes on where it was",
+                "stopped; the best place so far is kept"
+            )),
+            (Err(IdentifyError::Stopped), None) => {
+                Err(miette!(help = "--out or --journal keep a search", "stopped; nothing is kept"))
+            }
+            (found, _) => found.into_diagnostic(),
+        }
+    }
+
+    /// Writes and prints what came of it.
+    fn told(&self, outcome: &Outcome<'_>) -> Result<()> {
+        let Outcome { crane, found, digests, notes, held, tests, .. } = outcome;
         if let Some(path) = &self.out {
-            let text = self.written(&found, &digests)?;
+            let text = self.written(found, digests)?;
             output::file(path, text.as_bytes())?;
+        }
+        if let Some(path) = &self.report {
+            let page = page::page(outcome).into_diagnostic()?;
+            output::file(path, page.as_bytes())?;
         }
         match self.json {
             true => output::json(&json!({
+                "held_out": held::in_json(held), "tests": tests.iter().map(improvement).collect::<Vec<_>>(),
                 "crane": crane.name, "logs": self.log, "sha256": digests, "notes": notes,
                 "runs": found.evaluations, "converged": found.has_converged,
                 "keys": found.tuned.iter().map(in_json).collect::<Vec<_>>(),
                 "correlation": found.correlation,
-                "differences": found.improvements.iter().map(|i| json!({
-                    "log": i.log,
-                    "rms": COMPARED.iter().zip(&i.rms).filter_map(|(signal, rms)| {
-                        let (unit, size) = signal.shown();
-                        rms.map(|(before, after)| json!({
-                            "signal": signal.key(), "unit": unit, "before": before / size, "after": after / size,
-                        }))
-                    }).collect::<Vec<_>>(),
-                })).collect::<Vec<_>>(),
+                "differences": found.improvements.iter().map(improvement).collect::<Vec<_>>(),
             })),
-            false => output::text(&self.said(&found, &notes)),
+            false => output::text(&self.said(outcome)),
         }
     }
 
@@ -134,7 +273,8 @@ impl Tune {
         Ok(document.to_string())
     }
 
-    fn said(&self, found: &Fit, notes: &[String]) -> String {
+    fn said(&self, outcome: &Outcome<'_>) -> String {
+        let Outcome { found, notes, held, tests, .. } = outcome;
         let rows: Vec<Vec<String>> = found
             .tuned
             .iter()
@@ -177,34 +317,85 @@ impl Tune {
             output::table(&header, &rows)
         );
         for improvement in &found.improvements {
-            let parts: Vec<String> = COMPARED
-                .iter()
-                .zip(&improvement.rms)
-                .filter_map(|(signal, rms)| {
-                    let (unit, size) = signal.shown();
-                    rms.map(|(a, b)| {
-                        format!("{} {:.3} to {:.3} {unit}", signal.symbol(), a / size, b / size)
-                    })
-                })
-                .collect();
-            said += &format!("\n{}, RMS: {}", improvement.log, parts.join(", "));
+            said += &format!("\n{}, RMS: {}", improvement.log, before_and_after(improvement));
         }
-        let open: Vec<String> =
-            found.tuned.iter().filter(|t| !t.is_determined).map(|t| t.key.path()).collect();
-        if !open.is_empty() {
+        for improvement in tests {
             said += &format!(
-                "\nthe logs do not determine {}: what was known of them decides",
-                open.join(", ")
+                "\n{}, not used for tuning, RMS: {}",
+                improvement.log,
+                before_and_after(improvement)
             );
+        }
+        if !held.is_empty() {
+            said += &format!("\n\n{}\n", held::said(held));
+        }
+        let open: Vec<Free> =
+            found.tuned.iter().filter(|t| !t.is_determined).map(|t| t.key).collect();
+        if !open.is_empty() {
+            said += "\nthe logs do not determine these: what was known of them decides. What would tell:";
+        }
+        for key in open {
+            said += &format!("\n  {}: {}", key.path(), experiment_for(key));
         }
         for note in notes {
             said += &format!("\nnote: {note}");
         }
-        if let Some(path) = &self.out {
+        for path in self.out.iter().chain(&self.report) {
             said += &format!("\nwritten: {}", path.display());
         }
         said
     }
+}
+
+/// What came of tuning.
+struct Outcome<'a> {
+    crane: &'a Description,
+    experiments: Vec<Experiment>,
+    found: Fit,
+    held: Vec<HeldOut>,
+    tests: Vec<Improvement>,
+    digests: Vec<String>,
+    notes: Vec<String>,
+}
+
+/// What the model came to on a stretch that it did not see, in each log that has it.
+fn judged<'a>(
+    experiments: &'a [Experiment],
+    found: &'a Fit,
+    stretch: Stretch,
+) -> impl Iterator<Item = HeldOut> + 'a {
+    let pairs = experiments.iter().zip(&found.predictions.1);
+    pairs.filter_map(move |(experiment, prediction)| held_out(experiment, prediction, stretch))
+}
+
+/// A log that was not used, before and after.
+fn tested(
+    before: &Description,
+    found: &Fit,
+    experiment: &Experiment,
+) -> Result<Improvement, IdentifyError> {
+    let (a, b) = (predict(before, experiment)?, predict(&found.description, experiment)?);
+    Ok(Improvement::new(experiment, &a, &b))
+}
+
+fn before_and_after(improvement: &Improvement) -> String {
+    let parts = COMPARED.iter().zip(&improvement.rms).filter_map(|(signal, rms)| {
+        let (unit, size) = signal.shown();
+        let (a, b) = (*rms)?;
+        Some(format!("{} {:.3} to {:.3} {unit}", signal.symbol(), a / size, b / size))
+    });
+    parts.collect::<Vec<_>>().join(", ")
+}
+
+fn improvement(of: &Improvement) -> serde_json::Value {
+    let signals = COMPARED.iter().zip(&of.rms).filter_map(|(signal, rms)| {
+        let (unit, size) = signal.shown();
+        let (before, after) = (*rms)?;
+        Some(json!({
+            "signal": signal.key(), "unit": unit, "before": before / size, "after": after / size,
+        }))
+    });
+    json!({ "log": of.log, "rms": signals.collect::<Vec<_>>() })
 }
 
 /// A number with five digits that count.

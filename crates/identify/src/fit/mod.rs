@@ -5,17 +5,25 @@
 //! provenance). Where each log starts from is free too, within what sensors err by: a pump side that starts a tenth of
 //! a bar wrong would be explained by something else. Levenberg and Marquardt's method with exact slopes; σ is found anew once from what the first round leaves.
 
-use crate::differences::noise;
+mod certainty;
+mod layout;
+mod residual;
+mod search;
+
+pub use search::Progress;
+
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
-use crate::prediction::{Direction, Prediction, STARTS, predict_from, slopes_from};
+use crate::prediction::{Prediction, STARTS};
+use crate::tuning_fork::TuningFork;
+use certainty::covariance;
 use hydroboom_description::Description;
-use hydroboom_description::schema::Numbers;
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::{DMatrix, DVector, Dyn, storage::Owned};
-use rayon::prelude::*;
-use std::cell::RefCell;
+use layout::Layout;
+use levenberg_marquardt::LevenbergMarquardt;
+use nalgebra::{DMatrix, DVector};
+use residual::{Deviations, residuals, sensors, widen};
+use search::{Pitch, Problem, Watch};
 
 /// One key after tuning.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +62,20 @@ pub struct Improvement {
     pub rms: [Option<(f64, f64)>; COMPARED.len()],
 }
 
+impl Improvement {
+    /// Differences of a log to two predictions.
+    pub fn new(experiment: &Experiment, before: &Prediction, after: &Prediction) -> Self {
+        let rms = |prediction: &Prediction, signal: usize| {
+            let errors = residuals(experiment, prediction, signal);
+            let count = errors.len();
+            (count > 0)
+                .then(|| (errors.iter().map(|e| e.1 * e.1).sum::<f64>() / count as f64).sqrt())
+        };
+        let both = |s: usize| Some((rms(before, s)?, rms(after, s)?));
+        Self { log: experiment.name.clone(), rms: std::array::from_fn(both) }
+    }
+}
+
 /// What tuning came to.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -65,6 +87,8 @@ pub struct Fit {
     pub correlation: Vec<Vec<f64>>,
     /// The logs.
     pub improvements: Vec<Improvement>,
+    /// What the model shows under each log's inputs, before and after.
+    pub predictions: (Vec<Prediction>, Vec<Prediction>),
     /// How often the model was run.
     pub evaluations: usize,
     /// Whether the search ended because nothing more was to be gained.
@@ -82,26 +106,30 @@ pub fn prior(provenance: &str) -> f64 {
         _ => 0.5,
     }
 }
+/// What is asked of a search.
+#[derive(Clone, Copy, Debug)]
+pub struct Task<'a> {
+    /// The model to begin with.
+    pub model: &'a Description,
+    /// The logs.
+    pub experiments: &'a [Experiment],
+    /// The keys to move.
+    pub free: &'a [Free],
+    /// Where an earlier search was, as its [`Progress`] told; none to begin at the model.
+    pub resume: Option<&'a [f64]>,
+    /// Generations of a global search (CMA-ES) before the local one: as wide as what is known of the keys leaves
+    /// open. It is for a model that is far off; usually none are needed.
+    pub generations: usize,
+}
 
-/// Smallest deviations that a difference is held against, for position \[m\] and pressures \[Pa\].
-const FINEST: [f64; 2] = [5e-6, 1e3];
-/// Differences beyond so many deviations count less (Huber).
-const ROBUST: f64 = 3.0;
-/// Autocorrelations of what is left are taken into account up to this lag \[s\].
-const MEMORY: f64 = 1.0;
-
-/// Moves keys of a model until it shows what the logs do. `progress` is told how often the model was run, and the sum
-/// that is minimised.
+/// Moves keys of a model until it shows what the logs do. `go_on` is told how far the search has come, and says whether
+/// to go on.
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] when the model cannot be run where it begins.
-pub fn fit(
-    model: &Description,
-    experiments: &[Experiment],
-    free: &[Free],
-    progress: &dyn Fn(usize, f64),
-) -> Result<Fit, IdentifyError> {
+/// [`IdentifyError`] when the model cannot be run where it begins, or the search was stopped.
+pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
+    let Task { model, experiments, free, resume, generations } = *task;
     let mut begin: Vec<f64> = free.iter().map(|key| key.value(model).ln()).collect();
     let origins: Vec<String> = model.entries().map(|(_, _, o)| o.provenance.clone()).collect();
     let mut priors: Vec<f64> = free.iter().map(|key| prior(&origins[key.place])).collect();
@@ -112,22 +140,57 @@ pub fn fit(
     }
     let layout = Layout { model, experiments, free };
     let before = layout.predictions(&begin)?;
-    let mut deviations = experiments.iter().map(sensors).collect::<Vec<_>>();
+    let mut deviations: Vec<Deviations> = experiments.iter().map(sensors).collect();
     for (k, experiment) in experiments.iter().enumerate() {
         widen(&mut deviations[k], experiment, &before[k]);
     }
-    let count = RefCell::new(0);
+    let watch = Watch::new(go_on);
     let mut at = DVector::from_column_slice(&begin);
+    if let Some(resume) = resume {
+        if resume.len() != begin.len() {
+            return Err(IdentifyError::Resume { moved: begin.len(), saved: resume.len() });
+        }
+        at = DVector::from_column_slice(resume);
+    }
     let mut has_converged = false;
+    // first the pitch, where log and model ring differently: compared sample by sample they would be out of phase
+    let there = layout.predictions(at.as_slice())?;
+    let forks: Vec<Option<TuningFork>> = experiments
+        .iter()
+        .zip(&there)
+        .map(|(e, p)| TuningFork::new(e, p, generations > 0))
+        .collect();
+    if forks.iter().any(Option::is_some) {
+        let pitch = Pitch {
+            layout,
+            begin: &begin,
+            priors: &priors,
+            forks: &forks,
+            at: at.clone(),
+            watch: &watch,
+        };
+        let pitch = pitch.searched(generations);
+        at = LevenbergMarquardt::new()
+            .with_ftol(1e-4)
+            .with_xtol(1e-4)
+            .with_patience(3)
+            .minimize(pitch)
+            .0
+            .at;
+    }
+    for (k, prediction) in layout.predictions(at.as_slice())?.iter().enumerate() {
+        deviations[k] = sensors(&experiments[k]);
+        widen(&mut deviations[k], &experiments[k], prediction);
+    }
     for _ in 0..2 {
+        watch.borrow_mut().begin();
         let problem = Problem {
             layout,
             begin: &begin,
             priors: &priors,
             deviations: &deviations,
             at: at.clone(),
-            count: &count,
-            progress,
+            watch: &watch,
         };
         let (solved, report) = LevenbergMarquardt::new()
             .with_ftol(1e-6)
@@ -135,6 +198,9 @@ pub fn fit(
             .with_patience(6)
             .minimize(problem);
         at = solved.at;
+        if watch.borrow().is_stopped() {
+            return Err(IdentifyError::Stopped);
+        }
         has_converged = report.termination.was_successful();
         let after = layout.predictions(at.as_slice())?;
         for (k, experiment) in experiments.iter().enumerate() {
@@ -182,266 +248,16 @@ pub fn fit(
     let improvements = experiments
         .iter()
         .enumerate()
-        .map(|(k, experiment)| {
-            let rms = |prediction: &Prediction, signal: usize| {
-                let errors = residuals(experiment, prediction, signal);
-                let count = errors.len();
-                (count > 0)
-                    .then(|| (errors.iter().map(|e| e.1 * e.1).sum::<f64>() / count as f64).sqrt())
-            };
-            let both = |s: usize| Some((rms(&before[k], s)?, rms(&after[k], s)?));
-            Improvement { log: experiment.name.clone(), rms: std::array::from_fn(both) }
-        })
+        .map(|(k, experiment)| Improvement::new(experiment, &before[k], &after[k]))
         .collect();
-    let evaluations = *count.borrow();
-    Ok(Fit { description, tuned, correlation, improvements, evaluations, has_converged })
-}
-
-/// What sensors err by at the start of a log, and so the units in which its starts are moved: stroke \[m\], pressures \[Pa\].
-const START_SCALE: [f64; STARTS] = [1e-4, 0.5e5, 0.5e5, 0.5e5, 0.1e5];
-
-/// What is moved: ln θ of the keys, then for each log its starts.
-#[derive(Clone, Copy)]
-struct Layout<'a> {
-    model: &'a Description,
-    experiments: &'a [Experiment],
-    free: &'a [Free],
-}
-
-impl Layout<'_> {
-    /// The model with its keys moved.
-    fn moved(&self, at: &[f64]) -> Description {
-        let mut numbers = self.model.numbers.to_array();
-        for (key, ln) in self.free.iter().zip(at) {
-            let (low, high) = key.bounds();
-            numbers[key.place] = ln.exp().clamp(low, high);
-        }
-        let mut moved = self.model.clone();
-        moved.numbers = Numbers::from_array(numbers);
-        moved
-    }
-
-    /// Place of a log's first start.
-    fn starts(&self, log: usize) -> usize {
-        self.free.len() + STARTS * log
-    }
-
-    fn offsets(&self, at: &[f64], log: usize) -> [f64; STARTS] {
-        let from = self.starts(log);
-        std::array::from_fn(|k| at[from + k] * START_SCALE[k])
-    }
-
-    fn predictions(&self, at: &[f64]) -> Result<Vec<Prediction>, IdentifyError> {
-        let model = self.moved(at);
-        let logs = self.experiments.par_iter().enumerate();
-        logs.map(|(k, experiment)| predict_from(&model, experiment, &self.offsets(at, k))).collect()
-    }
-
-    /// A log's prediction, and its slopes with the places of what they are along.
-    fn slopes(&self, at: &[f64], log: usize) -> Result<(Prediction, Slopes), IdentifyError> {
-        let mut directions: Vec<Direction> = self.free.iter().map(|k| Direction::Key(*k)).collect();
-        directions.extend((0..STARTS).map(Direction::Start));
-        let offsets = self.offsets(at, log);
-        let (prediction, slopes) =
-            slopes_from(&self.moved(at), &self.experiments[log], &offsets, &directions)?;
-        let keys = self.free.len();
-        let placed =
-            slopes.into_iter().enumerate().map(|(k, mut slope)| match k.checked_sub(keys) {
-                None => (k, slope),
-                Some(start) => {
-                    let scale = START_SCALE[start];
-                    slope.iter_mut().for_each(|row| *row = row.map(|v| v * scale));
-                    (self.starts(log) + start, slope)
-                }
-            });
-        Ok((prediction, placed.collect()))
-    }
-
-    fn size(&self) -> usize {
-        self.starts(self.experiments.len())
-    }
-}
-
-/// Slopes, each with the place of what it is along.
-type Slopes = Vec<(usize, Prediction)>;
-
-/// Log less model of a signal, with the sample.
-fn residuals(experiment: &Experiment, prediction: &Prediction, signal: usize) -> Vec<(usize, f64)> {
-    let pairs = experiment.samples.iter().zip(prediction).enumerate();
-    pairs.filter_map(|(i, (s, p))| Some((i, s.values[signal]? - p[signal]))).collect()
-}
-
-/// What the sensors of a log scatter.
-fn sensors(experiment: &Experiment) -> [f64; COMPARED.len()] {
-    std::array::from_fn(|signal| {
-        let values: Vec<f64> = experiment.samples.iter().filter_map(|s| s.values[signal]).collect();
-        noise(&values).max(FINEST[usize::from(signal > 0)])
+    let evaluations = watch.borrow().runs();
+    Ok(Fit {
+        description,
+        tuned,
+        correlation,
+        improvements,
+        predictions: (before, after),
+        evaluations,
+        has_converged,
     })
-}
-
-/// A difference is held against what is left of it, where that is more than its sensor scatters.
-fn widen(deviations: &mut [f64; COMPARED.len()], experiment: &Experiment, prediction: &Prediction) {
-    for (signal, deviation) in deviations.iter_mut().enumerate() {
-        let errors = residuals(experiment, prediction, signal);
-        if errors.is_empty() {
-            continue;
-        }
-        let square = errors.iter().map(|e| e.1 * e.1).sum::<f64>() / errors.len() as f64;
-        *deviation = deviation.max(square.sqrt());
-    }
-}
-
-/// Information of the logs on ln θ: Jᵀ W J, and what its sum's scatter is, Jᵀ W R W J, with R the autocovariance of what is
-/// left; both are equal where only white noise is left.
-struct Information {
-    curvature: DMatrix<f64>,
-    scatter: DMatrix<f64>,
-}
-
-impl Layout<'_> {
-    fn information(
-        &self,
-        at: &[f64],
-        deviations: &[[f64; COMPARED.len()]],
-    ) -> Result<Information, IdentifyError> {
-        let size = self.size();
-        let mut curvature = DMatrix::zeros(size, size);
-        let mut scatter = DMatrix::zeros(size, size);
-        for (log, (experiment, deviation)) in self.experiments.iter().zip(deviations).enumerate() {
-            let (prediction, slopes) = self.slopes(at, log)?;
-            let lags = (MEMORY / experiment.interval()) as usize;
-            let own = slopes.len();
-            let add = |whole: &mut DMatrix<f64>, part: &DMatrix<f64>| {
-                for i in 0..own {
-                    for j in 0..own {
-                        whole[(slopes[i].0, slopes[j].0)] += part[(i, j)];
-                    }
-                }
-            };
-            for signal in 0..COMPARED.len() {
-                let errors = residuals(experiment, &prediction, signal);
-                if errors.is_empty() {
-                    continue;
-                }
-                let weight = 1.0 / (deviation[signal] * deviation[signal]);
-                // scores: what each sample says, as a row
-                let jacobian =
-                    DMatrix::from_fn(errors.len(), own, |k, j| slopes[j].1[errors[k].0][signal]);
-                add(&mut curvature, &(jacobian.transpose() * &jacobian * weight));
-                let scores = DMatrix::from_fn(errors.len(), own, |k, j| {
-                    jacobian[(k, j)] * errors[k].1 * weight
-                });
-                let mut sum = scores.transpose() * &scores;
-                for lag in 1..=lags.min(errors.len() / 4) {
-                    // Bartlett's weights keep the sum positive
-                    let share = 1.0 - lag as f64 / (lags + 1) as f64;
-                    let rows = errors.len() - lag;
-                    let product = scores.rows(0, rows).transpose() * scores.rows(lag, rows);
-                    sum += (&product + product.transpose()) * share;
-                }
-                add(&mut scatter, &sum);
-            }
-        }
-        Ok(Information { curvature, scatter })
-    }
-}
-
-/// (A + P)⁻¹ (S + P) (A + P)⁻¹: what the logs scatter and what was known, through the curvature of both.
-fn covariance(information: &Information, prior: &DMatrix<f64>) -> DMatrix<f64> {
-    let whole = &information.curvature + prior;
-    let size = whole.nrows();
-    let inverse = whole.cholesky().map_or_else(|| DMatrix::zeros(size, size), |c| c.inverse());
-    &inverse * (&information.scatter + prior) * &inverse
-}
-
-struct Problem<'a> {
-    layout: Layout<'a>,
-    begin: &'a [f64],
-    priors: &'a [f64],
-    deviations: &'a [[f64; COMPARED.len()]],
-    at: DVector<f64>,
-    count: &'a RefCell<usize>,
-    progress: &'a dyn Fn(usize, f64),
-}
-
-impl Problem<'_> {
-    /// Each difference against its deviation, those far out drawn in; then the keys against what was known.
-    fn stacked(&self, predictions: &[Prediction]) -> Vec<f64> {
-        let mut all = Vec::new();
-        for ((experiment, prediction), deviation) in
-            self.layout.experiments.iter().zip(predictions).zip(self.deviations)
-        {
-            for (signal, sigma) in deviation.iter().enumerate() {
-                all.extend(
-                    residuals(experiment, prediction, signal)
-                        .iter()
-                        .map(|(_, e)| huber(e / sigma).0),
-                );
-            }
-        }
-        all.extend(
-            self.at.iter().zip(self.begin).zip(self.priors).map(|((z, z0), s)| (z - z0) / s),
-        );
-        all
-    }
-}
-
-/// A difference whose square is Huber's loss, and its slope.
-fn huber(e: f64) -> (f64, f64) {
-    if e.abs() <= ROBUST {
-        return (e, 1.0);
-    }
-    let root = (2.0 * ROBUST * e.abs() - ROBUST * ROBUST).sqrt();
-    (root.copysign(e), ROBUST / root)
-}
-
-impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
-    type ParameterStorage = Owned<f64, Dyn>;
-    type ResidualStorage = Owned<f64, Dyn>;
-    type JacobianStorage = Owned<f64, Dyn, Dyn>;
-
-    fn set_params(&mut self, x: &DVector<f64>) {
-        self.at.copy_from(x);
-        for (z, key) in self.at.iter_mut().zip(self.layout.free) {
-            let (low, high) = key.bounds();
-            *z = z.clamp(low.max(1e-300).ln(), high.ln());
-        }
-    }
-
-    fn params(&self) -> DVector<f64> {
-        self.at.clone()
-    }
-
-    fn residuals(&self) -> Option<DVector<f64>> {
-        // where the model breaks off the search turns back
-        let predicted = self.layout.predictions(self.at.as_slice()).ok()?;
-        let all = self.stacked(&predicted);
-        *self.count.borrow_mut() += 1;
-        (self.progress)(*self.count.borrow(), all.iter().map(|r| r * r).sum());
-        Some(DVector::from_vec(all))
-    }
-
-    fn jacobian(&self) -> Option<DMatrix<f64>> {
-        let size = self.layout.size();
-        let mut rows: Vec<Vec<f64>> = Vec::new();
-        for (log, (experiment, deviation)) in
-            self.layout.experiments.iter().zip(self.deviations).enumerate()
-        {
-            let (prediction, slopes) = self.layout.slopes(self.at.as_slice(), log).ok()?;
-            for (signal, sigma) in deviation.iter().enumerate() {
-                for (i, e) in residuals(experiment, &prediction, signal) {
-                    let drawn = huber(e / sigma).1;
-                    let mut row = vec![0.0; size];
-                    for (place, slope) in &slopes {
-                        row[*place] = -drawn * slope[i][signal] / sigma;
-                    }
-                    rows.push(row);
-                }
-            }
-        }
-        for (k, s) in self.priors.iter().enumerate() {
-            rows.push((0..size).map(|j| if j == k { 1.0 / s } else { 0.0 }).collect());
-        }
-        Some(DMatrix::from_fn(rows.len(), size, |i, j| rows[i][j]))
-    }
 }

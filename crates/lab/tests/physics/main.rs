@@ -8,3 +8,4 @@ mod energy;
 mod numbers;
 mod rest;
 mod stepping;
+mod valve;

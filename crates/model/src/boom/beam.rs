@@ -1,6 +1,6 @@
 //! From a beam to segments and joints (equations (13), (14)).
 
-use super::{Boom, Joint, MAX_SEGMENTS, Mount, Segment};
+use super::{Boom, Joint, MAX_SEGMENTS, Mount, Payload, Segment};
 use core::fmt;
 use hydroboom_math::{Real, record};
 
@@ -134,30 +134,23 @@ impl<T: Real, const N: usize> Boom<T, N> {
             };
         }
 
-        let mut joints = [Joint::from_array([T::zero(); 2]); N];
+        let mut joints = [Joint::from_array([T::zero(); 3]); N];
         for i in 0..count - 1 {
             let (inner, outer) = (&segments[i], &segments[i + 1]);
             let about_joint = |s: &Segment<T>| s.inertia + s.mass * s.centre_x.square();
             let stiffness = beam.flexural_rigidity / (half * (inner.length + outer.length));
             let inertia = half * (about_joint(inner) + about_joint(outer));
             let damping = beam.damping_ratio * (T::lit(4.0) * inertia * stiffness).sqrt();
-            joints[i] = Joint { stiffness, damping };
+            joints[i] = Joint { stiffness, damping, rest: T::zero() };
         }
 
-        // the payload joins the last segment: common centre of mass, inertias about it
-        let last = &mut segments[count - 1];
-        let inner_x = beam.length - last.length;
-        let (mass, payload) = (last.mass, beam.payload_mass);
-        let together = mass + payload;
-        let (x, y) = (beam.payload_x - inner_x, beam.payload_y);
-        let centre_x = (mass * last.centre_x + payload * x) / together;
-        let centre_y = payload * y / together;
-        let distance = |x: T, y: T| (x - centre_x).square() + (y - centre_y).square();
-        last.inertia = last.inertia
-            + mass * distance(last.centre_x, T::zero())
-            + beam.payload_inertia
-            + payload * distance(x, y);
-        (last.mass, last.centre_x, last.centre_y) = (together, centre_x, centre_y);
+        let payload = Payload {
+            mass: beam.payload_mass,
+            x: beam.payload_x - (beam.length - segments[count - 1].length),
+            y: beam.payload_y,
+            inertia: beam.payload_inertia,
+        };
+        segments[count - 1] = payload.on(&segments[count - 1]);
 
         // the segment under the mount; a mount on a joint belongs to the inner segment
         let mut mount_segment = 0;

@@ -9,10 +9,10 @@ impl<T: Real, const N: usize> Boom<T, N> {
     ///
     /// ```text
     /// l_i = Σ_k ∂r_k/∂φ_i · (W_k − m_k a*_k) + τ_i − τ_{i−1}
-    /// τ_i = k_C (φ_{i+1} − φ_i) + b_C (φ̇_{i+1} − φ̇_i)                                  (15, 16)
+    /// τ_i = k_C (φ_{i+1} − φ_i − δ_i) + b_C (φ̇_{i+1} − φ̇_i)                            (15, 16)
     /// ```
     ///
-    /// a*_k holds the terms of the acceleration with φ̇²; each points back along its vector. The
+    /// δ_i is the joint's bend without load, zero in the paper's straight boom. a*_k holds the terms of the acceleration with φ̇²; each points back along its vector. The
     /// cylinder's force F adds `arm_i F`.
     #[inline(always)]
     pub fn applied_moments(&self, pose: &Pose<T, N>, state: &BoomState<T, N>) -> [T; N] {
@@ -33,7 +33,8 @@ impl<T: Real, const N: usize> Boom<T, N> {
         let mut moment = self.moments_of(pose, &force);
         for i in 0..n - 1 {
             let joint = &self.joints[i];
-            let torque = joint.stiffness * (state.angle[i + 1] - state.angle[i])
+            let bend = (state.angle[i + 1] - state.angle[i]) - joint.rest;
+            let torque = joint.stiffness * bend
                 + joint.damping * (state.angular_velocity[i + 1] - state.angular_velocity[i]);
             moment[i] = moment[i] + torque;
             moment[i + 1] = moment[i + 1] - torque;

@@ -4,12 +4,14 @@ mod articulated;
 mod base;
 mod beam;
 mod forces;
+mod links;
 mod mount;
 mod pose;
 
 pub use articulated::Articulated;
 pub use base::BaseFrame;
 pub use beam::{Beam, Geometry, LayoutError};
+pub use links::{Link, Payload};
 pub use mount::{CylinderPose, Mount};
 pub use pose::Pose;
 
@@ -52,6 +54,9 @@ record! {
         /// Torsional damping, b_C
         #[unit = "N·m·s/rad"]
         pub damping: T,
+        /// Bend without load, of the outer segment against the inner; a straight boom has none
+        #[unit = "rad"]
+        pub rest: T,
     }
 }
 
@@ -182,8 +187,9 @@ impl<T: Real, const N: usize> Boom<T, N> {
     pub fn elastic_energy(&self, state: &BoomState<T, N>) -> T {
         let mut energy = T::zero();
         for i in 0..self.len() - 1 {
-            let bend = state.angle[i + 1] - state.angle[i];
-            energy = energy + T::lit(0.5) * self.joints[i].stiffness * bend.square();
+            let joint = &self.joints[i];
+            let bend = (state.angle[i + 1] - state.angle[i]) - joint.rest;
+            energy = energy + T::lit(0.5) * joint.stiffness * bend.square();
         }
         if let Some(base) = &self.base {
             energy = energy + base.elastic_energy(state.angle[self.len()]);

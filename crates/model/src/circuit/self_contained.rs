@@ -1,6 +1,8 @@
 //! The self-contained electro-hydraulic cylinder: five pressure nodes and what connects them
 //! (section 3.1, appendix A.1, figures 3 and 6).
 
+use super::{Circuit, Coordinates};
+use crate::crane::Input;
 use crate::hydraulics::{
     Accumulator, CheckValve, Cylinder, Oil, Orifice, PilotCheckValve, Pump, Slip, in_series,
     three_in_series,
@@ -307,5 +309,57 @@ impl<T> CircuitState<T> {
     #[inline(always)]
     pub fn map<U>(self, mut f: impl FnMut(T) -> U) -> CircuitState<U> {
         CircuitState { nodes: self.nodes.map(&mut f), gas_volume: f(self.gas_volume) }
+    }
+}
+
+impl<T: Real> Circuit<T> for SelfContained<T> {
+    type State = CircuitState<T>;
+    type Input = Input<T>;
+    type Over<U: Real> = SelfContained<U>;
+
+    #[inline(always)]
+    fn oil(&self) -> &Oil<T> {
+        &self.oil
+    }
+
+    #[inline(always)]
+    fn chambers(&self, state: &CircuitState<T>) -> (T, T) {
+        (self.oil.pressure(state.nodes.a), self.oil.pressure(state.nodes.b))
+    }
+
+    #[inline(always)]
+    fn state_rates(
+        &self,
+        state: &CircuitState<T>,
+        input: &Input<T>,
+        cylinder: &Cylinder<T>,
+        stroke: T,
+        velocity: T,
+    ) -> CircuitState<T> {
+        let pressures = self.pressures(state);
+        let flows = self.flows(&pressures, input.pump_speed, input.holding_valve);
+        self.rates(state, &flows, cylinder, stroke, velocity)
+    }
+
+    #[inline(always)]
+    fn coordinates(state: &CircuitState<T>) -> Coordinates<T> {
+        Coordinates { stiff: state.nodes.to_array(), slow: [state.gas_volume] }
+    }
+
+    #[inline(always)]
+    fn from_coordinates(coordinates: &Coordinates<T>) -> CircuitState<T> {
+        CircuitState {
+            nodes: Nodes::from_array(coordinates.stiff),
+            gas_volume: coordinates.slow[0],
+        }
+    }
+
+    fn over<U: Real>(&self, f: &mut impl FnMut(T) -> U) -> SelfContained<U> {
+        self.map(f)
+    }
+
+    #[inline(always)]
+    fn input_over<U: Real>(input: &Input<T>, f: &mut impl FnMut(T) -> U) -> Input<U> {
+        input.map(f)
     }
 }

@@ -15,6 +15,10 @@ pub trait FrictionLaw<T: Real> {
     /// Power \[W\] that goes into the bristles when they deflect at `rate` \[m/s\].
     fn stored_power(&self, bristle: T, rate: T) -> T;
 
+    /// Force \[N\] that rests on the contact, at most `force`, and the bristle deflection \[m\] that holds it: nothing
+    /// for laws without memory.
+    fn at_rest(&self, force: T) -> (T, T);
+
     /// Largest stiffness \[N/m\] and damping \[N·s/m\] of the contact, met near rest.
     fn steepest(&self) -> (T, T);
 }
@@ -63,6 +67,10 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
 
     fn stored_power(&self, _bristle: T, _rate: T) -> T {
         T::zero()
+    }
+
+    fn at_rest(&self, _force: T) -> (T, T) {
+        (T::zero(), T::zero())
     }
 
     fn steepest(&self) -> (T, T) {
@@ -119,6 +127,12 @@ impl<T: Real> FrictionLaw<T> for LuGre<T> {
         self.bristle_stiffness * z * rate
     }
 
+    fn at_rest(&self, force: T) -> (T, T) {
+        // at the Coulomb force the bristles hold without creeping away at the first movement
+        let held = force.min(self.coulomb).max(-self.coulomb);
+        (held, held / self.bristle_stiffness)
+    }
+
     fn steepest(&self) -> (T, T) {
         (self.bristle_stiffness, self.viscous + self.bristle_damping)
     }
@@ -153,6 +167,13 @@ impl<T: Real> FrictionLaw<T> for Friction<T> {
         match self {
             Self::Stribeck(law) => law.stored_power(bristle, rate),
             Self::LuGre(law) => law.stored_power(bristle, rate),
+        }
+    }
+
+    fn at_rest(&self, force: T) -> (T, T) {
+        match self {
+            Self::Stribeck(law) => law.at_rest(force),
+            Self::LuGre(law) => law.at_rest(force),
         }
     }
 

@@ -24,11 +24,11 @@
 //! circuit sees the boom only through the piston, the boom sees the circuit only through the
 //! cylinder force along `arm`; so the boom is eliminated,
 //! `Δv = arm·S⁻¹ rhs + (arm·S⁻¹ arm) γh ΔF`, and what is left is a system of seven unknowns: five
-//! pressures, bristle, piston velocity.
+//! pressures, bristle, piston velocity. A circuit with fewer nodes leaves some of them at rest.
 
 use crate::boom::{Articulated, Boom};
-use crate::circuit::{CircuitState, Nodes, SelfContained};
-use crate::crane::{Crane, CraneState, Input};
+use crate::circuit::{Circuit, Coordinates, SLOW, STIFF, SelfContained};
+use crate::crane::{Crane, CraneState};
 use crate::hydraulics::{Cylinder, EndStops, Friction, FrictionLaw};
 use core::array::from_fn;
 use hydroboom_math::{Dual, Factored, Real};
@@ -51,16 +51,19 @@ pub const MOST_PARTS: u32 = 256;
 
 /// Unknowns of the reduced system, which are also the directions of differentiation: five nodes,
 /// then these.
-const BRISTLE: usize = 5;
-const PISTON: usize = 6;
-const UNKNOWNS: usize = 7;
+const BRISTLE: usize = STIFF;
+const PISTON: usize = STIFF + 1;
+const UNKNOWNS: usize = STIFF + 2;
 
 type D<T> = Dual<T, UNKNOWNS>;
 
+/// The circuit in dual numbers.
+type Over<T, C> = <C as Circuit<T>>::Over<D<T>>;
+
 /// The step, with the crane's stiff parts in dual numbers.
 #[derive(Clone, Copy, Debug)]
-pub struct Implicit<T> {
-    circuit: SelfContained<D<T>>,
+pub struct Implicit<T: Real, C: Circuit<T> = SelfContained<T>> {
+    circuit: Over<T, C>,
     cylinder: Cylinder<D<T>>,
     end_stops: EndStops<D<T>>,
     friction: Friction<D<T>>,
@@ -88,18 +91,18 @@ impl<T: Real, const N: usize> Eliminated<T, N> {
 struct Stiff<T> {
     /// Rates of the nodes, then of the bristle.
     rates: [D<T>; PISTON],
-    /// Rate of the gas volume.
-    gas: D<T>,
+    /// Rates of the circuit's other coordinates.
+    slow: [D<T>; SLOW],
     /// Cylinder force.
     force: D<T>,
 }
 
-impl<T: Real> Implicit<T> {
+impl<T: Real, C: Circuit<T>> Implicit<T, C> {
     /// Prepares steps of the given crane; to be used with that crane only.
-    pub fn new<const N: usize>(crane: &Crane<T, N>) -> Self {
+    pub fn new<const N: usize>(crane: &Crane<T, N, C>) -> Self {
         let constant = &mut D::constant;
         Self {
-            circuit: crane.circuit.map(constant),
+            circuit: crane.circuit.over(constant),
             cylinder: crane.cylinder.map(&mut *constant),
             end_stops: crane.end_stops.map(&mut *constant),
             friction: crane.friction.map(constant),
@@ -111,9 +114,9 @@ impl<T: Real> Implicit<T> {
     #[inline(always)]
     pub fn step<const N: usize>(
         &self,
-        crane: &Crane<T, N>,
-        state: &mut CraneState<T, N>,
-        input: &Input<T>,
+        crane: &Crane<T, N, C>,
+        state: &mut CraneState<T, N, C::State>,
+        input: &C::Input,
         step: T,
     ) -> T {
         let gh = T::lit(GAMMA) * step;
@@ -139,13 +142,13 @@ impl<T: Real> Implicit<T> {
     #[inline(always)]
     fn stage<const N: usize>(
         &self,
-        crane: &Crane<T, N>,
-        base: &CraneState<T, N>,
-        guess: &CraneState<T, N>,
-        input: &Input<T>,
+        crane: &Crane<T, N, C>,
+        base: &CraneState<T, N, C::State>,
+        guess: &CraneState<T, N, C::State>,
+        input: &C::Input,
         gh: T,
         eliminated: &Eliminated<T, N>,
-    ) -> (CraneState<T, N>, T) {
+    ) -> (CraneState<T, N, C::State>, T) {
         let n = crane.boom.coordinates();
         let mut y = *guess;
         let mut left = T::lit(f64::INFINITY);
@@ -160,7 +163,7 @@ impl<T: Real> Implicit<T> {
             let mut next = y;
             let change = self.iterate(crane, base, &mut next, input, gh, eliminated);
             // lane by lane, so that none depends on what the others need
-            y = chosen(goes_on, &next, &y, n);
+            y = chosen::<T, N, C>(goes_on, &next, &y, n);
             left = T::select(goes_on, change, left);
         }
         (y, left)
@@ -171,10 +174,10 @@ impl<T: Real> Implicit<T> {
     #[inline(always)]
     fn iterate<const N: usize>(
         &self,
-        crane: &Crane<T, N>,
-        base: &CraneState<T, N>,
-        y: &mut CraneState<T, N>,
-        input: &Input<T>,
+        crane: &Crane<T, N, C>,
+        base: &CraneState<T, N, C::State>,
+        y: &mut CraneState<T, N, C::State>,
+        input: &C::Input,
         gh: T,
         eliminated: &Eliminated<T, N>,
     ) -> T {
@@ -204,14 +207,14 @@ impl<T: Real> Implicit<T> {
 
         let mut matrix = [[T::zero(); UNKNOWNS]; UNKNOWNS];
         let mut rhs = [T::zero(); UNKNOWNS];
-        let (at, from) = (y.circuit.nodes.to_array(), base.circuit.nodes.to_array());
+        let (at, from) = (C::coordinates(&y.circuit), C::coordinates(&base.circuit));
         for row in 0..PISTON {
             let rate = &stiff.rates[row];
             matrix[row] = rate.slope.map(|slope| -(gh * slope));
             matrix[row][row] = matrix[row][row] + T::one();
             let gained = match row {
                 BRISTLE => y.bristle - base.bristle,
-                node => at[node] - from[node],
+                node => at.stiff[node] - from.stiff[node],
             };
             rhs[row] = gh * rate.value - gained;
         }
@@ -220,18 +223,23 @@ impl<T: Real> Implicit<T> {
         rhs[PISTON] = cylinder.velocity(boom, &free);
         let change = Factored::new(matrix).solve(rhs);
 
-        let (mut force, mut gas) = (T::zero(), stiff.gas.value);
-        for i in 0..UNKNOWNS {
-            force = force + stiff.force.slope[i] * change[i];
-            gas = gas + stiff.gas.slope[i] * change[i];
-        }
+        let along = |rate: &D<T>| {
+            let terms = rate.slope.iter().zip(change);
+            terms.fold(T::zero(), |sum, (slope, change)| sum + *slope * change)
+        };
+        let force = along(&stiff.force);
         for i in 0..n {
             let omega = y.boom.angular_velocity[i] + free[i] + gh * force * answer[i];
             y.boom.angular_velocity[i] = omega;
             y.boom.angle[i] = base.boom.angle[i] + gh * omega;
         }
-        y.circuit.nodes = Nodes::from_array(from_fn(|i| at[i] + change[i]));
-        y.circuit.gas_volume = base.circuit.gas_volume + gh * gas;
+        y.circuit = C::from_coordinates(&Coordinates {
+            stiff: from_fn(|i| at.stiff[i] + change[i]),
+            slow: from_fn(|i| {
+                let rate = &stiff.slow[i];
+                from.slow[i] + gh * (rate.value + along(rate))
+            }),
+        });
         y.bristle = y.bristle + change[BRISTLE];
         change[..BRISTLE].iter().fold(T::zero(), |largest, q| largest.max(q.abs()))
     }
@@ -241,46 +249,48 @@ impl<T: Real> Implicit<T> {
     #[inline(always)]
     fn stiff(
         &self,
-        circuit: &CircuitState<T>,
+        circuit: &C::State,
         bristle: T,
         stroke: T,
         velocity: T,
-        input: &Input<T>,
+        input: &C::Input,
         gh: T,
     ) -> Stiff<T> {
-        let q = circuit.nodes.to_array();
-        let state = CircuitState {
-            nodes: Nodes::from_array(from_fn(|i| D::variable(q[i], i))),
-            gas_volume: D::constant(circuit.gas_volume),
-        };
+        let q = C::coordinates(circuit);
+        let state = Over::<T, C>::from_coordinates(&Coordinates {
+            stiff: from_fn(|i| D::variable(q.stiff[i], i)),
+            slow: q.slow.map(D::constant),
+        });
         let bristle = D::variable(bristle, BRISTLE);
         let velocity = D::variable(velocity, PISTON);
         let mut stroke = D::constant(stroke);
         stroke.slope[PISTON] = gh;
-        let (speed, valve) = (D::constant(input.pump_speed), D::constant(input.holding_valve));
+        let input = C::input_over(input, &mut D::constant);
 
-        let p = self.circuit.pressures(&state);
-        let flows = self.circuit.flows(&p, speed, valve);
-        let rates = self.circuit.rates(&state, &flows, &self.cylinder, stroke, velocity);
+        let rates = self.circuit.state_rates(&state, &input, &self.cylinder, stroke, velocity);
+        let rates = Over::<T, C>::coordinates(&rates);
+        let (a, b) = self.circuit.chambers(&state);
         let (friction, bristle_rate) = self.friction.evaluate(velocity, bristle);
         let stops = self.end_stops.force(stroke, velocity, self.cylinder.stroke_length);
-        let [pump_a, a, b, pump_b, accumulator] = rates.nodes.to_array();
         Stiff {
-            rates: [pump_a, a, b, pump_b, accumulator, bristle_rate],
-            gas: rates.gas_volume,
-            force: self.cylinder.force(p.a, p.b) - friction + stops,
+            rates: from_fn(|row| match row {
+                BRISTLE => bristle_rate,
+                node => rates.stiff[node],
+            }),
+            slow: rates.slow,
+            force: self.cylinder.force(a, b) - friction + stops,
         }
     }
 }
 
 /// `yes` in the lanes where `mask` holds, `no` in the others.
 #[inline(always)]
-fn chosen<T: Real, const N: usize>(
+fn chosen<T: Real, const N: usize, C: Circuit<T>>(
     mask: T::Mask,
-    yes: &CraneState<T, N>,
-    no: &CraneState<T, N>,
+    yes: &CraneState<T, N, C::State>,
+    no: &CraneState<T, N, C::State>,
     coordinates: usize,
-) -> CraneState<T, N> {
+) -> CraneState<T, N, C::State> {
     let mut state = *no;
     for i in 0..coordinates {
         let (a, b) = (&yes.boom, &no.boom);
@@ -288,34 +298,35 @@ fn chosen<T: Real, const N: usize>(
         state.boom.angular_velocity[i] =
             T::select(mask, a.angular_velocity[i], b.angular_velocity[i]);
     }
-    let (q, r) = (yes.circuit.nodes.to_array(), no.circuit.nodes.to_array());
-    state.circuit.nodes = Nodes::from_array(from_fn(|i| T::select(mask, q[i], r[i])));
-    state.circuit.gas_volume = T::select(mask, yes.circuit.gas_volume, no.circuit.gas_volume);
+    let (q, r) = (C::coordinates(&yes.circuit), C::coordinates(&no.circuit));
+    state.circuit = C::from_coordinates(&Coordinates {
+        stiff: from_fn(|i| T::select(mask, q.stiff[i], r.stiff[i])),
+        slow: from_fn(|i| T::select(mask, q.slow[i], r.slow[i])),
+    });
     state.bristle = T::select(mask, yes.bristle, no.bristle);
     state
 }
 
-impl Implicit<f64> {
-    /// Whether a step that returned `left` \[Pa\] has settled.
-    pub fn has_settled(left: f64) -> bool {
-        left <= UNSETTLED
-    }
+/// Whether an implicit step that returned `left` \[Pa\] has settled.
+pub fn has_settled(left: f64) -> bool {
+    left <= UNSETTLED
+}
 
+impl<C: Circuit<f64>> Implicit<f64, C> {
     /// The state after one step, taken in as many parts as it needs to settle; none where it does
     /// not in [`MOST_PARTS`] either.
     pub fn settled<const N: usize>(
         &self,
-        crane: &Crane<f64, N>,
-        state: &CraneState<f64, N>,
-        input: &Input<f64>,
+        crane: &Crane<f64, N, C>,
+        state: &CraneState<f64, N, C::State>,
+        input: &C::Input,
         step: f64,
-    ) -> Option<CraneState<f64, N>> {
+    ) -> Option<CraneState<f64, N, C::State>> {
         let mut parts = 1;
         while parts <= MOST_PARTS {
             let mut trial = *state;
             let part = step / f64::from(parts);
-            let all =
-                (0..parts).all(|_| Self::has_settled(self.step(crane, &mut trial, input, part)));
+            let all = (0..parts).all(|_| has_settled(self.step(crane, &mut trial, input, part)));
             if all {
                 return Some(trial);
             }
@@ -327,12 +338,12 @@ impl Implicit<f64> {
 
 /// The state reached by going from `from` to `to` and on, `share` times the way.
 #[inline(always)]
-fn beyond<T: Real, const N: usize>(
-    crane: &Crane<T, N>,
-    from: &CraneState<T, N>,
-    to: &CraneState<T, N>,
+fn beyond<T: Real, const N: usize, C: Circuit<T>>(
+    crane: &Crane<T, N, C>,
+    from: &CraneState<T, N, C::State>,
+    to: &CraneState<T, N, C::State>,
     share: T,
-) -> CraneState<T, N> {
+) -> CraneState<T, N, C::State> {
     let along = |a: T, b: T| a + share * (b - a);
     let mut state = *from;
     for i in 0..crane.boom.coordinates() {
@@ -340,9 +351,11 @@ fn beyond<T: Real, const N: usize>(
         state.boom.angular_velocity[i] =
             along(from.boom.angular_velocity[i], to.boom.angular_velocity[i]);
     }
-    let (q, r) = (from.circuit.nodes.to_array(), to.circuit.nodes.to_array());
-    state.circuit.nodes = Nodes::from_array(from_fn(|i| along(q[i], r[i])));
-    state.circuit.gas_volume = along(from.circuit.gas_volume, to.circuit.gas_volume);
+    let (q, r) = (C::coordinates(&from.circuit), C::coordinates(&to.circuit));
+    state.circuit = C::from_coordinates(&Coordinates {
+        stiff: from_fn(|i| along(q.stiff[i], r.stiff[i])),
+        slow: from_fn(|i| along(q.slow[i], r.slow[i])),
+    });
     state.bristle = along(from.bristle, to.bristle);
     state
 }

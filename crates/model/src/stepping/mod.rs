@@ -11,7 +11,7 @@ mod limit;
 mod published;
 mod runge_kutta;
 
-pub use implicit::{Implicit, MOST_PARTS};
+pub use implicit::{Implicit, MOST_PARTS, has_settled};
 pub use limit::StepLimit;
 pub use published::published;
 pub use runge_kutta::runge_kutta_4;

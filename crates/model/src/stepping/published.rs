@@ -1,6 +1,7 @@
 //! The paper's time step (equations (30) to (32), section 5.1).
 
-use crate::crane::{Crane, CraneState, Input};
+use crate::circuit::Circuit;
+use crate::crane::{Crane, CraneState};
 use hydroboom_math::Real;
 
 /// One step of `step` \[s\]: the circuit by forward Euler, the boom by the paper's sequential
@@ -19,10 +20,10 @@ use hydroboom_math::Real;
 /// First order. Stable only below [`StepLimit`](super::StepLimit); damps a mode of angular
 /// frequency ω by ω dt/4 on its own.
 #[inline(always)]
-pub fn published<T: Real, const N: usize>(
-    crane: &Crane<T, N>,
-    state: &mut CraneState<T, N>,
-    input: &Input<T>,
+pub fn published<T: Real, const N: usize, C: Circuit<T>>(
+    crane: &Crane<T, N, C>,
+    state: &mut CraneState<T, N, C::State>,
+    input: &C::Input,
     step: T,
 ) {
     let rate = crane.derivative(state, input);
@@ -36,12 +37,13 @@ pub fn published<T: Real, const N: usize>(
             velocity.mul_add(step, acceleration.mul_add(half_square, state.boom.angle[i]));
     }
 
-    let nodes = &mut state.circuit.nodes;
-    nodes.pump_a = step.mul_add(rate.circuit.nodes.pump_a, nodes.pump_a);
-    nodes.a = step.mul_add(rate.circuit.nodes.a, nodes.a);
-    nodes.b = step.mul_add(rate.circuit.nodes.b, nodes.b);
-    nodes.pump_b = step.mul_add(rate.circuit.nodes.pump_b, nodes.pump_b);
-    nodes.accumulator = step.mul_add(rate.circuit.nodes.accumulator, nodes.accumulator);
-    state.circuit.gas_volume = step.mul_add(rate.circuit.gas_volume, state.circuit.gas_volume);
+    let (mut q, dq) = (C::coordinates(&state.circuit), C::coordinates(&rate.circuit));
+    for (q, rate) in q.stiff.iter_mut().zip(dq.stiff) {
+        *q = step.mul_add(rate, *q);
+    }
+    for (q, rate) in q.slow.iter_mut().zip(dq.slow) {
+        *q = step.mul_add(rate, *q);
+    }
+    state.circuit = C::from_coordinates(&q);
     state.bristle = step.mul_add(rate.bristle, state.bristle);
 }

@@ -1,15 +1,16 @@
 //! The classical Runge-Kutta step, for converged references.
 
-use crate::circuit::{CircuitState, Nodes};
-use crate::crane::{Crane, CraneRates, CraneState, Input};
+use crate::circuit::{Circuit, Coordinates};
+use crate::crane::{Crane, CraneRates, CraneState};
+use core::array::from_fn;
 use hydroboom_math::Real;
 
 /// One step of `step` \[s\]. Fourth order; explicit, so its step has to resolve the fastest mode
 /// and the fastest orifice.
-pub fn runge_kutta_4<T: Real, const N: usize>(
-    crane: &Crane<T, N>,
-    state: &mut CraneState<T, N>,
-    input: &Input<T>,
+pub fn runge_kutta_4<T: Real, const N: usize, C: Circuit<T>>(
+    crane: &Crane<T, N, C>,
+    state: &mut CraneState<T, N, C::State>,
+    input: &C::Input,
     step: T,
 ) {
     let half = T::lit(0.5) * step;
@@ -31,13 +32,13 @@ pub fn runge_kutta_4<T: Real, const N: usize>(
 }
 
 /// `from` moved for `time` along the rates that hold at the state `at`.
-fn moved<T: Real, const N: usize>(
-    crane: &Crane<T, N>,
-    from: &CraneState<T, N>,
-    at: &CraneState<T, N>,
-    rate: &CraneRates<T, N>,
+fn moved<T: Real, const N: usize, C: Circuit<T>>(
+    crane: &Crane<T, N, C>,
+    from: &CraneState<T, N, C::State>,
+    at: &CraneState<T, N, C::State>,
+    rate: &CraneRates<T, N, C::State>,
     time: T,
-) -> CraneState<T, N> {
+) -> CraneState<T, N, C::State> {
     let mut to = *from;
     for i in 0..crane.boom.coordinates() {
         to.boom.angle[i] = from.boom.angle[i] + time * at.boom.angular_velocity[i];
@@ -45,10 +46,10 @@ fn moved<T: Real, const N: usize>(
             from.boom.angular_velocity[i] + time * rate.angular_acceleration[i];
     }
     to.bristle = from.bristle + time * rate.bristle;
-    let (q, dq) = (from.circuit.nodes.to_array(), rate.circuit.nodes.to_array());
-    to.circuit = CircuitState {
-        nodes: Nodes::from_array(core::array::from_fn(|i| q[i] + time * dq[i])),
-        gas_volume: from.circuit.gas_volume + time * rate.circuit.gas_volume,
-    };
+    let (q, dq) = (C::coordinates(&from.circuit), C::coordinates(&rate.circuit));
+    to.circuit = C::from_coordinates(&Coordinates {
+        stiff: from_fn(|i| q.stiff[i] + time * dq.stiff[i]),
+        slow: from_fn(|i| q.slow[i] + time * dq.slow[i]),
+    });
     to
 }

@@ -1,0 +1,179 @@
+//! The report of a tuning.
+
+use super::{Outcome, Shown};
+use hydroboom_description::schema::KEYS;
+use hydroboom_identify::{COMPARED, Fit, Tuned, experiment_for};
+use hydroboom_lab::LabError;
+use hydroboom_lab::report::{Axes, Figure, Series, document, figure};
+use maud::{Markup, html};
+
+/// The whole page.
+pub fn page(outcome: &Outcome<'_>) -> Result<String, LabError> {
+    let Outcome { crane, experiments, found, held, notes, digests, .. } = outcome;
+    let mut figures = Vec::new();
+    for (log, experiment) in experiments.iter().enumerate() {
+        for (place, signal) in COMPARED.into_iter().enumerate() {
+            let (unit, size) = signal.shown();
+            let seen: Vec<(f64, f64)> = experiment
+                .samples
+                .iter()
+                .filter_map(|s| Some((s.time, s.values[place]? / size)))
+                .collect();
+            if seen.is_empty() {
+                continue;
+            }
+            let model = |predictions: &[Vec<[f64; COMPARED.len()]>]| -> Vec<(f64, f64)> {
+                let samples = experiment.samples.iter().zip(&predictions[log]);
+                samples.map(|(s, p)| (s.time, p[place] / size)).collect()
+            };
+            let lines = [
+                ("log", seen),
+                ("model before", model(&found.predictions.0)),
+                ("model after", model(&found.predictions.1)),
+            ];
+            let x = "time since the experiment began [s]";
+            let y = format!("{} [{unit}]", signal.symbol());
+            let svg = Figure { x, y: &y, series: Series::list(lines), axes: Axes::Linear }.svg()?;
+            let caption = format!(
+                "{} of {}: log, and model before and after.",
+                signal.symbol(),
+                experiment.name
+            );
+            figures.push(figure(&caption, &svg));
+        }
+    }
+    let open: Vec<&Tuned> = found.tuned.iter().filter(|t| !t.is_determined).collect();
+    let body = html! {
+        p.soft {
+            (found.tuned.len()) " keys of \"" (crane.name) "\" moved until the model shows what the logs do; "
+            (found.evaluations) " runs of the model."
+            @if !found.has_converged { " The search did not end by itself: more may be to be had." }
+        }
+        p.soft { "Logs: " @for (e, digest) in experiments.iter().zip(digests) {
+            code { (e.name) } " (SHA-256 " (&digest[..16]) "), " (format!("{:.1} s. ", e.duration()))
+        } }
+        @for note in notes { p.soft { "Note: " (note) } }
+        h2 { "The keys" }
+        (keys(found))
+        p.soft {
+            "The interval holds the true value in nineteen cases of twenty, if the model is the true one but for its numbers. Known to: what "
+            "the provenance of the key stands for. Logs say to: what the logs alone add to that."
+        }
+        @if !open.is_empty() {
+            h2 { "What the logs do not determine, and what would" }
+            p { "Of these the logs say less than was known before; that decides, and the value is no finding." }
+            ul { @for t in &open { li { code { (t.key.path()) } ": " (experiment_for(t.key)) "." } } }
+        }
+        h2 { "Differences before and after" }
+        (differences(outcome))
+        @if !held.is_empty() {
+            h2 { "What was kept from the search" }
+            (foretold(outcome))
+        }
+        h2 { "Which keys are traded against which" }
+        (correlations(found))
+        h2 { "Log and model" }
+        @for figure in &figures { (figure) }
+    };
+    Ok(document("Hydroboom: tuning", &body))
+}
+
+fn keys(found: &Fit) -> Markup {
+    html! { div.wide { table {
+        thead { tr {
+            @for name in ["key", "unit", "before", "after", "95 % from", "to", "known to [%]", "logs say to [%]", "determined"] {
+                th { (name) }
+            }
+        } }
+        tbody { @for t in &found.tuned {
+            @let key = &KEYS[t.key.place];
+            @let (low, high) = t.interval();
+            tr {
+                td { (key.path()) } td { (key.unit) }
+                @for v in [t.value.0, t.value.1, low, high] { td { (Shown(key.to_unit(v)).to_string()) } }
+                td { (format!("{:.1}", t.prior * 100.0)) }
+                td { @if t.from_logs.is_finite() { (format!("{:.2}", t.from_logs * 100.0)) } @else { "nothing" } }
+                td { @if t.is_determined { "yes" } @else { b { "no" } } }
+            }
+        } }
+    } } }
+}
+
+fn differences(outcome: &Outcome<'_>) -> Markup {
+    let used = outcome.found.improvements.iter().map(|i| (i, "used"));
+    let all: Vec<_> = used.chain(outcome.tests.iter().map(|i| (i, "not used"))).collect();
+    html! { div.wide { table {
+        thead { tr { @for name in ["log", "for tuning", "signal", "RMS before", "after"] { th { (name) } } } }
+        tbody { @for (improvement, how) in all {
+            @for (signal, rms) in COMPARED.iter().zip(&improvement.rms) {
+                @if let Some((before, after)) = rms {
+                    @let (unit, size) = signal.shown();
+                    tr {
+                        td { (improvement.log) } td { (how) } td { (signal.symbol()) " [" (unit) "]" }
+                        td { (format!("{:.3}", before / size)) } td { (format!("{:.3}", after / size)) }
+                    }
+                }
+            }
+        } }
+    } } }
+}
+
+fn foretold(outcome: &Outcome<'_>) -> Markup {
+    let number = |v: Option<f64>, digits: usize| crate::output::optional(v, digits);
+    html! {
+        p {
+            "RMS differences on stretches that the search did not see. Beside the model: the straight line through half as long a "
+            "stretch before, the last value, and the line through the stretch itself, which only hindsight knows: no smooth course does "
+            "much better than that."
+        }
+        div.wide { table {
+            thead { tr {
+                @for name in ["stretch [s]", "signal", "model", "line before", "last value", "line in hindsight"] { th { (name) } }
+            } }
+            tbody { @for h in &outcome.held { @for f in &h.signals {
+                @let (unit, size) = f.signal.shown();
+                tr {
+                    td { (h.stretch.from) " to " (h.stretch.to) } td { (f.signal.symbol()) " [" (unit) "]" }
+                    td { b { (format!("{:.3}", f.model / size)) } }
+                    td { (number(f.line.map(|v| v / size), 3)) }
+                    td { (number(f.constant.map(|v| v / size), 3)) }
+                    td { (format!("{:.3}", f.hindsight / size)) }
+                }
+            } } }
+        } }
+        p { "How the whole log rings, and the model that did not see the stretch:" }
+        div.wide { table {
+            thead { tr {
+                @for name in ["without [s]", "signal", "log [Hz]", "model [Hz]", "damping of the log", "of the model"] { th { (name) } }
+            } }
+            tbody { @for h in &outcome.held { @for d in &h.whole {
+                @if let (Some(log), Some(model)) = (d.ringing, d.model_ringing) {
+                    tr {
+                        td { (h.stretch.from) " to " (h.stretch.to) } td { (d.signal.symbol()) }
+                        td { (format!("{:.3}", log.frequency)) } td { (format!("{:.3}", model.frequency)) }
+                        td { (number(log.damping, 4)) } td { (number(model.damping, 4)) }
+                    }
+                }
+            } } }
+        } }
+    }
+}
+
+/// Correlations as a table in which the strong ones stand out.
+fn correlations(found: &Fit) -> Markup {
+    html! {
+        p.soft { "Correlations of what is left open. Near 1 or -1 the logs tell the two keys together, and neither alone." }
+        div.wide { table {
+            thead { tr { th { "" } @for k in 1..=found.tuned.len() { th { (k) } } } }
+            tbody { @for (k, (t, row)) in found.tuned.iter().zip(&found.correlation).enumerate() {
+                tr {
+                    td { (k + 1) " " (t.key.path()) }
+                    @for (j, c) in row.iter().enumerate() {
+                        @let strength = if j == k { 0.0 } else { c.abs() };
+                        td style=(format!("background:rgba(213,94,0,{:.2})", 0.6 * strength.powi(2))) { (format!("{c:+.2}")) }
+                    }
+                }
+            } }
+        } }
+    }
+}

@@ -1,0 +1,46 @@
+//! Which experiment would tell what a log does not.
+
+use crate::free::Free;
+
+/// The experiment that would tell a key best.
+pub fn experiment_for(key: Free) -> &'static str {
+    let path = key.path();
+    let (section, name) = path.split_once('.').unwrap_or((&path, ""));
+    match section {
+        "friction" => {
+            "cycles at several speeds, the slowest of a few mm/s, with reversals: friction shows in the step of the \
+             load pressure between out and back"
+        }
+        "boom" if name.starts_with("damping") => {
+            "an oscillation test with the valves closed, logged until the ringing is gone: a motion's friction hides \
+             the boom's own damping"
+        }
+        "boom" | "link_1" | "link_2" | "link_3" => {
+            "an oscillation test with the valves closed, at two piston positions: stiffness and mass change the \
+             frequency differently over the stroke"
+        }
+        "payload" | "geometry" => {
+            "the load held still at three piston positions: the pressures that carry it are weights and lever arms"
+        }
+        "cylinder" | "hoses" | "oil" => {
+            "an oscillation test with the valves closed at the two ends of the stroke, and at two rod-side pressures: \
+             oil and volume change places in the frequency only where the volume changes"
+        }
+        "pump" if name.contains("leakage") || name.starts_with("slip") => {
+            "the motor at rest with the valves open, and slow motions under load: what leaks is what the piston sinks"
+        }
+        "pump" => {
+            "steady motions at two speeds and two loads: delivery and leakage part with the pressure"
+        }
+        "accumulator" => {
+            "a whole stroke out and back, and a night at rest: its pressure against the rod's volume"
+        }
+        "valve" => {
+            "steps of the command to several openings, up and down: dead band, gain and lag each show alone"
+        }
+        "holding_valve" | "return_valve" | "check_valve" | "relief" | "lines" => {
+            "pressures on both sides of the valve while the flow through it grows slowly from nothing"
+        }
+        _ => "an experiment in which nothing else of the same effect changes",
+    }
+}

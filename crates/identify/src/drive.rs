@@ -1,0 +1,121 @@
+//! What a log says that drove the machine.
+
+use crate::error::IdentifyError;
+use crate::experiment::Times;
+use hydroboom_description::Description;
+use hydroboom_description::schema::CircuitChoice;
+use hydroboom_measurement::{Measurement, Signal, Signals};
+use hydroboom_model::{Input, ValveInput};
+
+/// A pump's speed is steady, and the oil rings freely, where it changes by less than this \[rev/s²\].
+const STEADY_SPEED: f64 = 2.0;
+/// A valve's command is steady where it changes by less than this share of the travel in a second.
+const STEADY_TRAVEL: f64 = 0.02;
+
+/// The inputs of a model, one for each period.
+#[derive(Clone, Debug)]
+pub(crate) enum Drive {
+    /// Of a self-contained circuit.
+    Pump(Vec<Input<f64>>),
+    /// Of a valve-controlled circuit, and the command \[V\] of full travel less that of none.
+    Valve(Vec<ValveInput<f64>>, f64),
+}
+
+impl Drive {
+    /// The signal that drives the model.
+    pub(crate) fn signal(
+        model: &Description,
+        log: &Measurement,
+        signals: &Signals,
+        remarks: &mut Vec<String>,
+    ) -> Result<Signal, IdentifyError> {
+        if model.choices.circuit == CircuitChoice::ValveControlled {
+            signals.need(Signal::ValveCommand, log)?;
+            return Ok(Signal::ValveCommand);
+        }
+        if signals.get(Signal::MotorSpeed).is_some() {
+            return Ok(Signal::MotorSpeed);
+        }
+        signals.need(Signal::MotorCommand, log)?;
+        remarks.push("the motor's speed was not read: the one asked for drives the model".into());
+        Ok(Signal::MotorCommand)
+    }
+
+    /// What a log says, period by period; the driving signal must be there.
+    pub(crate) fn new(
+        model: &Description,
+        driving: Signal,
+        signals: &Signals,
+        times: &Times,
+        remarks: &mut Vec<String>,
+    ) -> Self {
+        let n = &model.numbers;
+        let Times { begin, period, count } = *times;
+        let begins = || (0..count).map(|k| begin + k as f64 * period);
+        let track = signals.get(driving);
+        // in the middle of its period; over a gap the last one holds, and that is said below
+        let of = |signal: Signal, time: f64| {
+            let track = signals.get(signal)?;
+            track.at(time + 0.5 * period).or_else(|| track.held(time))
+        };
+        let gaps = begins().filter(|time| track.and_then(|t| t.at(*time)).is_none()).count();
+        if gaps > 1 {
+            remarks.push(format!(
+                "for {:.3} s the {} is missing: the last one holds",
+                gaps as f64 * period,
+                driving.symbol()
+            ));
+        }
+        let lacks = |signal: Signal| signals.get(signal).is_none();
+        match model.choices.circuit {
+            CircuitChoice::SelfContained => {
+                if lacks(Signal::HoldingValve) {
+                    remarks
+                        .push("the load-holding valve was not logged: it is taken as open".into());
+                }
+                let valve = signals.get(Signal::HoldingValve);
+                let inputs = begins().map(|time| Input {
+                    pump_speed: of(driving, time).unwrap_or(0.0),
+                    holding_valve: valve.and_then(|v| v.held(time)).unwrap_or(1.0),
+                });
+                Self::Pump(inputs.collect())
+            }
+            CircuitChoice::ValveControlled => {
+                for (signal, value) in [
+                    (Signal::PressureSupply, n.supply_pressure),
+                    (Signal::PressureTank, n.tank_pressure),
+                ] {
+                    if lacks(signal) {
+                        remarks.push(format!(
+                            "{} was not logged: it is taken as {:.1} bar",
+                            signal.symbol(),
+                            value * 1e-5
+                        ));
+                    }
+                }
+                let inputs = begins().map(|time| ValveInput {
+                    command: of(driving, time).unwrap_or(n.spool_neutral),
+                    supply: of(Signal::PressureSupply, time).unwrap_or(n.supply_pressure),
+                    tank: of(Signal::PressureTank, time).unwrap_or(n.tank_pressure),
+                });
+                Self::Valve(inputs.collect(), n.spool_full - n.spool_neutral)
+            }
+        }
+    }
+
+    /// How many periods there are.
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Pump(inputs) => inputs.len(),
+            Self::Valve(inputs, _) => inputs.len(),
+        }
+    }
+
+    /// What drives the model in a period, in units that a steady input changes by less than one of in a second.
+    pub(crate) fn driving(&self, period: usize) -> f64 {
+        match self {
+            Self::Pump(inputs) => inputs[period].pump_speed / STEADY_SPEED,
+            Self::Valve(inputs, travel) => inputs[period].command / (travel * STEADY_TRAVEL),
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Stretches of a log that a search does not see, and how well the model does there: the guard against over-fitting.
+
+use crate::differences::{Difference, differences};
+use crate::experiment::{COMPARED, Experiment};
+use crate::prediction::Prediction;
+use hydroboom_measurement::Signal;
+
+/// A stretch of a log, in the log's own time \[s\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stretch {
+    /// Its beginning.
+    pub from: f64,
+    /// Its end.
+    pub to: f64,
+}
+
+/// How well a signal is foretold on a stretch: RMS differences in SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Foretold {
+    /// The signal.
+    pub signal: Signal,
+    /// By the model.
+    pub model: f64,
+    /// By the straight line through as long a stretch, at most, before it; none where nothing is before it.
+    pub line: Option<f64>,
+    /// By the last value before it, as an average over a tenth of the stretch.
+    pub constant: Option<f64>,
+    /// By the straight line through the stretch itself, which only hindsight knows.
+    pub hindsight: f64,
+}
+
+/// A model on a stretch that it was not tuned to.
+#[derive(Clone, Debug)]
+pub struct HeldOut {
+    /// The log.
+    pub log: String,
+    /// The stretch.
+    pub stretch: Stretch,
+    /// The signals that were measured there.
+    pub signals: Vec<Foretold>,
+    /// How the whole log rings, and the model that did not see the stretch.
+    pub whole: Vec<Difference>,
+}
+
+impl Experiment {
+    /// The same without what was measured on some stretches: inputs and times stay.
+    pub fn without(&self, stretches: &[Stretch]) -> Self {
+        let mut rest = self.clone();
+        for sample in &mut rest.samples {
+            let time = self.begin + sample.time;
+            if stretches.iter().any(|s| (s.from..s.to).contains(&time)) {
+                sample.values = [None; COMPARED.len()];
+            }
+        }
+        rest
+    }
+}
+
+/// How well a prediction does on a stretch of an experiment, which has to hold what was measured there; none where
+/// nothing was.
+pub fn held_out(
+    experiment: &Experiment,
+    prediction: &Prediction,
+    stretch: Stretch,
+) -> Option<HeldOut> {
+    let mut signals = Vec::new();
+    for (place, signal) in COMPARED.into_iter().enumerate() {
+        let seen: Vec<(f64, f64, f64)> = experiment
+            .samples
+            .iter()
+            .zip(prediction)
+            .filter_map(|(s, p)| Some((experiment.begin + s.time, s.values[place]?, p[place])))
+            .collect();
+        let inside: Vec<(f64, f64, f64)> =
+            seen.iter().filter(|s| (stretch.from..stretch.to).contains(&s.0)).copied().collect();
+        if inside.len() < 10 {
+            continue;
+        }
+        let rms = |of: &dyn Fn(&(f64, f64, f64)) -> f64| {
+            let sum: f64 = inside.iter().map(|s| (s.1 - of(s)).powi(2)).sum();
+            (sum / inside.len() as f64).sqrt()
+        };
+        let length = stretch.to - stretch.from;
+        let before = |share: f64| {
+            let from = stretch.from - share * length;
+            let part = seen.iter().filter(move |s| (from..stretch.from).contains(&s.0));
+            line(part.map(|s| (s.0, s.1)))
+        };
+        // half as long, so that an oscillation or a beginning further back does not turn it
+        let earlier = before(0.5);
+        let last = before(0.1).map(|l| l.at(stretch.from - 0.05 * length));
+        let own = line(inside.iter().map(|s| (s.0, s.1)))?;
+        signals.push(Foretold {
+            signal,
+            model: rms(&|s| s.2),
+            line: earlier.map(|l| rms(&|s| l.at(s.0))),
+            constant: last.map(|v| rms(&|_| v)),
+            hindsight: rms(&|s| own.at(s.0)),
+        });
+    }
+    (!signals.is_empty()).then(|| HeldOut {
+        log: experiment.name.clone(),
+        stretch,
+        signals,
+        whole: differences(experiment, prediction),
+    })
+}
+
+/// A straight line.
+#[derive(Clone, Copy)]
+struct Line {
+    time: f64,
+    value: f64,
+    slope: f64,
+}
+
+impl Line {
+    fn at(&self, time: f64) -> f64 {
+        self.value + self.slope * (time - self.time)
+    }
+}
+
+/// The line that fits best; none through fewer than three points.
+fn line(points: impl Iterator<Item = (f64, f64)>) -> Option<Line> {
+    let points: Vec<(f64, f64)> = points.collect();
+    if points.len() < 3 {
+        return None;
+    }
+    let count = points.len() as f64;
+    let time = points.iter().map(|p| p.0).sum::<f64>() / count;
+    let value = points.iter().map(|p| p.1).sum::<f64>() / count;
+    let square: f64 = points.iter().map(|p| (p.0 - time).powi(2)).sum();
+    let along: f64 = points.iter().map(|p| (p.0 - time) * (p.1 - value)).sum();
+    Some(Line { time, value, slope: along / square })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_found_exactly() {
+        let points = (0..50).map(|k| (0.1 * f64::from(k), 3.0 - 0.7 * 0.1 * f64::from(k)));
+        let found = line(points).unwrap();
+        assert!((found.slope + 0.7).abs() < 1e-12 && (found.at(10.0) + 4.0).abs() < 1e-12);
+        assert!(line([(0.0, 1.0), (1.0, 2.0)].into_iter()).is_none());
+    }
+}
