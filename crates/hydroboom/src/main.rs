@@ -19,6 +19,7 @@ mod output;
 mod processor;
 mod run;
 mod scenarios;
+mod sensitivity;
 mod show;
 mod simulate;
 mod study;
@@ -51,6 +52,7 @@ enum Command {
     Study(study::Study),
     Validate(validate::Validate),
     Tune(tune::Tune),
+    Sensitivity(sensitivity::Sensitivity),
     Virtual(virtual_crane::Virtual),
     Calibrate(calibrate::Calibrate),
     Scenarios(scenarios::Scenarios),
@@ -83,6 +85,7 @@ fn main() -> Result<()> {
         Command::Study(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Tune(command) => command.run(),
+        Command::Sensitivity(command) => command.run(),
         Command::Virtual(command) => command.run(),
         Command::Calibrate(command) => command.run(),
         Command::Scenarios(command) => command.run(),

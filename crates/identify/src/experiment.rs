@@ -2,7 +2,8 @@
 
 use crate::drive::Drive;
 use crate::error::IdentifyError;
-use crate::prediction::STARTS;
+use crate::oscillation::{is_held, release, resting};
+use crate::prediction::{STARTS, STEPS};
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
@@ -41,6 +42,8 @@ pub struct Experiment {
     pub(crate) period: f64,
     /// Control periods from sample to sample.
     pub(crate) every: usize,
+    /// Steps that the model takes in a control period.
+    pub(crate) steps: u32,
     /// What was measured.
     pub samples: Vec<Sample>,
     /// What the model starts from, as far as it was measured.
@@ -98,6 +101,25 @@ impl Experiment {
             CircuitChoice::SelfContained => n.control_period,
             CircuitChoice::ValveControlled => HELD,
         };
+        let times = |begin: f64| {
+            let count = ((end - begin) / period).floor();
+            Times { begin, period, count: count.clamp(0.0, 1e8) as usize }
+        };
+        // an oscillation begins where the boom is let go, and rests at what it ends at
+        let mut said = Vec::new();
+        let whole = Drive::new(model, driving, signals, &times(begin), &mut said);
+        let release = match is_held(&whole) {
+            true => release(signals, begin, end),
+            false => None,
+        };
+        if let Some(release) = release {
+            remarks.push(format!(
+                "an oscillation test: the load is held, the boom let go at {:.3} s with p_A {:+.2} bar off",
+                release.time,
+                release.swing * 1e-5
+            ));
+        }
+        let begin = release.map_or(begin, |release| release.time);
         let count = ((end - begin) / period).floor();
         if !(100.0..1e8).contains(&count) {
             let reason = format!(
@@ -106,8 +128,7 @@ impl Experiment {
             );
             return Err(wrong(reason));
         }
-        let times = Times { begin, period, count: count as usize };
-        let drive = Drive::new(model, driving, signals, &times, &mut remarks);
+        let drive = Drive::new(model, driving, signals, &times(begin), &mut remarks);
         let every = (INTERVAL / period).round().max(1.0) as usize;
         let tracks = COMPARED.map(|signal| signals.get(signal));
         let samples: Vec<Sample> = (0..=count as usize)
@@ -117,11 +138,15 @@ impl Experiment {
                 Sample { time, values: tracks.map(|t| t.and_then(|t| t.at(begin + time))) }
             })
             .collect();
-        let average = |track: Option<&Track>| at_beginning(track?, begin);
+        let average = |track: Option<&Track>| match release {
+            Some(_) => resting(track?, begin, end),
+            None => at_beginning(track?, begin),
+        };
         let stroke = average(Some(position))
             .ok_or_else(|| wrong(format!("no position at its beginning, {begin:.3} s")))?;
         let later = position.at(begin + RESTING);
-        let is_moving = later.is_some_and(|x| (x - stroke).abs() > REST * RESTING);
+        let is_moving =
+            release.is_none() && later.is_some_and(|x| (x - stroke).abs() > REST * RESTING);
         if is_moving {
             remarks.push(
                 "it begins in motion, and the model at rest: the first seconds differ for that reason".into(),
@@ -130,8 +155,11 @@ impl Experiment {
         let [_, pump_a, piston_side, rod_side, pump_b, accumulator] = tracks.map(average);
         let stroke = Some(stroke.clamp(0.0, n.stroke));
         let beginning = match model.choices.circuit {
-            CircuitChoice::SelfContained => [stroke, pump_a, rod_side, pump_b, accumulator],
-            CircuitChoice::ValveControlled => [stroke, piston_side, rod_side, None, None],
+            CircuitChoice::SelfContained => {
+                let swing = release.map(|release| release.swing);
+                [stroke, pump_a, rod_side, pump_b, accumulator, swing]
+            }
+            CircuitChoice::ValveControlled => [stroke, piston_side, rod_side, None, None, None],
         };
         Ok(Self {
             name: log.name.clone(),
@@ -139,10 +167,17 @@ impl Experiment {
             drive,
             period,
             every,
+            steps: STEPS,
             samples,
             beginning,
             remarks,
         })
+    }
+
+    /// The same with a step as long as a control period: good enough to find where a search ends, not for how sure it is
+    /// of that.
+    pub(crate) fn coarse(&self) -> Self {
+        Self { steps: 1, ..self.clone() }
     }
 
     /// Duration \[s\].

@@ -18,6 +18,7 @@ mod crane;
 pub mod energy;
 mod equilibrium;
 pub mod hydraulics;
+mod lifted;
 mod simulation;
 pub mod stepping;
 mod validity;

@@ -221,25 +221,7 @@ impl<const N: usize> Plant for Simulation<N> {
     }
 
     fn lift(&mut self, angle: f64) -> Result<(), SimulationError> {
-        let crane = *self.crane();
-        let mut state = *self.state();
-        let before = crane.outputs(&state).stroke;
-        let segments = crane.boom.len();
-        state.boom.angle[..segments].iter_mut().for_each(|a| *a += angle);
-        let after = crane.outputs(&state).stroke;
-        // dp = -beta dV/V, in steps small enough for the stiffness to follow the pressure
-        let steps = 1000;
-        let dx = (after - before) / f64::from(steps);
-        let (mut a, mut b) = (state.circuit.nodes.a, state.circuit.nodes.b);
-        for i in 0..steps {
-            let x = before + (f64::from(i) + 0.5) * dx;
-            let cylinder = &crane.cylinder;
-            let (growth_a, growth_b) = (cylinder.piston_area * dx, -cylinder.rod_side_area * dx);
-            let oil = crane.circuit.oils();
-            a += oil.a.growing_pressure_rate(a, 1.0 / cylinder.volume_a(x), 0.0, growth_a);
-            b += oil.b.growing_pressure_rate(b, 1.0 / cylinder.volume_b(x), 0.0, growth_b);
-        }
-        (state.circuit.nodes.a, state.circuit.nodes.b) = (a, b);
+        let state = self.crane().lifted(self.state(), angle);
         self.set_state(state)
     }
 

@@ -1,7 +1,7 @@
 //! How sure the logs make it.
 
 use super::layout::Layout;
-use super::residual::{Deviations, residuals};
+use super::residual::{Deviations, Slopes, residuals};
 use crate::error::IdentifyError;
 use crate::experiment::COMPARED;
 use nalgebra::DMatrix;
@@ -21,12 +21,16 @@ impl Layout<'_> {
         &self,
         at: &[f64],
         deviations: &[Deviations],
+        kept: &mut [Option<Slopes>],
     ) -> Result<Information, IdentifyError> {
         let size = self.size();
+        let logs: Vec<usize> = (0..self.experiments.len()).collect();
+        let all = self.all_slopes(at, &logs, kept)?;
         let mut curvature = DMatrix::zeros(size, size);
         let mut scatter = DMatrix::zeros(size, size);
-        for (log, (experiment, deviation)) in self.experiments.iter().zip(deviations).enumerate() {
-            let (prediction, slopes) = self.slopes(at, log)?;
+        for ((experiment, deviation), (prediction, slopes)) in
+            self.experiments.iter().zip(deviations).zip(&all)
+        {
             let lags = (MEMORY / experiment.interval()) as usize;
             let own = slopes.len();
             let add = |whole: &mut DMatrix<f64>, part: &DMatrix<f64>| {
@@ -37,7 +41,7 @@ impl Layout<'_> {
                 }
             };
             for signal in 0..COMPARED.len() {
-                let errors = residuals(experiment, &prediction, signal);
+                let errors = residuals(experiment, prediction, signal);
                 if errors.is_empty() {
                     continue;
                 }

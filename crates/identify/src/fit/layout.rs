@@ -10,7 +10,7 @@ use hydroboom_description::schema::Numbers;
 use rayon::prelude::*;
 
 /// What sensors err by at the start of a log, and so the units in which its starts are moved: stroke \[m\], pressures \[Pa\].
-const START_SCALE: [f64; STARTS] = [1e-4, 0.5e5, 0.5e5, 0.5e5, 0.1e5];
+const START_SCALE: [f64; STARTS] = [1e-4, 0.5e5, 0.5e5, 0.5e5, 0.1e5, 0.5e5];
 
 /// What is moved: ln θ of the keys, then for each log its starts.
 #[derive(Clone, Copy)]
@@ -49,28 +49,53 @@ impl Layout<'_> {
         logs.map(|(k, experiment)| predict_from(&model, experiment, &self.offsets(at, k))).collect()
     }
 
-    /// A log's prediction, and its slopes with the places of what they are along.
+    /// A log's prediction, and its slopes with the places of what they are along. Slopes along its starts are taken
+    /// from `kept` where that has them: starts are moved by little, and what they do hardly changes.
     pub(super) fn slopes(
         &self,
         at: &[f64],
         log: usize,
+        kept: Option<&Slopes>,
     ) -> Result<(Prediction, Slopes), IdentifyError> {
-        let mut directions: Vec<Direction> = self.free.iter().map(|k| Direction::Key(*k)).collect();
-        directions.extend((0..STARTS).map(Direction::Start));
+        let experiment = &self.experiments[log];
+        let mut directions: Vec<(usize, Direction)> =
+            self.free.iter().map(|key| Direction::Key(*key)).enumerate().collect();
+        if kept.is_none() {
+            let measured = (0..STARTS).filter(|k| experiment.beginning[*k].is_some());
+            directions.extend(measured.map(|k| (self.starts(log) + k, Direction::Start(k))));
+        }
+        let along: Vec<Direction> = directions.iter().map(|(_, direction)| *direction).collect();
         let offsets = self.offsets(at, log);
-        let (prediction, slopes) =
-            slopes_from(&self.moved(at), &self.experiments[log], &offsets, &directions)?;
-        let keys = self.free.len();
-        let placed =
-            slopes.into_iter().enumerate().map(|(k, mut slope)| match k.checked_sub(keys) {
-                None => (k, slope),
-                Some(start) => {
-                    let scale = START_SCALE[start];
-                    slope.iter_mut().for_each(|row| *row = row.map(|v| v * scale));
-                    (self.starts(log) + start, slope)
-                }
+        let (prediction, slopes) = slopes_from(&self.moved(at), experiment, &offsets, &along)?;
+        let placed = directions.iter().zip(slopes).map(|((place, direction), mut slope)| {
+            if let Direction::Start(start) = direction {
+                let scale = START_SCALE[*start];
+                slope.iter_mut().for_each(|row| *row = row.map(|v| v * scale));
+            }
+            (*place, slope)
+        });
+        let mut slopes: Slopes = placed.collect();
+        slopes.extend(kept.into_iter().flatten().cloned());
+        Ok((prediction, slopes))
+    }
+
+    /// The same of several logs at once. What is kept of their starts grows by those that were not known yet.
+    pub(super) fn all_slopes(
+        &self,
+        at: &[f64],
+        logs: &[usize],
+        kept: &mut [Option<Slopes>],
+    ) -> Result<Vec<(Prediction, Slopes)>, IdentifyError> {
+        let known: &[Option<Slopes>] = kept;
+        let found: Result<Vec<_>, IdentifyError> =
+            logs.par_iter().map(|log| self.slopes(at, *log, known[*log].as_ref())).collect();
+        let found = found?;
+        for (log, (_, slopes)) in logs.iter().zip(&found) {
+            kept[*log].get_or_insert_with(|| {
+                slopes.iter().filter(|(place, _)| *place >= self.free.len()).cloned().collect()
             });
-        Ok((prediction, placed.collect()))
+        }
+        Ok(found)
     }
 
     pub(super) fn size(&self) -> usize {

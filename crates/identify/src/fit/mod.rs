@@ -24,6 +24,7 @@ use levenberg_marquardt::LevenbergMarquardt;
 use nalgebra::{DMatrix, DVector};
 use residual::{Deviations, residuals, sensors, widen};
 use search::{Pitch, Problem, Watch};
+use std::cell::RefCell;
 
 /// One key after tuning.
 #[derive(Clone, Debug, PartialEq)]
@@ -139,6 +140,8 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         priors.extend([1.0; STARTS]);
     }
     let layout = Layout { model, experiments, free };
+    let longer: Vec<Experiment> = experiments.iter().map(Experiment::coarse).collect();
+    let coarse = Layout { experiments: &longer, ..layout };
     let before = layout.predictions(&begin)?;
     let mut deviations: Vec<Deviations> = experiments.iter().map(sensors).collect();
     for (k, experiment) in experiments.iter().enumerate() {
@@ -153,6 +156,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         at = DVector::from_column_slice(resume);
     }
     let mut has_converged = false;
+    let mut kept = vec![None; experiments.len()];
     // first the pitch, where log and model ring differently: compared sample by sample they would be out of phase
     let there = layout.predictions(at.as_slice())?;
     let forks: Vec<Option<TuningFork>> = experiments
@@ -162,11 +166,12 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         .collect();
     if forks.iter().any(Option::is_some) {
         let pitch = Pitch {
-            layout,
+            layout: coarse,
             begin: &begin,
             priors: &priors,
             forks: &forks,
             at: at.clone(),
+            kept: RefCell::new(vec![None; experiments.len()]),
             watch: &watch,
         };
         let pitch = pitch.searched(generations);
@@ -182,7 +187,8 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         deviations[k] = sensors(&experiments[k]);
         widen(&mut deviations[k], &experiments[k], prediction);
     }
-    for _ in 0..2 {
+    // the first round finds the place, the second one, with what the first left as deviations, the minimum
+    for (tolerance, layout) in [(1e-3, coarse), (1e-5, layout)] {
         watch.borrow_mut().begin();
         let problem = Problem {
             layout,
@@ -190,14 +196,16 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             priors: &priors,
             deviations: &deviations,
             at: at.clone(),
+            kept: RefCell::new(vec![None; experiments.len()]),
             watch: &watch,
         };
         let (solved, report) = LevenbergMarquardt::new()
-            .with_ftol(1e-6)
-            .with_xtol(1e-5)
+            .with_ftol(tolerance)
+            .with_xtol(10.0 * tolerance)
             .with_patience(6)
             .minimize(problem);
         at = solved.at;
+        kept = solved.kept.into_inner();
         if watch.borrow().is_stopped() {
             return Err(IdentifyError::Stopped);
         }
@@ -210,7 +218,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     }
     let description = layout.moved(at.as_slice());
     let after = layout.predictions(at.as_slice())?;
-    let information = layout.information(at.as_slice(), &deviations)?;
+    let information = layout.information(at.as_slice(), &deviations, &mut kept)?;
     let prior_matrix = DMatrix::from_diagonal(&DVector::from_iterator(
         priors.len(),
         priors.iter().map(|s| 1.0 / (s * s)),

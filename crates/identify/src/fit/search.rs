@@ -1,7 +1,7 @@
 //! The searches: Levenberg and Marquardt's method over samples, and over the pitch before that.
 
 use super::layout::Layout;
-use super::residual::{Deviations, huber, residuals};
+use super::residual::{Deviations, Slopes, huber, residuals};
 use crate::free::Free;
 use crate::prediction::Prediction;
 use crate::tuning_fork::TuningFork;
@@ -70,6 +70,8 @@ pub(super) struct Problem<'a, 'w> {
     pub(super) priors: &'a [f64],
     pub(super) deviations: &'a [Deviations],
     pub(super) at: DVector<f64>,
+    /// Slopes along the starts of each log, once they are known.
+    pub(super) kept: RefCell<Vec<Option<Slopes>>>,
     pub(super) watch: &'a RefCell<Watch<'w>>,
 }
 
@@ -119,15 +121,17 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_, '_> {
     fn jacobian(&self) -> Option<DMatrix<f64>> {
         let size = self.layout.size();
         let mut rows: Vec<Vec<f64>> = Vec::new();
-        for (log, (experiment, deviation)) in
-            self.layout.experiments.iter().zip(self.deviations).enumerate()
+        let logs: Vec<usize> = (0..self.layout.experiments.len()).collect();
+        let kept = &mut self.kept.borrow_mut();
+        let all = self.layout.all_slopes(self.at.as_slice(), &logs, kept).ok()?;
+        for ((experiment, deviation), (prediction, slopes)) in
+            self.layout.experiments.iter().zip(self.deviations).zip(&all)
         {
-            let (prediction, slopes) = self.layout.slopes(self.at.as_slice(), log).ok()?;
             for (signal, sigma) in deviation.iter().enumerate() {
-                for (i, e) in residuals(experiment, &prediction, signal) {
+                for (i, e) in residuals(experiment, prediction, signal) {
                     let drawn = huber(e / sigma).1;
                     let mut row = vec![0.0; size];
-                    for (place, slope) in &slopes {
+                    for (place, slope) in slopes {
                         row[*place] = -drawn * slope[i][signal] / sigma;
                     }
                     rows.push(row);
@@ -148,6 +152,8 @@ pub(super) struct Pitch<'a, 'w> {
     pub(super) priors: &'a [f64],
     pub(super) forks: &'a [Option<TuningFork>],
     pub(super) at: DVector<f64>,
+    /// Slopes along the starts of each log, once they are known.
+    pub(super) kept: RefCell<Vec<Option<Slopes>>>,
     pub(super) watch: &'a RefCell<Watch<'w>>,
 }
 
@@ -222,13 +228,15 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Pitch<'_, '_> {
     fn jacobian(&self) -> Option<DMatrix<f64>> {
         let size = self.layout.size();
         let mut columns: Vec<DMatrix<f64>> = Vec::new();
-        for (log, fork) in self.forks.iter().enumerate() {
-            let Some(fork) = fork else { continue };
-            let (prediction, slopes) = self.layout.slopes(self.at.as_slice(), log).ok()?;
-            let rows = fork.residuals(&prediction).len();
+        let logs: Vec<usize> =
+            (0..self.forks.len()).filter(|log| self.forks[*log].is_some()).collect();
+        let kept = &mut self.kept.borrow_mut();
+        let all = self.layout.all_slopes(self.at.as_slice(), &logs, kept).ok()?;
+        for (fork, (prediction, slopes)) in self.forks.iter().flatten().zip(&all) {
+            let rows = fork.residuals(prediction).len();
             let mut part = DMatrix::zeros(rows, size);
-            for (place, slope) in &slopes {
-                let column = fork.slopes(&prediction, slope);
+            for (place, slope) in slopes {
+                let column = fork.slopes(prediction, slope);
                 part.set_column(*place, &DVector::from_vec(column));
             }
             columns.push(part);

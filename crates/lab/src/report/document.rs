@@ -15,7 +15,7 @@ th,td{padding:.18em .7em;text-align:right;border-bottom:1px solid var(--grid)}
 th:first-child,td:first-child{text-align:left}thead th{border-bottom:2px solid var(--soft)}
 tr:nth-child(even) td{background:var(--band)}
 td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-size:.92rem}
-.wide{overflow-x:auto}small,.soft{color:var(--soft)}code{font-size:.92em}
+.wide{overflow-x:auto}.wide td:not(.text){white-space:nowrap}small,.soft{color:var(--soft)}code{font-size:.92em}
 details{margin:.6em 0}summary{cursor:pointer}";
 
 /// A whole page.

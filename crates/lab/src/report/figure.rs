@@ -46,7 +46,7 @@ pub enum Axes {
 
 /// Mid-tone colours that can be told apart on white and on black, also without colour vision
 /// (after Okabe and Ito).
-const COLOURS: [RGBColor; 5] = [
+pub(super) const COLOURS: [RGBColor; 5] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -55,11 +55,11 @@ const COLOURS: [RGBColor; 5] = [
 ];
 
 /// Stand-ins that are replaced by the page's own colours, which depend on light or dark.
-const INK: RGBColor = RGBColor(1, 2, 3);
-const GRID: RGBColor = RGBColor(4, 5, 6);
+pub(super) const INK: RGBColor = RGBColor(1, 2, 3);
+pub(super) const GRID: RGBColor = RGBColor(4, 5, 6);
 
 /// Drawn four times as large as shown, because the backend rounds to whole pixels.
-const FINE: u32 = 4;
+pub(super) const FINE: u32 = 4;
 const SIZE: (u32, u32) = (760 * FINE, 300 * FINE);
 /// More points than pixels only make the page heavy.
 const MOST_POINTS: usize = 900;
@@ -164,12 +164,12 @@ impl Figure<'_> {
             }
             area.present().map_err(|e| failed(&e))?;
         }
-        Ok(themed(&svg))
+        Ok(themed(&svg, SIZE))
     }
 }
 
 /// A number as an axis shows it.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let size = value.abs();
     if size != 0.0 && !(1e-3..1e5).contains(&size) {
         return format!("{value:.0e}");
@@ -197,9 +197,9 @@ fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 }
 
 /// The SVG with the stand-in colours replaced by the page's, and made to scale.
-fn themed(svg: &str) -> String {
+pub(super) fn themed(svg: &str, size: (u32, u32)) -> String {
     svg.replace("#010203", "var(--ink)").replace("#040506", "var(--grid)").replacen(
-        &format!("width=\"{}\" height=\"{}\"", SIZE.0, SIZE.1),
+        &format!("width=\"{}\" height=\"{}\"", size.0, size.1),
         "width=\"100%\" role=\"img\"",
         1,
     )

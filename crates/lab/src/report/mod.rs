@@ -1,6 +1,7 @@
 //! Self-contained HTML pages with tables and figures: the study's, the motion tests', the
 //! frequency responses.
 
+mod bars;
 mod bode;
 mod document;
 mod drawing;
@@ -10,6 +11,7 @@ mod page;
 mod tracking;
 mod validation;
 
+pub use bars::{Bar, Bars};
 pub use bode::bode_page;
 pub use document::{document, figure};
 pub use family::family_page;

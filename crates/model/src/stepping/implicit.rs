@@ -119,7 +119,66 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
         input: &C::Input,
         step: T,
     ) -> T {
+        self.stages(crane, state, input, step).0
+    }
+
+    /// The same, with the first of its two stages; the second is the new state.
+    #[inline(always)]
+    pub fn stages<const N: usize>(
+        &self,
+        crane: &Crane<T, N, C>,
+        state: &mut CraneState<T, N, C::State>,
+        input: &C::Input,
+        step: T,
+    ) -> (T, CraneState<T, N, C::State>) {
         let gh = T::lit(GAMMA) * step;
+        let boom = Self::eliminated(crane, state, gh);
+        let (first, left) = self.stage(crane, state, state, input, gh, &boom);
+        // u + (1 − γ)h f(Y1), where γh f(Y1) = Y1 − u
+        let share = T::lit((1.0 - GAMMA) / GAMMA);
+        let base = beyond(crane, state, &first, share);
+        let (second, left_again) = self.stage(crane, &base, &first, input, gh, &boom);
+        *state = second;
+        (left.max(left_again), first)
+    }
+
+    /// One step as [`step`](Self::step), each of whose two stages is already solved but for the slopes of its numbers:
+    /// `solved` has their values. One iteration then gives the slopes, because Newton's method, taken from the solution,
+    /// moves them where they belong.
+    #[inline(always)]
+    pub fn follow<const N: usize>(
+        &self,
+        crane: &Crane<T, N, C>,
+        state: &mut CraneState<T, N, C::State>,
+        input: &C::Input,
+        step: T,
+        solved: &[CraneState<T, N, C::State>; 2],
+    ) {
+        let gh = T::lit(GAMMA) * step;
+        let boom = Self::eliminated(crane, state, gh);
+        // angles follow the velocities, in slopes too
+        let turned = |base: &CraneState<T, N, C::State>, stage: &CraneState<T, N, C::State>| {
+            let mut turned = *stage;
+            for i in 0..crane.boom.coordinates() {
+                turned.boom.angle[i] = base.boom.angle[i] + gh * stage.boom.angular_velocity[i];
+            }
+            turned
+        };
+        let mut first = turned(state, &solved[0]);
+        self.iterate(crane, state, &mut first, input, gh, &boom);
+        let base = beyond(crane, state, &first, T::lit((1.0 - GAMMA) / GAMMA));
+        let mut second = turned(&base, &solved[1]);
+        self.iterate(crane, &base, &mut second, input, gh, &boom);
+        *state = second;
+    }
+
+    /// The boom of Newton's matrix at a state.
+    #[inline(always)]
+    fn eliminated<const N: usize>(
+        crane: &Crane<T, N, C>,
+        state: &CraneState<T, N, C::State>,
+        gh: T,
+    ) -> Eliminated<T, N> {
         let mut impedance = [T::zero(); N];
         for (entry, joint) in impedance.iter_mut().zip(crane.boom.joints()) {
             *entry = gh * (joint.damping + gh * joint.stiffness);
@@ -127,14 +186,7 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
         if let Some(base) = crane.boom.base() {
             impedance[crane.boom.len()] = gh * (base.damping + gh * base.stiffness);
         }
-        let boom = Eliminated::new(&crane.boom, &state.boom.angle, &impedance);
-        let (first, left) = self.stage(crane, state, state, input, gh, &boom);
-        // u + (1 − γ)h f(Y1), where γh f(Y1) = Y1 − u
-        let share = T::lit((1.0 - GAMMA) / GAMMA);
-        let base = beyond(crane, state, &first, share);
-        let (second, left_again) = self.stage(crane, &base, &first, input, gh, &boom);
-        *state = second;
-        left.max(left_again)
+        Eliminated::new(&crane.boom, &state.boom.angle, &impedance)
     }
 
     /// Solves `Y = base + γh f(Y)` from a guess. Also returns the largest pressure \[Pa\] that the

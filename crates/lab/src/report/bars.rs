@@ -1,0 +1,108 @@
+//! Bars by name: tornado and index figures.
+
+use super::figure::{COLOURS, FINE, GRID, INK, number, themed};
+use crate::LabError;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+/// One bar.
+pub struct Bar<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Where it begins.
+    pub from: f64,
+    /// Where it ends; a dot marks it where the bar begins elsewhere than at zero.
+    pub to: f64,
+    /// An interval around its end.
+    pub bounds: Option<(f64, f64)>,
+}
+
+/// Bars, the first on top.
+pub struct Bars<'a> {
+    /// Label of the axis, with its unit.
+    pub x: &'a str,
+    /// The bars.
+    pub bars: Vec<Bar<'a>>,
+}
+
+/// Width of the figure, of the names' column, and height of a bar's row and of what is below.
+const WIDTH: u32 = 760;
+const NAMES: u32 = 300;
+const ROW: u32 = 24;
+const BELOW: u32 = 52;
+
+impl Bars<'_> {
+    /// The figure as an SVG element.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Figure`] when there is nothing finite to draw.
+    pub fn svg(&self) -> Result<String, LabError> {
+        let ends = || {
+            self.bars.iter().flat_map(|b| {
+                let (low, high) = b.bounds.unwrap_or((b.to, b.to));
+                [b.from, b.to, low, high]
+            })
+        };
+        let (low, high) = ends().fold((0.0_f64, 0.0_f64), |(l, h), v| (l.min(v), h.max(v)));
+        if self.bars.is_empty() || ends().any(|v| !v.is_finite()) || low == high {
+            return Err(LabError::Figure(format!("nothing to draw over {}", self.x)));
+        }
+        let failed = |e: &dyn std::fmt::Display| LabError::Figure(e.to_string());
+        let size = (WIDTH * FINE, (ROW * self.bars.len() as u32 + BELOW) * FINE);
+        let mut svg = String::new();
+        {
+            let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+            let font = ("sans-serif", 14 * FINE).into_font().color(&INK);
+            let pad = 0.04 * (high - low);
+            let left = if low < 0.0 { low - pad } else { 0.0 };
+            let count = self.bars.len() as f64;
+            let mut chart = ChartBuilder::on(&area)
+                .margin(6 * FINE)
+                .margin_right(18 * FINE)
+                .x_label_area_size(40 * FINE)
+                .y_label_area_size(NAMES * FINE)
+                .build_cartesian_2d(left..high + pad, 0.0..count)
+                .map_err(|e| failed(&e))?;
+            chart
+                .configure_mesh()
+                .axis_style(INK.stroke_width(FINE))
+                .bold_line_style(GRID.stroke_width(FINE))
+                .light_line_style(TRANSPARENT)
+                .label_style(font.clone())
+                .axis_desc_style(font.clone())
+                .disable_y_mesh()
+                .y_labels(0)
+                .x_desc(self.x)
+                .x_labels(7)
+                .x_label_formatter(&|v| {
+                    number(if v.abs() < 1e-9 * (high - low) { 0.0 } else { *v })
+                })
+                .draw()
+                .map_err(|e| failed(&e))?;
+            let name = font.pos(Pos::new(HPos::Right, VPos::Center));
+            for (k, bar) in self.bars.iter().enumerate() {
+                let middle = count - k as f64 - 0.5;
+                let rectangle = Rectangle::new(
+                    [(bar.from, middle - 0.32), (bar.to, middle + 0.32)],
+                    COLOURS[0].mix(0.75).filled(),
+                );
+                chart.draw_series([rectangle]).map_err(|e| failed(&e))?;
+                if bar.from != 0.0 {
+                    let dot = Circle::new((bar.to, middle), 4 * FINE, INK.filled());
+                    chart.draw_series([dot]).map_err(|e| failed(&e))?;
+                }
+                if let Some((low, high)) = bar.bounds {
+                    let line =
+                        PathElement::new([(low, middle), (high, middle)], INK.stroke_width(FINE));
+                    chart.draw_series([line]).map_err(|e| failed(&e))?;
+                }
+                let (x, y) = chart.plotting_area().map_coordinate(&(left, middle));
+                area.draw(&Text::new(bar.name, (x - 8 * FINE as i32, y), name.clone()))
+                    .map_err(|e| failed(&e))?;
+            }
+            area.present().map_err(|e| failed(&e))?;
+        }
+        Ok(themed(&svg, size))
+    }
+}

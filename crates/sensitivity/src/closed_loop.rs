@@ -1,0 +1,168 @@
+//! A motion under a strategy, machine and controllers over any number.
+
+use crate::case::SEGMENTS;
+use crate::error::SensitivityError;
+use hydroboom_control::{Benchmark, HighPass, Measured, Motion, MotorLimits, Reference, Strategy};
+use hydroboom_description::schema::Numbers;
+use hydroboom_description::{BuildError, Description};
+use hydroboom_identify::Number;
+use hydroboom_model::stepping::{Implicit, MOST_PARTS, has_settled};
+use hydroboom_model::{Crane, CraneState, Input};
+
+/// Steps of the implicit scheme in a control period.
+const STEPS: u32 = 2;
+
+/// The benchmark controller as described, over another number: its parameters do not vary.
+fn controller<T: Number>(description: &Description) -> Benchmark<T> {
+    let b = description.benchmark();
+    let lit = T::lit;
+    Benchmark {
+        proportional: lit(b.proportional),
+        integral: lit(b.integral),
+        pressure_feedback: lit(b.pressure_feedback),
+        high_pass: HighPass::new(lit(description.numbers.high_pass_time), lit(b.period)),
+        revolutions_per_metre: lit(b.revolutions_per_metre),
+        displacement: lit(b.displacement),
+        limits: MotorLimits { speed: lit(b.limits.speed), slew: lit(b.limits.slew) },
+        period: lit(b.period),
+    }
+}
+
+/// A machine with these parameters, at rest at a stroke.
+pub(crate) fn machine<T: Number>(
+    description: &Description,
+    numbers: &Numbers<T>,
+    stroke: T,
+) -> Result<(Crane<T, SEGMENTS>, CraneState<T, SEGMENTS>), SensitivityError> {
+    let crane = description.crane_over::<T, SEGMENTS>(numbers)?;
+    let start = description.start_over(numbers, stroke);
+    let state = T::rest(&crane, &start).map_err(BuildError::from)?;
+    Ok((crane, state))
+}
+
+/// Moves a machine on by a time \[s\], in at least so many steps, and as many as they need to settle.
+pub(crate) fn advance<T: Number>(
+    scheme: &Implicit<T>,
+    crane: &Crane<T, SEGMENTS>,
+    state: &mut CraneState<T, SEGMENTS>,
+    input: &Input<T>,
+    time: f64,
+    steps: u32,
+) -> Option<()> {
+    let mut parts = steps;
+    while parts <= MOST_PARTS {
+        let mut trial = *state;
+        let step = T::lit(time / f64::from(parts));
+        if (0..parts).all(|_| has_settled(scheme.step(crane, &mut trial, input, step).plain())) {
+            *state = trial;
+            return Some(());
+        }
+        parts *= 2;
+    }
+    None
+}
+
+/// What a machine does in each control period: shown before the motor speed of the period is decided.
+struct Loop<'a, T> {
+    description: &'a Description,
+    motion: &'a Motion<f64>,
+    controller: Benchmark<T>,
+    crane: Crane<T, SEGMENTS>,
+    state: CraneState<T, SEGMENTS>,
+}
+
+impl<T: Number> Loop<'_, T> {
+    /// Runs the motion; `decide` gives the speed that is asked of the motor.
+    fn run(
+        mut self,
+        what: &str,
+        mut decide: impl FnMut(usize, &Reference<f64>, &Measured<T>, &Benchmark<T>, T) -> T,
+    ) -> Result<(), SensitivityError> {
+        let period = self.description.benchmark().period;
+        let scheme = Implicit::new(&self.crane);
+        let periods = (self.motion.duration() / period).round() as usize;
+        let mut motor = T::zero();
+        for k in 0..=periods {
+            let time = k as f64 * period;
+            let reference = self.motion.reference(time);
+            let p = self.crane.circuit.pressures(&self.state.circuit);
+            let pose = self.crane.boom.pose(&self.state.boom.angle);
+            let seen = Measured {
+                stroke: self.crane.boom.cylinder_pose(&pose).stroke,
+                load_pressure: self.crane.cylinder.load_pressure(p.a, p.b),
+            };
+            if !(seen.stroke.plain() + p.a.plain()).is_finite() {
+                return Err(SensitivityError::Broken { what: what.into(), time });
+            }
+            let wanted = decide(k, &reference, &seen, &self.controller, p.a);
+            motor = self.controller.limits.follow(motor, wanted, self.controller.period);
+            let input = Input { pump_speed: motor, holding_valve: T::one() };
+            advance(&scheme, &self.crane, &mut self.state, &input, period, STEPS)
+                .ok_or_else(|| SensitivityError::Broken { what: what.into(), time })?;
+        }
+        Ok(())
+    }
+}
+
+fn over<T: Number>(reference: &Reference<f64>) -> Reference<T> {
+    Reference { position: T::lit(reference.position), velocity: T::lit(reference.velocity) }
+}
+
+/// RMS tracking error \[m\], and RMS swing of p_A \[Pa\], of a machine with these parameters under a strategy.
+/// `simulated` is what the simulation beside it drives the motor with \[rev/s\].
+pub(crate) fn follow<T: Number>(
+    description: &Description,
+    numbers: &Numbers<T>,
+    motion: &Motion<f64>,
+    strategy: Strategy,
+    simulated: Option<&[f64]>,
+) -> Result<[T; 2], SensitivityError> {
+    let (crane, state) = machine(description, numbers, T::lit(motion.start))?;
+    let looped = Loop { description, motion, controller: controller(description), crane, state };
+    let mut memory = None;
+    let mut square = T::zero();
+    let mut pressures: Vec<T> = Vec::new();
+    looped.run(strategy.name(), |k, reference, seen, controller, pressure| {
+        let reference = over(reference);
+        square = square + (seen.stroke - reference.position).square();
+        pressures.push(pressure);
+        let feedforward = match simulated {
+            Some(speeds) => T::lit(speeds[k.min(speeds.len() - 1)]),
+            None => controller.velocity_feedforward(&reference),
+        };
+        match strategy.measures() {
+            true => {
+                let memory = memory.get_or_insert_with(|| controller.start(seen));
+                controller.update(memory, &reference, seen, feedforward)
+            }
+            false => feedforward,
+        }
+    })?;
+    let count = T::lit(pressures.len() as f64);
+    let mean = pressures.iter().fold(T::zero(), |sum, p| sum + *p) / count;
+    let swing = pressures.iter().fold(T::zero(), |sum, p| sum + (*p - mean).square()) / count;
+    Ok([(square / count).sqrt(), swing.sqrt()])
+}
+
+/// Motor speeds \[rev/s\] of the machine as described under the benchmark controller: what the simulation beside the
+/// machine drives the motor with.
+pub(crate) fn motor_speeds(
+    description: &Description,
+    motion: &Motion<f64>,
+) -> Result<Vec<f64>, SensitivityError> {
+    let (crane, state) = machine(description, &description.numbers, motion.start)?;
+    let looped: Loop<'_, f64> =
+        Loop { description, motion, controller: controller(description), crane, state };
+    let mut memory = None;
+    let mut speeds = Vec::new();
+    let mut motor = 0.0;
+    looped.run("the simulation beside the machine", |_, reference, seen, controller, _| {
+        let memory = memory.get_or_insert_with(|| controller.start(seen));
+        let feedforward = controller.velocity_feedforward(reference);
+        let wanted = controller.update(memory, reference, seen, feedforward);
+        motor = controller.limits.follow(motor, wanted, controller.period);
+        speeds.push(motor);
+        wanted
+    })?;
+    Ok(speeds)
+}

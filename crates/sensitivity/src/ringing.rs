@@ -1,0 +1,71 @@
+//! The frequency of the locked crane, over any number.
+
+use crate::case::SEGMENTS;
+use crate::closed_loop::advance;
+use crate::error::SensitivityError;
+use hydroboom_description::schema::Numbers;
+use hydroboom_description::{BuildError, Description};
+use hydroboom_identify::Number;
+use hydroboom_model::stepping::Implicit;
+use hydroboom_model::{CraneState, Input};
+
+/// Duration of the oscillation test \[s\].
+const DURATION: f64 = 3.0;
+/// Interval at which p_A is looked at \[s\].
+const INTERVAL: f64 = 1e-3;
+
+/// Frequency \[Hz\] at which the boom rings at mid-stroke when it is dropped onto its locked cylinder, f = n/Δt between
+/// upward crossings of p_A's mean (section 5.2.2).
+///
+/// A crossing's time moves with the parameters as the pressure does there: t' = -p'/(dp/dt). The linear interpolation
+/// between two samples, in dual numbers, has just that slope.
+pub(crate) fn eigenfrequency<T: Number>(
+    description: &Description,
+    numbers: &Numbers<T>,
+) -> Result<T, SensitivityError> {
+    let crane = description.crane_over::<T, SEGMENTS>(numbers)?;
+    let half = T::lit(0.5);
+    let mut start = description.start_over(numbers, half * numbers.stroke);
+    start.rod_side_pressure = numbers.oscillation_rod_side;
+    start.preload = T::zero();
+    let rest: CraneState<T, SEGMENTS> = T::rest(&crane, &start).map_err(BuildError::from)?;
+    let mut state = crane.lifted(&rest, numbers.oscillation_drop / numbers.boom_length);
+    let input = Input { pump_speed: T::zero(), holding_valve: T::zero() };
+    let scheme = Implicit::new(&crane);
+    let mut pressure = Vec::new();
+    for k in 0..(DURATION / INTERVAL) as usize {
+        pressure.push(crane.circuit.pressures(&state.circuit).a);
+        advance(&scheme, &crane, &mut state, &input, INTERVAL, 2).ok_or_else(|| {
+            SensitivityError::Broken { what: "oscillation test".into(), time: k as f64 * INTERVAL }
+        })?;
+    }
+    frequency(&pressure).ok_or(SensitivityError::Silent)
+}
+
+/// n/Δt between the first and the last upward crossing of the mean over the whole periods between them.
+fn frequency<T: Number>(values: &[T]) -> Option<T> {
+    let mean_of = |part: &[T]| {
+        part.iter().fold(T::zero(), |sum, v| sum + *v) / T::lit(part.len().max(1) as f64)
+    };
+    let mut mean = mean_of(values);
+    let mut found: Option<T> = None;
+    // the mean over whole periods is not known before the crossings are
+    for _ in 0..5 {
+        let level = mean.plain();
+        let places: Vec<usize> = (1..values.len())
+            .filter(|k| values[k - 1].plain() < level && values[*k].plain() >= level)
+            .collect();
+        if places.len() < 3 {
+            return found;
+        }
+        let (first, last) = (places[0], places[places.len() - 1]);
+        mean = mean_of(&values[first..last]);
+        let time = |k: usize| {
+            let (before, after) = (values[k - 1], values[k]);
+            T::lit((k - 1) as f64) + (mean - before) / (after - before)
+        };
+        let periods = T::lit((places.len() - 1) as f64);
+        found = Some(periods / ((time(last) - time(first)) * T::lit(INTERVAL)));
+    }
+    found
+}
