@@ -23,7 +23,7 @@ pub struct Check {
 impl Check {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let description = self.crane.read()?;
+        let description = self.crane.read_any()?;
         if description.choices.circuit == CircuitChoice::ValveControlled {
             return match description.segment_shares.len() {
                 1 => self.valve_controlled::<1>(&description),

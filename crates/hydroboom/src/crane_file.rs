@@ -1,8 +1,9 @@
 //! The options that choose a crane.
 
 use clap::Args;
+use hydroboom_description::schema::CircuitChoice;
 use hydroboom_description::{Description, DescriptionError, UIA_SINGLE_BOOM};
-use miette::{IntoDiagnostic, Result, WrapErr};
+use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use std::path::{Path, PathBuf};
 
 /// The options that choose a crane.
@@ -33,13 +34,33 @@ impl CraneFile {
     }
 
     /// Reads the crane, the paper's where none is given, applies the overrides, and says what looks
-    /// wrong.
+    /// wrong. A crane with another circuit than the paper's is refused: most experiments are of its pump.
     pub fn read(&self) -> Result<Description> {
         self.read_or(Description::uia_single_boom)
     }
 
     /// The same with another crane where none is given.
     pub fn read_or(
+        &self,
+        embedded: impl FnOnce() -> Result<Description, DescriptionError>,
+    ) -> Result<Description> {
+        let description = self.read_any_or(embedded)?;
+        match description.choices.circuit {
+            CircuitChoice::SelfContained => Ok(description),
+            CircuitChoice::ValveControlled => Err(miette!(
+                help = "check, show, validate and tune know valve-controlled cranes",
+                "this command is for self-contained cranes, and circuit.type of \"{}\" is valve-controlled",
+                description.name
+            )),
+        }
+    }
+
+    /// Reads a crane of any circuit.
+    pub fn read_any(&self) -> Result<Description> {
+        self.read_any_or(Description::uia_single_boom)
+    }
+
+    fn read_any_or(
         &self,
         embedded: impl FnOnce() -> Result<Description, DescriptionError>,
     ) -> Result<Description> {

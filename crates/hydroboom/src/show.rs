@@ -19,7 +19,7 @@ pub struct Show {
 impl Show {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let d = self.crane.read()?;
+        let d = self.crane.read_any()?;
         let choices = d.own_choices();
         if self.json {
             let keys: Vec<_> = d

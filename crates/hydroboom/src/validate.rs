@@ -53,7 +53,7 @@ struct Finding {
 impl Validate {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let crane = self.crane.read()?;
+        let crane = self.crane.read_any()?;
         let (log, mapping) = self.mapping.read(&self.log)?;
         let n = &crane.numbers;
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);

@@ -2,26 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use std::path::PathBuf;
-use std::process::{Command, Output};
+#[path = "support/command.rs"]
+mod command;
 
-fn hydroboom(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_hydroboom")).args(arguments).output().unwrap()
-}
-
-/// An empty folder for one test.
-fn folder(name: &str) -> PathBuf {
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = std::fs::remove_dir_all(&path);
-    std::fs::create_dir_all(&path).unwrap();
-    path
-}
-
-fn says(output: &Output, wanted: &str) {
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(!output.status.success(), "should fail and say {wanted}");
-    assert!(said.contains(wanted), "{said}");
-}
+use command::{folder, hydroboom, keys, parsed, says};
 
 #[test]
 fn every_command_explains_itself_with_an_example() {
@@ -39,6 +23,7 @@ fn every_command_explains_itself_with_an_example() {
         "calibrate",
         "validate",
         "tune",
+        "sensitivity",
         "run",
         "log",
         "faults",
@@ -187,16 +172,6 @@ fn a_plant_that_differs_is_named_with_what_each_change_does() {
     let [light, heavy] = [0, 1].map(|k| changes[0]["eigenfrequency_hz"][k].as_f64().unwrap());
     assert!(heavy < light, "{heavy} Hz with more payload, {light} Hz with less");
     assert_eq!(done["motion"].as_array().unwrap().len(), 8);
-}
-
-fn keys(value: &serde_json::Value, wanted: &[&str]) {
-    for key in wanted {
-        assert!(value.get(key).is_some(), "no {key} in {value}");
-    }
-}
-
-fn parsed(arguments: &[&str]) -> serde_json::Value {
-    serde_json::from_slice(&hydroboom(arguments).stdout).unwrap()
 }
 
 #[test]
@@ -408,58 +383,6 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
     assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
     let rows = std::fs::read_to_string(csv).unwrap().lines().count();
     assert!(rows > 2000, "{rows} rows are left");
-}
-
-#[test]
-fn a_model_is_held_against_a_log_and_tuned_to_it() {
-    let folder = folder("tune");
-    let path = |name: &str| folder.join(name).to_str().unwrap().to_string();
-    let (log, mapping, report, tuned) =
-        (path("fast.csv"), path("map.toml"), path("v.html"), path("tuned.toml"));
-    assert!(hydroboom(&["virtual", "--log", &log]).status.success());
-    let seen = parsed(&["log", "inspect", &log, "--mapping-out", &mapping, "--json"]);
-    let channels = seen["channels"].as_array().unwrap();
-    keys(
-        &channels[0],
-        &["column", "unit", "samples", "low", "high", "interval_ms", "gaps_s", "signal"],
-    );
-    assert_eq!(channels.iter().filter(|c| c["signal"].is_string()).count(), 9);
-    assert!(seen["suspicions"].as_array().unwrap().is_empty(), "{seen}");
-    let of = |crane: &[&str]| {
-        let window = ["validate", "--log", &log, "--mapping", &mapping, "--to-s", "9", "--json"];
-        parsed(&[&window[..], crane].concat())
-    };
-    let rms = |found: &serde_json::Value, k: usize| found["signals"][k]["rms"].as_f64().unwrap();
-    let before = of(&["--report", &report]);
-    keys(
-        &before["signals"][0],
-        &["rms", "peak", "bias", "fit_percent", "delay_ms", "said", "remedies"],
-    );
-    let page = std::fs::read_to_string(&report).unwrap();
-    assert!(page.contains("What looks wrong") && page.matches("<svg").count() == 12);
-    let found = parsed(&[
-        "tune",
-        "--log",
-        &log,
-        "--to-s",
-        "9",
-        "--free",
-        "pump.flow_gain,payload.mass",
-        "--out",
-        &tuned,
-        "--json",
-    ]);
-    keys(&found["keys"][0], &["key", "before", "after", "interval_95", "determined", "partner"]);
-    let text = std::fs::read_to_string(&tuned).unwrap();
-    assert!(
-        text.contains("provenance = \"tuned\"") && text.contains("fast.csv (sha256 "),
-        "{text}"
-    );
-    let after = of(&["--crane", &tuned]);
-    assert!(rms(&after, 0) < 0.5 * rms(&before, 0), "{} to {}", rms(&before, 0), rms(&after, 0));
-    says(&hydroboom(&["tune", "--log", &log, "--free", "boom.young"]), "boom.youngs_modulus_gpa");
-    says(&hydroboom(&["validate", "--log", &mapping]), "no row");
-    says(&hydroboom(&["validate", "--log", &log, "--from-s", "17.95"]), "is left of it");
 }
 
 #[test]

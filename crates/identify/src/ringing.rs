@@ -99,6 +99,9 @@ fn peak(values: &[f64], interval: f64) -> Option<f64> {
         .collect();
     let top = (1..size.len() - 1).max_by(|a, b| size[*a].total_cmp(&size[*b]))?;
     let mut inside: Vec<f64> = size.iter().copied().filter(|s| *s > 0.0).collect();
+    if inside.is_empty() {
+        return None;
+    }
     let middle = inside.len() / 2;
     let median = *inside.get_mut(..)?.select_nth_unstable_by(middle, f64::total_cmp).1;
     if size[top] < PROMINENT * median {
@@ -218,5 +221,6 @@ mod tests {
         let slope: Vec<f64> = (0..1000).map(|k| 0.01 * f64::from(k)).collect();
         assert!(ringing(&slope, 0.005, &[true; 1000]).is_none_or(|r| r.damping.is_none()));
         assert!(ringing(&[1.0; 10], 0.005, &[true; 10]).is_none());
+        assert!(ringing(&[1.0; 1000], 0.005, &[true; 1000]).is_none());
     }
 }

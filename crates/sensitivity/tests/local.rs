@@ -1,7 +1,5 @@
 //! Exact slopes against finite differences.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
-
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_identify::Free;

@@ -72,7 +72,7 @@ pub struct Tune {
 impl Tune {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let crane = self.crane.read()?;
+        let crane = self.crane.read_any()?;
         if self.crane.is_overridden() && self.out.is_some() {
             return Err(miette!(
                 help = "write the values into the crane file first",

@@ -166,12 +166,11 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         .collect();
     if forks.iter().any(Option::is_some) {
         let pitch = Pitch {
-            layout: coarse,
+            layout,
             begin: &begin,
             priors: &priors,
             forks: &forks,
             at: at.clone(),
-            kept: RefCell::new(vec![None; experiments.len()]),
             watch: &watch,
         };
         let pitch = pitch.searched(generations);
@@ -187,8 +186,9 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         deviations[k] = sensors(&experiments[k]);
         widen(&mut deviations[k], &experiments[k], prediction);
     }
-    // the first round finds the place, the second one, with what the first left as deviations, the minimum
-    for (tolerance, layout) in [(1e-3, coarse), (1e-5, layout)] {
+    // the first round in longer steps; the second with what the first left as deviations. Neither may end early: a
+    // ringing log has flat valleys
+    for layout in [coarse, layout] {
         watch.borrow_mut().begin();
         let problem = Problem {
             layout,
@@ -200,8 +200,8 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             watch: &watch,
         };
         let (solved, report) = LevenbergMarquardt::new()
-            .with_ftol(tolerance)
-            .with_xtol(10.0 * tolerance)
+            .with_ftol(1e-6)
+            .with_xtol(1e-5)
             .with_patience(6)
             .minimize(problem);
         at = solved.at;

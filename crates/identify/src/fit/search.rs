@@ -152,8 +152,6 @@ pub(super) struct Pitch<'a, 'w> {
     pub(super) priors: &'a [f64],
     pub(super) forks: &'a [Option<TuningFork>],
     pub(super) at: DVector<f64>,
-    /// Slopes along the starts of each log, once they are known.
-    pub(super) kept: RefCell<Vec<Option<Slopes>>>,
     pub(super) watch: &'a RefCell<Watch<'w>>,
 }
 
@@ -230,7 +228,8 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Pitch<'_, '_> {
         let mut columns: Vec<DMatrix<f64>> = Vec::new();
         let logs: Vec<usize> =
             (0..self.forks.len()).filter(|log| self.forks[*log].is_some()).collect();
-        let kept = &mut self.kept.borrow_mut();
+        // where a start is moved from changes much in this search: its slopes are taken anew
+        let kept = &mut vec![None; self.layout.experiments.len()];
         let all = self.layout.all_slopes(self.at.as_slice(), &logs, kept).ok()?;
         for (fork, (prediction, slopes)) in self.forks.iter().flatten().zip(&all) {
             let rows = fork.residuals(prediction).len();

@@ -1,0 +1,39 @@
+//! The program as a user starts it.
+
+#![allow(dead_code, reason = "each test uses a part")]
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+/// Runs the program.
+pub fn hydroboom(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_hydroboom")).args(arguments).output().unwrap()
+}
+
+/// An empty folder for one test.
+pub fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// It fails, and says so.
+pub fn says(output: &Output, wanted: &str) {
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success(), "should fail and say {wanted}");
+    assert!(said.contains(wanted), "{said}");
+}
+
+/// What it prints, as JSON.
+pub fn parsed(arguments: &[&str]) -> serde_json::Value {
+    serde_json::from_slice(&hydroboom(arguments).stdout).unwrap()
+}
+
+/// A JSON object has these keys.
+pub fn keys(value: &serde_json::Value, wanted: &[&str]) {
+    for key in wanted {
+        assert!(value.get(key).is_some(), "no {key} in {value}");
+    }
+}
