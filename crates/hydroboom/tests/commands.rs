@@ -1,11 +1,10 @@
 //! The command line as a user meets it, wrong inputs included.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
-
 #[path = "support/command.rs"]
 mod command;
 
 use command::{folder, hydroboom, keys, parsed, says};
+use std::process::Command;
 
 #[test]
 fn every_command_explains_itself_with_an_example() {
