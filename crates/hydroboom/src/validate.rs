@@ -149,7 +149,8 @@ fn in_json(finding: &Finding) -> Value {
         "signal": d.signal.key(), "unit": unit, "samples": d.count, "rms": d.rms / size,
         "peak": d.peak / size, "bias": d.bias / size, "fit_percent": d.fit,
         "correlation": d.correlation, "delay_ms": d.delay.map(|s| s * 1e3),
-        "delay_halves_ms": d.delay_halves.map(|h| h.map(|s| s * 1e3)), "noise": d.noise / size,
+        "delay_halves_ms": d.delay_halves.map(|h| h.map(|s| s * 1e3)),
+        "drift_ppm": d.drift.map(|drift| drift * 1e6), "noise": d.noise / size,
         "ringing": rings(d.ringing), "model_ringing": rings(d.model_ringing), "coloured": d.coloured,
         "said": finding.said,
         "remedies": finding.remedies.iter().map(|r| json!({
@@ -168,8 +169,20 @@ fn words(d: &Difference, remedies: &[Remedy]) -> String {
     if d.bias.abs() > 0.8 * d.rms {
         parts.push(format!("is off by {:+.2} {unit}, and little else", d.bias / size));
     }
+    // more is explained by a delay that grows than by any that stays
+    let drifts = d.rms_without_drift.zip(d.rms_without_delay);
+    let drifts = drifts.is_some_and(|(drift, delay)| drift < 0.5 * d.rms.min(delay));
+    if let (true, Some([first, second]), Some(drift)) = (drifts, d.delay_halves, d.drift) {
+        parts.push(format!(
+            "comes {:.1} ms late in the first half and {:.1} ms in the second, which is most of it: a clock that drifts \
+             (drift_ppm = {:.0} in the mapping)",
+            first * 1e3,
+            second * 1e3,
+            drift * 1e6
+        ));
+    }
     // a piston that follows late, out and back alike, is a late sensor; one that lags is the crane's
-    if let (Some(delay), Some(without)) = (d.delay, d.rms_without_delay)
+    if let (false, Some(delay), Some(without)) = (drifts, d.delay, d.rms_without_delay)
         && delay.abs() > 3e-3
         && without < 0.5 * d.rms
     {

@@ -28,6 +28,10 @@ pub struct Difference {
     pub rms_without_delay: Option<f64>,
     /// The delay over the first and the second half: a clock that drifts shows here \[s\].
     pub delay_halves: Option<[f64; 2]>,
+    /// How much too fast the log's clock would have to run for its delay to grow as it does: seconds in a second.
+    pub drift: Option<f64>,
+    /// RMS once the log is moved by what drift and delay come to: much less than before where a clock drifts.
+    pub rms_without_drift: Option<f64>,
     /// How the log rings.
     pub ringing: Option<Ringing>,
     /// How the model rings.
@@ -110,6 +114,12 @@ fn difference(
     let halves = delay(&log[..half], &model[..half], interval)
         .zip(delay(&log[half..], &model[half..], interval))
         .map(|(first, second)| [first, second]);
+    let drift = halves.map(|[first, second]| (second - first) / (half as f64 * interval));
+    // the delay of the first half is that of its middle
+    let drifting = halves.zip(drift).map(|([first, _], drift)| {
+        let from = first - 0.5 * half as f64 * interval * drift;
+        rms_moved(&log, &model, |k| from / interval + drift * k as f64)
+    });
     Difference {
         signal,
         count: both.len(),
@@ -119,8 +129,10 @@ fn difference(
         correlation,
         fit: moves.then(|| 100.0 * (1.0 - rms / spread_log)),
         delay: late,
-        rms_without_delay: late.map(|late| rms_moved(&log, &model, late / interval)),
+        rms_without_delay: late.map(|late| rms_moved(&log, &model, |_| late / interval)),
+        rms_without_drift: drifting,
         delay_halves: halves,
+        drift,
         ringing: rings(&log),
         model_ringing: rings(&model),
         coloured: coloured(&errors, bias, interval),
@@ -169,11 +181,12 @@ fn delay(log: &[f64], model: &[f64], interval: f64) -> Option<f64> {
     Some((least as f64 - most as f64 + shift) * interval)
 }
 
-/// RMS of log less model with the log moved to earlier by so many samples.
-fn rms_moved(log: &[f64], model: &[f64], shift: f64) -> f64 {
-    let whole = shift.floor();
-    let share = shift - whole;
+/// RMS of log less model with the log moved to earlier by so many samples, at each sample.
+fn rms_moved(log: &[f64], model: &[f64], shift: impl Fn(usize) -> f64) -> f64 {
     let squares = model.iter().enumerate().filter_map(|(k, model)| {
+        let shift = shift(k);
+        let whole = shift.floor();
+        let share = shift - whole;
         let at = usize::try_from(k as i64 + whole as i64).ok()?;
         let (a, b) = (log.get(at)?, log.get(at + 1)?);
         Some((a + share * (b - a) - model).powi(2))
@@ -243,5 +256,8 @@ mod tests {
         let [first, second] = drifting.delay_halves.unwrap();
         // 2 ms a second over 15 s: 7.5 ms in the middle of the first half, 22.5 ms of the second
         assert!((second - first - 0.015).abs() < 4e-3, "{first} s, then {second} s");
+        assert!((drifting.drift.unwrap() / 2e-3 - 1.0).abs() < 0.25, "{:?}", drifting.drift);
+        let left = drifting.rms_without_drift.unwrap();
+        assert!(left < 0.2 * drifting.rms_without_delay.unwrap(), "{left}");
     }
 }

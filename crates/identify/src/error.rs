@@ -53,6 +53,20 @@ pub enum IdentifyError {
         /// Numbers that were saved.
         saved: usize,
     },
+    /// The model breaks off where a key is held.
+    #[error("with {key} held at {value:.4e} (SI units) the simulation breaks off")]
+    Unsteady {
+        /// The key.
+        key: String,
+        /// Where it was held.
+        value: f64,
+    },
+    /// A key that is not among those that are moved.
+    #[error("{key} is not among the keys that are moved; a profile is of one that is")]
+    NotFree {
+        /// The key.
+        key: String,
+    },
     /// A key that is none.
     #[error("no key \"{key}\" of a crane file{suggestion}")]
     Key {

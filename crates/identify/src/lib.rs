@@ -23,7 +23,7 @@ pub use advice::experiment_for;
 pub use differences::{Difference, Differences, differences};
 pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
-pub use fit::{Fit, Improvement, Progress, Task, Tuned, fit, prior};
+pub use fit::{Fit, Improvement, LIMIT, Profile, Progress, Task, Tuned, fit, prior, profile};
 pub use free::Free;
 pub use hold_out::{Foretold, HeldOut, Stretch, held_out};
 pub use prediction::{Number, Prediction, predict, sensitivities};

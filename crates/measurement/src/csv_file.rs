@@ -14,6 +14,8 @@ use std::path::Path;
 
 /// Bytes of a file that are looked at first.
 const HEAD: u64 = 64 * 1024;
+/// Bytes of a row, at most.
+const LONGEST_ROW: u64 = 4 << 20;
 /// Names of columns that hold the time.
 const TIMES: [&str; 7] = ["t", "time", "zeit", "timestamp", "elapsed", "tid", "temps"];
 /// Cells that mean that nothing is there.
@@ -248,15 +250,16 @@ impl Rows<'_> {
             .has_headers(false)
             .flexible(true)
             .delimiter(self.style.delimiter)
-            .from_reader(source);
+            .from_reader(Bounded { source, since: 0 });
         let mut record = csv::ByteRecord::new();
         let mut row = vec![f64::NAN; self.columns.len()];
         let (mut short, mut is_data) = (0_u64, false);
-        let failed = |e: csv::Error| MeasurementError::Format {
-            file: self.file.into(),
-            reason: e.to_string(),
+        let failed = |e: csv::Error| {
+            let (file, reason) = (self.file.into(), e.to_string());
+            MeasurementError::Format { file, reason }
         };
         while reader.read_byte_record(&mut record).map_err(failed)? {
+            reader.get_mut().since = 0;
             let line = record.position().map_or(0, csv::Position::line);
             let cell =
                 |k: usize| record.get(k).map_or("", |c| std::str::from_utf8(c).unwrap_or("?"));
@@ -291,6 +294,29 @@ impl Rows<'_> {
             ));
         }
         Ok(())
+    }
+}
+
+/// A file that ends with an error where a row does not end: a quote that nobody closed would make the rest of it one cell,
+/// and be kept whole.
+struct Bounded<R> {
+    source: R,
+    /// Bytes since a row ended.
+    since: u64,
+}
+
+impl<R: Read> Read for Bounded<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        if self.since > LONGEST_ROW {
+            let reason = format!(
+                "a row is longer than {} MB: is there a quote (\") that nobody closed?",
+                LONGEST_ROW >> 20
+            );
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, reason));
+        }
+        let count = self.source.read(buffer)?;
+        self.since += count as u64;
+        Ok(count)
     }
 }
 

@@ -7,7 +7,8 @@ use crate::unit::{Dimension, Unit};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// A column that holds a signal: `signal = sign (column + offset)`, as it was `delay` before.
+/// A column that holds a signal: `signal = sign (column + offset)`, as it was `delay` before, on a clock that may
+/// run fast.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// Heading or name of the column.
@@ -20,6 +21,8 @@ pub struct Entry {
     pub offset: f64,
     /// How late the column is \[s\].
     pub delay: f64,
+    /// How much too fast the column's clock runs: it counts 1 + drift seconds in one.
+    pub drift: f64,
     /// Whether the unit was named, or found by the size of the numbers.
     pub is_unit_guessed: bool,
 }
@@ -45,6 +48,16 @@ pub struct Suspicion {
 /// Names of columns that are not what was measured.
 const OTHERS: [&str; 9] =
     ["ref", "simulated", "sim", "error", "setpoint", "target", "model", "filtered", "number"];
+
+/// A clock is not off by more \[ppm\].
+const MOST_DRIFT: f64 = 1e5;
+
+impl Entry {
+    /// When a sample was taken that its channel has at a time \[s\], for a channel that begins at another.
+    pub fn taken(&self, time: f64, begin: f64) -> f64 {
+        begin + (time - begin) / (1.0 + self.drift) - self.delay
+    }
+}
 
 impl Mapping {
     /// A mapping from the `[log]` table of a TOML text; signals are keys, each a column's name or a table.
@@ -92,9 +105,12 @@ impl Mapping {
                 quoted(&e.column),
                 quoted(e.unit.name)
             );
-            for (key, value, usual) in
-                [("sign", e.sign, 1.0), ("offset", e.offset, 0.0), ("delay_ms", e.delay * 1e3, 0.0)]
-            {
+            for (key, value, usual) in [
+                ("sign", e.sign, 1.0),
+                ("offset", e.offset, 0.0),
+                ("delay_ms", e.delay * 1e3, 0.0),
+                ("drift_ppm", e.drift * 1e6, 0.0),
+            ] {
                 if value != usual {
                     let _ = writeln!(text, "{key} = {value:?}");
                 }
@@ -130,6 +146,7 @@ impl Mapping {
                     sign: 1.0,
                     offset: 0.0,
                     delay: 0.0,
+                    drift: 0.0,
                     is_unit_guessed: unit.is_none(),
                 },
             );
@@ -218,6 +235,7 @@ fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
         sign: 1.0,
         offset: 0.0,
         delay: 0.0,
+        drift: 0.0,
         is_unit_guessed: Unit::split(column).1.is_none(),
     };
     let table = match value {
@@ -225,7 +243,8 @@ fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
         toml::Value::Table(table) => table,
         _ => {
             return Err(
-                " is a column's name, or a table with column, unit, sign, offset, delay_ms".into(),
+                " is a column's name, or a table with column, unit, sign, offset, delay_ms, drift_ppm"
+                    .into(),
             );
         }
     };
@@ -249,9 +268,15 @@ fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
             ("sign", ..) => return Err(".sign is 1 or -1".into()),
             ("offset", Some(offset), _) => entry.offset = offset,
             ("delay_ms", Some(delay), _) => entry.delay = delay * 1e-3,
+            ("drift_ppm", Some(drift), _) if drift.abs() <= MOST_DRIFT => {
+                entry.drift = drift * 1e-6;
+            }
+            ("drift_ppm", ..) => {
+                return Err(format!(".drift_ppm is between -{MOST_DRIFT} and {MOST_DRIFT}"));
+            }
             _ => {
                 return Err(format!(
-                    ".{key} is not understood: column, unit, sign, offset, delay_ms are"
+                    ".{key} is not understood: column, unit, sign, offset, delay_ms, drift_ppm are"
                 ));
             }
         }

@@ -11,11 +11,22 @@ use std::sync::Arc;
 /// Names of variables that hold the time.
 const TIMES: [&str; 5] = ["t", "time", "tout", "t_s", "time_s"];
 
+/// Bytes of a file, at most.
+const LARGEST: u64 = 150 << 20;
+
 pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, MeasurementError> {
     let file = path.display().to_string();
     let format = |reason: String| MeasurementError::Format { file: file.clone(), reason };
-    let bytes = std::fs::read(path)
-        .map_err(|error| MeasurementError::File { file: file.clone(), error })?;
+    let failed = |error| MeasurementError::File { file: file.clone(), error };
+    let size = std::fs::metadata(path).map_err(failed)?.len();
+    if size > LARGEST {
+        return Err(format(format!(
+            "{} MB: MAT files are read whole, up to {} MB; export it as CSV, which is read in parts",
+            size >> 20,
+            LARGEST >> 20
+        )));
+    }
+    let bytes = std::fs::read(path).map_err(failed)?;
     let variables = match bytes.starts_with(b"MATLAB 5.0") {
         true => level_5(&bytes).map_err(format)?,
         false if bytes.starts_with(b"MATLAB 7.3") => {

@@ -88,7 +88,8 @@ impl Signals {
                 );
                 return Err(MeasurementError::Mapping { file: log.name.clone(), reason });
             };
-            let time: Vec<f64> = channel.time.iter().map(|t| t - entry.delay).collect();
+            let begin = channel.time.first().copied().unwrap_or(0.0);
+            let time: Vec<f64> = channel.time.iter().map(|t| entry.taken(*t, begin)).collect();
             let si = |v: &f64| entry.sign * (v + entry.offset) * entry.unit.size;
             let values: Vec<f64> = channel.values.iter().map(si).collect();
             let track = Track::new(&time, &values);

@@ -3,6 +3,7 @@
 mod held;
 mod journal;
 mod page;
+mod profiles;
 
 use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
@@ -13,13 +14,14 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::Stretch;
 use hydroboom_identify::{
-    COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Task, Tuned,
+    COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Profile, Task, Tuned,
     experiment_for, fit, held_out, predict,
 };
 use hydroboom_measurement::{Signals, digest, digest_of};
 use indicatif::ProgressBar;
 use journal::Journal;
 use miette::{IntoDiagnostic, Result, miette};
+use profiles::Profiles;
 use serde_json::json;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -55,6 +57,8 @@ pub struct Tune {
     test_log: Vec<PathBuf>,
     #[command(flatten)]
     hold_out: HoldOut,
+    #[command(flatten)]
+    profiles: Profiles,
     /// Generations of a global search before the local one, for a model that is far off.
     #[arg(long, value_name = "COUNT", default_value_t = 0)]
     generations: usize,
@@ -126,7 +130,10 @@ impl Tune {
             .map(|e| tested(&crane, &found, e))
             .collect::<Result<Vec<Improvement>, IdentifyError>>()
             .into_diagnostic()?;
-        let outcome = Outcome { crane: &crane, experiments, found, held, tests, digests, notes };
+        let task = self.task(&crane, &rest, &free, None);
+        let profiles = self.profiles.of(&task, &found, &stop)?;
+        let outcome =
+            Outcome { crane: &crane, experiments, found, held, profiles, tests, digests, notes };
         self.told(&outcome)?;
         if let Some((journal, _)) = kept {
             journal.remove();
@@ -176,6 +183,16 @@ impl Tune {
         Journal::open(&path, search).map(Some)
     }
 
+    fn task<'a>(
+        &self,
+        model: &'a Description,
+        experiments: &'a [Experiment],
+        free: &'a [Free],
+        resume: Option<&'a [f64]>,
+    ) -> Task<'a> {
+        Task { model, experiments, free, resume, generations: self.generations }
+    }
+
     /// One search, with its progress shown and kept.
     fn search(
         &self,
@@ -191,7 +208,7 @@ impl Tune {
         if resume.is_some() {
             bar.println("an interrupted search goes on");
         }
-        let task = Task { model: crane, experiments, free, resume, generations: self.generations };
+        let task = self.task(crane, experiments, free, resume);
         let failed = RefCell::new(None);
         let found = fit(&task, &|progress| {
             bar.set_message(format!("{what}{} runs, {:.0} left", progress.runs, progress.sum));
@@ -222,7 +239,7 @@ impl Tune {
 
     /// Writes and prints what came of it.
     fn told(&self, outcome: &Outcome<'_>) -> Result<()> {
-        let Outcome { crane, found, digests, notes, held, tests, .. } = outcome;
+        let Outcome { crane, found, digests, notes, held, profiles, tests, .. } = outcome;
         if let Some(path) = &self.out {
             let text = self.written(found, digests)?;
             output::file(path, text.as_bytes())?;
@@ -237,7 +254,7 @@ impl Tune {
                 "crane": crane.name, "logs": self.log, "sha256": digests, "notes": notes,
                 "runs": found.evaluations, "converged": found.has_converged,
                 "keys": found.tuned.iter().map(in_json).collect::<Vec<_>>(),
-                "correlation": found.correlation,
+                "correlation": found.correlation, "profiles": profiles::in_json(profiles),
                 "differences": found.improvements.iter().map(improvement).collect::<Vec<_>>(),
             })),
             false => output::text(&self.said(outcome)),
@@ -274,7 +291,7 @@ impl Tune {
     }
 
     fn said(&self, outcome: &Outcome<'_>) -> String {
-        let Outcome { found, notes, held, tests, .. } = outcome;
+        let Outcome { found, notes, held, profiles, tests, .. } = outcome;
         let rows: Vec<Vec<String>> = found
             .tuned
             .iter()
@@ -329,6 +346,9 @@ impl Tune {
         if !held.is_empty() {
             said += &format!("\n\n{}\n", held::said(held));
         }
+        if !profiles.is_empty() {
+            said += &format!("\n\n{}\n", profiles::said(profiles));
+        }
         let open: Vec<Free> =
             found.tuned.iter().filter(|t| !t.is_determined).map(|t| t.key).collect();
         if !open.is_empty() {
@@ -353,6 +373,7 @@ struct Outcome<'a> {
     experiments: Vec<Experiment>,
     found: Fit,
     held: Vec<HeldOut>,
+    profiles: Vec<Profile>,
     tests: Vec<Improvement>,
     digests: Vec<String>,
     notes: Vec<String>,

@@ -1,6 +1,6 @@
 //! The report of a tuning.
 
-use super::{Outcome, Shown};
+use super::{Outcome, Shown, profiles};
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::{COMPARED, Fit, Tuned, experiment_for};
 use hydroboom_lab::LabError;
@@ -10,6 +10,8 @@ use maud::{Markup, html};
 /// The whole page.
 pub fn page(outcome: &Outcome<'_>) -> Result<String, LabError> {
     let Outcome { crane, experiments, found, held, notes, digests, .. } = outcome;
+    let drawn = outcome.profiles.iter().map(|profile| profiles::drawn(profile, found));
+    let drawn = drawn.collect::<Result<Vec<Markup>, LabError>>()?;
     let mut figures = Vec::new();
     for (log, experiment) in experiments.iter().enumerate() {
         for (place, signal) in COMPARED.into_iter().enumerate() {
@@ -63,6 +65,14 @@ pub fn page(outcome: &Outcome<'_>) -> Result<String, LabError> {
             h2 { "What the logs do not determine, and what would" }
             p { "Of these the logs say less than was known before; that decides, and the value is no finding." }
             ul { @for t in &open { li { code { (t.key.path()) } ": " (experiment_for(t.key)) "." } } }
+        }
+        @if !drawn.is_empty() {
+            h2 { "What the logs say of single keys" }
+            p {
+                "Each key held at values beside the one that was found, all others searched for anew: how much worse the model shows the "
+                "logs then. What was known of the key itself is left out."
+            }
+            @for figure in &drawn { (figure) }
         }
         h2 { "Differences before and after" }
         (differences(outcome))

@@ -4,7 +4,7 @@ use super::layout::Layout;
 use super::residual::{Deviations, Slopes, residuals};
 use crate::error::IdentifyError;
 use crate::experiment::COMPARED;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// Autocorrelations of what is left are taken into account up to this lag \[s\].
 const MEMORY: f64 = 1.0;
@@ -68,10 +68,55 @@ impl Layout<'_> {
     }
 }
 
-/// (A + P)⁻¹ (S + P) (A + P)⁻¹: what the logs scatter and what was known, through the curvature of both.
-pub(super) fn covariance(information: &Information, prior: &DMatrix<f64>) -> DMatrix<f64> {
-    let whole = &information.curvature + prior;
-    let size = whole.nrows();
-    let inverse = whole.cholesky().map_or_else(|| DMatrix::zeros(size, size), |c| c.inverse());
-    &inverse * (&information.scatter + prior) * &inverse
+/// How sure it is what was moved.
+#[derive(Clone, Debug)]
+pub(super) struct Certainty {
+    /// (A + P)⁻¹ (S + P) (A + P)⁻¹: what the logs scatter and what was known, through the curvature of both.
+    covariance: DMatrix<f64>,
+    /// (A + P)⁻¹: the same if what is left were white noise.
+    white: DMatrix<f64>,
+}
+
+impl Certainty {
+    /// From the logs' information, and the deviations of what was known.
+    pub(super) fn new(information: &Information, known: &[f64]) -> Self {
+        let known = known.iter().map(|s| 1.0 / (s * s));
+        let prior = DMatrix::from_diagonal(&DVector::from_iterator(known.len(), known));
+        let whole = &information.curvature + &prior;
+        let size = whole.nrows();
+        let white = whole.cholesky().map_or_else(|| DMatrix::zeros(size, size), |c| c.inverse());
+        let covariance = &white * (&information.scatter + &prior) * &white;
+        Self { covariance, white }
+    }
+
+    /// Deviation of one of those that were moved.
+    pub(super) fn deviation(&self, place: usize) -> f64 {
+        self.covariance[(place, place)].max(0.0).sqrt()
+    }
+
+    /// Correlations of the first ones.
+    pub(super) fn correlation(&self, count: usize) -> Vec<Vec<f64>> {
+        let of = |i: usize, j: usize| {
+            self.covariance[(i, j)] / (self.deviation(i) * self.deviation(j)).max(1e-300)
+        };
+        (0..count).map(|i| (0..count).map(|j| of(i, j)).collect()).collect()
+    }
+
+    /// By how much the square of a deviation is larger than if what is left were white noise: samples that are alike tell
+    /// less than as many that are not.
+    pub(super) fn inflation(&self, place: usize) -> f64 {
+        (self.covariance[(place, place)] / self.white[(place, place)].max(1e-300)).max(1.0)
+    }
+
+    /// Deviation of ln θ from the logs alone, if what is left were white noise; infinite where they say nothing.
+    pub(super) fn white_from_logs(&self, place: usize, known: f64) -> f64 {
+        let gained = 1.0 / self.white[(place, place)].max(1e-300) - known.powi(-2);
+        if gained > 0.0 { gained.sqrt().recip() } else { f64::INFINITY }
+    }
+
+    /// How all the others go along when one is moved by one.
+    pub(super) fn along(&self, place: usize) -> Vec<f64> {
+        let own = self.white[(place, place)].max(1e-300);
+        self.white.column(place).iter().map(|c| c / own).collect()
+    }
 }

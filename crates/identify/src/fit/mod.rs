@@ -7,24 +7,30 @@
 
 mod certainty;
 mod layout;
+mod pitch;
+mod profile;
 mod residual;
+mod samples;
 mod search;
+mod watch;
 
-pub use search::Progress;
+pub use profile::{LIMIT, Profile, profile};
+pub use watch::Progress;
 
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
 use crate::prediction::{Prediction, STARTS};
 use crate::tuning_fork::TuningFork;
-use certainty::covariance;
+use certainty::Certainty;
 use hydroboom_description::Description;
 use layout::Layout;
-use levenberg_marquardt::LevenbergMarquardt;
-use nalgebra::{DMatrix, DVector};
-use residual::{Deviations, residuals, sensors, widen};
-use search::{Pitch, Problem, Watch};
-use std::cell::RefCell;
+use nalgebra::DVector;
+use pitch::Pitch;
+use residual::{Deviations, deviations, residuals};
+use samples::Samples;
+use search::{Ends, Known, Search};
+use watch::Watch;
 
 /// One key after tuning.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,6 +100,16 @@ pub struct Fit {
     pub evaluations: usize,
     /// Whether the search ended because nothing more was to be gained.
     pub has_converged: bool,
+    /// Where the search ended, and what it was held against there.
+    end: End,
+}
+
+/// Where a search ended.
+#[derive(Clone, Debug)]
+struct End {
+    at: Vec<f64>,
+    deviations: Vec<Deviations>,
+    certainty: Certainty,
 }
 
 /// Deviation of ln θ that a provenance stands for.
@@ -107,6 +123,7 @@ pub fn prior(provenance: &str) -> f64 {
         _ => 0.5,
     }
 }
+
 /// What is asked of a search.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
@@ -123,6 +140,30 @@ pub struct Task<'a> {
     pub generations: usize,
 }
 
+impl<'a> Task<'a> {
+    fn layout(&self) -> Layout<'a> {
+        Layout { model: self.model, experiments: self.experiments, free: self.free }
+    }
+
+    /// What is known of the keys, and of where each log starts from.
+    fn known(&self) -> Known {
+        let origins: Vec<&str> =
+            self.model.entries().map(|(_, _, o)| o.provenance.as_str()).collect();
+        let mut mean: Vec<f64> = self.free.iter().map(|key| key.value(self.model).ln()).collect();
+        let mut deviation: Vec<f64> =
+            self.free.iter().map(|key| prior(origins[key.place])).collect();
+        let starts = STARTS * self.experiments.len();
+        mean.extend(std::iter::repeat_n(0.0, starts));
+        deviation.extend(std::iter::repeat_n(1.0, starts));
+        Known { mean, deviation }
+    }
+
+    /// The logs in longer steps: good enough to find where a search ends.
+    fn coarse(&self) -> Vec<Experiment> {
+        self.experiments.iter().map(Experiment::coarse).collect()
+    }
+}
+
 /// Moves keys of a model until it shows what the logs do. `go_on` is told how far the search has come, and says whether
 /// to go on.
 ///
@@ -130,142 +171,84 @@ pub struct Task<'a> {
 ///
 /// [`IdentifyError`] when the model cannot be run where it begins, or the search was stopped.
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
-    let Task { model, experiments, free, resume, generations } = *task;
-    let mut begin: Vec<f64> = free.iter().map(|key| key.value(model).ln()).collect();
-    let origins: Vec<String> = model.entries().map(|(_, _, o)| o.provenance.clone()).collect();
-    let mut priors: Vec<f64> = free.iter().map(|key| prior(&origins[key.place])).collect();
-    let known = priors.clone();
-    for _ in experiments {
-        begin.extend([0.0; STARTS]);
-        priors.extend([1.0; STARTS]);
-    }
-    let layout = Layout { model, experiments, free };
-    let longer: Vec<Experiment> = experiments.iter().map(Experiment::coarse).collect();
-    let coarse = Layout { experiments: &longer, ..layout };
-    let before = layout.predictions(&begin)?;
-    let mut deviations: Vec<Deviations> = experiments.iter().map(sensors).collect();
-    for (k, experiment) in experiments.iter().enumerate() {
-        widen(&mut deviations[k], experiment, &before[k]);
-    }
+    let known = task.known();
+    let layout = task.layout();
+    let longer = task.coarse();
+    let before = layout.predictions(&known.mean)?;
     let watch = Watch::new(go_on);
-    let mut at = DVector::from_column_slice(&begin);
-    if let Some(resume) = resume {
-        if resume.len() != begin.len() {
-            return Err(IdentifyError::Resume { moved: begin.len(), saved: resume.len() });
-        }
-        at = DVector::from_column_slice(resume);
+    let mut at = DVector::from_column_slice(task.resume.unwrap_or(&known.mean));
+    if at.len() != known.mean.len() {
+        return Err(IdentifyError::Resume { moved: known.mean.len(), saved: at.len() });
     }
-    let mut has_converged = false;
-    let mut kept = vec![None; experiments.len()];
     // first the pitch, where log and model ring differently: compared sample by sample they would be out of phase
     let there = layout.predictions(at.as_slice())?;
-    let forks: Vec<Option<TuningFork>> = experiments
+    let forks: Vec<Option<TuningFork>> = task
+        .experiments
         .iter()
         .zip(&there)
-        .map(|(e, p)| TuningFork::new(e, p, generations > 0))
+        .map(|(e, p)| TuningFork::new(e, p, task.generations > 0))
         .collect();
     if forks.iter().any(Option::is_some) {
-        let pitch = Pitch {
-            layout,
-            begin: &begin,
-            priors: &priors,
-            forks: &forks,
-            at: at.clone(),
-            watch: &watch,
-        };
-        let pitch = pitch.searched(generations);
-        at = LevenbergMarquardt::new()
-            .with_ftol(1e-4)
-            .with_xtol(1e-4)
-            .with_patience(3)
-            .minimize(pitch)
-            .0
-            .at;
+        let sum = Pitch { forks: &forks };
+        let search = Search { layout, sum, known: &known, at, watch: &watch };
+        let ends = Ends { sum: 1e-4, place: 1e-4, patience: 3 };
+        at = search.searched(task.generations).minimised(ends).0.at;
     }
-    for (k, prediction) in layout.predictions(at.as_slice())?.iter().enumerate() {
-        deviations[k] = sensors(&experiments[k]);
-        widen(&mut deviations[k], &experiments[k], prediction);
-    }
+    let mut held_against = deviations(task.experiments, &layout.predictions(at.as_slice())?);
+    let (mut has_converged, mut kept) = (false, Vec::new());
     // the first round in longer steps; the second with what the first left as deviations. Neither may end early: a
     // ringing log has flat valleys
-    for layout in [coarse, layout] {
+    for layout in [Layout { experiments: &longer, ..layout }, layout] {
         watch.borrow_mut().begin();
-        let problem = Problem {
-            layout,
-            begin: &begin,
-            priors: &priors,
-            deviations: &deviations,
-            at: at.clone(),
-            kept: RefCell::new(vec![None; experiments.len()]),
-            watch: &watch,
-        };
-        let (solved, report) = LevenbergMarquardt::new()
-            .with_ftol(1e-6)
-            .with_xtol(1e-5)
-            .with_patience(6)
-            .minimize(problem);
-        at = solved.at;
-        kept = solved.kept.into_inner();
+        let sum = Samples::new(layout.experiments, &held_against);
+        let search = Search { layout, sum, known: &known, at, watch: &watch };
+        let ends = Ends { sum: 1e-6, place: 1e-5, patience: 6 };
+        let (found, is_least) = search.minimised(ends);
+        (at, has_converged) = (found.at, is_least);
+        kept = found.sum.kept.into_inner();
         if watch.borrow().is_stopped() {
             return Err(IdentifyError::Stopped);
         }
-        has_converged = report.termination.was_successful();
-        let after = layout.predictions(at.as_slice())?;
-        for (k, experiment) in experiments.iter().enumerate() {
-            deviations[k] = sensors(experiment);
-            widen(&mut deviations[k], experiment, &after[k]);
-        }
+        held_against = deviations(task.experiments, &task.layout().predictions(at.as_slice())?);
     }
-    let description = layout.moved(at.as_slice());
     let after = layout.predictions(at.as_slice())?;
-    let information = layout.information(at.as_slice(), &deviations, &mut kept)?;
-    let prior_matrix = DMatrix::from_diagonal(&DVector::from_iterator(
-        priors.len(),
-        priors.iter().map(|s| 1.0 / (s * s)),
-    ));
-    let covariance = covariance(&information, &prior_matrix);
-    let deviation: Vec<f64> = (0..free.len()).map(|k| covariance[(k, k)].max(0.0).sqrt()).collect();
-    let correlation: Vec<Vec<f64>> = (0..free.len())
-        .map(|i| {
-            (0..free.len())
-                .map(|j| covariance[(i, j)] / (deviation[i] * deviation[j]).max(1e-300))
-                .collect()
-        })
-        .collect();
-    let tuned = free
-        .iter()
-        .enumerate()
-        .map(|(k, key)| {
-            // what the logs add: the information of both less that of what was known
-            let gained = 1.0 / deviation[k].powi(2) - 1.0 / known[k].powi(2);
-            let from_logs = if gained > 0.0 { gained.sqrt().recip() } else { f64::INFINITY };
-            let partner = (0..free.len())
-                .filter(|j| *j != k)
-                .max_by(|a, b| correlation[k][*a].abs().total_cmp(&correlation[k][*b].abs()));
-            Tuned {
-                key: *key,
-                value: (begin[k].exp(), at[k].exp()),
-                prior: known[k],
-                deviation: deviation[k],
-                from_logs,
-                is_determined: from_logs < known[k],
-                partner: partner.map(|j| (free[j], correlation[k][j])),
-            }
-        })
-        .collect();
-    let improvements = experiments
-        .iter()
-        .enumerate()
-        .map(|(k, experiment)| Improvement::new(experiment, &before[k], &after[k]))
-        .collect();
+    let information = layout.information(at.as_slice(), &held_against, &mut kept)?;
+    let certainty = Certainty::new(&information, &known.deviation);
+    let improvements = task.experiments.iter().zip(before.iter().zip(&after));
+    let improvements = improvements.map(|(e, (before, after))| Improvement::new(e, before, after));
     let evaluations = watch.borrow().runs();
     Ok(Fit {
-        description,
-        tuned,
-        correlation,
-        improvements,
+        description: layout.moved(at.as_slice()),
+        tuned: tuned(task.free, &known, at.as_slice(), &certainty),
+        correlation: certainty.correlation(task.free.len()),
+        improvements: improvements.collect(),
         predictions: (before, after),
         evaluations,
         has_converged,
+        end: End { at: at.as_slice().to_vec(), deviations: held_against, certainty },
     })
+}
+
+/// What is to be said of each key.
+fn tuned(free: &[Free], known: &Known, at: &[f64], certainty: &Certainty) -> Vec<Tuned> {
+    let correlation = certainty.correlation(free.len());
+    let of = |(k, key): (usize, &Free)| {
+        let (prior, deviation) = (known.deviation[k], certainty.deviation(k));
+        // what the logs add: the information of both less that of what was known
+        let gained = deviation.powi(-2) - prior.powi(-2);
+        let from_logs = if gained > 0.0 { gained.sqrt().recip() } else { f64::INFINITY };
+        let strength = |j: &usize| correlation[k][*j].abs();
+        let others = (0..free.len()).filter(|j| *j != k);
+        let partner = others.max_by(|a, b| strength(a).total_cmp(&strength(b)));
+        Tuned {
+            key: *key,
+            value: (known.mean[k].exp(), at[k].exp()),
+            prior,
+            deviation,
+            from_logs,
+            is_determined: from_logs < prior,
+            partner: partner.map(|j| (free[j], correlation[k][j])),
+        }
+    };
+    free.iter().enumerate().map(of).collect()
 }

@@ -25,24 +25,20 @@ pub(super) fn residuals(
     pairs.filter_map(|(i, (s, p))| Some((i, s.values[signal]? - p[signal]))).collect()
 }
 
-/// What the sensors of a log scatter.
-pub(super) fn sensors(experiment: &Experiment) -> Deviations {
-    std::array::from_fn(|signal| {
-        let values: Vec<f64> = experiment.samples.iter().filter_map(|s| s.values[signal]).collect();
-        noise(&values).max(FINEST[usize::from(signal > 0)])
-    })
-}
-
-/// A difference is held against what is left of it, where that is more than its sensor scatters.
-pub(super) fn widen(deviations: &mut Deviations, experiment: &Experiment, prediction: &Prediction) {
-    for (signal, deviation) in deviations.iter_mut().enumerate() {
-        let errors = residuals(experiment, prediction, signal);
-        if errors.is_empty() {
-            continue;
-        }
-        let square = errors.iter().map(|e| e.1 * e.1).sum::<f64>() / errors.len() as f64;
-        *deviation = deviation.max(square.sqrt());
-    }
+/// What the differences of each log are held against: what its sensors scatter, or what is left of a difference where that
+/// is more.
+pub(super) fn deviations(experiments: &[Experiment], predictions: &[Prediction]) -> Vec<Deviations> {
+    let of = |(experiment, prediction): (&Experiment, &Prediction)| -> Deviations {
+        std::array::from_fn(|signal| {
+            let values: Vec<f64> =
+                experiment.samples.iter().filter_map(|s| s.values[signal]).collect();
+            let errors = residuals(experiment, prediction, signal);
+            let square = errors.iter().map(|e| e.1 * e.1).sum::<f64>();
+            let left = (square / errors.len().max(1) as f64).sqrt();
+            noise(&values).max(FINEST[usize::from(signal > 0)]).max(left)
+        })
+    };
+    experiments.iter().zip(predictions).map(of).collect()
 }
 
 /// A difference whose square is Huber's loss, and its slope.

@@ -1,0 +1,129 @@
+//! The option that asks what the logs say of single keys, whatever the others are, and what comes of it.
+
+use super::Shown;
+use clap::Args;
+use hydroboom_description::schema::KEYS;
+use hydroboom_identify::{Fit, Free, IdentifyError, LIMIT, Profile, Task, profile};
+use hydroboom_lab::LabError;
+use hydroboom_lab::report::{Axes, Figure, Series, figure};
+use indicatif::ProgressBar;
+use maud::Markup;
+use miette::{IntoDiagnostic, Result};
+use serde_json::{Value, json};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The option that asks for profiles.
+#[derive(Args, Clone)]
+pub struct Profiles {
+    /// Keys whose profile likelihood is wanted: held at values beside the one found, all else searched for anew. Keys with
+    /// commas between them, or `weak` for those that the logs do not determine.
+    #[arg(long, value_name = "KEYS", value_delimiter = ',')]
+    profile: Vec<String>,
+}
+
+impl Profiles {
+    /// The profiles that were asked for; those that were done where it was stopped.
+    pub fn of(&self, task: &Task<'_>, found: &Fit, stop: &AtomicBool) -> Result<Vec<Profile>> {
+        let keys = match self.profile.as_slice() {
+            [only] if only == "weak" => {
+                let open = found.tuned.iter().filter(|t| !t.is_determined);
+                open.map(|t| t.key).collect()
+            }
+            named => named
+                .iter()
+                .map(|path| Free::from_path(path.trim()).into_diagnostic())
+                .collect::<Result<Vec<Free>>>()?,
+        };
+        let bar = ProgressBar::new_spinner();
+        let mut profiles = Vec::new();
+        for (k, key) in keys.iter().enumerate() {
+            let told = profile(task, found, *key, &|progress| {
+                let (path, of) = (key.path(), keys.len());
+                bar.set_message(format!(
+                    "profile {} of {of}, {path}: {} runs, {:.0} left",
+                    k + 1,
+                    progress.runs,
+                    progress.sum
+                ));
+                bar.tick();
+                !stop.load(Ordering::Relaxed)
+            });
+            match told {
+                Err(IdentifyError::Stopped) => {
+                    bar.println(format!("stopped; {k} of {} profiles are done", keys.len()));
+                    break;
+                }
+                told => profiles.push(told.into_diagnostic()?),
+            }
+        }
+        bar.finish_and_clear();
+        Ok(profiles)
+    }
+}
+
+/// What a profile says.
+pub fn words(profile: &Profile) -> String {
+    let key = &KEYS[profile.key.place];
+    let shown = |v: f64| format!("{:.5}", Shown(key.to_unit(v)));
+    let looked = [profile.points.first(), profile.points.last()];
+    let looked = looked.map(|p| shown(p.map_or(f64::NAN, |p| p.0)));
+    let path = key.path();
+    match profile.interval.map(|v| v.map(shown)) {
+        [Some(low), Some(high)] => {
+            format!("{path}: the logs contradict less than {low} and more than {high}")
+        }
+        [Some(low), None] => {
+            format!("{path}: the logs contradict less than {low}, and nothing up to {}", looked[1])
+        }
+        [None, Some(high)] => {
+            format!("{path}: the logs contradict more than {high}, and nothing down to {}", looked[0])
+        }
+        [None, None] => {
+            format!("{path}: the logs contradict nothing between {} and {}", looked[0], looked[1])
+        }
+    }
+}
+
+/// For people, below the table of keys.
+pub fn said(profiles: &[Profile]) -> String {
+    let lines: Vec<String> = profiles.iter().map(|p| format!("  {}", words(p))).collect();
+    format!(
+        "whatever the other keys are, and what was known of this one apart (profile likelihood, 95 %):\n{}",
+        lines.join("\n")
+    )
+}
+
+/// For machines.
+pub fn in_json(profiles: &[Profile]) -> Vec<Value> {
+    let of = |p: &Profile| {
+        let key = &KEYS[p.key.place];
+        json!({
+            "key": key.path(), "limit": LIMIT, "interval_95": p.interval.map(|v| v.map(|v| key.to_unit(v))),
+            "points": p.points.iter().map(|(v, rise)| json!([key.to_unit(*v), rise])).collect::<Vec<_>>(),
+        })
+    };
+    profiles.iter().map(of).collect()
+}
+
+/// A figure with its caption.
+pub fn drawn(profile: &Profile, found: &Fit) -> std::result::Result<Markup, LabError> {
+    let key = &KEYS[profile.key.place];
+    let points: Vec<(f64, f64)> =
+        profile.points.iter().map(|(v, rise)| (key.to_unit(*v), *rise)).collect();
+    let ends = [points.first(), points.last()].map(|p| p.map_or(0.0, |p| p.0));
+    let mut lines = vec![("profile", points.clone())];
+    // what the intervals of the table suppose
+    let tuned = found.tuned.iter().find(|t| t.key == profile.key);
+    if let Some(tuned) = tuned.filter(|t| t.from_logs.is_finite()) {
+        let middle = key.to_unit(tuned.value.1);
+        let at = |k: i32| ends[0] + (ends[1] - ends[0]) * f64::from(k) / 40.0;
+        let rise = |v: f64| ((v / middle).ln() / tuned.from_logs).powi(2);
+        let highest = points.iter().map(|p| p.1).fold(1.5 * LIMIT, f64::max);
+        let parabola = (0..=40).map(|k| (at(k), rise(at(k)))).filter(|p| p.1 <= highest).collect();
+        lines.push(("parabola of the table's interval", parabola));
+    }
+    lines.push(("contradicted above", vec![(ends[0], LIMIT), (ends[1], LIMIT)]));
+    let (x, y) = (format!("{} [{}]", key.path(), key.unit), "rise of the sum [squared deviations]");
+    let svg = Figure { x: &x, y, series: Series::list(lines), axes: Axes::Linear }.svg()?;
+    Ok(figure(&format!("{}.", words(profile)), &svg))
+}
