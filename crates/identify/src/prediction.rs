@@ -4,22 +4,18 @@ use crate::drive::Drive;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
+use crate::number::{Number, Stepper};
 use hydroboom_description::schema::Numbers;
 use hydroboom_description::{BuildError, Description};
-use hydroboom_math::{Dual, Real};
-use hydroboom_model::circuit::Coordinates;
-use hydroboom_model::stepping::{Implicit, MOST_PARTS, has_settled};
-use hydroboom_model::{
-    BoomState, Circuit, Crane, CraneState, EquilibriumError, Start, ValveControlled,
-    ValveCraneState, ValveInput, ValveStart,
-};
+use hydroboom_math::Dual;
+use hydroboom_model::{Circuit, Crane, CraneState, ValveInput};
 use rayon::prelude::*;
 use std::array::from_fn;
 
 /// Segments of the published model.
 const SEGMENTS: usize = 3;
 /// Keys that one run is differentiated by.
-const TOGETHER: usize = 5;
+const TOGETHER: usize = 8;
 /// Steps in a control period, of the implicit scheme. The published one will not do: at the load-holding valves
 /// it chatters within bounds, and its slopes, exact as they are, grow without any.
 pub(crate) const STEPS: u32 = 2;
@@ -31,90 +27,6 @@ pub type Prediction = Vec<[f64; COMPARED.len()]>;
 /// What a model starts from: stroke, then the pressures p_PA, p_B, p_PB, p_acc, or p_A and p_B of a valve-controlled
 /// crane; last how far off its rest p_A is as an oscillation test begins; none where nothing was measured.
 pub(crate) const STARTS: usize = 6;
-
-/// A number that a model can be run over: plain, or with slopes.
-pub trait Number: Real {
-    /// Whether it has slopes.
-    const HAS_SLOPES: bool;
-
-    /// Without slopes.
-    fn plain(self) -> f64;
-
-    /// Another value with the same slopes.
-    fn at(self, value: f64) -> Self;
-
-    /// The state of rest of a self-contained crane.
-    ///
-    /// # Errors
-    ///
-    /// [`EquilibriumError`] where there is none.
-    fn rest<const N: usize>(
-        crane: &Crane<Self, N>,
-        start: &Start<Self>,
-    ) -> Result<CraneState<Self, N>, EquilibriumError>;
-
-    /// The state of rest of a valve-controlled crane.
-    ///
-    /// # Errors
-    ///
-    /// [`EquilibriumError`] where there is none.
-    fn valve_rest<const N: usize>(
-        crane: &Crane<Self, N, ValveControlled<Self>>,
-        start: &ValveStart<Self>,
-    ) -> Result<ValveCraneState<Self, N>, EquilibriumError>;
-}
-
-impl Number for f64 {
-    const HAS_SLOPES: bool = false;
-
-    fn plain(self) -> f64 {
-        self
-    }
-
-    fn at(self, value: f64) -> Self {
-        value
-    }
-
-    fn rest<const N: usize>(
-        crane: &Crane<f64, N>,
-        start: &Start,
-    ) -> Result<CraneState<f64, N>, EquilibriumError> {
-        crane.at_rest(start)
-    }
-
-    fn valve_rest<const N: usize>(
-        crane: &Crane<f64, N, ValveControlled<f64>>,
-        start: &ValveStart,
-    ) -> Result<ValveCraneState<f64, N>, EquilibriumError> {
-        crane.at_rest(start)
-    }
-}
-
-impl<const P: usize> Number for Dual<f64, P> {
-    const HAS_SLOPES: bool = true;
-
-    fn plain(self) -> f64 {
-        self.value
-    }
-
-    fn at(self, value: f64) -> Self {
-        Self { value, ..self }
-    }
-
-    fn rest<const N: usize>(
-        crane: &Crane<Self, N>,
-        start: &Start<Self>,
-    ) -> Result<CraneState<Self, N>, EquilibriumError> {
-        crane.at_rest_along(start)
-    }
-
-    fn valve_rest<const N: usize>(
-        crane: &Crane<Self, N, ValveControlled<Self>>,
-        start: &ValveStart<Self>,
-    ) -> Result<ValveCraneState<Self, N>, EquilibriumError> {
-        crane.at_rest_along(start)
-    }
-}
 
 /// What a model over some numbers shows at the samples of an experiment.
 type Shown<T> = Vec<[T; COMPARED.len()]>;
@@ -212,101 +124,6 @@ fn lifted<T: Number>(
     crane.lifted(rest, angle)
 }
 
-/// A model's steps. Numbers with slopes follow plain ones: the plain step finds the solution, and one iteration more
-/// the slopes at it, at less than half the cost of finding both together.
-struct Stepper<'a, T: Number, const N: usize, C: Circuit<T>> {
-    crane: &'a Crane<T, N, C>,
-    scheme: Implicit<T, C>,
-    plain: Crane<f64, N, C::Over<f64>>,
-    plain_scheme: Implicit<f64, C::Over<f64>>,
-}
-
-/// A state over plain numbers.
-type Plain<T, const N: usize, C> =
-    CraneState<f64, N, <<C as Circuit<T>>::Over<f64> as Circuit<f64>>::State>;
-
-impl<'a, T: Number, const N: usize, C: Circuit<T>> Stepper<'a, T, N, C> {
-    fn new(crane: &'a Crane<T, N, C>) -> Self {
-        let plain = crane.over(&mut T::plain);
-        let plain_scheme = Implicit::new(&plain);
-        Self { crane, scheme: Implicit::new(crane), plain, plain_scheme }
-    }
-
-    /// The state a control period later, in as many parts as the steps need to settle; none where they do not.
-    fn moved(
-        &self,
-        state: &CraneState<T, N, C::State>,
-        input: &C::Input,
-        experiment: &Experiment,
-    ) -> Option<CraneState<T, N, C::State>> {
-        let mut parts = experiment.steps;
-        while parts <= MOST_PARTS {
-            let mut trial = *state;
-            let step = experiment.period / f64::from(parts);
-            if (0..parts).all(|_| self.step(&mut trial, input, step)) {
-                return Some(trial);
-            }
-            parts *= 2;
-        }
-        None
-    }
-
-    /// One step; whether it settled.
-    fn step(&self, state: &mut CraneState<T, N, C::State>, input: &C::Input, step: f64) -> bool {
-        if !T::HAS_SLOPES {
-            let left = self.scheme.step(self.crane, state, input, T::lit(step));
-            return has_settled(left.plain());
-        }
-        let mut second = without_slopes::<T, N, C>(state);
-        let plain_input = C::input_over(input, &mut T::plain);
-        let (left, first) = self.plain_scheme.stages(&self.plain, &mut second, &plain_input, step);
-        let solved = [first, second].map(|stage| with_slopes::<T, N, C>(state, &stage));
-        self.scheme.follow(self.crane, state, input, T::lit(step), &solved);
-        has_settled(left)
-    }
-}
-
-fn without_slopes<T: Number, const N: usize, C: Circuit<T>>(
-    state: &CraneState<T, N, C::State>,
-) -> Plain<T, N, C> {
-    let q = C::coordinates(&state.circuit);
-    CraneState {
-        boom: BoomState {
-            angle: state.boom.angle.map(T::plain),
-            angular_velocity: state.boom.angular_velocity.map(T::plain),
-        },
-        bristle: state.bristle.plain(),
-        circuit: <C::Over<f64> as Circuit<f64>>::from_coordinates(&Coordinates {
-            stiff: q.stiff.map(T::plain),
-            slow: q.slow.map(T::plain),
-        }),
-    }
-}
-
-/// A state with the slopes of another one.
-fn with_slopes<T: Number, const N: usize, C: Circuit<T>>(
-    slopes: &CraneState<T, N, C::State>,
-    values: &Plain<T, N, C>,
-) -> CraneState<T, N, C::State> {
-    let (q, v) = (
-        C::coordinates(&slopes.circuit),
-        <C::Over<f64> as Circuit<f64>>::coordinates(&values.circuit),
-    );
-    CraneState {
-        boom: BoomState {
-            angle: from_fn(|i| slopes.boom.angle[i].at(values.boom.angle[i])),
-            angular_velocity: from_fn(|i| {
-                slopes.boom.angular_velocity[i].at(values.boom.angular_velocity[i])
-            }),
-        },
-        bristle: slopes.bristle.at(values.bristle),
-        circuit: C::from_coordinates(&Coordinates {
-            stiff: from_fn(|i| q.stiff[i].at(v.stiff[i])),
-            slow: from_fn(|i| q.slow[i].at(v.slow[i])),
-        }),
-    }
-}
-
 /// Runs the model from a state at rest; what it shows at each sample: position, then `pressures`.
 fn run<T: Number, const N: usize, C: Circuit<T>>(
     crane: &Crane<T, N, C>,
@@ -334,7 +151,9 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
             }
             seen.push(now);
         }
-        state = stepper.moved(&state, &input, experiment).ok_or_else(|| broken(k))?;
+        state = stepper
+            .moved(crane, &state, &input, experiment.period, experiment.steps)
+            .ok_or_else(|| broken(k))?;
     }
     if seen.len() < experiment.samples.len() {
         seen.push(show(&state));

@@ -5,8 +5,7 @@ use crate::error::SensitivityError;
 use hydroboom_control::{Benchmark, HighPass, Measured, Motion, MotorLimits, Reference, Strategy};
 use hydroboom_description::schema::Numbers;
 use hydroboom_description::{BuildError, Description};
-use hydroboom_identify::Number;
-use hydroboom_model::stepping::{Implicit, MOST_PARTS, has_settled};
+use hydroboom_identify::{Number, Stepper};
 use hydroboom_model::{Crane, CraneState, Input};
 
 /// Steps of the implicit scheme in a control period.
@@ -40,28 +39,6 @@ pub(crate) fn machine<T: Number>(
     Ok((crane, state))
 }
 
-/// Moves a machine on by a time \[s\], in at least so many steps, and as many as they need to settle.
-pub(crate) fn advance<T: Number>(
-    scheme: &Implicit<T>,
-    crane: &Crane<T, SEGMENTS>,
-    state: &mut CraneState<T, SEGMENTS>,
-    input: &Input<T>,
-    time: f64,
-    steps: u32,
-) -> Option<()> {
-    let mut parts = steps;
-    while parts <= MOST_PARTS {
-        let mut trial = *state;
-        let step = T::lit(time / f64::from(parts));
-        if (0..parts).all(|_| has_settled(scheme.step(crane, &mut trial, input, step).plain())) {
-            *state = trial;
-            return Some(());
-        }
-        parts *= 2;
-    }
-    None
-}
-
 /// What a machine does in each control period: shown before the motor speed of the period is decided.
 struct Loop<'a, T> {
     description: &'a Description,
@@ -79,7 +56,7 @@ impl<T: Number> Loop<'_, T> {
         mut decide: impl FnMut(usize, &Reference<f64>, &Measured<T>, &Benchmark<T>, T) -> T,
     ) -> Result<(), SensitivityError> {
         let period = self.description.benchmark().period;
-        let scheme = Implicit::new(&self.crane);
+        let stepper = Stepper::new(&self.crane);
         let periods = (self.motion.duration() / period).round() as usize;
         let mut motor = T::zero();
         for k in 0..=periods {
@@ -97,7 +74,8 @@ impl<T: Number> Loop<'_, T> {
             let wanted = decide(k, &reference, &seen, &self.controller, p.a);
             motor = self.controller.limits.follow(motor, wanted, self.controller.period);
             let input = Input { pump_speed: motor, holding_valve: T::one() };
-            advance(&scheme, &self.crane, &mut self.state, &input, period, STEPS)
+            self.state = stepper
+                .moved(&self.crane, &self.state, &input, period, STEPS)
                 .ok_or_else(|| SensitivityError::Broken { what: what.into(), time })?;
         }
         Ok(())

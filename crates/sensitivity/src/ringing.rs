@@ -1,12 +1,10 @@
 //! The frequency of the locked crane, over any number.
 
 use crate::case::SEGMENTS;
-use crate::closed_loop::advance;
 use crate::error::SensitivityError;
 use hydroboom_description::schema::Numbers;
 use hydroboom_description::{BuildError, Description};
-use hydroboom_identify::Number;
-use hydroboom_model::stepping::Implicit;
+use hydroboom_identify::{Number, Stepper};
 use hydroboom_model::{CraneState, Input};
 
 /// Duration of the oscillation test \[s\].
@@ -31,11 +29,11 @@ pub(crate) fn eigenfrequency<T: Number>(
     let rest: CraneState<T, SEGMENTS> = T::rest(&crane, &start).map_err(BuildError::from)?;
     let mut state = crane.lifted(&rest, numbers.oscillation_drop / numbers.boom_length);
     let input = Input { pump_speed: T::zero(), holding_valve: T::zero() };
-    let scheme = Implicit::new(&crane);
+    let stepper = Stepper::new(&crane);
     let mut pressure = Vec::new();
     for k in 0..(DURATION / INTERVAL) as usize {
         pressure.push(crane.circuit.pressures(&state.circuit).a);
-        advance(&scheme, &crane, &mut state, &input, INTERVAL, 2).ok_or_else(|| {
+        state = stepper.moved(&crane, &state, &input, INTERVAL, 2).ok_or_else(|| {
             SensitivityError::Broken { what: "oscillation test".into(), time: k as f64 * INTERVAL }
         })?;
     }

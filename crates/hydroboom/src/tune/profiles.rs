@@ -76,7 +76,10 @@ pub fn words(profile: &Profile) -> String {
             format!("{path}: the logs contradict less than {low}, and nothing up to {}", looked[1])
         }
         [None, Some(high)] => {
-            format!("{path}: the logs contradict more than {high}, and nothing down to {}", looked[0])
+            format!(
+                "{path}: the logs contradict more than {high}, and nothing down to {}",
+                looked[0]
+            )
         }
         [None, None] => {
             format!("{path}: the logs contradict nothing between {} and {}", looked[0], looked[1])

@@ -6,6 +6,7 @@ use crate::prediction::Prediction;
 use crate::tuning_fork::TuningFork;
 use cmaes::{CMAESOptions, DVector as Point};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// The pitch of each log that log and model differ in.
 pub(super) struct Pitch<'a> {
@@ -28,9 +29,13 @@ impl Sum for Pitch<'_> {
         for (fork, (prediction, slopes)) in self.forks.iter().flatten().zip(&all) {
             let (from, rows) = (whole.nrows(), fork.residuals(prediction).len());
             whole = whole.resize_vertically(from + rows, 0.0);
-            for (place, slope) in slopes {
-                let column = DVector::from_vec(fork.slopes(prediction, slope));
-                whole.view_mut((from, *place), (rows, 1)).copy_from(&column);
+            let columns: Vec<(usize, Vec<f64>)> = slopes
+                .par_iter()
+                .map(|(place, slope)| (*place, fork.slopes(prediction, slope)))
+                .collect();
+            for (place, column) in columns {
+                let column = DVector::from_vec(column);
+                whole.view_mut((from, place), (rows, 1)).copy_from(&column);
             }
         }
         Some(whole)

@@ -27,7 +27,10 @@ pub(super) fn residuals(
 
 /// What the differences of each log are held against: what its sensors scatter, or what is left of a difference where that
 /// is more.
-pub(super) fn deviations(experiments: &[Experiment], predictions: &[Prediction]) -> Vec<Deviations> {
+pub(super) fn deviations(
+    experiments: &[Experiment],
+    predictions: &[Prediction],
+) -> Vec<Deviations> {
     let of = |(experiment, prediction): (&Experiment, &Prediction)| -> Deviations {
         std::array::from_fn(|signal| {
             let values: Vec<f64> =

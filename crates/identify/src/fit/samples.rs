@@ -46,7 +46,8 @@ impl Sum for Samples<'_> {
         for (log, ((experiment, deviation), (prediction, _))) in self.logs().zip(&all).enumerate() {
             for (signal, sigma) in deviation.iter().enumerate() {
                 let errors = residuals(experiment, prediction, signal);
-                let row = |(sample, e): (usize, f64)| (log, sample, signal, -huber(e / sigma).1 / sigma);
+                let row =
+                    |(sample, e): (usize, f64)| (log, sample, signal, -huber(e / sigma).1 / sigma);
                 rows.extend(errors.into_iter().map(row));
             }
         }

@@ -34,7 +34,7 @@ use core::array::from_fn;
 use hydroboom_math::{Dual, Factored, Real};
 
 /// γ = 1 − 1/√2, which makes the scheme L-stable.
-const GAMMA: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
+pub(super) const GAMMA: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
 
 /// Newton iterations of each stage, at most.
 const ITERATIONS: usize = 3;
@@ -51,9 +51,9 @@ pub const MOST_PARTS: u32 = 256;
 
 /// Unknowns of the reduced system, which are also the directions of differentiation: five nodes,
 /// then these.
-const BRISTLE: usize = STIFF;
-const PISTON: usize = STIFF + 1;
-const UNKNOWNS: usize = STIFF + 2;
+pub(super) const BRISTLE: usize = STIFF;
+pub(super) const PISTON: usize = STIFF + 1;
+pub(super) const UNKNOWNS: usize = STIFF + 2;
 
 type D<T> = Dual<T, UNKNOWNS>;
 
@@ -71,10 +71,10 @@ pub struct Implicit<T: Real, C: Circuit<T> = SelfContained<T>> {
 
 /// The boom of Newton's matrix, at the beginning of the step: within it the pose turns by less
 /// than a thousandth, which costs convergence next to nothing.
-struct Eliminated<T, const N: usize> {
-    factors: Articulated<T, N>,
+pub(super) struct Eliminated<T, const N: usize> {
+    pub(super) factors: Articulated<T, N>,
     /// Angular accelerations for a unit of the cylinder's force.
-    answer: [T; N],
+    pub(super) answer: [T; N],
 }
 
 impl<T: Real, const N: usize> Eliminated<T, N> {
@@ -88,13 +88,30 @@ impl<T: Real, const N: usize> Eliminated<T, N> {
 }
 
 /// The stiff part of the right-hand side at one state, with its derivatives.
-struct Stiff<T> {
+pub(super) struct Stiff<T> {
     /// Rates of the nodes, then of the bristle.
     rates: [D<T>; PISTON],
     /// Rates of the circuit's other coordinates.
-    slow: [D<T>; SLOW],
+    pub(super) slow: [D<T>; SLOW],
     /// Cylinder force.
-    force: D<T>,
+    pub(super) force: D<T>,
+}
+
+impl<T: Real> Stiff<T> {
+    /// Newton's matrix of the reduced system, factored; `push` is the piston's velocity that a unit of cylinder force
+    /// gives the boom within `gh`.
+    #[inline(always)]
+    pub(super) fn factored(&self, gh: T, push: T) -> Factored<T, UNKNOWNS> {
+        let mut matrix = [[T::zero(); UNKNOWNS]; UNKNOWNS];
+        for row in 0..PISTON {
+            matrix[row] = self.rates[row].slope.map(|slope| -(gh * slope));
+        }
+        matrix[PISTON] = self.force.slope.map(|slope| -(push * slope));
+        for (k, row) in matrix.iter_mut().enumerate() {
+            row[k] = row[k] + T::one();
+        }
+        Factored::new(matrix)
+    }
 }
 
 impl<T: Real, C: Circuit<T>> Implicit<T, C> {
@@ -133,48 +150,29 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
     ) -> (T, CraneState<T, N, C::State>) {
         let gh = T::lit(GAMMA) * step;
         let boom = Self::eliminated(crane, state, gh);
-        let (first, left) = self.stage(crane, state, state, input, gh, &boom);
-        // u + (1 − γ)h f(Y1), where γh f(Y1) = Y1 − u
-        let share = T::lit((1.0 - GAMMA) / GAMMA);
-        let base = beyond(crane, state, &first, share);
-        let (second, left_again) = self.stage(crane, &base, &first, input, gh, &boom);
-        *state = second;
-        (left.max(left_again), first)
+        self.solved(crane, state, input, gh, &boom)
     }
 
-    /// One step as [`step`](Self::step), each of whose two stages is already solved but for the slopes of its numbers:
-    /// `solved` has their values. One iteration then gives the slopes, because Newton's method, taken from the solution,
-    /// moves them where they belong.
+    /// Both stages, with the boom of Newton's matrix.
     #[inline(always)]
-    pub fn follow<const N: usize>(
+    pub(super) fn solved<const N: usize>(
         &self,
         crane: &Crane<T, N, C>,
         state: &mut CraneState<T, N, C::State>,
         input: &C::Input,
-        step: T,
-        solved: &[CraneState<T, N, C::State>; 2],
-    ) {
-        let gh = T::lit(GAMMA) * step;
-        let boom = Self::eliminated(crane, state, gh);
-        // angles follow the velocities, in slopes too
-        let turned = |base: &CraneState<T, N, C::State>, stage: &CraneState<T, N, C::State>| {
-            let mut turned = *stage;
-            for i in 0..crane.boom.coordinates() {
-                turned.boom.angle[i] = base.boom.angle[i] + gh * stage.boom.angular_velocity[i];
-            }
-            turned
-        };
-        let mut first = turned(state, &solved[0]);
-        self.iterate(crane, state, &mut first, input, gh, &boom);
-        let base = beyond(crane, state, &first, T::lit((1.0 - GAMMA) / GAMMA));
-        let mut second = turned(&base, &solved[1]);
-        self.iterate(crane, &base, &mut second, input, gh, &boom);
+        gh: T,
+        boom: &Eliminated<T, N>,
+    ) -> (T, CraneState<T, N, C::State>) {
+        let (first, left) = self.stage(crane, state, state, input, gh, boom);
+        let base = beyond(crane, state, &first);
+        let (second, left_again) = self.stage(crane, &base, &first, input, gh, boom);
         *state = second;
+        (left.max(left_again), first)
     }
 
     /// The boom of Newton's matrix at a state.
     #[inline(always)]
-    fn eliminated<const N: usize>(
+    pub(super) fn eliminated<const N: usize>(
         crane: &Crane<T, N, C>,
         state: &CraneState<T, N, C::State>,
         gh: T,
@@ -257,23 +255,17 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
         let answer = &eliminated.answer;
         let push = gh * cylinder.velocity(boom, answer);
 
-        let mut matrix = [[T::zero(); UNKNOWNS]; UNKNOWNS];
         let mut rhs = [T::zero(); UNKNOWNS];
         let (at, from) = (C::coordinates(&y.circuit), C::coordinates(&base.circuit));
         for row in 0..PISTON {
-            let rate = &stiff.rates[row];
-            matrix[row] = rate.slope.map(|slope| -(gh * slope));
-            matrix[row][row] = matrix[row][row] + T::one();
             let gained = match row {
                 BRISTLE => y.bristle - base.bristle,
                 node => at.stiff[node] - from.stiff[node],
             };
-            rhs[row] = gh * rate.value - gained;
+            rhs[row] = gh * stiff.rates[row].value - gained;
         }
-        matrix[PISTON] = stiff.force.slope.map(|slope| -(push * slope));
-        matrix[PISTON][PISTON] = matrix[PISTON][PISTON] + T::one();
         rhs[PISTON] = cylinder.velocity(boom, &free);
-        let change = Factored::new(matrix).solve(rhs);
+        let change = stiff.factored(gh, push).solve(rhs);
 
         let along = |rate: &D<T>| {
             let terms = rate.slope.iter().zip(change);
@@ -299,7 +291,7 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
     /// The stiff right-hand side with its exact derivatives. Where the piston's velocity changes by
     /// one, its position changes by γh.
     #[inline(always)]
-    fn stiff(
+    pub(super) fn stiff(
         &self,
         circuit: &C::State,
         bristle: T,
@@ -388,14 +380,14 @@ impl<C: Circuit<f64>> Implicit<f64, C> {
     }
 }
 
-/// The state reached by going from `from` to `to` and on, `share` times the way.
+/// What the second stage begins from: u + (1 − γ)h f(Y1), where γh f(Y1) = Y1 − u, so on from `u` through `Y1`.
 #[inline(always)]
-fn beyond<T: Real, const N: usize, C: Circuit<T>>(
+pub(super) fn beyond<T: Real, const N: usize, C: Circuit<T>>(
     crane: &Crane<T, N, C>,
     from: &CraneState<T, N, C::State>,
     to: &CraneState<T, N, C::State>,
-    share: T,
 ) -> CraneState<T, N, C::State> {
+    let share = T::lit((1.0 - GAMMA) / GAMMA);
     let along = |a: T, b: T| a + share * (b - a);
     let mut state = *from;
     for i in 0..crane.boom.coordinates() {
