@@ -46,6 +46,8 @@ pub struct Experiment {
     pub(crate) steps: u32,
     /// What was measured.
     pub samples: Vec<Sample>,
+    /// Time constants of the filters that the signals went through \[s\].
+    pub(crate) filters: [f64; COMPARED.len()],
     /// What the model starts from, as far as it was measured.
     pub(crate) beginning: [Option<f64>; STARTS],
     /// What is to be said of it.
@@ -169,6 +171,7 @@ impl Experiment {
             every,
             steps: STEPS,
             samples,
+            filters: tracks.map(|track| track.map_or(0.0, Track::filter)),
             beginning,
             remarks,
         })

@@ -158,7 +158,28 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
     if seen.len() < experiment.samples.len() {
         seen.push(show(&state));
     }
+    for (signal, filter) in
+        experiment.filters.iter().enumerate().filter(|(_, filter)| **filter > 0.0)
+    {
+        filtered(&mut seen, signal, experiment.interval() / filter);
+    }
     Ok(seen)
+}
+
+/// A signal as a reading shows it that went through a first-order filter: exact for a course that is straight from sample to
+/// sample, which are `ratio` of the filter's time constant apart.
+fn filtered<T: Number>(seen: &mut Shown<T>, signal: usize, ratio: f64) {
+    let fades = (-ratio).exp();
+    // what is left of the beginning, and what the straight line adds
+    let (last, next) = ((1.0 - fades) / ratio - fades, 1.0 - (1.0 - fades) / ratio);
+    let Some(first) = seen.first() else { return };
+    let (mut before, mut shown) = (first[signal], first[signal]);
+    for row in &mut *seen {
+        let now = row[signal];
+        shown = T::lit(fades) * shown + T::lit(last) * before + T::lit(next) * now;
+        // the first sample is at rest
+        (before, row[signal]) = (now, shown);
+    }
 }
 
 /// What the model shows under an experiment's inputs.
@@ -247,4 +268,24 @@ pub(crate) fn slopes_from(
         })
         .collect();
     Ok((values, slopes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ramp_through_a_filter_follows_late_by_its_time_constant() {
+        let (interval, constant) = (0.01, 0.3);
+        let time = |k: usize| k as f64 * interval;
+        let mut seen: Shown<f64> =
+            (0..500).map(|k| [2.0 + 0.7 * time(k); COMPARED.len()]).collect();
+        filtered(&mut seen, 0, interval / constant);
+        for (k, row) in seen.iter().enumerate() {
+            let late = constant * (1.0 - (-time(k) / constant).exp());
+            let exact = 2.0 + 0.7 * (time(k) - late);
+            assert!((row[0] - exact).abs() < 1e-12, "{} for {exact} at {}", row[0], time(k));
+            assert_eq!(row[1], 2.0 + 0.7 * time(k));
+        }
+    }
 }

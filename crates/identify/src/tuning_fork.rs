@@ -5,7 +5,7 @@
 //! comes first: each signal averaged over one period of its log's oscillation, and of the oscillation its frequency and
 //! damping. What that comes to is in phase, and the search over all samples begins there.
 
-use crate::differences::free;
+use crate::differences::{free, noise};
 use crate::experiment::{COMPARED, Experiment, Sample};
 use crate::prediction::Prediction;
 use crate::ringing::{Ringing, ringing};
@@ -17,6 +17,8 @@ const LOST_TURNS: f64 = 0.2;
 const EXACT: (f64, f64) = (0.005, 0.2);
 /// What a model that does not ring counts as: this far off, in the same units.
 const SILENT: f64 = 40.0;
+/// What rings within this share of the boom's frequency is the boom.
+const SAME: f64 = 0.15;
 /// Every so many samples a slow course is looked at in one of its oscillation's periods.
 const PER_PERIOD: usize = 4;
 /// Share of ln θ by which a prediction is moved along its slope, to see how its oscillation changes.
@@ -37,7 +39,7 @@ pub(crate) struct TuningFork {
 struct Pitched {
     /// Its place among the compared ones.
     place: usize,
-    /// Samples of one period of the log's largest oscillation.
+    /// Samples of one period of the boom's oscillation.
     period: usize,
     /// The log's slow course.
     slow: Vec<f64>,
@@ -69,6 +71,16 @@ impl TuningFork {
             .iter()
             .map(|(_, values)| ringing(values, interval, &is_free).filter(|r| r.damping.is_some()))
             .collect();
+        // the boom is what rings loudest above the scatter of its sensor; what else is heard elsewhere is none of it
+        let loudness = |k: &usize| {
+            heard[*k].map_or(0.0, |r| r.amplitude / noise(&whole[*k].1).max(f64::MIN_POSITIVE))
+        };
+        let loudest = (0..heard.len()).max_by(|a, b| loudness(a).total_cmp(&loudness(b)));
+        let boom = loudest.and_then(|k| heard[k]);
+        let is_boom =
+            |r: &Ringing| boom.is_some_and(|b| (r.frequency / b.frequency).ln().abs() < SAME);
+        let heard: Vec<Option<Ringing>> =
+            heard.iter().map(|r| r.as_ref().filter(|r| is_boom(r)).copied()).collect();
         let is_lost = whole.iter().zip(&heard).any(|((place, _), log)| {
             let model = ringing(&column(prediction, *place, &span), interval, &is_free);
             log.is_some_and(|log| {
@@ -76,13 +88,11 @@ impl TuningFork {
                 off * experiment.duration() > LOST_TURNS
             })
         });
-        // the slowest oscillation is the boom's, and its period holds whole ones of the faster
-        let slowest = heard.iter().flatten().map(|r| r.frequency).reduce(f64::min);
-        let slowest = slowest.or(always.then_some(1.0))?;
+        let frequency = boom.map(|r| r.frequency).or(always.then_some(1.0))?;
         if !(is_lost || always) {
             return None;
         }
-        let period = (1.0 / slowest / interval).round().max(1.0) as usize;
+        let period = (1.0 / frequency / interval).round().max(1.0) as usize;
         let signals: Vec<Pitched> = whole
             .iter()
             .zip(heard)
@@ -180,4 +190,57 @@ fn course(values: &[f64], period: usize) -> Vec<f64> {
     let period = period.clamp(1, values.len().max(1));
     let every = (period / PER_PERIOD).max(1);
     values.windows(period).step_by(every).map(|w| w.iter().sum::<f64>() / period as f64).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::Drive;
+    use crate::prediction::STARTS;
+    use hydroboom_model::Input;
+
+    /// A log of four seconds in which p_A swings by 3 bar at a frequency \[Hz\] and p_B by 0.3 bar at another.
+    fn log(boom: f64, line: f64) -> Experiment {
+        let swing = |size: f64, frequency: f64, time: f64| {
+            let omega = std::f64::consts::TAU * frequency;
+            size * (-0.02 * omega * time).exp() * (omega * time).sin()
+        };
+        let values = |time: f64| {
+            let pressures = [70e5 + swing(3e5, boom, time), 10e5 + swing(0.3e5, line, time)];
+            [Some(0.2), None, Some(pressures[0]), Some(pressures[1]), None, None]
+        };
+        let time = |k: u32| f64::from(k) * 5e-3;
+        let samples = (0..800).map(|k| Sample { time: time(k), values: values(time(k)) }).collect();
+        Experiment {
+            name: "made".into(),
+            begin: 0.0,
+            drive: Drive::Pump(vec![Input { pump_speed: 0.0, holding_valve: 1.0 }; 4000]),
+            period: 1e-3,
+            every: 5,
+            steps: 2,
+            samples,
+            filters: [0.0; COMPARED.len()],
+            beginning: [None; STARTS],
+            remarks: Vec::new(),
+        }
+    }
+
+    fn shown(experiment: &Experiment) -> Prediction {
+        experiment.samples.iter().map(|s| s.values.map(Option::unwrap_or_default)).collect()
+    }
+
+    #[test]
+    fn what_rings_beside_the_boom_is_not_tuned_to() {
+        let experiment = log(2.2, 5.2);
+        let model = shown(&log(2.0, 2.0));
+        let fork = TuningFork::new(&experiment, &model, false).unwrap();
+        let heard: Vec<usize> =
+            fork.signals.iter().filter(|s| s.ringing.is_some()).map(|s| s.place).collect();
+        assert_eq!(heard, [2], "only p_A rings as the boom does");
+        // the pitch is off by a tenth, and by nothing beside the log itself
+        let square = |p: &Prediction| fork.residuals(p).iter().map(|r| r * r).sum::<f64>();
+        let off = ((2.2_f64 / 2.0).ln() / EXACT.0).powi(2);
+        assert!(square(&model) > 0.9 * off, "{} for {off}", square(&model));
+        assert!(square(&shown(&experiment)) < 1e-6 * off);
+    }
 }

@@ -54,6 +54,30 @@ fn a_model_that_is_wrong_finds_back_to_the_truth() {
 }
 
 #[test]
+fn a_search_turns_back_from_a_crane_that_cannot_be() {
+    let truth = Description::uia_single_boom().unwrap();
+    let mut experiment = log_of(&truth, 1.0, 11);
+    // a position that no such crane shows draws the geometry to where cylinder and boom do not meet any more
+    for sample in &mut experiment.samples {
+        sample.values = sample.values.map(|v| v.map(|v| 3.0 * v));
+    }
+    let free = ["geometry.mount_x_mm", "geometry.base_x_mm", "geometry.shortest_mm"];
+    let free: Vec<Free> = free.iter().map(|path| Free::from_path(path).unwrap()).collect();
+    let task = Task {
+        model: &truth,
+        experiments: std::slice::from_ref(&experiment),
+        free: &free,
+        resume: None,
+        generations: 0,
+    };
+    let found = fit(&task, &|_| true).unwrap();
+    // it went on from there, and where it ends is a crane
+    let far = found.tuned.iter().filter(|t| (t.value.1 / t.value.0).ln().abs() > t.prior).count();
+    assert!(far > 0, "{:?}", found.tuned);
+    assert!(hydroboom_identify::predict(&found.description, &experiment).is_ok());
+}
+
+#[test]
 fn what_a_log_cannot_tell_is_said() {
     let truth = Description::uia_single_boom().unwrap();
     let experiment = log_of(&truth, 1.0, 3);

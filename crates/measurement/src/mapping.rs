@@ -23,6 +23,8 @@ pub struct Entry {
     pub delay: f64,
     /// How much too fast the column's clock runs: it counts 1 + drift seconds in one.
     pub drift: f64,
+    /// Time constant of a first-order filter that the column went through \[s\]; zero for none.
+    pub filter: f64,
     /// Whether the unit was named, or found by the size of the numbers.
     pub is_unit_guessed: bool,
 }
@@ -110,6 +112,7 @@ impl Mapping {
                 ("offset", e.offset, 0.0),
                 ("delay_ms", e.delay * 1e3, 0.0),
                 ("drift_ppm", e.drift * 1e6, 0.0),
+                ("filter_ms", e.filter * 1e3, 0.0),
             ] {
                 if value != usual {
                     let _ = writeln!(text, "{key} = {value:?}");
@@ -147,6 +150,7 @@ impl Mapping {
                     offset: 0.0,
                     delay: 0.0,
                     drift: 0.0,
+                    filter: 0.0,
                     is_unit_guessed: unit.is_none(),
                 },
             );
@@ -236,6 +240,7 @@ fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
         offset: 0.0,
         delay: 0.0,
         drift: 0.0,
+        filter: 0.0,
         is_unit_guessed: Unit::split(column).1.is_none(),
     };
     let table = match value {
@@ -243,7 +248,7 @@ fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
         toml::Value::Table(table) => table,
         _ => {
             return Err(
-                " is a column's name, or a table with column, unit, sign, offset, delay_ms, drift_ppm"
+                " is a column's name, or a table with column, unit, sign, offset, delay_ms, drift_ppm, filter_ms"
                     .into(),
             );
         }
@@ -271,12 +276,14 @@ fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
             ("drift_ppm", Some(drift), _) if drift.abs() <= MOST_DRIFT => {
                 entry.drift = drift * 1e-6;
             }
+            ("filter_ms", Some(time), _) if time >= 0.0 => entry.filter = time * 1e-3,
+            ("filter_ms", ..) => return Err(".filter_ms is zero or more".into()),
             ("drift_ppm", ..) => {
                 return Err(format!(".drift_ppm is between -{MOST_DRIFT} and {MOST_DRIFT}"));
             }
             _ => {
                 return Err(format!(
-                    ".{key} is not understood: column, unit, sign, offset, delay_ms, drift_ppm are"
+                    ".{key} is not understood: column, unit, sign, offset, delay_ms, drift_ppm, filter_ms are"
                 ));
             }
         }

@@ -16,6 +16,8 @@ pub struct Track {
     values: Vec<f64>,
     /// Nothing is known between samples that are further apart \[s\].
     reach: f64,
+    /// Time constant of a first-order filter that it went through \[s\].
+    filter: f64,
 }
 
 /// Signals with their times.
@@ -35,7 +37,17 @@ impl Track {
             }
         }
         let reach = TimeBase::of(&kept.0).map_or(0.0, |base| 5.0 * base.interval);
-        Self { time: kept.0, values: kept.1, reach }
+        Self { time: kept.0, values: kept.1, reach, filter: 0.0 }
+    }
+
+    /// The same, seen through a first-order filter with a time constant \[s\]; zero for none.
+    pub fn filtered(self, filter: f64) -> Self {
+        Self { filter, ..self }
+    }
+
+    /// Time constant of the first-order filter that it went through \[s\]; zero for none.
+    pub fn filter(&self) -> f64 {
+        self.filter
     }
 
     /// Times \[s\].
@@ -92,7 +104,7 @@ impl Signals {
             let time: Vec<f64> = channel.time.iter().map(|t| entry.taken(*t, begin)).collect();
             let si = |v: &f64| entry.sign * (v + entry.offset) * entry.unit.size;
             let values: Vec<f64> = channel.values.iter().map(si).collect();
-            let track = Track::new(&time, &values);
+            let track = Track::new(&time, &values).filtered(entry.filter);
             if track.time.len() >= 2 {
                 tracks.insert(*signal, track);
             }

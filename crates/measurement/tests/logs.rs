@@ -174,6 +174,7 @@ fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
         ("[log.stroke]\ncolumn = \"a\"\nunit = \"bar\"\n", "log.stroke.unit = \"bar\": one of mm"),
         ("[log.stroke]\nunit = \"mm\"\n", "has no column"),
         ("[log.stroke]\ncolumn = \"a\"\nsign = 2\n", "sign is 1 or -1"),
+        ("[log.stroke]\ncolumn = \"a\"\nfilter_ms = -3\n", "filter_ms is zero or more"),
         ("[log.stroke]\ncolumn = \"a\"\ndrift_ppm = 2e5\n", "drift_ppm is between"),
         ("[log.stroke]\ncolumn = \"a\"\ncolour = 2\n", "colour is not understood"),
         ("x = 1\n", "no table [log]"),
@@ -191,15 +192,18 @@ fn a_clock_that_drifts_is_set_right() {
     // it counts 1.002 s in one; what it shows is the true time
     let rows = (0..5000).map(|k| format!("{},{}\n", f64::from(k) * 1.002e-2, f64::from(k) * 1e-2));
     let log = log("drift.csv", format!("t,x\n{}", rows.collect::<String>()));
-    let text = "[log.stroke]\ncolumn = \"x\"\nunit = \"m\"\ndrift_ppm = 2000\n";
+    let text = "[log.stroke]\ncolumn = \"x\"\nunit = \"m\"\ndrift_ppm = 2000\nfilter_ms = 4\n";
     let mapping = Mapping::parse("map.toml", text).unwrap();
-    assert_eq!(Mapping::parse("again", &mapping.to_toml()).unwrap(), mapping);
+    let again = Mapping::parse("again", &mapping.to_toml()).unwrap();
+    assert_eq!(again.entries, mapping.entries);
     let stroke = Signals::of(&log, &mapping).unwrap();
     let stroke = stroke.get(Signal::Stroke).unwrap();
     for time in [0.5, 12.345, 49.0] {
         let shown = stroke.at(time).unwrap();
         assert!((shown - time).abs() < 1e-9, "{shown} at {time}");
     }
+    // no value is changed by the filter: the model is seen through it
+    assert_eq!(stroke.filter(), 4e-3);
 }
 
 #[test]

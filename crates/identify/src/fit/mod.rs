@@ -190,7 +190,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         .collect();
     if forks.iter().any(Option::is_some) {
         let sum = Pitch { forks: &forks };
-        let search = Search { layout, sum, known: &known, at, watch: &watch };
+        let search = Search::new(layout, sum, &known, at, &watch);
         let ends = Ends { sum: 1e-4, place: 1e-4, patience: 3 };
         at = search.searched(task.generations).minimised(ends).0.at;
     }
@@ -201,7 +201,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     for layout in [Layout { experiments: &longer, ..layout }, layout] {
         watch.borrow_mut().begin();
         let sum = Samples::new(layout.experiments, &held_against);
-        let search = Search { layout, sum, known: &known, at, watch: &watch };
+        let search = Search::new(layout, sum, &known, at, &watch);
         let ends = Ends { sum: 1e-6, place: 1e-5, patience: 6 };
         let (found, is_least) = search.minimised(ends);
         (at, has_converged) = (found.at, is_least);

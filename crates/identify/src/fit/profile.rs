@@ -107,7 +107,7 @@ impl Held<'_> {
         layout.experiments = self.longer;
         let watch = Watch::new(self.go_on);
         let sum = Samples::new(self.longer, self.deviations);
-        let search = Search { layout, sum, known: &known, at, watch: &watch };
+        let search = Search::new(layout, sum, &known, at, &watch);
         let (found, _) = search.minimised(Ends { sum: 1e-5, place: 1e-4, patience: 1 });
         if watch.borrow().is_stopped() {
             return Err(IdentifyError::Stopped);

@@ -6,7 +6,7 @@ use crate::free::Free;
 use crate::prediction::Prediction;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, storage::Owned};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
 /// What of log and model is squared and added up.
 pub(super) trait Sum {
@@ -25,7 +25,12 @@ pub(super) struct Search<'a, 'w, S> {
     pub(super) known: &'a Known,
     pub(super) at: DVector<f64>,
     pub(super) watch: &'a RefCell<Watch<'w>>,
+    /// How many terms there are, once they were looked at.
+    count: Cell<usize>,
 }
+
+/// A term where the model breaks off, so that the search turns back: a thousand deviations.
+const IMPOSSIBLE: f64 = 1e3;
 
 /// What is known beforehand of all that is moved.
 #[derive(Clone, Debug)]
@@ -45,7 +50,18 @@ pub(super) struct Ends {
     pub(super) patience: usize,
 }
 
-impl<S: Sum> Search<'_, '_, S> {
+impl<'a, 'w, S: Sum> Search<'a, 'w, S> {
+    /// A search that begins at a place.
+    pub(super) fn new(
+        layout: Layout<'a>,
+        sum: S,
+        known: &'a Known,
+        at: DVector<f64>,
+        watch: &'a RefCell<Watch<'w>>,
+    ) -> Self {
+        Self { layout, sum, known, at, watch, count: Cell::new(0) }
+    }
+
     /// All terms at a place; none where the model breaks off.
     pub(super) fn terms(&self, at: &DVector<f64>) -> Option<Vec<f64>> {
         let predicted = self.layout.predictions(at.as_slice()).ok()?;
@@ -61,7 +77,11 @@ impl<S: Sum> Search<'_, '_, S> {
             .with_ftol(ends.sum)
             .with_xtol(ends.place)
             .with_patience(ends.patience);
-        let (search, report) = method.minimize(self);
+        let (mut search, report) = method.minimize(self);
+        // the last place that was looked at may be one that the search turned back from
+        if let Some(best) = search.watch.borrow().best() {
+            search.at = DVector::from_column_slice(best);
+        }
         (search, report.termination.was_successful())
     }
 }
@@ -81,8 +101,8 @@ impl<S: Sum> LeastSquaresProblem<f64, Dyn, Dyn> for Search<'_, '_, S> {
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        // where the model breaks off the search turns back
-        let all = self.terms(&self.at)?;
+        let all = self.terms(&self.at).unwrap_or_else(|| vec![IMPOSSIBLE; self.count.get()]);
+        self.count.set(all.len());
         self.watch.borrow_mut().saw(all, &self.at)
     }
 
