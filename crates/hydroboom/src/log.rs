@@ -85,7 +85,7 @@ impl ToCsv {
 
 impl Inspect {
     fn run(self) -> Result<()> {
-        let crane = self.crane.read()?;
+        let crane = self.crane.read_any()?;
         let (log, mapping) = self.mapping.read(&self.log)?;
         let n = &crane.numbers;
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);

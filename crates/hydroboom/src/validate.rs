@@ -194,7 +194,13 @@ fn words(d: &Difference, remedies: &[Remedy]) -> String {
     }
     if let (Some(log), Some(model)) = (d.ringing, d.model_ringing) {
         let share = log.frequency / model.frequency - 1.0;
-        if share.abs() > 0.03 {
+        // so far off it is not the same mode
+        if !(-0.5..1.0).contains(&share) {
+            parts.push(format!(
+                "rings at {:.2} Hz, where the model's boom rings at {:.2} Hz: something else that vibrates, or a reading that ripples",
+                log.frequency, model.frequency
+            ));
+        } else if share.abs() > 0.03 {
             let how = if share > 0.0 { "stiffer, or lighter," } else { "softer, or heavier," };
             parts.push(format!(
                 "rings at {:.2} Hz, the model at {:.2} Hz: the crane is {how} than the model",
@@ -202,6 +208,7 @@ fn words(d: &Difference, remedies: &[Remedy]) -> String {
             ));
         }
         if let (Some(a), Some(b)) = (log.damping, model.damping)
+            && share.abs() < 0.5
             && (a - b).abs() > 0.3 * b.abs().max(0.01)
         {
             let how = if a > b { "more" } else { "less" };

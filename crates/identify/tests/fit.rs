@@ -5,7 +5,7 @@
 mod made;
 
 use hydroboom_description::Description;
-use hydroboom_identify::{Fit, Free, Task, fit};
+use hydroboom_identify::{Fit, Free, Task, fit, profile};
 use made::{log_of, with};
 
 /// What is moved.
@@ -98,6 +98,37 @@ fn what_a_log_cannot_tell_is_said() {
     // a thousandth of critical damping, beside a cylinder's friction
     assert!(!damping.is_determined, "{damping:?}");
     assert!((damping.value.1 / damping.value.0).ln().abs() < 2.0 * damping.prior);
+}
+
+/// Where only white noise is left and the log tells much, the sum rises as the parabola of the interval.
+#[test]
+fn a_profile_is_the_parabola_of_the_interval_where_the_log_tells_much_and_open_where_it_tells_nothing()
+ {
+    let truth = Description::uia_single_boom().unwrap();
+    let experiment = log_of(&truth, 1.0, 21);
+    let paths =
+        ["pump.flow_gain", "payload.mass_kg", "friction.viscous_ns_per_m", "boom.damping_ratio"];
+    let free: Vec<Free> = paths.iter().map(|path| Free::from_path(path).unwrap()).collect();
+    let experiments = [experiment];
+    let task = Task {
+        model: &truth,
+        experiments: &experiments,
+        free: &free,
+        resume: None,
+        generations: 0,
+    };
+    let found = fit(&task, &|_| true).unwrap();
+    for t in &found.tuned[..2] {
+        let profile = profile(&task, &found, t.key, &|_| true).unwrap();
+        let of = |v: f64| (v / t.value.1).ln() / (1.96 * t.from_logs);
+        let [low, high] = profile.interval.map(Option::unwrap);
+        assert!((of(low) + 1.0).abs() < 0.25, "{}: {low}, {t:?}", t.key.path());
+        assert!((of(high) - 1.0).abs() < 0.25, "{}: {high}, {t:?}", t.key.path());
+    }
+    let damping = profile(&task, &found, free[3], &|_| true).unwrap();
+    assert_eq!(damping.interval, [None; 2], "{damping:?}");
+    let others = Free::from_path("boom.length_mm").unwrap();
+    assert!(profile(&task, &found, others, &|_| true).is_err());
 }
 
 #[test]

@@ -19,6 +19,12 @@ pub fn folder(name: &str) -> PathBuf {
     path
 }
 
+/// Paths of files in an empty folder for one test.
+pub fn files(name: &str) -> impl Fn(&str) -> String {
+    let folder = folder(name);
+    move |file| folder.join(file).to_str().unwrap().to_string()
+}
+
 /// It fails, and says so.
 pub fn says(output: &Output, wanted: &str) {
     let said = String::from_utf8_lossy(&output.stderr);

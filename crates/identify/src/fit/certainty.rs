@@ -11,6 +11,7 @@ const MEMORY: f64 = 1.0;
 
 /// Information of the logs on ln θ: Jᵀ W J, and what its sum's scatter is, Jᵀ W R W J, with R the autocovariance of what is
 /// left; both are equal where only white noise is left.
+#[derive(Clone, Debug)]
 pub(super) struct Information {
     curvature: DMatrix<f64>,
     scatter: DMatrix<f64>,
@@ -71,52 +72,82 @@ impl Layout<'_> {
 /// How sure it is what was moved.
 #[derive(Clone, Debug)]
 pub(super) struct Certainty {
+    information: Information,
+    /// What was known: 1/s² of each.
+    known: Vec<f64>,
+    /// With what was known.
+    whole: Covariance,
+}
+
+/// How what was moved scatters.
+#[derive(Clone, Debug)]
+struct Covariance {
     /// (A + P)⁻¹ (S + P) (A + P)⁻¹: what the logs scatter and what was known, through the curvature of both.
-    covariance: DMatrix<f64>,
+    real: DMatrix<f64>,
     /// (A + P)⁻¹: the same if what is left were white noise.
     white: DMatrix<f64>,
 }
 
+/// What the logs alone say of one key, the others as well known as they were.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Alone {
+    /// Deviation of ln θ; infinite where they say nothing.
+    pub(super) deviation: f64,
+    /// The same if what is left were white noise.
+    pub(super) white: f64,
+}
+
+impl Information {
+    /// None where neither logs nor what was known fix all that was moved.
+    fn covariance(&self, known: &[f64]) -> Option<Covariance> {
+        let prior = DMatrix::from_diagonal(&DVector::from_column_slice(known));
+        let white = (&self.curvature + &prior).cholesky()?.inverse();
+        let real = &white * (&self.scatter + &prior) * &white;
+        Some(Covariance { real, white })
+    }
+}
+
 impl Certainty {
     /// From the logs' information, and the deviations of what was known.
-    pub(super) fn new(information: &Information, known: &[f64]) -> Self {
-        let known = known.iter().map(|s| 1.0 / (s * s));
-        let prior = DMatrix::from_diagonal(&DVector::from_iterator(known.len(), known));
-        let whole = &information.curvature + &prior;
-        let size = whole.nrows();
-        let white = whole.cholesky().map_or_else(|| DMatrix::zeros(size, size), |c| c.inverse());
-        let covariance = &white * (&information.scatter + &prior) * &white;
-        Self { covariance, white }
+    pub(super) fn new(information: Information, known: &[f64]) -> Self {
+        let known: Vec<f64> = known.iter().map(|s| 1.0 / (s * s)).collect();
+        let size = known.len();
+        let nothing =
+            || Covariance { real: DMatrix::zeros(size, size), white: DMatrix::zeros(size, size) };
+        let whole = information.covariance(&known).unwrap_or_else(nothing);
+        Self { information, known, whole }
     }
 
     /// Deviation of one of those that were moved.
     pub(super) fn deviation(&self, place: usize) -> f64 {
-        self.covariance[(place, place)].max(0.0).sqrt()
+        self.whole.real[(place, place)].max(0.0).sqrt()
     }
 
     /// Correlations of the first ones.
     pub(super) fn correlation(&self, count: usize) -> Vec<Vec<f64>> {
         let of = |i: usize, j: usize| {
-            self.covariance[(i, j)] / (self.deviation(i) * self.deviation(j)).max(1e-300)
+            self.whole.real[(i, j)] / (self.deviation(i) * self.deviation(j)).max(1e-300)
         };
         (0..count).map(|i| (0..count).map(|j| of(i, j)).collect()).collect()
     }
 
-    /// By how much the square of a deviation is larger than if what is left were white noise: samples that are alike tell
-    /// less than as many that are not.
-    pub(super) fn inflation(&self, place: usize) -> f64 {
-        (self.covariance[(place, place)] / self.white[(place, place)].max(1e-300)).max(1.0)
-    }
-
-    /// Deviation of ln θ from the logs alone, if what is left were white noise; infinite where they say nothing.
-    pub(super) fn white_from_logs(&self, place: usize, known: f64) -> f64 {
-        let gained = 1.0 / self.white[(place, place)].max(1e-300) - known.powi(-2);
-        if gained > 0.0 { gained.sqrt().recip() } else { f64::INFINITY }
+    /// What the logs alone say of one of those that were moved.
+    pub(super) fn alone(&self, place: usize) -> Alone {
+        let mut known = self.known.clone();
+        // as good as nothing: a matrix that is singular for this key alone has an inverse still
+        known[place] *= 1e-9;
+        let of = |of: &DMatrix<f64>| of[(place, place)].max(0.0).sqrt();
+        let found = self.information.covariance(&known);
+        let found = found.map(|c| Alone { deviation: of(&c.real), white: of(&c.white) });
+        // less than a thousandth of what was known is nothing
+        let least = 1e3 / self.known[place].sqrt();
+        let found = found.filter(|alone| alone.white < least);
+        found.unwrap_or(Alone { deviation: f64::INFINITY, white: f64::INFINITY })
     }
 
     /// How all the others go along when one is moved by one.
     pub(super) fn along(&self, place: usize) -> Vec<f64> {
-        let own = self.white[(place, place)].max(1e-300);
-        self.white.column(place).iter().map(|c| c / own).collect()
+        let own = self.whole.white[(place, place)].max(1e-300);
+        self.whole.white.column(place).iter().map(|c| c / own).collect()
     }
 }

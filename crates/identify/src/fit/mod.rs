@@ -213,7 +213,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     }
     let after = layout.predictions(at.as_slice())?;
     let information = layout.information(at.as_slice(), &held_against, &mut kept)?;
-    let certainty = Certainty::new(&information, &known.deviation);
+    let certainty = Certainty::new(information, &known.deviation);
     let improvements = task.experiments.iter().zip(before.iter().zip(&after));
     let improvements = improvements.map(|(e, (before, after))| Improvement::new(e, before, after));
     let evaluations = watch.borrow().runs();
@@ -234,9 +234,7 @@ fn tuned(free: &[Free], known: &Known, at: &[f64], certainty: &Certainty) -> Vec
     let correlation = certainty.correlation(free.len());
     let of = |(k, key): (usize, &Free)| {
         let (prior, deviation) = (known.deviation[k], certainty.deviation(k));
-        // what the logs add: the information of both less that of what was known
-        let gained = deviation.powi(-2) - prior.powi(-2);
-        let from_logs = if gained > 0.0 { gained.sqrt().recip() } else { f64::INFINITY };
+        let from_logs = certainty.alone(k).deviation;
         let strength = |j: &usize| correlation[k][*j].abs();
         let others = (0..free.len()).filter(|j| *j != k);
         let partner = others.max_by(|a, b| strength(a).total_cmp(&strength(b)));

@@ -3,6 +3,7 @@
 //! The intervals of a search suppose that the sum rises as a parabola. For a key that the logs say little of, and one that
 //! stands in for another, it need not: the key is held at values beside its own, and all else is searched for anew.
 
+use super::layout::Layout;
 use super::residual::Deviations;
 use super::samples::Samples;
 use super::search::{Ends, Search};
@@ -11,6 +12,7 @@ use super::{End, Fit, Task};
 use crate::error::IdentifyError;
 use crate::experiment::Experiment;
 use crate::free::Free;
+use hydroboom_description::schema::Numbers;
 use nalgebra::DVector;
 
 /// How the sum that a search makes least rises as a key leaves its value.
@@ -32,8 +34,6 @@ pub const LIMIT: f64 = 3.841;
 const FAR: f64 = 3.0;
 /// Points on each side, at most.
 const POINTS: usize = 6;
-/// Share of what was known of a key within which it is held.
-const HELD: f64 = 1e-4;
 
 /// The profile of one of a task's keys, around where a search of that task ended. `go_on` is told of each run of the model.
 ///
@@ -50,14 +50,19 @@ pub fn profile(
     let place = place.ok_or_else(|| IdentifyError::NotFree { key: key.path() })?;
     let End { at, deviations, certainty } = &found.end;
     let known = task.known().deviation[place];
-    let inflation = certainty.inflation(place);
+    let alone = certainty.alone(place);
+    // samples that are alike tell less than as many that are not
+    let inflation = match alone.deviation.is_finite() {
+        true => (alone.deviation / alone.white).powi(2).max(1.0),
+        false => 1.0,
+    };
     let along = DVector::from_vec(certainty.along(place));
     let (low, high) = key.bounds();
     let (low, high) = (low.max(1e-300).ln(), high.ln());
     // half the way to where a parabola would be at the limit
-    let expected = (LIMIT * inflation).sqrt() * certainty.white_from_logs(place, known);
+    let expected = LIMIT.sqrt() * alone.deviation;
     let step = (0.5 * expected).min(FAR * known / 3.0);
-    let held = Held { task, longer: &task.coarse(), deviations, place, width: HELD * known, go_on };
+    let held = Held { task, longer: &task.coarse(), deviations, place, go_on };
 
     let own = DVector::from_column_slice(at);
     let (own, least) = held.sum_at(own)?;
@@ -94,30 +99,33 @@ struct Held<'a> {
     longer: &'a [Experiment],
     deviations: &'a [Deviations],
     place: usize,
-    width: f64,
     go_on: &'a dyn Fn(&Progress<'_>) -> bool,
 }
 
 impl Held<'_> {
-    /// The least sum with the key held where it is; what holds it does not count.
-    fn sum_at(&self, at: DVector<f64>) -> Result<(DVector<f64>, f64), IdentifyError> {
-        let mut known = self.task.known();
-        (known.mean[self.place], known.deviation[self.place]) = (at[self.place], self.width);
-        let mut layout = self.task.layout();
-        layout.experiments = self.longer;
+    /// The least sum with the key where it is: not among those that are moved.
+    fn sum_at(&self, mut at: DVector<f64>) -> Result<(DVector<f64>, f64), IdentifyError> {
+        let (key, ln) = (self.task.free[self.place], at[self.place]);
+        let mut numbers = self.task.model.numbers.to_array();
+        numbers[key.place] = ln.exp();
+        let mut model = self.task.model.clone();
+        model.numbers = Numbers::from_array(numbers);
+        let free: Vec<Free> = self.task.free.iter().filter(|k| **k != key).copied().collect();
+        let task = Task { model: &model, free: &free, ..*self.task };
+        let known = task.known();
+        let layout = Layout { experiments: self.longer, ..task.layout() };
         let watch = Watch::new(self.go_on);
         let sum = Samples::new(self.longer, self.deviations);
+        at = at.remove_row(self.place);
         let search = Search::new(layout, sum, &known, at, &watch);
-        let (found, _) = search.minimised(Ends { sum: 1e-5, place: 1e-4, patience: 1 });
+        let (found, _) = search.minimised(Ends { sum: 1e-6, place: 1e-5, patience: 2 });
         if watch.borrow().is_stopped() {
             return Err(IdentifyError::Stopped);
         }
-        let terms = found.terms(&found.at).ok_or_else(|| IdentifyError::Unsteady {
-            key: self.task.free[self.place].path(),
-            value: found.at[self.place].exp(),
-        })?;
-        let own = terms.len() - layout.size() + self.place;
-        let sum = terms.iter().map(|t| t * t).sum::<f64>() - terms[own] * terms[own];
-        Ok((found.at, sum))
+        let terms = found.terms(&found.at);
+        let terms =
+            terms.ok_or_else(|| IdentifyError::Unsteady { key: key.path(), value: ln.exp() })?;
+        let sum = terms.iter().map(|t| t * t).sum();
+        Ok((found.at.insert_row(self.place, ln), sum))
     }
 }
