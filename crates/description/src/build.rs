@@ -7,7 +7,7 @@ use crate::schema::{
 };
 use hydroboom_control::{Benchmark, HighPass, Motion, MotorLimits, Profile};
 use hydroboom_math::Real;
-use hydroboom_model::boom::{BaseFrame, Link, Payload};
+use hydroboom_model::boom::{BaseFrame, Link, Payload, Segment};
 use hydroboom_model::circuit::{Hose, SpoolValve, TrappedAir, ValveEdge};
 use hydroboom_model::hydraulics::{
     Accumulator, CheckValve, Cylinder, Delivery, EndStops, Friction, LuGre, Oil, Orifice,
@@ -343,31 +343,37 @@ fn links<T: Real>(n: &Numbers<T>) -> [Link<T>; 3] {
     let zero = T::zero();
     [
         Link {
-            length: n.link_1_length,
-            mass: n.link_1_mass,
-            centre_x: n.link_1_x,
-            centre_y: n.link_1_y,
-            inertia: n.link_1_inertia,
+            body: Segment {
+                length: n.link_1_length,
+                mass: n.link_1_mass,
+                centre_x: n.link_1_x,
+                centre_y: n.link_1_y,
+                inertia: n.link_1_inertia,
+            },
             joint_stiffness: zero,
             joint_damping: zero,
             joint_angle: zero,
         },
         Link {
-            length: n.link_2_length,
-            mass: n.link_2_mass,
-            centre_x: n.link_2_x,
-            centre_y: n.link_2_y,
-            inertia: n.link_2_inertia,
+            body: Segment {
+                length: n.link_2_length,
+                mass: n.link_2_mass,
+                centre_x: n.link_2_x,
+                centre_y: n.link_2_y,
+                inertia: n.link_2_inertia,
+            },
             joint_stiffness: n.link_2_stiffness,
             joint_damping: n.link_2_damping,
             joint_angle: n.link_2_angle,
         },
         Link {
-            length: n.link_3_length,
-            mass: n.link_3_mass,
-            centre_x: n.link_3_x,
-            centre_y: n.link_3_y,
-            inertia: n.link_3_inertia,
+            body: Segment {
+                length: n.link_3_length,
+                mass: n.link_3_mass,
+                centre_x: n.link_3_x,
+                centre_y: n.link_3_y,
+                inertia: n.link_3_inertia,
+            },
             joint_stiffness: n.link_3_stiffness,
             joint_damping: n.link_3_damping,
             joint_angle: n.link_3_angle,

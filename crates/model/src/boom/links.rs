@@ -3,35 +3,18 @@
 use super::{Boom, Geometry, Joint, LayoutError, MAX_SEGMENTS, Mount, Segment};
 use hydroboom_math::{Real, record};
 
-record! {
-    /// A link and the joint at its inner end. Its frame starts there, x towards its outer joint or its tip.
-    pub struct Link<T> {
-        /// Distance from its inner to its outer joint, or to the tip
-        #[unit = "m"]
-        pub length: T,
-        /// Mass
-        #[unit = "kg"]
-        pub mass: T,
-        /// Centre of mass along the link
-        #[unit = "m"]
-        pub centre_x: T,
-        /// Centre of mass across the link, positive upwards
-        #[unit = "m"]
-        pub centre_y: T,
-        /// Moment of inertia about the centre of mass
-        #[unit = "kg·m²"]
-        pub inertia: T,
-        /// Stiffness of the joint that holds it to the link before: a cylinder at rest, a weld, a bend in steel. The
-        /// first link turns freely about the bearing
-        #[unit = "N·m/rad"]
-        pub joint_stiffness: T,
-        /// Damping ratio of the joint with this link alone on it
-        #[unit = "1"]
-        pub joint_damping: T,
-        /// Angle against the link before while the joint carries no load
-        #[unit = "rad"]
-        pub joint_angle: T,
-    }
+/// A link and the joint at its inner end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link<T> {
+    /// The link itself.
+    pub body: Segment<T>,
+    /// Stiffness of the joint that holds it to the link before \[N·m/rad\]: a cylinder at rest, a weld, a bend in steel. The
+    /// first link turns freely about the bearing.
+    pub joint_stiffness: T,
+    /// Damping ratio of the joint with this link alone on it.
+    pub joint_damping: T,
+    /// Angle against the link before while the joint carries no load \[rad\].
+    pub joint_angle: T,
 }
 
 record! {
@@ -90,13 +73,7 @@ impl<T: Real, const N: usize> Boom<T, N> {
         }
         let mut segments = [Segment::from_array([T::zero(); 5]); N];
         for (segment, link) in segments.iter_mut().zip(links) {
-            *segment = Segment {
-                length: link.length,
-                mass: link.mass,
-                centre_x: link.centre_x,
-                centre_y: link.centre_y,
-                inertia: link.inertia,
-            };
+            *segment = link.body;
         }
         segments[count - 1] = payload.on(&segments[count - 1]);
         let mut joints = [Joint::from_array([T::zero(); 3]); N];
