@@ -287,8 +287,12 @@ impl Description {
 
     /// The benchmark controller.
     pub fn benchmark(&self) -> Benchmark<f64> {
-        let n = &self.numbers;
-        let piston_area = std::f64::consts::FRAC_PI_4 * n.piston.powi(2);
+        self.benchmark_over(&self.numbers)
+    }
+
+    /// The same over other numbers.
+    pub fn benchmark_over<T: Real>(&self, n: &Numbers<T>) -> Benchmark<T> {
+        let piston_area = T::lit(std::f64::consts::FRAC_PI_4) * n.piston.square();
         Benchmark {
             proportional: n.proportional,
             integral: n.integral,

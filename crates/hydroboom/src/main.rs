@@ -7,6 +7,7 @@ mod crane_file;
 mod doctor;
 mod eigen;
 mod energy;
+mod export;
 mod family;
 mod faults;
 mod linearise;
@@ -55,6 +56,7 @@ enum Command {
     Sensitivity(sensitivity::Sensitivity),
     Virtual(virtual_crane::Virtual),
     Calibrate(calibrate::Calibrate),
+    Export(export::Export),
     Scenarios(scenarios::Scenarios),
     Run(run::Run),
     Log(log::Log),
@@ -88,6 +90,7 @@ fn main() -> Result<()> {
         Command::Sensitivity(command) => command.run(),
         Command::Virtual(command) => command.run(),
         Command::Calibrate(command) => command.run(),
+        Command::Export(command) => command.run(),
         Command::Scenarios(command) => command.run(),
         Command::Run(command) => command.run(),
         Command::Log(command) => command.run(),

@@ -2,7 +2,7 @@
 
 use crate::case::SEGMENTS;
 use crate::error::SensitivityError;
-use hydroboom_control::{Benchmark, HighPass, Measured, Motion, MotorLimits, Reference, Strategy};
+use hydroboom_control::{Benchmark, Measured, Motion, Reference, Strategy};
 use hydroboom_description::schema::Numbers;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_identify::{Number, Stepper};
@@ -13,18 +13,7 @@ const STEPS: u32 = 2;
 
 /// The benchmark controller as described, over another number: its parameters do not vary.
 fn controller<T: Number>(description: &Description) -> Benchmark<T> {
-    let b = description.benchmark();
-    let lit = T::lit;
-    Benchmark {
-        proportional: lit(b.proportional),
-        integral: lit(b.integral),
-        pressure_feedback: lit(b.pressure_feedback),
-        high_pass: HighPass::new(lit(description.numbers.high_pass_time), lit(b.period)),
-        revolutions_per_metre: lit(b.revolutions_per_metre),
-        displacement: lit(b.displacement),
-        limits: MotorLimits { speed: lit(b.limits.speed), slew: lit(b.limits.slew) },
-        period: lit(b.period),
-    }
+    description.benchmark_over(&Numbers::from_array(description.numbers.to_array().map(T::lit)))
 }
 
 /// A machine with these parameters, at rest at a stroke.

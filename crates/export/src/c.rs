@@ -1,0 +1,416 @@
+//! C99: a header and a source, without allocation, with no library but that of the mathematical functions.
+//!
+//! What is computed is what Rust computes, operation by operation: sums and products in the same order, fused products as
+//! `fma`, elementary functions as the same polynomials. So both agree to the last bit, provided that the compiler neither
+//! fuses nor rearranges by itself (`-ffp-contract=off`, no `-ffast-math`). Whether `fma` is one instruction (`-mfma`) or a call
+//! changes the speed and no bit.
+
+use crate::block::{Block, Target, Variable};
+use crate::error::ExportError;
+use crate::expression::{Expression, record};
+use crate::graph::{Graph, Node, Op};
+use crate::name::{Names, comment};
+use crate::plan::Plan;
+use crate::statement::{Binding, Dialect, Source, Statement, Text, broken, statements};
+use hydroboom_math::elementary;
+use std::collections::HashMap;
+use std::fmt::Write;
+
+/// The number that the code computes with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// `double`: equal to Rust to the last bit.
+    Double,
+    /// `float`, with the library's functions.
+    Single,
+}
+
+/// Words that are no names in C, and names that the code itself uses.
+const RESERVED: [&str; 46] = [
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else",
+    "enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "register",
+    "restrict", "return", "short", "signed", "sizeof", "static", "struct", "switch", "typedef",
+    "union", "unsigned", "void", "volatile", "while", "asm", "c", "p", "s", "u", "y", "x", "next",
+    "errno", "signal", "turn", "hb_real",
+];
+
+/// Widest line.
+const WIDTH: usize = 110;
+
+struct C(Precision);
+
+impl Dialect for C {
+    fn constant(&self, value: f64) -> Text {
+        let text = match value {
+            v if v.is_nan() => "HB_NAN".into(),
+            v if v.is_infinite() => {
+                if v > 0.0 { "HB_INFINITY" } else { "-HB_INFINITY" }.to_string()
+            }
+            v => literal(v, self.0),
+        };
+        let binding = if text.starts_with('-') { Binding::Sign } else { Binding::Whole };
+        Text::new(text, binding)
+    }
+
+    fn operation(&self, op: Op, x: &[Text]) -> Text {
+        use Binding::*;
+        let infix = |sign: &str, binding: Binding| {
+            let (a, b) = (x[0].within(binding), x[1].inside(binding));
+            Text::new(format!("{a} {sign} {b}"), binding)
+        };
+        // neither is understood without brackets by everybody
+        let clear = |sign: &str, binding: Binding| {
+            let (a, b) = (x[0].inside(Comparison), x[1].inside(Comparison));
+            Text::new(format!("{a} {sign} {b}"), binding)
+        };
+        let call = |name: &str| {
+            let arguments: Vec<&str> = x.iter().map(|t| t.text.as_str()).collect();
+            Text::whole(format!("{name}({})", arguments.join(", ")))
+        };
+        match op {
+            Op::Add(..) => infix("+", Sum),
+            Op::Sub(..) => infix("-", Sum),
+            Op::Mul(..) => infix("*", Product),
+            Op::Div(..) => infix("/", Product),
+            Op::Neg(_) => Text::new(format!("-{}", x[0].inside(Sign)), Sign),
+            Op::MulAdd(..) => call("HB_FMA"),
+            Op::Sqrt(_) => call("HB_SQRT"),
+            Op::Exp(_) => call("hb_exp"),
+            Op::Ln(_) => call("hb_ln"),
+            Op::Tanh(_) => call("hb_tanh"),
+            Op::SinCos(_) => call("hb_turn_of"),
+            Op::Sin(_) => Text::whole(format!("{}.sine", x[0].within(Whole))),
+            Op::Cos(_) => Text::whole(format!("{}.cosine", x[0].within(Whole))),
+            Op::Select(..) => {
+                let [a, b, c] = [0, 1, 2].map(|k| x[k].inside(Choice));
+                Text::new(format!("{a} ? {b} : {c}"), Choice)
+            }
+            Op::Less(..) => infix("<", Comparison),
+            Op::And(..) => clear("&&", And),
+            Op::Or(..) => clear("||", Or),
+            Op::Not(_) => Text::new(format!("!{}", x[0].inside(Sign)), Sign),
+            Op::PowerOfTwo(_) => call("hb_power_of_two"),
+            Op::TurnedSine(..) => call("hb_turned_sine"),
+            Op::TurnedCosine(..) => call("hb_turned_cosine"),
+            Op::Mantissa(_) => call("hb_mantissa"),
+            Op::Exponent(_) => call("hb_exponent"),
+            Op::Constant(_) | Op::Truth(_) | Op::Input(_) => Text::whole("0"),
+        }
+    }
+}
+
+/// The shortest literal that is this number.
+fn literal(value: f64, precision: Precision) -> String {
+    match precision {
+        Precision::Double => format!("{value:?}"),
+        Precision::Single => format!("{:?}f", value as f32),
+    }
+}
+
+/// A header and a source.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Files {
+    /// `<name>.h`
+    pub header: String,
+    /// `<name>.c`
+    pub source: String,
+}
+
+/// Blocks as C, in files of this name.
+///
+/// # Errors
+///
+/// [`ExportError`] when a block depends on something that it does not have.
+pub fn files(blocks: &[Block], name: &str, precision: Precision) -> Result<Files, ExportError> {
+    let mut header = String::new();
+    let mut source = String::new();
+    let guard = format!("HB_{}_H", name.to_uppercase());
+    let real = if precision == Precision::Double { "double" } else { "float" };
+    header += &format!(
+        "/* Generated by Hydroboom {}; to be generated again, not to be edited. */\n#ifndef {guard}\n#define {guard}\n\n\
+         /* The number that everything is computed with. */\ntypedef {real} hb_real;\n",
+        env!("CARGO_PKG_VERSION")
+    );
+    source += &format!(
+        "/* Generated by Hydroboom {}; to be generated again, not to be edited.\n   Compile with -ffp-contract=off: a compiler that \
+         fuses by itself rounds otherwise. */\n#include \"{name}.h\"\n#include <math.h>\n{}",
+        env!("CARGO_PKG_VERSION"),
+        functions(precision)
+    );
+    for block in blocks {
+        printed(block, precision, &mut header, &mut source)?;
+    }
+    header += &format!("\n#endif /* {guard} */\n");
+    Ok(Files { header, source })
+}
+
+/// Adds a field of a structure.
+fn field(to: &mut String, v: &Variable) {
+    let comment = format!("    /* {} [{}] */", comment(&v.meaning), comment(&v.unit));
+    let _ = writeln!(to, "{}\n    hb_real {};", broken(&comment, WIDTH), v.name);
+}
+
+fn structure(to: &mut String, what: &str, name: &str, fields: &[&Variable]) {
+    if fields.is_empty() {
+        return;
+    }
+    let _ = write!(to, "\n/* {what} */\ntypedef struct {{\n");
+    for v in fields {
+        field(to, v);
+    }
+    let _ = writeln!(to, "}} {name};");
+}
+
+fn printed(
+    block: &Block,
+    precision: Precision,
+    header: &mut String,
+    source: &mut String,
+) -> Result<(), ExportError> {
+    let plan = Plan::of(block)?;
+    let graph = &*block.graph;
+    let dialect = C(precision);
+    let prefix = format!("hb_{}", block.name);
+    let parameters: Vec<&(Variable, Node)> =
+        plan.parameters.iter().map(|k| &block.parameters[*k]).collect();
+    let _ = writeln!(header, "\n/* ---- {} ---- */", comment(&block.meaning));
+    let fields: Vec<&Variable> = parameters.iter().map(|(v, _)| v).collect();
+    structure(
+        header,
+        "What describes it; names and units are those of the crane file.",
+        &format!("{prefix}_parameters"),
+        &fields,
+    );
+
+    // what follows from the parameters
+    let mut names = Names::new(&RESERVED);
+    let given: HashMap<Node, Text> =
+        parameters.iter().map(|(v, node)| (*node, Text::whole(format!("p->{}", v.name)))).collect();
+    let from = Source {
+        graph,
+        order: &plan.preparing,
+        results: &plan.prepared,
+        given: &given,
+        labels: &block.labels,
+    };
+    let (said, results) = statements(&from, &dialect, &mut names);
+    let mut fields = Names::new(&RESERVED);
+    let kept: Vec<(Node, Variable)> = plan
+        .prepared
+        .iter()
+        .map(|node| {
+            let parameter = parameters.iter().find(|(_, n)| n == node).map(|(v, _)| v);
+            let label = block.labels.get(node);
+            let wanted = match (parameter, label) {
+                (Some(v), _) => Some(v.name.clone()),
+                (None, Some((name, _))) => Some(name.clone()),
+                (None, None) => None,
+            };
+            let meaning = match (parameter, label) {
+                (Some(v), _) => v.meaning.clone(),
+                (None, Some((_, comment))) => comment.clone(),
+                (None, None) => String::new(),
+            };
+            let name = match wanted {
+                Some(wanted) => fields.free(&wanted),
+                None => fields.numbered("k"),
+            };
+            (*node, Variable { name, unit: "SI".into(), meaning, initial: 0.0 })
+        })
+        .collect();
+    let _ = write!(
+        header,
+        "\n/* What follows from that, in SI units: filled by {prefix}_prepare. */\ntypedef struct {{\n"
+    );
+    for (_, v) in &kept {
+        match v.meaning.is_empty() {
+            true => {
+                let _ = writeln!(header, "    hb_real {};", v.name);
+            }
+            false => field(header, v),
+        }
+    }
+    let _ = writeln!(header, "}} {prefix}_prepared;");
+    let of =
+        |vs: &[(Variable, Node)]| -> Vec<Variable> { vs.iter().map(|(v, _)| v.clone()).collect() };
+    let (inputs, states) = (of(&block.inputs), of(&block.states));
+    structure(
+        header,
+        "What comes from outside.",
+        &format!("{prefix}_input"),
+        &inputs.iter().collect::<Vec<_>>(),
+    );
+    structure(
+        header,
+        "What it remembers.",
+        &format!("{prefix}_state"),
+        &states.iter().collect::<Vec<_>>(),
+    );
+    structure(
+        header,
+        "What it shows.",
+        &format!("{prefix}_output"),
+        &block.outputs.iter().collect::<Vec<_>>(),
+    );
+
+    let mut declared = |signature: &str, what: &str, body: &str| {
+        let _ = write!(header, "\n/* {what} */\n{signature};\n");
+        let _ = write!(source, "\n/* {what} */\n{signature}\n{{\n{body}}}\n");
+    };
+    let values = |vs: &mut dyn Iterator<Item = &Variable>, to: &str| -> String {
+        vs.map(|v| format!("    {to}->{} = {};\n", v.name, dialect.constant(v.initial).text))
+            .collect()
+    };
+    declared(
+        &format!("void {prefix}_describe({prefix}_parameters *p)"),
+        "Fills in what the crane file says.",
+        &values(&mut parameters.iter().map(|(v, _)| v), "p"),
+    );
+    let mut body = lines(&said, graph);
+    for ((_, v), text) in kept.iter().zip(&results) {
+        body += &line(&format!("c->{} = {};", v.name, text.text));
+    }
+    declared(
+        &format!("void {prefix}_prepare(const {prefix}_parameters *p, {prefix}_prepared *c)"),
+        "Works out what follows from the parameters: once, and after each change of one.",
+        &body,
+    );
+    declared(
+        &format!("void {prefix}_start({prefix}_state *s)"),
+        "The state to start from.",
+        &values(&mut states.iter(), "s"),
+    );
+
+    for (entry, order) in block.entries.iter().zip(&plan.entries) {
+        let mut given: HashMap<Node, Text> = HashMap::new();
+        let mut give = |node: Node, text: String| {
+            given.entry(node).or_insert_with(|| Text::whole(text));
+        };
+        block.inputs.iter().for_each(|(v, node)| give(*node, format!("u->{}", v.name)));
+        block.states.iter().for_each(|(v, node)| give(*node, format!("s->{}", v.name)));
+        kept.iter().for_each(|(node, v)| give(*node, format!("c->{}", v.name)));
+        let wanted: Vec<Node> = entry.results.iter().map(|(_, node)| *node).collect();
+        let from = Source { graph, order, results: &wanted, given: &given, labels: &block.labels };
+        let (said, results) = statements(&from, &dialect, &mut Names::new(&RESERVED));
+        let mut body = lines(&said, graph);
+        let moves = entry.results.iter().any(|(target, _)| matches!(target, Target::State(_)));
+        // all states move at once: none is changed before the last is known
+        let mut last = String::new();
+        for ((target, _), text) in entry.results.iter().zip(&results) {
+            match target {
+                Target::State(k) => {
+                    body += &line(&format!("const hb_real next_{k} = {};", text.text));
+                    last += &line(&format!("s->{} = next_{k};", block.states[*k].0.name));
+                }
+                Target::Output(k) => {
+                    body += &line(&format!("y->{} = {};", block.outputs[*k].name, text.text));
+                }
+            }
+        }
+        body += &last;
+        let uses = |sign: &str| body.contains(sign);
+        let mut arguments = Vec::new();
+        if uses("c->") {
+            arguments.push(format!("const {prefix}_prepared *c"));
+        }
+        if uses("s->") {
+            arguments.push(format!("{}{prefix}_state *s", if moves { "" } else { "const " }));
+        }
+        if uses("u->") {
+            arguments.push(format!("const {prefix}_input *u"));
+        }
+        if uses("y->") {
+            arguments.push(format!("{prefix}_output *y"));
+        }
+        let meaning = comment(&entry.meaning);
+        let meaning = meaning[..1].to_uppercase() + &meaning[1..] + ".";
+        declared(
+            &format!("void {prefix}_{}({})", entry.name, arguments.join(", ")),
+            &meaning,
+            &body,
+        );
+    }
+    Ok(())
+}
+
+fn line(text: &str) -> String {
+    broken(&format!("    {text}"), WIDTH) + "\n"
+}
+
+fn lines(said: &[Statement], graph: &Graph) -> String {
+    let mut all = String::new();
+    for Statement { node, name, text, comment: why } in said {
+        if let Some(why) = why {
+            all += &line(&format!("/* {} */", comment(why)));
+        }
+        let op = graph.op(*node);
+        let kind = match op {
+            Op::SinCos(_) => "hb_turn",
+            op if op.is_condition() => "int",
+            _ => "hb_real",
+        };
+        all += &line(&format!("const {kind} {name} = {text};"));
+    }
+    all
+}
+
+/// A function of one number, as recorded.
+fn function(name: &str, argument: &str, of: impl FnOnce(Expression) -> Vec<Expression>) -> String {
+    let (graph, (x, results)) = record(|| {
+        let x = Expression::input();
+        let results: Vec<Node> = of(x).into_iter().map(Expression::node).collect();
+        (x.node(), results)
+    });
+    let order: Vec<Node> =
+        graph.nodes().filter(|n| graph.constant(*n).is_none() && *n != x).collect();
+    let given = HashMap::from([(x, Text::whole(argument))]);
+    let from = Source {
+        graph: &graph,
+        order: &order,
+        results: &results,
+        given: &given,
+        labels: &HashMap::new(),
+    };
+    let (said, results) = statements(&from, &C(Precision::Double), &mut Names::new(&RESERVED));
+    let body = lines(&said, &graph);
+    match results.as_slice() {
+        [one] => format!(
+            "\nstatic double {name}(double {argument})\n{{\n{body}{}}}\n",
+            line(&format!("return {};", one.text))
+        ),
+        both => {
+            let texts: Vec<&str> = both.iter().map(|t| t.text.as_str()).collect();
+            let result = line(&format!("const hb_turn both = {{ {} }};", texts.join(", ")));
+            format!(
+                "\nstatic hb_turn {name}(double {argument})\n{{\n{body}{result}    return both;\n}}\n"
+            )
+        }
+    }
+}
+
+/// What the code needs beyond arithmetic.
+fn functions(precision: Precision) -> String {
+    // a function that no block calls is no reason for a warning
+    const UNUSED: &str = "#if defined(__GNUC__)\n#define HB_MAYBE_UNUSED __attribute__((unused))\n#else\n#define HB_MAYBE_UNUSED\n#endif\n";
+    let shared = "\n#define HB_INFINITY INFINITY\n#define HB_NAN NAN\n";
+    if precision == Precision::Single {
+        let text = "#define HB_FMA fmaf\n#define HB_SQRT sqrtf\n#define hb_exp expf\n#define hb_ln logf\n#define hb_tanh tanhf\n\n\
+             /* Sine and cosine of an angle [rad]. */\ntypedef struct {\n    hb_real sine;\n    hb_real cosine;\n} hb_turn;\n\n\
+             HB_MAYBE_UNUSED static hb_turn hb_turn_of(float angle)\n{\n    const hb_turn both = { sinf(angle), cosf(angle) };\n    return both;\n}\n";
+        return format!("{shared}\n{UNUSED}{text}");
+    }
+    let bits = include_str!("bits.h");
+    let recorded = [
+        function("hb_exp", "value", |x| vec![elementary::exp(x)]),
+        function("hb_tanh", "value", |x| vec![elementary::tanh(x)]),
+        function("hb_ln", "value", |x| vec![elementary::ln(x)]),
+        function("hb_turn_of", "angle", |x| {
+            let (sin, cos) = elementary::sin_cos(x);
+            vec![sin, cos]
+        }),
+    ];
+    let recorded = recorded.concat().replace("\nstatic ", "\nHB_MAYBE_UNUSED static ");
+    format!(
+        "#include <stdint.h>\n#include <string.h>\n{shared}#define HB_FMA fma\n#define HB_SQRT sqrt\n\n{UNUSED}\n{bits}{recorded}"
+    )
+}

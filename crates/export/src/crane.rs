@@ -1,0 +1,355 @@
+//! The crane and its controller as blocks.
+
+use crate::block::{Block, Entry, Target, Variable};
+use crate::error::ExportError;
+use crate::expression::{Expression, record};
+use crate::graph::{Graph, Node};
+use crate::name::plain;
+use hydroboom_control::{BenchmarkMemory, Measured, Reference};
+use hydroboom_description::schema::{KEYS, Numbers};
+use hydroboom_description::{BuildError, Description};
+use hydroboom_math::Real;
+use hydroboom_model::circuit::{CircuitState, Flows, Nodes};
+use hydroboom_model::stepping::published;
+use hydroboom_model::{BoomState, Crane, CraneState, Input, Outputs};
+use std::collections::HashMap;
+use std::rc::Rc;
+
+/// Segments of the published model.
+const SEGMENTS: usize = 3;
+
+type E = Expression;
+
+/// What was recorded of a crane.
+struct Recorded {
+    graph: Rc<Graph>,
+    parameters: Vec<(Variable, Node)>,
+    inputs: Vec<(Variable, Node)>,
+    step: (Variable, Node),
+    states: Vec<(Variable, Node)>,
+    next: Vec<Node>,
+    before: Outputs<E>,
+    after: Outputs<E>,
+    labels: HashMap<Node, (String, String)>,
+}
+
+/// Every number of a crane file as something from outside, in the file's unit and in SI units.
+fn parameters(description: &Description) -> (Vec<(Variable, Node)>, Numbers<E>) {
+    let mut variables = Vec::new();
+    let mut numbers = Vec::new();
+    for (key, value, _) in description.entries() {
+        let number = E::input();
+        variables.push((
+            Variable {
+                name: plain(&key.path()),
+                unit: key.unit.into(),
+                meaning: key.meaning.into(),
+                initial: value,
+            },
+            number.node(),
+        ));
+        numbers.push(number * E::lit(key.factor));
+    }
+    let mut numbers = numbers.into_iter();
+    let zero = E::zero();
+    let array: [E; KEYS.len()] = std::array::from_fn(|_| numbers.next().unwrap_or(zero));
+    (variables, Numbers::from_array(array))
+}
+
+fn variable(name: &str, unit: &str, meaning: &str, initial: f64) -> (Variable, E) {
+    let (name, unit, meaning) = (name.into(), unit.into(), meaning.into());
+    (Variable { name, unit, meaning, initial }, E::input())
+}
+
+fn noded(of: (Variable, E)) -> (Variable, Node) {
+    (of.0, of.1.node())
+}
+
+fn recorded(description: &Description) -> Result<Recorded, ExportError> {
+    let found = description.coordinates();
+    if found != SEGMENTS {
+        return Err(ExportError::Segments { found });
+    }
+    let plain_crane = description.crane::<SEGMENTS>()?;
+    let n = &description.numbers;
+    let start = description.start_over(n, n.motion_start);
+    let rest = plain_crane.at_rest(&start).map_err(BuildError::from)?;
+    let (graph, recorded) = record(|| recording(description, &rest));
+    Ok(Recorded { graph: Rc::new(graph), ..recorded? })
+}
+
+/// The recording itself: a published step, and what is seen before and after it.
+fn recording(
+    description: &Description,
+    rest: &CraneState<f64, SEGMENTS>,
+) -> Result<Recorded, ExportError> {
+    let (parameters, numbers) = parameters(description);
+    let crane: Crane<E, SEGMENTS> = description.crane_over(&numbers)?;
+    let speed = variable(Input::NAMES[0], Input::UNITS[0], Input::MEANINGS[0].trim(), 0.0);
+    let valve = variable(Input::NAMES[1], Input::UNITS[1], Input::MEANINGS[1].trim(), 1.0);
+    let step = variable("step", "s", "Step, below the limit that `hydroboom check` shows", {
+        description.numbers.simulation_period
+    });
+
+    let mut states: Vec<(Variable, E)> = Vec::new();
+    let mut state = |name: &str, unit: &str, meaning: &str, value: f64| {
+        states.push(variable(name, unit, meaning, value));
+        states[states.len() - 1].1
+    };
+    let angle = std::array::from_fn(|i| {
+        let meaning = format!("Absolute angle of segment {}, phi_{}", i + 1, i + 1);
+        state(&format!("angle_{}", i + 1), "rad", &meaning, rest.boom.angle[i])
+    });
+    let angular_velocity = std::array::from_fn(|i| {
+        let meaning = format!("Absolute angular velocity of segment {}", i + 1);
+        let value = rest.boom.angular_velocity[i];
+        state(&format!("angular_velocity_{}", i + 1), "rad/s", &meaning, value)
+    });
+    let bristle = state("bristle", "m", "Deflection of the seals before they slide", rest.bristle);
+    let nodes = rest.circuit.nodes.to_array();
+    let nodes = std::array::from_fn(|k| {
+        let meaning = format!("{}, below vapour pressure a cavity", Nodes::MEANINGS[k].trim());
+        state(&format!("pressure_{}", Nodes::NAMES[k]), "Pa", &meaning, nodes[k])
+    });
+    let gas = rest.circuit.gas_volume;
+    let gas_volume = state("gas_volume", "m3", "Gas volume of the accumulator, V_g", gas);
+    let now = CraneState {
+        boom: BoomState { angle, angular_velocity },
+        bristle,
+        circuit: CircuitState { nodes: Nodes::from_array(nodes), gas_volume },
+    };
+
+    let input = Input { pump_speed: speed.1, holding_valve: valve.1 };
+    let mut moved = now;
+    published(&crane, &mut moved, &input, step.1);
+    let next = [
+        &moved.boom.angle[..],
+        &moved.boom.angular_velocity,
+        &[moved.bristle],
+        &moved.circuit.nodes.to_array(),
+        &[moved.circuit.gas_volume],
+    ];
+    let next = next.concat().into_iter().map(E::node).collect();
+    let (before, after) = (crane.outputs(&now), crane.outputs(&moved));
+
+    // what is in between, by its name: computed once more, which is the same node
+    let mut labels = HashMap::new();
+    let mut label = |number: E, name: &str, comment: &str| {
+        let taken = || (plain(name), comment.trim().to_string());
+        labels.entry(number.node()).or_insert_with(taken);
+    };
+    let pressures = crane.circuit.pressures(&now.circuit).to_array();
+    for (k, pressure) in pressures.into_iter().enumerate() {
+        label(pressure, &format!("p_{}", Nodes::NAMES[k]), Nodes::MEANINGS[k]);
+    }
+    for (k, flow) in crane.flows(&now, &input).to_array().into_iter().enumerate() {
+        label(flow, &format!("q_{}", Flows::NAMES[k]), Flows::MEANINGS[k]);
+    }
+    for (k, value) in before.to_array().into_iter().enumerate() {
+        label(value, Outputs::NAMES[k], Outputs::MEANINGS[k]);
+    }
+    for (i, segment) in crane.boom.segments().iter().enumerate() {
+        let names = ["length", "mass", "centre_x", "centre_y", "inertia"];
+        for (name, value) in names.into_iter().zip(segment.to_array()) {
+            let (name, of) = (format!("segment_{}_{name}", i + 1), format!("of segment {}", i + 1));
+            label(value, &name, &of);
+        }
+    }
+    Ok(Recorded {
+        graph: Rc::default(),
+        parameters,
+        inputs: [speed, valve].into_iter().map(noded).collect(),
+        step: noded(step),
+        states: states.into_iter().map(noded).collect(),
+        next,
+        before,
+        after,
+        labels,
+    })
+}
+
+/// What can be seen, as outputs of a block.
+fn shown() -> Vec<Variable> {
+    let all = Outputs::NAMES.iter().zip(Outputs::UNITS).zip(Outputs::MEANINGS);
+    let shown = |((name, unit), meaning): ((&&str, &str), &str)| Variable {
+        name: (*name).into(),
+        unit: unit.replace('³', "3"),
+        meaning: meaning.trim().into(),
+        initial: 0.0,
+    };
+    all.map(shown).collect()
+}
+
+/// The whole crane: a published step, and what is seen of a state.
+///
+/// # Errors
+///
+/// [`ExportError`] for cranes that are not exported.
+pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
+    let r = recorded(description)?;
+    let states = r.next.iter().enumerate().map(|(k, node)| (Target::State(k), *node)).collect();
+    let seen = r.before.to_array().into_iter().enumerate();
+    let seen = seen.map(|(k, value)| (Target::Output(k), value.node())).collect();
+    let mut inputs = r.inputs;
+    inputs.push(r.step);
+    Ok(Block {
+        name: "model".into(),
+        meaning: format!("{}: hydraulics and boom, the published time step", description.name),
+        graph: r.graph,
+        parameters: r.parameters,
+        inputs,
+        states: r.states,
+        outputs: shown(),
+        entries: vec![
+            Entry { name: "step".into(), meaning: "one step".into(), results: states },
+            Entry { name: "see".into(), meaning: "what is seen of a state".into(), results: seen },
+        ],
+        labels: r.labels,
+    })
+}
+
+/// The crane in two blocks as the paper divides it, hydraulics and boom: piston position, velocity and force go between
+/// them once a step, all of the step's beginning, so that both together are the whole crane's step.
+///
+/// # Errors
+///
+/// [`ExportError`] for cranes that are not exported.
+pub fn blocks(description: &Description) -> Result<[Block; 2], ExportError> {
+    let r = recorded(description)?;
+    let boom_states = 2 * SEGMENTS;
+    let outputs = shown();
+    let seen = |of: &Outputs<E>, name: &str| {
+        let k = Outputs::NAMES.iter().position(|n| *n == name).unwrap_or(0);
+        (outputs[k].clone(), of.to_array()[k].node())
+    };
+    let between = |name: &str, initial: f64| {
+        let (variable, node) = seen(&r.before, name);
+        (Variable { initial, ..variable }, node)
+    };
+    let entry = |results: Vec<(Target, Node)>| {
+        vec![Entry { name: "step".into(), meaning: "one step".into(), results }]
+    };
+    let results = |states: &[Node], shown: &[(Variable, Node)]| {
+        let states = states.iter().enumerate().map(|(k, node)| (Target::State(k), *node));
+        let shown = shown.iter().enumerate().map(|(k, (_, node))| (Target::Output(k), *node));
+        entry(states.chain(shown).collect())
+    };
+    let names = |shown: &[(Variable, Node)]| shown.iter().map(|(v, _)| v.clone()).collect();
+
+    let start = description.numbers.motion_start;
+    let force = seen(&r.before, "cylinder_force");
+    let hydraulic_shown = [
+        force.clone(),
+        seen(&r.after, "pressure_pump_a"),
+        seen(&r.after, "pressure_a"),
+        seen(&r.after, "pressure_b"),
+        seen(&r.after, "pressure_pump_b"),
+        seen(&r.after, "pressure_accumulator"),
+    ];
+    let mut inputs = r.inputs.clone();
+    inputs.extend([between("stroke", start), between("velocity", 0.0), r.step.clone()]);
+    let hydraulics = Block {
+        name: "hydraulic_model".into(),
+        meaning: format!("{}: circuit, cylinder and its friction", description.name),
+        graph: Rc::clone(&r.graph),
+        parameters: r.parameters.clone(),
+        inputs,
+        states: r.states[boom_states..].to_vec(),
+        outputs: names(&hydraulic_shown),
+        entries: results(&r.next[boom_states..], &hydraulic_shown),
+        labels: r.labels.clone(),
+    };
+    let boom_shown = [
+        seen(&r.after, "stroke"),
+        seen(&r.after, "velocity"),
+        seen(&r.after, "tip_x"),
+        seen(&r.after, "tip_y"),
+        seen(&r.after, "tip_deflection"),
+    ];
+    let boom = Block {
+        name: "flexible_boom".into(),
+        meaning: format!("{}: boom and payload", description.name),
+        graph: r.graph,
+        parameters: r.parameters,
+        inputs: vec![force, r.step],
+        states: r.states[..boom_states].to_vec(),
+        outputs: names(&boom_shown),
+        entries: results(&r.next[..boom_states], &boom_shown),
+        labels: r.labels,
+    };
+    Ok([hydraulics, boom])
+}
+
+/// The benchmark controller with a feedforward from outside.
+pub fn controller(description: &Description) -> Block {
+    let (graph, mut block) = record(|| controlling(description));
+    block.graph = Rc::new(graph);
+    block
+}
+
+fn controlling(description: &Description) -> Block {
+    let (parameters, numbers) = parameters(description);
+    let controller = description.benchmark_over(&numbers);
+    let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
+    let position = input("reference_position", "m", "Piston position that is wanted");
+    let velocity = input("reference_velocity", "m/s", "Piston velocity that is wanted");
+    let stroke = input("stroke", "m", "Piston position, measured");
+    let load = input("load_pressure", "Pa", "Load pressure, p_L = p_A - (A_r/A_p) p_B");
+    let share = input(
+        "simulated_speed",
+        "rev/s",
+        "Motor speed of a simulation, in the place of the velocity feedforward",
+    );
+    let use_it = input(
+        "simulation_leads",
+        "1",
+        "1: the simulated speed is the feedforward; 0: the reference's velocity is",
+    );
+    let integral = variable("integral", "m/s", "Integral share of u_FC, as a velocity", 0.0);
+    let low_passed =
+        variable("low_passed", "Pa", "Low-passed load pressure; begins at the load pressure", 0.0);
+
+    let reference = Reference { position: position.1, velocity: velocity.1 };
+    let measured = Measured { stroke: stroke.1, load_pressure: load.1 };
+    let mut memory = BenchmarkMemory { integral: integral.1, low_passed: low_passed.1 };
+    let own = controller.velocity_feedforward(&reference);
+    let leads = E::lit(0.5).lt(use_it.1);
+    let feedforward = E::select(leads, share.1, own);
+    let speed = controller.update(&mut memory, &reference, &measured, feedforward);
+    let begun = controller.start(&measured);
+
+    let mut labels = HashMap::new();
+    let label = |name: &str, comment: &str| (name.to_string(), comment.to_string());
+    labels.insert(own.node(), label("u_ff", "velocity feedforward (1)"));
+    labels.insert((position.1 - stroke.1).node(), label("e", "position error"));
+    let entry = |name: &str, meaning: &str, results: Vec<(Target, Node)>| Entry {
+        name: name.into(),
+        meaning: meaning.into(),
+        results,
+    };
+    let states = |memory: &BenchmarkMemory<E>| {
+        let [integral, low_passed] = memory.to_array();
+        vec![(Target::State(0), integral.node()), (Target::State(1), low_passed.node())]
+    };
+    let mut results = states(&memory);
+    results.push((Target::Output(0), speed.node()));
+    Block {
+        name: "benchmark_controller".into(),
+        meaning: "Benchmark controller: feedforward, PI, pressure feedback (section 2.3.1)".into(),
+        graph: Rc::default(),
+        parameters,
+        inputs: [position, velocity, stroke, load, share, use_it].into_iter().map(noded).collect(),
+        states: [integral, low_passed].into_iter().map(noded).collect(),
+        outputs: vec![Variable {
+            name: "motor_speed".into(),
+            unit: "rev/s".into(),
+            meaning: "Motor speed, n_ref".into(),
+            initial: 0.0,
+        }],
+        entries: vec![
+            entry("begin", "begins without a bump at what is measured", states(&begun)),
+            entry("update", "the motor speed of a control period", results),
+        ],
+        labels,
+    }
+}

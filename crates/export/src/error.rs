@@ -1,0 +1,28 @@
+//! Why nothing is exported.
+
+use hydroboom_description::BuildError;
+use thiserror::Error;
+
+/// Why nothing is exported.
+#[derive(Debug, Error)]
+pub enum ExportError {
+    /// The description gives no crane, or no state of rest to start from.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The crane is none that is exported.
+    #[error(
+        "the boom has {found} coordinates; cranes of 3 segments are exported (boom.segments = 3, and no elastic base)"
+    )]
+    Segments {
+        /// Coordinates that it has.
+        found: usize,
+    },
+    /// Something depends on what it must not.
+    #[error("{block}: {result} depends on a number that is no input, state or parameter of it")]
+    Foreign {
+        /// The block.
+        block: String,
+        /// What of it.
+        result: String,
+    },
+}

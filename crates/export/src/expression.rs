@@ -1,0 +1,181 @@
+//! The number that records what is done to it.
+
+use crate::graph::{Graph, Node, Op};
+use hydroboom_math::Real;
+use hydroboom_math::elementary::Binary;
+use std::cell::RefCell;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+thread_local! {
+    /// What this thread records. Numbers are small and copied freely, so the graph cannot be in them.
+    static GRAPH: RefCell<Graph> = RefCell::default();
+}
+
+fn push(op: Op) -> Node {
+    GRAPH.with_borrow_mut(|graph| graph.push(op))
+}
+
+/// A number of the graph that is being recorded. It means something within its [`record`] only.
+#[derive(Clone, Copy, Debug)]
+pub struct Expression(pub(crate) Node);
+
+/// A condition of the graph that is being recorded.
+#[derive(Clone, Copy, Debug)]
+pub struct Condition(Node);
+
+impl Expression {
+    /// A number that comes from outside.
+    pub fn input() -> Self {
+        Self(GRAPH.with_borrow_mut(Graph::input))
+    }
+
+    /// Its node.
+    pub fn node(self) -> Node {
+        self.0
+    }
+}
+
+/// The graph of what `work` does with [`Expression`]s, and what it returns.
+pub fn record<R>(work: impl FnOnce() -> R) -> (Graph, R) {
+    let before = GRAPH.take();
+    let result = work();
+    (GRAPH.replace(before), result)
+}
+
+macro_rules! binary {
+    ($Trait:ident, $name:ident) => {
+        impl $Trait for Expression {
+            type Output = Self;
+            fn $name(self, other: Self) -> Self {
+                Self(push(Op::$Trait(self.0, other.0)))
+            }
+        }
+    };
+}
+binary!(Add, add);
+binary!(Sub, sub);
+binary!(Mul, mul);
+binary!(Div, div);
+
+impl Neg for Expression {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self(push(Op::Neg(self.0)))
+    }
+}
+
+impl BitAnd for Condition {
+    type Output = Self;
+    fn bitand(self, other: Self) -> Self {
+        Self(push(Op::And(self.0, other.0)))
+    }
+}
+
+impl BitOr for Condition {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(push(Op::Or(self.0, other.0)))
+    }
+}
+
+impl Not for Condition {
+    type Output = Self;
+    fn not(self) -> Self {
+        Self(push(Op::Not(self.0)))
+    }
+}
+
+impl Real for Expression {
+    type Mask = Condition;
+
+    fn lit(value: f64) -> Self {
+        Self(push(Op::Constant(value.to_bits())))
+    }
+    fn lt(self, other: Self) -> Condition {
+        Condition(push(Op::Less(self.0, other.0)))
+    }
+    fn select(mask: Condition, yes: Self, no: Self) -> Self {
+        Self(push(Op::Select(mask.0, yes.0, no.0)))
+    }
+    /// Nothing is left out: another run may need it.
+    fn any(_: Condition) -> bool {
+        true
+    }
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        Self(push(Op::MulAdd(self.0, factor.0, term.0)))
+    }
+    fn sqrt(self) -> Self {
+        Self(push(Op::Sqrt(self.0)))
+    }
+    fn exp(self) -> Self {
+        Self(push(Op::Exp(self.0)))
+    }
+    fn ln(self) -> Self {
+        Self(push(Op::Ln(self.0)))
+    }
+    fn tanh(self) -> Self {
+        Self(push(Op::Tanh(self.0)))
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        let pair = push(Op::SinCos(self.0));
+        (Self(push(Op::Sin(pair))), Self(push(Op::Cos(pair))))
+    }
+}
+
+/// So that the elementary functions themselves can be recorded, as `f64` runs them.
+impl Binary for Expression {
+    const LN_2: [f64; 2] = f64::LN_2;
+    const FRAC_PI_2: [f64; 2] = f64::FRAC_PI_2;
+    const ROUNDER: f64 = f64::ROUNDER;
+    const LARGEST_EXPONENT: f64 = f64::LARGEST_EXPONENT;
+
+    fn power_of_two(held: Self) -> Self {
+        Self(push(Op::PowerOfTwo(held.0)))
+    }
+    fn turn(held: Self, sin: Self, cos: Self) -> (Self, Self) {
+        let turned = |op: fn(Node, Node, Node) -> Op| Self(push(op(held.0, sin.0, cos.0)));
+        (turned(Op::TurnedSine), turned(Op::TurnedCosine))
+    }
+    fn split(self) -> (Self, Self) {
+        (Self(push(Op::Mantissa(self.0))), Self(push(Op::Exponent(self.0))))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_operations_are_one_and_constants_are_folded() {
+        let (graph, (a, b)) = record(|| {
+            let (x, y) = (Expression::input(), Expression::input());
+            let two = Expression::lit(1.0) + Expression::lit(1.0);
+            (x * y + two, Expression::lit(2.0) + y * (x * Expression::one()))
+        });
+        assert_eq!(a.node(), b.node());
+        // two inputs, the one and the two, a product, a sum
+        assert_eq!(graph.len(), 6, "{graph:?}");
+    }
+
+    #[test]
+    fn what_changes_a_bit_is_kept() {
+        let (graph, [plus, fused]) = record(|| {
+            let x = Expression::input();
+            // −0 + 0 is 0; a fused product rounds once
+            [x + Expression::zero(), x.mul_add(Expression::lit(3.0), Expression::zero())]
+        });
+        assert!(matches!(graph.op(plus.node()), Op::Add(..)));
+        assert!(matches!(graph.op(fused.node()), Op::MulAdd(..)));
+    }
+
+    #[test]
+    fn a_recording_within_another_does_not_disturb_it() {
+        let (outer, _) = record(|| {
+            let x = Expression::input();
+            let (inner, _) = record(|| Expression::input() + Expression::one());
+            assert_eq!(inner.len(), 3);
+            x * x
+        });
+        assert_eq!(outer.len(), 2);
+    }
+}

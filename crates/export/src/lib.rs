@@ -1,0 +1,27 @@
+//! Model and controllers as source code of other languages.
+//!
+//! ```text
+//! Description -> model and controllers over Expression -> Graph -> Block -> Plan -> C, ...
+//! ```
+//!
+//! The one source of model and controllers is run once over a number that records what is done to it. Each language is a
+//! file that prints what was recorded; none knows the model.
+
+mod block;
+pub mod c;
+mod count;
+mod crane;
+mod error;
+mod expression;
+mod graph;
+mod name;
+mod plan;
+mod statement;
+
+pub use block::{Block, Entry, Target, Variable};
+pub use count::Count;
+pub use crane::{blocks, controller, crane_model};
+pub use error::ExportError;
+pub use expression::{Condition, Expression, record};
+pub use graph::{Graph, Node, Op};
+pub use plan::Plan;

@@ -1,0 +1,105 @@
+//! In which order a block is computed, and what of it once for all.
+
+use crate::block::{Block, Target};
+use crate::error::ExportError;
+use crate::graph::{Node, Op};
+use std::collections::{HashMap, HashSet};
+
+/// The order of a block.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Parameters that it uses, as places in the block's.
+    pub parameters: Vec<usize>,
+    /// What follows from parameters alone, operands first.
+    pub preparing: Vec<Node>,
+    /// Of that what the entries need.
+    pub prepared: Vec<Node>,
+    /// For each entry what is computed, operands first.
+    pub entries: Vec<Vec<Node>>,
+}
+
+impl Plan {
+    /// Finds the order of a block.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError::Foreign`] when a result depends on a number that is none of the block's.
+    pub fn of(block: &Block) -> Result<Self, ExportError> {
+        let graph = &block.graph;
+        let given: HashSet<Node> =
+            block.inputs.iter().chain(&block.states).map(|(_, node)| *node).collect();
+        let parameters: HashMap<Node, usize> =
+            block.parameters.iter().enumerate().map(|(k, (_, node))| (*node, k)).collect();
+        // what does not stay as it is
+        let mut moves = vec![false; graph.len()];
+        for node in graph.nodes() {
+            let op = graph.op(node);
+            let is_input = matches!(op, Op::Input(_)) && !parameters.contains_key(&node);
+            moves[node.0 as usize] = given.contains(&node)
+                || is_input
+                || op.operands().any(|operand| moves[operand.0 as usize]);
+        }
+        let stays = |node: Node| !moves[node.0 as usize];
+        let is_number = |node: Node| {
+            let op = graph.op(node);
+            !op.is_condition() && !matches!(op, Op::SinCos(_) | Op::Constant(_))
+        };
+
+        let mut prepared: HashSet<Node> = HashSet::new();
+        let mut entries = Vec::new();
+        for entry in &block.entries {
+            let mut seen: HashSet<Node> = HashSet::new();
+            let mut open: Vec<(Node, Target)> =
+                entry.results.iter().map(|(target, node)| (*node, *target)).collect();
+            while let Some((node, target)) = open.pop() {
+                if given.contains(&node) || !seen.insert(node) {
+                    continue;
+                }
+                if stays(node) && is_number(node) {
+                    prepared.insert(node);
+                    seen.remove(&node);
+                    continue;
+                }
+                let op = graph.op(node);
+                if matches!(op, Op::Input(_)) {
+                    let result = block.result_name(target);
+                    return Err(ExportError::Foreign { block: block.name.clone(), result });
+                }
+                open.extend(op.operands().map(|operand| (operand, target)));
+            }
+            entries.push(sorted(seen.into_iter().filter(|n| graph.constant(*n).is_none())));
+        }
+        let mut preparing: HashSet<Node> = HashSet::new();
+        let mut open: Vec<Node> = prepared.iter().copied().collect();
+        while let Some(node) = open.pop() {
+            if preparing.insert(node) {
+                open.extend(graph.op(node).operands());
+            }
+        }
+        let used: HashSet<usize> =
+            preparing.iter().filter_map(|node| parameters.get(node)).copied().collect();
+        let is_computed =
+            |n: &Node| graph.constant(*n).is_none() && !matches!(graph.op(*n), Op::Input(_));
+        Ok(Self {
+            parameters: sorted(used),
+            preparing: sorted(preparing.into_iter().filter(is_computed)),
+            prepared: sorted(prepared),
+            entries,
+        })
+    }
+}
+
+impl Block {
+    fn result_name(&self, target: Target) -> String {
+        match target {
+            Target::State(k) => self.states[k].0.name.clone(),
+            Target::Output(k) => self.outputs[k].name.clone(),
+        }
+    }
+}
+
+fn sorted<T: Ord>(of: impl IntoIterator<Item = T>) -> Vec<T> {
+    let mut all: Vec<T> = of.into_iter().collect();
+    all.sort_unstable();
+    all
+}

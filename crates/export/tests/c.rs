@@ -1,0 +1,335 @@
+//! Generated C beside the Rust that it was recorded from.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_control::{Measured, Reference};
+use hydroboom_description::Description;
+use hydroboom_export::c::{Precision, files};
+use hydroboom_export::{blocks, controller, crane_model};
+use hydroboom_model::stepping::published;
+use hydroboom_model::{CraneState, Input};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+const STEP: f64 = 50e-6;
+
+fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+/// Compiles sources, with warnings for errors.
+fn compiled(folder: &Path, sources: &[&str], options: &[&str]) -> PathBuf {
+    let program = folder.join("program");
+    let output = Command::new("cc")
+        .current_dir(folder)
+        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-ffp-contract=off"])
+        .args(options)
+        .args(sources)
+        .args(["-lm", "-o", "program"])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    program
+}
+
+/// Runs a program on numbers; what it answers, in numbers.
+fn answered(program: &Path, numbers: &[f64]) -> Vec<f64> {
+    let mut child =
+        Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let mut input = child.stdin.take().unwrap();
+    let bytes: Vec<u8> = numbers.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let writing = std::thread::spawn(move || input.write_all(&bytes).unwrap());
+    let output = child.wait_with_output().unwrap();
+    writing.join().unwrap();
+    assert!(output.status.success(), "{:?}", output.status);
+    let eight = |c: &[u8]| f64::from_le_bytes(c.try_into().unwrap());
+    output.stdout.chunks_exact(8).map(eight).collect()
+}
+
+/// Motor speed and valve of a motion out, a dwell with the valve shut, and back faster than the oil can follow: check valves, the
+/// holding valve and the cavities are passed at their kinks.
+fn inputs(steps: usize) -> Vec<Input<f64>> {
+    let of = |k: usize| {
+        let t = k as f64 / steps as f64;
+        let pump_speed = match t {
+            t if t < 0.1 => 0.0,
+            t if t < 0.3 => 40.0 * (t - 0.1) / 0.2,
+            t if t < 0.5 => 40.0,
+            t if t < 0.6 => 0.0,
+            t => -45.0 * ((t - 0.6) / 0.1).min(1.0),
+        };
+        Input { pump_speed, holding_valve: if (0.5..0.6).contains(&t) { 0.0 } else { 1.0 } }
+    };
+    (0..steps).map(of).collect()
+}
+
+fn flat(state: &CraneState<f64, 3>) -> Vec<f64> {
+    let boom = &state.boom;
+    let nodes = state.circuit.nodes.to_array();
+    [&boom.angle[..], &boom.angular_velocity, &[state.bristle], &nodes, &[state.circuit.gas_volume]]
+        .concat()
+}
+
+/// States of the Rust model after every step.
+fn in_rust(description: &Description, inputs: &[Input<f64>]) -> Vec<Vec<f64>> {
+    let crane = description.crane::<3>().unwrap();
+    let n = &description.numbers;
+    let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+    inputs
+        .iter()
+        .map(|input| {
+            published(&crane, &mut state, input, STEP);
+            let mut row = flat(&state);
+            row.extend(crane.outputs(&state).to_array());
+            row
+        })
+        .collect()
+}
+
+/// The largest difference, against the largest value of its column.
+fn apart(rust: &[Vec<f64>], other: &[f64]) -> f64 {
+    let width = rust[0].len();
+    assert_eq!(other.len(), rust.len() * width);
+    let largest = |column: usize| rust.iter().map(|row| row[column].abs()).fold(1e-300, f64::max);
+    let scale: Vec<f64> = (0..width).map(largest).collect();
+    let pairs = rust.iter().flatten().zip(other).enumerate();
+    pairs
+        .map(|(k, (a, b))| (a - b).abs() / scale[k % width])
+        .fold(0.0, |most, v| if v > most || v.is_nan() { v } else { most })
+}
+
+const MODEL: &str = r#"
+#include "crane.h"
+#include <stdio.h>
+int main(void)
+{
+    hb_model_parameters p;
+    hb_model_prepared c;
+    hb_model_state s;
+    hb_model_input u;
+    hb_model_output y;
+    double in[2];
+    hb_model_describe(&p);
+    hb_model_prepare(&p, &c);
+    hb_model_start(&s);
+    u.step = STEP;
+    while (fread(in, sizeof in, 1, stdin) == 1) {
+        u.pump_speed = (hb_real)in[0];
+        u.holding_valve = (hb_real)in[1];
+        hb_model_step(&c, &s, &u);
+        hb_model_see(&c, &s, &y);
+        {
+            const hb_real *parts[2];
+            size_t counts[2];
+            size_t k;
+            size_t i;
+            parts[0] = (const hb_real *)&s;
+            parts[1] = (const hb_real *)&y;
+            counts[0] = sizeof s / sizeof(hb_real);
+            counts[1] = sizeof y / sizeof(hb_real);
+            for (k = 0; k < 2; k++) {
+                for (i = 0; i < counts[k]; i++) {
+                    const double value = (double)parts[k][i];
+                    if (fwrite(&value, sizeof value, 1, stdout) != 1) {
+                        return 1;
+                    }
+                }
+            }
+        }
+    }
+    return 0;
+}
+"#;
+
+fn written(name: &str, description: &Description, precision: Precision) -> PathBuf {
+    let folder = folder(name);
+    let made = files(&[crane_model(description).unwrap()], "crane", precision).unwrap();
+    std::fs::write(folder.join("crane.h"), made.header).unwrap();
+    std::fs::write(folder.join("crane.c"), made.source).unwrap();
+    std::fs::write(folder.join("main.c"), MODEL.replace("STEP", "(hb_real)50e-6")).unwrap();
+    folder
+}
+
+#[test]
+fn ten_thousand_steps_in_c_are_those_in_rust_to_the_last_bit() {
+    let inputs = inputs(10_000);
+    let numbers: Vec<f64> = inputs.iter().flat_map(|i| i.to_array()).collect();
+    for description in [Description::uia_single_boom().unwrap(), lugre()] {
+        let folder = written("c-model", &description, Precision::Double);
+        let rust = in_rust(&description, &inputs);
+        for options in [&[][..], &["-fsanitize=address,undefined", "-fno-sanitize-recover"]] {
+            let program = compiled(&folder, &["crane.c", "main.c"], options);
+            let off = apart(&rust, &answered(&program, &numbers));
+            assert_eq!(off, 0.0, "with {options:?}");
+        }
+    }
+}
+
+/// The paper's crane with seals that give before they slide.
+fn lugre() -> Description {
+    let text = hydroboom_description::UIA_SINGLE_BOOM.replace("\"stribeck\"", "\"lugre\"");
+    Description::parse("lugre", &text).unwrap()
+}
+
+#[test]
+fn single_precision_stays_near_double() {
+    let description = Description::uia_single_boom().unwrap();
+    let inputs = inputs(10_000);
+    let numbers: Vec<f64> = inputs.iter().flat_map(|i| i.to_array()).collect();
+    let folder = written("c-single", &description, Precision::Single);
+    let program = compiled(&folder, &["crane.c", "main.c"], &[]);
+    let single = answered(&program, &numbers);
+    let rust = in_rust(&description, &inputs);
+    // half a second: the piston's position to a tenth of a millimetre
+    let width = rust[0].len();
+    let stroke = flat_len();
+    let off = (single[single.len() - width + stroke] - rust[rust.len() - 1][stroke]).abs();
+    assert!(off < 1e-4, "{off} m");
+}
+
+fn flat_len() -> usize {
+    13
+}
+
+#[test]
+fn the_two_blocks_together_are_the_whole_crane() {
+    let description = Description::uia_single_boom().unwrap();
+    let folder = folder("c-blocks");
+    let [hydraulics, boom] = blocks(&description).unwrap();
+    let made = files(&[hydraulics, boom], "crane", Precision::Double).unwrap();
+    std::fs::write(folder.join("crane.h"), made.header).unwrap();
+    std::fs::write(folder.join("crane.c"), made.source).unwrap();
+    let main = r#"
+#include "crane.h"
+#include <stdio.h>
+int main(void)
+{
+    hb_hydraulic_model_parameters hp;
+    hb_hydraulic_model_prepared hc;
+    hb_hydraulic_model_state hs;
+    hb_hydraulic_model_input hu;
+    hb_hydraulic_model_output hy;
+    hb_flexible_boom_parameters bp;
+    hb_flexible_boom_prepared bc;
+    hb_flexible_boom_state bs;
+    hb_flexible_boom_input bu;
+    hb_flexible_boom_output by;
+    double in[2];
+    hb_hydraulic_model_describe(&hp);
+    hb_hydraulic_model_prepare(&hp, &hc);
+    hb_hydraulic_model_start(&hs);
+    hb_flexible_boom_describe(&bp);
+    hb_flexible_boom_prepare(&bp, &bc);
+    hb_flexible_boom_start(&bs);
+    hu.step = 50e-6;
+    bu.step = 50e-6;
+    /* at rest: a step of no length shows where the piston is */
+    bu.cylinder_force = 0.0;
+    bu.step = 0.0;
+    hb_flexible_boom_step(&bc, &bs, &bu, &by);
+    bu.step = 50e-6;
+    while (fread(in, sizeof in, 1, stdin) == 1) {
+        double out[3];
+        hu.pump_speed = in[0];
+        hu.holding_valve = in[1];
+        hu.stroke = by.stroke;
+        hu.velocity = by.velocity;
+        hb_hydraulic_model_step(&hc, &hs, &hu, &hy);
+        bu.cylinder_force = hy.cylinder_force;
+        hb_flexible_boom_step(&bc, &bs, &bu, &by);
+        out[0] = by.stroke;
+        out[1] = hy.pressure_a;
+        out[2] = by.tip_y;
+        if (fwrite(out, sizeof out, 1, stdout) != 1) {
+            return 1;
+        }
+    }
+    return 0;
+}
+"#;
+    std::fs::write(folder.join("main.c"), main).unwrap();
+    let program = compiled(&folder, &["crane.c", "main.c"], &[]);
+    let inputs = inputs(10_000);
+    let numbers: Vec<f64> = inputs.iter().flat_map(|i| i.to_array()).collect();
+    let places = [13, 16, 26];
+    let rust = in_rust(&description, &inputs);
+    let rust: Vec<Vec<f64>> = rust.iter().map(|row| places.map(|k| row[k]).to_vec()).collect();
+    let off = apart(&rust, &answered(&program, &numbers));
+    assert_eq!(off, 0.0);
+}
+
+#[test]
+fn the_controller_in_c_is_that_in_rust() {
+    let description = Description::uia_single_boom().unwrap();
+    let folder = folder("c-controller");
+    let made = files(&[controller(&description)], "control", Precision::Double).unwrap();
+    std::fs::write(folder.join("control.h"), made.header).unwrap();
+    std::fs::write(folder.join("control.c"), made.source).unwrap();
+    let main = r#"
+#include "control.h"
+#include <stdio.h>
+int main(void)
+{
+    hb_benchmark_controller_parameters p;
+    hb_benchmark_controller_prepared c;
+    hb_benchmark_controller_state s;
+    hb_benchmark_controller_input u;
+    hb_benchmark_controller_output y;
+    int begun = 0;
+    hb_benchmark_controller_describe(&p);
+    hb_benchmark_controller_prepare(&p, &c);
+    hb_benchmark_controller_start(&s);
+    while (fread(&u, sizeof u, 1, stdin) == 1) {
+        if (begun == 0) {
+            hb_benchmark_controller_begin(&s, &u);
+            begun = 1;
+        }
+        hb_benchmark_controller_update(&c, &s, &u, &y);
+        if (fwrite(&y, sizeof y, 1, stdout) != 1) {
+            return 1;
+        }
+    }
+    return 0;
+}
+"#;
+    std::fs::write(folder.join("main.c"), main).unwrap();
+    let program = compiled(&folder, &["control.c", "main.c"], &[]);
+    // a reference and a machine that follows badly, so that the motor's limits are met on both sides
+    let periods: Vec<[f64; 6]> = (0..10_000_u32)
+        .map(|k| {
+            let t = f64::from(k) * 1e-3;
+            let (position, velocity) = (0.25 + 0.2 * t.sin(), 0.2 * t.cos());
+            let leads = f64::from(u8::from(k > 5000));
+            [
+                position,
+                velocity,
+                0.25 + 0.1 * (0.9 * t).sin(),
+                68e5 + 5e5 * (14.0 * t).sin(),
+                20.0 * t.cos(),
+                leads,
+            ]
+        })
+        .collect();
+    let benchmark = description.benchmark();
+    let mut memory = None;
+    let rust: Vec<Vec<f64>> = periods
+        .iter()
+        .map(|&[position, velocity, stroke, load_pressure, simulated, leads]| {
+            let reference = Reference { position, velocity };
+            let measured = Measured { stroke, load_pressure };
+            let memory = memory.get_or_insert_with(|| benchmark.start(&measured));
+            let own = benchmark.velocity_feedforward(&reference);
+            let feedforward = if leads > 0.5 { simulated } else { own };
+            vec![benchmark.update(memory, &reference, &measured, feedforward)]
+        })
+        .collect();
+    let limit = description.numbers.motor_speed;
+    assert!(rust.iter().any(|v| v[0] == limit) && rust.iter().any(|v| v[0] == -limit));
+    let numbers: Vec<f64> = periods.into_iter().flatten().collect();
+    let off = apart(&rust, &answered(&program, &numbers));
+    assert_eq!(off, 0.0);
+}

@@ -1,0 +1,46 @@
+//! `hydroboom export c`
+
+use super::{File, written};
+use crate::crane_file::CraneFile;
+use clap::Args;
+use hydroboom_export::c::{Precision, files};
+use hydroboom_export::{blocks, controller, crane_model};
+use miette::{IntoDiagnostic, Result};
+use std::path::PathBuf;
+
+/// C99: a header and a source with the whole crane, the same in two blocks, and the benchmark controller.
+#[derive(Args)]
+#[command(
+    after_help = "Example: hydroboom export c --out generated && cc -std=c99 -O2 -ffp-contract=off -c generated/hydroboom.c\n\
+    docs/export.md shows how it is used"
+)]
+pub struct C {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Folder to write to.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Compute in float instead of double: no longer the numbers that Rust computes.
+    #[arg(long)]
+    single: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl C {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let crane = self.crane.read()?;
+        let model = crane_model(&crane).into_diagnostic()?;
+        let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
+        let all = [model, hydraulics, boom, controller(&crane)];
+        let precision = if self.single { Precision::Single } else { Precision::Double };
+        let made = files(&all, "hydroboom", precision).into_diagnostic()?;
+        let files = [
+            File { name: "hydroboom.h".into(), content: made.header },
+            File { name: "hydroboom.c".into(), content: made.source },
+        ];
+        written(&self.out, &files, &all, self.json)
+    }
+}

@@ -1,0 +1,89 @@
+//! `hydroboom export`
+
+mod c;
+mod count;
+
+use crate::output;
+use clap::{Args, Subcommand};
+use hydroboom_export::{Block, ExportError, Plan};
+use hydroboom_measurement::digest_of;
+use miette::{IntoDiagnostic, Result, WrapErr};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Write model and controller as source code for other systems: the same numbers, from the one model.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hydroboom export count\n  hydroboom export c --crane my-crane.toml --out generated"
+)]
+pub struct Export {
+    #[command(subcommand)]
+    target: Target,
+}
+
+#[derive(Subcommand)]
+enum Target {
+    Count(count::Count),
+    C(c::C),
+}
+
+impl Export {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        match self.target {
+            Target::Count(command) => command.run(),
+            Target::C(command) => command.run(),
+        }
+    }
+}
+
+/// A file that is to be written.
+struct File {
+    name: String,
+    content: String,
+}
+
+/// Writes files into a folder, which is made; says what was written.
+fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Result<()> {
+    std::fs::create_dir_all(folder)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("{} cannot be made", folder.display()))?;
+    for file in files {
+        output::file(&folder.join(&file.name), file.content.as_bytes())?;
+    }
+    let flops = flops(blocks).into_diagnostic()?;
+    if in_json {
+        let files: Vec<Value> = files.iter().map(|file| {
+            let path: PathBuf = folder.join(&file.name);
+            json!({ "file": path, "bytes": file.content.len(), "sha256": digest_of(file.content.as_bytes()) })
+        }).collect();
+        return output::json(&json!({ "files": files, "flops": flops.iter().map(|(name, flops)| {
+            json!({ "entry": name, "flops": flops })
+        }).collect::<Vec<_>>() }));
+    }
+    let rows: Vec<Vec<String>> = files
+        .iter()
+        .map(|file| {
+            let path = folder.join(&file.name).display().to_string();
+            let digest = digest_of(file.content.as_bytes());
+            vec![path, file.content.len().to_string(), digest[..16].to_string()]
+        })
+        .collect();
+    let mut said = output::table(&["file", "bytes", "SHA-256"], &rows);
+    let costs: Vec<String> = flops.iter().map(|(name, flops)| format!("{name} {flops}")).collect();
+    said += &format!("\nfloating-point operations a call: {}", costs.join(", "));
+    output::text(&said)
+}
+
+/// Floating-point operations of each entry of some blocks.
+fn flops(blocks: &[Block]) -> Result<Vec<(String, usize)>, ExportError> {
+    let mut all = Vec::new();
+    for block in blocks {
+        let plan = Plan::of(block)?;
+        for (entry, order) in block.entries.iter().zip(&plan.entries) {
+            let count = hydroboom_export::Count::of(&block.graph, order);
+            all.push((format!("{}.{}", block.name, entry.name), count.flops()));
+        }
+    }
+    Ok(all)
+}
