@@ -52,6 +52,10 @@ impl Dialect for C {
         Text::new(text, binding)
     }
 
+    fn has_pairs(&self) -> bool {
+        true
+    }
+
     fn operation(&self, op: Op, x: &[Text]) -> Text {
         use Binding::*;
         let infix = |sign: &str, binding: Binding| {

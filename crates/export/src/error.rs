@@ -17,6 +17,14 @@ pub enum ExportError {
         /// Coordinates that it has.
         found: usize,
     },
+    /// A constant that the language has no number for.
+    #[error("{block}: {value} is a constant of it, and the language has no such number")]
+    Constant {
+        /// The block.
+        block: String,
+        /// The constant.
+        value: f64,
+    },
     /// Something depends on what it must not.
     #[error("{block}: {result} depends on a number that is no input, state or parameter of it")]
     Foreign {

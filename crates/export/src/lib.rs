@@ -17,6 +17,7 @@ mod graph;
 mod name;
 mod plan;
 mod statement;
+pub mod structured_text;
 
 pub use block::{Block, Entry, Target, Variable};
 pub use count::Count;

@@ -8,6 +8,8 @@ use std::collections::{HashMap, HashSet};
 pub(crate) trait Dialect {
     /// A constant.
     fn constant(&self, value: f64) -> Text;
+    /// Whether a sine and cosine come from one call, as a pair with a name.
+    fn has_pairs(&self) -> bool;
     /// An operation on texts.
     fn operation(&self, op: Op, operands: &[Text]) -> Text;
 }
@@ -117,10 +119,11 @@ pub(crate) fn statements(
         let label = labels.get(node).filter(|_| labelled.insert(*node));
         let is_short = text.text.len() <= LONGEST;
         let once = uses.get(node).copied().unwrap_or(0) <= 1;
-        // a pair is a statement of its own; a member of it is a name
-        let is_member = matches!(op, Op::Sin(_) | Op::Cos(_));
-        let stays =
-            !matches!(op, Op::SinCos(_)) && (is_member || (label.is_none() && once && is_short));
+        // a pair is a statement of its own, and a member of it a name; without pairs it is the angle they are of
+        let is_pair = matches!(op, Op::SinCos(_));
+        let is_member = matches!(op, Op::Sin(_) | Op::Cos(_)) && dialect.has_pairs();
+        let is_inner = label.is_none() && once && is_short && !is_pair;
+        let stays = is_member || is_inner || is_pair && !dialect.has_pairs();
         if stays {
             texts.insert(*node, text);
             continue;

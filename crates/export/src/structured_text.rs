@@ -1,0 +1,419 @@
+//! IEC 61131-3 Structured Text: a function block for each block.
+//!
+//! A block begins at its start values at its first call and whenever `bReset` is set, and works out anew what follows from its
+//! parameters whenever `bPrepare` is. Straight lines of assignments to `LREAL`s: no arrays, no loops, no calls but of the standard's
+//! functions, comments in `(* *)`. A fused product is written as product and sum, and functions are the controller's own: the last
+//! digits may differ from Rust's.
+
+use crate::block::{Block, Target, Variable};
+use crate::error::ExportError;
+use crate::graph::{Graph, Node, Op};
+use crate::name::{Names, comment};
+use crate::plan::Plan;
+use crate::statement::{Binding, Dialect, Source, Statement, Text, broken, statements};
+use std::collections::HashMap;
+use std::fmt::Write;
+
+/// Widest line.
+const WIDTH: usize = 110;
+
+/// Words of the language, its functions, and names that some tools keep to themselves.
+const RESERVED: [&str; 78] = [
+    "abs",
+    "action",
+    "and",
+    "any",
+    "array",
+    "at",
+    "bool",
+    "by",
+    "byte",
+    "case",
+    "configuration",
+    "constant",
+    "cos",
+    "date",
+    "dint",
+    "do",
+    "dt",
+    "dword",
+    "else",
+    "elsif",
+    "end_if",
+    "exit",
+    "exp",
+    "expt",
+    "f_edge",
+    "false",
+    "for",
+    "from",
+    "function",
+    "function_block",
+    "if",
+    "int",
+    "limit",
+    "lint",
+    "ln",
+    "log",
+    "lreal",
+    "lword",
+    "max",
+    "min",
+    "mod",
+    "move",
+    "mux",
+    "not",
+    "of",
+    "on",
+    "or",
+    "pi",
+    "pointer",
+    "program",
+    "r_edge",
+    "real",
+    "reference",
+    "repeat",
+    "resource",
+    "retain",
+    "return",
+    "s",
+    "sel",
+    "sin",
+    "sint",
+    "sqrt",
+    "step",
+    "string",
+    "struct",
+    "tan",
+    "task",
+    "then",
+    "time",
+    "tod",
+    "true",
+    "type",
+    "udint",
+    "uint",
+    "until",
+    "var",
+    "while",
+    "word",
+];
+
+/// Names that people know from the paper, for what stands at a block's edge.
+const KNOWN: [(&str, &str); 30] = [
+    ("stroke", "xCyl"),
+    ("velocity", "vCyl"),
+    ("pressure_pump_a", "pPA"),
+    ("pressure_a", "pA"),
+    ("pressure_b", "pB"),
+    ("pressure_pump_b", "pPB"),
+    ("pressure_accumulator", "pAcc"),
+    ("gas_volume", "volGas"),
+    ("bristle", "zBristle"),
+    ("pump_speed", "nPump"),
+    ("holding_valve", "uValve"),
+    ("cylinder_force", "fCyl"),
+    ("angle_1", "phi1"),
+    ("angle_2", "phi2"),
+    ("angle_3", "phi3"),
+    ("angular_velocity_1", "omega1"),
+    ("angular_velocity_2", "omega2"),
+    ("angular_velocity_3", "omega3"),
+    ("tip_x", "xTip"),
+    ("tip_y", "yTip"),
+    ("tip_deflection", "wTip"),
+    ("step", "tStep"),
+    ("reference_position", "xRef"),
+    ("reference_velocity", "vRef"),
+    ("load_pressure", "pL"),
+    ("simulated_speed", "nSim"),
+    ("simulation_leads", "uLead"),
+    ("motor_speed", "nRef"),
+    ("integral", "vInt"),
+    ("low_passed", "pLow"),
+];
+
+struct StructuredText;
+
+impl Dialect for StructuredText {
+    fn constant(&self, value: f64) -> Text {
+        let text = literal(value);
+        let binding = if text.starts_with('-') { Binding::Sign } else { Binding::Whole };
+        Text::new(text, binding)
+    }
+
+    fn has_pairs(&self) -> bool {
+        false
+    }
+
+    fn operation(&self, op: Op, x: &[Text]) -> Text {
+        use Binding::*;
+        let infix = |sign: &str, binding: Binding| {
+            let (a, b) = (x[0].within(binding), x[1].inside(binding));
+            Text::new(format!("{a} {sign} {b}"), binding)
+        };
+        let clear = |sign: &str, binding: Binding| {
+            let (a, b) = (x[0].inside(Comparison), x[1].inside(Comparison));
+            Text::new(format!("{a} {sign} {b}"), binding)
+        };
+        let call = |name: &str| {
+            let arguments: Vec<&str> = x.iter().map(|t| t.text.as_str()).collect();
+            Text::whole(format!("{name}({})", arguments.join(", ")))
+        };
+        match op {
+            Op::Add(..) => infix("+", Sum),
+            Op::Sub(..) => infix("-", Sum),
+            Op::Mul(..) => infix("*", Product),
+            Op::Div(..) => infix("/", Product),
+            // a sign binds to its number only: tools differ on what stands behind it
+            Op::Neg(_) => Text::new(format!("-{}", x[0].inside(Sign)), Sum),
+            Op::MulAdd(..) => {
+                let product = format!("{} * {}", x[0].within(Product), x[1].inside(Product));
+                Text::new(format!("{product} + {}", x[2].inside(Sum)), Sum)
+            }
+            Op::Sqrt(_) => call("SQRT"),
+            Op::Exp(_) => call("EXP"),
+            Op::Ln(_) => call("LN"),
+            // nothing overflows: beyond 20 it is one
+            Op::Tanh(_) => Text::new(
+                format!(
+                    "1.0E0 - 2.0E0 / (EXP(2.0E0 * LIMIT(-2.0E1, {}, 2.0E1)) + 1.0E0)",
+                    x[0].text
+                ),
+                Sum,
+            ),
+            // the angle itself: sine and cosine are two functions
+            Op::SinCos(_) => x[0].clone(),
+            Op::Sin(_) => call("SIN"),
+            Op::Cos(_) => call("COS"),
+            Op::Select(..) => {
+                Text::whole(format!("SEL({}, {}, {})", x[0].text, x[2].text, x[1].text))
+            }
+            Op::Less(..) => infix("<", Comparison),
+            Op::And(..) => clear("AND", And),
+            Op::Or(..) => clear("OR", Or),
+            Op::Not(_) => Text::new(format!("NOT {}", x[0].inside(Sign)), Sign),
+            _ => Text::whole("0.0E0"),
+        }
+    }
+}
+
+/// A number as every tool reads it: with a point and an exponent.
+fn literal(value: f64) -> String {
+    let text = format!("{value:E}");
+    match text.split_once('E') {
+        Some((digits, exponent)) if !digits.contains('.') => format!("{digits}.0E{exponent}"),
+        _ => text,
+    }
+}
+
+/// `hydraulic_model` as `HydraulicModel`.
+fn camel(name: &str) -> String {
+    let parts = name.split('_').map(|part| part[..1].to_uppercase() + &part[1..]);
+    parts.collect()
+}
+
+/// Name of a block.
+pub fn block_name(block: &Block) -> String {
+    format!("FB_{}", camel(&block.name))
+}
+
+/// Name of an input or output at a block's edge.
+pub fn edge_name(name: &str) -> String {
+    let known = KNOWN.iter().find(|(own, _)| *own == name).map(|(_, known)| (*known).to_string());
+    known.unwrap_or_else(|| {
+        let camel = camel(name);
+        camel[..1].to_lowercase() + &camel[1..]
+    })
+}
+
+/// A declaration, its comment above it.
+fn declared(to: &mut String, name: &str, initial: Option<f64>, v: &Variable) {
+    let unit = if v.unit.is_empty() { String::new() } else { format!(" [{}]", comment(&v.unit)) };
+    if !v.meaning.is_empty() {
+        let _ =
+            writeln!(to, "{}", broken(&format!("    (* {}{unit} *)", comment(&v.meaning)), WIDTH));
+    }
+    let initial = initial.map_or(String::new(), |v| format!(" := {}", literal(v)));
+    let _ = writeln!(to, "    {name} : LREAL{initial};");
+}
+
+/// A block as a function block.
+///
+/// # Errors
+///
+/// [`ExportError`] when it depends on something that it does not have, or on a number that the language has not.
+pub fn function_block(block: &Block) -> Result<String, ExportError> {
+    let plan = Plan::of(block)?;
+    let graph = &*block.graph;
+    if let Some(value) = strange(graph, &plan) {
+        return Err(ExportError::Constant { block: block.name.clone(), value });
+    }
+    let mut names = Names::new(&RESERVED);
+    for own in ["bReset", "bPrepare", "bReady"] {
+        names.free(own);
+    }
+    let mut named = |variables: &[Variable], beginning: &str| -> Vec<String> {
+        let of = |v: &Variable| match beginning {
+            "" => names.free(&edge_name(&v.name)),
+            _ => names.free(&format!("{beginning}{}", camel(&edge_name(&v.name)))),
+        };
+        variables.iter().map(of).collect()
+    };
+    let of = |all: &[(Variable, Node)]| -> Vec<Variable> {
+        all.iter().map(|(v, _)| v.clone()).collect()
+    };
+    let (inputs, states) = (of(&block.inputs), of(&block.states));
+    let input_names = named(&inputs, "");
+    let output_names = named(&block.outputs, "");
+    let state_names = named(&states, "s");
+    let parameters: Vec<&(Variable, Node)> =
+        plan.parameters.iter().map(|k| &block.parameters[*k]).collect();
+    let parameter_names: Vec<String> =
+        parameters.iter().map(|(v, _)| names.free(&v.name)).collect();
+
+    // what follows from the parameters
+    let mut given: HashMap<Node, Text> = parameters
+        .iter()
+        .zip(&parameter_names)
+        .map(|((_, node), name)| (*node, Text::whole(name)))
+        .collect();
+    let labels = HashMap::new();
+    let from = Source {
+        graph,
+        order: &plan.preparing,
+        results: &plan.prepared,
+        given: &given,
+        labels: &labels,
+    };
+    let mut locals: Vec<(String, bool)> = Vec::new();
+    let mut lines = |said: &[Statement], names: &mut String, depth: usize| {
+        for Statement { node, name, text, comment: why } in said {
+            if let Some(why) = why {
+                *names += &line(&format!("(* {} *)", comment(why)), depth);
+            }
+            locals.push((name.clone(), graph.op(*node).is_condition()));
+            *names += &line(&format!("{name} := {text};"), depth);
+        }
+    };
+    let (said, results) = statements(&from, &StructuredText, &mut names);
+    let mut preparing = String::new();
+    lines(&said, &mut preparing, 2);
+    let mut kept = Vec::new();
+    for (node, text) in plan.prepared.iter().zip(&results) {
+        // a parameter is there already
+        if parameters.iter().any(|(_, parameter)| parameter == node) {
+            continue;
+        }
+        let label = block.labels.get(node);
+        let name = match label {
+            Some((name, _)) => names.free(&edge_name(name)),
+            None => names.numbered("k"),
+        };
+        preparing += &line(&format!("{name} := {};", text.text), 2);
+        given.insert(*node, Text::whole(&name));
+        let meaning = label.map_or(String::new(), |(_, comment)| comment.clone());
+        kept.push((
+            name,
+            Variable { name: String::new(), unit: String::new(), meaning, initial: 0.0 },
+        ));
+    }
+
+    block.inputs.iter().zip(&input_names).for_each(|((_, node), name)| {
+        given.insert(*node, Text::whole(name));
+    });
+    block.states.iter().zip(&state_names).for_each(|((_, node), name)| {
+        given.insert(*node, Text::whole(name));
+    });
+    let labels: HashMap<Node, (String, String)> = block
+        .labels
+        .iter()
+        .map(|(node, (name, comment))| (*node, (edge_name(name), comment.clone())))
+        .collect();
+    let mut nexts = Vec::new();
+    let mut starting = String::new();
+    let mut working = String::new();
+    for (entry, order) in block.entries.iter().zip(&plan.entries) {
+        let wanted: Vec<Node> = entry.results.iter().map(|(_, node)| *node).collect();
+        let from = Source { graph, order, results: &wanted, given: &given, labels: &labels };
+        let (said, results) = statements(&from, &StructuredText, &mut names);
+        let begins = entry.name == "begin";
+        let (body, depth) = if begins { (&mut starting, 2) } else { (&mut working, 1) };
+        lines(&said, body, depth);
+        let mut last = String::new();
+        for ((target, _), text) in entry.results.iter().zip(&results) {
+            match target {
+                Target::State(k) if begins => {
+                    last += &line(&format!("{} := {};", state_names[*k], text.text), depth);
+                }
+                Target::State(k) => {
+                    let next = names.numbered("next");
+                    *body += &line(&format!("{next} := {};", text.text), depth);
+                    last += &line(&format!("{} := {next};", state_names[*k]), depth);
+                    nexts.push(next);
+                }
+                Target::Output(k) => {
+                    *body += &line(&format!("{} := {};", output_names[*k], text.text), depth);
+                }
+            }
+        }
+        *body += &last;
+    }
+    if starting.is_empty() {
+        for (v, name) in states.iter().zip(&state_names) {
+            starting += &line(&format!("{name} := {};", literal(v.initial)), 2);
+        }
+    }
+
+    let mut text = format!(
+        "(* Generated by Hydroboom {}; to be generated again, not to be edited.\n{}\n   SI units but for the parameters, which have those of the \
+         crane file. *)\nFUNCTION_BLOCK {}\nVAR_INPUT\n    (* Begin again at the start values *)\n    bReset : BOOL;\n    \
+         (* A parameter was changed *)\n    bPrepare : BOOL;\n",
+        env!("CARGO_PKG_VERSION"),
+        broken(&format!("   {}.", comment(&block.meaning)), WIDTH),
+        block_name(block)
+    );
+    for (v, name) in inputs.iter().zip(&input_names) {
+        declared(&mut text, name, Some(v.initial), v);
+    }
+    text += "END_VAR\nVAR_OUTPUT\n";
+    for (v, name) in block.outputs.iter().zip(&output_names) {
+        declared(&mut text, name, None, v);
+    }
+    text += "END_VAR\nVAR\n    bReady : BOOL := FALSE;\n    (* ---- state ---- *)\n";
+    for (v, name) in states.iter().zip(&state_names) {
+        declared(&mut text, name, Some(v.initial), v);
+    }
+    text += "    (* ---- parameters: names and units of the crane file ---- *)\n";
+    for ((v, _), name) in parameters.iter().zip(&parameter_names) {
+        declared(&mut text, name, Some(v.initial), v);
+    }
+    text += "    (* ---- what follows from the parameters, and what is in between ---- *)\n";
+    for (name, v) in &kept {
+        declared(&mut text, name, None, v);
+    }
+    locals.extend(nexts.into_iter().map(|name| (name, false)));
+    for (name, is_condition) in &locals {
+        let kind = if *is_condition { "BOOL" } else { "LREAL" };
+        let _ = writeln!(text, "    {name} : {kind};");
+    }
+    let _ = write!(
+        text,
+        "END_VAR\n\nIF bPrepare OR bReset OR NOT bReady THEN\n    (* what follows from the parameters *)\n{preparing}END_IF;\n\
+         IF bReset OR NOT bReady THEN\n    (* the state to start from *)\n{starting}    bReady := TRUE;\nEND_IF;\n\n{working}\
+         END_FUNCTION_BLOCK\n"
+    );
+    Ok(text)
+}
+
+/// A constant that is no number of the language.
+fn strange(graph: &Graph, plan: &Plan) -> Option<f64> {
+    let all = plan.preparing.iter().chain(plan.entries.iter().flatten());
+    let operands = all.flat_map(|node| graph.op(*node).operands());
+    operands.filter_map(|node| graph.constant(node)).find(|value| !value.is_finite())
+}
+
+fn line(text: &str, depth: usize) -> String {
+    let indent = "    ".repeat(depth - 1);
+    broken(&format!("{indent}{text}"), WIDTH) + "\n"
+}

@@ -1,0 +1,205 @@
+//! Structured Text, read by an independent parser and executed beside the Rust that it was recorded from.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+mod evaluator;
+
+use evaluator::Instance;
+use hydroboom_control::{Measured, Reference};
+use hydroboom_description::Description;
+use hydroboom_export::structured_text::function_block;
+use hydroboom_export::{blocks, controller};
+use hydroboom_model::stepping::published;
+use hydroboom_model::{Input, Outputs};
+
+const STEP: f64 = 50e-6;
+
+/// Out with the load, the valve shut for a while, back faster than the oil can follow.
+fn inputs(steps: usize) -> Vec<Input<f64>> {
+    let of = |k: usize| {
+        let t = k as f64 / steps as f64;
+        let pump_speed = match t {
+            t if t < 0.1 => 0.0,
+            t if t < 0.3 => 40.0 * (t - 0.1) / 0.2,
+            t if t < 0.5 => 40.0,
+            t if t < 0.6 => 0.0,
+            t => -45.0 * ((t - 0.6) / 0.1).min(1.0),
+        };
+        Input { pump_speed, holding_valve: if (0.5..0.6).contains(&t) { 0.0 } else { 1.0 } }
+    };
+    (0..steps).map(of).collect()
+}
+
+fn agrees(what: &str, step: usize, found: f64, wanted: f64, scale: f64) {
+    let off = (found - wanted).abs() / scale;
+    assert!(off <= 1e-9, "{what} after step {step}: {found} for {wanted}");
+}
+
+fn cranes() -> [Description; 2] {
+    let text = hydroboom_description::UIA_SINGLE_BOOM;
+    let of = |text: &str| Description::parse("crane", text).unwrap();
+    [of(text), of(&text.replace("\"stribeck\"", "\"lugre\""))]
+}
+
+fn pressures(o: &Outputs<f64>) -> [(&'static str, f64); 5] {
+    [
+        ("pPA", o.pressure_pump_a),
+        ("pA", o.pressure_a),
+        ("pB", o.pressure_b),
+        ("pPB", o.pressure_pump_b),
+        ("pAcc", o.pressure_accumulator),
+    ]
+}
+
+/// Each step from the state that Rust has: the published step chatters at the load-holding valves, so that two runs that round
+/// differently part there by bars, each as right as the other.
+#[test]
+fn each_of_ten_thousand_steps_is_that_in_rust() {
+    for description in cranes() {
+        let [hydraulics, boom] = blocks(&description).unwrap();
+        let mut hydraulics = Instance::parse(&function_block(&hydraulics).unwrap());
+        let mut boom = Instance::parse(&function_block(&boom).unwrap());
+        let crane = description.crane::<3>().unwrap();
+        let n = &description.numbers;
+        let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+        for (k, input) in inputs(10_000).iter().enumerate() {
+            let before = crane.outputs(&state);
+            if k > 0 {
+                for i in 0..3 {
+                    boom.set(&format!("sPhi{}", i + 1), state.boom.angle[i]);
+                    boom.set(&format!("sOmega{}", i + 1), state.boom.angular_velocity[i]);
+                }
+                let names = ["sPPA", "sPA", "sPB", "sPPB", "sPAcc"];
+                for (name, value) in names.into_iter().zip(state.circuit.nodes.to_array()) {
+                    hydraulics.set(name, value);
+                }
+                hydraulics.set("sVolGas", state.circuit.gas_volume);
+                hydraulics.set("sZBristle", state.bristle);
+            }
+            published(&crane, &mut state, input, STEP);
+            let wanted = crane.outputs(&state);
+            hydraulics.call(&[
+                ("nPump", input.pump_speed),
+                ("uValve", input.holding_valve),
+                ("xCyl", before.stroke),
+                ("vCyl", before.velocity),
+                ("tStep", STEP),
+            ]);
+            agrees("fCyl", k, hydraulics.value("fCyl"), before.cylinder_force, 1e4);
+            boom.call(&[("fCyl", before.cylinder_force), ("tStep", STEP)]);
+            agrees("xCyl", k, boom.value("xCyl"), wanted.stroke, 0.1);
+            agrees("vCyl", k, boom.value("vCyl"), wanted.velocity, 0.1);
+            agrees("yTip", k, boom.value("yTip"), wanted.tip_y, 1.0);
+            agrees("zBristle", k, hydraulics.value("sZBristle"), state.bristle, 1e-4);
+            agrees("volGas", k, hydraulics.value("sVolGas"), state.circuit.gas_volume, 1e-3);
+            for (name, pressure) in pressures(&wanted) {
+                agrees(name, k, hydraulics.value(name), pressure, 1e5);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_motion_ends_where_it_does_in_rust_and_begins_again() {
+    let description = Description::uia_single_boom().unwrap();
+    let [hydraulics, boom] = blocks(&description).unwrap();
+    let mut hydraulics = Instance::parse(&function_block(&hydraulics).unwrap());
+    let mut boom = Instance::parse(&function_block(&boom).unwrap());
+    let crane = description.crane::<3>().unwrap();
+    let n = &description.numbers;
+    let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+    let begin = crane.outputs(&state);
+    let (mut stroke, mut velocity) = (begin.stroke, begin.velocity);
+    for (k, input) in inputs(10_000).iter().enumerate() {
+        published(&crane, &mut state, input, STEP);
+        hydraulics.call(&[
+            ("nPump", input.pump_speed),
+            ("uValve", input.holding_valve),
+            ("xCyl", stroke),
+            ("vCyl", velocity),
+            ("tStep", STEP),
+        ]);
+        boom.call(&[("fCyl", hydraulics.value("fCyl")), ("tStep", STEP)]);
+        (stroke, velocity) = (boom.value("xCyl"), boom.value("vCyl"));
+        let wanted = crane.outputs(&state).stroke;
+        assert!((stroke - wanted).abs() < 1e-6, "{stroke} m for {wanted} after step {k}");
+    }
+    assert!((stroke - begin.stroke).abs() > 1e-3, "nothing moved");
+    boom.call_with(&[("fCyl", 0.0), ("tStep", 0.0)], &[("bReset", true)]);
+    agrees("xCyl, begun again", 0, boom.value("xCyl"), begin.stroke, 0.1);
+}
+
+#[test]
+fn the_controller_is_that_in_rust() {
+    let description = Description::uia_single_boom().unwrap();
+    let mut block = Instance::parse(&function_block(&controller(&description)).unwrap());
+    let benchmark = description.benchmark();
+    let mut memory = None;
+    let (mut highest, mut lowest) = (0.0_f64, 0.0_f64);
+    for k in 0..10_000_u32 {
+        let t = f64::from(k) * 1e-3;
+        let reference = Reference { position: 0.25 + 0.2 * t.sin(), velocity: 0.2 * t.cos() };
+        let measured = Measured {
+            stroke: 0.25 + 0.1 * (0.9 * t).sin(),
+            load_pressure: 68e5 + 5e5 * (14.0 * t).sin(),
+        };
+        let (simulated, leads) = (20.0 * t.cos(), k > 5000);
+        let memory = memory.get_or_insert_with(|| benchmark.start(&measured));
+        let own = benchmark.velocity_feedforward(&reference);
+        let feedforward = if leads { simulated } else { own };
+        let wanted = benchmark.update(memory, &reference, &measured, feedforward);
+        block.call(&[
+            ("xRef", reference.position),
+            ("vRef", reference.velocity),
+            ("xCyl", measured.stroke),
+            ("pL", measured.load_pressure),
+            ("nSim", simulated),
+            ("uLead", f64::from(u8::from(leads))),
+        ]);
+        agrees("nRef", k as usize, block.value("nRef"), wanted, 50.0);
+        (highest, lowest) = (highest.max(wanted), lowest.min(wanted));
+    }
+    let limit = description.numbers.motor_speed;
+    assert!(highest == limit && lowest == -limit, "the motor's limits were not met");
+}
+
+#[test]
+fn a_parameter_that_was_changed_counts_once_that_is_said() {
+    let description = Description::uia_single_boom().unwrap();
+    let [hydraulics, _] = blocks(&description).unwrap();
+    let text = function_block(&hydraulics).unwrap();
+    let inputs = [("nPump", 0.0), ("uValve", 1.0), ("xCyl", 0.2), ("vCyl", 0.05), ("tStep", STEP)];
+    let after = |says: bool| {
+        let mut block = Instance::parse(&text);
+        block.call(&inputs);
+        let difference = block.value("pA") - block.value("pB");
+        block.set("cylinder_piston_mm", 70.0);
+        block.call_with(&inputs, &[("bPrepare", says)]);
+        (block.value("fCyl"), difference)
+    };
+    let ((with, difference), (without, _)) = (after(true), after(false));
+    // a larger piston, on both sides
+    let grown =
+        std::f64::consts::FRAC_PI_4 * (0.07_f64.powi(2) - description.numbers.piston.powi(2));
+    assert!(grown > 1e-4, "the piston has 70 mm already");
+    let wanted = difference * grown;
+    assert!(((with - without) / wanted - 1.0).abs() < 1e-9, "{with} and {without} N, {wanted}");
+}
+
+#[test]
+fn no_line_is_long_and_the_same_crane_gives_the_same_text() {
+    let description = Description::uia_single_boom().unwrap();
+    let made = || -> Vec<String> {
+        let [hydraulics, boom] = blocks(&description).unwrap();
+        [hydraulics, boom, controller(&description)]
+            .iter()
+            .map(|b| function_block(b).unwrap())
+            .collect()
+    };
+    let first = made();
+    assert_eq!(first, made());
+    for line in first.iter().flat_map(|text| text.lines()) {
+        assert!(line.len() <= 120 && line.is_ascii(), "{line}");
+        assert!(!line.contains("//") && !line.contains("__"), "{line}");
+    }
+}
