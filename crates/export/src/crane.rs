@@ -30,6 +30,7 @@ struct Recorded {
     next: Vec<Node>,
     before: Outputs<E>,
     after: Outputs<E>,
+    load_pressure: Node,
     labels: HashMap<Node, (String, String)>,
 }
 
@@ -164,6 +165,7 @@ fn recording(
         next,
         before,
         after,
+        load_pressure: crane.cylinder.load_pressure(after.pressure_a, after.pressure_b).node(),
         labels,
     })
 }
@@ -238,8 +240,15 @@ pub fn blocks(description: &Description) -> Result<[Block; 2], ExportError> {
 
     let start = description.numbers.motion_start;
     let force = seen(&r.before, "cylinder_force");
+    let load = Variable {
+        name: "load_pressure".into(),
+        unit: "Pa".into(),
+        meaning: "Load pressure, p_L = p_A - (A_r/A_p) p_B".into(),
+        initial: 0.0,
+    };
     let hydraulic_shown = [
         force.clone(),
+        (load, r.load_pressure),
         seen(&r.after, "pressure_pump_a"),
         seen(&r.after, "pressure_a"),
         seen(&r.after, "pressure_b"),
@@ -321,7 +330,7 @@ fn controlling(description: &Description) -> Block {
     let mut labels = HashMap::new();
     let label = |name: &str, comment: &str| (name.to_string(), comment.to_string());
     labels.insert(own.node(), label("u_ff", "velocity feedforward (1)"));
-    labels.insert((position.1 - stroke.1).node(), label("e", "position error"));
+    labels.insert((position.1 - stroke.1).node(), label("position_error", "position error"));
     let entry = |name: &str, meaning: &str, results: Vec<(Target, Node)>| Entry {
         name: name.into(),
         meaning: meaning.into(),
@@ -352,4 +361,34 @@ fn controlling(description: &Description) -> Block {
         ],
         labels,
     }
+}
+
+/// The motor of the simulated crane, which follows what is asked of it as the drive can.
+pub fn simulated_motor(description: &Description) -> Block {
+    let (graph, mut block) = record(|| {
+        let (parameters, numbers) = parameters(description);
+        let benchmark = description.benchmark_over(&numbers);
+        let wanted = variable("wanted_speed", "rev/s", "Motor speed asked for", 0.0);
+        let speed = variable("simulated_motor_speed", "rev/s", "Motor speed", 0.0);
+        let next = benchmark.limits.follow(speed.1, wanted.1, benchmark.period).node();
+        let shown = speed.0.clone();
+        Block {
+            name: "simulated_motor".into(),
+            meaning: "Motor of the simulated crane: what is asked of it, within its speed and slew"
+                .into(),
+            graph: Rc::default(),
+            parameters,
+            inputs: vec![noded(wanted)],
+            states: vec![noded(speed)],
+            outputs: vec![shown],
+            entries: vec![Entry {
+                name: "update".into(),
+                meaning: "the motor speed of a control period".into(),
+                results: vec![(Target::State(0), next), (Target::Output(0), next)],
+            }],
+            labels: HashMap::new(),
+        }
+    });
+    block.graph = Rc::new(graph);
+    block
 }

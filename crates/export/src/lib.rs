@@ -21,7 +21,7 @@ pub mod structured_text;
 
 pub use block::{Block, Entry, Target, Variable};
 pub use count::Count;
-pub use crane::{blocks, controller, crane_model};
+pub use crane::{blocks, controller, crane_model, simulated_motor};
 pub use error::ExportError;
 pub use expression::{Condition, Expression, record};
 pub use graph::{Graph, Node, Op};

@@ -36,7 +36,11 @@ pub(crate) fn comment(text: &str) -> String {
         _ => '?',
     });
     let text: String = printable.collect();
-    text.replace('*', "x").replace("//", "/").replace("??", "?").replace('\\', "/")
+    text.replace('*', "x")
+        .replace("//", "/")
+        .replace("??", "?")
+        .replace("]]", "] ]")
+        .replace('\\', "/")
 }
 
 /// Names, each once.

@@ -4,15 +4,20 @@
 
 mod evaluator;
 
-use evaluator::Instance;
+use evaluator::{Instance, Library};
 use hydroboom_control::{Measured, Reference};
 use hydroboom_description::Description;
-use hydroboom_export::structured_text::function_block;
+use hydroboom_export::Block;
+use hydroboom_export::structured_text::{Kind, Unit, function_block, plcopen, twincat, units};
 use hydroboom_export::{blocks, controller};
 use hydroboom_model::stepping::published;
-use hydroboom_model::{Input, Outputs};
+use hydroboom_model::{CraneState, Input, Outputs};
 
 const STEP: f64 = 50e-6;
+
+fn text_of(block: &Block) -> String {
+    function_block(block).unwrap().text()
+}
 
 /// Out with the load, the valve shut for a while, back faster than the oil can follow.
 fn inputs(steps: usize) -> Vec<Input<f64>> {
@@ -41,6 +46,22 @@ fn cranes() -> [Description; 2] {
     [of(text), of(&text.replace("\"stribeck\"", "\"lugre\""))]
 }
 
+fn set_boom(boom: &mut Instance, state: &CraneState<f64, 3>) {
+    for i in 0..3 {
+        boom.set(&format!("sPhi{}", i + 1), state.boom.angle[i]);
+        boom.set(&format!("sOmega{}", i + 1), state.boom.angular_velocity[i]);
+    }
+}
+
+fn set_hydraulics(hydraulics: &mut Instance, state: &CraneState<f64, 3>) {
+    let names = ["sPPA", "sPA", "sPB", "sPPB", "sPAcc"];
+    for (name, value) in names.into_iter().zip(state.circuit.nodes.to_array()) {
+        hydraulics.set(name, value);
+    }
+    hydraulics.set("sVolGas", state.circuit.gas_volume);
+    hydraulics.set("sZBristle", state.bristle);
+}
+
 fn pressures(o: &Outputs<f64>) -> [(&'static str, f64); 5] {
     [
         ("pPA", o.pressure_pump_a),
@@ -57,24 +78,16 @@ fn pressures(o: &Outputs<f64>) -> [(&'static str, f64); 5] {
 fn each_of_ten_thousand_steps_is_that_in_rust() {
     for description in cranes() {
         let [hydraulics, boom] = blocks(&description).unwrap();
-        let mut hydraulics = Instance::parse(&function_block(&hydraulics).unwrap());
-        let mut boom = Instance::parse(&function_block(&boom).unwrap());
+        let mut hydraulics = Instance::parse(&text_of(&hydraulics));
+        let mut boom = Instance::parse(&text_of(&boom));
         let crane = description.crane::<3>().unwrap();
         let n = &description.numbers;
         let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
         for (k, input) in inputs(10_000).iter().enumerate() {
             let before = crane.outputs(&state);
             if k > 0 {
-                for i in 0..3 {
-                    boom.set(&format!("sPhi{}", i + 1), state.boom.angle[i]);
-                    boom.set(&format!("sOmega{}", i + 1), state.boom.angular_velocity[i]);
-                }
-                let names = ["sPPA", "sPA", "sPB", "sPPB", "sPAcc"];
-                for (name, value) in names.into_iter().zip(state.circuit.nodes.to_array()) {
-                    hydraulics.set(name, value);
-                }
-                hydraulics.set("sVolGas", state.circuit.gas_volume);
-                hydraulics.set("sZBristle", state.bristle);
+                set_boom(&mut boom, &state);
+                set_hydraulics(&mut hydraulics, &state);
             }
             published(&crane, &mut state, input, STEP);
             let wanted = crane.outputs(&state);
@@ -103,8 +116,8 @@ fn each_of_ten_thousand_steps_is_that_in_rust() {
 fn a_motion_ends_where_it_does_in_rust_and_begins_again() {
     let description = Description::uia_single_boom().unwrap();
     let [hydraulics, boom] = blocks(&description).unwrap();
-    let mut hydraulics = Instance::parse(&function_block(&hydraulics).unwrap());
-    let mut boom = Instance::parse(&function_block(&boom).unwrap());
+    let mut hydraulics = Instance::parse(&text_of(&hydraulics));
+    let mut boom = Instance::parse(&text_of(&boom));
     let crane = description.crane::<3>().unwrap();
     let n = &description.numbers;
     let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
@@ -132,7 +145,7 @@ fn a_motion_ends_where_it_does_in_rust_and_begins_again() {
 #[test]
 fn the_controller_is_that_in_rust() {
     let description = Description::uia_single_boom().unwrap();
-    let mut block = Instance::parse(&function_block(&controller(&description)).unwrap());
+    let mut block = Instance::parse(&text_of(&controller(&description)));
     let benchmark = description.benchmark();
     let mut memory = None;
     let (mut highest, mut lowest) = (0.0_f64, 0.0_f64);
@@ -163,11 +176,94 @@ fn the_controller_is_that_in_rust() {
     assert!(highest == limit && lowest == -limit, "the motor's limits were not met");
 }
 
+/// The feedforward of section 4, block by block as a PLC runs it, beside the Rust that steers; each step from the state that
+/// Rust has.
+#[test]
+fn the_simulation_that_steers_is_that_in_rust() {
+    let description = Description::uia_single_boom().unwrap();
+    let texts: Vec<String> = units(&description)
+        .unwrap()
+        .iter()
+        .filter(|u| u.kind != Kind::Globals)
+        .map(Unit::text)
+        .collect();
+    let library = Library::parse(texts.iter().map(String::as_str));
+    let mut block = library.instance("FB_SimulationFeedforward");
+
+    let crane = description.crane::<3>().unwrap();
+    let (n, benchmark) = (&description.numbers, description.benchmark());
+    let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+    let mut motor = 0.0;
+    let mut memory = None;
+    let motion = description.motion(n.fast);
+    // from shortly before the piston moves
+    let begin = motion.rest - 0.05;
+    for period in 0..600 {
+        let reference = motion.reference(begin + f64::from(period) * 1e-3);
+        let seen = crane.outputs(&state);
+        let load_pressure = crane.cylinder.load_pressure(seen.pressure_a, seen.pressure_b);
+        let measured = Measured { stroke: seen.stroke, load_pressure };
+        let memory = memory.get_or_insert_with(|| benchmark.start(&measured));
+        let feedforward = benchmark.velocity_feedforward(&reference);
+        let wanted = benchmark.update(memory, &reference, &measured, feedforward);
+        motor = benchmark.limits.follow(motor, wanted, benchmark.period);
+        let input = Input { pump_speed: motor, holding_valve: 1.0 };
+        for _ in 0..20 {
+            published(&crane, &mut state, &input, STEP);
+            block.call(&[("xRef", reference.position), ("vRef", reference.velocity)]);
+            set_boom(block.inner("fbBoom"), &state);
+            set_hydraulics(block.inner("fbHydraulics"), &state);
+        }
+        let seen = crane.outputs(&state);
+        let load_pressure = crane.cylinder.load_pressure(seen.pressure_a, seen.pressure_b);
+        agrees("xSim", period as usize, block.value("xSim"), seen.stroke, 0.1);
+        agrees("vSim", period as usize, block.value("vSim"), seen.velocity, 0.1);
+        agrees("pLSim", period as usize, block.value("pLSim"), load_pressure, 1e7);
+        agrees("nFeedforward", period as usize, block.value("nFeedforward"), motor, 50.0);
+    }
+    assert!(motor > 5.0, "the motor hardly moved");
+}
+
+#[test]
+fn twincat_and_plcopen_files_are_well_formed_and_hold_the_same_text() {
+    let description = Description::uia_single_boom().unwrap();
+    let all = units(&description).unwrap();
+    let project = plcopen::project(&all);
+    let document = roxmltree::Document::parse(&project).unwrap();
+    let pous: Vec<_> = document
+        .descendants()
+        .filter(|n| n.has_tag_name("pou") || n.tag_name().name() == "pou")
+        .collect();
+    assert_eq!(pous.len(), 7);
+    for unit in &all {
+        let (name, content) = twincat::file(unit);
+        let document = roxmltree::Document::parse(&content).unwrap();
+        let text = |tag: &str| {
+            let node = document.descendants().find(|n| n.tag_name().name() == tag);
+            node.and_then(|n| n.text()).map(str::to_string)
+        };
+        assert_eq!(text("Declaration").unwrap(), unit.declaration());
+        if unit.kind == Kind::Globals {
+            assert!(name.ends_with(".TcGVL"));
+            continue;
+        }
+        assert!(name.ends_with(".TcPOU"));
+        assert_eq!(text("ST").unwrap(), unit.body);
+        let pou = pous.iter().find(|n| n.attribute("name") == Some(&unit.name)).unwrap();
+        let body = pou.descendants().find(|n| n.tag_name().name() == "ST").unwrap();
+        let body: String =
+            body.descendants().filter_map(|n| n.is_text().then(|| n.text()).flatten()).collect();
+        assert_eq!(body.trim(), unit.body.trim());
+        let declared = pou.descendants().filter(|n| n.tag_name().name() == "variable").count();
+        assert_eq!(declared, unit.variables.len());
+    }
+}
+
 #[test]
 fn a_parameter_that_was_changed_counts_once_that_is_said() {
     let description = Description::uia_single_boom().unwrap();
     let [hydraulics, _] = blocks(&description).unwrap();
-    let text = function_block(&hydraulics).unwrap();
+    let text = text_of(&hydraulics);
     let inputs = [("nPump", 0.0), ("uValve", 1.0), ("xCyl", 0.2), ("vCyl", 0.05), ("tStep", STEP)];
     let after = |says: bool| {
         let mut block = Instance::parse(&text);
@@ -190,10 +286,10 @@ fn a_parameter_that_was_changed_counts_once_that_is_said() {
 fn no_line_is_long_and_the_same_crane_gives_the_same_text() {
     let description = Description::uia_single_boom().unwrap();
     let made = || -> Vec<String> {
-        let [hydraulics, boom] = blocks(&description).unwrap();
-        [hydraulics, boom, controller(&description)]
+        units(&description)
+            .unwrap()
             .iter()
-            .map(|b| function_block(b).unwrap())
+            .map(hydroboom_export::structured_text::Unit::text)
             .collect()
     };
     let first = made();

@@ -1,52 +1,90 @@
 //! Executes function blocks as the standard says: `iecst` reads them, this does what stands there. It knows nothing of how they
 //! were made.
 
-use iecst::{BinaryOp, Expr, ExprKind, Stmt, StmtKind, TypeKind, UnaryOp, parse_pou};
+use iecst::{BinaryOp, CallArg, Expr, ExprKind, Pou, Stmt, StmtKind, TypeKind, UnaryOp, parse_pou};
 use std::collections::HashMap;
+use std::rc::Rc;
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 enum Value {
     Number(f64),
+    Integer(i64),
     Truth(bool),
+    Block(Instance),
 }
 
-/// A function block with its memory.
-pub struct Instance {
-    body: Vec<Stmt>,
-    memory: HashMap<String, Value>,
-}
+/// Names do not depend on case.
+type Memory = HashMap<String, Value>;
 
-impl Instance {
-    /// Reads a block; every variable begins as it is declared.
-    pub fn parse(text: &str) -> Self {
-        let pou = parse_pou(text).unwrap_or_else(|e| panic!("{e:?} in\n{text}"));
-        let mut memory = HashMap::new();
-        for variable in pou.var_blocks.iter().flat_map(|block| &block.vars) {
+/// Units by name.
+#[derive(Clone, Debug, Default)]
+pub struct Library(HashMap<String, Rc<Pou>>);
+
+impl Library {
+    /// Reads units.
+    pub fn parse<'a>(texts: impl IntoIterator<Item = &'a str>) -> Self {
+        let mut units = HashMap::new();
+        for text in texts {
+            let pou = parse_pou(text).unwrap_or_else(|e| panic!("{e:?} in\n{text}"));
+            units.insert(pou.name.to_uppercase(), Rc::new(pou));
+        }
+        Self(units)
+    }
+
+    /// An instance of a unit, those within it included; every variable begins as it is declared.
+    pub fn instance(&self, name: &str) -> Instance {
+        let unit = self.0.get(&name.to_uppercase()).unwrap_or_else(|| panic!("no unit {name}"));
+        let mut memory = Memory::new();
+        for variable in unit.var_blocks.iter().flat_map(|block| &block.vars) {
             let TypeKind::Simple(kind) = &variable.var_type.kind else { panic!("{variable:?}") };
             let nothing = match kind.to_uppercase().as_str() {
                 "BOOL" => Value::Truth(false),
                 "LREAL" => Value::Number(0.0),
-                other => panic!("{other} is not expected"),
+                "DINT" => Value::Integer(0),
+                other => Value::Block(self.instance(other)),
             };
             let value = variable.initial.as_ref().map_or(nothing, |e| evaluated(e, &memory));
             let before = memory.insert(variable.name.to_uppercase(), value);
             assert!(before.is_none(), "{} is declared twice", variable.name);
         }
-        Self { body: pou.body, memory }
+        Instance { unit: Rc::clone(unit), memory }
+    }
+}
+
+/// A function block with its memory.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    unit: Rc<Pou>,
+    memory: Memory,
+}
+
+impl Instance {
+    /// Reads a block that has no others in it.
+    pub fn parse(text: &str) -> Self {
+        let library = Library::parse([text]);
+        let name = library.0.keys().next().cloned().unwrap_or_default();
+        library.instance(&name)
     }
 
     /// A variable.
     pub fn value(&self, name: &str) -> f64 {
-        match self.memory[&name.to_uppercase()] {
-            Value::Number(v) => v,
-            Value::Truth(v) => f64::from(u8::from(v)),
+        match &self.memory[&name.to_uppercase()] {
+            Value::Number(v) => *v,
+            other => panic!("{name} is {other:?}"),
         }
     }
 
     /// Changes a variable.
     pub fn set(&mut self, name: &str, value: f64) {
-        let place = self.memory.get_mut(&name.to_uppercase());
-        *place.unwrap_or_else(|| panic!("no {name}")) = Value::Number(value);
+        assign(&mut self.memory, name, Value::Number(value));
+    }
+
+    /// A block within this one.
+    pub fn inner(&mut self, name: &str) -> &mut Self {
+        match self.memory.get_mut(&name.to_uppercase()) {
+            Some(Value::Block(block)) => block,
+            other => panic!("{name} is {other:?}"),
+        }
     }
 
     /// Calls the block.
@@ -54,68 +92,100 @@ impl Instance {
         self.call_with(inputs, &[]);
     }
 
-    /// Calls the block with some conditions, which are off otherwise.
+    /// Calls the block with some conditions; `bReset` and `bPrepare` are off otherwise.
     pub fn call_with(&mut self, inputs: &[(&str, f64)], conditions: &[(&str, bool)]) {
-        for own in ["BRESET", "BPREPARE"] {
-            self.memory.insert(own.into(), Value::Truth(false));
+        for own in ["bReset", "bPrepare"] {
+            assign(&mut self.memory, own, Value::Truth(false));
         }
         for (name, value) in inputs {
             self.set(name, *value);
         }
         for (name, value) in conditions {
-            self.memory.insert(name.to_uppercase(), Value::Truth(*value));
+            assign(&mut self.memory, name, Value::Truth(*value));
         }
-        executed(&self.body, &mut self.memory);
+        self.run();
+    }
+
+    fn run(&mut self) {
+        let unit = Rc::clone(&self.unit);
+        executed(&unit.body, &mut self.memory);
     }
 }
 
-fn executed(statements: &[Stmt], memory: &mut HashMap<String, Value>) {
+fn assign(memory: &mut Memory, name: &str, value: Value) {
+    let place = memory.get_mut(&name.to_uppercase());
+    let place = place.unwrap_or_else(|| panic!("{name} is not declared"));
+    let alike = std::mem::discriminant(place) == std::mem::discriminant(&value);
+    assert!(alike, "{name} is of another type than {value:?}");
+    *place = value;
+}
+
+fn executed(statements: &[Stmt], memory: &mut Memory) {
     for statement in statements {
         match &statement.kind {
             StmtKind::Assignment { target, value } => {
                 let ExprKind::Ident(name) = &target.kind else { panic!("{target:?}") };
                 let value = evaluated(value, memory);
-                let place = memory.get_mut(&name.to_uppercase());
-                let place = place.unwrap_or_else(|| panic!("{name} is not declared"));
-                assert_eq!(
-                    std::mem::discriminant(place),
-                    std::mem::discriminant(&value),
-                    "{name} is of another type"
-                );
-                *place = value;
+                assign(memory, name, value);
             }
             StmtKind::If { condition, then_body, elsif_branches, else_body } => {
                 assert!(elsif_branches.is_empty() && else_body.is_none());
-                if evaluated(condition, memory) == Value::Truth(true) {
+                if truth(condition, memory) {
                     executed(then_body, memory);
                 }
             }
+            StmtKind::Call { name, args } => called(name, args, memory),
             StmtKind::Empty => {}
             other => panic!("{other:?}"),
         }
     }
 }
 
-fn number(e: &Expr, memory: &HashMap<String, Value>) -> f64 {
+/// A block within this one: inputs that are named change, all others stay.
+fn called(name: &str, arguments: &[CallArg], memory: &mut Memory) {
+    let mut values = Vec::new();
+    for argument in arguments {
+        let value = evaluated(argument.value.as_ref().unwrap(), memory);
+        values.push((argument.name.clone().unwrap(), value));
+    }
+    let Some(Value::Block(block)) = memory.get_mut(&name.to_uppercase()) else {
+        panic!("{name} is no block")
+    };
+    for (input, value) in values {
+        assign(&mut block.memory, &input, value);
+    }
+    block.run();
+}
+
+fn number(e: &Expr, memory: &Memory) -> f64 {
     match evaluated(e, memory) {
         Value::Number(v) => v,
-        Value::Truth(_) => panic!("a number is expected: {e:?}"),
+        other => panic!("a number is expected and not {other:?}: {e:?}"),
     }
 }
 
-fn truth(e: &Expr, memory: &HashMap<String, Value>) -> bool {
+fn truth(e: &Expr, memory: &Memory) -> bool {
     match evaluated(e, memory) {
         Value::Truth(v) => v,
-        Value::Number(_) => panic!("a condition is expected: {e:?}"),
+        other => panic!("a condition is expected and not {other:?}: {e:?}"),
     }
 }
 
-fn evaluated(e: &Expr, memory: &HashMap<String, Value>) -> Value {
+fn evaluated(e: &Expr, memory: &Memory) -> Value {
     match &e.kind {
         ExprKind::RealLiteral(v) => Value::Number(*v),
+        ExprKind::IntLiteral(v) => Value::Integer(*v),
         ExprKind::BoolLiteral(v) => Value::Truth(*v),
         ExprKind::Ident(name) => {
-            *memory.get(&name.to_uppercase()).unwrap_or_else(|| panic!("{name} is not declared"))
+            let value = memory.get(&name.to_uppercase());
+            value.unwrap_or_else(|| panic!("{name} is not declared")).clone()
+        }
+        ExprKind::MemberAccess { expr, member } => {
+            let ExprKind::Ident(name) = &expr.kind else { panic!("{expr:?}") };
+            let Some(Value::Block(block)) = memory.get(&name.to_uppercase()) else {
+                panic!("{name} is no block")
+            };
+            block.memory[&member.to_uppercase()].clone()
         }
         ExprKind::Paren(inner) => evaluated(inner, memory),
         ExprKind::UnaryOp { op: UnaryOp::Neg, expr } => Value::Number(-number(expr, memory)),
@@ -127,14 +197,16 @@ fn evaluated(e: &Expr, memory: &HashMap<String, Value>) -> Value {
             Value::Truth(truth(left, memory) | truth(right, memory))
         }
         ExprKind::BinaryOp { left, op, right } => {
-            let (a, b) = (number(left, memory), number(right, memory));
-            match op {
-                BinaryOp::Add => Value::Number(a + b),
-                BinaryOp::Sub => Value::Number(a - b),
-                BinaryOp::Mul => Value::Number(a * b),
-                BinaryOp::Div => Value::Number(a / b),
-                BinaryOp::Lt => Value::Truth(a < b),
-                other => panic!("{other:?}"),
+            match (evaluated(left, memory), op, evaluated(right, memory)) {
+                (Value::Number(a), BinaryOp::Add, Value::Number(b)) => Value::Number(a + b),
+                (Value::Number(a), BinaryOp::Sub, Value::Number(b)) => Value::Number(a - b),
+                (Value::Number(a), BinaryOp::Mul, Value::Number(b)) => Value::Number(a * b),
+                (Value::Number(a), BinaryOp::Div, Value::Number(b)) => Value::Number(a / b),
+                (Value::Number(a), BinaryOp::Lt, Value::Number(b)) => Value::Truth(a < b),
+                (Value::Integer(a), BinaryOp::Eq, Value::Integer(b)) => Value::Truth(a == b),
+                (Value::Integer(a), BinaryOp::Add, Value::Integer(b)) => Value::Integer(a + b),
+                (Value::Integer(a), BinaryOp::Mod, Value::Integer(b)) => Value::Integer(a % b),
+                (a, op, b) => panic!("{a:?} {op:?} {b:?}"),
             }
         }
         ExprKind::FunctionCall { name, args } => {

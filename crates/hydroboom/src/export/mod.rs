@@ -2,6 +2,7 @@
 
 mod c;
 mod count;
+mod st;
 
 use crate::output;
 use clap::{Args, Subcommand};
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Write model and controller as source code for other systems: the same numbers, from the one model.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hydroboom export count\n  hydroboom export c --crane my-crane.toml --out generated"
+    after_help = "Examples:\n  hydroboom export count\n  hydroboom export st --crane my-crane.toml --out generated\n  hydroboom export c --crane my-crane.toml --out generated"
 )]
 pub struct Export {
     #[command(subcommand)]
@@ -24,6 +25,7 @@ pub struct Export {
 #[derive(Subcommand)]
 enum Target {
     Count(count::Count),
+    St(st::St),
     C(c::C),
 }
 
@@ -32,6 +34,7 @@ impl Export {
     pub fn run(self) -> Result<()> {
         match self.target {
             Target::Count(command) => command.run(),
+            Target::St(command) => command.run(),
             Target::C(command) => command.run(),
         }
     }

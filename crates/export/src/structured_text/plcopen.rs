@@ -1,0 +1,76 @@
+//! PLCopen XML (TC6 2.01): all units in one file, which most tools import.
+
+use super::unit::{Declared, Kind, Section, Unit};
+
+/// Units as a project.
+pub fn project(units: &[Unit]) -> String {
+    let mut text = String::from(
+        "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<project xmlns=\"http://www.plcopen.org/xml/tc6_0200\">\n  <fileHeader \
+         companyName=\"Hydroboom\" productName=\"Hydroboom\" productVersion=\"",
+    );
+    text += env!("CARGO_PKG_VERSION");
+    // no date: the same crane gives the same file
+    text += "\" creationDateTime=\"2000-01-01T00:00:00\"/>\n  <contentHeader name=\"hydroboom\">\n    <coordinateInfo>\n      <fbd><scaling x=\"1\" y=\"1\"/></fbd>\n      \
+             <ld><scaling x=\"1\" y=\"1\"/></ld>\n      <sfc><scaling x=\"1\" y=\"1\"/></sfc>\n    </coordinateInfo>\n  </contentHeader>\n  <types>\n    <dataTypes/>\n    <pous>\n";
+    for unit in units.iter().filter(|u| u.kind != Kind::Globals) {
+        let kind = if unit.kind == Kind::Program { "program" } else { "functionBlock" };
+        text += &format!(
+            "      <pou name=\"{}\" pouType=\"{kind}\">\n        <interface>\n",
+            unit.name
+        );
+        for (section, tag) in [
+            (Section::Input, "inputVars"),
+            (Section::Output, "outputVars"),
+            (Section::Local, "localVars"),
+        ] {
+            text += &variables(unit, section, tag, 10);
+        }
+        text += &format!(
+            "        </interface>\n        <body>\n          <ST>\n            <xhtml xmlns=\"http://www.w3.org/1999/xhtml\">{}</xhtml>\n          \
+             </ST>\n        </body>\n      </pou>\n",
+            escaped(&unit.body)
+        );
+    }
+    text += "    </pous>\n  </types>\n  <instances>\n    <configurations>\n      <configuration name=\"hydroboom\">\n        \
+             <resource name=\"plc\">\n";
+    for unit in units.iter().filter(|u| u.kind == Kind::Globals) {
+        let all = variables(unit, Section::Global, "globalVars", 10);
+        text += &all.replacen("<globalVars>", &format!("<globalVars name=\"{}\">", unit.name), 1);
+    }
+    text += "        </resource>\n      </configuration>\n    </configurations>\n  </instances>\n</project>\n";
+    text
+}
+
+fn variables(unit: &Unit, section: Section, tag: &str, indent: usize) -> String {
+    let all: Vec<&Declared> = unit.variables.iter().filter(|v| v.section == section).collect();
+    if all.is_empty() {
+        return String::new();
+    }
+    let space = " ".repeat(indent);
+    let mut text = format!("{space}<{tag}>\n");
+    for v in all {
+        let kind = match v.kind.as_str() {
+            "LREAL" | "BOOL" | "DINT" => format!("<{}/>", v.kind),
+            derived => format!("<derived name=\"{derived}\"/>"),
+        };
+        let initial = v.initial.as_ref().map_or(String::new(), |value| {
+            format!("<initialValue><simpleValue value=\"{}\"/></initialValue>", escaped(value))
+        });
+        let said = match v.comment.is_empty() {
+            true => String::new(),
+            false => format!(
+                "<documentation><xhtml xmlns=\"http://www.w3.org/1999/xhtml\">{}</xhtml></documentation>",
+                escaped(&v.comment)
+            ),
+        };
+        text += &format!(
+            "{space}  <variable name=\"{}\"><type>{kind}</type>{initial}{said}</variable>\n",
+            v.name
+        );
+    }
+    text + &format!("{space}</{tag}>\n")
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

@@ -1,0 +1,45 @@
+//! `hydroboom export st`
+
+use super::{File, written};
+use crate::crane_file::CraneFile;
+use clap::Args;
+use hydroboom_export::structured_text::{plcopen, twincat, units};
+use hydroboom_export::{blocks, controller, simulated_motor};
+use miette::{IntoDiagnostic, Result};
+use std::path::PathBuf;
+
+/// IEC 61131-3 Structured Text: function blocks of hydraulics, boom, controller and the simulation that steers, with two
+/// tasks; plain text, TwinCAT 3 files, and one PLCopen XML.
+#[derive(Args)]
+#[command(
+    after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
+    docs/export.md shows how it gets into TwinCAT 3"
+)]
+pub struct St {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Folder to write to.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl St {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let crane = self.crane.read()?;
+        let units = units(&crane).into_diagnostic()?;
+        let mut files = Vec::new();
+        for unit in &units {
+            files.push(File { name: format!("{}.st", unit.name), content: unit.text() });
+            let (name, content) = twincat::file(unit);
+            files.push(File { name, content });
+        }
+        files.push(File { name: "hydroboom.xml".into(), content: plcopen::project(&units) });
+        let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
+        let recorded = [hydraulics, boom, controller(&crane), simulated_motor(&crane)];
+        written(&self.out, &files, &recorded, self.json)
+    }
+}
