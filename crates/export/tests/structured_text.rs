@@ -225,6 +225,31 @@ fn the_simulation_that_steers_is_that_in_rust() {
 }
 
 #[test]
+fn the_test_bench_finds_what_it_was_made_from_and_notices_another_crane() {
+    let description = Description::uia_single_boom().unwrap();
+    let all = units(&description).unwrap();
+    let texts: Vec<String> =
+        all.iter().filter(|u| u.kind != Kind::Globals).map(Unit::text).collect();
+    let library = Library::parse(texts.iter().map(String::as_str));
+    let worst = |payload: Option<f64>| {
+        let mut bench = library.instance("PRG_TestBench");
+        if let Some(payload) = payload {
+            bench.inner("fbBoom").set("payload_mass_kg", payload);
+        }
+        let mut calls = 0;
+        while !bench.holds("bDone") {
+            bench.run();
+            calls += 1;
+            assert!(calls <= 300, "it does not end");
+        }
+        assert_eq!(calls, 300);
+        bench.value("fWorst")
+    };
+    assert!(worst(None) <= 1e-6, "{}", worst(None));
+    assert!(worst(Some(310.0)) > 1e-4, "{}", worst(Some(310.0)));
+}
+
+#[test]
 fn twincat_and_plcopen_files_are_well_formed_and_hold_the_same_text() {
     let description = Description::uia_single_boom().unwrap();
     let all = units(&description).unwrap();
@@ -234,7 +259,7 @@ fn twincat_and_plcopen_files_are_well_formed_and_hold_the_same_text() {
         .descendants()
         .filter(|n| n.has_tag_name("pou") || n.tag_name().name() == "pou")
         .collect();
-    assert_eq!(pous.len(), 7);
+    assert_eq!(pous.len(), 8);
     for unit in &all {
         let (name, content) = twincat::file(unit);
         let document = roxmltree::Document::parse(&content).unwrap();

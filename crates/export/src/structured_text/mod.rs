@@ -5,6 +5,7 @@
 //! functions, comments in `(* *)`. A fused product is written as product and sum, and functions are the controller's own: the last
 //! digits may differ from Rust's.
 
+mod bench;
 mod composed;
 pub mod plcopen;
 pub mod twincat;
@@ -423,6 +424,7 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     }
     all.push(composed::simulation_feedforward(steps, &literal(n.simulation_period)));
     all.extend([composed::globals(), composed::simulation_task(), composed::control_task()]);
+    all.push(bench::test_bench(description)?);
     Ok(all)
 }
 

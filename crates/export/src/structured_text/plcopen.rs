@@ -49,9 +49,14 @@ fn variables(unit: &Unit, section: Section, tag: &str, indent: usize) -> String 
     let space = " ".repeat(indent);
     let mut text = format!("{space}<{tag}>\n");
     for v in all {
-        let kind = match v.kind.as_str() {
-            "LREAL" | "BOOL" | "DINT" => format!("<{}/>", v.kind),
-            derived => format!("<derived name=\"{derived}\"/>"),
+        let bounds = v.kind.strip_prefix("ARRAY[").and_then(|rest| rest.split_once("] OF "));
+        let bounds = bounds.and_then(|(bounds, kind)| Some((bounds.split_once("..")?, kind)));
+        let kind = match (v.kind.as_str(), bounds) {
+            ("LREAL" | "BOOL" | "DINT", _) => format!("<{}/>", v.kind),
+            (_, Some(((low, high), kind))) => format!(
+                "<array><dimension lower=\"{low}\" upper=\"{high}\"/><baseType><{kind}/></baseType></array>"
+            ),
+            (derived, None) => format!("<derived name=\"{derived}\"/>"),
         };
         let initial = v.initial.as_ref().map_or(String::new(), |value| {
             format!("<initialValue><simpleValue value=\"{}\"/></initialValue>", escaped(value))

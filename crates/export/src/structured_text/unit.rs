@@ -1,7 +1,5 @@
 //! A program organisation unit: declarations and a body, whatever they are written as.
 
-use std::fmt::Write;
-
 /// What a unit is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -100,8 +98,7 @@ impl Unit {
                     text += &super::line(&format!("(* {} *)", v.comment), 1);
                 }
                 let initial = v.initial.as_ref().map_or(String::new(), |i| format!(" := {i}"));
-                // writing to a String cannot fail
-                let _ = writeln!(text, "    {} : {}{initial};", v.name, v.kind);
+                text += &super::line(&format!("{} : {}{initial};", v.name, v.kind), 1);
             }
             text += "END_VAR\n";
         }

@@ -10,6 +10,7 @@ enum Value {
     Number(f64),
     Integer(i64),
     Truth(bool),
+    List(Vec<f64>),
     Block(Instance),
 }
 
@@ -36,7 +37,17 @@ impl Library {
         let unit = self.0.get(&name.to_uppercase()).unwrap_or_else(|| panic!("no unit {name}"));
         let mut memory = Memory::new();
         for variable in unit.var_blocks.iter().flat_map(|block| &block.vars) {
-            let TypeKind::Simple(kind) = &variable.var_type.kind else { panic!("{variable:?}") };
+            let TypeKind::Simple(kind) = &variable.var_type.kind else {
+                let TypeKind::Array { ranges, .. } = &variable.var_type.kind else {
+                    panic!("{variable:?}")
+                };
+                let Value::Integer(last) = evaluated(&ranges[0].high, &memory) else {
+                    panic!("{ranges:?}")
+                };
+                let list = vec![f64::NAN; last as usize + 1];
+                memory.insert(variable.name.to_uppercase(), Value::List(list));
+                continue;
+            };
             let nothing = match kind.to_uppercase().as_str() {
                 "BOOL" => Value::Truth(false),
                 "LREAL" => Value::Number(0.0),
@@ -106,7 +117,13 @@ impl Instance {
         self.run();
     }
 
-    fn run(&mut self) {
+    /// A condition.
+    pub fn holds(&self, name: &str) -> bool {
+        matches!(self.memory[&name.to_uppercase()], Value::Truth(true))
+    }
+
+    /// Runs the unit once with the inputs that it has.
+    pub fn run(&mut self) {
         let unit = Rc::clone(&self.unit);
         executed(&unit.body, &mut self.memory);
     }
@@ -124,9 +141,22 @@ fn executed(statements: &[Stmt], memory: &mut Memory) {
     for statement in statements {
         match &statement.kind {
             StmtKind::Assignment { target, value } => {
-                let ExprKind::Ident(name) = &target.kind else { panic!("{target:?}") };
                 let value = evaluated(value, memory);
-                assign(memory, name, value);
+                match &target.kind {
+                    ExprKind::Ident(name) => assign(memory, name, value),
+                    ExprKind::ArrayIndex { array, indices } => {
+                        let ExprKind::Ident(name) = &array.kind else { panic!("{array:?}") };
+                        let place = evaluated(&indices[0], memory);
+                        let list = memory.get_mut(&name.to_uppercase());
+                        match (list, place, value) {
+                            (Some(Value::List(list)), Value::Integer(k), Value::Number(v)) => {
+                                list[k as usize] = v;
+                            }
+                            other => panic!("{other:?}"),
+                        }
+                    }
+                    other => panic!("{other:?}"),
+                }
             }
             StmtKind::If { condition, then_body, elsif_branches, else_body } => {
                 assert!(elsif_branches.is_empty() && else_body.is_none());
@@ -187,6 +217,16 @@ fn evaluated(e: &Expr, memory: &Memory) -> Value {
             };
             block.memory[&member.to_uppercase()].clone()
         }
+        ExprKind::ArrayIndex { array, indices } => {
+            let ExprKind::Ident(name) = &array.kind else { panic!("{array:?}") };
+            let Value::Integer(place) = evaluated(&indices[0], memory) else {
+                panic!("{indices:?}")
+            };
+            match &memory[&name.to_uppercase()] {
+                Value::List(list) => Value::Number(list[place as usize]),
+                other => panic!("{name} is {other:?}"),
+            }
+        }
         ExprKind::Paren(inner) => evaluated(inner, memory),
         ExprKind::UnaryOp { op: UnaryOp::Neg, expr } => Value::Number(-number(expr, memory)),
         ExprKind::UnaryOp { op: UnaryOp::Not, expr } => Value::Truth(!truth(expr, memory)),
@@ -203,6 +243,7 @@ fn evaluated(e: &Expr, memory: &Memory) -> Value {
                 (Value::Number(a), BinaryOp::Mul, Value::Number(b)) => Value::Number(a * b),
                 (Value::Number(a), BinaryOp::Div, Value::Number(b)) => Value::Number(a / b),
                 (Value::Number(a), BinaryOp::Lt, Value::Number(b)) => Value::Truth(a < b),
+                (Value::Integer(a), BinaryOp::Lt, Value::Integer(b)) => Value::Truth(a < b),
                 (Value::Integer(a), BinaryOp::Eq, Value::Integer(b)) => Value::Truth(a == b),
                 (Value::Integer(a), BinaryOp::Add, Value::Integer(b)) => Value::Integer(a + b),
                 (Value::Integer(a), BinaryOp::Mod, Value::Integer(b)) => Value::Integer(a % b),
@@ -218,6 +259,8 @@ fn evaluated(e: &Expr, memory: &Memory) -> Value {
                 ("LN", 1) => of(0).ln(),
                 ("SIN", 1) => of(0).sin(),
                 ("COS", 1) => of(0).cos(),
+                ("ABS", 1) => of(0).abs(),
+                ("MAX", 2) => of(0).max(of(1)),
                 ("LIMIT", 3) => of(1).max(of(0)).min(of(2)),
                 ("SEL", 3) => match truth(arguments[0], memory) {
                     true => of(2),

@@ -11,10 +11,8 @@ use std::path::PathBuf;
 /// IEC 61131-3 Structured Text: function blocks of hydraulics, boom, controller and the simulation that steers, with two
 /// tasks; plain text, TwinCAT 3 files, and one PLCopen XML.
 #[derive(Args)]
-#[command(
-    after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
-    docs/export.md shows how it gets into TwinCAT 3"
-)]
+#[command(after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
+    docs/export.md shows how it gets into TwinCAT 3")]
 pub struct St {
     #[command(flatten)]
     crane: CraneFile,

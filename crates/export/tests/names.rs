@@ -1,0 +1,85 @@
+//! Whatever a crane is called, what is generated is the same code.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_description::Description;
+use hydroboom_export::c::{Precision, files};
+use hydroboom_export::structured_text::{Kind, plcopen, twincat, units};
+use hydroboom_export::{blocks, controller};
+use proptest::prelude::*;
+use std::sync::LazyLock;
+
+/// A text without what stands between two signs; none where one is not closed.
+fn without_comments(text: &str, open: &str, close: &str) -> Option<String> {
+    let mut rest = text;
+    let mut code = String::new();
+    while let Some(at) = rest.find(open) {
+        code += &rest[..at];
+        let after = &rest[at + open.len()..];
+        rest = &after[after.find(close)? + close.len()..];
+    }
+    (!rest.contains(close)).then(|| code + rest)
+}
+
+fn code_in_c(description: &Description) -> String {
+    let [hydraulics, boom] = blocks(description).unwrap();
+    let made =
+        files(&[hydraulics, boom, controller(description)], "crane", Precision::Double).unwrap();
+    assert!(made.header.is_ascii() && made.source.is_ascii());
+    let of = |text: &str| without_comments(text, "/*", "*/").unwrap();
+    of(&made.header) + &of(&made.source)
+}
+
+fn code_in_text(description: &Description) -> Vec<String> {
+    let units = units(description).unwrap();
+    assert!(roxmltree::Document::parse(&plcopen::project(&units)).is_ok());
+    let of = |unit: &hydroboom_export::structured_text::Unit| {
+        let text = unit.text();
+        assert!(text.is_ascii());
+        if unit.kind != Kind::Globals {
+            iecst::parse_pou(&text).unwrap();
+        }
+        assert!(roxmltree::Document::parse(&twincat::file(unit).1).is_ok());
+        without_comments(&text, "(*", "*)").unwrap()
+    };
+    units.iter().map(of).collect()
+}
+
+fn named(name: &str) -> Description {
+    let mut crane = Description::uia_single_boom().unwrap();
+    crane.name = name.into();
+    crane
+}
+
+static USUAL: LazyLock<(String, Vec<String>)> =
+    LazyLock::new(|| (code_in_c(&named("crane")), code_in_text(&named("crane"))));
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn no_name_becomes_code(name in any::<String>()) {
+        let crane = named(&name);
+        prop_assert_eq!(&code_in_c(&crane), &USUAL.0);
+        prop_assert_eq!(&code_in_text(&crane), &USUAL.1);
+    }
+}
+
+#[test]
+fn names_made_to_become_code_do_not() {
+    for name in [
+        "*/ int evil(void); /*",
+        "*) END_VAR evil := TRUE; (*",
+        "]]></Declaration><evil/>",
+        "a\nb\r\nc\u{2028}d",
+        "\\\n*/",
+        "??/\n*/ #include <evil.h>",
+        "(* (* /* /* // \" ' {attribute 'evil'}",
+        "",
+        "IF THEN END_IF while for",
+    ] {
+        let crane = named(name);
+        assert_eq!(code_in_c(&crane), USUAL.0, "{name:?}");
+        assert_eq!(code_in_text(&crane), USUAL.1, "{name:?}");
+    }
+}
