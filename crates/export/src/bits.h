@@ -54,3 +54,41 @@ HB_MAYBE_UNUSED static double hb_mantissa(double value)
     const double mantissa = hb_double(bits - (field << 52));
     return ((value > 0.0) && (value < HB_INFINITY)) ? mantissa : HB_NAN;
 }
+
+#if defined(HB_SOFT_FMA)
+/* a b + c, rounded once, for libraries whose fma rounds twice: product and sums with their errors, the last but one sum
+   rounded to odd (Boldo and Melquiond, doi:10.1109/TC.2007.70819). Right where nothing over- or underflows. */
+HB_MAYBE_UNUSED static double hb_fma(double a, double b, double c)
+{
+    const double split = 134217729.0; /* 2^27 + 1 */
+    const double product = a * b;
+    const double a_long = a * split;
+    const double a_high = a_long - (a_long - a);
+    const double a_low = a - a_high;
+    const double b_long = b * split;
+    const double b_high = b_long - (b_long - b);
+    const double b_low = b - b_high;
+    const double product_rest =
+        (((a_high * b_high - product) + a_high * b_low) + a_low * b_high) + a_low * b_low;
+    const double small = c + product_rest;
+    const double small_part = small - c;
+    const double small_rest = (c - (small - small_part)) + (product_rest - small_part);
+    const double sum = product + small;
+    const double sum_part = sum - product;
+    const double sum_rest = (product - (sum - sum_part)) + (small - sum_part);
+    double odd = small_rest + sum_rest;
+    const double odd_part = odd - small_rest;
+    const double left = (small_rest - (odd - odd_part)) + (sum_rest - odd_part);
+    if (!(product - product < 1.0) || !(c - c < 1.0)) {
+        return product + c;
+    }
+    if ((left != 0.0) && ((hb_bits(odd) & 1U) == 0U)) {
+        const uint64_t away = ((left > 0.0) == (odd > 0.0)) ? UINT64_C(1) : ~UINT64_C(0);
+        odd = hb_double(hb_bits(odd) + away);
+    }
+    return sum + odd;
+}
+#define HB_FMA hb_fma
+#else
+#define HB_FMA fma
+#endif

@@ -3,7 +3,8 @@
 //! What is computed is what Rust computes, operation by operation: sums and products in the same order, fused products as
 //! `fma`, elementary functions as the same polynomials. So both agree to the last bit, provided that the compiler neither
 //! fuses nor rearranges by itself (`-ffp-contract=off`, no `-ffast-math`). Whether `fma` is one instruction (`-mfma`) or a call
-//! changes the speed and no bit.
+//! changes the speed and no bit; where a library's `fma` rounds twice (newlib's does), `-DHB_SOFT_FMA` puts one in its place that
+//! does not.
 
 use crate::block::{Block, Target, Variable};
 use crate::error::ExportError;
@@ -415,6 +416,6 @@ fn functions(precision: Precision) -> String {
     ];
     let recorded = recorded.concat().replace("\nstatic ", "\nHB_MAYBE_UNUSED static ");
     format!(
-        "#include <stdint.h>\n#include <string.h>\n{shared}#define HB_FMA fma\n#define HB_SQRT sqrt\n\n{UNUSED}\n{bits}{recorded}"
+        "#include <stdint.h>\n#include <string.h>\n{shared}#define HB_SQRT sqrt\n\n{UNUSED}\n{bits}{recorded}"
     )
 }

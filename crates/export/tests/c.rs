@@ -161,7 +161,11 @@ fn ten_thousand_steps_in_c_are_those_in_rust_to_the_last_bit() {
     for description in [Description::uia_single_boom().unwrap(), lugre()] {
         let folder = written("c-model", &description, Precision::Double);
         let rust = in_rust(&description, &inputs);
-        for options in [&[][..], &["-fsanitize=address,undefined", "-fno-sanitize-recover"]] {
+        for options in [
+            &[][..],
+            &["-DHB_SOFT_FMA"],
+            &["-fsanitize=address,undefined", "-fno-sanitize-recover"],
+        ] {
             let program = compiled(&folder, &["crane.c", "main.c"], options);
             let off = apart(&rust, &answered(&program, &numbers));
             assert_eq!(off, 0.0, "with {options:?}");
