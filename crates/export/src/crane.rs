@@ -30,7 +30,8 @@ struct Recorded {
     next: Vec<Node>,
     before: Outputs<E>,
     after: Outputs<E>,
-    load_pressure: Node,
+    /// Load pressure before and after the step.
+    load_pressure: [Node; 2],
     labels: HashMap<Node, (String, String)>,
 }
 
@@ -165,9 +166,19 @@ fn recording(
         next,
         before,
         after,
-        load_pressure: crane.cylinder.load_pressure(after.pressure_a, after.pressure_b).node(),
+        load_pressure: [&before, &after]
+            .map(|seen| crane.cylinder.load_pressure(seen.pressure_a, seen.pressure_b).node()),
         labels,
     })
+}
+
+fn load_pressure() -> Variable {
+    Variable {
+        name: "load_pressure".into(),
+        unit: "Pa".into(),
+        meaning: "Load pressure, p_L = p_A - (A_r/A_p) p_B".into(),
+        initial: 0.0,
+    }
 }
 
 /// What can be seen, as outputs of a block.
@@ -190,8 +201,10 @@ fn shown() -> Vec<Variable> {
 pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
     let r = recorded(description)?;
     let states = r.next.iter().enumerate().map(|(k, node)| (Target::State(k), *node)).collect();
-    let seen = r.before.to_array().into_iter().enumerate();
-    let seen = seen.map(|(k, value)| (Target::Output(k), value.node())).collect();
+    let seen = r.before.to_array().map(E::node).into_iter().chain([r.load_pressure[0]]);
+    let seen = seen.enumerate().map(|(k, node)| (Target::Output(k), node)).collect();
+    let mut outputs = shown();
+    outputs.push(load_pressure());
     let mut inputs = r.inputs;
     inputs.push(r.step);
     Ok(Block {
@@ -201,7 +214,7 @@ pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
         parameters: r.parameters,
         inputs,
         states: r.states,
-        outputs: shown(),
+        outputs,
         entries: vec![
             Entry { name: "step".into(), meaning: "one step".into(), results: states },
             Entry { name: "see".into(), meaning: "what is seen of a state".into(), results: seen },
@@ -240,15 +253,9 @@ pub fn blocks(description: &Description) -> Result<[Block; 2], ExportError> {
 
     let start = description.numbers.motion_start;
     let force = seen(&r.before, "cylinder_force");
-    let load = Variable {
-        name: "load_pressure".into(),
-        unit: "Pa".into(),
-        meaning: "Load pressure, p_L = p_A - (A_r/A_p) p_B".into(),
-        initial: 0.0,
-    };
     let hydraulic_shown = [
         force.clone(),
-        (load, r.load_pressure),
+        (load_pressure(), r.load_pressure[1]),
         seen(&r.after, "pressure_pump_a"),
         seen(&r.after, "pressure_a"),
         seen(&r.after, "pressure_b"),

@@ -13,6 +13,7 @@ mod count;
 mod crane;
 mod error;
 mod expression;
+pub mod fmi;
 mod graph;
 mod name;
 mod plan;

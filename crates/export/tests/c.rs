@@ -84,7 +84,9 @@ fn in_rust(description: &Description, inputs: &[Input<f64>]) -> Vec<Vec<f64>> {
         .map(|input| {
             published(&crane, &mut state, input, STEP);
             let mut row = flat(&state);
-            row.extend(crane.outputs(&state).to_array());
+            let seen = crane.outputs(&state);
+            row.extend(seen.to_array());
+            row.push(crane.cylinder.load_pressure(seen.pressure_a, seen.pressure_b));
             row
         })
         .collect()

@@ -4,6 +4,7 @@
 
 use hydroboom_description::Description;
 use hydroboom_export::c::{Precision, files};
+use hydroboom_export::fmi::{Version, unit};
 use hydroboom_export::structured_text::{Kind, plcopen, twincat, units};
 use hydroboom_export::{blocks, controller};
 use proptest::prelude::*;
@@ -45,14 +46,28 @@ fn code_in_text(description: &Description) -> Vec<String> {
     units.iter().map(of).collect()
 }
 
+/// The sources of an FMU, its description being well-formed.
+fn sources(description: &Description) -> String {
+    let mut all = String::new();
+    for version in [Version::Two, Version::Three] {
+        let made = unit(&controller(description), &description.name, version).unwrap();
+        assert!(roxmltree::Document::parse(&made.files[0].1).is_ok(), "{}", made.files[0].1);
+        let files = made.files.iter().filter(|(path, _)| path.ends_with(".c"));
+        all.extend(files.map(|(_, text)| without_comments(text, "/*", "*/").unwrap()));
+    }
+    all
+}
+
 fn named(name: &str) -> Description {
     let mut crane = Description::uia_single_boom().unwrap();
     crane.name = name.into();
     crane
 }
 
-static USUAL: LazyLock<(String, Vec<String>)> =
-    LazyLock::new(|| (code_in_c(&named("crane")), code_in_text(&named("crane"))));
+static USUAL: LazyLock<(String, Vec<String>, String)> = LazyLock::new(|| {
+    let crane = named("crane");
+    (code_in_c(&crane), code_in_text(&crane), sources(&crane))
+});
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
@@ -62,6 +77,7 @@ proptest! {
         let crane = named(&name);
         prop_assert_eq!(&code_in_c(&crane), &USUAL.0);
         prop_assert_eq!(&code_in_text(&crane), &USUAL.1);
+        prop_assert_eq!(&sources(&crane), &USUAL.2);
     }
 }
 
@@ -81,5 +97,6 @@ fn names_made_to_become_code_do_not() {
         let crane = named(name);
         assert_eq!(code_in_c(&crane), USUAL.0, "{name:?}");
         assert_eq!(code_in_text(&crane), USUAL.1, "{name:?}");
+        assert_eq!(sources(&crane), USUAL.2, "{name:?}");
     }
 }

@@ -4,6 +4,7 @@
 mod command;
 
 use command::{files, hydroboom, keys, parsed, says};
+use hydroboom_description::Description;
 
 #[test]
 fn what_is_exported_is_listed_and_comes_out_alike_each_time() {
@@ -46,4 +47,48 @@ fn what_a_language_cannot_say_is_refused_with_the_reason() {
     assert!(!std::path::Path::new(&out).exists(), "something was written");
     std::fs::write(&out, "in the way").unwrap();
     says(&hydroboom(&["export", "c", "--out", &out]), "cannot be made");
+}
+
+/// Plant and controller as FMUs, driven by FMPy, come to what `motion` says of the same pair. Skipped where `HYDROBOOM_FMPY` names
+/// no Python with FMPy.
+#[test]
+fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
+    let Ok(python) = std::env::var("HYDROBOOM_FMPY") else {
+        eprintln!("skipped: HYDROBOOM_FMPY names no Python with FMPy");
+        return;
+    };
+    let path = files("fmu-loop");
+    let (plant, controller, course) =
+        (path("plant.fmu"), path("controller.fmu"), path("course.csv"));
+    let changed = "pump.flow_gain=0.88";
+    let made =
+        parsed(&["export", "fmu", "--what", "model", "--set", changed, "--out", &plant, "--json"]);
+    assert_eq!(made["has_binary"], true, "{made}");
+    let made = ["export", "fmu", "--what", "controller", "--fmi", "3", "--out", &controller];
+    assert!(hydroboom(&made).status.success());
+
+    let model = Description::uia_single_boom().unwrap();
+    let motion = model.motion(model.numbers.fast);
+    let mut rows = String::from("position,velocity\n");
+    for k in 0..=(motion.duration() / 1e-3).round() as u32 {
+        let reference = motion.reference(f64::from(k) * 1e-3);
+        rows += &format!("{:?},{:?}\n", reference.position, reference.velocity);
+    }
+    std::fs::write(&course, rows).unwrap();
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../export/tests/fmi_check.py");
+    let output = std::process::Command::new(python)
+        .args([script, "closed", &plant, &controller, &course])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: f64 = String::from_utf8_lossy(&output.stdout).trim().parse().unwrap();
+
+    let rows = parsed(&["motion", "--plant-set", changed, "--json"]);
+    let row = rows["motion"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|row| row["strategy"] == "benchmark-closed-loop" && row["speed_mm_s"] == 120.0);
+    let wanted = row.unwrap()["rms_mm"].as_f64().unwrap();
+    assert!((found / wanted - 1.0).abs() < 1e-3, "{found} mm, motion says {wanted} mm");
 }

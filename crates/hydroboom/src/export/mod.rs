@@ -2,6 +2,7 @@
 
 mod c;
 mod count;
+mod fmu;
 mod st;
 
 use crate::output;
@@ -15,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// Write model and controller as source code for other systems: the same numbers, from the one model.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hydroboom export count\n  hydroboom export st --crane my-crane.toml --out generated\n  hydroboom export c --crane my-crane.toml --out generated"
+    after_help = "Examples:\n  hydroboom export count\n  hydroboom export st --crane my-crane.toml --out generated\n  hydroboom export c --crane my-crane.toml --out generated\n  hydroboom export fmu --what model --out crane.fmu"
 )]
 pub struct Export {
     #[command(subcommand)]
@@ -27,6 +28,7 @@ enum Target {
     Count(count::Count),
     St(st::St),
     C(c::C),
+    Fmu(fmu::Fmu),
 }
 
 impl Export {
@@ -36,6 +38,7 @@ impl Export {
             Target::Count(command) => command.run(),
             Target::St(command) => command.run(),
             Target::C(command) => command.run(),
+            Target::Fmu(command) => command.run(),
         }
     }
 }

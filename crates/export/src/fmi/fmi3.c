@@ -1,0 +1,313 @@
+/* FMI 3.0 for co-simulation, over what is declared here itself: types and functions as the standard names them. */
+#include <math.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#if defined(_WIN32)
+#define HB_EXPORT __declspec(dllexport)
+#else
+#define HB_EXPORT __attribute__((visibility("default")))
+#endif
+#if defined(FMI3_FUNCTION_PREFIX)
+#define HB_JOIN(a, b) a##b
+#define HB_JOINED(a, b) HB_JOIN(a, b)
+#define HB_NAME(name) HB_JOINED(FMI3_FUNCTION_PREFIX, name)
+#else
+#define HB_NAME(name) name
+#endif
+
+enum { HB_OK = 0, HB_WARNING = 1, HB_DISCARD = 2, HB_ERROR = 3, HB_FATAL = 4 };
+
+typedef void (*hb_logger)(void *environment, int status, const char *category, const char *message);
+
+#define hb_tell(i, status, text)                                                                   \
+    do {                                                                                           \
+        if ((i)->logger != NULL) {                                                                 \
+            (i)->logger((i)->environment, (status), "logStatusError", (text));                     \
+        }                                                                                          \
+    } while (0)
+
+HB_LAYER
+
+#define HB_STATUS(done) ((done) != 0 ? HB_OK : HB_ERROR)
+
+HB_EXPORT const char *HB_NAME(fmi3GetVersion)(void)
+{
+    return "3.0";
+}
+
+HB_EXPORT int HB_NAME(fmi3SetDebugLogging)(void *c, bool on, size_t count, const char *const categories[])
+{
+    (void)c;
+    (void)on;
+    (void)count;
+    (void)categories;
+    return HB_OK;
+}
+
+HB_EXPORT void *HB_NAME(fmi3InstantiateCoSimulation)(const char *name, const char *token, const char *resources, bool visible,
+    bool logging, bool events, bool early, const uint32_t required[], size_t count, void *environment, hb_logger logger,
+    void (*update)(void))
+{
+    hb_instance *i;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)events;
+    (void)early;
+    (void)required;
+    (void)count;
+    (void)update;
+    if (name == NULL || token == NULL || strcmp(token, HB_TOKEN) != 0) {
+        if (logger != NULL) {
+            logger(environment, HB_ERROR, "logStatusError", "not instantiated: the token is not that of this FMU");
+        }
+        return NULL;
+    }
+    i = calloc(1, sizeof *i);
+    if (i == NULL) {
+        return NULL;
+    }
+    strncpy(i->name, name, sizeof i->name - 1);
+    i->logger = logger;
+    i->environment = environment;
+    hb_begin(&i->now);
+    return i;
+}
+
+HB_EXPORT void HB_NAME(fmi3FreeInstance)(void *c)
+{
+    free(c);
+}
+
+HB_EXPORT int HB_NAME(fmi3EnterInitializationMode)(void *c, bool has_tolerance, double tolerance, double start, bool has_stop, double stop)
+{
+    hb_instance *i = c;
+    (void)has_tolerance;
+    (void)tolerance;
+    (void)has_stop;
+    (void)stop;
+    if (i == NULL) {
+        return HB_ERROR;
+    }
+    i->now.time = start;
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3ExitInitializationMode)(void *c)
+{
+    hb_instance *i = c;
+    if (i == NULL) {
+        return HB_ERROR;
+    }
+    hb_refresh(&i->now);
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3EnterEventMode)(void *c)
+{
+    (void)c;
+    return HB_ERROR;
+}
+
+HB_EXPORT int HB_NAME(fmi3EnterStepMode)(void *c)
+{
+    return HB_STATUS(c != NULL);
+}
+
+HB_EXPORT int HB_NAME(fmi3Terminate)(void *c)
+{
+    return HB_STATUS(c != NULL);
+}
+
+HB_EXPORT int HB_NAME(fmi3Reset)(void *c)
+{
+    hb_instance *i = c;
+    if (i == NULL) {
+        return HB_ERROR;
+    }
+    hb_begin(&i->now);
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3GetFloat64)(void *c, const uint32_t vr[], size_t count, double values[], size_t value_count)
+{
+    return HB_STATUS(c != NULL && count == value_count && hb_get(c, vr, count, values) != 0);
+}
+
+HB_EXPORT int HB_NAME(fmi3SetFloat64)(void *c, const uint32_t vr[], size_t count, const double values[], size_t value_count)
+{
+    return HB_STATUS(c != NULL && count == value_count && hb_set(c, vr, count, values) != 0);
+}
+
+/* There are none of these: only nothing can be read or set. */
+#define HB_NONE(name, type)                                                                        \
+    HB_EXPORT int HB_NAME(name)(void *c, const uint32_t vr[], size_t count, type values[], size_t value_count) \
+    {                                                                                              \
+        (void)vr;                                                                                  \
+        (void)values;                                                                              \
+        return HB_STATUS(c != NULL && count == 0 && value_count == 0);                             \
+    }
+HB_NONE(fmi3GetFloat32, float)
+HB_NONE(fmi3SetFloat32, const float)
+HB_NONE(fmi3GetInt8, int8_t)
+HB_NONE(fmi3SetInt8, const int8_t)
+HB_NONE(fmi3GetUInt8, uint8_t)
+HB_NONE(fmi3SetUInt8, const uint8_t)
+HB_NONE(fmi3GetInt16, int16_t)
+HB_NONE(fmi3SetInt16, const int16_t)
+HB_NONE(fmi3GetUInt16, uint16_t)
+HB_NONE(fmi3SetUInt16, const uint16_t)
+HB_NONE(fmi3GetInt32, int32_t)
+HB_NONE(fmi3SetInt32, const int32_t)
+HB_NONE(fmi3GetUInt32, uint32_t)
+HB_NONE(fmi3SetUInt32, const uint32_t)
+HB_NONE(fmi3GetInt64, int64_t)
+HB_NONE(fmi3SetInt64, const int64_t)
+HB_NONE(fmi3GetUInt64, uint64_t)
+HB_NONE(fmi3SetUInt64, const uint64_t)
+HB_NONE(fmi3GetBoolean, bool)
+HB_NONE(fmi3SetBoolean, const bool)
+HB_NONE(fmi3GetString, const char *)
+HB_NONE(fmi3SetString, const char *const)
+
+HB_EXPORT int HB_NAME(fmi3GetFMUState)(void *c, void **state)
+{
+    hb_instance *i = c;
+    if (i == NULL || state == NULL) {
+        return HB_ERROR;
+    }
+    if (*state == NULL) {
+        *state = malloc(sizeof i->now);
+    }
+    if (*state == NULL) {
+        return HB_ERROR;
+    }
+    memcpy(*state, &i->now, sizeof i->now);
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3SetFMUState)(void *c, void *state)
+{
+    hb_instance *i = c;
+    if (i == NULL || state == NULL) {
+        return HB_ERROR;
+    }
+    memcpy(&i->now, state, sizeof i->now);
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3FreeFMUState)(void *c, void **state)
+{
+    (void)c;
+    if (state != NULL) {
+        free(*state);
+        *state = NULL;
+    }
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3SerializedFMUStateSize)(void *c, void *state, size_t *size)
+{
+    (void)c;
+    (void)state;
+    *size = sizeof(hb_numbers);
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3SerializeFMUState)(void *c, void *state, uint8_t bytes[], size_t size)
+{
+    (void)c;
+    if (state == NULL || size < sizeof(hb_numbers)) {
+        return HB_ERROR;
+    }
+    memcpy(bytes, state, sizeof(hb_numbers));
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3DeserializeFMUState)(void *c, const uint8_t bytes[], size_t size, void **state)
+{
+    (void)c;
+    if (state == NULL || size != sizeof(hb_numbers)) {
+        return HB_ERROR;
+    }
+    if (*state == NULL) {
+        *state = malloc(sizeof(hb_numbers));
+    }
+    if (*state == NULL) {
+        return HB_ERROR;
+    }
+    memcpy(*state, bytes, sizeof(hb_numbers));
+    return HB_OK;
+}
+
+HB_EXPORT int HB_NAME(fmi3DoStep)(void *c, double time, double length, bool keeps, bool *event, bool *ends, bool *early, double *last)
+{
+    hb_instance *i = c;
+    (void)keeps;
+    if (i == NULL || event == NULL || ends == NULL || early == NULL || last == NULL) {
+        return HB_ERROR;
+    }
+    *event = false;
+    *ends = false;
+    *early = false;
+    *last = time;
+    if (hb_advance(i, time, length) == 0) {
+        return HB_ERROR;
+    }
+    *last = i->now.time;
+    return HB_OK;
+}
+
+/* Kinds of FMU that this one is not. */
+HB_EXPORT void *HB_NAME(fmi3InstantiateModelExchange)(void)
+{
+    return NULL;
+}
+
+HB_EXPORT void *HB_NAME(fmi3InstantiateScheduledExecution)(void)
+{
+    return NULL;
+}
+
+/* Parts of the standard that this FMU says it does not have. */
+#define HB_ABSENT(name)                                                                            \
+    HB_EXPORT int HB_NAME(name)(void)                                                              \
+    {                                                                                              \
+        return HB_ERROR;                                                                           \
+    }
+HB_ABSENT(fmi3GetBinary)
+HB_ABSENT(fmi3SetBinary)
+HB_ABSENT(fmi3GetClock)
+HB_ABSENT(fmi3SetClock)
+HB_ABSENT(fmi3GetNumberOfVariableDependencies)
+HB_ABSENT(fmi3GetVariableDependencies)
+HB_ABSENT(fmi3GetDirectionalDerivative)
+HB_ABSENT(fmi3GetAdjointDerivative)
+HB_ABSENT(fmi3EnterConfigurationMode)
+HB_ABSENT(fmi3ExitConfigurationMode)
+HB_ABSENT(fmi3GetIntervalDecimal)
+HB_ABSENT(fmi3GetIntervalFraction)
+HB_ABSENT(fmi3GetShiftDecimal)
+HB_ABSENT(fmi3GetShiftFraction)
+HB_ABSENT(fmi3SetIntervalDecimal)
+HB_ABSENT(fmi3SetIntervalFraction)
+HB_ABSENT(fmi3SetShiftDecimal)
+HB_ABSENT(fmi3SetShiftFraction)
+HB_ABSENT(fmi3EvaluateDiscreteStates)
+HB_ABSENT(fmi3UpdateDiscreteStates)
+HB_ABSENT(fmi3EnterContinuousTimeMode)
+HB_ABSENT(fmi3CompletedIntegratorStep)
+HB_ABSENT(fmi3SetTime)
+HB_ABSENT(fmi3SetContinuousStates)
+HB_ABSENT(fmi3GetContinuousStateDerivatives)
+HB_ABSENT(fmi3GetEventIndicators)
+HB_ABSENT(fmi3GetContinuousStates)
+HB_ABSENT(fmi3GetNominalsOfContinuousStates)
+HB_ABSENT(fmi3GetNumberOfEventIndicators)
+HB_ABSENT(fmi3GetNumberOfContinuousStates)
+HB_ABSENT(fmi3GetOutputDerivatives)
+HB_ABSENT(fmi3ActivateModelPartition)

@@ -1,0 +1,150 @@
+/* What lies between the functions of an FMU and the block: numbers in one piece, that can be copied. */
+
+typedef struct {
+    HB_TYPE(parameters) p;
+    HB_TYPE(prepared) c;
+    HB_TYPE(input) u;
+    HB_TYPE(state) s;
+    HB_TYPE(output) y;
+    double time;
+    int is_prepared; /* what follows from the parameters is worked out */
+    int has_begun;
+    int is_broken; /* a step diverged */
+} hb_numbers;
+
+typedef struct {
+    hb_numbers now;
+    char name[64];
+    void *environment;
+    hb_logger logger;
+} hb_instance;
+
+/* What the block does; at the end of this file. */
+static void hb_fill(hb_numbers *n);
+static void hb_prepare(hb_numbers *n);
+static void hb_one(hb_numbers *n);
+static void hb_show(hb_numbers *n);
+static double hb_period(const hb_numbers *n);
+
+/* Numbers by reference: parameters, inputs, states, outputs, one after the other. */
+static double *hb_place(hb_numbers *n, unsigned reference)
+{
+    if (reference < HB_PARAMETERS) {
+        return (double *)&n->p + reference;
+    }
+    reference -= HB_PARAMETERS;
+    if (reference < HB_INPUTS) {
+        return (double *)&n->u + reference;
+    }
+    reference -= HB_INPUTS;
+    if (reference < HB_STATES) {
+        return (double *)&n->s + reference;
+    }
+    reference -= HB_STATES;
+    return (reference < HB_OUTPUTS) ? (double *)&n->y + reference : NULL;
+}
+
+static int hb_is_finite(double value)
+{
+    return value - value < 1.0;
+}
+
+static void hb_say(hb_instance *i, int status, const char *text)
+{
+    hb_tell(i, status, text);
+}
+
+/* What is seen now, worked out anew where a number was changed. */
+static void hb_refresh(hb_numbers *n)
+{
+    if (n->is_prepared == 0) {
+        hb_prepare(n);
+        n->is_prepared = 1;
+    }
+    hb_show(n);
+}
+
+static void hb_begin(hb_numbers *n)
+{
+    memset(n, 0, sizeof *n);
+    hb_fill(n);
+    hb_refresh(n);
+}
+
+/* Numbers read; 0 where one is not there. */
+static int hb_get(hb_instance *i, const unsigned references[], size_t count, double values[])
+{
+    size_t k;
+    if (i->now.is_prepared == 0) {
+        hb_refresh(&i->now);
+    }
+    for (k = 0; k < count; k++) {
+        const double *place = hb_place(&i->now, references[k]);
+        if (references[k] == HB_PARAMETERS + HB_INPUTS + HB_STATES + HB_OUTPUTS) {
+            place = &i->now.time;
+        }
+        if (place == NULL) {
+            hb_say(i, HB_ERROR, "there is no variable with this value reference");
+            return 0;
+        }
+        values[k] = *place;
+    }
+    return 1;
+}
+
+/* Parameters, inputs and states set; 0 where that is not possible, and then none is. */
+static int hb_set(hb_instance *i, const unsigned references[], size_t count, const double values[])
+{
+    size_t k;
+    for (k = 0; k < count; k++) {
+        if (references[k] >= HB_PARAMETERS + HB_INPUTS + HB_STATES) {
+            hb_say(i, HB_ERROR, "only parameters, inputs and states can be set");
+            return 0;
+        }
+        if (!hb_is_finite(values[k])) {
+            hb_say(i, HB_ERROR, "a value that is no number cannot be set");
+            return 0;
+        }
+    }
+    for (k = 0; k < count; k++) {
+        *hb_place(&i->now, references[k]) = values[k];
+        if (references[k] < HB_PARAMETERS || references[k] >= HB_PARAMETERS + HB_INPUTS) {
+            i->now.is_prepared = 0;
+        }
+    }
+    return 1;
+}
+
+/* As many steps as a communication step has; 0 where it diverged, or has no whole number of them. */
+static int hb_advance(hb_instance *i, double time, double length)
+{
+    hb_numbers *n = &i->now;
+    const double period = hb_period(n);
+    const double count = floor(length / period + 0.5);
+    long steps;
+    unsigned k;
+    if (n->is_broken != 0) {
+        hb_say(i, HB_ERROR, "an earlier step diverged: reset, or set a state from before");
+        return 0;
+    }
+    if (!(period > 0.0) || !(count >= 1.0) || !(count < 1e9) || !(fabs(count * period - length) <= 1e-6 * period)) {
+        hb_say(i, HB_ERROR, "the communication step is no multiple of the block's own step");
+        return 0;
+    }
+    if (n->is_prepared == 0) {
+        hb_refresh(n);
+    }
+    for (steps = (long)count; steps > 0; steps--) {
+        hb_one(n);
+    }
+    hb_show(n);
+    n->time = time + length;
+    for (k = 0; k < HB_STATES; k++) {
+        if (!hb_is_finite(((double *)&n->s)[k])) {
+            n->is_broken = 1;
+            hb_say(i, HB_ERROR, "the simulation diverged: a state is no number any more; the step is too long, or an input impossible");
+            return 0;
+        }
+    }
+    return 1;
+}

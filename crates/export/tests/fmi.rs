@@ -1,0 +1,125 @@
+//! FMUs, driven by somebody else's master: FMPy.
+//!
+//! Its Python is named by `HYDROBOOM_FMPY`, which `./test` sets; without it these tests say that they are skipped.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_description::Description;
+use hydroboom_export::fmi::{Version, archive, binary, unit};
+use hydroboom_export::{controller, crane_model};
+use hydroboom_model::Input;
+use hydroboom_model::stepping::published;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn python() -> Option<String> {
+    let found = std::env::var("HYDROBOOM_FMPY").ok().filter(|path| Path::new(path).exists());
+    if found.is_none() {
+        eprintln!("skipped: HYDROBOOM_FMPY names no Python with FMPy");
+    }
+    found
+}
+
+fn folder() -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("fmi");
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+const BOTH: [Version; 2] = [Version::Two, Version::Three];
+
+/// Writes an FMU for a test, and returns its path.
+fn written(test: &str, what: &str, version: Version) -> String {
+    let crane = Description::uia_single_boom().unwrap();
+    let block = if what == "model" { crane_model(&crane).unwrap() } else { controller(&crane) };
+    let unit = unit(&block, &crane.name, version).unwrap();
+    let library = binary(&unit, &folder().join(format!("{test}-{what}-{version:?}"))).unwrap();
+    let path = folder().join(format!("{test}-{what}-{version:?}.fmu"));
+    std::fs::write(&path, archive(&unit, library.as_deref()).unwrap()).unwrap();
+    path.to_str().unwrap().to_string()
+}
+
+/// What FMPy prints.
+fn fmpy(python: &str, arguments: &[&str]) -> String {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fmi_check.py");
+    let output = Command::new(python).arg(script).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn fmus_are_valid() {
+    let Some(python) = python() else { return };
+    for version in BOTH {
+        for what in ["model", "controller"] {
+            let path = written("valid", what, version);
+            assert_eq!(fmpy(&python, &["validated", &path]), "", "{what} {version:?}");
+        }
+    }
+}
+
+#[test]
+fn an_fmu_computes_what_rust_does() {
+    let Some(python) = python() else { return };
+    let description = Description::uia_single_boom().unwrap();
+    let crane = description.crane::<3>().unwrap();
+    let n = &description.numbers;
+    let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+    let mut inputs = String::from("pump_speed,holding_valve\n");
+    let mut wanted = Vec::new();
+    for k in 0..1000_u32 {
+        let holding_valve = if (600..700).contains(&k) { 0.0 } else { 1.0 };
+        let input = Input { pump_speed: 20.0 * (0.01 * f64::from(k)).sin(), holding_valve };
+        writeln!(inputs, "{:?},{holding_valve:?}", input.pump_speed).unwrap();
+        for _ in 0..20 {
+            published(&crane, &mut state, &input, n.simulation_period);
+        }
+        let seen = crane.outputs(&state);
+        wanted.push([seen.stroke, seen.pressure_a, seen.pressure_pump_a, seen.tip_y]);
+    }
+    let table = folder().join("inputs.csv");
+    std::fs::write(&table, inputs).unwrap();
+    let outputs = "stroke+pressure_a+pressure_pump_a+tip_y";
+    for version in BOTH {
+        let path = written("same", "model", version);
+        let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), outputs]);
+        let found: Vec<Vec<f64>> =
+            said.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+        assert_eq!(found.len(), wanted.len());
+        for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+            assert_eq!(found.as_slice(), wanted, "{version:?} after {k} ms");
+        }
+    }
+}
+
+#[test]
+fn states_are_kept_and_instances_do_not_know_of_each_other() {
+    let Some(python) = python() else { return };
+    for version in BOTH {
+        assert_eq!(fmpy(&python, &["kept", &written("kept", "model", version)]), "", "{version:?}");
+    }
+}
+
+#[test]
+fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
+    let Some(python) = python() else { return };
+    for version in BOTH {
+        let said = fmpy(&python, &["diverged", &written("wrong", "model", version)]);
+        let said: Vec<&str> = said.lines().collect();
+        // each by the logger, and nothing was taken
+        assert_eq!(said.len(), 4, "{said:?}");
+        assert!(said[0].contains("diverged") && said[1].contains("no multiple"), "{said:?}");
+        assert!(said[2].contains("no multiple") && said[3].contains("only parameters"), "{said:?}");
+    }
+}
+
+#[test]
+fn the_same_crane_gives_the_same_archive() {
+    let crane = Description::uia_single_boom().unwrap();
+    let made = || {
+        let block = crane_model(&crane).unwrap();
+        archive(&unit(&block, &crane.name, Version::Three).unwrap(), None).unwrap()
+    };
+    assert!(made() == made());
+}

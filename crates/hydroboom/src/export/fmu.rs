@@ -1,0 +1,83 @@
+//! `hydroboom export fmu`
+
+use super::flops;
+use crate::crane_file::CraneFile;
+use crate::output;
+use clap::{Args, ValueEnum};
+use hydroboom_export::fmi::{Version, archive, binary, unit};
+use hydroboom_export::{controller, crane_model};
+use hydroboom_measurement::digest_of;
+use miette::{IntoDiagnostic, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// What an FMU is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum What {
+    /// The crane: motor speed and valve in, position, pressures, forces out.
+    Model,
+    /// The benchmark controller: reference and what is measured in, motor speed out.
+    Controller,
+}
+
+/// An FMU (FMI 2.0 or 3.0, co-simulation) that carries its C source beside a binary for Linux.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hydroboom export fmu --what model --out crane.fmu\n  hydroboom export fmu --what model \
+    --set payload.mass_kg=340 --out plant.fmu\n  docs/export.md shows how it is used"
+)]
+pub struct Fmu {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// What the FMU is of.
+    #[arg(long, value_enum)]
+    what: What,
+    /// Version of FMI.
+    #[arg(long, value_parser = ["2", "3"], default_value = "2")]
+    fmi: String,
+    /// File to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Fmu {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let crane = self.crane.read()?;
+        let block = match self.what {
+            What::Model => crane_model(&crane).into_diagnostic()?,
+            What::Controller => controller(&crane),
+        };
+        let version = if self.fmi == "3" { Version::Three } else { Version::Two };
+        let unit = unit(&block, &crane.name, version).into_diagnostic()?;
+        let folder = std::env::temp_dir().join(format!("hydroboom-fmu-{}", std::process::id()));
+        let made = binary(&unit, &folder).into_diagnostic();
+        // what is left there is of no use to anybody
+        let _ = std::fs::remove_dir_all(&folder);
+        let library = made?;
+        let bytes = archive(&unit, library.as_deref()).into_diagnostic()?;
+        output::file(&self.out, &bytes)?;
+        let flops = flops(&[block]).into_diagnostic()?;
+        if self.json {
+            return output::json(&json!({
+                "files": [{ "file": self.out, "bytes": bytes.len(), "sha256": digest_of(&bytes) }],
+                "model_identifier": unit.identifier, "fmi": format!("{}.0", self.fmi), "has_binary": library.is_some(),
+                "flops": flops.iter().map(|(name, flops)| json!({ "entry": name, "flops": flops })).collect::<Vec<_>>(),
+            }));
+        }
+        let holds = match library.is_some() {
+            true => "its source and a binary for this kind of machine",
+            false => "its source; no C compiler (cc) is here to make a binary",
+        };
+        output::text(&format!(
+            "{}: {} bytes, {} of FMI {}.0 with {holds}",
+            self.out.display(),
+            bytes.len(),
+            unit.identifier,
+            self.fmi
+        ))
+    }
+}
