@@ -12,7 +12,9 @@ use crate::expression::{Expression, record};
 use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
-use crate::statement::{Binding, Dialect, Source, Statement, Text, broken, statements};
+use crate::statement::{
+    Binding, Dialect, Source, Statement, Text, broken, call, clear_infix, infix, statements,
+};
 use hydroboom_math::elementary;
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -59,46 +61,33 @@ impl Dialect for C {
 
     fn operation(&self, op: Op, x: &[Text]) -> Text {
         use Binding::*;
-        let infix = |sign: &str, binding: Binding| {
-            let (a, b) = (x[0].within(binding), x[1].inside(binding));
-            Text::new(format!("{a} {sign} {b}"), binding)
-        };
-        // neither is understood without brackets by everybody
-        let clear = |sign: &str, binding: Binding| {
-            let (a, b) = (x[0].inside(Comparison), x[1].inside(Comparison));
-            Text::new(format!("{a} {sign} {b}"), binding)
-        };
-        let call = |name: &str| {
-            let arguments: Vec<&str> = x.iter().map(|t| t.text.as_str()).collect();
-            Text::whole(format!("{name}({})", arguments.join(", ")))
-        };
         match op {
-            Op::Add(..) => infix("+", Sum),
-            Op::Sub(..) => infix("-", Sum),
-            Op::Mul(..) => infix("*", Product),
-            Op::Div(..) => infix("/", Product),
+            Op::Add(..) => infix(x, "+", Sum),
+            Op::Sub(..) => infix(x, "-", Sum),
+            Op::Mul(..) => infix(x, "*", Product),
+            Op::Div(..) => infix(x, "/", Product),
             Op::Neg(_) => Text::new(format!("-{}", x[0].inside(Sign)), Sign),
-            Op::MulAdd(..) => call("HB_FMA"),
-            Op::Sqrt(_) => call("HB_SQRT"),
-            Op::Exp(_) => call("hb_exp"),
-            Op::Ln(_) => call("hb_ln"),
-            Op::Tanh(_) => call("hb_tanh"),
-            Op::SinCos(_) => call("hb_turn_of"),
+            Op::MulAdd(..) => call(x, "HB_FMA"),
+            Op::Sqrt(_) => call(x, "HB_SQRT"),
+            Op::Exp(_) => call(x, "hb_exp"),
+            Op::Ln(_) => call(x, "hb_ln"),
+            Op::Tanh(_) => call(x, "hb_tanh"),
+            Op::SinCos(_) => call(x, "hb_turn_of"),
             Op::Sin(_) => Text::whole(format!("{}.sine", x[0].within(Whole))),
             Op::Cos(_) => Text::whole(format!("{}.cosine", x[0].within(Whole))),
             Op::Select(..) => {
                 let [a, b, c] = [0, 1, 2].map(|k| x[k].inside(Choice));
                 Text::new(format!("{a} ? {b} : {c}"), Choice)
             }
-            Op::Less(..) => infix("<", Comparison),
-            Op::And(..) => clear("&&", And),
-            Op::Or(..) => clear("||", Or),
+            Op::Less(..) => infix(x, "<", Comparison),
+            Op::And(..) => clear_infix(x, "&&", And),
+            Op::Or(..) => clear_infix(x, "||", Or),
             Op::Not(_) => Text::new(format!("!{}", x[0].inside(Sign)), Sign),
-            Op::PowerOfTwo(_) => call("hb_power_of_two"),
-            Op::TurnedSine(..) => call("hb_turned_sine"),
-            Op::TurnedCosine(..) => call("hb_turned_cosine"),
-            Op::Mantissa(_) => call("hb_mantissa"),
-            Op::Exponent(_) => call("hb_exponent"),
+            Op::PowerOfTwo(_) => call(x, "hb_power_of_two"),
+            Op::TurnedSine(..) => call(x, "hb_turned_sine"),
+            Op::TurnedCosine(..) => call(x, "hb_turned_cosine"),
+            Op::Mantissa(_) => call(x, "hb_mantissa"),
+            Op::Exponent(_) => call(x, "hb_exponent"),
             Op::Constant(_) | Op::Truth(_) | Op::Input(_) => Text::whole("0"),
         }
     }

@@ -60,6 +60,23 @@ impl Text {
     }
 }
 
+/// Two operands with a sign between them; those that bind alike are done from the left.
+pub(crate) fn infix(x: &[Text], sign: &str, binding: Binding) -> Text {
+    Text::new(format!("{} {sign} {}", x[0].within(binding), x[1].inside(binding)), binding)
+}
+
+/// The same with brackets around all but comparisons' own operands: not everybody knows which of `and` and `or` comes first.
+pub(crate) fn clear_infix(x: &[Text], sign: &str, binding: Binding) -> Text {
+    let [a, b] = [0, 1].map(|k| x[k].inside(Binding::Comparison));
+    Text::new(format!("{a} {sign} {b}"), binding)
+}
+
+/// A function of the operands.
+pub(crate) fn call(x: &[Text], name: &str) -> Text {
+    let arguments: Vec<&str> = x.iter().map(|t| t.text.as_str()).collect();
+    Text::whole(format!("{name}({})", arguments.join(", ")))
+}
+
 /// A name given to a value.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Statement {

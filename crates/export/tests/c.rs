@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+mod course;
+
+use course::inputs;
 use hydroboom_control::{Measured, Reference};
 use hydroboom_description::Description;
 use hydroboom_export::c::{Precision, files};
@@ -48,23 +51,6 @@ fn answered(program: &Path, numbers: &[f64]) -> Vec<f64> {
     assert!(output.status.success(), "{:?}", output.status);
     let eight = |c: &[u8]| f64::from_le_bytes(c.try_into().unwrap());
     output.stdout.chunks_exact(8).map(eight).collect()
-}
-
-/// Motor speed and valve of a motion out, a dwell with the valve shut, and back faster than the oil can follow: check valves, the
-/// holding valve and the cavities are passed at their kinks.
-fn inputs(steps: usize) -> Vec<Input<f64>> {
-    let of = |k: usize| {
-        let t = k as f64 / steps as f64;
-        let pump_speed = match t {
-            t if t < 0.1 => 0.0,
-            t if t < 0.3 => 40.0 * (t - 0.1) / 0.2,
-            t if t < 0.5 => 40.0,
-            t if t < 0.6 => 0.0,
-            t => -45.0 * ((t - 0.6) / 0.1).min(1.0),
-        };
-        Input { pump_speed, holding_valve: if (0.5..0.6).contains(&t) { 0.0 } else { 1.0 } }
-    };
-    (0..steps).map(of).collect()
 }
 
 fn flat(state: &CraneState<f64, 3>) -> Vec<f64> {

@@ -2,8 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+mod course;
 mod evaluator;
 
+use course::inputs;
 use evaluator::{Instance, Library};
 use hydroboom_control::{Measured, Reference};
 use hydroboom_description::Description;
@@ -17,22 +19,6 @@ const STEP: f64 = 50e-6;
 
 fn text_of(block: &Block) -> String {
     function_block(block).unwrap().text()
-}
-
-/// Out with the load, the valve shut for a while, back faster than the oil can follow.
-fn inputs(steps: usize) -> Vec<Input<f64>> {
-    let of = |k: usize| {
-        let t = k as f64 / steps as f64;
-        let pump_speed = match t {
-            t if t < 0.1 => 0.0,
-            t if t < 0.3 => 40.0 * (t - 0.1) / 0.2,
-            t if t < 0.5 => 40.0,
-            t if t < 0.6 => 0.0,
-            t => -45.0 * ((t - 0.6) / 0.1).min(1.0),
-        };
-        Input { pump_speed, holding_valve: if (0.5..0.6).contains(&t) { 0.0 } else { 1.0 } }
-    };
-    (0..steps).map(of).collect()
 }
 
 fn agrees(what: &str, step: usize, found: f64, wanted: f64, scale: f64) {

@@ -37,8 +37,6 @@ typedef struct {
 
 HB_LAYER
 
-#define HB_STATUS(done) ((done) != 0 ? HB_OK : HB_ERROR)
-
 HB_EXPORT const char *HB_NAME(fmi2GetTypesPlatform)(void)
 {
     return "default";
@@ -61,7 +59,6 @@ HB_EXPORT int HB_NAME(fmi2SetDebugLogging)(void *c, int on, size_t count, const 
 HB_EXPORT void *HB_NAME(fmi2Instantiate)(const char *name, int type, const char *token, const char *resources,
     const hb_callbacks *callbacks, int visible, int logging)
 {
-    hb_instance *i;
     (void)resources;
     (void)visible;
     (void)logging;
@@ -72,17 +69,7 @@ HB_EXPORT void *HB_NAME(fmi2Instantiate)(const char *name, int type, const char 
         }
         return NULL;
     }
-    i = calloc(1, sizeof *i);
-    if (i == NULL) {
-        return NULL;
-    }
-    strncpy(i->name, name, sizeof i->name - 1);
-    if (callbacks != NULL) {
-        i->logger = callbacks->logger;
-        i->environment = callbacks->environment;
-    }
-    hb_begin(&i->now);
-    return i;
+    return hb_made(name, (callbacks != NULL) ? callbacks->environment : NULL, (callbacks != NULL) ? callbacks->logger : NULL);
 }
 
 HB_EXPORT void HB_NAME(fmi2FreeInstance)(void *c)
@@ -92,16 +79,11 @@ HB_EXPORT void HB_NAME(fmi2FreeInstance)(void *c)
 
 HB_EXPORT int HB_NAME(fmi2SetupExperiment)(void *c, int has_tolerance, double tolerance, double start, int has_stop, double stop)
 {
-    hb_instance *i = c;
     (void)has_tolerance;
     (void)tolerance;
     (void)has_stop;
     (void)stop;
-    if (i == NULL) {
-        return HB_ERROR;
-    }
-    i->now.time = start;
-    return HB_OK;
+    return hb_starts_at(c, start);
 }
 
 HB_EXPORT int HB_NAME(fmi2EnterInitializationMode)(void *c)
@@ -111,12 +93,7 @@ HB_EXPORT int HB_NAME(fmi2EnterInitializationMode)(void *c)
 
 HB_EXPORT int HB_NAME(fmi2ExitInitializationMode)(void *c)
 {
-    hb_instance *i = c;
-    if (i == NULL) {
-        return HB_ERROR;
-    }
-    hb_refresh(&i->now);
-    return HB_OK;
+    return hb_initialized(c);
 }
 
 HB_EXPORT int HB_NAME(fmi2Terminate)(void *c)
@@ -126,12 +103,7 @@ HB_EXPORT int HB_NAME(fmi2Terminate)(void *c)
 
 HB_EXPORT int HB_NAME(fmi2Reset)(void *c)
 {
-    hb_instance *i = c;
-    if (i == NULL) {
-        return HB_ERROR;
-    }
-    hb_begin(&i->now);
-    return HB_OK;
+    return hb_reset(c);
 }
 
 HB_EXPORT int HB_NAME(fmi2GetReal)(void *c, const unsigned vr[], size_t count, double value[])
@@ -161,38 +133,18 @@ HB_NONE(fmi2SetString, const char *const)
 
 HB_EXPORT int HB_NAME(fmi2GetFMUstate)(void *c, void **state)
 {
-    hb_instance *i = c;
-    if (i == NULL || state == NULL) {
-        return HB_ERROR;
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof i->now);
-    }
-    if (*state == NULL) {
-        return HB_ERROR;
-    }
-    memcpy(*state, &i->now, sizeof i->now);
-    return HB_OK;
+    return hb_copied((c != NULL) ? &((hb_instance *)c)->now : NULL, state);
 }
 
 HB_EXPORT int HB_NAME(fmi2SetFMUstate)(void *c, void *state)
 {
-    hb_instance *i = c;
-    if (i == NULL || state == NULL) {
-        return HB_ERROR;
-    }
-    memcpy(&i->now, state, sizeof i->now);
-    return HB_OK;
+    return hb_restored(c, state);
 }
 
 HB_EXPORT int HB_NAME(fmi2FreeFMUstate)(void *c, void **state)
 {
     (void)c;
-    if (state != NULL) {
-        free(*state);
-        *state = NULL;
-    }
-    return HB_OK;
+    return hb_released(state);
 }
 
 HB_EXPORT int HB_NAME(fmi2SerializedFMUstateSize)(void *c, void *state, size_t *size)
@@ -206,27 +158,13 @@ HB_EXPORT int HB_NAME(fmi2SerializedFMUstateSize)(void *c, void *state, size_t *
 HB_EXPORT int HB_NAME(fmi2SerializeFMUstate)(void *c, void *state, char bytes[], size_t size)
 {
     (void)c;
-    if (state == NULL || size < sizeof(hb_numbers)) {
-        return HB_ERROR;
-    }
-    memcpy(bytes, state, sizeof(hb_numbers));
-    return HB_OK;
+    return hb_serialized(state, bytes, size);
 }
 
 HB_EXPORT int HB_NAME(fmi2DeSerializeFMUstate)(void *c, const char bytes[], size_t size, void **state)
 {
     (void)c;
-    if (state == NULL || size != sizeof(hb_numbers)) {
-        return HB_ERROR;
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof(hb_numbers));
-    }
-    if (*state == NULL) {
-        return HB_ERROR;
-    }
-    memcpy(*state, bytes, sizeof(hb_numbers));
-    return HB_OK;
+    return (size == sizeof(hb_numbers)) ? hb_copied(bytes, state) : HB_ERROR;
 }
 
 HB_EXPORT int HB_NAME(fmi2DoStep)(void *c, double time, double length, int keeps)

@@ -32,8 +32,6 @@ typedef void (*hb_logger)(void *environment, int status, const char *category, c
 
 HB_LAYER
 
-#define HB_STATUS(done) ((done) != 0 ? HB_OK : HB_ERROR)
-
 HB_EXPORT const char *HB_NAME(fmi3GetVersion)(void)
 {
     return "3.0";
@@ -52,7 +50,6 @@ HB_EXPORT void *HB_NAME(fmi3InstantiateCoSimulation)(const char *name, const cha
     bool logging, bool events, bool early, const uint32_t required[], size_t count, void *environment, hb_logger logger,
     void (*update)(void))
 {
-    hb_instance *i;
     (void)resources;
     (void)visible;
     (void)logging;
@@ -67,15 +64,7 @@ HB_EXPORT void *HB_NAME(fmi3InstantiateCoSimulation)(const char *name, const cha
         }
         return NULL;
     }
-    i = calloc(1, sizeof *i);
-    if (i == NULL) {
-        return NULL;
-    }
-    strncpy(i->name, name, sizeof i->name - 1);
-    i->logger = logger;
-    i->environment = environment;
-    hb_begin(&i->now);
-    return i;
+    return hb_made(name, environment, logger);
 }
 
 HB_EXPORT void HB_NAME(fmi3FreeInstance)(void *c)
@@ -85,26 +74,16 @@ HB_EXPORT void HB_NAME(fmi3FreeInstance)(void *c)
 
 HB_EXPORT int HB_NAME(fmi3EnterInitializationMode)(void *c, bool has_tolerance, double tolerance, double start, bool has_stop, double stop)
 {
-    hb_instance *i = c;
     (void)has_tolerance;
     (void)tolerance;
     (void)has_stop;
     (void)stop;
-    if (i == NULL) {
-        return HB_ERROR;
-    }
-    i->now.time = start;
-    return HB_OK;
+    return hb_starts_at(c, start);
 }
 
 HB_EXPORT int HB_NAME(fmi3ExitInitializationMode)(void *c)
 {
-    hb_instance *i = c;
-    if (i == NULL) {
-        return HB_ERROR;
-    }
-    hb_refresh(&i->now);
-    return HB_OK;
+    return hb_initialized(c);
 }
 
 HB_EXPORT int HB_NAME(fmi3EnterEventMode)(void *c)
@@ -125,12 +104,7 @@ HB_EXPORT int HB_NAME(fmi3Terminate)(void *c)
 
 HB_EXPORT int HB_NAME(fmi3Reset)(void *c)
 {
-    hb_instance *i = c;
-    if (i == NULL) {
-        return HB_ERROR;
-    }
-    hb_begin(&i->now);
-    return HB_OK;
+    return hb_reset(c);
 }
 
 HB_EXPORT int HB_NAME(fmi3GetFloat64)(void *c, const uint32_t vr[], size_t count, double values[], size_t value_count)
@@ -176,38 +150,18 @@ HB_NONE(fmi3SetString, const char *const)
 
 HB_EXPORT int HB_NAME(fmi3GetFMUState)(void *c, void **state)
 {
-    hb_instance *i = c;
-    if (i == NULL || state == NULL) {
-        return HB_ERROR;
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof i->now);
-    }
-    if (*state == NULL) {
-        return HB_ERROR;
-    }
-    memcpy(*state, &i->now, sizeof i->now);
-    return HB_OK;
+    return hb_copied((c != NULL) ? &((hb_instance *)c)->now : NULL, state);
 }
 
 HB_EXPORT int HB_NAME(fmi3SetFMUState)(void *c, void *state)
 {
-    hb_instance *i = c;
-    if (i == NULL || state == NULL) {
-        return HB_ERROR;
-    }
-    memcpy(&i->now, state, sizeof i->now);
-    return HB_OK;
+    return hb_restored(c, state);
 }
 
 HB_EXPORT int HB_NAME(fmi3FreeFMUState)(void *c, void **state)
 {
     (void)c;
-    if (state != NULL) {
-        free(*state);
-        *state = NULL;
-    }
-    return HB_OK;
+    return hb_released(state);
 }
 
 HB_EXPORT int HB_NAME(fmi3SerializedFMUStateSize)(void *c, void *state, size_t *size)
@@ -221,27 +175,13 @@ HB_EXPORT int HB_NAME(fmi3SerializedFMUStateSize)(void *c, void *state, size_t *
 HB_EXPORT int HB_NAME(fmi3SerializeFMUState)(void *c, void *state, uint8_t bytes[], size_t size)
 {
     (void)c;
-    if (state == NULL || size < sizeof(hb_numbers)) {
-        return HB_ERROR;
-    }
-    memcpy(bytes, state, sizeof(hb_numbers));
-    return HB_OK;
+    return hb_serialized(state, bytes, size);
 }
 
 HB_EXPORT int HB_NAME(fmi3DeserializeFMUState)(void *c, const uint8_t bytes[], size_t size, void **state)
 {
     (void)c;
-    if (state == NULL || size != sizeof(hb_numbers)) {
-        return HB_ERROR;
-    }
-    if (*state == NULL) {
-        *state = malloc(sizeof(hb_numbers));
-    }
-    if (*state == NULL) {
-        return HB_ERROR;
-    }
-    memcpy(*state, bytes, sizeof(hb_numbers));
-    return HB_OK;
+    return (size == sizeof(hb_numbers)) ? hb_copied(bytes, state) : HB_ERROR;
 }
 
 HB_EXPORT int HB_NAME(fmi3DoStep)(void *c, double time, double length, bool keeps, bool *event, bool *ends, bool *early, double *last)

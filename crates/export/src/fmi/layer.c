@@ -148,3 +148,85 @@ static int hb_advance(hb_instance *i, double time, double length)
     }
     return 1;
 }
+
+/* What HB_OK and HB_ERROR say of something that is done or not. */
+#define HB_STATUS(done) ((done) != 0 ? HB_OK : HB_ERROR)
+
+static hb_instance *hb_made(const char *name, void *environment, hb_logger logger)
+{
+    hb_instance *i = calloc(1, sizeof *i);
+    if (i != NULL) {
+        strncpy(i->name, name, sizeof i->name - 1);
+        i->logger = logger;
+        i->environment = environment;
+        hb_begin(&i->now);
+    }
+    return i;
+}
+
+static int hb_starts_at(hb_instance *i, double start)
+{
+    if (i != NULL) {
+        i->now.time = start;
+    }
+    return HB_STATUS(i != NULL);
+}
+
+static int hb_initialized(hb_instance *i)
+{
+    if (i != NULL) {
+        hb_refresh(&i->now);
+    }
+    return HB_STATUS(i != NULL);
+}
+
+static int hb_reset(hb_instance *i)
+{
+    if (i != NULL) {
+        hb_begin(&i->now);
+    }
+    return HB_STATUS(i != NULL);
+}
+
+/* Numbers copied to where they are kept, which is made where it is not there yet. */
+static int hb_copied(const void *numbers, void **state)
+{
+    if (numbers == NULL || state == NULL) {
+        return HB_ERROR;
+    }
+    if (*state == NULL) {
+        *state = malloc(sizeof(hb_numbers));
+    }
+    if (*state == NULL) {
+        return HB_ERROR;
+    }
+    memcpy(*state, numbers, sizeof(hb_numbers));
+    return HB_OK;
+}
+
+static int hb_restored(hb_instance *i, const void *state)
+{
+    if (i == NULL || state == NULL) {
+        return HB_ERROR;
+    }
+    memcpy(&i->now, state, sizeof i->now);
+    return HB_OK;
+}
+
+static int hb_released(void **state)
+{
+    if (state != NULL) {
+        free(*state);
+        *state = NULL;
+    }
+    return HB_OK;
+}
+
+static int hb_serialized(const void *state, void *bytes, size_t size)
+{
+    if (state == NULL || bytes == NULL || size < sizeof(hb_numbers)) {
+        return HB_ERROR;
+    }
+    memcpy(bytes, state, sizeof(hb_numbers));
+    return HB_OK;
+}

@@ -19,7 +19,9 @@ use crate::error::ExportError;
 use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
-use crate::statement::{Binding, Dialect, Source, Statement, Text, broken, statements};
+use crate::statement::{
+    Binding, Dialect, Source, Statement, Text, broken, call, clear_infix, infix, statements,
+};
 use hydroboom_description::Description;
 use std::collections::HashMap;
 
@@ -159,32 +161,20 @@ impl Dialect for StructuredText {
 
     fn operation(&self, op: Op, x: &[Text]) -> Text {
         use Binding::*;
-        let infix = |sign: &str, binding: Binding| {
-            let (a, b) = (x[0].within(binding), x[1].inside(binding));
-            Text::new(format!("{a} {sign} {b}"), binding)
-        };
-        let clear = |sign: &str, binding: Binding| {
-            let (a, b) = (x[0].inside(Comparison), x[1].inside(Comparison));
-            Text::new(format!("{a} {sign} {b}"), binding)
-        };
-        let call = |name: &str| {
-            let arguments: Vec<&str> = x.iter().map(|t| t.text.as_str()).collect();
-            Text::whole(format!("{name}({})", arguments.join(", ")))
-        };
         match op {
-            Op::Add(..) => infix("+", Sum),
-            Op::Sub(..) => infix("-", Sum),
-            Op::Mul(..) => infix("*", Product),
-            Op::Div(..) => infix("/", Product),
+            Op::Add(..) => infix(x, "+", Sum),
+            Op::Sub(..) => infix(x, "-", Sum),
+            Op::Mul(..) => infix(x, "*", Product),
+            Op::Div(..) => infix(x, "/", Product),
             // a sign binds to its number only: tools differ on what stands behind it
             Op::Neg(_) => Text::new(format!("-{}", x[0].inside(Sign)), Sum),
             Op::MulAdd(..) => {
                 let product = format!("{} * {}", x[0].within(Product), x[1].inside(Product));
                 Text::new(format!("{product} + {}", x[2].inside(Sum)), Sum)
             }
-            Op::Sqrt(_) => call("SQRT"),
-            Op::Exp(_) => call("EXP"),
-            Op::Ln(_) => call("LN"),
+            Op::Sqrt(_) => call(x, "SQRT"),
+            Op::Exp(_) => call(x, "EXP"),
+            Op::Ln(_) => call(x, "LN"),
             // nothing overflows: beyond 20 it is one
             Op::Tanh(_) => Text::new(
                 format!(
@@ -195,14 +185,14 @@ impl Dialect for StructuredText {
             ),
             // the angle itself: sine and cosine are two functions
             Op::SinCos(_) => x[0].clone(),
-            Op::Sin(_) => call("SIN"),
-            Op::Cos(_) => call("COS"),
+            Op::Sin(_) => call(x, "SIN"),
+            Op::Cos(_) => call(x, "COS"),
             Op::Select(..) => {
                 Text::whole(format!("SEL({}, {}, {})", x[0].text, x[2].text, x[1].text))
             }
-            Op::Less(..) => infix("<", Comparison),
-            Op::And(..) => clear("AND", And),
-            Op::Or(..) => clear("OR", Or),
+            Op::Less(..) => infix(x, "<", Comparison),
+            Op::And(..) => clear_infix(x, "AND", And),
+            Op::Or(..) => clear_infix(x, "OR", Or),
             Op::Not(_) => Text::new(format!("NOT {}", x[0].inside(Sign)), Sign),
             _ => Text::whole("0.0E0"),
         }
