@@ -59,8 +59,31 @@ fn fmus_are_valid() {
     }
 }
 
+/// The FMU at a path once more, its binary made by a plain compiler from the source that is packed in it.
+fn from_packed_source(path: &str, version: Version) -> String {
+    let mut packed = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    let sources = folder().join(format!("packed-{version:?}"));
+    let _ = std::fs::remove_dir_all(&sources);
+    packed.extract(&sources).unwrap();
+    let library = sources.join("again.so");
+    let output = Command::new("gcc")
+        .args(["-shared", "-fPIC", "-O1", "-o"])
+        .arg(&library)
+        .args(["hydroboom.c", "fmu.c"].map(|name| sources.join("sources").join(name)))
+        .arg("-lm")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let crane = Description::uia_single_boom().unwrap();
+    let whole = unit(&crane_model(&crane).unwrap(), &crane.name, version).unwrap();
+    let bytes = std::fs::read(&library).unwrap();
+    let again = folder().join(format!("again-{version:?}.fmu"));
+    std::fs::write(&again, archive(&whole, Some(&bytes)).unwrap()).unwrap();
+    again.to_str().unwrap().to_string()
+}
+
 #[test]
-fn an_fmu_computes_what_rust_does() {
+fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
     let Some(python) = python() else { return };
     let description = Description::uia_single_boom().unwrap();
     let crane = description.crane::<3>().unwrap();
@@ -81,14 +104,15 @@ fn an_fmu_computes_what_rust_does() {
     let table = folder().join("inputs.csv");
     std::fs::write(&table, inputs).unwrap();
     let outputs = "stroke+pressure_a+pressure_pump_a+tip_y";
-    for version in BOTH {
-        let path = written("same", "model", version);
-        let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), outputs]);
+    let paths = BOTH.map(|version| written("same", "model", version));
+    let again = [0, 1].map(|k| from_packed_source(&paths[k], BOTH[k]));
+    for path in paths.iter().chain(&again) {
+        let said = fmpy(&python, &["simulated", path, table.to_str().unwrap(), outputs]);
         let found: Vec<Vec<f64>> =
             said.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
         assert_eq!(found.len(), wanted.len());
         for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
-            assert_eq!(found.as_slice(), wanted, "{version:?} after {k} ms");
+            assert_eq!(found.as_slice(), wanted, "{path} after {k} ms");
         }
     }
 }
