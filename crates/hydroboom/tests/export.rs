@@ -62,7 +62,7 @@ fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
         (path("plant.fmu"), path("controller.fmu"), path("course.csv"));
     let changed = "pump.flow_gain=0.88";
     let made =
-        parsed(&["export", "fmu", "--what", "model", "--set", changed, "--out", &plant, "--json"]);
+        parsed(&["export", "fmu", "--what", "plant", "--set", changed, "--out", &plant, "--json"]);
     assert_eq!(made["has_binary"], true, "{made}");
     let made = ["export", "fmu", "--what", "controller", "--fmi", "3", "--out", &controller];
     assert!(hydroboom(&made).status.success());

@@ -16,6 +16,8 @@ use std::path::PathBuf;
 enum What {
     /// The crane: motor speed and valve in, position, pressures, forces out.
     Model,
+    /// The same under another name: a crane that differs from the model, to be steered.
+    Plant,
     /// The benchmark controller: reference and what is measured in, motor speed out.
     Controller,
 }
@@ -23,7 +25,7 @@ enum What {
 /// An FMU (FMI 2.0 or 3.0, co-simulation) that carries its C source beside a binary for Linux.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hydroboom export fmu --what model --out crane.fmu\n  hydroboom export fmu --what model \
+    after_help = "Examples:\n  hydroboom export fmu --what model --out crane.fmu\n  hydroboom export fmu --what plant \
     --set payload.mass_kg=340 --out plant.fmu\n  docs/export.md shows how it is used"
 )]
 pub struct Fmu {
@@ -49,6 +51,11 @@ impl Fmu {
         let crane = self.crane.read()?;
         let block = match self.what {
             What::Model => crane_model(&crane).into_diagnostic()?,
+            What::Plant => {
+                let mut plant = crane_model(&crane).into_diagnostic()?;
+                plant.name = "plant".into();
+                plant
+            }
             What::Controller => controller(&crane),
         };
         let version = if self.fmi == "3" { Version::Three } else { Version::Two };
