@@ -13,7 +13,7 @@ use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
 use crate::statement::{
-    Binding, Dialect, Source, Statement, Text, broken, call, clear_infix, infix, statements,
+    Binding, Dialect, Source, Statement, Text, arithmetic, broken, call, clear_infix, statements,
 };
 use hydroboom_math::elementary;
 use std::collections::HashMap;
@@ -61,11 +61,10 @@ impl Dialect for C {
 
     fn operation(&self, op: Op, x: &[Text]) -> Text {
         use Binding::*;
+        if let Some(text) = arithmetic(op, x) {
+            return text;
+        }
         match op {
-            Op::Add(..) => infix(x, "+", Sum),
-            Op::Sub(..) => infix(x, "-", Sum),
-            Op::Mul(..) => infix(x, "*", Product),
-            Op::Div(..) => infix(x, "/", Product),
             Op::Neg(_) => Text::new(format!("-{}", x[0].inside(Sign)), Sign),
             Op::MulAdd(..) => call(x, "HB_FMA"),
             Op::Sqrt(_) => call(x, "HB_SQRT"),
@@ -79,7 +78,6 @@ impl Dialect for C {
                 let [a, b, c] = [0, 1, 2].map(|k| x[k].inside(Choice));
                 Text::new(format!("{a} ? {b} : {c}"), Choice)
             }
-            Op::Less(..) => infix(x, "<", Comparison),
             Op::And(..) => clear_infix(x, "&&", And),
             Op::Or(..) => clear_infix(x, "||", Or),
             Op::Not(_) => Text::new(format!("!{}", x[0].inside(Sign)), Sign),
@@ -88,7 +86,8 @@ impl Dialect for C {
             Op::TurnedCosine(..) => call(x, "hb_turned_cosine"),
             Op::Mantissa(_) => call(x, "hb_mantissa"),
             Op::Exponent(_) => call(x, "hb_exponent"),
-            Op::Constant(_) | Op::Truth(_) | Op::Input(_) => Text::whole("0"),
+            // constants and inputs have a text of their own, arithmetic is written above
+            _ => Text::whole("0"),
         }
     }
 }

@@ -52,14 +52,14 @@ impl Plan {
             let mut open: Vec<(Node, Target)> =
                 entry.results.iter().map(|(target, node)| (*node, *target)).collect();
             while let Some((node, target)) = open.pop() {
-                if given.contains(&node) || !seen.insert(node) {
+                if given.contains(&node) || seen.contains(&node) {
                     continue;
                 }
                 if stays(node) && is_number(node) {
                     prepared.insert(node);
-                    seen.remove(&node);
                     continue;
                 }
+                seen.insert(node);
                 let op = graph.op(node);
                 if matches!(op, Op::Input(_)) {
                     let result = block.result_name(target);
@@ -102,4 +102,59 @@ fn sorted<T: Ord>(of: impl IntoIterator<Item = T>) -> Vec<T> {
     let mut all: Vec<T> = of.into_iter().collect();
     all.sort_unstable();
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::block::{Entry, Variable};
+    use crate::expression::{Expression, record};
+    use std::rc::Rc;
+
+    fn variable(name: &str) -> Variable {
+        Variable { name: name.into(), unit: "1".into(), meaning: String::new(), initial: 0.0 }
+    }
+
+    /// y = p² x + z, with z given or not.
+    fn block(has_z: bool) -> (Block, [Node; 3]) {
+        let (graph, (nodes, results)) = record(|| {
+            let (p, x, z) = (Expression::input(), Expression::input(), Expression::input());
+            let square = p * p;
+            let product = square * x;
+            ([p, x, z].map(Expression::node), [square, product, product + z].map(Expression::node))
+        });
+        let [p, x, z] = nodes;
+        let mut inputs = vec![(variable("x"), x)];
+        inputs.extend(has_z.then(|| (variable("z"), z)));
+        let block = Block {
+            name: "made".into(),
+            meaning: String::new(),
+            graph: Rc::new(graph),
+            parameters: vec![(variable("p"), p)],
+            inputs,
+            states: Vec::new(),
+            outputs: vec![variable("y")],
+            entries: vec![Entry {
+                name: "step".into(),
+                meaning: "made".into(),
+                results: vec![(Target::Output(0), results[2])],
+            }],
+            labels: HashMap::new(),
+        };
+        (block, results)
+    }
+
+    #[test]
+    fn what_follows_from_parameters_is_worked_out_once_and_the_rest_at_each_call() {
+        let (block, [square, product, sum]) = block(true);
+        let plan = Plan::of(&block).unwrap();
+        assert_eq!((plan.preparing, plan.prepared), (vec![square], vec![square]));
+        assert_eq!(plan.entries, [vec![product, sum]]);
+    }
+
+    #[test]
+    fn a_result_of_what_the_block_does_not_have_is_refused_by_name() {
+        let said = Plan::of(&block(false).0).unwrap_err().to_string();
+        assert!(said.contains("made: y depends"), "{said}");
+    }
 }

@@ -61,8 +61,20 @@ impl Text {
 }
 
 /// Two operands with a sign between them; those that bind alike are done from the left.
-pub(crate) fn infix(x: &[Text], sign: &str, binding: Binding) -> Text {
+fn infix(x: &[Text], sign: &str, binding: Binding) -> Text {
     Text::new(format!("{} {sign} {}", x[0].within(binding), x[1].inside(binding)), binding)
+}
+
+/// What all languages write alike: sums, products, quotients, comparisons; none for anything else.
+pub(crate) fn arithmetic(op: Op, x: &[Text]) -> Option<Text> {
+    Some(match op {
+        Op::Add(..) => infix(x, "+", Binding::Sum),
+        Op::Sub(..) => infix(x, "-", Binding::Sum),
+        Op::Mul(..) => infix(x, "*", Binding::Product),
+        Op::Div(..) => infix(x, "/", Binding::Product),
+        Op::Less(..) => infix(x, "<", Binding::Comparison),
+        _ => return None,
+    })
 }
 
 /// The same with brackets around all but comparisons' own operands: not everybody knows which of `and` and `or` comes first.

@@ -161,6 +161,54 @@ fn ten_thousand_steps_in_c_are_those_in_rust_to_the_last_bit() {
     }
 }
 
+/// Products whose exact value lies a hair beside the middle of two numbers, where rounding twice goes the wrong way, and usual
+/// ones.
+#[test]
+fn a_fused_product_without_an_instruction_for_it_rounds_once() {
+    let description = Description::uia_single_boom().unwrap();
+    let folder = written("c-fma", &description, Precision::Double);
+    let main = r#"
+#define HB_SOFT_FMA
+#include "crane.c"
+#include <stdio.h>
+int main(void)
+{
+    double in[3];
+    while (fread(in, sizeof in, 1, stdin) == 1) {
+        const double out = hb_fma(in[0], in[1], in[2]);
+        if (fwrite(&out, sizeof out, 1, stdout) != 1) {
+            return 1;
+        }
+    }
+    return 0;
+}
+"#;
+    std::fs::write(folder.join("fma.c"), main).unwrap();
+    let program = compiled(&folder, &["fma.c"], &[]);
+    let mut triples = Vec::new();
+    for k in 1..53 {
+        // (1 + 2^-k)(1 + 2^(k - 53)) ends in half of a last digit
+        let (a, b) = (1.0 + 0.5_f64.powi(k), 1.0 + 0.5_f64.powi(53 - k));
+        for tiny in [1e-40, -1e-40, 3e-25, -3e-25, 0.0] {
+            triples.extend([[a, b, tiny], [-a, b, tiny], [1e7 * a, b, tiny]]);
+        }
+    }
+    for k in 0..20_000_u32 {
+        let of = |seed: f64| {
+            (f64::from(k) * seed).sin() * 10.0_f64.powf(6.0 * (f64::from(k) * 0.37).cos())
+        };
+        triples.push([of(12.9898), of(78.233), of(37.719)]);
+        triples.push([of(12.9898), of(78.233), -of(12.9898) * of(78.233)]);
+    }
+    let once = answered(&program, &triples.concat());
+    let mut twice_differs = 0;
+    for ([a, b, c], found) in triples.iter().zip(once) {
+        assert_eq!(found, a.mul_add(*b, *c), "{a:?} {b:?} {c:?}");
+        twice_differs += u32::from(a * b + c != found);
+    }
+    assert!(twice_differs > 1000, "{twice_differs}: nothing was asked of it");
+}
+
 /// The paper's crane with seals that give before they slide.
 fn lugre() -> Description {
     let text = hydroboom_description::UIA_SINGLE_BOOM.replace("\"stribeck\"", "\"lugre\"");

@@ -13,7 +13,7 @@ use hydroboom_export::Block;
 use hydroboom_export::structured_text::{Kind, Unit, function_block, plcopen, twincat, units};
 use hydroboom_export::{blocks, controller};
 use hydroboom_model::stepping::published;
-use hydroboom_model::{CraneState, Input, Outputs};
+use hydroboom_model::{Crane, CraneState, Input, Outputs};
 
 const STEP: f64 = 50e-6;
 
@@ -21,6 +21,8 @@ fn text_of(block: &Block) -> String {
     function_block(block).unwrap().text()
 }
 
+/// Within a thousand millionth of what the quantity comes to in a motion: functions of the platform and products that round
+/// twice differ in the sixteenth digit, and a step's differences of large pressures take some digits of that.
 fn agrees(what: &str, step: usize, found: f64, wanted: f64, scale: f64) {
     let off = (found - wanted).abs() / scale;
     assert!(off <= 1e-9, "{what} after step {step}: {found} for {wanted}");
@@ -48,6 +50,26 @@ fn set_hydraulics(hydraulics: &mut Instance, state: &CraneState<f64, 3>) {
     hydraulics.set("sZBristle", state.bristle);
 }
 
+/// Both blocks, and the crane of Rust at rest where they begin.
+fn beside(description: &Description) -> (Instance, Instance, Crane<f64, 3>, CraneState<f64, 3>) {
+    let [hydraulics, boom] = blocks(description).unwrap().map(|b| Instance::parse(&text_of(&b)));
+    let crane = description.crane::<3>().unwrap();
+    let n = &description.numbers;
+    let state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+    (hydraulics, boom, crane, state)
+}
+
+/// A step of the hydraulics with the piston at a stroke and a velocity.
+fn step_hydraulics(block: &mut Instance, input: &Input<f64>, (stroke, velocity): (f64, f64)) {
+    block.call(&[
+        ("nPump", input.pump_speed),
+        ("uValve", input.holding_valve),
+        ("xCyl", stroke),
+        ("vCyl", velocity),
+        ("tStep", STEP),
+    ]);
+}
+
 fn pressures(o: &Outputs<f64>) -> [(&'static str, f64); 5] {
     [
         ("pPA", o.pressure_pump_a),
@@ -63,12 +85,7 @@ fn pressures(o: &Outputs<f64>) -> [(&'static str, f64); 5] {
 #[test]
 fn each_of_ten_thousand_steps_is_that_in_rust() {
     for description in cranes() {
-        let [hydraulics, boom] = blocks(&description).unwrap();
-        let mut hydraulics = Instance::parse(&text_of(&hydraulics));
-        let mut boom = Instance::parse(&text_of(&boom));
-        let crane = description.crane::<3>().unwrap();
-        let n = &description.numbers;
-        let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+        let (mut hydraulics, mut boom, crane, mut state) = beside(&description);
         for (k, input) in inputs(10_000).iter().enumerate() {
             let before = crane.outputs(&state);
             if k > 0 {
@@ -77,13 +94,7 @@ fn each_of_ten_thousand_steps_is_that_in_rust() {
             }
             published(&crane, &mut state, input, STEP);
             let wanted = crane.outputs(&state);
-            hydraulics.call(&[
-                ("nPump", input.pump_speed),
-                ("uValve", input.holding_valve),
-                ("xCyl", before.stroke),
-                ("vCyl", before.velocity),
-                ("tStep", STEP),
-            ]);
+            step_hydraulics(&mut hydraulics, input, (before.stroke, before.velocity));
             agrees("fCyl", k, hydraulics.value("fCyl"), before.cylinder_force, 1e4);
             boom.call(&[("fCyl", before.cylinder_force), ("tStep", STEP)]);
             agrees("xCyl", k, boom.value("xCyl"), wanted.stroke, 0.1);
@@ -101,23 +112,12 @@ fn each_of_ten_thousand_steps_is_that_in_rust() {
 #[test]
 fn a_motion_ends_where_it_does_in_rust_and_begins_again() {
     let description = Description::uia_single_boom().unwrap();
-    let [hydraulics, boom] = blocks(&description).unwrap();
-    let mut hydraulics = Instance::parse(&text_of(&hydraulics));
-    let mut boom = Instance::parse(&text_of(&boom));
-    let crane = description.crane::<3>().unwrap();
-    let n = &description.numbers;
-    let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+    let (mut hydraulics, mut boom, crane, mut state) = beside(&description);
     let begin = crane.outputs(&state);
     let (mut stroke, mut velocity) = (begin.stroke, begin.velocity);
     for (k, input) in inputs(10_000).iter().enumerate() {
         published(&crane, &mut state, input, STEP);
-        hydraulics.call(&[
-            ("nPump", input.pump_speed),
-            ("uValve", input.holding_valve),
-            ("xCyl", stroke),
-            ("vCyl", velocity),
-            ("tStep", STEP),
-        ]);
+        step_hydraulics(&mut hydraulics, input, (stroke, velocity));
         boom.call(&[("fCyl", hydraulics.value("fCyl")), ("tStep", STEP)]);
         (stroke, velocity) = (boom.value("xCyl"), boom.value("vCyl"));
         let wanted = crane.outputs(&state).stroke;

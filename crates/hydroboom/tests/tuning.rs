@@ -168,7 +168,7 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
         (path("fast.csv"), path("slow.csv"), path("t.html"), path("tuned.toml"));
     assert!(hydroboom(&["virtual", "--log", &log]).status.success());
     assert!(hydroboom(&["virtual", "--speed-mm-s", "60", "--log", &other]).status.success());
-    let asked = [
+    let tune = [
         "tune",
         "--log",
         &log,
@@ -176,14 +176,10 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
         "8",
         "--free",
         "pump.flow_gain,payload.mass_kg",
-        "--hold-out",
-        "6:7",
-        "--test-log",
-        &other,
-        "--report",
-        &report,
         "--json",
     ];
+    let asked = ["--hold-out", "6:7", "--test-log", &other, "--report", &report];
+    let asked = [&tune[..], &asked].concat();
     let found = parsed(&asked);
     let held = &found["held_out"][0]["signals"][0];
     keys(held, &["model", "line_before", "last_value", "line_in_hindsight"]);
@@ -203,18 +199,8 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     std::fs::remove_file(&journal).unwrap();
 
     // stopped as Ctrl-C does, and begun again: the same end as without a stop
-    let command = [
-        "tune",
-        "--log",
-        &log,
-        "--to-s",
-        "8",
-        "--free",
-        "pump.flow_gain,payload.mass_kg",
-        "--json",
-    ];
-    let whole = parsed(&command);
-    let kept = [&command[..], &["--out", &tuned]].concat();
+    let whole = parsed(&tune);
+    let kept = [&tune[..], &["--out", &tuned]].concat();
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_hydroboom"))
         .args(&kept)
         .stdout(std::process::Stdio::null())

@@ -20,7 +20,7 @@ use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
 use crate::statement::{
-    Binding, Dialect, Source, Statement, Text, broken, call, clear_infix, infix, statements,
+    Binding, Dialect, Source, Statement, Text, arithmetic, broken, call, clear_infix, statements,
 };
 use hydroboom_description::Description;
 use std::collections::HashMap;
@@ -161,11 +161,10 @@ impl Dialect for StructuredText {
 
     fn operation(&self, op: Op, x: &[Text]) -> Text {
         use Binding::*;
+        if let Some(text) = arithmetic(op, x) {
+            return text;
+        }
         match op {
-            Op::Add(..) => infix(x, "+", Sum),
-            Op::Sub(..) => infix(x, "-", Sum),
-            Op::Mul(..) => infix(x, "*", Product),
-            Op::Div(..) => infix(x, "/", Product),
             // a sign binds to its number only: tools differ on what stands behind it
             Op::Neg(_) => Text::new(format!("-{}", x[0].inside(Sign)), Sum),
             Op::MulAdd(..) => {
@@ -190,7 +189,6 @@ impl Dialect for StructuredText {
             Op::Select(..) => {
                 Text::whole(format!("SEL({}, {}, {})", x[0].text, x[2].text, x[1].text))
             }
-            Op::Less(..) => infix(x, "<", Comparison),
             Op::And(..) => clear_infix(x, "AND", And),
             Op::Or(..) => clear_infix(x, "OR", Or),
             Op::Not(_) => Text::new(format!("NOT {}", x[0].inside(Sign)), Sign),

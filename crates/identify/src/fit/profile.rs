@@ -24,7 +24,8 @@ pub struct Profile {
     /// deviations, with what is left as correlated as it is. What was known of the key itself does not count.
     pub points: Vec<(f64, f64)>,
     /// Where the rise passes [`LIMIT`], in SI units: from here to there the logs do not contradict the key. None where they
-    /// do not as far as was looked: three deviations of what was known of it, or what a crane file allows.
+    /// do not as far as was looked: three deviations of what was known of it, three times as far as the parabola of the search's
+    /// own interval would take to get there, or what a crane file allows.
     pub interval: [Option<f64>; 2],
 }
 
@@ -39,7 +40,8 @@ const POINTS: usize = 6;
 ///
 /// # Errors
 ///
-/// [`IdentifyError`] when the key is none of the task's, or the search was stopped.
+/// [`IdentifyError`] when the key is none of the task's, the model breaks off where the key is held, or the search was
+/// stopped.
 pub fn profile(
     task: &Task<'_>,
     found: &Fit,
@@ -59,9 +61,9 @@ pub fn profile(
     let along = DVector::from_vec(certainty.along(place));
     let (low, high) = key.bounds();
     let (low, high) = (low.max(1e-300).ln(), high.ln());
-    // half the way to where a parabola would be at the limit
+    // half the way to where a parabola would be at the limit, and no farther than what was known
     let expected = LIMIT.sqrt() * alone.deviation;
-    let step = (0.5 * expected).min(FAR * known / 3.0);
+    let step = (0.5 * expected).min(known);
     let held = Held { task, longer: &task.coarse(), deviations, place, go_on };
 
     let own = DVector::from_column_slice(at);
