@@ -4,6 +4,7 @@
 use core::ops::{Add, Div, Mul, Neg, Sub};
 use hydroboom_description::Description;
 use hydroboom_math::{Dual, Real};
+use hydroboom_model::stepping::{Implicit, Underlying, has_settled};
 use hydroboom_model::{Crane, CraneRates, CraneState, Input};
 use num_dual::{Dual64, DualNum};
 
@@ -144,4 +145,50 @@ fn derivatives_match_an_independent_dual_number_valves_at_their_kinks_included()
             }
         }
     }
+}
+
+/// One step whose slopes follow the plain one, beside the same step solved in dual numbers throughout. Both stop iterating where the
+/// boom's turning within a step, which Newton's matrix leaves out, is less than a thousandth: so near they agree.
+#[test]
+fn slopes_that_follow_the_plain_step_are_those_of_a_step_in_dual_numbers() {
+    type Two = Dual<f64, 2>;
+    const STEP: f64 = 2e-4;
+    let description = Description::uia_single_boom().unwrap();
+    let crane = description.crane::<3>().unwrap();
+    let mut state = crane.at_rest(&description.start_over(&description.numbers, 0.2)).unwrap();
+    let plain = Implicit::new(&crane);
+    let input = Input { pump_speed: 20.0, holding_valve: 1.0 };
+    for _ in 0..600 {
+        state = plain.settled(&crane, &state, &input, 5e-4).unwrap();
+    }
+    let over: Crane<Two, 3> = crane.over(&mut Two::constant);
+    let mut whole = state.map(Two::constant);
+    // along the pump's speed, and along the gas that the accumulator has to begin with
+    whole.circuit.gas_volume.slope[1] = 1e-3;
+    let mut following = whole;
+    let mut along = input.map(Two::constant);
+    along.pump_speed.slope[0] = 1.0;
+    // a step that has not settled is no solution, and taken in parts by whoever needs slopes
+    assert!(has_settled(plain.step(&crane, &mut state, &input, STEP)));
+    Implicit::new(&over).step(&over, &mut whole, &along, Two::constant(STEP));
+    Underlying::new(&over).step(&over, &mut following, &along, STEP);
+    let listed = |s: &CraneState<Two, 3>| {
+        let nodes = s.circuit.nodes.to_array();
+        let boom = [s.boom.angle, s.boom.angular_velocity].concat();
+        [boom, nodes.to_vec(), vec![s.circuit.gas_volume]].concat()
+    };
+    let values: Vec<f64> = listed(&following).iter().map(|d| d.value).collect();
+    let wanted: Vec<f64> = listed(&state.map(Two::constant)).iter().map(|d| d.value).collect();
+    assert_eq!(values, wanted, "values are those of the plain step");
+    for (k, (a, b)) in listed(&following).iter().zip(listed(&whole)).enumerate() {
+        for direction in 0..2 {
+            let (a, b) = (a.slope[direction], b.slope[direction]);
+            assert!(
+                (a - b).abs() <= 1e-3 * b.abs(),
+                "coordinate {k} along {direction}: {a} for {b}"
+            );
+        }
+    }
+    let gas = following.circuit.gas_volume.slope;
+    assert!(gas[0] != 0.0 && gas[1] != 1e-3, "the gas does not move: {gas:?}");
 }
