@@ -211,19 +211,21 @@ fn printed(
             (*node, Variable { name, unit: "SI".into(), meaning, initial: 0.0 })
         })
         .collect();
-    let _ = write!(
-        header,
-        "\n/* What follows from that, in SI units: filled by {prefix}_prepare. */\ntypedef struct {{\n"
-    );
-    for (_, v) in &kept {
-        match v.meaning.is_empty() {
-            true => {
-                let _ = writeln!(header, "    hb_real {};", v.name);
+    if !parameters.is_empty() {
+        let _ = write!(
+            header,
+            "\n/* What follows from that, in SI units: filled by {prefix}_prepare. */\ntypedef struct {{\n"
+        );
+        for (_, v) in &kept {
+            match v.meaning.is_empty() {
+                true => {
+                    let _ = writeln!(header, "    hb_real {};", v.name);
+                }
+                false => field(header, v),
             }
-            false => field(header, v),
         }
+        let _ = writeln!(header, "}} {prefix}_prepared;");
     }
-    let _ = writeln!(header, "}} {prefix}_prepared;");
     let of =
         |vs: &[(Variable, Node)]| -> Vec<Variable> { vs.iter().map(|(v, _)| v.clone()).collect() };
     let (inputs, states) = (of(&block.inputs), of(&block.states));
@@ -254,25 +256,29 @@ fn printed(
         vs.map(|v| format!("    {to}->{} = {};\n", v.name, dialect.constant(v.initial).text))
             .collect()
     };
-    declared(
-        &format!("void {prefix}_describe({prefix}_parameters *p)"),
-        "Fills in what the crane file says.",
-        &values(&mut parameters.iter().map(|(v, _)| v), "p"),
-    );
-    let mut body = lines(&said, graph);
-    for ((_, v), text) in kept.iter().zip(&results) {
-        body += &line(&format!("c->{} = {};", v.name, text.text));
+    if !parameters.is_empty() {
+        declared(
+            &format!("void {prefix}_describe({prefix}_parameters *p)"),
+            "Fills in what the crane file says.",
+            &values(&mut parameters.iter().map(|(v, _)| v), "p"),
+        );
+        let mut body = lines(&said, graph);
+        for ((_, v), text) in kept.iter().zip(&results) {
+            body += &line(&format!("c->{} = {};", v.name, text.text));
+        }
+        declared(
+            &format!("void {prefix}_prepare(const {prefix}_parameters *p, {prefix}_prepared *c)"),
+            "Works out what follows from the parameters: once, and after each change of one.",
+            &body,
+        );
     }
-    declared(
-        &format!("void {prefix}_prepare(const {prefix}_parameters *p, {prefix}_prepared *c)"),
-        "Works out what follows from the parameters: once, and after each change of one.",
-        &body,
-    );
-    declared(
-        &format!("void {prefix}_start({prefix}_state *s)"),
-        "The state to start from.",
-        &values(&mut states.iter(), "s"),
-    );
+    if !states.is_empty() {
+        declared(
+            &format!("void {prefix}_start({prefix}_state *s)"),
+            "The state to start from.",
+            &values(&mut states.iter(), "s"),
+        );
+    }
 
     for (entry, order) in block.entries.iter().zip(&plan.entries) {
         let mut given: HashMap<Node, Text> = HashMap::new();

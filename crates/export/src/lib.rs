@@ -17,6 +17,7 @@ pub mod fmi;
 mod graph;
 mod name;
 mod plan;
+mod slopes;
 mod statement;
 pub mod structured_text;
 
@@ -27,3 +28,4 @@ pub use error::ExportError;
 pub use expression::{Condition, Expression, record};
 pub use graph::{Graph, Node, Op};
 pub use plan::Plan;
+pub use slopes::slopes;

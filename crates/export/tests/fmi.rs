@@ -5,10 +5,12 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_description::Description;
-use hydroboom_export::fmi::{Version, archive, binary, unit};
-use hydroboom_export::{controller, crane_model};
-use hydroboom_model::Input;
+use hydroboom_description::schema::Numbers;
+use hydroboom_export::fmi::{Unit, Version, archive, binary, unit};
+use hydroboom_export::{controller, crane_model, slopes};
+use hydroboom_math::Dual;
 use hydroboom_model::stepping::published;
+use hydroboom_model::{Crane, Input};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -29,11 +31,18 @@ fn folder() -> PathBuf {
 
 const BOTH: [Version; 2] = [Version::Two, Version::Three];
 
+fn model(crane: &Description, version: Version) -> Unit {
+    let block = crane_model(crane).unwrap();
+    unit(&block, Some(&slopes(crane, &block).unwrap()), &crane.name, version).unwrap()
+}
+
 /// Writes an FMU for a test, and returns its path.
 fn written(test: &str, what: &str, version: Version) -> String {
     let crane = Description::uia_single_boom().unwrap();
-    let block = if what == "model" { crane_model(&crane).unwrap() } else { controller(&crane) };
-    let unit = unit(&block, &crane.name, version).unwrap();
+    let unit = match what {
+        "model" => model(&crane, version),
+        _ => unit(&controller(&crane), None, &crane.name, version).unwrap(),
+    };
     let library = binary(&unit, &folder().join(format!("{test}-{what}-{version:?}"))).unwrap();
     let path = folder().join(format!("{test}-{what}-{version:?}.fmu"));
     std::fs::write(&path, archive(&unit, library.as_deref()).unwrap()).unwrap();
@@ -75,7 +84,7 @@ fn from_packed_source(path: &str, version: Version) -> String {
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let crane = Description::uia_single_boom().unwrap();
-    let whole = unit(&crane_model(&crane).unwrap(), &crane.name, version).unwrap();
+    let whole = model(&crane, version);
     let bytes = std::fs::read(&library).unwrap();
     let again = folder().join(format!("again-{version:?}.fmu"));
     std::fs::write(&again, archive(&whole, Some(&bytes)).unwrap()).unwrap();
@@ -141,9 +150,57 @@ fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
 #[test]
 fn the_same_crane_gives_the_same_archive() {
     let crane = Description::uia_single_boom().unwrap();
-    let made = || {
-        let block = crane_model(&crane).unwrap();
-        archive(&unit(&block, &crane.name, Version::Three).unwrap(), None).unwrap()
-    };
+    let made = || archive(&model(&crane, Version::Three), None).unwrap();
     assert!(made() == made());
+}
+
+#[test]
+fn directional_derivatives_are_the_slopes_of_the_model() {
+    let Some(python) = python() else { return };
+    type D = Dual<f64, 3>;
+    let description = Description::uia_single_boom().unwrap();
+    let n = &description.numbers;
+    let crane = description.crane::<3>().unwrap();
+    let mut state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+    let input = Input { pump_speed: 8.0, holding_valve: 1.0 };
+    for _ in 0..4000 {
+        published(&crane, &mut state, &input, n.simulation_period);
+    }
+    // along the pump's speed, the payload and a pressure
+    let mut numbers = Numbers::from_array(n.to_array().map(D::constant));
+    numbers.payload.slope[1] = 1.0;
+    let over: Crane<D, 3> = description.crane_over(&numbers).unwrap();
+    let mut state = state.map(D::constant);
+    state.circuit.nodes.pump_a.slope[2] = 1.0;
+    let mut input = input.map(D::constant);
+    input.pump_speed.slope[0] = 1.0;
+    let (rates, seen) = (over.derivative(&state, &input), over.outputs(&state));
+    let wanted = [
+        seen.stroke,
+        seen.pressure_pump_a,
+        rates.circuit.nodes.pump_a,
+        rates.angular_acceleration[0],
+        rates.circuit.gas_volume,
+    ];
+
+    let unknown =
+        "stroke+pressure_pump_a+der_pressure_pump_a+der_angular_velocity_1+der_gas_volume";
+    let known = "pump_speed+payload_mass_kg+state_pressure_pump_a";
+    for version in BOTH {
+        let said = fmpy(&python, &["sloped", &written("slopes", "model", version), unknown, known]);
+        let mut lines = said.lines();
+        let mut row = || -> Vec<f64> {
+            lines.next().unwrap().split(',').map(|v| v.parse().unwrap()).collect()
+        };
+        assert_eq!(row(), wanted.map(|d| d.value), "{version:?}");
+        for direction in 0..3 {
+            for (found, wanted) in row().into_iter().zip(wanted) {
+                let wanted = wanted.slope[direction];
+                let close = (found - wanted).abs() <= 1e-12 * wanted.abs();
+                assert!(close, "{version:?} along {direction}: {found} for {wanted}");
+            }
+        }
+        let errors: Vec<&str> = lines.collect();
+        assert!(errors.len() == 2 && errors.iter().all(|e| e.contains("slopes are along")));
+    }
 }

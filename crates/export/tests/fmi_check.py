@@ -117,6 +117,24 @@ def diverged(path):
         pass
 
 
+def sloped(path, unknown, known):
+    """In motion: what the unknowns are, then how they change along each of what is known; and what is no such thing is refused."""
+    slave, references = opened(path)
+    slave.setReal([references["pump_speed"]], [8.0])
+    slave.doStep(0.0, 0.2)
+    unknown = [references[n] for n in unknown.split("+")]
+    derivative = slave.getDirectionalDerivative
+    print(",".join(repr(v) for v in slave.getReal(unknown)))
+    for name in known.split("+"):
+        print(",".join(repr(v) for v in derivative(unknown, [references[name]], [1.0])))
+    for wrong in ([unknown[0]], [10**6]):
+        try:
+            derivative(unknown, wrong, [1.0])
+            print("along an output")
+        except Exception:
+            pass
+
+
 def closed(plant, controller, course):
     """The controller on the plant along a course; the RMS error of the position in mm."""
     machine, of = opened(plant)
@@ -136,4 +154,4 @@ def closed(plant, controller, course):
 
 
 if __name__ == "__main__":
-    {"validated": validated, "simulated": simulated, "kept": kept, "diverged": diverged, "closed": closed}[sys.argv[1]](*sys.argv[2:])
+    {"validated": validated, "simulated": simulated, "kept": kept, "diverged": diverged, "sloped": sloped, "closed": closed}[sys.argv[1]](*sys.argv[2:])

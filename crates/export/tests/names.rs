@@ -50,7 +50,7 @@ fn code_in_text(description: &Description) -> Vec<String> {
 fn sources(description: &Description) -> String {
     let mut all = String::new();
     for version in [Version::Two, Version::Three] {
-        let made = unit(&controller(description), &description.name, version).unwrap();
+        let made = unit(&controller(description), None, &description.name, version).unwrap();
         assert!(roxmltree::Document::parse(&made.files[0].1).is_ok(), "{}", made.files[0].1);
         let files = made.files.iter().filter(|(path, _)| path.ends_with(".c"));
         all.extend(files.map(|(_, text)| without_comments(text, "/*", "*/").unwrap()));

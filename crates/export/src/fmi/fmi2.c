@@ -173,6 +173,12 @@ HB_EXPORT int HB_NAME(fmi2DoStep)(void *c, double time, double length, int keeps
     return HB_STATUS(c != NULL && hb_advance(c, time, length) != 0);
 }
 
+HB_EXPORT int HB_NAME(fmi2GetDirectionalDerivative)(void *c, const unsigned unknown[], size_t unknowns, const unsigned known[],
+    size_t knowns, const double direction[], double slopes[])
+{
+    return HB_STATUS(c != NULL && hb_along(c, unknown, unknowns, known, knowns, direction, slopes) != 0);
+}
+
 HB_EXPORT int HB_NAME(fmi2CancelStep)(void *c)
 {
     (void)c;
@@ -195,7 +201,6 @@ HB_EXPORT int HB_NAME(fmi2GetRealStatus)(void *c, int kind, double *value)
     {                                                                                              \
         return HB_ERROR;                                                                           \
     }
-HB_ABSENT(fmi2GetDirectionalDerivative)
 HB_ABSENT(fmi2SetRealInputDerivatives)
 HB_ABSENT(fmi2GetRealOutputDerivatives)
 HB_ABSENT(fmi2GetStatus)

@@ -202,6 +202,13 @@ HB_EXPORT int HB_NAME(fmi3DoStep)(void *c, double time, double length, bool keep
     return HB_OK;
 }
 
+HB_EXPORT int HB_NAME(fmi3GetDirectionalDerivative)(void *c, const uint32_t unknown[], size_t unknowns, const uint32_t known[],
+    size_t knowns, const double direction[], size_t directions, double slopes[], size_t slope_count)
+{
+    return HB_STATUS(c != NULL && directions == knowns && slope_count == unknowns
+        && hb_along(c, unknown, unknowns, known, knowns, direction, slopes) != 0);
+}
+
 /* Kinds of FMU that this one is not. */
 HB_EXPORT void *HB_NAME(fmi3InstantiateModelExchange)(void)
 {
@@ -225,7 +232,6 @@ HB_ABSENT(fmi3GetClock)
 HB_ABSENT(fmi3SetClock)
 HB_ABSENT(fmi3GetNumberOfVariableDependencies)
 HB_ABSENT(fmi3GetVariableDependencies)
-HB_ABSENT(fmi3GetDirectionalDerivative)
 HB_ABSENT(fmi3GetAdjointDerivative)
 HB_ABSENT(fmi3EnterConfigurationMode)
 HB_ABSENT(fmi3ExitConfigurationMode)

@@ -26,6 +26,25 @@ static void hb_one(hb_numbers *n);
 static void hb_show(hb_numbers *n);
 static double hb_period(const hb_numbers *n);
 
+/* Parameters, inputs and states: what a slope can be along. */
+#define HB_KNOWN (HB_PARAMETERS + HB_INPUTS + HB_STATES)
+
+#if HB_RATES > 0
+/* Rates of change, then the slopes of rates and outputs, from what is known and a seed for each of that. */
+static void hb_slopes(const double given[], double seen[]);
+#define HB_SEEN (2u * HB_RATES + HB_OUTPUTS)
+
+static void hb_rates_and_slopes(const hb_numbers *n, const double seed[], double seen[])
+{
+    double given[2u * HB_KNOWN];
+    memcpy(given, &n->p, HB_PARAMETERS * sizeof(double));
+    memcpy(given + HB_PARAMETERS, &n->u, HB_INPUTS * sizeof(double));
+    memcpy(given + HB_PARAMETERS + HB_INPUTS, &n->s, HB_STATES * sizeof(double));
+    memcpy(given + HB_KNOWN, seed, HB_KNOWN * sizeof(double));
+    hb_slopes(given, seen);
+}
+#endif
+
 /* Numbers by reference: parameters, inputs, states, outputs, one after the other. */
 static double *hb_place(hb_numbers *n, unsigned reference)
 {
@@ -75,12 +94,26 @@ static void hb_begin(hb_numbers *n)
 static int hb_get(hb_instance *i, const unsigned references[], size_t count, double values[])
 {
     size_t k;
+#if HB_RATES > 0
+    double seen[HB_SEEN];
+    int has_seen = 0;
+#endif
     if (i->now.is_prepared == 0) {
         hb_refresh(&i->now);
     }
     for (k = 0; k < count; k++) {
         const double *place = hb_place(&i->now, references[k]);
-        if (references[k] == HB_PARAMETERS + HB_INPUTS + HB_STATES + HB_OUTPUTS) {
+#if HB_RATES > 0
+        if (place == NULL && references[k] - HB_KNOWN - HB_OUTPUTS < HB_RATES) {
+            if (has_seen == 0) {
+                const double seed[HB_KNOWN] = { 0.0 };
+                hb_rates_and_slopes(&i->now, seed, seen);
+                has_seen = 1;
+            }
+            place = seen + (references[k] - HB_KNOWN - HB_OUTPUTS);
+        }
+#endif
+        if (references[k] == HB_KNOWN + HB_OUTPUTS + HB_RATES) {
             place = &i->now.time;
         }
         if (place == NULL) {
@@ -97,7 +130,7 @@ static int hb_set(hb_instance *i, const unsigned references[], size_t count, con
 {
     size_t k;
     for (k = 0; k < count; k++) {
-        if (references[k] >= HB_PARAMETERS + HB_INPUTS + HB_STATES) {
+        if (references[k] >= HB_KNOWN) {
             hb_say(i, HB_ERROR, "only parameters, inputs and states can be set");
             return 0;
         }
@@ -147,6 +180,44 @@ static int hb_advance(hb_instance *i, double time, double length)
         }
     }
     return 1;
+}
+
+/* How outputs and rates change along a direction, given by what is known; 0 where one is no such thing. */
+static int hb_along(hb_instance *i, const unsigned unknown[], size_t unknowns, const unsigned known[], size_t knowns,
+    const double direction[], double slopes[])
+{
+#if HB_RATES > 0
+    double seed[HB_KNOWN] = { 0.0 };
+    double seen[HB_SEEN];
+    size_t k;
+    for (k = 0; k < knowns; k++) {
+        if (known[k] >= HB_KNOWN) {
+            hb_say(i, HB_ERROR, "slopes are along parameters, inputs and states");
+            return 0;
+        }
+        seed[known[k]] += direction[k];
+    }
+    hb_rates_and_slopes(&i->now, seed, seen);
+    for (k = 0; k < unknowns; k++) {
+        if (unknown[k] < HB_KNOWN || unknown[k] >= HB_KNOWN + HB_OUTPUTS + HB_RATES) {
+            hb_say(i, HB_ERROR, "slopes are those of outputs and rates of change");
+            return 0;
+        }
+        /* outputs stand before rates among the references, and behind them among the slopes */
+        slopes[k] = (unknown[k] < HB_KNOWN + HB_OUTPUTS) ? seen[2u * HB_RATES + unknown[k] - HB_KNOWN]
+                                                         : seen[HB_RATES + unknown[k] - HB_KNOWN - HB_OUTPUTS];
+    }
+    return 1;
+#else
+    (void)unknown;
+    (void)unknowns;
+    (void)known;
+    (void)knowns;
+    (void)direction;
+    (void)slopes;
+    hb_say(i, HB_ERROR, "this FMU gives no directional derivatives");
+    return 0;
+#endif
 }
 
 /* What HB_OK and HB_ERROR say of something that is done or not. */

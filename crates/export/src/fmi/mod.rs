@@ -36,6 +36,8 @@ struct Row<'a> {
     causality: &'static str,
     variability: &'static str,
     initial: Option<&'static str>,
+    /// For the rate of a state: that state's reference.
+    rate_of: Option<usize>,
     variable: &'a Variable,
 }
 
@@ -99,12 +101,18 @@ fn escaped(text: &str) -> String {
     safe
 }
 
-/// A block as an FMU. `title` is the crane's name.
+/// A block as an FMU. `title` is the crane's name. With its [`slopes`](crate::slopes) the FMU has the rates of its states and
+/// gives directional derivatives.
 ///
 /// # Errors
 ///
 /// [`ExportError`] when the block depends on something that it does not have.
-pub fn unit(block: &Block, title: &str, version: Version) -> Result<Unit, ExportError> {
+pub fn unit(
+    block: &Block,
+    slopes: Option<&Block>,
+    title: &str,
+    version: Version,
+) -> Result<Unit, ExportError> {
     let plan = Plan::of(block)?;
     let parameters: Vec<&Variable> =
         plan.parameters.iter().map(|k| &block.parameters[*k].0).collect();
@@ -115,6 +123,7 @@ pub fn unit(block: &Block, title: &str, version: Version) -> Result<Unit, Export
         causality,
         variability,
         initial,
+        rate_of: None,
         variable,
     };
     let mut rows: Vec<Row<'_>> = Vec::new();
@@ -127,9 +136,9 @@ pub fn unit(block: &Block, title: &str, version: Version) -> Result<Unit, Export
     }));
     // a state may have the name of an output
     rows.extend(
-        states.iter().map(|v| {
-            row("local", "continuous", Some("calculated"), format!("state_{}", v.name), *v)
-        }),
+        states
+            .iter()
+            .map(|v| row("local", "continuous", Some("exact"), format!("state_{}", v.name), *v)),
     );
     rows.extend(
         block
@@ -137,12 +146,21 @@ pub fn unit(block: &Block, title: &str, version: Version) -> Result<Unit, Export
             .iter()
             .map(|v| row("output", "continuous", Some("calculated"), v.name.clone(), v)),
     );
+    let first_state = parameters.len() + inputs.len();
+    // the first outputs of the slopes are the rates, one for each state
+    rows.extend(slopes.iter().flat_map(|s| &s.outputs[..states.len()]).enumerate().map(
+        |(k, v)| {
+            let rate_of = Some(first_state + k);
+            Row { rate_of, ..row("local", "continuous", Some("calculated"), v.name.clone(), v) }
+        },
+    ));
 
-    let code = files(std::slice::from_ref(block), "hydroboom", Precision::Double)?;
+    let all: Vec<Block> = [Some(block), slopes].into_iter().flatten().cloned().collect();
+    let code = files(&all, "hydroboom", Precision::Double)?;
     let identifier = format!("hydroboom_{}", block.name);
     let token = token(&identifier, &code.source);
     let counts = [parameters.len(), inputs.len(), states.len(), block.outputs.len()];
-    let [before, after] = glue(block, counts, &inputs, &token);
+    let [before, after] = glue(block, slopes, counts, &inputs, &token);
     let functions = match version {
         Version::Two => include_str!("fmi2.c"),
         Version::Three => include_str!("fmi3.c"),
@@ -199,24 +217,34 @@ impl About<'_> {
              description=\"{}\" generationTool=\"Hydroboom {}\" variableNamingConvention=\"flat\" numberOfEventIndicators=\"0\">\n  \
              <CoSimulation modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"true\" \
              canBeInstantiatedOnlyOncePerProcess=\"false\" canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\" \
-             canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"false\">\n    <SourceFiles>\n      <File name=\"hydroboom.c\"/>\n      \
+             canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"{}\">\n    <SourceFiles>\n      <File name=\"hydroboom.c\"/>\n      \
              <File name=\"fmu.c\"/>\n    </SourceFiles>\n  </CoSimulation>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{step:?}\"/>\n  \
              <ModelVariables>\n",
             escaped(title),
             env!("CARGO_PKG_VERSION"),
+            rates(rows).next().is_some(),
             units_and_categories(rows)
         );
         for (reference, row) in rows.iter().enumerate() {
+            // an index counts from one
+            let rate = row.rate_of.map_or(String::new(), |k| format!(" derivative=\"{}\"", k + 1));
             let (attributes, values) = (row.attributes(reference), row.values());
-            let _ =
-                writeln!(text, "    <ScalarVariable {attributes}><Real{values}/></ScalarVariable>");
+            let _ = writeln!(
+                text,
+                "    <ScalarVariable {attributes}><Real{rate}{values}/></ScalarVariable>"
+            );
         }
         text += "  </ModelVariables>\n  <ModelStructure>\n";
-        let outputs: Vec<String> =
-            outputs(rows).map(|k| format!("      <Unknown index=\"{}\"/>\n", k + 1)).collect();
-        let outputs = outputs.concat();
+        let listed = |k: usize| format!("      <Unknown index=\"{}\"/>\n", k + 1);
+        let outputs: String = outputs(rows).map(listed).collect();
+        let rates: String = rates(rows).map(listed).collect();
+        let derivatives = match rates.is_empty() {
+            true => String::new(),
+            false => format!("    <Derivatives>\n{rates}    </Derivatives>\n"),
+        };
         text + &format!(
-            "    <Outputs>\n{outputs}    </Outputs>\n    <InitialUnknowns>\n{outputs}    </InitialUnknowns>\n  </ModelStructure>\n</fmiModelDescription>\n"
+            "    <Outputs>\n{outputs}    </Outputs>\n{derivatives}    <InitialUnknowns>\n{outputs}{rates}    </InitialUnknowns>\n  \
+             </ModelStructure>\n</fmiModelDescription>\n"
         )
     }
 
@@ -226,13 +254,16 @@ impl About<'_> {
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{identifier}\" \
              instantiationToken=\"{token}\" description=\"{}\" generationTool=\"Hydroboom {}\" variableNamingConvention=\"flat\">\n  <CoSimulation \
              modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"true\" canGetAndSetFMUState=\"true\" \
-             canSerializeFMUState=\"true\"/>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{step:?}\"/>\n  <ModelVariables>\n",
+             canSerializeFMUState=\"true\" providesDirectionalDerivatives=\"{}\"/>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{step:?}\"/>\n  <ModelVariables>\n",
             escaped(title),
             env!("CARGO_PKG_VERSION"),
+            rates(rows).next().is_some(),
             units_and_categories(rows)
         );
         for (reference, row) in rows.iter().enumerate() {
-            let _ = writeln!(text, "    <Float64 {}{}/>", row.attributes(reference), row.values());
+            let rate = row.rate_of.map_or(String::new(), |k| format!(" derivative=\"{k}\""));
+            let (attributes, values) = (row.attributes(reference), row.values());
+            let _ = writeln!(text, "    <Float64 {attributes}{rate}{values}/>");
         }
         let _ = writeln!(
             text,
@@ -240,17 +271,22 @@ impl About<'_> {
             rows.len()
         );
         text += "  </ModelVariables>\n  <ModelStructure>\n";
-        for kind in ["Output", "InitialUnknown"] {
-            for k in outputs(rows) {
-                let _ = writeln!(text, "    <{kind} valueReference=\"{k}\"/>");
-            }
-        }
+        let mut list = |kind: &str, reference: usize| {
+            let _ = writeln!(text, "    <{kind} valueReference=\"{reference}\"/>");
+        };
+        outputs(rows).for_each(|k| list("Output", k));
+        rates(rows).for_each(|k| list("ContinuousStateDerivative", k));
+        outputs(rows).chain(rates(rows)).for_each(|k| list("InitialUnknown", k));
         text + "  </ModelStructure>\n</fmiModelDescription>\n"
     }
 }
 
 fn outputs<'a>(rows: &'a [Row<'_>]) -> impl Iterator<Item = usize> + 'a {
     rows.iter().enumerate().filter(|(_, row)| row.causality == "output").map(|(k, _)| k)
+}
+
+fn rates<'a>(rows: &'a [Row<'_>]) -> impl Iterator<Item = usize> + 'a {
+    rows.iter().enumerate().filter(|(_, row)| row.rate_of.is_some()).map(|(k, _)| k)
 }
 
 fn units_and_categories(rows: &[Row<'_>]) -> String {
@@ -293,12 +329,19 @@ fn token(identifier: &str, source: &str) -> String {
 }
 
 /// What ties the layer to a block: definitions before it, functions behind it.
-fn glue(block: &Block, counts: [usize; 4], inputs: &[&Variable], token: &str) -> [String; 2] {
+fn glue(
+    block: &Block,
+    slopes: Option<&Block>,
+    counts: [usize; 4],
+    inputs: &[&Variable],
+    token: &str,
+) -> [String; 2] {
     let prefix = format!("hb_{}", block.name);
     let [parameters, given, states, outputs] = counts;
+    let rates = if slopes.is_some() { states } else { 0 };
     let before = format!(
         "#define HB_TOKEN \"{token}\"\n#define HB_PARAMETERS {parameters}u\n#define HB_INPUTS {given}u\n#define HB_STATES {states}u\n\
-         #define HB_OUTPUTS {outputs}u\n#define HB_TYPE(part) {prefix}_##part\n"
+         #define HB_OUTPUTS {outputs}u\n#define HB_RATES {rates}u\n#define HB_TYPE(part) {prefix}_##part\n"
     );
     let mut fill = String::new();
     for v in inputs {
@@ -326,5 +369,12 @@ fn glue(block: &Block, counts: [usize; 4], inputs: &[&Variable], token: &str) ->
          static void hb_one(hb_numbers *n)\n{{\n{one}\n}}\n\nstatic void hb_show(hb_numbers *n)\n{{\n{show}\n}}\n\n\
          static double hb_period(const hb_numbers *n)\n{{\n    return {period};\n}}\n"
     );
-    [before, after]
+    let seen = slopes.map_or(String::new(), |slopes| {
+        let name = format!("hb_{}", slopes.name);
+        format!(
+            "\nstatic void hb_slopes(const double given[], double seen[])\n{{\n    {name}_input u;\n    {name}_output y;\n    \
+             memcpy(&u, given, sizeof u);\n    {name}_see(&u, &y);\n    memcpy(seen, &y, sizeof y);\n}}\n"
+        )
+    });
+    [before, after + &seen]
 }

@@ -5,7 +5,7 @@ use crate::crane_file::CraneFile;
 use crate::output;
 use clap::{Args, ValueEnum};
 use hydroboom_export::fmi::{Version, archive, binary, unit};
-use hydroboom_export::{controller, crane_model};
+use hydroboom_export::{controller, crane_model, slopes};
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -49,17 +49,19 @@ impl Fmu {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
-        let block = match self.what {
-            What::Model => crane_model(&crane).into_diagnostic()?,
-            What::Plant => {
-                let mut plant = crane_model(&crane).into_diagnostic()?;
-                plant.name = "plant".into();
-                plant
+        let (block, slopes) = match self.what {
+            What::Controller => (controller(&crane), None),
+            What::Model | What::Plant => {
+                let mut block = crane_model(&crane).into_diagnostic()?;
+                if self.what == What::Plant {
+                    block.name = "plant".into();
+                }
+                let slopes = slopes(&crane, &block).into_diagnostic()?;
+                (block, Some(slopes))
             }
-            What::Controller => controller(&crane),
         };
         let version = if self.fmi == "3" { Version::Three } else { Version::Two };
-        let unit = unit(&block, &crane.name, version).into_diagnostic()?;
+        let unit = unit(&block, slopes.as_ref(), &crane.name, version).into_diagnostic()?;
         let folder = std::env::temp_dir().join(format!("hydroboom-fmu-{}", std::process::id()));
         let made = binary(&unit, &folder).into_diagnostic();
         // what is left there is of no use to anybody
