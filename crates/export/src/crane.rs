@@ -20,6 +20,19 @@ const SEGMENTS: usize = 3;
 
 type E = Expression;
 
+/// The paper's equations (docs/theory.md) of each node's pressure, in the order of [`Nodes`].
+const NODE_EQUATIONS: [&str; 5] = ["(8)", "(A12)", "(A13)", "(9)", "(A20)"];
+/// Those of the flows, in the order of [`Flows`]; reliefs, which are ours, have none.
+const FLOW_EQUATIONS: [&str; 10] =
+    ["(5)", "(5)", "(A1)", "(A2)", "(A3)", "(A7)", "(A8)", "(A9)", "(A10)", "(A11)"];
+/// Those of some outputs.
+const OUTPUT_EQUATIONS: [(&str, &str); 4] = [
+    ("stroke", "equation (28)"),
+    ("velocity", "equation (29)"),
+    ("friction_force", "equation (10)"),
+    ("cylinder_force", "A_p p_A - A_r p_B - F_fr + F_stop"),
+];
+
 /// What was recorded of a crane.
 struct Recorded {
     graph: Rc<Graph>,
@@ -140,15 +153,45 @@ fn recording(
         let taken = || (plain(name), comment.trim().to_string());
         labels.entry(number.node()).or_insert_with(taken);
     };
+    let coordinates = now.circuit.nodes.to_array();
     let pressures = crane.circuit.pressures(&now.circuit).to_array();
+    let rates = crane.derivative(&now, &input);
     for (k, pressure) in pressures.into_iter().enumerate() {
-        label(pressure, &format!("p_{}", Nodes::NAMES[k]), Nodes::MEANINGS[k]);
+        let name = Nodes::NAMES[k];
+        label(pressure, &format!("p_{name}"), Nodes::MEANINGS[k]);
+        let modulus = crane.circuit.oil.bulk_modulus(coordinates[k]);
+        label(modulus, &format!("beta_{name}"), "Bulk modulus there, equation (7)");
+        let comment = format!(
+            "{}: its rate of change, equation {}",
+            Nodes::MEANINGS[k].trim(),
+            NODE_EQUATIONS[k]
+        );
+        label(rates.circuit.nodes.to_array()[k], &format!("dp_{name}"), &comment);
     }
+    label(rates.circuit.gas_volume, "d_gas_volume", "Rate of change of V_g, equation (A21)");
     for (k, flow) in crane.flows(&now, &input).to_array().into_iter().enumerate() {
-        label(flow, &format!("q_{}", Flows::NAMES[k]), Flows::MEANINGS[k]);
+        let meaning = Flows::MEANINGS[k].trim();
+        let comment = match FLOW_EQUATIONS.get(k) {
+            Some(equation) => format!("{meaning}, equation {equation}"),
+            None => meaning.to_string(),
+        };
+        label(flow, &format!("q_{}", Flows::NAMES[k]), &comment);
     }
     for (k, value) in before.to_array().into_iter().enumerate() {
-        label(value, Outputs::NAMES[k], Outputs::MEANINGS[k]);
+        let (name, meaning) = (Outputs::NAMES[k], Outputs::MEANINGS[k].trim());
+        let equation = OUTPUT_EQUATIONS.iter().find(|(of, _)| *of == name);
+        let comment = match equation {
+            Some((_, equation)) => format!("{meaning}, {equation}"),
+            None => meaning.to_string(),
+        };
+        label(value, name, &comment);
+    }
+    for (i, acceleration) in rates.angular_acceleration.into_iter().enumerate() {
+        let comment = format!("Angular acceleration of segment {}, equation (26)", i + 1);
+        label(acceleration, &format!("acceleration_{}", i + 1), &comment);
+        let (velocity, angle) = (moved.boom.angular_velocity[i], moved.boom.angle[i]);
+        label(velocity, &format!("next_velocity_{}", i + 1), "its new velocity, equation (31)");
+        label(angle, &format!("next_angle_{}", i + 1), "its new angle, equation (32)");
     }
     for (i, segment) in crane.boom.segments().iter().enumerate() {
         let names = ["length", "mass", "centre_x", "centre_y", "inertia"];

@@ -6,7 +6,7 @@
 
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
-use hydroboom_export::fmi::{Unit, Version, archive, binary, unit};
+use hydroboom_export::fmi::{System, Unit, Version, archive, binary, twincat_settings, unit};
 use hydroboom_export::{controller, crane_model, slopes};
 use hydroboom_math::Dual;
 use hydroboom_model::stepping::published;
@@ -43,9 +43,10 @@ fn written(test: &str, what: &str, version: Version) -> String {
         "model" => model(&crane, version),
         _ => unit(&controller(&crane), None, &crane.name, version).unwrap(),
     };
-    let library = binary(&unit, &folder().join(format!("{test}-{what}-{version:?}"))).unwrap();
+    let place = folder().join(format!("{test}-{what}-{version:?}"));
+    let library = binary(&unit, System::Linux, &place).unwrap().unwrap();
     let path = folder().join(format!("{test}-{what}-{version:?}.fmu"));
-    std::fs::write(&path, archive(&unit, library.as_deref()).unwrap()).unwrap();
+    std::fs::write(&path, archive(&unit, &[(System::Linux, library)]).unwrap()).unwrap();
     path.to_str().unwrap().to_string()
 }
 
@@ -87,7 +88,7 @@ fn from_packed_source(path: &str, version: Version) -> String {
     let whole = model(&crane, version);
     let bytes = std::fs::read(&library).unwrap();
     let again = folder().join(format!("again-{version:?}.fmu"));
-    std::fs::write(&again, archive(&whole, Some(&bytes)).unwrap()).unwrap();
+    std::fs::write(&again, archive(&whole, &[(System::Linux, bytes)]).unwrap()).unwrap();
     again.to_str().unwrap().to_string()
 }
 
@@ -148,9 +149,39 @@ fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
 }
 
 #[test]
+fn a_cross_compiler_for_windows_takes_the_source() {
+    let crane = Description::uia_single_boom().unwrap();
+    for version in BOTH {
+        let place = folder().join(format!("windows-{version:?}"));
+        let controller = unit(&controller(&crane), None, &crane.name, version).unwrap();
+        for unit in [model(&crane, version), controller] {
+            match binary(&unit, System::Windows, &place).unwrap() {
+                // what every program and library of Windows begins with
+                Some(library) => assert_eq!(&library[..2], b"MZ"),
+                None => eprintln!("skipped: x86_64-w64-mingw32-gcc is not on the PATH"),
+            }
+        }
+    }
+}
+
+/// TwinCAT finds the settings of an FMU by the tool that made it.
+#[test]
+fn settings_for_twincat_name_the_tool_that_the_fmu_names() {
+    let crane = Description::uia_single_boom().unwrap();
+    let settings = twincat_settings();
+    let settings = roxmltree::Document::parse(&settings).unwrap();
+    let name = settings.descendants().find(|n| n.has_tag_name("ToolName")).unwrap();
+    for version in BOTH {
+        let unit = model(&crane, version);
+        let description = roxmltree::Document::parse(&unit.files[0].1).unwrap();
+        assert_eq!(description.root_element().attribute("generationTool"), name.text());
+    }
+}
+
+#[test]
 fn the_same_crane_gives_the_same_archive() {
     let crane = Description::uia_single_boom().unwrap();
-    let made = || archive(&model(&crane, Version::Three), None).unwrap();
+    let made = || archive(&model(&crane, Version::Three), &[]).unwrap();
     assert!(made() == made());
 }
 

@@ -1,6 +1,6 @@
 //! The archive that an FMU is, and the binary in it.
 
-use super::Unit;
+use super::{Unit, Version};
 use std::io::{Cursor, Write};
 use std::path::Path;
 use std::process::Command;
@@ -29,13 +29,56 @@ pub enum ArchiveError {
     Zip(#[from] zip::result::ZipError),
 }
 
-/// The shared library of an FMU for this machine, made by its C compiler `cc` in a folder for intermediate files; none where there is
-/// no compiler.
+/// A system that a binary is for, 64-bit x86.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum System {
+    /// Linux, by the computer's C compiler.
+    Linux,
+    /// Windows, by MinGW's cross-compiler.
+    Windows,
+}
+
+impl System {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Linux, Self::Windows];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linux => "Linux",
+            Self::Windows => "Windows",
+        }
+    }
+
+    /// Compiler, and what it is told beyond what all are told.
+    fn compiler(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Linux => ("cc", &["-fPIC", "-fvisibility=hidden"]),
+            // its library's fma rounds twice; nothing beyond the system's own libraries is needed where it runs
+            Self::Windows => ("x86_64-w64-mingw32-gcc", &["-DHB_SOFT_FMA", "-static-libgcc"]),
+        }
+    }
+
+    /// Where in an archive its binary is.
+    fn place(self, unit: &Unit) -> String {
+        let folder = match (self, unit.version) {
+            (Self::Linux, Version::Two) => "linux64",
+            (Self::Linux, Version::Three) => "x86_64-linux",
+            (Self::Windows, Version::Two) => "win64",
+            (Self::Windows, Version::Three) => "x86_64-windows",
+        };
+        let extension = if self == Self::Linux { "so" } else { "dll" };
+        format!("binaries/{folder}/{}.{extension}", unit.identifier)
+    }
+}
+
+/// The shared library of an FMU for a system, made by its C compiler in a folder for intermediate files; none where there is
+/// no such compiler.
 ///
 /// # Errors
 ///
 /// [`ArchiveError`] when the folder cannot be used, or the compiler refuses the source.
-pub fn binary(unit: &Unit, folder: &Path) -> Result<Option<Vec<u8>>, ArchiveError> {
+pub fn binary(unit: &Unit, system: System, folder: &Path) -> Result<Option<Vec<u8>>, ArchiveError> {
     let failed =
         |what: &Path, error| ArchiveError::System { what: what.display().to_string(), error };
     std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
@@ -49,16 +92,18 @@ pub fn binary(unit: &Unit, folder: &Path) -> Result<Option<Vec<u8>>, ArchiveErro
         }
     }
     // no instruction that an older processor lacks: the same binary is to run elsewhere
-    let compiled = Command::new("cc")
+    let (compiler, own) = system.compiler();
+    let compiled = Command::new(compiler)
         .current_dir(folder)
-        .args(["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden"])
+        .args(["-std=c99", "-O2", "-ffp-contract=off", "-shared"])
+        .args(own)
         .args(&sources)
         .args(["-lm", "-o", "fmu.so"])
         .output();
     let output = match compiled {
         Ok(output) => output,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(failed(Path::new("cc"), error)),
+        Err(error) => return Err(failed(Path::new(compiler), error)),
     };
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -68,18 +113,21 @@ pub fn binary(unit: &Unit, folder: &Path) -> Result<Option<Vec<u8>>, ArchiveErro
     std::fs::read(&library).map(Some).map_err(|e| failed(&library, e))
 }
 
-/// The FMU: its files, and the binary where there is one. The same files give the same bytes.
+/// The FMU: its files, and the binaries that there are. The same files give the same bytes.
 ///
 /// # Errors
 ///
 /// [`ArchiveError::Zip`] when it cannot be put together.
-pub fn archive(unit: &Unit, binary: Option<&[u8]>) -> Result<Vec<u8>, ArchiveError> {
+pub fn archive(unit: &Unit, binaries: &[(System, Vec<u8>)]) -> Result<Vec<u8>, ArchiveError> {
     let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
     // stored: what is in it is small, and can be looked at by anything
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
     let system = |error| ArchiveError::System { what: "the archive".into(), error };
     let files = unit.files.iter().map(|(path, content)| (path.as_str(), content.as_bytes()));
-    for (path, content) in files.chain(binary.map(|bytes| (unit.library.as_str(), bytes))) {
+    let places: Vec<String> = binaries.iter().map(|(system, _)| system.place(unit)).collect();
+    let binaries =
+        places.iter().zip(binaries).map(|(place, (_, b))| (place.as_str(), b.as_slice()));
+    for (path, content) in files.chain(binaries) {
         writer.start_file(path, options)?;
         writer.write_all(content).map_err(system)?;
     }

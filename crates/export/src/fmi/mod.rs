@@ -2,7 +2,7 @@
 
 mod archive;
 
-pub use archive::{ArchiveError, archive, binary};
+pub use archive::{ArchiveError, System, archive, binary};
 
 use crate::block::{Block, Variable};
 use crate::c::{Precision, files};
@@ -26,8 +26,8 @@ pub struct Unit {
     pub identifier: String,
     /// Path in the archive and content, in the archive's order.
     pub files: Vec<(String, String)>,
-    /// Where in the archive the binary for Linux is.
-    pub library: String,
+    /// Version of the standard.
+    pub version: Version,
 }
 
 /// A variable of an FMU; its place is its value reference.
@@ -195,9 +195,24 @@ pub fn unit(
         ("sources/hydroboom.c".into(), code.source),
         ("sources/fmu.c".into(), source),
     ]);
-    let folder = if version == Version::Two { "linux64" } else { "x86_64-linux" };
-    let library = format!("binaries/{folder}/{identifier}.so");
-    Ok(Unit { identifier, files: all, library })
+    Ok(Unit { identifier, files: all, version })
+}
+
+/// What TwinCAT's FMI target (TE1420) has to be told to compile the source of these FMUs: a file for its folder of settings.
+pub fn twincat_settings() -> String {
+    format!(
+        "<?xml version=\"1.0\" encoding=\"utf-8\" standalone=\"yes\"?>\n\
+         <CustomConfigurations xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" xsi:noNamespaceSchemaLocation=\"CustomFmu.xsd\">\n  \
+         <FmuConfiguration>\n    <ToolName>{}</ToolName>\n    <AdditionalInclude>$(ProjectDir);$(ProjectDir)sources;</AdditionalInclude>\n    \
+         <PreprocessorDefinitions></PreprocessorDefinitions>\n    <ExcludedFromBuild></ExcludedFromBuild>\n    \
+         <CodeReplacements></CodeReplacements>\n  </FmuConfiguration>\n</CustomConfigurations>\n",
+        tool()
+    )
+}
+
+/// What these FMUs say that they were made by.
+fn tool() -> String {
+    format!("Hydroboom {}", env!("CARGO_PKG_VERSION"))
 }
 
 /// What a description begins with.
@@ -214,14 +229,14 @@ impl About<'_> {
         let Self { identifier, token, title, step } = self;
         let mut text = format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"{identifier}\" guid=\"{token}\" \
-             description=\"{}\" generationTool=\"Hydroboom {}\" variableNamingConvention=\"flat\" numberOfEventIndicators=\"0\">\n  \
+             description=\"{}\" generationTool=\"{}\" variableNamingConvention=\"flat\" numberOfEventIndicators=\"0\">\n  \
              <CoSimulation modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"true\" \
              canBeInstantiatedOnlyOncePerProcess=\"false\" canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\" \
              canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"{}\">\n    <SourceFiles>\n      <File name=\"hydroboom.c\"/>\n      \
              <File name=\"fmu.c\"/>\n    </SourceFiles>\n  </CoSimulation>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{step:?}\"/>\n  \
              <ModelVariables>\n",
             escaped(title),
-            env!("CARGO_PKG_VERSION"),
+            tool(),
             rates(rows).next().is_some(),
             units_and_categories(rows)
         );
@@ -252,11 +267,11 @@ impl About<'_> {
         let Self { identifier, token, title, step } = self;
         let mut text = format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{identifier}\" \
-             instantiationToken=\"{token}\" description=\"{}\" generationTool=\"Hydroboom {}\" variableNamingConvention=\"flat\">\n  <CoSimulation \
+             instantiationToken=\"{token}\" description=\"{}\" generationTool=\"{}\" variableNamingConvention=\"flat\">\n  <CoSimulation \
              modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"true\" canGetAndSetFMUState=\"true\" \
              canSerializeFMUState=\"true\" providesDirectionalDerivatives=\"{}\"/>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{step:?}\"/>\n  <ModelVariables>\n",
             escaped(title),
-            env!("CARGO_PKG_VERSION"),
+            tool(),
             rates(rows).next().is_some(),
             units_and_categories(rows)
         );

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(
     after_help = "Example: hydroboom export c --out generated && cc -std=c99 -O2 -ffp-contract=off -c generated/hydroboom.c\n\
-    docs/export.md shows how it is used"
+    docs/export-c.md shows how it is used"
 )]
 pub struct C {
     #[command(flatten)]

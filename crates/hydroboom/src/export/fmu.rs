@@ -4,7 +4,7 @@ use super::flops;
 use crate::crane_file::CraneFile;
 use crate::output;
 use clap::{Args, ValueEnum};
-use hydroboom_export::fmi::{Version, archive, binary, unit};
+use hydroboom_export::fmi::{System, Version, archive, binary, twincat_settings, unit};
 use hydroboom_export::{controller, crane_model, slopes};
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
@@ -22,11 +22,11 @@ enum What {
     Controller,
 }
 
-/// An FMU (FMI 2.0 or 3.0, co-simulation) that carries its C source beside a binary for Linux.
+/// An FMU (FMI 2.0 or 3.0, co-simulation) that carries its C source beside a binary for Linux, and for Windows where MinGW is here.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom export fmu --what model --out crane.fmu\n  hydroboom export fmu --what plant \
-    --set payload.mass_kg=340 --out plant.fmu\n  docs/export.md shows how it is used"
+    --set payload.mass_kg=340 --out plant.fmu\n  docs/export-fmi.md shows how it is used"
 )]
 pub struct Fmu {
     #[command(flatten)]
@@ -40,6 +40,9 @@ pub struct Fmu {
     /// File to write.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// Settings for TwinCAT's FMI target (TE1420), which compiles the FMU's source: a file for its folder.
+    #[arg(long, value_name = "FILE")]
+    twincat_settings: Option<PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -63,28 +66,43 @@ impl Fmu {
         let version = if self.fmi == "3" { Version::Three } else { Version::Two };
         let unit = unit(&block, slopes.as_ref(), &crane.name, version).into_diagnostic()?;
         let folder = std::env::temp_dir().join(format!("hydroboom-fmu-{}", std::process::id()));
-        let made = binary(&unit, &folder).into_diagnostic();
+        let made = System::ALL
+            .into_iter()
+            .filter_map(|system| {
+                let made = binary(&unit, system, &folder.join(system.name())).transpose()?;
+                Some(made.map(|library| (system, library)))
+            })
+            .collect::<Result<Vec<_>, _>>();
         // what is left there is of no use to anybody
         let _ = std::fs::remove_dir_all(&folder);
-        let library = made?;
-        let bytes = archive(&unit, library.as_deref()).into_diagnostic()?;
+        let binaries = made.into_diagnostic()?;
+        let bytes = archive(&unit, &binaries).into_diagnostic()?;
+        let systems: Vec<&str> = binaries.iter().map(|(system, _)| system.name()).collect();
         output::file(&self.out, &bytes)?;
+        let mut files = vec![(self.out.clone(), bytes)];
+        if let Some(path) = self.twincat_settings {
+            let settings = twincat_settings().into_bytes();
+            output::file(&path, &settings)?;
+            files.push((path, settings));
+        }
         let flops = flops(&[block]).into_diagnostic()?;
         if self.json {
             return output::json(&json!({
-                "files": [{ "file": self.out, "bytes": bytes.len(), "sha256": digest_of(&bytes) }],
-                "model_identifier": unit.identifier, "fmi": format!("{}.0", self.fmi), "has_binary": library.is_some(),
+                "files": files.iter().map(|(file, bytes)| {
+                    json!({ "file": file, "bytes": bytes.len(), "sha256": digest_of(bytes) })
+                }).collect::<Vec<_>>(),
+                "model_identifier": unit.identifier, "fmi": format!("{}.0", self.fmi), "binaries": systems,
                 "flops": flops.iter().map(|(name, flops)| json!({ "entry": name, "flops": flops })).collect::<Vec<_>>(),
             }));
         }
-        let holds = match library.is_some() {
-            true => "its source and a binary for this kind of machine",
-            false => "its source; no C compiler (cc) is here to make a binary",
+        let holds = match systems.is_empty() {
+            false => format!("its source and a binary for {}", systems.join(" and ")),
+            true => "its source; no C compiler (cc) is here to make a binary".into(),
         };
         output::text(&format!(
             "{}: {} bytes, {} of FMI {}.0 with {holds}",
             self.out.display(),
-            bytes.len(),
+            files[0].1.len(),
             unit.identifier,
             self.fmi
         ))

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// tasks; plain text, TwinCAT 3 files, and one PLCopen XML.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
-    docs/export.md shows how it gets into TwinCAT 3")]
+    docs/export-twincat.md shows how it gets into TwinCAT 3")]
 pub struct St {
     #[command(flatten)]
     crane: CraneFile,

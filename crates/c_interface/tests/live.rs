@@ -1,0 +1,75 @@
+//! The library, called by a program in C and by Python, beside the model in Rust.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_description::Description;
+use hydroboom_model::{Input, Outputs, Scheme};
+use hydroboom_plant::plant;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The folder in which cargo puts the library, beside this test.
+fn built() -> PathBuf {
+    std::env::current_exe().unwrap().parent().unwrap().to_path_buf()
+}
+
+fn wanted() -> [f64; Outputs::NAMES.len()] {
+    let description = Description::uia_single_boom().unwrap();
+    let n = &description.numbers;
+    let start = description.start(n.motion_start);
+    let mut crane = plant(&description, &start, Scheme::Published, n.simulation_period).unwrap();
+    for _ in 0..500 {
+        crane.advance(&Input { pump_speed: 10.0, holding_valve: 1.0 }, 20).unwrap();
+    }
+    crane.outputs().to_array()
+}
+
+fn run(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {} {said}", output.status);
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn agree(said: &str) {
+    let found: Vec<f64> =
+        said.lines().map(|line| line.split_once(' ').unwrap().1.parse().unwrap()).collect();
+    assert_eq!(found, wanted());
+}
+
+#[test]
+fn a_program_in_c_moves_cranes_as_rust_does_and_is_told_what_it_did_wrong() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let program = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("live");
+    run(Command::new("cc")
+        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-I"])
+        .arg(here.join("include"))
+        .arg(here.join("tests/live.c"))
+        .arg("-L")
+        .arg(built())
+        .args(["-lhydroboom_live", "-o"])
+        .arg(&program));
+    agree(&run(Command::new(&program).env("LD_LIBRARY_PATH", built())));
+}
+
+#[test]
+fn python_moves_a_crane_as_rust_does() {
+    let script = r#"
+import ctypes, sys
+lib = ctypes.CDLL(sys.argv[1])
+lib.hydroboom_open.restype = ctypes.c_void_p
+lib.hydroboom_output_count.restype = ctypes.c_size_t
+lib.hydroboom_output_name.restype = ctypes.c_char_p
+lib.hydroboom_advance.argtypes = [ctypes.c_void_p] + 3 * [ctypes.c_double]
+lib.hydroboom_read.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t]
+crane = lib.hydroboom_open(None, None, None, 0)
+for _ in range(500):
+    assert lib.hydroboom_advance(crane, 10.0, 1.0, 1e-3) == 0
+seen = (ctypes.c_double * lib.hydroboom_output_count())()
+assert lib.hydroboom_read(crane, seen, len(seen)) == 0
+for k, value in enumerate(seen):
+    print(lib.hydroboom_output_name(k).decode(), repr(value))
+"#;
+    let library = built().join("libhydroboom_live.so");
+    agree(&run(Command::new("python3").arg("-c").arg(script).arg(library)));
+}
