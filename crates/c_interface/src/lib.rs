@@ -5,7 +5,7 @@
 
 #![expect(unsafe_code, reason = "functions for C are called with pointers")]
 
-use hydroboom_description::Description;
+use hydroboom_description::{Description, DescriptionError, Problem};
 use hydroboom_model::{Input, Outputs, Scheme};
 use hydroboom_plant::{Plant, plant};
 use std::ffi::{CStr, CString, c_char, c_int};
@@ -49,6 +49,16 @@ fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
         .unwrap_or_else(|_| Err("a bug in Hydroboom: this call panicked".into()))
 }
 
+/// All that is wrong with a crane file or a setting, and what to do about it.
+fn listed(error: &DescriptionError) -> String {
+    let of = |p: &Problem| match &p.help {
+        Some(help) => format!("{} ({help})", p.message),
+        None => p.message.clone(),
+    };
+    let problems: Vec<String> = error.problems.iter().map(of).collect();
+    format!("{}: {}", error.name, problems.join("; "))
+}
+
 fn opened(path: Option<&str>, settings: Option<&str>) -> Result<Live, String> {
     let mut description = match path {
         None => Description::uia_single_boom(),
@@ -57,9 +67,9 @@ fn opened(path: Option<&str>, settings: Option<&str>) -> Result<Live, String> {
             Description::parse(path, &text)
         }
     }
-    .map_err(|e| e.to_string())?;
+    .map_err(|e| listed(&e))?;
     for line in settings.unwrap_or_default().lines().filter(|line| !line.trim().is_empty()) {
-        description.set(line.trim()).map_err(|e| e.to_string())?;
+        description.set(line.trim()).map_err(|e| listed(&e))?;
     }
     let n = &description.numbers;
     let start = description.start(n.motion_start);
@@ -91,7 +101,7 @@ impl Live {
 
     fn set(&mut self, assignment: &str) -> Result<(), String> {
         let mut changed = self.description.clone();
-        changed.set(assignment).map_err(|e| e.to_string())?;
+        changed.set(assignment).map_err(|e| listed(&e))?;
         self.plant.set_parameters(&changed).map_err(|e| e.to_string())?;
         self.description = changed;
         Ok(())

@@ -8,6 +8,9 @@
 mod benchmark;
 mod fault;
 mod filter;
+mod flow_balance;
+mod follower;
+mod model_following;
 mod motion;
 mod motor;
 mod path;
@@ -19,6 +22,11 @@ mod watch;
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
 pub use fault::Cause;
 pub use filter::HighPass;
+pub use flow_balance::{Balance, FlowBalance, FlowBalanceMemory, TRANSITIONS};
+pub use follower::{Follower, Known, PAYLOADS, Schedule};
+pub use model_following::{
+    FollowingMemory, Gains, ModelFollowing, OilSpring, OilStiffness, STATIONS, Seen, Station,
+};
 pub use motion::{Motion, Profile, Reference, Way};
 pub use motor::MotorLimits;
 pub use path::Path;

@@ -11,15 +11,19 @@ pub enum Strategy {
     BenchmarkClosedLoop,
     /// The benchmark controller with the simulation's speed in the place of u_FF (test 3).
     SimulationFeedforwardClosedLoop,
+    /// State feedback makes the simulated crane follow the reference, PI and pressure feedback the machine the simulated
+    /// crane (ours).
+    ModelFollowing,
 }
 
 impl Strategy {
-    /// All strategies, in the paper's order.
-    pub const ALL: [Self; 4] = [
+    /// All strategies: the published ones in the paper's order, then ours.
+    pub const ALL: [Self; 5] = [
         Self::VelocityFeedforward,
         Self::SimulationFeedforwardOpenLoop,
         Self::BenchmarkClosedLoop,
         Self::SimulationFeedforwardClosedLoop,
+        Self::ModelFollowing,
     ];
 
     /// Name in commands, tables and JSON.
@@ -29,6 +33,7 @@ impl Strategy {
             Self::SimulationFeedforwardOpenLoop => "simulation-feedforward-open-loop",
             Self::BenchmarkClosedLoop => "benchmark-closed-loop",
             Self::SimulationFeedforwardClosedLoop => "simulation-feedforward-closed-loop",
+            Self::ModelFollowing => "model-following",
         }
     }
 
@@ -39,11 +44,16 @@ impl Strategy {
 
     /// Whether a simulation runs beside the machine.
     pub fn simulates(self) -> bool {
-        matches!(self, Self::SimulationFeedforwardOpenLoop | Self::SimulationFeedforwardClosedLoop)
+        !matches!(self, Self::VelocityFeedforward | Self::BenchmarkClosedLoop)
     }
 
     /// Whether it looks at the machine.
     pub fn measures(self) -> bool {
-        matches!(self, Self::BenchmarkClosedLoop | Self::SimulationFeedforwardClosedLoop)
+        !matches!(self, Self::VelocityFeedforward | Self::SimulationFeedforwardOpenLoop)
+    }
+
+    /// Whether feedback sees the machine's difference from the simulation, and not from the reference.
+    pub fn follows(self) -> bool {
+        self == Self::ModelFollowing
     }
 }

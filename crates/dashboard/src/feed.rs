@@ -177,7 +177,7 @@ fn sample(r: &Record, worst: &Deadlines) -> Value {
         some(r.time),
         r.course_time.and_then(|_| some(r.reference.position * 1e3)),
         some(r.reading.stroke * 1e3),
-        r.simulated.and_then(|s| some(s.measured.stroke * 1e3)),
+        r.simulated.and_then(|s| some(s.seen.stroke * 1e3)),
         r.error().and_then(|e| some(e * 1e3)),
         bar(r.reading.pressure_pump_a),
         bar(r.reading.pressure_a),

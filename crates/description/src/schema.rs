@@ -186,6 +186,9 @@ keys! {
     high_pass_time: "controller" "high_pass_s" ["s" = 1.0] 1e-3..=1e3, "Time constant of the pressure feedback's high-pass, tau";
     control_period: "controller" "control_period_ms" ["ms" = 1e-3] 0.01..=1000.0, "Sample time of the controller";
     simulation_period: "controller" "simulation_period_us" ["us" = 1e-6] 0.1..=10_000.0, "Step of the simulation beside the machine";
+    following_bandwidth: "following" "bandwidth_hz" ["Hz" = 1.0] 0.05..=50.0 or 2.0, "Model following: bandwidth of the simulated crane's position, where the oil is stiff enough";
+    following_damping: "following" "damping_ratio" ["-" = 1.0] 0.1..=5.0 or 0.7, "Model following: damping ratio that the simulated crane's ringing is given";
+    following_lead: "following" "lead_ms" ["ms" = 1e-3] 0.0..=500.0 or 5.0, "Model following: time from a command to what is read of it, drive, fieldbus and sensors together";
 
     motion_start: "motion" "start_mm" ["mm" = MM] 0.0..=2e4, "First piston position";
     motion_end: "motion" "end_mm" ["mm" = MM] 0.0..=2e4, "Far piston position";
@@ -423,7 +426,7 @@ choices! {
 
 /// Sections that only a self-contained crane has: its pump and valves, its drive, and what the published tests do
 /// with them.
-const OF_SELF_CONTAINED: [&str; 19] = [
+const OF_SELF_CONTAINED: [&str; 20] = [
     "pump",
     "holding_valve",
     "return_valve",
@@ -433,6 +436,7 @@ const OF_SELF_CONTAINED: [&str; 19] = [
     "accumulator",
     "motor",
     "controller",
+    "following",
     "motion",
     "start",
     "oscillation",

@@ -75,7 +75,7 @@ impl Faults {
         }
         let rows: Vec<Vec<String>> = faults.iter().map(|fault| row(*fault, &outcomes)).collect();
         let mut said = format!(
-            "{} faults, {} cases: worst of four strategies and three moments\n{}",
+            "{} faults, {} cases: worst of all strategies and three moments\n{}",
             faults.len(),
             outcomes.len(),
             output::table(&HEADER, &rows)
@@ -109,7 +109,7 @@ fn page(faults: &[Fault], outcomes: &[Outcome]) -> String {
     };
     let body = html! {
         p.soft {
-            "Every fault under four strategies at three moments of the 120 mm/s cycle, in simulated time, on the "
+            "Every fault under all strategies at three moments of the 120 mm/s cycle, in simulated time, on the "
             "virtual crane. \"Safe\" is motor at zero and load-holding valves shut. \"Strayed\" is how far the "
             "tracking error, truly, went from where it was at the fault, until then or the course's end; \"moved when "
             "safe\" how far the piston moved in the two seconds after."

@@ -4,6 +4,7 @@ mod bench;
 mod calibrate;
 mod check;
 mod crane_file;
+mod design;
 mod doctor;
 mod eigen;
 mod energy;
@@ -49,6 +50,7 @@ enum Command {
     Eigen(eigen::Eigen),
     Linearise(linearise::Linearise),
     Energy(energy::Energy),
+    Design(design::Design),
     Motion(motion::MotionTests),
     Study(study::Study),
     Validate(validate::Validate),
@@ -83,6 +85,7 @@ fn main() -> Result<()> {
         Command::Eigen(command) => command.run(),
         Command::Linearise(command) => command.run(),
         Command::Energy(command) => command.run(),
+        Command::Design(command) => command.run(),
         Command::Motion(command) => command.run(),
         Command::Study(command) => command.run(),
         Command::Validate(command) => command.run(),

@@ -1,6 +1,7 @@
 //! What can go wrong in an experiment.
 
 use hydroboom_description::{BuildError, DescriptionError};
+use hydroboom_design::DesignError;
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
 use thiserror::Error;
@@ -52,9 +53,9 @@ pub enum LabError {
     /// Too little oscillation to measure.
     #[error("{0}")]
     NoOscillation(String),
-    /// Eigenvalues that cannot be computed.
-    #[error("eigenvalues: {0}")]
-    Eigenvalues(String),
+    /// A controller cannot be designed, or the crane not be linearised.
+    #[error(transparent)]
+    Design(#[from] DesignError),
     /// A file cannot be written or read.
     #[error("{path}: {error}")]
     File {

@@ -3,9 +3,10 @@
 use crate::LabError;
 use crate::motion_test::{Strategy, by_name};
 use crate::scenario::CourseChoice;
-use crate::score::Score;
+use crate::score::{Effort, Score};
 use crate::steering::{Lane, WIDTH, steer_together};
 use hydroboom_description::Description;
+use hydroboom_design::{Lifting, Loop, Margins, machine_loops, margins, schedule};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
@@ -116,12 +117,15 @@ pub struct Outcome {
     pub rms_mm: f64,
     /// Peak tracking error, with its sign.
     pub peak_mm: f64,
+    /// What the course cost and left.
+    #[serde(flatten)]
+    pub effort: Effort,
     /// Whether it rang on, or could not be finished.
     pub unstable: bool,
 }
 
 /// What one crane did: outcomes by strategy in the order of [`Strategy::ALL`], then by course.
-pub type Outcomes = [Vec<Outcome>; 4];
+pub type Outcomes = [Vec<Outcome>; Strategy::ALL.len()];
 
 /// Runs all strategies along all courses on cranes 0 to `count` - 1, side by side in lanes and on all
 /// cores; `progress` is told the share done.
@@ -197,10 +201,69 @@ fn together(
         Ok(()) => Outcome {
             rms_mm: scores[lane].rms() * 1e3,
             peak_mm: scores[lane].peak() * 1e3,
+            effort: scores[lane].effort(),
             unstable: scores[lane].is_unstable(),
         },
-        Err(_) => Outcome { rms_mm: f64::NAN, peak_mm: f64::NAN, unstable: true },
+        Err(_) => Outcome {
+            rms_mm: f64::NAN,
+            peak_mm: f64::NAN,
+            effort: Effort::default(),
+            unstable: true,
+        },
     }))
+}
+
+/// The crane of a family that a loop around the machine brings nearest to ringing on.
+#[derive(Clone, Debug, Serialize)]
+pub struct WorstMargins {
+    /// The controller: in model following, or the benchmark.
+    pub controller: &'static str,
+    /// The crane's number.
+    pub crane: u64,
+    /// Where its piston is.
+    pub stroke_mm: f64,
+    /// Its margins there.
+    pub margins: Margins,
+}
+
+/// Margins of both loops around the machine over a family of virtual cranes, each at three piston positions: controllers that know the
+/// model alone, its payload weighed, around cranes that are linearised as they are.
+///
+/// # Errors
+///
+/// [`LabError`] when a crane cannot be built or linearised.
+pub fn worst_margins(
+    model: &Description,
+    count: u64,
+    seed: u64,
+) -> Result<[WorstMargins; 2], LabError> {
+    let nominal = Description::uia_virtual()?;
+    let schedule = schedule(model)?;
+    let cases: Vec<(u64, f64)> =
+        (0..count).flat_map(|k| [0.1, 0.5, 0.9].map(|share| (k, share))).collect();
+    let of = |(number, share): &(u64, f64)| -> Result<[WorstMargins; 2], LabError> {
+        let crane = member(&nominal, seed, *number)?.crane;
+        let stroke = share * model.numbers.stroke;
+        let law = schedule.at(crane.numbers.payload);
+        let linear = Lifting::new(&crane, stroke)?;
+        let of = |controller, around: &Loop| -> Result<WorstMargins, LabError> {
+            let margins = margins(&linear, around)?;
+            Ok(WorstMargins { controller, crane: *number, stroke_mm: stroke * 1e3, margins })
+        };
+        let [own, benchmark] = machine_loops(&law, model, stroke);
+        Ok([of("model-following", &own)?, of("benchmark", &benchmark)?])
+    };
+    let all = cases.par_iter().map(of).collect::<Result<Vec<_>, LabError>>()?;
+    let worst = |k: usize| {
+        let least = |a: &&[WorstMargins; 2], b: &&[WorstMargins; 2]| {
+            a[k].margins.distance.total_cmp(&b[k].margins.distance)
+        };
+        all.iter().min_by(least).map(|pair| pair[k].clone())
+    };
+    match (worst(0), worst(1)) {
+        (Some(own), Some(benchmark)) => Ok([own, benchmark]),
+        _ => Err(LabError::NoOscillation("a family of no cranes has no margins".into())),
+    }
 }
 
 /// The distribution of a quantity over a family.
@@ -256,6 +319,12 @@ pub struct Row {
     pub rms_over_benchmark: Spread,
     /// Its peak over the benchmark's on the same crane.
     pub peak_over_benchmark: Spread,
+    /// Its energy over the benchmark's on the same crane.
+    pub energy_over_benchmark: Spread,
+    /// Its largest motor speed over the benchmark's on the same crane.
+    pub motor_speed_over_benchmark: Spread,
+    /// Its residual vibration of the tip over the benchmark's on the same crane.
+    pub vibration_over_benchmark: Spread,
     /// Share of cranes on which its RMS is smaller.
     pub better_percent: f64,
 }
@@ -284,6 +353,9 @@ pub fn rows(courses: &[String], results: &[(Member, Outcomes)]) -> Vec<Row> {
                 unstable_percent: share(&|o| o[s][c].unstable),
                 rms_over_benchmark: over(&|o| o.rms_mm),
                 peak_over_benchmark: over(&|o| o.peak_mm.abs()),
+                energy_over_benchmark: over(&|o| o.effort.energy_kj),
+                motor_speed_over_benchmark: over(&|o| o.effort.motor_speed_rpm),
+                vibration_over_benchmark: over(&|o| o.effort.residual_vibration_mm),
                 better_percent: share(&|o| o[s][c].rms_mm < o[benchmark][c].rms_mm),
             });
         }

@@ -11,7 +11,7 @@ pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
 pub mod family;
-pub mod linearise;
+mod following;
 pub mod log;
 pub mod mat_file;
 pub mod motion_test;
@@ -27,4 +27,5 @@ pub mod virtual_run;
 pub mod work_precision;
 
 pub use error::LabError;
+pub use hydroboom_design::linear as linearise;
 pub use hydroboom_plant::{Plant, plant};

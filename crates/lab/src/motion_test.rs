@@ -2,8 +2,8 @@
 //! model.
 
 use crate::scenario::{Course, motion_name};
-use crate::score::Score;
-use crate::steering::{Lane, steer, steer_together};
+use crate::score::{Effort, Score};
+use crate::steering::{Lane, steer, steer_all};
 use crate::{LabError, paper};
 use hydroboom_control::{Motion, Reference};
 use hydroboom_description::Description;
@@ -87,6 +87,9 @@ pub struct Row {
     pub rms_mm: f64,
     /// Peak error here.
     pub peak_mm: f64,
+    /// What the course cost and left.
+    #[serde(flatten)]
+    pub effort: Effort,
     /// RMS error of the paper, measured on the real crane, where its speed was this.
     pub paper_rms_mm: Option<f64>,
     /// Peak error of the paper.
@@ -96,20 +99,18 @@ pub struct Row {
 impl Row {
     /// The row of a run on the named plant.
     pub fn of(plant: &str, run: &Run) -> Self {
-        let speed_mm_s = run.speed * 1e3;
+        let (speed_mm_s, score) = (run.speed * 1e3, run.score());
         let column = paper::SPEEDS_MM_S.iter().position(|v| run.course == motion_name(*v));
-        let row = Strategy::ALL.iter().position(|s| *s == run.strategy);
-        let printed = column.zip(row).map(|(c, r)| {
-            let (rms, peak) = paper::TRACKING_MM[r];
-            (rms[c], peak[c])
-        });
+        let printed = column.zip(paper::tracking_mm(run.strategy));
+        let printed = printed.map(|(c, (rms, peak))| (rms[c], peak[c]));
         Self {
             plant: plant.into(),
             strategy: run.strategy,
             course: run.course.clone(),
             speed_mm_s,
-            rms_mm: run.rms() * 1e3,
-            peak_mm: run.peak() * 1e3,
+            rms_mm: score.rms() * 1e3,
+            peak_mm: score.peak() * 1e3,
+            effort: score.effort(),
             paper_rms_mm: printed.map(|p| p.0),
             paper_peak_mm: printed.map(|p| p.1),
         }
@@ -148,10 +149,10 @@ pub fn run_all(
     model: &Description,
     plant: &Description,
     course: &dyn Course,
-) -> Result<[Run; 4], LabError> {
+) -> Result<[Run; Strategy::ALL.len()], LabError> {
     let lanes = Strategy::ALL.map(|strategy| Lane { crane: plant, strategy, course });
     let mut samples = lanes.map(|_| Vec::with_capacity(count(model, course)));
-    let ends = steer_together(model, &lanes, |lane, sample| samples[lane].push(*sample));
+    let ends = steer_all(model, &lanes, |lane, sample| samples[lane].push(*sample));
     ends.into_iter().collect::<Result<(), _>>()?;
     let mut samples = samples.into_iter();
     Ok(Strategy::ALL.map(|strategy| Run {
@@ -196,7 +197,11 @@ mod tests {
         // with a payload that changes on the way
         let course = CourseChoice::Scenario("payload-change".into()).of(&crane).unwrap();
         let together = run_all(&model, &crane, course.as_ref()).unwrap();
-        for strategy in [Strategy::VelocityFeedforward, Strategy::SimulationFeedforwardClosedLoop] {
+        for strategy in [
+            Strategy::VelocityFeedforward,
+            Strategy::SimulationFeedforwardClosedLoop,
+            Strategy::ModelFollowing,
+        ] {
             let alone = run(&model, &crane, strategy, course.as_ref()).unwrap();
             let other = &together[strategy as usize];
             assert_eq!(alone.samples.len(), other.samples.len());

@@ -33,7 +33,7 @@ pub const TRACKING_MM: [([f64; 2], [f64; 2]); 4] = [
     ([0.18, 0.37], [-0.88, -1.55]),
 ];
 
-/// RMS and peak of a strategy at both speeds.
-pub fn tracking_mm(strategy: Strategy) -> ([f64; 2], [f64; 2]) {
-    TRACKING_MM[strategy as usize]
+/// RMS and peak of a published strategy at both speeds; none for one that the paper does not have.
+pub fn tracking_mm(strategy: Strategy) -> Option<([f64; 2], [f64; 2])> {
+    TRACKING_MM.get(strategy as usize).copied()
 }

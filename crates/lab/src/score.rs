@@ -1,11 +1,28 @@
 //! How well a course was followed.
 
 use crate::motion_test::Sample;
+use serde::Serialize;
 
 /// A crane still swings if its piston moves by more than this in the last second \[m\]...
 const SWINGING: f64 = 2e-3;
 /// ... and no less than this share of what it did in the second before.
 const SUSTAINED: f64 = 0.9;
+
+/// What is slower than this in the tip's deflection is no vibration \[s\]: the boom rings at some Hz.
+const SLOW: f64 = 0.5;
+
+/// What a course cost and left, beside its tracking error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Effort {
+    /// Largest motor speed.
+    pub motor_speed_rpm: f64,
+    /// Work of the motor, what flows back not counted.
+    pub energy_kj: f64,
+    /// Largest deflection of the tip.
+    pub tip_deflection_mm: f64,
+    /// Root mean square of the tip's vibration while the crane should rest, from the first motion on.
+    pub residual_vibration_mm: f64,
+}
 
 /// Tracking errors gathered along a course.
 #[derive(Clone, Copy, Debug)]
@@ -16,13 +33,30 @@ pub struct Score {
     count: u64,
     /// Lowest and highest position in the last second but one, and in the last \[m\].
     extents: [(f64, f64); 2],
+    effort: Effort,
+    /// Time and slow part of the tip's deflection a period ago; none before the first.
+    before: Option<(f64, f64)>,
+    has_moved: bool,
+    vibration: f64,
+    resting: u64,
 }
 
 impl Score {
     /// Nothing gathered yet, of a course of the given duration \[s\].
     pub fn new(duration: f64) -> Self {
         let nowhere = (f64::INFINITY, f64::NEG_INFINITY);
-        Self { duration, square: 0.0, peak: 0.0, count: 0, extents: [nowhere; 2] }
+        Self {
+            duration,
+            square: 0.0,
+            peak: 0.0,
+            count: 0,
+            extents: [nowhere; 2],
+            effort: Effort::default(),
+            before: None,
+            has_moved: false,
+            vibration: 0.0,
+            resting: 0,
+        }
     }
 
     /// Adds a control period.
@@ -33,12 +67,38 @@ impl Score {
         if error.abs() > self.peak.abs() {
             self.peak = error;
         }
+        self.add_effort(sample);
         let left = self.duration - sample.time;
         if left < 2.0 {
             let (low, high) = &mut self.extents[usize::from(left < 1.0)];
             let stroke = sample.truth.outputs.stroke;
             (*low, *high) = (low.min(stroke), high.max(stroke));
         }
+    }
+
+    fn add_effort(&mut self, sample: &Sample) {
+        let truth = &sample.truth;
+        let deflection = truth.outputs.tip_deflection;
+        let (then, slow) = self.before.unwrap_or((sample.time, deflection));
+        let passed = sample.time - then;
+        let slow = slow + (deflection - slow) * (passed / SLOW).min(1.0);
+        self.before = Some((sample.time, slow));
+        let power = truth.motor_torque * truth.motor_speed * std::f64::consts::TAU;
+        let effort = &mut self.effort;
+        effort.motor_speed_rpm = effort.motor_speed_rpm.max(60.0 * truth.motor_speed.abs());
+        effort.energy_kj += 1e-3 * power.max(0.0) * passed;
+        effort.tip_deflection_mm = effort.tip_deflection_mm.max(1e3 * deflection.abs());
+        self.has_moved |= sample.reference.velocity != 0.0;
+        if self.has_moved && sample.reference.velocity == 0.0 {
+            self.vibration += (deflection - slow) * (deflection - slow);
+            self.resting += 1;
+        }
+    }
+
+    /// What the course cost and left.
+    pub fn effort(&self) -> Effort {
+        let vibration = (self.vibration / self.resting.max(1) as f64).sqrt();
+        Effort { residual_vibration_mm: 1e3 * vibration, ..self.effort }
     }
 
     /// Root mean square of the tracking error \[m\].

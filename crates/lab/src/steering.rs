@@ -1,9 +1,10 @@
 //! A strategy at work on virtual cranes, one by one or side by side.
 
+use crate::following::Following;
 use crate::motion_test::{Sample, Strategy};
 use crate::scenario::{Course, due};
 use crate::{LabError, Plant, plant};
-use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Reference};
+use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Reading, Reference};
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme, SimulationError};
 use hydroboom_virtual_crane::{Command, Fleet, VirtualCrane};
@@ -98,6 +99,49 @@ impl Feedback {
     }
 }
 
+/// What steers one crane.
+enum Controller {
+    Published(Box<(Feedforward, Feedback)>),
+    Following(Box<Following>),
+}
+
+impl Controller {
+    fn new(
+        model: &Description,
+        strategy: Strategy,
+        start: f64,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+    ) -> Result<Self, LabError> {
+        Ok(match strategy.follows() {
+            true => Self::Following(Box::new(Following::new(model, reading, measured, start)?)),
+            false => Self::Published(Box::new((
+                Feedforward::new(model, strategy, start)?,
+                Feedback::new(model, strategy, measured),
+            ))),
+        })
+    }
+
+    /// The command for the coming period.
+    fn command(
+        &mut self,
+        reference: &Reference<f64>,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+    ) -> Result<Command<f64>, LabError> {
+        match self {
+            Self::Following(following) => following.command(reference, reading, measured),
+            Self::Published(pair) => {
+                let (feedforward, feedback) = pair.as_mut();
+                let speed = feedforward
+                    .speed(reference)
+                    .map_err(LabError::during("the simulated crane"))?;
+                Ok(feedback.command(reference, measured, speed))
+            }
+        }
+    }
+}
+
 /// One strategy on one crane along a course, each control period shown to `observe`, which may stop
 /// it.
 ///
@@ -114,8 +158,8 @@ pub fn steer(
 ) -> Result<(), LabError> {
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
-    let mut feedforward = Feedforward::new(model, strategy, start)?;
-    let mut feedback = Feedback::new(model, strategy, &crane.measured());
+    let mut controller =
+        Controller::new(model, strategy, start, &crane.reading(), &crane.measured())?;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut loads = course.loads();
@@ -127,10 +171,7 @@ pub fn steer(
             crane.set_payload(mass)?;
         }
         let reference = course.reference(time);
-        let speed = feedforward
-            .speed(&reference)
-            .map_err(LabError::during(&format!("{during}, the simulated crane")))?;
-        let command = feedback.command(&reference, &crane.measured(), speed);
+        let command = controller.command(&reference, &crane.reading(), &crane.measured())?;
         let (reading, truth) = (crane.reading(), crane.truth());
         observe(&Sample { time, reference, reading, truth, command })?;
         if k < periods {
@@ -149,6 +190,30 @@ pub struct Lane<'a> {
     pub strategy: Strategy,
     /// The course; all that run together have the same reference, and each its own loads.
     pub course: &'a (dyn Course + 'a),
+}
+
+/// Any number of lanes, so many side by side at a time; how each ended.
+pub fn steer_all(
+    model: &Description,
+    lanes: &[Lane<'_>],
+    mut observe: impl FnMut(usize, &Sample),
+) -> Vec<Result<(), LabError>> {
+    let mut ends = Vec::with_capacity(lanes.len());
+    for group in lanes.chunks(WIDTH) {
+        let done = ends.len();
+        match <&[Lane<'_>; WIDTH]>::try_from(group) {
+            Ok(whole) => {
+                ends.extend(steer_together(model, whole, |k, sample| observe(done + k, sample)));
+            }
+            Err(_) => ends.extend(group.iter().enumerate().map(|(k, lane)| {
+                steer(model, lane.crane, lane.strategy, lane.course, |sample| {
+                    observe(done + k, sample);
+                    Ok(())
+                })
+            })),
+        }
+    }
+    ends
 }
 
 /// Cranes steered side by side, each control period of each shown to `observe`; how each ended. They
@@ -185,15 +250,10 @@ fn side_by_side(
     let starts = cranes.each_ref().map(|crane| crane.start(start));
     // what is wrong with one of them is said where it is run alone
     let mut fleet = Fleet::new(&cranes, &starts).ok().flatten()?;
-    let mut feedback: [Feedback; WIDTH] =
-        std::array::from_fn(|k| Feedback::new(model, lanes[k].strategy, &fleet.measured(k)));
-    let mut feedforward = Vec::with_capacity(2);
-    for simulates in [false, true] {
-        let strategy = lanes.iter().map(|l| l.strategy).find(|s| s.simulates() == simulates);
-        feedforward.push(match strategy {
-            Some(strategy) => Some(Feedforward::new(model, strategy, start).ok()?),
-            None => None,
-        });
+    let mut controllers = Vec::with_capacity(WIDTH);
+    for (k, lane) in lanes.iter().enumerate() {
+        let (reading, measured) = (fleet.reading(k), fleet.measured(k));
+        controllers.push(Controller::new(model, lane.strategy, start, &reading, &measured).ok()?);
     }
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
@@ -203,20 +263,6 @@ fn side_by_side(
     for k in 0..=periods {
         let time = k as f64 * period;
         let reference = course.reference(time);
-        let mut speeds = [0.0; 2];
-        for (speed, feedforward) in speeds.iter_mut().zip(&mut feedforward) {
-            let Some(shared) = feedforward else { continue };
-            match shared.speed(&reference) {
-                Ok(now) => *speed = now,
-                Err(error) => {
-                    *feedforward = None;
-                    let simulating = lanes.iter().map(|lane| lane.strategy.simulates());
-                    for (end, _) in ends.iter_mut().zip(simulating).filter(|(_, s)| *s) {
-                        *end = Err(LabError::during("the simulated crane")(error));
-                    }
-                }
-            }
-        }
         let commands = std::array::from_fn(|lane| {
             if let Some(mass) = due(&mut loads[lane], time)
                 && let Err(error) = fleet.set_payload(lane, mass)
@@ -224,10 +270,19 @@ fn side_by_side(
             {
                 ends[lane] = Err(error.into());
             }
-            let speed = speeds[usize::from(lanes[lane].strategy.simulates())];
-            let command = feedback[lane].command(&reference, &fleet.measured(lane), speed);
+            let (reading, measured) = (fleet.reading(lane), fleet.measured(lane));
+            let still = Command { motor_speed: 0.0, holding_valve: 1.0 };
+            let command = match ends[lane].is_ok() {
+                true => controllers[lane].command(&reference, &reading, &measured).unwrap_or_else(
+                    |error| {
+                        ends[lane] = Err(error);
+                        still
+                    },
+                ),
+                false => still,
+            };
             if ends[lane].is_ok() {
-                let (reading, truth) = (fleet.reading(lane), fleet.truth(lane));
+                let truth = fleet.truth(lane);
                 observe(lane, &Sample { time, reference, reading, truth, command });
             }
             command

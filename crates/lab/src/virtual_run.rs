@@ -6,7 +6,7 @@ use crate::motion_test::{Sample, Strategy};
 use crate::scenario::Course;
 use crate::score::Score;
 use crate::simulate::Recording;
-use crate::steering::{Lane, steer, steer_together};
+use crate::steering::{Lane, steer, steer_all};
 use hydroboom_control::Reference;
 use hydroboom_description::Description;
 use hydroboom_model::Outputs;
@@ -168,10 +168,10 @@ pub fn strategies(
 ) -> Result<Vec<(Strategy, Summary)>, LabError> {
     let duration = course.duration();
     let lanes = Strategy::ALL.map(|strategy| Lane { crane, strategy, course });
-    let mut gathered =
-        [(Summary { duration_s: duration, ..Summary::default() }, Score::new(duration)); 4];
+    let mut gathered = lanes
+        .map(|_| (Summary { duration_s: duration, ..Summary::default() }, Score::new(duration)));
     let mut count = 0_u64;
-    let ends = steer_together(model, &lanes, |lane, sample| {
+    let ends = steer_all(model, &lanes, |lane, sample| {
         let (summary, score) = &mut gathered[lane];
         summary.add(sample);
         score.add(sample);

@@ -53,6 +53,8 @@ pub trait Plant {
     fn outputs(&self) -> Outputs<f64>;
     /// Load pressure p_L \[Pa\].
     fn load_pressure(&self) -> f64;
+    /// What a pressure on the rod side counts against one on the piston side, A_r/A_p.
+    fn rod_side_ratio(&self) -> f64;
     /// All flows under an input.
     fn flows(&self, input: &Input<f64>) -> Flows<f64>;
     /// Energy by form.
@@ -183,6 +185,9 @@ impl<const N: usize> Plant for Simulation<N> {
     fn load_pressure(&self) -> f64 {
         let p = self.crane().circuit.pressures(&self.state().circuit);
         self.crane().cylinder.load_pressure(p.a, p.b)
+    }
+    fn rod_side_ratio(&self) -> f64 {
+        self.crane().cylinder.rod_side_area / self.crane().cylinder.piston_area
     }
     fn flows(&self, input: &Input<f64>) -> Flows<f64> {
         self.crane().flows(self.state(), input)

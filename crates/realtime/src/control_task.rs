@@ -4,10 +4,11 @@ use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::{
-    Benchmark, BenchmarkMemory, Command, Decision, Limits, Measured, Observation, Reading,
-    Reference, Request, State, Strategy, Supervisor,
+    Benchmark, BenchmarkMemory, Command, Decision, FollowingMemory, Limits, Measured,
+    ModelFollowing, Observation, Reading, Reference, Request, State, Strategy, Supervisor,
 };
 use hydroboom_description::Description;
+use hydroboom_design::model_following;
 use hydroboom_model::hydraulics::Cylinder;
 
 /// The simulation may be so far from the machine in closed loop before the benchmark takes over
@@ -128,6 +129,11 @@ pub struct ControlTask {
     fallback: bool,
     memory: BenchmarkMemory<f64>,
     simulated_memory: BenchmarkMemory<f64>,
+    /// Model following; none for a crane that has no such design.
+    following: Option<ModelFollowing<f64>>,
+    following_memory: FollowingMemory<f64>,
+    /// Whether state feedback steers the simulated crane now.
+    follows: bool,
     /// Speed of the simulated crane's motor \[rev/s\].
     simulated_motor: f64,
     /// What is still left of a bump \[rev/s\].
@@ -173,6 +179,10 @@ impl ControlTask {
         Self {
             memory: benchmark.start(&nothing),
             simulated_memory: benchmark.start(&nothing),
+            // the benchmark steers a crane that has none, as it does where a simulation is not true
+            following: model_following(model).ok(),
+            following_memory: FollowingMemory::default(),
+            follows: false,
             benchmark,
             cylinder: model.cylinder(),
             course,
@@ -295,7 +305,11 @@ impl ControlTask {
     /// The load is the controller's from the next period on.
     fn begin(&mut self, measured: &Measured<f64>, now: &Period) {
         self.offset = 0.0;
-        self.strategy = self.asked(now);
+        // what follows a simulation takes over from the benchmark in the first period
+        self.strategy = match self.asked(now) {
+            asked if asked.follows() => Strategy::BenchmarkClosedLoop,
+            asked => asked,
+        };
         self.tracking = if self.strategy.measures() { TRACKING } else { OPEN_LOOP_TRACKING };
         self.simulated_motor = 0.0;
         self.behind = 0.0;
@@ -303,7 +317,8 @@ impl ControlTask {
         self.memory = self.benchmark.start(measured);
         if let Some(simulated) = now.simulated {
             self.epoch = simulated.epoch;
-            self.simulated_memory = self.benchmark.start(&simulated.measured);
+            self.simulated_memory = self.benchmark.start(&simulated.seen.measured());
+            self.following_memory = FollowingMemory::default();
         }
         // what keeps the pump pre-loaded now is what the leakage takes
         let reference = self.course.reference(-self.course.approach());
@@ -320,14 +335,33 @@ impl ControlTask {
             // it was set to where the machine is, at rest
             self.epoch = simulated.epoch;
             self.steps = simulated.steps;
-            self.simulated_memory = b.start(&simulated.measured);
+            self.simulated_memory = b.start(&simulated.seen.measured());
+            self.following_memory = FollowingMemory::default();
             (self.simulated_motor, self.behind, self.trusted) = (0.0, 0.0, 0.0);
         }
         let asked = self.asked(now);
+        let law = self.following.as_ref().filter(|_| asked.follows());
         if let Some(simulated) = now.simulated.filter(|s| !s.failed) {
-            let memory = &mut self.simulated_memory;
-            let wanted = b.update(memory, reference, &simulated.measured, velocity_feedforward);
-            self.simulated_motor = b.limits.follow(self.simulated_motor, wanted, b.period);
+            let seen = &simulated.seen;
+            let (takes_over, motor) = (law.is_some() != self.follows, self.simulated_motor);
+            self.simulated_motor = match law {
+                Some(law) => {
+                    if takes_over {
+                        self.following_memory = law.take_over(reference, seen, motor);
+                    }
+                    law.update(&mut self.following_memory, reference, seen)
+                }
+                None => {
+                    let (memory, seen) = (&mut self.simulated_memory, seen.measured());
+                    if takes_over {
+                        *memory = b.start(&seen);
+                        b.take_over(memory, reference, &seen, velocity_feedforward, motor);
+                    }
+                    let wanted = b.update(memory, reference, &seen, velocity_feedforward);
+                    b.limits.follow(motor, wanted, b.period)
+                }
+            };
+            self.follows = law.is_some();
         }
         // a strategy that needs a simulation that is not there, or not true, is not followed
         let most = if asked.measures() { DRIFT } else { 0.5 * OPEN_LOOP_TRACKING };
@@ -337,9 +371,10 @@ impl ControlTask {
             self.steps = simulated.steps;
         }
         let alive = self.behind < BEHIND;
-        let near = |s: Simulated| (s.measured.stroke - measured.stroke).abs() <= most;
+        let near = |s: Simulated| (s.seen.stroke - measured.stroke).abs() <= most;
         let is_true = alive && now.simulated.is_some_and(|s| !s.failed && near(s));
         self.fallback |= asked.simulates() && !is_true;
+        let has_none = asked.follows() && law.is_none();
         self.trusted = if is_true && self.fallback { self.trusted + b.period } else { 0.0 };
         // it is followed again only after it was set to the machine's state
         if self.trusted >= TRUSTED && self.epoch != self.fallen_at {
@@ -348,7 +383,7 @@ impl ControlTask {
         if !self.fallback {
             self.fallen_at = self.epoch;
         }
-        let strategy = match self.fallback {
+        let strategy = match self.fallback || has_none {
             true => Strategy::BenchmarkClosedLoop,
             false => asked,
         };
@@ -356,14 +391,26 @@ impl ControlTask {
             true => self.simulated_motor,
             false => velocity_feedforward,
         };
+        let compared = law.zip(now.simulated).filter(|_| strategy.follows());
+        let (feedback, reference, measured) = match compared {
+            Some((law, simulated)) => {
+                let (reference, lacking) = law.compared(measured, &simulated.seen);
+                (law.feedback(b, simulated.seen.stroke), reference, lacking)
+            }
+            None => (*b, *reference, *measured),
+        };
         if strategy != self.strategy {
             let speed = self.wanted;
-            b.take_over(&mut self.memory, reference, measured, feedforward, speed);
+            if strategy.follows() != self.strategy.follows() {
+                // the load pressure is another from here on: what it differs by
+                self.memory = feedback.start(&measured);
+            }
+            feedback.take_over(&mut self.memory, &reference, &measured, feedforward, speed);
             self.offset = if strategy.measures() { 0.0 } else { speed - feedforward };
             self.strategy = strategy;
         }
         self.wanted = match strategy.measures() {
-            true => b.update(&mut self.memory, reference, measured, feedforward),
+            true => feedback.update(&mut self.memory, &reference, &measured, feedforward),
             false => feedforward + self.offset,
         };
         self.offset *= 1.0 - b.period / BUMP;

@@ -18,7 +18,7 @@ use crate::simulation_task::{Simulated, SimulatedState, SimulationTask};
 use crate::slot::Slot;
 use crate::timing::Timing;
 use crate::trouble::Tampering;
-use hydroboom_control::{Decision, Measured};
+use hydroboom_control::{Decision, Seen};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
@@ -222,15 +222,16 @@ struct Shown {
 }
 
 /// Words in which the simulation is shown to the control task.
-const SIMULATED: usize = 11;
+const SIMULATED: usize = 12;
 
 fn words(simulated: &Simulated, shown: &Shown) -> [u64; SIMULATED] {
     let [inner, middle, outer] = simulated.angle.map(f64::to_bits);
     [
         simulated.steps,
         simulated.epoch,
-        simulated.measured.stroke.to_bits(),
-        simulated.measured.load_pressure.to_bits(),
+        simulated.seen.stroke.to_bits(),
+        simulated.seen.velocity.to_bits(),
+        simulated.seen.load_pressure.to_bits(),
         inner,
         middle,
         outer,
@@ -246,11 +247,11 @@ fn from_words(words: &[u64; SIMULATED]) -> (Simulated, Shown) {
     let simulated = Simulated {
         steps: words[0],
         epoch: words[1],
-        measured: Measured { stroke: number(2), load_pressure: number(3) },
-        angle: [number(4), number(5), number(6)],
-        failed: words[7] != 0,
+        seen: Seen { stroke: number(2), velocity: number(3), load_pressure: number(4) },
+        angle: [number(5), number(6), number(7)],
+        failed: words[8] != 0,
     };
-    (simulated, Shown { late: words[8], execution: words[9], missed: words[10] })
+    (simulated, Shown { late: words[9], execution: words[10], missed: words[11] })
 }
 
 /// The simulation's cycle.

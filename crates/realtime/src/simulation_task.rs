@@ -1,6 +1,6 @@
 //! The simulation beside the machine: a step of 50 us at a time.
 
-use hydroboom_control::Measured;
+use hydroboom_control::Seen;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation, Start};
 use hydroboom_plant::PlantError;
@@ -15,8 +15,8 @@ pub struct Simulated {
     pub steps: u64,
     /// How often it was set to a state.
     pub epoch: u64,
-    /// What the benchmark controller looks at.
-    pub measured: Measured<f64>,
+    /// What the controllers look at.
+    pub seen: Seen<f64>,
     /// Absolute angle of each boom segment \[rad\].
     pub angle: [f64; 3],
     /// Whether it left what the model holds for; it then stays where it was.
@@ -86,8 +86,10 @@ impl SimulationTask {
         let (crane, state) = (self.simulation.crane(), self.simulation.state());
         let p = crane.circuit.pressures(&state.circuit);
         let pose = crane.boom.pose(&state.boom.angle);
-        self.simulated.measured = Measured {
-            stroke: crane.boom.cylinder_pose(&pose).stroke,
+        let cylinder = crane.boom.cylinder_pose(&pose);
+        self.simulated.seen = Seen {
+            stroke: cylinder.stroke,
+            velocity: cylinder.velocity(&crane.boom, &state.boom.angular_velocity),
             load_pressure: crane.cylinder.load_pressure(p.a, p.b),
         };
         self.simulated.angle = state.boom.angle;

@@ -1,5 +1,7 @@
 //! The cycle allocates nothing.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use hydroboom_control::{Path, Request, State, Strategy};
 use hydroboom_description::Description;
@@ -19,13 +21,18 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 #[test]
 fn simulation_control_and_exchange_allocate_nothing() {
+    for strategy in [Strategy::SimulationFeedforwardClosedLoop, Strategy::ModelFollowing] {
+        allocate_nothing(strategy);
+    }
+}
+
+fn allocate_nothing(strategy: Strategy) {
     let model = Description::uia_single_boom().unwrap();
     let crane = Description::uia_virtual().unwrap();
     let motion = crane.motion(model.numbers.fast);
     let mut start: Start = crane.start(motion.start);
     start.preload = 0.0;
     let mut machine = VirtualCrane::new(&crane, &start).unwrap();
-    let strategy = Strategy::SimulationFeedforwardClosedLoop;
     let path: Arc<dyn Path> = Arc::new(motion);
     let course = Course::new(Arc::clone(&path));
     let mut control = ControlTask::new(&model, course, limits(&model, motion.speed), strategy);

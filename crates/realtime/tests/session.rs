@@ -148,7 +148,7 @@ fn a_simulation_that_drifted_away_is_set_to_the_machine_and_followed_again() {
     assert_eq!(after.reference.velocity, 0.0, "not at rest");
     let bump = after.decision.command.motor_speed - before.decision.command.motor_speed;
     assert!(bump.abs() < 0.6, "a bump of {bump} rev/s");
-    let near = after.simulated.unwrap().measured.stroke - after.reading.stroke;
+    let near = after.simulated.unwrap().seen.stroke - after.reading.stroke;
     assert!(near.abs() < 3e-3, "{near} m apart");
     // but not again and again: then it is the model that is wrong
     assert!((1..=3).contains(&script.session.synchronised_in_all()));

@@ -273,7 +273,7 @@ impl Run {
         let result = results.first().filter(|r| r.then.is_none() && self.scenario.is_none())?;
         let speed = self.speed_mm_s.unwrap_or(cranes.model.numbers.fast * 1e3);
         let column = paper::SPEEDS_MM_S.iter().position(|v| (v - speed).abs() < 1e-6)?;
-        let (rms, peak) = paper::tracking_mm(Strategy::from_name(result.strategy)?);
+        let (rms, peak) = paper::tracking_mm(Strategy::from_name(result.strategy)?)?;
         Some([rms[column], peak[column]])
     }
 }

@@ -38,7 +38,7 @@ pub fn published() -> Vec<Published> {
         (Strategy::VelocityFeedforward, "7", 0.05, "velocity feedforward"),
         (Strategy::BenchmarkClosedLoop, "8", 0.20, "benchmark"),
     ] {
-        let (rms, peak) = paper::tracking_mm(strategy);
+        let Some((rms, peak)) = paper::tracking_mm(strategy) else { continue };
         for (k, speed) in paper::SPEEDS_MM_S.iter().enumerate() {
             add(format!("{name}, {speed} mm/s, RMS [mm]"), table, rms[k], tolerance);
             add(format!("{name}, {speed} mm/s, peak [mm]"), table, peak[k], tolerance);

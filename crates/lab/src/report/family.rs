@@ -101,6 +101,11 @@ fn explanation() -> Markup {
             "twice. Where the loop is fast the first term wins, in ramps and corners the second. The "
             "remedy is to feed back what differs from the simulation, not what it expects."
         }
+        p {
+            "Model following (ours) does that, and steers the simulation itself better: its state is known and free of "
+            "noise, so that state feedback makes it follow the reference closely. What the machine lacks is then all that "
+            "feedback sees, E'' = (1 − G" sub { "x" } "/G" sub { "x,sim" } ")/(1 + L) of the reference: the model's error, and no more."
+        }
     }
 }
 
@@ -149,7 +154,8 @@ fn boxes(axis: &str, rows: &[(&str, Spread)]) -> String {
     for (k, (name, s)) in rows.iter().enumerate() {
         let y = 10.0 + LINE * (k as f64 + 0.5);
         let known = Strategy::ALL.iter().position(|strategy| strategy.name() == *name);
-        let colour = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"][known.unwrap_or(k) % 4];
+        let colour =
+            ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00"][known.unwrap_or(k) % 5];
         let (edge, top, end) = (x(s.p25), y - 9.0, y + 9.0);
         let (width, median) = (x(s.p75) - edge, x(s.median));
         let _ = write!(

@@ -3,6 +3,7 @@
 
 mod bars;
 mod bode;
+mod design;
 mod document;
 mod drawing;
 mod family;
@@ -13,6 +14,7 @@ mod validation;
 
 pub use bars::{Bar, Bars};
 pub use bode::bode_page;
+pub use design::design_page;
 pub use document::{document, figure};
 pub use family::family_page;
 pub use figure::{Axes, Figure, Series};

@@ -7,8 +7,8 @@ use crate::LabError;
 use crate::motion_test::{Row, Run, Sample, Strategy};
 use maud::{Markup, html};
 
-/// What the paper's figures hold against each other.
-const COMPARED: [(&str, [Strategy; 2]); 3] = [
+/// What the paper's figures hold against each other, and ours.
+const COMPARED: [(&str, [Strategy; 2]); 4] = [
     (
         "Figure 25, test 1: open loop",
         [Strategy::VelocityFeedforward, Strategy::SimulationFeedforwardOpenLoop],
@@ -20,6 +20,10 @@ const COMPARED: [(&str, [Strategy; 2]); 3] = [
     (
         "Figure 27, test 3: closed loop",
         [Strategy::BenchmarkClosedLoop, Strategy::SimulationFeedforwardClosedLoop],
+    ),
+    (
+        "Test 4 (ours): model following against the benchmark",
+        [Strategy::BenchmarkClosedLoop, Strategy::ModelFollowing],
     ),
 ];
 

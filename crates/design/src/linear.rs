@@ -1,6 +1,6 @@
 //! The crane linearised at an operating point, with exact derivatives.
 
-use crate::LabError;
+use crate::DesignError;
 use nalgebra::{Complex, DMatrix, Schur};
 use serde::Serialize;
 
@@ -21,8 +21,8 @@ pub struct Mode {
 ///
 /// # Errors
 ///
-/// [`LabError::Eigenvalues`] when they cannot be computed.
-pub fn modes(a: &DMatrix<f64>) -> Result<Vec<Mode>, LabError> {
+/// [`DesignError::Eigenvalues`] when they cannot be computed.
+pub fn modes(a: &DMatrix<f64>) -> Result<Vec<Mode>, DesignError> {
     let mut modes: Vec<Mode> = eigenvalues(a)?
         .iter()
         .filter(|value| value.im >= 0.0)
@@ -41,10 +41,10 @@ pub fn modes(a: &DMatrix<f64>) -> Result<Vec<Mode>, LabError> {
 ///
 /// # Errors
 ///
-/// [`LabError::Eigenvalues`] when the iteration does not end.
-pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, LabError> {
+/// [`DesignError::Eigenvalues`] when the iteration does not end.
+pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, DesignError> {
     if a.iter().any(|entry| !entry.is_finite()) {
-        return Err(LabError::Eigenvalues("the matrix has entries that are not finite".into()));
+        return Err(DesignError::Eigenvalues("the matrix has entries that are not finite".into()));
     }
     let balanced = balanced(a);
     // rows of zeros can keep the iteration from ending at the tightest tolerance
@@ -54,7 +54,7 @@ pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, LabError> {
             Schur::try_new(balanced.clone(), loosened * f64::EPSILON, 100 * a.nrows())
         })
         .map(|schur| schur.complex_eigenvalues().iter().copied().collect())
-        .ok_or_else(|| LabError::Eigenvalues("the iteration does not end".into()))
+        .ok_or_else(|| DesignError::Eigenvalues("the iteration does not end".into()))
 }
 
 /// The matrix with rows and columns scaled by powers of two until they are of like size: pressures
@@ -94,14 +94,14 @@ fn balanced(a: &DMatrix<f64>) -> DMatrix<f64> {
 ///
 /// # Errors
 ///
-/// [`LabError::Eigenvalues`] when the state `unit` takes no part or the iteration fails.
+/// [`DesignError::Eigenvalues`] when the state `unit` takes no part or the iteration fails.
 pub fn mode_shape(
     a: &DMatrix<f64>,
     mode: &Mode,
     unit: usize,
-) -> Result<Vec<Complex<f64>>, LabError> {
+) -> Result<Vec<Complex<f64>>, DesignError> {
     let n = a.nrows();
-    let failed = || LabError::Eigenvalues("the mode's shape cannot be computed".into());
+    let failed = || DesignError::Eigenvalues("the mode's shape cannot be computed".into());
     let size = mode.real.hypot(mode.imaginary).max(1.0);
     let beside = Complex::new(mode.real, mode.imaginary) + Complex::new(1e-7, 1e-7) * size;
     let shifted = DMatrix::from_fn(n, n, |i, j| {

@@ -1,0 +1,267 @@
+//! What becomes of the oil that the pump delivers: travel of the piston, compression, leakage. Learned while the machine works.
+//!
+//! ```text
+//! A_p Δx = g ΔV_pump − V ΔS(p_A) − l Δt           over windows of a tenth of a second
+//! ```
+//!
+//! g is the pump's flow gain, l the leakage, S(p) the share of its volume by which oil shrinks up to a pressure, which hangs on
+//! the pressure p_c1 at which it stiffens. For each of some p_c1 that are thought possible g and l are found by Bayes'
+//! rule, and each counts as much as what has been seen is likely under it. A window counts as much as the pump has moved
+//! and the pressure has changed in it: without excitation nothing is learned. What was learned is forgotten, down to what was
+//! known before and never below.
+
+use crate::OilStiffness;
+use hydroboom_math::{Real, record};
+
+/// How many pressures at which the oil may stiffen are weighed.
+pub const TRANSITIONS: usize = 9;
+/// Residuals beyond so many standard deviations count as that many: a model is never right to the last.
+const FARTHEST: f64 = 3.0;
+
+record! {
+    /// What is known of the flow balance.
+    pub struct Balance<T> {
+        /// Pump delivery per nominal displacement, g
+        #[unit = "1"]
+        pub flow_gain: T,
+        /// Leakage, l
+        #[unit = "m³/s"]
+        pub leakage: T,
+        /// Pressure at the middle of the oil's transition, p_c1
+        #[unit = "Pa"]
+        pub transition: T,
+    }
+}
+
+/// The cylinder's piston side with pump and line, and what is known of it before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlowBalance {
+    /// Piston area \[m²\].
+    pub piston_area: f64,
+    /// Pump displacement \[m³/rev\].
+    pub displacement: f64,
+    /// Oil volume with the piston at zero \[m³\].
+    pub volume: f64,
+    /// The oil, as known before.
+    pub stiffness: OilStiffness<f64>,
+    /// What is known before.
+    pub before: Balance<f64>,
+    /// How uncertain that is, as standard deviations.
+    pub uncertainty: Balance<f64>,
+    /// Standard deviation of what a window says of the piston's travel \[m\].
+    pub scatter: f64,
+    /// How far the compression may be off, as a share of it: volumes are not known better.
+    pub compression_error: f64,
+    /// Periods in a window.
+    pub window: u32,
+    /// What is left of a window's weight a window later.
+    pub memory: f64,
+    /// Sample period \[s\].
+    pub period: f64,
+}
+
+/// g and l, were the oil to stiffen at a certain pressure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Hypothesis {
+    oil: OilStiffness<f64>,
+    estimate: [f64; 2],
+    covariance: [[f64; 2]; 2],
+    /// Logarithm of how likely it was before, and of what has been seen under it.
+    prior: f64,
+    likelihood: f64,
+}
+
+/// What was learned, and the window that is under way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlowBalanceMemory {
+    hypotheses: [Hypothesis; TRANSITIONS],
+    revolutions: f64,
+    stroke: f64,
+    pressure: f64,
+    count: u32,
+    /// What is known now.
+    pub balance: Balance<f64>,
+}
+
+impl FlowBalance {
+    /// Nothing learned yet, at a piston position \[m\] and pressure \[Pa\].
+    pub fn start(&self, stroke: f64, pressure: f64) -> FlowBalanceMemory {
+        let middle = (TRANSITIONS / 2) as f64;
+        let hypotheses = core::array::from_fn(|k| {
+            // half a standard deviation apart
+            let away = 0.5 * (k as f64 - middle);
+            let transition = self.before.transition + away * self.uncertainty.transition;
+            Hypothesis {
+                oil: OilStiffness { transition, ..self.stiffness },
+                estimate: [self.before.flow_gain, self.before.leakage],
+                covariance: self.prior(),
+                prior: -0.5 * away * away,
+                likelihood: 0.0,
+            }
+        });
+        let balance = self.before;
+        FlowBalanceMemory { hypotheses, revolutions: 0.0, stroke, pressure, count: 0, balance }
+    }
+
+    fn prior(&self) -> [[f64; 2]; 2] {
+        let [g, l] = [self.uncertainty.flow_gain, self.uncertainty.leakage];
+        [[g * g, 0.0], [0.0, l * l]]
+    }
+
+    /// A period in which the motor turned at a speed \[rev/s\], and ended at a position \[m\] and a pressure \[Pa\]. True at the end of
+    /// a window, when something was learned. A window with a reading that is no number is left out.
+    pub fn update(
+        &self,
+        memory: &mut FlowBalanceMemory,
+        speed: f64,
+        stroke: f64,
+        pressure: f64,
+    ) -> bool {
+        memory.revolutions += speed * self.period;
+        memory.count += 1;
+        if memory.count < self.window {
+            return false;
+        }
+        let travel = self.piston_area * (stroke - memory.stroke);
+        let volume = self.volume + self.piston_area * stroke;
+        let features =
+            [self.displacement * memory.revolutions, -self.period * f64::from(memory.count)];
+        let sound = (travel + features[0] + memory.pressure + pressure).is_finite();
+        if sound {
+            for hypothesis in &mut memory.hypotheses {
+                let oil = &hypothesis.oil;
+                let shrunk =
+                    volume * (oil.compression(pressure) - oil.compression(memory.pressure));
+                self.weigh(hypothesis, &features, travel + shrunk, shrunk);
+            }
+            memory.balance = mean(&memory.hypotheses);
+        }
+        (memory.revolutions, memory.count) = (0.0, 0);
+        (memory.stroke, memory.pressure) = (stroke, pressure);
+        sound
+    }
+
+    fn weigh(&self, h: &mut Hypothesis, features: &[f64; 2], seen: f64, shrunk: f64) {
+        let prior = self.prior();
+        for i in 0..2 {
+            for j in 0..2 {
+                let forgotten = prior[i][j] - h.covariance[i][j];
+                h.covariance[i][j] += (1.0 - self.memory) * forgotten;
+            }
+        }
+        let p = &h.covariance;
+        let lever: [f64; 2] =
+            core::array::from_fn(|i| p[i][0] * features[0] + p[i][1] * features[1]);
+        let own = self.piston_area * self.scatter;
+        let doubt = self.compression_error * shrunk;
+        let variance = own * own + doubt * doubt + lever[0] * features[0] + lever[1] * features[1];
+        let deviation = Real::sqrt(variance);
+        let expected = h.estimate[0] * features[0] + h.estimate[1] * features[1];
+        let off = (seen - expected).clamp(-FARTHEST * deviation, FARTHEST * deviation);
+        h.likelihood =
+            self.memory * h.likelihood - 0.5 * off * off / variance - Real::ln(deviation / own);
+        for i in 0..2 {
+            h.estimate[i] += lever[i] * off / variance;
+            for j in 0..2 {
+                h.covariance[i][j] -= lever[i] * lever[j] / variance;
+            }
+        }
+    }
+}
+
+/// What all hypotheses together say, each by how likely it is.
+fn mean(hypotheses: &[Hypothesis; TRANSITIONS]) -> Balance<f64> {
+    let log = |h: &Hypothesis| h.prior + h.likelihood;
+    let best = hypotheses.iter().map(log).fold(f64::NEG_INFINITY, f64::max);
+    let mut sum = [0.0; 4];
+    for h in hypotheses {
+        let weight = Real::exp(log(h) - best);
+        let values = [h.estimate[0], h.estimate[1], h.oil.transition, 1.0];
+        sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+    }
+    Balance { flow_gain: sum[0] / sum[3], leakage: sum[1] / sum[3], transition: sum[2] / sum[3] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn oil(transition: f64) -> OilStiffness<f64> {
+        OilStiffness { highest: 1.6e9, lowest: 2e7, transition, width: 5e5 }
+    }
+
+    fn balance() -> FlowBalance {
+        FlowBalance {
+            piston_area: 3.3e-3,
+            displacement: 10.6e-6,
+            volume: 4e-3,
+            stiffness: oil(35e5),
+            before: Balance { flow_gain: 0.91, leakage: 1.2e-6, transition: 35e5 },
+            uncertainty: Balance { flow_gain: 0.03, leakage: 1.2e-6, transition: 8e5 },
+            scatter: 1e-4,
+            compression_error: 0.15,
+            window: 100,
+            memory: 0.999,
+            period: 1e-3,
+        }
+    }
+
+    /// A piston that goes where its oil lets it: motor speeds \[rev/s\] and pressures \[Pa\] over time, then what is learned.
+    fn learned(
+        truth: Balance<f64>,
+        seconds: u32,
+        speed: impl Fn(f64) -> f64,
+        pressure: impl Fn(f64) -> f64,
+    ) -> Balance<f64> {
+        let flow = balance();
+        let oil = oil(truth.transition);
+        let mut stroke = 0.1;
+        let mut before = pressure(0.0);
+        let mut memory = flow.start(stroke, before);
+        for k in 1..=1000 * seconds {
+            let time = 1e-3 * f64::from(k);
+            let now = pressure(time);
+            let shrunk = oil.compression(now) - oil.compression(before);
+            let volume = flow.volume + flow.piston_area * stroke;
+            let pumped = truth.flow_gain * flow.displacement * speed(time) * flow.period;
+            let lost = truth.leakage * flow.period;
+            stroke += (pumped - lost - volume * shrunk) / flow.piston_area;
+            flow.update(&mut memory, speed(time), stroke, now);
+            before = now;
+        }
+        memory.balance
+    }
+
+    #[test]
+    fn pump_leakage_and_air_are_found_where_the_machine_moves_and_its_pressure_changes() {
+        let truth = Balance { flow_gain: 0.945, leakage: 2e-6, transition: 27e5 };
+        let pressure = |t: f64| 30e5 + 6e5 * (6.0 * t).sin();
+        let found = learned(truth, 20, |t| 20.0 * (0.5 * t).sin(), pressure);
+        assert!((found.flow_gain - truth.flow_gain).abs() < 5e-3, "{found:?}");
+        assert!((found.leakage - truth.leakage).abs() < 4e-7, "{found:?}");
+        assert!((found.transition - truth.transition).abs() < 2e5, "{found:?}");
+    }
+
+    #[test]
+    fn nothing_is_learned_of_what_nothing_excites() {
+        let truth = Balance { flow_gain: 0.945, leakage: 1.2e-6, transition: 27e5 };
+        let at_rest = learned(truth, 20, |_| 0.12, |_| 65e5);
+        let before = balance().before;
+        assert!((at_rest.flow_gain - before.flow_gain).abs() < 5e-3, "{at_rest:?}");
+        assert!((at_rest.transition - before.transition).abs() < 1e3, "{at_rest:?}");
+    }
+
+    #[test]
+    fn a_reading_that_is_no_number_teaches_nothing() {
+        let flow = balance();
+        let mut memory = flow.start(0.1, 30e5);
+        for _ in 0..300 {
+            flow.update(&mut memory, 10.0, f64::NAN, 30e5);
+        }
+        assert_eq!(memory.balance, flow.before);
+        for _ in 0..300 {
+            flow.update(&mut memory, 0.0, 0.1, 30e5);
+        }
+        assert!(memory.balance.to_array().iter().all(|v| v.is_finite()), "{:?}", memory.balance);
+    }
+}

@@ -1,0 +1,194 @@
+//! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
+
+use crate::flow_balance::{FlowBalance, FlowBalanceMemory};
+use crate::{
+    Benchmark, BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reading, Reference, Seen,
+};
+use hydroboom_math::record;
+
+/// How many payloads state feedback is designed for.
+pub const PAYLOADS: usize = 6;
+
+/// State feedback for any payload.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Schedule {
+    /// Payloads \[kg\], rising.
+    pub payloads: [f64; PAYLOADS],
+    /// State feedback for each.
+    pub laws: [ModelFollowing<f64>; PAYLOADS],
+}
+
+impl Schedule {
+    /// State feedback for a payload \[kg\].
+    pub fn at(&self, payload: f64) -> ModelFollowing<f64> {
+        let last = PAYLOADS - 2;
+        let k = self.payloads.partition_point(|p| *p <= payload).saturating_sub(1).min(last);
+        let [below, above] = [self.payloads[k], self.payloads[k + 1]];
+        let share = ((payload - below) / (above - below)).clamp(0.0, 1.0);
+        self.laws[k].between(&self.laws[k + 1], share)
+    }
+
+    /// The payload \[kg\] with which the crane rests at a load pressure \[Pa\], piston at `stroke` \[m\].
+    pub fn payload(&self, stroke: f64, load_pressure: f64) -> f64 {
+        let share = (load_pressure - self.empty(stroke)) / self.span(stroke);
+        share.clamp(0.0, 1.0) * self.payloads[PAYLOADS - 1]
+    }
+
+    fn empty(&self, stroke: f64) -> f64 {
+        self.laws[0].station(stroke).load_pressure
+    }
+
+    fn span(&self, stroke: f64) -> f64 {
+        self.laws[PAYLOADS - 1].station(stroke).load_pressure - self.empty(stroke)
+    }
+}
+
+record! {
+    /// What is known of the machine by now, beyond its description.
+    pub struct Known<T> {
+        /// Payload
+        #[unit = "kg"]
+        pub payload: T,
+        /// Pump delivery per nominal displacement
+        #[unit = "1"]
+        pub flow_gain: T,
+        /// Leakage
+        #[unit = "m³/s"]
+        pub leakage: T,
+        /// Pressure at the middle of the oil's transition
+        #[unit = "Pa"]
+        pub transition: T,
+    }
+}
+
+/// A load that rests differs from the simulated one by more than what friction can hold back \[Pa\].
+const HELD_BY_FRICTION: f64 = 6e5;
+/// Time constant in which the payload is learned at rest \[s\].
+const WEIGHING: f64 = 0.5;
+/// A load is weighed once its pressure has been within so much of its mean over some tenths of a second for half a second:
+/// one that was just hung on swings \[Pa\], \[s\], \[s\].
+const QUIET: (f64, f64, f64) = (2e5, 0.3, 0.5);
+/// A reference slower than this rests \[m/s\].
+const AT_REST: f64 = 1e-4;
+
+/// The whole controller, but for the simulated crane itself.
+#[derive(Clone, Copy, Debug)]
+pub struct Follower {
+    schedule: Schedule,
+    law: ModelFollowing<f64>,
+    benchmark: Benchmark<f64>,
+    flow: FlowBalance,
+    /// Whether anything is learned.
+    pub learns: bool,
+    following: FollowingMemory<f64>,
+    feedback: BenchmarkMemory<f64>,
+    learned: FlowBalanceMemory,
+    known: Known<f64>,
+    /// Mean of the load pressure, and for how long it has been quiet \[s\].
+    mean: f64,
+    quiet: f64,
+    /// What the motor has to turn for each revolution of the simulated one.
+    correction: f64,
+}
+
+impl Follower {
+    /// At rest, by what is measured there: the payload is weighed.
+    pub fn start(
+        schedule: &Schedule,
+        benchmark: &Benchmark<f64>,
+        flow: &FlowBalance,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+    ) -> Self {
+        let payload = schedule.payload(measured.stroke, measured.load_pressure);
+        let law = schedule.at(payload);
+        let before = &flow.before;
+        Self {
+            schedule: *schedule,
+            law,
+            benchmark: *benchmark,
+            flow: *flow,
+            learns: true,
+            following: law.start(),
+            feedback: BenchmarkMemory::default(),
+            learned: flow.start(reading.stroke, reading.pressure_a),
+            known: Known {
+                payload,
+                flow_gain: before.flow_gain,
+                leakage: before.leakage,
+                transition: before.transition,
+            },
+            mean: measured.load_pressure,
+            quiet: 0.0,
+            correction: 1.0,
+        }
+    }
+
+    /// What the simulated crane should be by now.
+    pub fn known(&self) -> Known<f64> {
+        self.known
+    }
+
+    /// Begins feedback where machine and simulated crane are now, without a bump.
+    pub fn begin(&mut self, measured: &Measured<f64>, simulated: &Seen<f64>) {
+        self.feedback = self.benchmark.start(&self.law.compared(measured, simulated).1);
+        self.following = self.law.start();
+    }
+
+    /// A period: motor speed \[rev/s\] of the simulated crane, and of the machine.
+    pub fn period(
+        &mut self,
+        reference: &Reference<f64>,
+        simulated: &Seen<f64>,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+    ) -> [f64; 2] {
+        let before = self.correction;
+        if self.learns {
+            self.learn(reference, simulated, reading, measured);
+        }
+        let simulated_speed = self.law.update(&mut self.following, reference, simulated);
+        let feedback = self.law.feedback(&self.benchmark, simulated.stroke);
+        // what the correction has taken over is no longer the integral's
+        let taken = (self.correction - before) * simulated_speed;
+        self.feedback.integral -= taken / feedback.revolutions_per_metre;
+        let (follow, lacking) = self.law.compared(measured, simulated);
+        let feedforward = self.correction * simulated_speed;
+        let speed = feedback.update(&mut self.feedback, &follow, &lacking, feedforward);
+        [simulated_speed, speed]
+    }
+
+    fn learn(
+        &mut self,
+        reference: &Reference<f64>,
+        simulated: &Seen<f64>,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+    ) {
+        let Reading { motor_speed, stroke, pressure_a, .. } = *reading;
+        if self.flow.update(&mut self.learned, motor_speed, stroke, pressure_a) {
+            let balance = &self.learned.balance;
+            self.known.flow_gain = balance.flow_gain;
+            self.known.leakage = balance.leakage;
+            self.known.transition = balance.transition;
+            self.law.stiffness.transition = balance.transition;
+            self.correction = self.flow.before.flow_gain / balance.flow_gain;
+        }
+        let (near, slowly, long) = QUIET;
+        let period = self.benchmark.period;
+        self.mean += (measured.load_pressure - self.mean) * period / slowly;
+        let is_quiet =
+            (measured.load_pressure - self.mean).abs() < near && reference.velocity.abs() < AT_REST;
+        self.quiet = if is_quiet { self.quiet + period } else { 0.0 };
+        let off = self.mean - simulated.load_pressure;
+        if self.quiet > long && off.abs() > HELD_BY_FRICTION {
+            let heaviest = self.schedule.payloads[PAYLOADS - 1];
+            let per_pressure = heaviest / self.schedule.span(simulated.stroke);
+            let gained = off * per_pressure * period / WEIGHING;
+            self.known.payload = (self.known.payload + gained).clamp(0.0, heaviest);
+            let transition = self.law.stiffness.transition;
+            self.law = self.schedule.at(self.known.payload);
+            self.law.stiffness.transition = transition;
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! Controllers designed from a crane's description, before anything moves.
+//!
+//! ```text
+//! Description -> linear (the crane linearised, its modes and responses)
+//!             -> lifting (as it is once the pump lifts)
+//!             -> oil_spring (what of that a controller of piston and load pressure sees)
+//!             -> model_following (scheduled over stroke and payload), margins (how far a loop is from ringing on)
+//! ```
+
+mod error;
+mod lifting;
+pub mod linear;
+mod look;
+mod margins;
+mod model_following;
+mod oil_spring;
+
+pub use error::DesignError;
+pub use lifting::{Lifting, Responses};
+pub use look::{Look, look, machine_loops, step_response};
+pub use margins::{Loop, Margins, margins};
+pub use model_following::{flow_balance, model_following, schedule};
+pub use oil_spring::oil_spring;

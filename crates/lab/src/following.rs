@@ -1,0 +1,88 @@
+//! Model following on a virtual crane: the simulated crane beside it, and the controller.
+
+use crate::{LabError, Plant, plant};
+use hydroboom_control::{Command, Follower, Known, Measured, Reading, Reference, Seen};
+use hydroboom_description::Description;
+use hydroboom_design::{flow_balance, schedule};
+use hydroboom_model::{Input, Scheme, SimulationError};
+
+/// Control periods between two looks at what was learned: the simulated crane becomes what is known by then.
+const LOOK_EVERY: u64 = 20;
+
+/// A controller with its simulated crane.
+pub(crate) struct Following {
+    description: Description,
+    simulated: Box<dyn Plant>,
+    follower: Follower,
+    /// What the simulated crane is.
+    taken: Known<f64>,
+    /// Steps of the simulation in a control period.
+    count: u32,
+    periods: u64,
+}
+
+impl Following {
+    /// At rest beside a machine, of which the model and what it reads are known.
+    pub(crate) fn new(
+        model: &Description,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+        start: f64,
+    ) -> Result<Self, LabError> {
+        let schedule = schedule(model)?;
+        let benchmark = model.benchmark();
+        let flow = flow_balance(model, &schedule);
+        let mut follower = Follower::start(&schedule, &benchmark, &flow, reading, measured);
+        let taken = follower.known();
+        let description = known(model, &taken);
+        let step = model.numbers.simulation_period;
+        let simulated = plant(&description, &description.start(start), Scheme::Published, step)?;
+        follower.begin(measured, &seen(simulated.as_ref()));
+        let count = (benchmark.period / step).round() as u32;
+        Ok(Self { description, simulated, follower, taken, count, periods: 0 })
+    }
+
+    /// The command for the coming period; the simulated crane moves on with it.
+    pub(crate) fn command(
+        &mut self,
+        reference: &Reference<f64>,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+    ) -> Result<Command<f64>, LabError> {
+        let seen = seen(self.simulated.as_ref());
+        let [simulated, speed] = self.follower.period(reference, &seen, reading, measured);
+        self.periods += 1;
+        let now = self.follower.known();
+        if self.periods.is_multiple_of(LOOK_EVERY) && differ(&self.taken, &now) {
+            self.taken = now;
+            self.simulated.set_parameters(&known(&self.description, &now))?;
+        }
+        let input = Input { pump_speed: simulated, holding_valve: 1.0 };
+        let stopped: fn(SimulationError) -> LabError =
+            |error| LabError::during("the simulated crane")(error);
+        self.simulated.advance(&input, self.count).map_err(stopped)?;
+        Ok(Command { motor_speed: speed, holding_valve: 1.0 })
+    }
+}
+
+fn seen(plant: &dyn Plant) -> Seen<f64> {
+    let outputs = plant.outputs();
+    Seen {
+        stroke: outputs.stroke,
+        velocity: outputs.velocity,
+        load_pressure: plant.load_pressure(),
+    }
+}
+
+/// The crane as it is known by now. The pump's flow is not changed: that is corrected where the machine's motor is told its speed.
+fn known(description: &Description, known: &Known<f64>) -> Description {
+    let mut now = description.clone();
+    now.numbers.payload = known.payload;
+    now.numbers.transition = known.transition;
+    now
+}
+
+/// Whether what was learned is worth a change of the simulated crane: a kilogram, a tenth of a bar.
+fn differ(a: &Known<f64>, b: &Known<f64>) -> bool {
+    (a.payload - b.payload).abs() > 1.0 || (a.transition - b.transition).abs() > 1e4
+}

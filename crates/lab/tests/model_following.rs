@@ -1,0 +1,68 @@
+//! Model following beside the benchmark: on the model itself, on the virtual crane, on cranes that the model knows little of.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_description::Description;
+use hydroboom_lab::family::member;
+use hydroboom_lab::motion_test::{Run, Strategy, run};
+use hydroboom_lab::scenario::CourseChoice;
+
+fn both(crane: &Description, course: &CourseChoice) -> [Run; 2] {
+    let model = Description::uia_single_boom().unwrap();
+    let course = course.of(crane).unwrap();
+    [Strategy::BenchmarkClosedLoop, Strategy::ModelFollowing]
+        .map(|strategy| run(&model, crane, strategy, course.as_ref()).unwrap())
+}
+
+/// With plant and model alike feedback has nothing to do, and the simulated crane follows as closely as its motor can.
+#[test]
+fn a_crane_like_its_model_is_where_it_should_be_within_a_tenth_of_a_millimetre() {
+    let mut model = Description::uia_single_boom().unwrap();
+    // nothing lies between command and reading here
+    model.set("following.lead_ms=0").unwrap();
+    for speed in [model.numbers.slow, model.numbers.fast] {
+        let course = model.motion(speed);
+        let [benchmark, own] = [Strategy::BenchmarkClosedLoop, Strategy::ModelFollowing]
+            .map(|strategy| run(&model, &model, strategy, &course).unwrap());
+        assert!(own.rms() < 0.1e-3 && own.rms() < 0.5 * benchmark.rms(), "{}", own.rms());
+    }
+}
+
+/// With sensors, drive, fieldbus and all else that the model does not have the error is less than half the benchmark's, for the
+/// same energy and motor speed within a twentieth.
+#[test]
+fn the_virtual_crane_is_led_more_closely_for_the_same_effort() {
+    let crane = Description::uia_virtual().unwrap();
+    for speed in [crane.numbers.slow, crane.numbers.fast] {
+        let [benchmark, own] = both(&crane, &CourseChoice::Motion(speed)).map(|r| r.score());
+        assert!(own.rms() < 0.5 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+        let (a, b) = (own.effort(), benchmark.effort());
+        assert!(a.energy_kj < 1.05 * b.energy_kj, "{a:?} for {b:?}");
+        // at the slow speed friction at the start takes a short burst of the motor
+        if speed == crane.numbers.fast {
+            assert!(a.motor_speed_rpm < 1.05 * b.motor_speed_rpm, "{a:?} for {b:?}");
+        }
+    }
+}
+
+/// Light loads on aerated oil, where the benchmark rings on with errors of centimetres: the payload is weighed, the oil's
+/// softness learned, and feedback is as gentle as such oil needs.
+#[test]
+fn a_light_load_on_soft_oil_does_not_ring_on() {
+    let nominal = Description::uia_virtual().unwrap();
+    let mut soft = member(&nominal, 1, 16).unwrap().crane;
+    soft.set("oil.transition_bar=42").unwrap();
+    let [benchmark, own] = both(&soft, &CourseChoice::Motion(soft.numbers.fast));
+    assert!(benchmark.rms() > 10e-3, "this crane is no test: {}", benchmark.rms());
+    assert!(own.rms() < 0.5 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+    assert!(!own.score().is_unstable());
+}
+
+/// A payload that is hung on, halved and taken off at rest is weighed again.
+#[test]
+fn a_payload_that_changes_is_weighed_again() {
+    let crane = Description::uia_virtual().unwrap();
+    let [benchmark, own] = both(&crane, &CourseChoice::Scenario("payload-change".into()));
+    assert!(own.rms() < benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+    assert!(!own.score().is_unstable());
+}
