@@ -2,7 +2,8 @@
 
 use crate::crane_file::{CraneFile, text};
 use crate::output;
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use hydroboom_description::Description;
 use hydroboom_lab::dataset::dataset;
 use hydroboom_lab::motion_test::Strategy;
@@ -15,24 +16,10 @@ use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// A strategy, as the command line names it.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum StrategyName {
-    VelocityFeedforward,
-    SimulationFeedforwardOpenLoop,
-    BenchmarkClosedLoop,
-    SimulationFeedforwardClosedLoop,
-}
-
-impl From<StrategyName> for Strategy {
-    fn from(name: StrategyName) -> Self {
-        match name {
-            StrategyName::VelocityFeedforward => Self::VelocityFeedforward,
-            StrategyName::SimulationFeedforwardOpenLoop => Self::SimulationFeedforwardOpenLoop,
-            StrategyName::BenchmarkClosedLoop => Self::BenchmarkClosedLoop,
-            StrategyName::SimulationFeedforwardClosedLoop => Self::SimulationFeedforwardClosedLoop,
-        }
-    }
+/// Strategies by their names, all that there are.
+pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
+    PossibleValuesParser::new(Strategy::ALL.map(Strategy::name))
+        .try_map(|name| Strategy::from_name(&name).ok_or("no such strategy"))
 }
 
 /// Run the virtual crane, which stands in for a real one, and log what its sensors see.
@@ -55,8 +42,8 @@ pub struct Virtual {
     #[arg(long)]
     speed_mm_s: Option<f64>,
     /// How the motor's speed is found.
-    #[arg(long, value_enum, default_value = "velocity-feedforward")]
-    strategy: StrategyName,
+    #[arg(long, value_parser = strategies(), default_value = "velocity-feedforward")]
+    strategy: Strategy,
     /// Run a scenario; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["speed_mm_s", "input"])]
     scenario: Option<String>,
@@ -122,7 +109,7 @@ impl Virtual {
         let course = choice.of(&crane).into_diagnostic()?;
         let task = match &self.input {
             Some(path) => Task::Recording(Recording::read(path).into_diagnostic()?),
-            None => Task::Course(course.as_ref(), self.strategy.into()),
+            None => Task::Course(course.as_ref(), self.strategy),
         };
         let contents = if self.truth { Contents::Truth } else { Contents::Readings };
         let bar = ProgressBar::new(1000);

@@ -8,7 +8,7 @@ mod watch;
 
 use crate::crane_file::{CraneFile, text};
 use crate::output;
-use crate::virtual_crane::StrategyName;
+use crate::virtual_crane::strategies;
 use clap::Args;
 use hydroboom_control::{Path, Strategy};
 use hydroboom_dashboard::{Dashboard, Setup};
@@ -47,11 +47,11 @@ pub struct Run {
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
     /// How the motor's speed is found.
-    #[arg(long, value_enum, default_value = "simulation-feedforward-closed-loop")]
-    strategy: StrategyName,
+    #[arg(long, value_parser = strategies(), default_value = "simulation-feedforward-closed-loop")]
+    strategy: Strategy,
     /// Change to this strategy in the middle of the motion, without a bump.
-    #[arg(long, value_enum, value_name = "STRATEGY")]
-    then: Option<StrategyName>,
+    #[arg(long, value_parser = strategies(), value_name = "STRATEGY")]
+    then: Option<Strategy>,
     /// Speed of the motion; the model's fast one when not given.
     #[arg(long)]
     speed_mm_s: Option<f64>,
@@ -110,12 +110,13 @@ impl Run {
         };
         let cranes = Cranes { model, machine };
         let wanted = cranes.course(self.speed_mm_s, self.scenario.as_deref())?;
-        let strategy = Strategy::from(self.strategy);
-        let switch = Switch {
-            first: strategy,
-            then: self.then.map_or(strategy, Strategy::from),
-            at: 0.5 * wanted.path.duration(),
-        };
+        let strategy = self.strategy;
+        let then = self.then.unwrap_or(strategy);
+        if strategy.follows() || then.follows() {
+            // a crane that has no such design is told so here, and not steered by the benchmark in silence
+            hydroboom_design::model_following(&cranes.model).into_diagnostic()?;
+        }
+        let switch = Switch { first: strategy, then, at: 0.5 * wanted.path.duration() };
         let alone =
             cranes.beforehand(&wanted, switch, self.simulated_time || self.dashboard.is_some())?;
         let desk = Arc::new(Desk::new(strategy));

@@ -74,6 +74,10 @@ pub fn design_page(
         (figure("Position.", &position))
         (figure("Motor speed, within its limits.", &motor))
         h2 { "Poles and margins" }
+        p.soft {
+            "A slow pole at about +0.1 1/s is that of the low-pressure side, whose check valves are shut where the crane was linearised; they "
+            "open before it matters."
+        }
         @for look in looks {
             h3 { (format!("{:.0} mm: rings at {:.2} Hz, damping ratio {:.4}", look.stroke_mm, look.rings.frequency_hz, look.rings.damping_ratio)) }
             div.wide { table {
@@ -90,7 +94,7 @@ pub fn design_page(
                     @if pole.imaginary > 0.0 { (format!("{:.1} ± {:.1}i", pole.real, pole.imaginary)) } @else { (format!("{:.1}", pole.real)) }
                     ", "
                 }
-                "all of the linearised crane, bending included."
+                "all of the linearised crane, bending included, without the smoothing of 6 ms."
             }
         }
     };
