@@ -1,10 +1,9 @@
 //! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
 
-use crate::flow_balance::{FlowBalance, FlowBalanceMemory};
+use crate::flow_balance::{Balance, FlowBalance, FlowBalanceMemory};
 use crate::{
     Benchmark, BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reading, Reference, Seen,
 };
-use hydroboom_math::record;
 
 /// How many payloads state feedback is designed for.
 pub const PAYLOADS: usize = 6;
@@ -43,22 +42,13 @@ impl Schedule {
     }
 }
 
-record! {
-    /// What is known of the machine by now, beyond its description.
-    pub struct Known<T> {
-        /// Payload
-        #[unit = "kg"]
-        pub payload: T,
-        /// Pump delivery per nominal displacement
-        #[unit = "1"]
-        pub flow_gain: T,
-        /// Leakage
-        #[unit = "m³/s"]
-        pub leakage: T,
-        /// Pressure at the middle of the oil's transition
-        #[unit = "Pa"]
-        pub transition: T,
-    }
+/// What is known of the machine by now, beyond its description.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Known {
+    /// Payload \[kg\].
+    pub payload: f64,
+    /// Pump flow, leakage and where the oil stiffens.
+    pub balance: Balance<f64>,
 }
 
 /// A load that rests differs from the simulated one by more than what friction can hold back \[Pa\].
@@ -83,7 +73,7 @@ pub struct Follower {
     following: FollowingMemory<f64>,
     feedback: BenchmarkMemory<f64>,
     learned: FlowBalanceMemory,
-    known: Known<f64>,
+    known: Known,
     /// Mean of the load pressure, and for how long it has been quiet \[s\].
     mean: f64,
     quiet: f64,
@@ -102,7 +92,6 @@ impl Follower {
     ) -> Self {
         let payload = schedule.payload(measured.stroke, measured.load_pressure);
         let law = schedule.at(payload);
-        let before = &flow.before;
         Self {
             schedule: *schedule,
             law,
@@ -112,12 +101,7 @@ impl Follower {
             following: law.start(),
             feedback: BenchmarkMemory::default(),
             learned: flow.start(reading.stroke, reading.pressure_a),
-            known: Known {
-                payload,
-                flow_gain: before.flow_gain,
-                leakage: before.leakage,
-                transition: before.transition,
-            },
+            known: Known { payload, balance: flow.before },
             mean: measured.load_pressure,
             quiet: 0.0,
             correction: 1.0,
@@ -125,7 +109,7 @@ impl Follower {
     }
 
     /// What the simulated crane should be by now.
-    pub fn known(&self) -> Known<f64> {
+    pub fn known(&self) -> Known {
         self.known
     }
 
@@ -168,9 +152,7 @@ impl Follower {
         let Reading { motor_speed, stroke, pressure_a, .. } = *reading;
         if self.flow.update(&mut self.learned, motor_speed, stroke, pressure_a) {
             let balance = &self.learned.balance;
-            self.known.flow_gain = balance.flow_gain;
-            self.known.leakage = balance.leakage;
-            self.known.transition = balance.transition;
+            self.known.balance = *balance;
             self.law.stiffness.transition = balance.transition;
             self.correction = self.flow.before.flow_gain / balance.flow_gain;
         }

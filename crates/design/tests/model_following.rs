@@ -61,3 +61,21 @@ fn a_loop_whose_gain_rises_by_its_margin_rings_on() {
     assert!(1.0 - 1.0 / found.gain >= found.distance - 1e-3);
     assert!(2.0 * (0.5 * found.phase_deg.to_radians()).sin() >= found.distance - 1e-3);
 }
+
+/// A controller knows nothing of the model: its law of the oil's stiffness is held against the model's own.
+#[test]
+fn the_controllers_oil_is_the_models() {
+    let description = Description::uia_single_boom().unwrap();
+    let law = model_following(&description).unwrap();
+    let oil = description.crane::<3>().unwrap().circuit.oil;
+    for bar in [-0.5, 3.0, 20.0, 33.0, 35.0, 41.0, 70.0, 200.0] {
+        let pressure = bar * 1e5;
+        let (found, wanted) =
+            (law.stiffness.share(pressure) * law.stiffness.highest, oil.bulk_modulus(pressure));
+        assert!((found / wanted - 1.0).abs() < 1e-9, "{bar} bar: {found} for {wanted}");
+        let between = |of: &dyn Fn(f64) -> f64| of(pressure + 5e5) - of(pressure);
+        let (found, wanted) =
+            (between(&|p| law.stiffness.compression(p)), between(&|p| oil.compression(p)));
+        assert!((found / wanted - 1.0).abs() < 1e-6, "{bar} bar: {found} for {wanted}");
+    }
+}

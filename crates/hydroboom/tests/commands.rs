@@ -170,7 +170,12 @@ fn a_plant_that_differs_is_named_with_what_each_change_does() {
     assert_eq!(changes[0]["plant"], "340");
     let [light, heavy] = [0, 1].map(|k| changes[0]["eigenfrequency_hz"][k].as_f64().unwrap());
     assert!(heavy < light, "{heavy} Hz with more payload, {light} Hz with less");
-    assert_eq!(done["motion"].as_array().unwrap().len(), 8);
+    // every strategy, ours among them, at both speeds
+    let rows = done["motion"].as_array().unwrap();
+    for strategy in rows.iter().map(|row| &row["strategy"]) {
+        assert_eq!(rows.iter().filter(|row| row["strategy"] == *strategy).count(), 2);
+    }
+    assert!(rows.iter().any(|row| row["strategy"] == "model-following"));
 }
 
 #[test]
@@ -424,12 +429,14 @@ fn every_fault_ends_with_the_load_held_or_does_no_harm() {
     let campaign = parsed(&["faults", "--json"]);
     let outcomes = campaign["outcomes"].as_array().unwrap();
     assert!(campaign["faults"].as_u64().unwrap() >= 30);
-    assert_eq!(outcomes.len() as u64, 12 * campaign["faults"].as_u64().unwrap());
+    // five strategies at three moments
+    assert_eq!(outcomes.len() as u64, 15 * campaign["faults"].as_u64().unwrap());
     for o in outcomes {
         let fault = o["fault"].as_str().unwrap();
         assert!(o["broke"].is_null(), "{o}");
         let strayed = o["strayed_mm"].as_f64().unwrap();
-        let measures = o["strategy"].as_str().unwrap().contains("closed-loop");
+        let strategy = o["strategy"].as_str().unwrap();
+        let measures = strategy.contains("closed-loop") || strategy == "model-following";
         let most = match (o["cause"].is_null(), measures) {
             // what was borne was borne well; open loop errs anyway
             (true, true) => 20.0,

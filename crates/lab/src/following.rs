@@ -15,7 +15,7 @@ pub(crate) struct Following {
     simulated: Box<dyn Plant>,
     follower: Follower,
     /// What the simulated crane is.
-    taken: Known<f64>,
+    taken: Known,
     /// Steps of the simulation in a control period.
     count: u32,
     periods: u64,
@@ -75,14 +75,14 @@ fn seen(plant: &dyn Plant) -> Seen<f64> {
 }
 
 /// The crane as it is known by now. The pump's flow is not changed: that is corrected where the machine's motor is told its speed.
-fn known(description: &Description, known: &Known<f64>) -> Description {
+fn known(description: &Description, known: &Known) -> Description {
     let mut now = description.clone();
     now.numbers.payload = known.payload;
-    now.numbers.transition = known.transition;
+    now.numbers.transition = known.balance.transition;
     now
 }
 
 /// Whether what was learned is worth a change of the simulated crane: a kilogram, a tenth of a bar.
-fn differ(a: &Known<f64>, b: &Known<f64>) -> bool {
-    (a.payload - b.payload).abs() > 1.0 || (a.transition - b.transition).abs() > 1e4
+fn differ(a: &Known, b: &Known) -> bool {
+    (a.payload - b.payload).abs() > 1.0 || (a.balance.transition - b.balance.transition).abs() > 1e4
 }

@@ -5,7 +5,7 @@ use super::figure::{Axes, Figure, Series};
 use crate::LabError;
 use crate::linearise::{Mode, response};
 use maud::html;
-use nalgebra::DMatrix;
+use nalgebra::{Complex, DMatrix};
 
 /// Lowest and highest frequency \[Hz\], and points between them.
 const LOW: f64 = 0.05;
@@ -33,19 +33,8 @@ pub fn bode_page(
     let (mut sizes, mut phases) = (Vec::new(), Vec::new());
     for (name, row, factor) in outputs {
         let c_row: Vec<f64> = c.row(*row).iter().copied().collect();
-        let (mut size, mut phase) = (Vec::new(), Vec::new());
-        let mut last: Option<f64> = None;
-        for &f in &frequencies {
-            let Some(value) = response(a, b, &c_row, f) else { continue };
-            size.push((f, value.norm() * factor));
-            // without jumps of a whole turn
-            let mut angle = value.arg().to_degrees();
-            if let Some(last) = last {
-                angle -= ((angle - last) / 360.0).round() * 360.0;
-            }
-            last = Some(angle);
-            phase.push((f, angle));
-        }
+        let of = |f: f64| Some((f, response(a, b, &c_row, f)? * Complex::from(*factor)));
+        let (size, phase) = size_and_phase(frequencies.iter().filter_map(|f| of(*f)));
         sizes.push((*name, size));
         phases.push((*name, phase));
     }
@@ -68,4 +57,23 @@ pub fn bode_page(
         } }
     };
     Ok(document(title, &body))
+}
+
+/// Points of a figure.
+type Points = Vec<(f64, f64)>;
+
+/// Size, and phase \[deg\] without jumps of a whole turn, over the frequency.
+pub(super) fn size_and_phase(
+    values: impl Iterator<Item = (f64, Complex<f64>)>,
+) -> (Points, Points) {
+    let mut last: Option<f64> = None;
+    let both = values.map(|(f, value)| {
+        let mut angle = value.arg().to_degrees();
+        if let Some(last) = last {
+            angle -= ((angle - last) / 360.0).round() * 360.0;
+        }
+        last = Some(angle);
+        ((f, value.norm()), (f, angle))
+    });
+    both.unzip()
 }

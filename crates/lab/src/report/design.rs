@@ -1,5 +1,6 @@
 //! A design of model following, before anything moves.
 
+use super::bode::size_and_phase;
 use super::document::{document, figure};
 use super::figure::{Axes, Figure, Series};
 use crate::LabError;
@@ -35,18 +36,10 @@ pub fn design_page(
     let [low, high] = FREQUENCIES;
     let (mut sizes, mut phases) = (Vec::new(), Vec::new());
     for (name, around) in &loops {
-        let (mut size, mut phase, mut last) = (Vec::new(), Vec::new(), None::<f64>);
-        for k in 0..=POINTS {
-            let f = low * (high / low).powf(f64::from(k) / f64::from(POINTS));
-            let gain = around.gain(&linear.responses(f)?, f);
-            size.push((f, gain.norm()));
-            let mut angle = gain.arg().to_degrees();
-            if let Some(last) = last {
-                angle -= ((angle - last) / 360.0).round() * 360.0;
-            }
-            last = Some(angle);
-            phase.push((f, angle));
-        }
+        let frequency = |k: u32| low * (high / low).powf(f64::from(k) / f64::from(POINTS));
+        let of = |f: f64| Ok::<_, LabError>((f, around.gain(&linear.responses(f)?, f)));
+        let values = (0..=POINTS).map(|k| of(frequency(k))).collect::<Result<Vec<_>, _>>()?;
+        let (size, phase) = size_and_phase(values.into_iter());
         sizes.push((*name, size));
         phases.push((*name, phase));
     }
