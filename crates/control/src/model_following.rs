@@ -183,7 +183,10 @@ record! {
         /// Velocity of the reference a period ago
         #[unit = "m/s"]
         pub reference_velocity: T,
-        /// Share of feedback, smoothed
+        /// Share of feedback, smoothed once
+        #[unit = "rev/s"]
+        pub once: T,
+        /// Share of feedback, smoothed twice
         #[unit = "rev/s"]
         pub feedback: T,
         /// Speed of the simulated motor
@@ -196,13 +199,18 @@ record! {
 struct Wanted<T> {
     /// Motor speed that the reference takes \[rev/s\].
     feedforward: T,
-    /// What state feedback adds \[rev/s\].
+    /// What state feedback adds where the oil is as stiff as it is wanted to be \[rev/s\].
     feedback: T,
+    /// How much more of that it takes in the oil as it is.
+    softer: T,
     /// How far the simulated crane is behind \[m\].
     lag: T,
     /// What the lag summed up is worth \[rev/(s² m)\].
     by_lag: T,
 }
+
+/// Feedback is raised by no more than this where the pressure dips into soft oil.
+const SOFTEST: f64 = 2.0;
 
 /// Piston positions at which the simulated crane is known; in between it is interpolated.
 pub const STATIONS: usize = 17;
@@ -270,7 +278,7 @@ pub struct ModelFollowing<T> {
     pub stiffness: OilStiffness<T>,
     /// What the piston side has beyond the load pressure, for the rod side \[Pa\].
     pub beyond_load: T,
-    /// What of a change of the feedback's share is followed in a period: the boom's bending is not to be fed back.
+    /// What of a change of the feedback's share is followed in a period, twice over: the boom's bending is not to be fed back.
     pub smoothing: T,
     /// Time from a command to what is read of it \[s\]: so far the simulated crane is ahead of the reference.
     pub lead: T,
@@ -298,7 +306,7 @@ impl<T: Real> ModelFollowing<T> {
     /// Memory to start with, at rest.
     pub fn start(&self) -> FollowingMemory<T> {
         let zero = T::zero();
-        FollowingMemory { lag: zero, reference_velocity: zero, feedback: zero, motor_speed: zero }
+        FollowingMemory::from_array([zero; FollowingMemory::NAMES.len()])
     }
 
     /// What lies between this one and another, by the other's share, 0 to 1: for payloads in between.
@@ -348,10 +356,12 @@ impl<T: Real> ModelFollowing<T> {
         reference: &Reference<T>,
         seen: &Seen<T>,
     ) -> T {
-        let Wanted { feedforward, feedback, lag, .. } = self.wanted(memory, reference, seen);
+        let Wanted { feedforward, feedback, softer, lag, .. } =
+            self.wanted(memory, reference, seen);
         memory.reference_velocity = reference.velocity;
-        memory.feedback = memory.feedback + self.smoothing * (feedback - memory.feedback);
-        let wanted = feedforward + memory.feedback;
+        memory.once = memory.once + self.smoothing * (feedback - memory.once);
+        memory.feedback = memory.feedback + self.smoothing * (memory.once - memory.feedback);
+        let wanted = feedforward + memory.feedback * softer;
         let reached = self.limits.follow(memory.motor_speed, wanted, self.period);
         let zero = T::zero();
         let winding = (reached.lt(wanted) & zero.lt(lag)) | (wanted.lt(reached) & lag.lt(zero));
@@ -373,11 +383,13 @@ impl<T: Real> ModelFollowing<T> {
         let mut memory = FollowingMemory {
             lag: zero,
             reference_velocity: velocity,
+            once: zero,
             feedback: zero,
             motor_speed: speed,
         };
         let wanted = self.wanted(&memory, reference, seen);
-        memory.feedback = speed - wanted.feedforward;
+        memory.feedback = (speed - wanted.feedforward) / wanted.softer;
+        memory.once = memory.feedback;
         memory.lag = (memory.feedback - wanted.feedback) / wanted.by_lag;
         memory
     }
@@ -407,12 +419,14 @@ impl<T: Real> ModelFollowing<T> {
 
         let gains = self.gains(&spring);
         let lag = position - seen.stroke;
-        let by_lag = gains.integral * wanted_stiffness / stiffness;
+        let by_lag = gains.integral;
         let feedback = gains.position * lag
             + gains.velocity * (v - seen.velocity)
             + gains.pressure * (pressure - seen.load_pressure);
-        let feedback = feedback * wanted_stiffness / stiffness + by_lag * memory.lag;
-        Wanted { feedforward, feedback, lag, by_lag }
+        let feedback = feedback + by_lag * memory.lag;
+        // a dip into soft oil is over before much more of the pump would help
+        let softer = (wanted_stiffness / stiffness).min(T::lit(SOFTEST));
+        Wanted { feedforward, feedback, softer, lag, by_lag }
     }
 
     /// Gains at a position \[m\] with the crane at rest.

@@ -42,7 +42,7 @@ impl Loop {
                 let fed_back = position * crane.position
                     + crane.velocity * gains.velocity
                     + crane.pressure * gains.pressure;
-                (fed_back / (s * SMOOTHING + 1.0), 0.5 * period)
+                (fed_back / (s * SMOOTHING + 1.0).powi(2), 1.5 * period)
             }
             Self::Machine { controller: c, high_pass, delay } => {
                 let position = (c.proportional + c.integral / s) * c.revolutions_per_metre;

@@ -19,8 +19,9 @@ const DIP: f64 = 7e5;
 /// Time constant of the high-pass of the pressure feedback \[s\]: half a period in which the crane rings. Slower ones, as the
 /// benchmark's, keep the piston from where it should be for as long after each change of friction's sign.
 pub(crate) const HIGH_PASS: f64 = 0.2;
-/// Time constant in which the share of state feedback is smoothed \[s\].
-pub(crate) const SMOOTHING: f64 = 0.006;
+/// Time constant in which the share of state feedback is smoothed, twice \[s\]: the loop's gain at the boom's first bending mode stays
+/// below one, so that neither the motor's slew nor a period's delay makes it ring on.
+pub(crate) const SMOOTHING: f64 = 0.010;
 
 /// Stations keep so far from the ends of the stroke \[m\].
 const MARGIN: f64 = 0.005;

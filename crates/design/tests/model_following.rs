@@ -18,10 +18,10 @@ fn poles_of_the_whole_crane_are_near_those_that_were_placed() {
         assert!((spring.ring() / look.rings.imaginary - 1.0).abs() < 0.02, "{spring:?}");
         let ringing =
             look.poles.iter().find(|p| p.imaginary > 8.0).expect("a pair that was placed");
-        assert!(ringing.damping_ratio > 0.35, "{stroke}: {ringing:?}");
+        assert!(ringing.damping_ratio > 0.25, "{stroke}: {ringing:?}");
         assert!(look.poles.iter().all(|p| p.real < 0.2), "{:?}", look.poles);
         let m = &look.state_feedback;
-        assert!(m.distance > 0.5 && m.phase_deg > 45.0 && m.gain > 2.0, "{stroke}: {m:?}");
+        assert!(m.distance > 0.5 && m.phase_deg > 40.0 && m.gain > 4.0, "{stroke}: {m:?}");
     }
 }
 

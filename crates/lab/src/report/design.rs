@@ -87,7 +87,7 @@ pub fn design_page(
                     @if pole.imaginary > 0.0 { (format!("{:.1} ± {:.1}i", pole.real, pole.imaginary)) } @else { (format!("{:.1}", pole.real)) }
                     ", "
                 }
-                "all of the linearised crane, bending included, without the smoothing of 6 ms."
+                "all of the linearised crane, bending included, without the smoothing."
             }
         }
     };
