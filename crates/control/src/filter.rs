@@ -1,6 +1,6 @@
 //! Discrete filters.
 
-use hydroboom_math::Real;
+use hydroboom_math::{Real, record};
 
 /// The high-pass `τ s/(τ s + 1)`, discretised by zero-order hold.
 ///
@@ -28,6 +28,69 @@ impl<T: Real> HighPass<T> {
     }
 }
 
+record! {
+    /// What a notch remembers between samples.
+    pub struct NotchMemory<T> {
+        /// The sum that the next output takes
+        #[unit = "of the input"]
+        pub next: T,
+        /// The sum that the output after it takes
+        #[unit = "of the input"]
+        pub after: T,
+    }
+}
+
+/// A notch `(s² + 2 ζ_n ω s + ω²)/(s² + 2 ζ_d ω s + ω²)`, discretised by the bilinear rule that keeps ω where it is: what comes
+/// slowly passes unchanged, what comes with ω is weakened to ζ_n/ζ_d.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Notch<T> {
+    /// Shares of the input now and two samples ago.
+    now: T,
+    before: T,
+    /// Share of the last input, and of the last output, which are the same.
+    last: T,
+    /// Share of the output two samples ago.
+    fed_back: T,
+}
+
+impl<T: Real> Notch<T> {
+    /// A notch at ω \[rad/s\], below half the sample rate, of ζ_n and ζ_d, called every `period` \[s\].
+    pub fn new(frequency: T, [deep, wide]: [T; 2], period: T) -> Self {
+        let (one, two) = (T::one(), T::lit(2.0));
+        let (sine, cosine) = (frequency * period / two).sin_cos();
+        let (tangent, square) = (sine / cosine, (sine / cosine).square());
+        let [n, d] = [deep, wide].map(|zeta| two * zeta * tangent);
+        let whole = one + d + square;
+        Self {
+            now: (one + n + square) / whole,
+            last: two * (square - one) / whole,
+            before: (one - n + square) / whole,
+            fed_back: (one - d + square) / whole,
+        }
+    }
+
+    /// Memory with which a steady input passes as it is.
+    #[inline(always)]
+    pub fn steady(&self, input: T) -> NotchMemory<T> {
+        let after = (self.before - self.fed_back) * input;
+        NotchMemory { next: after, after }
+    }
+
+    /// The filtered input.
+    #[inline(always)]
+    pub fn update(&self, memory: &mut NotchMemory<T>, input: T) -> T {
+        let output = self.now * input + memory.next;
+        memory.next = self.last * (input - output) + memory.after;
+        memory.after = self.before * input - self.fed_back * output;
+        output
+    }
+
+    /// Coefficients of z⁰, z⁻¹, z⁻²: of the input, then of the output.
+    pub fn coefficients(&self) -> [[T; 3]; 2] {
+        [[self.now, self.last, self.before], [T::one(), self.last, self.fed_back]]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -43,5 +106,24 @@ mod tests {
         }
         let exact = f64::exp(-1.0);
         assert!((output - exact).abs() < 1e-12, "{output} against {exact}");
+    }
+
+    #[test]
+    fn a_notch_weakens_its_frequency_and_passes_what_is_slow() {
+        let (frequency, period) = (50.0, 1e-3);
+        let notch = Notch::new(frequency * core::f64::consts::TAU, [0.1, 0.7], period);
+        // after a steady input nothing jumps
+        let mut memory = notch.steady(3.0);
+        assert!((notch.update(&mut memory, 3.0) - 3.0).abs() < 1e-12);
+        let largest = |hz: f64| {
+            let mut memory = NotchMemory::default();
+            let output = |k: i32| {
+                let time = f64::from(k) * period;
+                notch.update(&mut memory, (core::f64::consts::TAU * hz * time).sin())
+            };
+            (0..2000).map(output).skip(1000).fold(0.0, f64::max)
+        };
+        assert!((largest(frequency) - 0.1 / 0.7).abs() < 1e-3, "{}", largest(frequency));
+        assert!((largest(1.0) - 1.0).abs() < 2e-3, "{}", largest(1.0));
     }
 }

@@ -34,11 +34,11 @@ impl Schedule {
     }
 
     fn empty(&self, stroke: f64) -> f64 {
-        self.laws[0].station(stroke).load_pressure
+        self.laws[0].station(stroke).rest.load_pressure
     }
 
     fn span(&self, stroke: f64) -> f64 {
-        self.laws[PAYLOADS - 1].station(stroke).load_pressure - self.empty(stroke)
+        self.laws[PAYLOADS - 1].station(stroke).rest.load_pressure - self.empty(stroke)
     }
 }
 

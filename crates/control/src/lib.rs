@@ -13,23 +13,27 @@ mod follower;
 mod model_following;
 mod motion;
 mod motor;
+mod oil_spring;
+mod oil_stiffness;
 mod path;
 mod signals;
+mod station;
 mod strategy;
 mod supervisor;
 mod watch;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
 pub use fault::Cause;
-pub use filter::HighPass;
+pub use filter::{HighPass, Notch, NotchMemory};
 pub use flow_balance::{Balance, FlowBalance, FlowBalanceMemory, TRANSITIONS};
 pub use follower::{Follower, Known, PAYLOADS, Schedule};
-pub use model_following::{
-    FollowingMemory, Gains, ModelFollowing, OilSpring, OilStiffness, STATIONS, Seen, Station,
-};
+pub use model_following::{BENDING, FollowingMemory, ModelFollowing, STATIONS, Seen};
 pub use motion::{Motion, Profile, Reference, Way};
 pub use motor::MotorLimits;
+pub use oil_spring::{Gains, OilSpring};
+pub use oil_stiffness::OilStiffness;
 pub use path::Path;
 pub use signals::{Command, Reading};
+pub use station::{Rest, Station};
 pub use strategy::Strategy;
 pub use supervisor::{Decision, Limits, Observation, Request, SOFT_STOP, State, Supervisor};

@@ -10,7 +10,10 @@
 //! it asks of its motor is the feedforward. The benchmark's PI and pressure feedback then see only by how much the machine
 //! differs from the simulation, and damp what is already damped no second time.
 
-use crate::{Benchmark, HighPass, Measured, MotorLimits, Reference};
+use crate::{
+    Benchmark, Gains, HighPass, Measured, MotorLimits, Notch, NotchMemory, OilSpring, OilStiffness,
+    Reference, Station,
+};
 use hydroboom_math::{Real, record};
 
 record! {
@@ -36,145 +39,6 @@ impl<T: Real> Seen<T> {
 }
 
 record! {
-    /// The crane at a piston position as a mass on an oil spring, in small changes of piston position x, velocity v, load
-    /// pressure p and motor speed n: `v' = a_x x + a_v v + a_p p`, `p' = c_x x + c_v v + c_p p + b n`.
-    pub struct OilSpring<T> {
-        /// a_x
-        #[unit = "1/s²"]
-        pub acceleration_by_stroke: T,
-        /// a_v
-        #[unit = "1/s"]
-        pub acceleration_by_velocity: T,
-        /// a_p
-        #[unit = "m/(s² Pa)"]
-        pub acceleration_by_pressure: T,
-        /// c_x
-        #[unit = "Pa/(s m)"]
-        pub pressure_by_stroke: T,
-        /// c_v
-        #[unit = "Pa/m"]
-        pub pressure_by_velocity: T,
-        /// c_p
-        #[unit = "1/s"]
-        pub pressure_by_pressure: T,
-        /// b
-        #[unit = "Pa/rev"]
-        pub pressure_by_speed: T,
-    }
-}
-
-record! {
-    /// What a lag of each is worth in motor speed.
-    pub struct Gains<T> {
-        /// Of position
-        #[unit = "rev/(s m)"]
-        pub position: T,
-        /// Of velocity
-        #[unit = "rev/m"]
-        pub velocity: T,
-        /// Of load pressure
-        #[unit = "rev/(s Pa)"]
-        pub pressure: T,
-        /// Of position, summed up over time
-        #[unit = "rev/(s² m)"]
-        pub integral: T,
-    }
-}
-
-impl<T: Real> OilSpring<T> {
-    /// Natural frequency of the mass on the oil \[rad/s\].
-    #[inline(always)]
-    pub fn ring(&self) -> T {
-        (-self.acceleration_by_pressure * self.pressure_by_velocity).sqrt()
-    }
-
-    /// Gains that place the poles of position, velocity, pressure and integral: a pair of natural frequency `ring` \[rad/s\] and
-    /// damping ratio `damping`, and two at −`bandwidth` \[rad/s\]. By comparing coefficients of
-    /// `s (s − c_p + b k_p)(s² − a_v s − a_x) − a_p s (c_x + c_v s) + a_p b (k_i + k_x s + k_v s²)`.
-    pub fn gains(&self, ring: T, damping: T, bandwidth: T) -> Gains<T> {
-        let [a_x, a_v, a_p, c_x, c_v, c_p, b] = self.to_array();
-        let two = T::lit(2.0);
-        // (s² + 2 ζ ω s + ω²)(s + ω_b)²
-        let (q1, q0) = (two * damping * ring, ring.square());
-        let (r1, r0) = (two * bandwidth, bandwidth.square());
-        let d3 = q1 + r1;
-        let d2 = q0 + q1 * r1 + r0;
-        let d1 = q0 * r1 + q1 * r0;
-        let d0 = q0 * r0;
-        // what the pressure's own pole becomes
-        let kept = d3 + a_v;
-        Gains {
-            pressure: (kept + c_p) / b,
-            velocity: (d2 + a_x + a_v * kept + a_p * c_v) / (a_p * b),
-            position: (d1 + a_x * kept + a_p * c_x) / (a_p * b),
-            integral: d0 / (a_p * b),
-        }
-    }
-}
-
-record! {
-    /// All that is known of the simulated crane at a piston position.
-    pub struct Station<T> {
-        /// Load pressure at rest, p_0
-        #[unit = "Pa"]
-        pub load_pressure: T,
-        /// Its change along the stroke
-        #[unit = "Pa/m"]
-        pub load_pressure_slope: T,
-        /// Motor speed that makes good for leakage at rest, n_0
-        #[unit = "rev/s"]
-        pub holding_speed: T,
-        /// Acceleration by stroke, a_x
-        #[unit = "1/s²"]
-        pub acceleration_by_stroke: T,
-        /// Acceleration by velocity, a_v
-        #[unit = "1/s"]
-        pub acceleration_by_velocity: T,
-        /// Acceleration by load pressure, a_p
-        #[unit = "m/(s² Pa)"]
-        pub acceleration_by_pressure: T,
-        /// Rate of the load pressure by velocity in stiff oil, c_v
-        #[unit = "Pa/m"]
-        pub pressure_by_velocity: T,
-        /// Rate of the load pressure by motor speed in stiff oil, b
-        #[unit = "Pa/rev"]
-        pub pressure_by_speed: T,
-    }
-}
-
-impl<T: Real> Station<T> {
-    /// From the load pressure at rest, its slope and the motor speed that holds it, and the spring there, which has `stiffness` of
-    /// stiff oil's.
-    pub fn new([pressure, slope, holding]: [T; 3], spring: &OilSpring<T>, stiffness: T) -> Self {
-        Self {
-            load_pressure: pressure,
-            load_pressure_slope: slope,
-            holding_speed: holding,
-            acceleration_by_stroke: spring.acceleration_by_stroke,
-            acceleration_by_velocity: spring.acceleration_by_velocity,
-            acceleration_by_pressure: spring.acceleration_by_pressure,
-            pressure_by_velocity: spring.pressure_by_velocity / stiffness,
-            pressure_by_speed: spring.pressure_by_speed / stiffness,
-        }
-    }
-
-    /// The oil spring where the oil has `stiffness` of stiff oil's. What leaks by pressure is left to the integral.
-    #[inline(always)]
-    pub fn spring(&self, stiffness: T) -> OilSpring<T> {
-        let zero = T::zero();
-        OilSpring {
-            acceleration_by_stroke: self.acceleration_by_stroke,
-            acceleration_by_velocity: self.acceleration_by_velocity,
-            acceleration_by_pressure: self.acceleration_by_pressure,
-            pressure_by_stroke: zero,
-            pressure_by_velocity: self.pressure_by_velocity * stiffness,
-            pressure_by_pressure: zero,
-            pressure_by_speed: self.pressure_by_speed * stiffness,
-        }
-    }
-}
-
-record! {
     /// What the state feedback remembers.
     pub struct FollowingMemory<T> {
         /// Lag of the position, summed up
@@ -183,12 +47,21 @@ record! {
         /// Velocity of the reference a period ago
         #[unit = "m/s"]
         pub reference_velocity: T,
-        /// Share of feedback, smoothed once
-        #[unit = "rev/s"]
-        pub once: T,
-        /// Share of feedback, smoothed twice
+        /// Share of feedback, smoothed
         #[unit = "rev/s"]
         pub feedback: T,
+        /// What the first notch takes from the last share to the next
+        #[unit = "rev/s"]
+        pub notch_1_next: T,
+        /// What it takes to that after it
+        #[unit = "rev/s"]
+        pub notch_1_after: T,
+        /// What the second notch takes from the last share to the next
+        #[unit = "rev/s"]
+        pub notch_2_next: T,
+        /// What it takes to that after it
+        #[unit = "rev/s"]
+        pub notch_2_after: T,
         /// Speed of the simulated motor
         #[unit = "rev/s"]
         pub motor_speed: T,
@@ -212,54 +85,13 @@ struct Wanted<T> {
 /// Feedback is raised by no more than this where the pressure dips into soft oil.
 const SOFTEST: f64 = 2.0;
 
+/// Modes of bending that notches keep out.
+pub const BENDING: usize = 2;
+/// Damping ratios of a notch, of its zeros and its poles: deep and wide enough for a mode that is a tenth beside it.
+const NOTCH: [f64; 2] = [0.03, 1.2];
+
 /// Piston positions at which the simulated crane is known; in between it is interpolated.
 pub const STATIONS: usize = 17;
-
-record! {
-    /// Bulk modulus over pressure (7), `β(p) = (β_max + β_min)/2 + (β_max − β_min)/2 tanh((p − p_c1)/p_c2)`.
-    pub struct OilStiffness<T> {
-        /// β_max
-        #[unit = "Pa"]
-        pub highest: T,
-        /// β_min
-        #[unit = "Pa"]
-        pub lowest: T,
-        /// p_c1
-        #[unit = "Pa"]
-        pub transition: T,
-        /// p_c2
-        #[unit = "Pa"]
-        pub width: T,
-    }
-}
-
-impl<T: Real> OilStiffness<T> {
-    /// Bulk modulus at a pressure \[Pa\], as a share of the highest.
-    #[inline(always)]
-    pub fn share(&self, pressure: T) -> T {
-        let half = T::lit(0.5);
-        let lowest = self.lowest / self.highest;
-        let step = ((pressure - self.transition) / self.width).tanh();
-        half * (T::one() + lowest) + half * (T::one() - lowest) * step
-    }
-
-    /// Share of its volume by which oil shrinks from the pressure p_c1 to another \[Pa\], `∫ dp/β`: with z = (p − p_c1)/p_c2, m and d
-    /// half the sum and half the difference of both limits, `p_c2/(m² − d²) (m z − d ln((β_max e^z + β_min e^−z)/(2 m)))`.
-    pub fn compression(&self, pressure: T) -> T {
-        let half = T::lit(0.5);
-        let (mean, difference) =
-            (half * (self.highest + self.lowest), half * (self.highest - self.lowest));
-        let z = (pressure - self.transition) / self.width;
-        // the larger power is taken out, so that none overflows
-        let up = T::zero().lt(z);
-        let away = T::select(up, z, -z);
-        let small = (-(away + away)).exp();
-        let sum =
-            T::select(up, self.highest + self.lowest * small, self.highest * small + self.lowest);
-        let log = away + (half * sum / mean).ln();
-        self.width / (self.highest * self.lowest) * (mean * z - difference * log)
-    }
-}
 
 /// State feedback, with integral action, that makes the simulated crane follow the reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -278,7 +110,11 @@ pub struct ModelFollowing<T> {
     pub stiffness: OilStiffness<T>,
     /// What the piston side has beyond the load pressure, for the rod side \[Pa\].
     pub beyond_load: T,
-    /// What of a change of the feedback's share is followed in a period, twice over: the boom's bending is not to be fed back.
+    /// Frequencies of the boom's first modes of bending \[rad/s\], which are not to be fed back.
+    pub bending: [T; BENDING],
+    /// Keep them out.
+    pub notches: [Notch<T>; BENDING],
+    /// What of a change of the feedback's share is followed in a period: higher bending is not to be fed back either.
     pub smoothing: T,
     /// Time from a command to what is read of it \[s\]: so far the simulated crane is ahead of the reference.
     pub lead: T,
@@ -302,7 +138,24 @@ pub struct ModelFollowing<T> {
     pub period: T,
 }
 
+impl<T: Real> FollowingMemory<T> {
+    fn passed(&self) -> [NotchMemory<T>; BENDING] {
+        let of = |next, after| NotchMemory { next, after };
+        [of(self.notch_1_next, self.notch_1_after), of(self.notch_2_next, self.notch_2_after)]
+    }
+
+    fn pass(&mut self, [first, second]: [NotchMemory<T>; BENDING]) {
+        (self.notch_1_next, self.notch_1_after) = (first.next, first.after);
+        (self.notch_2_next, self.notch_2_after) = (second.next, second.after);
+    }
+}
+
 impl<T: Real> ModelFollowing<T> {
+    /// Notches at frequencies \[rad/s\], called every period \[s\].
+    pub fn notches(bending: [T; BENDING], period: T) -> [Notch<T>; BENDING] {
+        bending.map(|frequency| Notch::new(frequency, NOTCH.map(T::lit), period))
+    }
+
     /// Memory to start with, at rest.
     pub fn start(&self) -> FollowingMemory<T> {
         let zero = T::zero();
@@ -311,11 +164,12 @@ impl<T: Real> ModelFollowing<T> {
 
     /// What lies between this one and another, by the other's share, 0 to 1: for payloads in between.
     pub fn between(&self, other: &Self, share: T) -> Self {
-        let mut new = *self;
+        let bending = core::array::from_fn(|k| {
+            share.mul_add(other.bending[k] - self.bending[k], self.bending[k])
+        });
+        let mut new = Self { bending, notches: Self::notches(bending, self.period), ..*self };
         for (station, other) in new.stations.iter_mut().zip(&other.stations) {
-            let (a, b) = (station.to_array(), other.to_array());
-            *station =
-                Station::from_array(core::array::from_fn(|i| share.mul_add(b[i] - a[i], a[i])));
+            *station = station.with(other, |a, b| share.mul_add(b - a, a));
         }
         new
     }
@@ -326,13 +180,11 @@ impl<T: Real> ModelFollowing<T> {
         let last = T::lit((STATIONS - 1) as f64);
         let place = ((stroke - self.first) / self.spacing).clamp(T::zero(), last);
         // every station weighs by how near it is: none is chosen by a condition on the position
-        let mut sum = Station::from_array([T::zero(); Station::NAMES.len()]);
+        let mut sum = self.stations[0].map(|_| T::zero());
         for (k, station) in self.stations.iter().enumerate() {
             let away = (place - T::lit(k as f64)).abs();
             let weight = (T::one() - away).max(T::zero());
-            sum = Station::from_array(core::array::from_fn(|i| {
-                weight.mul_add(station.to_array()[i], sum.to_array()[i])
-            }));
+            sum = sum.with(station, |sum, value| weight.mul_add(value, sum));
         }
         sum
     }
@@ -359,8 +211,13 @@ impl<T: Real> ModelFollowing<T> {
         let Wanted { feedforward, feedback, softer, lag, .. } =
             self.wanted(memory, reference, seen);
         memory.reference_velocity = reference.velocity;
-        memory.once = memory.once + self.smoothing * (feedback - memory.once);
-        memory.feedback = memory.feedback + self.smoothing * (memory.once - memory.feedback);
+        let mut passed = memory.passed();
+        let mut kept = feedback;
+        for (notch, passed) in self.notches.iter().zip(&mut passed) {
+            kept = notch.update(passed, kept);
+        }
+        memory.pass(passed);
+        memory.feedback = memory.feedback + self.smoothing * (kept - memory.feedback);
         let wanted = feedforward + memory.feedback * softer;
         let reached = self.limits.follow(memory.motor_speed, wanted, self.period);
         let zero = T::zero();
@@ -378,18 +235,12 @@ impl<T: Real> ModelFollowing<T> {
         seen: &Seen<T>,
         speed: T,
     ) -> FollowingMemory<T> {
-        let zero = T::zero();
         let velocity = reference.velocity;
-        let mut memory = FollowingMemory {
-            lag: zero,
-            reference_velocity: velocity,
-            once: zero,
-            feedback: zero,
-            motor_speed: speed,
-        };
+        let mut memory =
+            FollowingMemory { reference_velocity: velocity, motor_speed: speed, ..self.start() };
         let wanted = self.wanted(&memory, reference, seen);
         memory.feedback = (speed - wanted.feedforward) / wanted.softer;
-        memory.once = memory.feedback;
+        memory.pass(self.notches.map(|notch| notch.steady(memory.feedback)));
         memory.lag = (memory.feedback - wanted.feedback) / wanted.by_lag;
         memory
     }
@@ -409,13 +260,14 @@ impl<T: Real> ModelFollowing<T> {
 
         let at = self.station(position);
         let friction = self.friction_pressure * (v / self.friction_speed).tanh();
-        let moving = (acceleration - at.acceleration_by_velocity * v) / at.acceleration_by_pressure;
-        let pressure = at.load_pressure + moving + friction;
+        let moving = (acceleration - at.stiff.acceleration_by_velocity * v)
+            / at.stiff.acceleration_by_pressure;
+        let pressure = at.rest.load_pressure + moving + friction;
         let [wanted_stiffness, stiffness] =
             [pressure, seen.load_pressure].map(|load| self.stiffness_at(load));
         let spring = at.spring(wanted_stiffness);
-        let rate = (at.load_pressure_slope - spring.pressure_by_velocity) * v;
-        let feedforward = at.holding_speed + rate / spring.pressure_by_speed;
+        let rate = (at.rest.load_pressure_slope - spring.pressure_by_velocity) * v;
+        let feedforward = at.rest.holding_speed + rate / spring.pressure_by_speed;
 
         let gains = self.gains(&spring);
         let lag = position - seen.stroke;
@@ -432,7 +284,7 @@ impl<T: Real> ModelFollowing<T> {
     /// Gains at a position \[m\] with the crane at rest.
     pub fn gains_at_rest(&self, stroke: T) -> Gains<T> {
         let at = self.station(stroke);
-        self.gains(&at.spring(self.stiffness_at(at.load_pressure)))
+        self.gains(&at.spring(self.stiffness_at(at.rest.load_pressure)))
     }
 
     #[inline(always)]
@@ -458,7 +310,7 @@ impl<T: Real> ModelFollowing<T> {
     #[inline(always)]
     pub fn feedback(&self, benchmark: &Benchmark<T>, stroke: T) -> Benchmark<T> {
         let at = self.station(stroke);
-        let stiffness = self.stiffness_at(at.load_pressure - self.dip);
+        let stiffness = self.stiffness_at(at.rest.load_pressure - self.dip);
         let ring = at.spring(stiffness).ring();
         let share = self.feedback_share * ring;
         Benchmark {
@@ -474,7 +326,8 @@ impl<T: Real> ModelFollowing<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_math::{Dual, Lanes};
+    use crate::Rest;
+    use hydroboom_math::Lanes;
 
     fn oil<T: Real>() -> OilStiffness<T> {
         OilStiffness {
@@ -488,8 +341,10 @@ mod tests {
     /// The paper's crane in round numbers, alike over its whole stroke.
     fn law<T: Real>() -> ModelFollowing<T> {
         let lit = T::lit;
-        let station =
-            Station::from_array([65e5, -1e6, 0.11, -0.3, -0.2, 2e-7, -1.1e9, 3.2e6].map(T::lit));
+        let station = Station {
+            rest: Rest::from_array([65e5, -1e6, 0.11].map(T::lit)),
+            stiff: OilSpring::from_array([-0.3, -0.2, 2e-7, 0.0, -1.1e9, 0.0, 3.2e6].map(T::lit)),
+        };
         ModelFollowing {
             stations: [station; STATIONS],
             first: lit(0.005),
@@ -498,6 +353,8 @@ mod tests {
             friction_speed: lit(4e-3),
             stiffness: oil(),
             beyond_load: lit(2e5),
+            bending: [lit(314.0), lit(1100.0)],
+            notches: ModelFollowing::notches([lit(314.0), lit(1100.0)], lit(1e-3)),
             smoothing: lit(0.15),
             lead: lit(5e-3),
             high_pass: HighPass::new(lit(0.2), lit(1e-3)),
@@ -510,46 +367,6 @@ mod tests {
             limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },
             period: lit(1e-3),
         }
-    }
-
-    #[test]
-    fn compression_is_the_integral_of_one_over_the_bulk_modulus() {
-        let oil = oil::<Dual<f64, 1>>();
-        for bar in [-1.0, 0.0, 10.0, 34.0, 35.0, 40.0, 90.0, 400.0, 4000.0] {
-            let pressure = Dual::variable(bar * 1e5, 0);
-            let slope = oil.compression(pressure).slope[0];
-            let wanted = 1.0 / (1.6e9 * oil.share(pressure).value);
-            assert!((slope / wanted - 1.0).abs() < 1e-9, "{bar} bar: {slope} for {wanted}");
-        }
-    }
-
-    #[test]
-    fn poles_are_where_they_were_wished() {
-        let spring = OilSpring::from_array([-0.3, -0.2, 2e-7, 1e7, -1.1e9, -0.03, 3.2e6]);
-        let (ring, damping, bandwidth) = (15.0, 0.7, 9.0);
-        let g: Gains<f64> = spring.gains(ring, damping, bandwidth);
-        let [a_x, a_v, a_p, c_x, c_v, c_p, b] = spring.to_array();
-        // s (s − c_p + b k_p)(s² − a_v s − a_x) − a_p s (c_x + c_v s) + a_p b (k_i + k_x s + k_v s²) at its wished zeros, which
-        // come in powers of a complex s = r + i m
-        let at = |r: f64, m: f64| {
-            let mul = |(p, q): (f64, f64), (x, y): (f64, f64)| (p * x - q * y, p * y + q * x);
-            let s = (r, m);
-            let s2 = mul(s, s);
-            let pressure = (r - c_p + b * g.pressure, m);
-            let mass = (s2.0 - a_v * r - a_x, s2.1 - a_v * m);
-            let first = mul(s, mul(pressure, mass));
-            let flow = mul(s, (c_x + c_v * r, c_v * m));
-            let back = (
-                g.integral + g.position * r + g.velocity * s2.0,
-                g.position * m + g.velocity * s2.1,
-            );
-            let re = first.0 - a_p * flow.0 + a_p * b * back.0;
-            let im = first.1 - a_p * flow.1 + a_p * b * back.1;
-            (re.abs() + im.abs()) / (ring * ring * bandwidth * bandwidth)
-        };
-        let turned = ring * Real::sqrt(1.0 - damping * damping);
-        assert!(at(-ring * damping, turned) < 1e-9);
-        assert!(at(-bandwidth, 0.0) < 1e-9);
     }
 
     #[test]
@@ -588,7 +405,7 @@ mod tests {
         };
         let stiff = law::<f64>().feedback(&benchmark, 0.25);
         let mut light = law::<f64>();
-        light.stations.iter_mut().for_each(|s| s.load_pressure = 12e5);
+        light.stations.iter_mut().for_each(|s| s.rest.load_pressure = 12e5);
         let soft = light.feedback(&benchmark, 0.25);
         assert!(soft.proportional < 0.2 * stiff.proportional, "{soft:?}");
         assert!(stiff.proportional <= 4.5 && stiff.integral <= 14.45);

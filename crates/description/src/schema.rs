@@ -187,7 +187,7 @@ keys! {
     control_period: "controller" "control_period_ms" ["ms" = 1e-3] 0.01..=1000.0, "Sample time of the controller";
     simulation_period: "controller" "simulation_period_us" ["us" = 1e-6] 0.1..=10_000.0, "Step of the simulation beside the machine";
     following_bandwidth: "following" "bandwidth_hz" ["Hz" = 1.0] 0.05..=50.0 or 2.0, "Model following: bandwidth of the simulated crane's position, where the oil is stiff enough";
-    following_damping: "following" "damping_ratio" ["-" = 1.0] 0.1..=5.0 or 0.5, "Model following: damping ratio that the simulated crane's ringing is given";
+    following_damping: "following" "damping_ratio" ["-" = 1.0] 0.1..=5.0 or 0.7, "Model following: damping ratio that the simulated crane's ringing is given";
     following_lead: "following" "lead_ms" ["ms" = 1e-3] 0.0..=500.0 or 5.0, "Model following: time from a command to what is read of it, drive, fieldbus and sensors together";
 
     motion_start: "motion" "start_mm" ["mm" = MM] 0.0..=2e4, "First piston position";

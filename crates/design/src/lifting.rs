@@ -74,6 +74,11 @@ impl Lifting {
         self.modes.iter().find(rings).ok_or_else(|| self.none("none between 0.2 and 25 Hz"))
     }
 
+    /// The modes in which the boom bends, slowest first.
+    pub fn bending(&self) -> impl Iterator<Item = &Mode> {
+        self.modes.iter().filter(|mode| mode.frequency_hz > RINGS[1] && mode.damping_ratio < 0.9)
+    }
+
     /// Responses at a frequency \[Hz\].
     ///
     /// # Errors

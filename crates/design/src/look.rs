@@ -54,7 +54,7 @@ pub fn look(
     let crane = Lifting::new(description, stroke)?;
     let gains = law.gains_at_rest(stroke);
     let [machine, benchmark] = machine_loops(law, description, stroke);
-    let state = Loop::State { gains, period: law.period };
+    let state = Loop::of_state(law, stroke);
     Ok(Look {
         stroke_mm: stroke * 1e3,
         rings: *crane.ringing()?,

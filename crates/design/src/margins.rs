@@ -1,8 +1,7 @@
 //! How far a loop is from ringing on.
 
-use crate::model_following::SMOOTHING;
 use crate::{DesignError, Lifting, Responses};
-use hydroboom_control::{Benchmark, Gains};
+use hydroboom_control::{BENDING, Benchmark, Gains, ModelFollowing};
 use nalgebra::Complex;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -18,6 +17,10 @@ pub enum Loop {
     State {
         /// Its gains.
         gains: Gains<f64>,
+        /// Coefficients of z⁰, z⁻¹, z⁻² of its notches: of the input, of the output.
+        notches: [[[f64; 3]; 2]; BENDING],
+        /// What of a change is followed in a period.
+        smoothing: f64,
         /// Sample period \[s\]: a command is held for so long.
         period: f64,
     },
@@ -33,16 +36,31 @@ pub enum Loop {
 }
 
 impl Loop {
+    /// The loop of state feedback at a piston position \[m\], with the crane at rest.
+    pub fn of_state(law: &ModelFollowing<f64>, stroke: f64) -> Self {
+        Self::State {
+            gains: law.gains_at_rest(stroke),
+            notches: law.notches.map(|notch| notch.coefficients()),
+            smoothing: law.smoothing,
+            period: law.period,
+        }
+    }
+
     /// What comes back for a motor speed at a frequency \[Hz\], with the sign that makes −1 the point to keep away from.
     pub fn gain(&self, crane: &Responses, frequency: f64) -> Complex<f64> {
         let s = Complex::new(0.0, TAU * frequency);
         let (fed_back, delay) = match self {
-            Self::State { gains, period } => {
+            Self::State { gains, notches, smoothing, period } => {
                 let position = gains.position + gains.integral / s;
                 let fed_back = position * crane.position
                     + crane.velocity * gains.velocity
                     + crane.pressure * gains.pressure;
-                (fed_back / (s * SMOOTHING + 1.0).powi(2), 1.5 * period)
+                let back = (-s * *period).exp();
+                let sum = |[now, last, before]: [f64; 3]| (back * before + last) * back + now;
+                let passed = notches.iter().map(|[left, right]| sum(*left) / sum(*right));
+                let passed: Complex<f64> = passed.product();
+                let followed = Complex::from(*smoothing) / (1.0 - back * (1.0 - smoothing));
+                (fed_back * passed * followed, 1.5 * period)
             }
             Self::Machine { controller: c, high_pass, delay } => {
                 let position = (c.proportional + c.integral / s) * c.revolutions_per_metre;

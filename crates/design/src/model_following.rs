@@ -2,10 +2,13 @@
 
 use crate::{DesignError, Lifting, oil_spring};
 use hydroboom_control::{
-    Balance, FlowBalance, HighPass, ModelFollowing, MotorLimits, OilStiffness, PAYLOADS, STATIONS,
-    Schedule, Station,
+    BENDING, Balance, FlowBalance, HighPass, ModelFollowing, MotorLimits, OilStiffness, PAYLOADS,
+    Rest, STATIONS, Schedule, Station,
 };
 use hydroboom_description::Description;
+use hydroboom_description::schema::Numbers;
+use hydroboom_math::Real;
+use hydroboom_model::hydraulics::Cylinder;
 use hydroboom_model::{Input, Scheme};
 use hydroboom_plant::plant;
 use std::f64::consts::TAU;
@@ -19,9 +22,8 @@ const DIP: f64 = 7e5;
 /// Time constant of the high-pass of the pressure feedback \[s\]: half a period in which the crane rings. Slower ones, as the
 /// benchmark's, keep the piston from where it should be for as long after each change of friction's sign.
 pub(crate) const HIGH_PASS: f64 = 0.2;
-/// Time constant in which the share of state feedback is smoothed, twice \[s\]: the loop's gain at the boom's first bending mode stays
-/// below one, so that neither the motor's slew nor a period's delay makes it ring on.
-pub(crate) const SMOOTHING: f64 = 0.010;
+/// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
+const SMOOTHING: f64 = 0.003;
 
 /// Stations keep so far from the ends of the stroke \[m\].
 const MARGIN: f64 = 0.005;
@@ -53,12 +55,12 @@ pub fn schedule(description: &Description) -> Result<Schedule, DesignError> {
 pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
     let n = &description.numbers;
     let resting = schedule.at(n.payload).station(0.5 * n.stroke);
-    let leakage = resting.holding_speed * n.displacement * n.flow_gain;
+    let leakage = resting.rest.holding_speed * n.displacement * n.flow_gain;
     FlowBalance {
         piston_area: description.cylinder().piston_area,
         displacement: n.displacement,
         volume: n.volume_pump_a + n.dead_volume_a,
-        stiffness: stiffness(description),
+        stiffness: stiffness(n),
         before: Balance { flow_gain: n.flow_gain, leakage: 1.2e-6, transition: n.transition },
         uncertainty: Balance { flow_gain: 0.03, leakage, transition: 8e5 },
         scatter: 1e-4,
@@ -69,8 +71,7 @@ pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalan
     }
 }
 
-fn stiffness(description: &Description) -> OilStiffness<f64> {
-    let n = &description.numbers;
+fn stiffness<T: Real>(n: &Numbers<T>) -> OilStiffness<T> {
     OilStiffness {
         highest: n.bulk_modulus_max,
         lowest: n.bulk_modulus_min,
@@ -83,48 +84,89 @@ fn stiffness(description: &Description) -> OilStiffness<f64> {
 ///
 /// # Errors
 ///
-/// [`DesignError`] when the crane is nowhere at rest within its stroke, or does not ring on its oil.
+/// As [`stations`].
 pub fn model_following(description: &Description) -> Result<ModelFollowing<f64>, DesignError> {
     let n = &description.numbers;
-    let first = MARGIN;
-    let spacing = (n.stroke - 2.0 * MARGIN) / (STATIONS - 1) as f64;
+    Ok(law(n, description.cylinder(), stations(description)?, bending(description)?))
+}
+
+/// How the crane of a description rests, and its oil spring, at positions over its stroke.
+///
+/// # Errors
+///
+/// [`DesignError`] when the crane is nowhere at rest within its stroke, or does not ring on its oil.
+pub fn stations(description: &Description) -> Result<[Station<f64>; STATIONS], DesignError> {
+    let n = &description.numbers;
     let at = |stroke: f64| plant(description, &description.start(stroke), Scheme::Implicit, 1e-3);
-    let cylinder = description.cylinder();
-    let stiffness = stiffness(description);
+    let stiffness = stiffness(n);
+    let spacing = spacing(n.stroke);
     let mut stations = [Station::default(); STATIONS];
     for (k, station) in stations.iter_mut().enumerate() {
-        let stroke = first + k as f64 * spacing;
+        let stroke = MARGIN + k as f64 * spacing;
         let crane = at(stroke)?;
-        let pressure = crane.load_pressure();
         let step = 0.5 * MARGIN;
         let [below, above] = [at(stroke - step)?, at(stroke + step)?].map(|c| c.load_pressure());
         let flows = crane.flows(&Input { pump_speed: 0.0, holding_valve: 1.0 });
         // what leaves side A has to be delivered again
         let lost = flows.internal_leakage + flows.case_leakage_a + flows.bleed;
-        let holding = lost / (n.displacement * n.flow_gain);
+        let rest = Rest {
+            load_pressure: crane.load_pressure(),
+            load_pressure_slope: (above - below) / (2.0 * step),
+            holding_speed: lost / (n.displacement * n.flow_gain),
+        };
         let spring = oil_spring(&Lifting::new(description, stroke)?)?;
-        let slope = (above - below) / (2.0 * step);
-        let stiff = stiffness.share(crane.outputs().pressure_a);
-        *station = Station::new([pressure, slope, holding], &spring, stiff);
+        *station = Station::new(rest, &spring, stiffness.share(crane.outputs().pressure_a));
     }
-    Ok(ModelFollowing {
+    Ok(stations)
+}
+
+fn spacing<T: Real>(stroke: T) -> T {
+    (stroke - T::lit(2.0 * MARGIN)) / T::lit((STATIONS - 1) as f64)
+}
+
+/// Frequencies \[rad/s\] of the boom's first modes of bending in the middle of the stroke, once the pump lifts. Those that it has
+/// not, or that the controller's rate does not reach, are put where a notch does little.
+///
+/// # Errors
+///
+/// [`DesignError`] when the crane cannot be linearised there.
+pub fn bending(description: &Description) -> Result<[f64; BENDING], DesignError> {
+    let crane = Lifting::new(description, 0.5 * description.numbers.stroke)?;
+    let highest = 0.45 / description.numbers.control_period;
+    let mut frequencies = crane.bending();
+    let mut next =
+        || TAU * frequencies.next().map_or(highest, |mode| mode.frequency_hz.min(highest));
+    Ok(std::array::from_fn(|_| next()))
+}
+
+/// State feedback from the numbers of a description and what is known of its crane over the stroke.
+pub fn law<T: Real>(
+    n: &Numbers<T>,
+    cylinder: Cylinder<T>,
+    stations: [Station<T>; STATIONS],
+    bending: [T; BENDING],
+) -> ModelFollowing<T> {
+    let lit = T::lit;
+    ModelFollowing {
         stations,
-        first,
-        spacing,
+        first: lit(MARGIN),
+        spacing: spacing(n.stroke),
         friction_pressure: n.coulomb / cylinder.piston_area,
-        friction_speed: 1.0 / n.steepness,
-        stiffness,
+        friction_speed: T::one() / n.steepness,
+        stiffness: stiffness(n),
         beyond_load: cylinder.rod_side_area / cylinder.piston_area * n.rod_side,
-        smoothing: 1.0 - (-n.control_period / SMOOTHING).exp(),
+        bending,
+        notches: ModelFollowing::notches(bending, n.control_period),
+        smoothing: T::one() - (-n.control_period / lit(SMOOTHING)).exp(),
         lead: n.following_lead,
-        high_pass: HighPass::new(HIGH_PASS, n.control_period),
-        dip: DIP,
-        feedback_share: FEEDBACK[0],
-        feedback_integral: FEEDBACK[1],
-        feedback_pressure: FEEDBACK[2],
+        high_pass: HighPass::new(lit(HIGH_PASS), n.control_period),
+        dip: lit(DIP),
+        feedback_share: lit(FEEDBACK[0]),
+        feedback_integral: lit(FEEDBACK[1]),
+        feedback_pressure: lit(FEEDBACK[2]),
         damping: n.following_damping,
-        bandwidth: TAU * n.following_bandwidth,
+        bandwidth: lit(TAU) * n.following_bandwidth,
         limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
         period: n.control_period,
-    })
+    }
 }

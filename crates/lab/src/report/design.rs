@@ -26,7 +26,7 @@ pub fn design_page(
 ) -> Result<String, LabError> {
     let stroke = 0.5 * crane.numbers.stroke;
     let linear = Lifting::new(crane, stroke)?;
-    let state = Loop::State { gains: law.gains_at_rest(stroke), period: law.period };
+    let state = Loop::of_state(law, stroke);
     let [machine, benchmark] = machine_loops(law, crane, stroke);
     let loops = [
         ("state feedback on the simulated crane", state),
