@@ -19,5 +19,5 @@ pub use error::DesignError;
 pub use lifting::{Lifting, Responses};
 pub use look::{Look, look, machine_loops, step_response};
 pub use margins::{Loop, Margins, margins};
-pub use model_following::{flow_balance, model_following, schedule};
+pub use model_following::{bending, flow_balance, law, model_following, schedule, stations};
 pub use oil_spring::oil_spring;

@@ -87,7 +87,7 @@ fn stiffness<T: Real>(n: &Numbers<T>) -> OilStiffness<T> {
 /// As [`stations`].
 pub fn model_following(description: &Description) -> Result<ModelFollowing<f64>, DesignError> {
     let n = &description.numbers;
-    Ok(law(n, description.cylinder(), stations(description)?, bending(description)?))
+    Ok(law(n, stations(description)?, bending(description)?))
 }
 
 /// How the crane of a description rests, and its oil spring, at positions over its stroke.
@@ -142,11 +142,12 @@ pub fn bending(description: &Description) -> Result<[f64; BENDING], DesignError>
 /// State feedback from the numbers of a description and what is known of its crane over the stroke.
 pub fn law<T: Real>(
     n: &Numbers<T>,
-    cylinder: Cylinder<T>,
     stations: [Station<T>; STATIONS],
     bending: [T; BENDING],
 ) -> ModelFollowing<T> {
     let lit = T::lit;
+    let cylinder =
+        Cylinder::from_diameters(n.piston, n.rod, n.stroke, n.dead_volume_a, n.dead_volume_b);
     ModelFollowing {
         stations,
         first: lit(MARGIN),

@@ -1,14 +1,12 @@
-//! The crane and its controller as blocks.
+//! The crane as blocks: whole, and in two as the paper divides it.
 
 use crate::block::{Block, Entry, Target, Variable};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
+use crate::given::{noded, parameters, variable};
 use crate::graph::{Graph, Node};
 use crate::name::plain;
-use hydroboom_control::{BenchmarkMemory, Measured, Reference};
-use hydroboom_description::schema::{KEYS, Numbers};
 use hydroboom_description::{BuildError, Description};
-use hydroboom_math::Real;
 use hydroboom_model::circuit::{CircuitState, Flows, Nodes};
 use hydroboom_model::stepping::published;
 use hydroboom_model::{BoomState, Crane, CraneState, Input, Outputs};
@@ -16,7 +14,7 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 /// Segments of the published model.
-const SEGMENTS: usize = 3;
+pub(crate) const SEGMENTS: usize = 3;
 
 type E = Expression;
 
@@ -48,64 +46,28 @@ struct Recorded {
     labels: HashMap<Node, (String, String)>,
 }
 
-/// Every number of a crane file as something from outside, in the file's unit and in SI units.
-fn parameters(description: &Description) -> (Vec<(Variable, Node)>, Numbers<E>) {
-    let mut variables = Vec::new();
-    let mut numbers = Vec::new();
-    for (key, value, _) in description.entries() {
-        let number = E::input();
-        variables.push((
-            Variable {
-                name: plain(&key.path()),
-                unit: key.unit.into(),
-                meaning: key.meaning.into(),
-                initial: value,
-            },
-            number.node(),
-        ));
-        numbers.push(number * E::lit(key.factor));
-    }
-    let mut numbers = numbers.into_iter();
-    let zero = E::zero();
-    let array: [E; KEYS.len()] = std::array::from_fn(|_| numbers.next().unwrap_or(zero));
-    (variables, Numbers::from_array(array))
-}
-
-fn variable(name: &str, unit: &str, meaning: &str, initial: f64) -> (Variable, E) {
-    let (name, unit, meaning) = (name.into(), unit.into(), meaning.into());
-    (Variable { name, unit, meaning, initial }, E::input())
-}
-
-fn noded(of: (Variable, E)) -> (Variable, Node) {
-    (of.0, of.1.node())
-}
-
-fn recorded(description: &Description) -> Result<Recorded, ExportError> {
+/// The crane at rest where its motion starts.
+pub(crate) fn resting(description: &Description) -> Result<CraneState<f64, SEGMENTS>, ExportError> {
     let found = description.coordinates();
     if found != SEGMENTS {
         return Err(ExportError::Segments { found });
     }
-    let plain_crane = description.crane::<SEGMENTS>()?;
+    let crane = description.crane::<SEGMENTS>()?;
     let n = &description.numbers;
     let start = description.start_over(n, n.motion_start);
-    let rest = plain_crane.at_rest(&start).map_err(BuildError::from)?;
+    Ok(crane.at_rest(&start).map_err(BuildError::from)?)
+}
+
+fn recorded(description: &Description) -> Result<Recorded, ExportError> {
+    let rest = resting(description)?;
     let (graph, recorded) = record(|| recording(description, &rest));
     Ok(Recorded { graph: Rc::new(graph), ..recorded? })
 }
 
-/// The recording itself: a published step, and what is seen before and after it.
-fn recording(
-    description: &Description,
+/// A state of the crane as something from outside, which begins at rest.
+pub(crate) fn state(
     rest: &CraneState<f64, SEGMENTS>,
-) -> Result<Recorded, ExportError> {
-    let (parameters, numbers) = parameters(description);
-    let crane: Crane<E, SEGMENTS> = description.crane_over(&numbers)?;
-    let speed = variable(Input::NAMES[0], Input::UNITS[0], Input::MEANINGS[0].trim(), 0.0);
-    let valve = variable(Input::NAMES[1], Input::UNITS[1], Input::MEANINGS[1].trim(), 1.0);
-    let step = variable("step", "s", "Step, below the limit that `hydroboom check` shows", {
-        description.numbers.simulation_period
-    });
-
+) -> (Vec<(Variable, E)>, CraneState<E, SEGMENTS>) {
     let mut states: Vec<(Variable, E)> = Vec::new();
     let mut state = |name: &str, unit: &str, meaning: &str, value: f64| {
         states.push(variable(name, unit, meaning, value));
@@ -128,23 +90,41 @@ fn recording(
     });
     let gas = rest.circuit.gas_volume;
     let gas_volume = state("gas_volume", "m3", "Gas volume of the accumulator, V_g", gas);
-    let now = CraneState {
-        boom: BoomState { angle, angular_velocity },
-        bristle,
-        circuit: CircuitState { nodes: Nodes::from_array(nodes), gas_volume },
-    };
+    let boom = BoomState { angle, angular_velocity };
+    let circuit = CircuitState { nodes: Nodes::from_array(nodes), gas_volume };
+    (states, CraneState { boom, bristle, circuit })
+}
 
+/// The numbers of a state in the order of [`state`].
+pub(crate) fn numbers(state: &CraneState<E, SEGMENTS>) -> Vec<Node> {
+    let numbers = [
+        &state.boom.angle[..],
+        &state.boom.angular_velocity,
+        &[state.bristle],
+        &state.circuit.nodes.to_array(),
+        &[state.circuit.gas_volume],
+    ];
+    numbers.concat().into_iter().map(E::node).collect()
+}
+
+/// The recording itself: a published step, and what is seen before and after it.
+fn recording(
+    description: &Description,
+    rest: &CraneState<f64, SEGMENTS>,
+) -> Result<Recorded, ExportError> {
+    let (parameters, given) = parameters(description);
+    let crane: Crane<E, SEGMENTS> = description.crane_over(&given)?;
+    let speed = variable(Input::NAMES[0], Input::UNITS[0], Input::MEANINGS[0].trim(), 0.0);
+    let valve = variable(Input::NAMES[1], Input::UNITS[1], Input::MEANINGS[1].trim(), 1.0);
+    let step = variable("step", "s", "Step, below the limit that `hydroboom check` shows", {
+        description.numbers.simulation_period
+    });
+
+    let (states, now) = state(rest);
     let input = Input { pump_speed: speed.1, holding_valve: valve.1 };
     let mut moved = now;
     published(&crane, &mut moved, &input, step.1);
-    let next = [
-        &moved.boom.angle[..],
-        &moved.boom.angular_velocity,
-        &[moved.bristle],
-        &moved.circuit.nodes.to_array(),
-        &[moved.circuit.gas_volume],
-    ];
-    let next = next.concat().into_iter().map(E::node).collect();
+    let next = numbers(&moved);
     let (before, after) = (crane.outputs(&now), crane.outputs(&moved));
 
     // what is in between, by its name: computed once more, which is the same node
@@ -337,108 +317,4 @@ pub fn blocks(description: &Description) -> Result<[Block; 2], ExportError> {
         labels: r.labels,
     };
     Ok([hydraulics, boom])
-}
-
-/// The benchmark controller with a feedforward from outside.
-pub fn controller(description: &Description) -> Block {
-    let (graph, mut block) = record(|| controlling(description));
-    block.graph = Rc::new(graph);
-    block
-}
-
-fn controlling(description: &Description) -> Block {
-    let (parameters, numbers) = parameters(description);
-    let controller = description.benchmark_over(&numbers);
-    let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
-    let position = input("reference_position", "m", "Piston position that is wanted");
-    let velocity = input("reference_velocity", "m/s", "Piston velocity that is wanted");
-    let stroke = input("stroke", "m", "Piston position, measured");
-    let load = input("load_pressure", "Pa", "Load pressure, p_L = p_A - (A_r/A_p) p_B");
-    let share = input(
-        "simulated_speed",
-        "rev/s",
-        "Motor speed of a simulation, in the place of the velocity feedforward",
-    );
-    let use_it = input(
-        "simulation_leads",
-        "1",
-        "1: the simulated speed is the feedforward; 0: the reference's velocity is",
-    );
-    let integral = variable("integral", "m/s", "Integral share of u_FC, as a velocity", 0.0);
-    let low_passed =
-        variable("low_passed", "Pa", "Low-passed load pressure; begins at the load pressure", 0.0);
-
-    let reference = Reference { position: position.1, velocity: velocity.1 };
-    let measured = Measured { stroke: stroke.1, load_pressure: load.1 };
-    let mut memory = BenchmarkMemory { integral: integral.1, low_passed: low_passed.1 };
-    let own = controller.velocity_feedforward(&reference);
-    let leads = E::lit(0.5).lt(use_it.1);
-    let feedforward = E::select(leads, share.1, own);
-    let speed = controller.update(&mut memory, &reference, &measured, feedforward);
-    let begun = controller.start(&measured);
-
-    let mut labels = HashMap::new();
-    let label = |name: &str, comment: &str| (name.to_string(), comment.to_string());
-    labels.insert(own.node(), label("u_ff", "velocity feedforward (1)"));
-    labels.insert((position.1 - stroke.1).node(), label("position_error", "position error"));
-    let entry = |name: &str, meaning: &str, results: Vec<(Target, Node)>| Entry {
-        name: name.into(),
-        meaning: meaning.into(),
-        results,
-    };
-    let states = |memory: &BenchmarkMemory<E>| {
-        let [integral, low_passed] = memory.to_array();
-        vec![(Target::State(0), integral.node()), (Target::State(1), low_passed.node())]
-    };
-    let mut results = states(&memory);
-    results.push((Target::Output(0), speed.node()));
-    Block {
-        name: "benchmark_controller".into(),
-        meaning: "Benchmark controller: feedforward, PI, pressure feedback (section 2.3.1)".into(),
-        graph: Rc::default(),
-        parameters,
-        inputs: [position, velocity, stroke, load, share, use_it].into_iter().map(noded).collect(),
-        states: [integral, low_passed].into_iter().map(noded).collect(),
-        outputs: vec![Variable {
-            name: "motor_speed".into(),
-            unit: "rev/s".into(),
-            meaning: "Motor speed, n_ref".into(),
-            initial: 0.0,
-        }],
-        entries: vec![
-            entry("begin", "begins without a bump at what is measured", states(&begun)),
-            entry("update", "the motor speed of a control period", results),
-        ],
-        labels,
-    }
-}
-
-/// The motor of the simulated crane, which follows what is asked of it as the drive can.
-pub fn simulated_motor(description: &Description) -> Block {
-    let (graph, mut block) = record(|| {
-        let (parameters, numbers) = parameters(description);
-        let benchmark = description.benchmark_over(&numbers);
-        let wanted = variable("wanted_speed", "rev/s", "Motor speed asked for", 0.0);
-        let speed = variable("simulated_motor_speed", "rev/s", "Motor speed", 0.0);
-        let next = benchmark.limits.follow(speed.1, wanted.1, benchmark.period).node();
-        let shown = speed.0.clone();
-        Block {
-            name: "simulated_motor".into(),
-            meaning: "Motor of the simulated crane: what is asked of it, within its speed and slew"
-                .into(),
-            graph: Rc::default(),
-            parameters,
-            inputs: vec![noded(wanted)],
-            states: vec![noded(speed)],
-            outputs: vec![shown],
-            entries: vec![Entry {
-                name: "update".into(),
-                meaning: "the motor speed of a control period".into(),
-                results: vec![(Target::State(0), next), (Target::Output(0), next)],
-            }],
-            labels: HashMap::new(),
-        }
-    });
-    block.graph = Rc::new(graph);
-    block
 }

@@ -1,6 +1,7 @@
 //! Why nothing is exported.
 
 use hydroboom_description::BuildError;
+use hydroboom_design::DesignError;
 use thiserror::Error;
 
 /// Why nothing is exported.
@@ -9,6 +10,9 @@ pub enum ExportError {
     /// The description gives no crane, or no state of rest to start from.
     #[error(transparent)]
     Build(#[from] BuildError),
+    /// No controller could be designed.
+    #[error(transparent)]
+    Design(#[from] DesignError),
     /// The crane is none that is exported.
     #[error(
         "the boom has {found} coordinates; cranes of 3 segments are exported (boom.segments = 3, and no elastic base)"

@@ -9,23 +9,30 @@
 
 mod block;
 pub mod c;
+mod controller;
 mod count;
 mod crane;
 mod error;
 mod expression;
 pub mod fmi;
+mod following;
+mod given;
 mod graph;
 mod name;
 mod plan;
+mod simulating;
 mod slopes;
 mod statement;
 pub mod structured_text;
 
 pub use block::{Block, Entry, Target, Variable};
+pub use controller::{controller, simulated_motor};
 pub use count::Count;
-pub use crane::{blocks, controller, crane_model, simulated_motor};
+pub use crane::{blocks, crane_model};
 pub use error::ExportError;
 pub use expression::{Condition, Expression, record};
+pub use following::{following_controller, state_feedback};
 pub use graph::{Graph, Node, Op};
 pub use plan::Plan;
+pub use simulating::{model_following, simulation_feedforward};
 pub use slopes::slopes;

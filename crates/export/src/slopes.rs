@@ -2,6 +2,7 @@
 //! are recorded.
 
 use crate::block::{Block, Entry, Target, Variable};
+use crate::crane::SEGMENTS;
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::plan::Plan;
@@ -13,9 +14,6 @@ use hydroboom_model::{BoomState, Crane, CraneState, Input};
 use std::array::from_fn;
 use std::collections::HashMap;
 use std::rc::Rc;
-
-/// Segments of the published model.
-const SEGMENTS: usize = 3;
 
 type E = Expression;
 /// A recorded number with its slope along one direction.

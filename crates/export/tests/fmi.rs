@@ -4,16 +4,19 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+mod steered;
+
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_export::fmi::{System, Unit, Version, archive, binary, twincat_settings, unit};
-use hydroboom_export::{controller, crane_model, slopes};
+use hydroboom_export::{controller, crane_model, model_following, simulation_feedforward, slopes};
 use hydroboom_math::Dual;
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, Input};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use steered::{Steered, shown};
 
 fn python() -> Option<String> {
     let found = std::env::var("HYDROBOOM_FMPY").ok().filter(|path| Path::new(path).exists());
@@ -36,12 +39,24 @@ fn model(crane: &Description, version: Version) -> Unit {
     unit(&block, Some(&slopes(crane, &block).unwrap()), &crane.name, version).unwrap()
 }
 
+/// All controllers, by the names of their FMUs.
+const CONTROLLERS: [&str; 3] = ["controller", "simulation-feedforward", "model-following"];
+
+fn steering(crane: &Description, what: &str, version: Version) -> Unit {
+    let block = match what {
+        "simulation-feedforward" => simulation_feedforward(crane).unwrap(),
+        "model-following" => model_following(crane).unwrap(),
+        _ => controller(crane),
+    };
+    unit(&block, None, &crane.name, version).unwrap()
+}
+
 /// Writes an FMU for a test, and returns its path.
 fn written(test: &str, what: &str, version: Version) -> String {
     let crane = Description::uia_single_boom().unwrap();
     let unit = match what {
         "model" => model(&crane, version),
-        _ => unit(&controller(&crane), None, &crane.name, version).unwrap(),
+        _ => steering(&crane, what, version),
     };
     let place = folder().join(format!("{test}-{what}-{version:?}"));
     let library = binary(&unit, System::Linux, &place).unwrap().unwrap();
@@ -62,7 +77,7 @@ fn fmpy(python: &str, arguments: &[&str]) -> String {
 fn fmus_are_valid() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        for what in ["model", "controller"] {
+        for what in ["model"].into_iter().chain(CONTROLLERS) {
             let path = written("valid", what, version);
             assert_eq!(fmpy(&python, &["validated", &path]), "", "{what} {version:?}");
         }
@@ -128,6 +143,42 @@ fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
 }
 
 #[test]
+fn controllers_that_simulate_steer_as_those_of_rust() {
+    let Some(python) = python() else { return };
+    let description = Description::uia_single_boom().unwrap();
+    let periods = 2000;
+    let mut inputs = String::from("reference_position,reference_velocity,stroke,load_pressure\n");
+    for k in 0..periods {
+        let (r, m) = shown(k);
+        let row = [r.position, r.velocity, m.stroke, m.load_pressure];
+        writeln!(inputs, "{}", row.map(|v| format!("{v:?}")).join(",")).unwrap();
+    }
+    let table = folder().join("steered.csv");
+    std::fs::write(&table, inputs).unwrap();
+    for what in ["simulation-feedforward", "model-following"] {
+        let mut rust = Steered::new(&description, what == "model-following");
+        let period = |k: usize| {
+            let seen = rust.seen();
+            let speed = rust.period(k);
+            (0..20).for_each(|_| rust.step());
+            [speed, rust.motor, seen.stroke, seen.load_pressure]
+        };
+        let wanted: Vec<[f64; 4]> = (0..periods).map(period).collect();
+        let outputs = "motor_speed+simulated_motor_speed+simulated_stroke+simulated_load_pressure";
+        for version in BOTH {
+            let path = written("steered", what, version);
+            let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), outputs]);
+            let found: Vec<Vec<f64>> =
+                said.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+            assert_eq!(found.len(), wanted.len());
+            for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+                assert_eq!(found.as_slice(), wanted, "{what} {version:?} in period {k}");
+            }
+        }
+    }
+}
+
+#[test]
 fn states_are_kept_and_instances_do_not_know_of_each_other() {
     let Some(python) = python() else { return };
     for version in BOTH {
@@ -153,8 +204,8 @@ fn a_cross_compiler_for_windows_takes_the_source() {
     let crane = Description::uia_single_boom().unwrap();
     for version in BOTH {
         let place = folder().join(format!("windows-{version:?}"));
-        let controller = unit(&controller(&crane), None, &crane.name, version).unwrap();
-        for unit in [model(&crane, version), controller] {
+        let controllers = CONTROLLERS.map(|what| steering(&crane, what, version));
+        for unit in [model(&crane, version)].into_iter().chain(controllers) {
             match binary(&unit, System::Windows, &place).unwrap() {
                 // what every program and library of Windows begins with
                 Some(library) => assert_eq!(&library[..2], b"MZ"),

@@ -6,7 +6,7 @@ use hydroboom_description::Description;
 use hydroboom_export::c::{Precision, files};
 use hydroboom_export::fmi::{Version, unit};
 use hydroboom_export::structured_text::{Kind, plcopen, twincat, units};
-use hydroboom_export::{blocks, controller};
+use hydroboom_export::{blocks, controller, simulation_feedforward};
 use proptest::prelude::*;
 use std::sync::LazyLock;
 
@@ -50,10 +50,12 @@ fn code_in_text(description: &Description) -> Vec<String> {
 fn sources(description: &Description) -> String {
     let mut all = String::new();
     for version in [Version::Two, Version::Three] {
-        let made = unit(&controller(description), None, &description.name, version).unwrap();
-        assert!(roxmltree::Document::parse(&made.files[0].1).is_ok(), "{}", made.files[0].1);
-        let files = made.files.iter().filter(|(path, _)| path.ends_with(".c"));
-        all.extend(files.map(|(_, text)| without_comments(text, "/*", "*/").unwrap()));
+        for block in [controller(description), simulation_feedforward(description).unwrap()] {
+            let made = unit(&block, None, &description.name, version).unwrap();
+            assert!(roxmltree::Document::parse(&made.files[0].1).is_ok(), "{}", made.files[0].1);
+            let files = made.files.iter().filter(|(path, _)| path.ends_with(".c"));
+            all.extend(files.map(|(_, text)| without_comments(text, "/*", "*/").unwrap()));
+        }
     }
     all
 }

@@ -7,6 +7,7 @@ pub use archive::{ArchiveError, System, archive, binary};
 use crate::block::{Block, Variable};
 use crate::c::{Precision, files};
 use crate::error::ExportError;
+use crate::graph::Node;
 use crate::plan::Plan;
 use std::fmt::Write;
 
@@ -323,14 +324,44 @@ fn units_and_categories(rows: &[Row<'_>]) -> String {
     )
 }
 
-/// What a master is told to step by \[s\]: a millisecond, which is a whole number of the block's own steps as a rule.
+/// The control period \[s\], in C.
+const CONTROL_PERIOD: &str = "1e-3 * n->p.controller_control_period_ms";
+
+/// How a block goes on in time.
+#[derive(Clone, Copy, PartialEq)]
+enum Pace {
+    /// By its own step, and shows its state.
+    Step,
+    /// By the control period.
+    Period,
+    /// By the control period, in each of which it simulates.
+    PeriodOfSteps,
+}
+
+impl Pace {
+    fn of(block: &Block) -> Self {
+        let has = |name: &str| block.entries.iter().any(|entry| entry.name == name);
+        match (has("update"), has("step")) {
+            (false, _) => Self::Step,
+            (true, false) => Self::Period,
+            (true, true) => Self::PeriodOfSteps,
+        }
+    }
+}
+
+/// What a master is told to step by \[s\]: the control period, or a millisecond, which is a whole number of a model's steps as a rule.
 fn communication_step(block: &Block) -> f64 {
-    let own = block.inputs.iter().find(|(v, _)| v.name == "step").map(|(v, _)| v.initial);
-    let period = block.parameters.iter().find(|(v, _)| v.name == "controller_control_period_ms");
-    match (own, period) {
-        (Some(step), _) => step * (1e-3 / step).round().max(1.0),
-        (None, Some((v, _))) => v.initial * 1e-3,
-        (None, None) => 1e-3,
+    let of = |all: &[(Variable, Node)], name: &str| {
+        all.iter().find(|(v, _)| v.name == name).map_or(1e-3, |(v, _)| v.initial)
+    };
+    match Pace::of(block) {
+        Pace::Step => {
+            let step = of(&block.inputs, "step");
+            step * (1e-3 / step).round().max(1.0)
+        }
+        Pace::Period | Pace::PeriodOfSteps => {
+            1e-3 * of(&block.parameters, "controller_control_period_ms")
+        }
     }
 }
 
@@ -362,21 +393,29 @@ fn glue(
     for v in inputs {
         let _ = writeln!(fill, "    n->u.{} = {:?};", v.name, v.initial);
     }
-    let sees = block.entries.iter().any(|e| e.name == "see");
-    let (one, show, period) = match sees {
-        true => (
+    let (one, show, period) = match Pace::of(block) {
+        Pace::Step => (
             format!("    {prefix}_step(&n->c, &n->s, &n->u);"),
             format!("    {prefix}_see(&n->c, &n->s, &n->y);"),
             "n->u.step",
         ),
-        false => (
-            format!(
-                "    if (n->has_begun == 0) {{\n        {prefix}_begin(&n->s, &n->u);\n        n->has_begun = 1;\n    }}\n    \
+        pace @ (Pace::Period | Pace::PeriodOfSteps) => {
+            let begin = match pace {
+                Pace::PeriodOfSteps => "&n->c, &n->s, &n->u",
+                _ => "&n->s, &n->u",
+            };
+            let mut one = format!(
+                "    if (n->has_begun == 0) {{\n        {prefix}_begin({begin});\n        n->has_begun = 1;\n    }}\n    \
                  {prefix}_update(&n->c, &n->s, &n->u, &n->y);"
-            ),
-            "    (void)n;".to_string(),
-            "1e-3 * n->p.controller_control_period_ms",
-        ),
+            );
+            if pace == Pace::PeriodOfSteps {
+                one += &format!(
+                    "\n    {{\n        long steps = (long)({CONTROL_PERIOD} / n->u.step + 0.5);\n        \
+                     while (steps-- > 0) {{\n            {prefix}_step(&n->c, &n->s, &n->u);\n        }}\n    }}"
+                );
+            }
+            (one, "    (void)n;".to_string(), CONTROL_PERIOD)
+        }
     };
     let after = format!(
         "\n/* ---- the block ---- */\n\nstatic void hb_fill(hb_numbers *n)\n{{\n    {prefix}_describe(&n->p);\n    {prefix}_start(&n->s);\n\

@@ -14,8 +14,10 @@ mod unit;
 pub use unit::{Declared, Kind, Section, Unit};
 
 use crate::block::{Block, Target, Variable};
-use crate::crane::{blocks, controller, simulated_motor};
+use crate::controller::{controller, simulated_motor};
+use crate::crane::blocks;
 use crate::error::ExportError;
+use crate::following::{following_controller, state_feedback};
 use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
@@ -111,7 +113,7 @@ const RESERVED: [&str; 78] = [
 ];
 
 /// Names that people know from the paper, for what stands at a block's edge.
-const KNOWN: [(&str, &str); 32] = [
+const KNOWN: [(&str, &str); 35] = [
     ("stroke", "xCyl"),
     ("velocity", "vCyl"),
     ("pressure_pump_a", "pPA"),
@@ -138,6 +140,9 @@ const KNOWN: [(&str, &str); 32] = [
     ("reference_velocity", "vRef"),
     ("load_pressure", "pL"),
     ("simulated_speed", "nSim"),
+    ("simulated_stroke", "xSim"),
+    ("simulated_velocity", "vSim"),
+    ("simulated_load_pressure", "pLSim"),
     ("simulation_leads", "uLead"),
     ("motor_speed", "nRef"),
     ("wanted_speed", "nWanted"),
@@ -410,7 +415,17 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     for block in [hydraulics, boom, controller(description), simulated_motor(description)] {
         all.push(function_block(&block)?);
     }
-    all.push(composed::simulation_feedforward(steps, &literal(n.simulation_period)));
+    let step = literal(n.simulation_period);
+    all.push(composed::simulation_feedforward(steps, &step));
+    match (state_feedback(description), following_controller(description)) {
+        (Ok(feedback), Ok(controller)) => {
+            all.extend([function_block(&feedback)?, function_block(&controller)?]);
+            all.push(composed::model_following(steps, &step));
+        }
+        // a crane that it cannot be designed for has the published strategies
+        (Err(ExportError::Design(_)), _) | (_, Err(ExportError::Design(_))) => {}
+        (Err(error), _) | (_, Err(error)) => return Err(error),
+    }
     all.extend([composed::globals(), composed::simulation_task(), composed::control_task()]);
     all.push(bench::test_bench(description)?);
     Ok(all)

@@ -1,6 +1,6 @@
 //! `hydroboom export c`
 
-use super::{File, written};
+use super::{File, steered, written};
 use crate::crane_file::CraneFile;
 use clap::Args;
 use hydroboom_export::c::{Precision, files};
@@ -8,7 +8,8 @@ use hydroboom_export::{blocks, controller, crane_model};
 use miette::{IntoDiagnostic, Result};
 use std::path::PathBuf;
 
-/// C99: a header and a source with the whole crane, the same in two blocks, and the benchmark controller.
+/// C99: a header and a source with the whole crane, the same in two blocks, and the controllers: the benchmark's, and those with
+/// the crane that they simulate.
 #[derive(Args)]
 #[command(
     after_help = "Example: hydroboom export c --out generated && cc -std=c99 -O2 -ffp-contract=off -c generated/hydroboom.c\n\
@@ -34,7 +35,8 @@ impl C {
         let crane = self.crane.read()?;
         let model = crane_model(&crane).into_diagnostic()?;
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
-        let all = [model, hydraulics, boom, controller(&crane)];
+        let mut all = vec![model, hydraulics, boom, controller(&crane)];
+        all.extend(steered(&crane)?);
         let precision = if self.single { Precision::Single } else { Precision::Double };
         let made = files(&all, "hydroboom", precision).into_diagnostic()?;
         let files = [

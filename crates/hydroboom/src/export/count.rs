@@ -1,5 +1,6 @@
 //! `hydroboom export count`
 
+use super::steered;
 use crate::crane_file::CraneFile;
 use crate::output;
 use clap::Args;
@@ -25,7 +26,8 @@ impl Count {
         let model = crane_model(&crane).into_diagnostic()?;
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
         let mut counts = Vec::new();
-        for block in [model, hydraulics, boom, controller(&crane)] {
+        let all = [model, hydraulics, boom, controller(&crane)];
+        for block in all.into_iter().chain(steered(&crane)?) {
             let plan = Plan::of(&block).into_diagnostic()?;
             let prepares = ("prepare", &plan.preparing);
             let entries = block.entries.iter().map(|e| e.name.as_str()).zip(&plan.entries);

@@ -5,7 +5,7 @@ use crate::crane_file::CraneFile;
 use crate::output;
 use clap::{Args, ValueEnum};
 use hydroboom_export::fmi::{System, Version, archive, binary, twincat_settings, unit};
-use hydroboom_export::{controller, crane_model, slopes};
+use hydroboom_export::{controller, crane_model, model_following, simulation_feedforward, slopes};
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -20,6 +20,10 @@ enum What {
     Plant,
     /// The benchmark controller: reference and what is measured in, motor speed out.
     Controller,
+    /// The same with the crane that it simulates, whose motor speed is the feedforward.
+    SimulationFeedforward,
+    /// Model following, with the crane that it simulates.
+    ModelFollowing,
 }
 
 /// An FMU (FMI 2.0 or 3.0, co-simulation) that carries its C source beside a binary for Linux, and for Windows where MinGW is here.
@@ -54,6 +58,10 @@ impl Fmu {
         let crane = self.crane.read()?;
         let (block, slopes) = match self.what {
             What::Controller => (controller(&crane), None),
+            What::SimulationFeedforward => {
+                (simulation_feedforward(&crane).into_diagnostic()?, None)
+            }
+            What::ModelFollowing => (model_following(&crane).into_diagnostic()?, None),
             What::Model | What::Plant => {
                 let mut block = crane_model(&crane).into_diagnostic()?;
                 if self.what == What::Plant {

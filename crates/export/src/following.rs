@@ -1,0 +1,145 @@
+//! Model following in two blocks, for languages that put the simulated crane together from blocks of their own: what steers the
+//! simulated crane, and what steers the machine.
+
+use crate::block::{Block, Entry, Target, Variable};
+use crate::error::ExportError;
+use crate::expression::{Expression, record};
+use crate::given::{noded, parameters, remembered, variable};
+use hydroboom_control::{
+    BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
+};
+use hydroboom_description::Description;
+use hydroboom_description::schema::Numbers;
+use hydroboom_design::{bending, law, stations};
+use hydroboom_math::Real;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+type E = Expression;
+
+/// A law as designed for the crane of a description, with its other numbers from outside.
+pub(crate) fn recorded_law(
+    description: &Description,
+) -> Result<impl Fn(&Numbers<E>) -> ModelFollowing<E>, ExportError> {
+    let (stations, bending) = (stations(description)?, bending(description)?);
+    Ok(move |n: &Numbers<E>| law(n, stations.map(|s| s.map(E::lit)), bending.map(E::lit)))
+}
+
+/// What is seen of the simulated crane, from outside.
+fn simulated() -> ([(Variable, E); 3], Seen<E>) {
+    let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
+    let all = [
+        input("simulated_stroke", "m", "Piston position of the simulated crane"),
+        input("simulated_velocity", "m/s", "Its piston velocity"),
+        input("simulated_load_pressure", "Pa", "Its load pressure"),
+    ];
+    let seen = Seen { stroke: all[0].1, velocity: all[1].1, load_pressure: all[2].1 };
+    (all, seen)
+}
+
+/// State feedback on the simulated crane, its motor's limits and all.
+///
+/// # Errors
+///
+/// [`ExportError`] when none can be designed.
+pub fn state_feedback(description: &Description) -> Result<Block, ExportError> {
+    let designed = recorded_law(description)?;
+    let (graph, block) = record(|| {
+        let (parameters, given) = parameters(description);
+        let law = designed(&given);
+        let position = variable("reference_position", "m", "Piston position that is wanted", 0.0);
+        let velocity = variable("reference_velocity", "m/s", "Piston velocity that is wanted", 0.0);
+        let reference = Reference { position: position.1, velocity: velocity.1 };
+        let (inputs, seen) = simulated();
+        let [names, units, meanings] =
+            [FollowingMemory::NAMES, FollowingMemory::UNITS, FollowingMemory::MEANINGS];
+        let states = remembered("", &names, &units, &meanings);
+        let mut memory = FollowingMemory::from_array(std::array::from_fn(|k| states[k].1));
+        let speed = law.update(&mut memory, &reference, &seen);
+        block(
+            [
+                "state_feedback",
+                "State feedback that makes the simulated crane follow the reference (docs/model-following.md)",
+            ],
+            parameters,
+            [position, velocity].into_iter().chain(inputs).collect(),
+            states,
+            [&law.start().to_array()[..], &memory.to_array()[..]],
+            (("simulated_motor_speed", "Motor speed of the simulated crane"), speed),
+        )
+    });
+    Ok(Block { graph: Rc::new(graph), ..block })
+}
+
+/// PI and pressure feedback on what the machine differs from the simulated crane, which is the feedforward.
+///
+/// # Errors
+///
+/// [`ExportError`] when none can be designed.
+pub fn following_controller(description: &Description) -> Result<Block, ExportError> {
+    let designed = recorded_law(description)?;
+    let (graph, block) = record(|| {
+        let (parameters, given) = parameters(description);
+        let (law, benchmark) = (designed(&given), description.benchmark_over(&given));
+        let stroke = variable("stroke", "m", "Piston position, measured", 0.0);
+        let load = variable("load_pressure", "Pa", "Load pressure, measured", 0.0);
+        let speed = variable("simulated_speed", "rev/s", "Motor speed of the simulated crane", 0.0);
+        let (inputs, seen) = simulated();
+        let measured = Measured { stroke: stroke.1, load_pressure: load.1 };
+        let [names, units, meanings] =
+            [BenchmarkMemory::NAMES, BenchmarkMemory::UNITS, BenchmarkMemory::MEANINGS];
+        let states = remembered("", &names, &units, &meanings);
+        let mut memory = BenchmarkMemory::from_array(std::array::from_fn(|k| states[k].1));
+        let (there, lacking) = law.compared(&measured, &seen);
+        let begun = benchmark.start(&lacking);
+        let feedback = law.feedback(&benchmark, seen.stroke);
+        let asked = feedback.update(&mut memory, &there, &lacking, speed.1);
+        block(
+            [
+                "following_controller",
+                "PI and pressure feedback on what the machine differs from the simulated crane",
+            ],
+            parameters,
+            [stroke, load, speed].into_iter().chain(inputs).collect(),
+            states,
+            [&begun.to_array()[..], &memory.to_array()[..]],
+            (("motor_speed", "Motor speed, n_ref"), asked),
+        )
+    });
+    Ok(Block { graph: Rc::new(graph), ..block })
+}
+
+/// A block that begins, and finds a motor speed each period.
+fn block(
+    [name, meaning]: [&str; 2],
+    parameters: Vec<(Variable, crate::graph::Node)>,
+    inputs: Vec<(Variable, E)>,
+    states: Vec<(Variable, E)>,
+    [begun, next]: [&[E]; 2],
+    ((shown, says), speed): ((&str, &str), E),
+) -> Block {
+    let kept = |values: &[E]| -> Vec<_> {
+        values.iter().enumerate().map(|(k, v)| (Target::State(k), v.node())).collect()
+    };
+    let mut updated = kept(next);
+    updated.push((Target::Output(0), speed.node()));
+    let entry = |name: &str, meaning: &str, results| Entry {
+        name: name.into(),
+        meaning: meaning.into(),
+        results,
+    };
+    Block {
+        name: name.into(),
+        meaning: meaning.into(),
+        graph: Rc::default(),
+        parameters,
+        inputs: inputs.into_iter().map(noded).collect(),
+        states: states.into_iter().map(noded).collect(),
+        outputs: vec![variable(shown, "rev/s", says, 0.0).0],
+        entries: vec![
+            entry("begin", "begins without a bump at what is seen", kept(begun)),
+            entry("update", "the motor speed of a control period", updated),
+        ],
+        labels: HashMap::new(),
+    }
+}

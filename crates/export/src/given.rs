@@ -1,0 +1,59 @@
+//! What comes from outside of what is recorded: parameters, inputs, states.
+
+use crate::block::Variable;
+use crate::expression::Expression;
+use crate::graph::Node;
+use crate::name::plain;
+use hydroboom_description::Description;
+use hydroboom_description::schema::{KEYS, Numbers};
+use hydroboom_math::Real;
+
+type E = Expression;
+
+/// Every number of a crane file as something from outside, in the file's unit and in SI units.
+pub(crate) fn parameters(description: &Description) -> (Vec<(Variable, Node)>, Numbers<E>) {
+    let mut variables = Vec::new();
+    let mut numbers = Vec::new();
+    for (key, value, _) in description.entries() {
+        let number = E::input();
+        variables.push((
+            Variable {
+                name: plain(&key.path()),
+                unit: key.unit.into(),
+                meaning: key.meaning.into(),
+                initial: value,
+            },
+            number.node(),
+        ));
+        numbers.push(number * E::lit(key.factor));
+    }
+    let mut numbers = numbers.into_iter();
+    let zero = E::zero();
+    let array: [E; KEYS.len()] = std::array::from_fn(|_| numbers.next().unwrap_or(zero));
+    (variables, Numbers::from_array(array))
+}
+
+/// A quantity from outside.
+pub(crate) fn variable(name: &str, unit: &str, meaning: &str, initial: f64) -> (Variable, E) {
+    let (name, unit, meaning) = (name.into(), unit.into(), meaning.into());
+    (Variable { name, unit, meaning, initial }, E::input())
+}
+
+/// A quantity as its place in what was recorded.
+pub(crate) fn noded(of: (Variable, E)) -> (Variable, Node) {
+    (of.0, of.1.node())
+}
+
+/// Numbers that are remembered, as states of these names.
+pub(crate) fn remembered(
+    before: &str,
+    names: &[&str],
+    units: &[&str],
+    meanings: &[&str],
+) -> Vec<(Variable, E)> {
+    let all = names.iter().zip(units).zip(meanings);
+    let of = |((name, unit), meaning): ((&&str, &&str), &&str)| {
+        variable(&format!("{before}{name}"), unit, meaning.trim(), 0.0)
+    };
+    all.map(of).collect()
+}

@@ -1,0 +1,216 @@
+//! Controllers with the crane that they simulate, each in one block: a motor speed is found every control period (`update`), and
+//! the simulated crane moves on in the steps between (`step`).
+
+use crate::block::{Block, Entry, Target, Variable};
+use crate::crane::{SEGMENTS, numbers, resting, state};
+use crate::error::ExportError;
+use crate::expression::{Expression, record};
+use crate::following::recorded_law;
+use crate::given::{noded, parameters, remembered, variable};
+use crate::graph::Node;
+use hydroboom_control::{
+    Benchmark, BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
+};
+use hydroboom_description::Description;
+use hydroboom_description::schema::Numbers;
+use hydroboom_math::Real;
+use hydroboom_model::stepping::published;
+use hydroboom_model::{Crane, CraneState, Input};
+use std::collections::HashMap;
+use std::rc::Rc;
+
+type E = Expression;
+
+/// What the controllers of both cranes see in a period.
+struct Period {
+    benchmark: Benchmark<E>,
+    reference: Reference<E>,
+    measured: Measured<E>,
+    seen: Seen<E>,
+}
+
+/// What the controllers of both cranes do in a period.
+struct Done {
+    /// What they remember.
+    states: Vec<(Variable, E)>,
+    begun: Vec<E>,
+    next: Vec<E>,
+    /// Which of that is the speed of the simulated motor.
+    motor: usize,
+    /// Speed of the machine's motor.
+    speed: E,
+}
+
+/// The benchmark controller on the machine, with the speed that another gives the simulated crane as feedforward (section 4,
+/// figure 15).
+///
+/// # Errors
+///
+/// [`ExportError`] for cranes that are not exported.
+pub fn simulation_feedforward(description: &Description) -> Result<Block, ExportError> {
+    let about =
+        ["simulation_feedforward", "benchmark controller with simulation-based feedforward"];
+    block(description, about, |period, _| adding(period))
+}
+
+/// Model following: state feedback on the simulated crane, PI and pressure feedback on what the machine differs. Its
+/// gains are designed for the crane as described, and stay what they are when a parameter is tuned; what it aims at does not.
+///
+/// # Errors
+///
+/// [`ExportError`] for cranes that are not exported, or of which no such controller can be designed.
+pub fn model_following(description: &Description) -> Result<Block, ExportError> {
+    let law = recorded_law(description)?;
+    let about = ["model_following", "model following (docs/model-following.md)"];
+    block(description, about, |period, given| following(period, &law(given)))
+}
+
+/// The memory of a benchmark controller.
+fn benchmark_memory(before: &str) -> (Vec<(Variable, E)>, BenchmarkMemory<E>) {
+    let [names, units, meanings] =
+        [BenchmarkMemory::NAMES, BenchmarkMemory::UNITS, BenchmarkMemory::MEANINGS];
+    let states = remembered(before, &names, &units, &meanings);
+    let memory = BenchmarkMemory::from_array(std::array::from_fn(|k| states[k].1));
+    (states, memory)
+}
+
+fn adding(at: &Period) -> Done {
+    let Period { benchmark, reference, measured, seen } = at;
+    let (mut states, mut simulated) = benchmark_memory("simulated_");
+    let (more, mut memory) = benchmark_memory("");
+    let motor = variable("simulated_motor", "rev/s", "Speed of the simulated motor", 0.0);
+    let now = motor.1;
+    states.extend(more);
+    states.push(motor);
+
+    let begun = [benchmark.start(&seen.measured()), benchmark.start(measured)];
+    let own = benchmark.velocity_feedforward(reference);
+    let wanted = benchmark.update(&mut simulated, reference, &seen.measured(), own);
+    let turns = benchmark.limits.follow(now, wanted, benchmark.period);
+    let speed = benchmark.update(&mut memory, reference, measured, turns);
+    let of = |a: BenchmarkMemory<E>, b: BenchmarkMemory<E>, motor| {
+        [&a.to_array()[..], &b.to_array(), &[motor]].concat()
+    };
+    Done {
+        motor: states.len() - 1,
+        states,
+        begun: of(begun[0], begun[1], E::zero()),
+        next: of(simulated, memory, turns),
+        speed,
+    }
+}
+
+fn following(at: &Period, law: &ModelFollowing<E>) -> Done {
+    let Period { benchmark, reference, measured, seen } = at;
+    let [names, units, meanings] =
+        [FollowingMemory::NAMES, FollowingMemory::UNITS, FollowingMemory::MEANINGS];
+    let mut states = remembered("following_", &names, &units, &meanings);
+    let mut following = FollowingMemory::from_array(std::array::from_fn(|k| states[k].1));
+    let (more, mut memory) = benchmark_memory("");
+    states.extend(more);
+
+    let (reference_there, lacking) = law.compared(measured, seen);
+    let begun = (law.start(), benchmark.start(&lacking));
+    let turns = law.update(&mut following, reference, seen);
+    let feedback = law.feedback(benchmark, seen.stroke);
+    let speed = feedback.update(&mut memory, &reference_there, &lacking, turns);
+    let of =
+        |a: FollowingMemory<E>, b: BenchmarkMemory<E>| [&a.to_array()[..], &b.to_array()].concat();
+    Done {
+        motor: names.iter().position(|name| *name == "motor_speed").unwrap_or(0),
+        states,
+        begun: of(begun.0, begun.1),
+        next: of(following, memory),
+        speed,
+    }
+}
+
+fn block(
+    description: &Description,
+    about: [&str; 2],
+    controls: impl Fn(&Period, &Numbers<E>) -> Done,
+) -> Result<Block, ExportError> {
+    let rest = resting(description)?;
+    let (graph, block) = record(|| recording(description, &rest, about, controls));
+    Ok(Block { graph: Rc::new(graph), ..block? })
+}
+
+fn recording(
+    description: &Description,
+    rest: &CraneState<f64, SEGMENTS>,
+    [name, meaning]: [&str; 2],
+    controls: impl Fn(&Period, &Numbers<E>) -> Done,
+) -> Result<Block, ExportError> {
+    let (parameters, given) = parameters(description);
+    let crane: Crane<E, SEGMENTS> = description.crane_over(&given)?;
+    let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
+    let position = input("reference_position", "m", "Piston position that is wanted");
+    let velocity = input("reference_velocity", "m/s", "Piston velocity that is wanted");
+    let stroke = input("stroke", "m", "Piston position, measured");
+    let load = input("load_pressure", "Pa", "Load pressure, p_L = p_A - (A_r/A_p) p_B, measured");
+    let step = variable(
+        "step",
+        "s",
+        "Step of the simulated crane, below the limit that `hydroboom check` shows",
+        description.numbers.simulation_period,
+    );
+
+    let (mut states, now) = state(rest);
+    let moving = states.len();
+    let outputs = crane.outputs(&now);
+    let seen = Seen {
+        stroke: outputs.stroke,
+        velocity: outputs.velocity,
+        load_pressure: crane.cylinder.load_pressure(outputs.pressure_a, outputs.pressure_b),
+    };
+    let period = Period {
+        benchmark: description.benchmark_over(&given),
+        reference: Reference { position: position.1, velocity: velocity.1 },
+        measured: Measured { stroke: stroke.1, load_pressure: load.1 },
+        seen,
+    };
+    let done = controls(&period, &given);
+    let turns = done.states[done.motor].1;
+    let mut moved = now;
+    published(&crane, &mut moved, &Input { pump_speed: turns, holding_valve: E::one() }, step.1);
+
+    let shown = [
+        input("motor_speed", "rev/s", "Motor speed for the machine, n_ref").0,
+        input("simulated_motor_speed", "rev/s", "Motor speed of the simulated crane").0,
+        input("simulated_stroke", "m", "Its piston position as the period begins").0,
+        input("simulated_velocity", "m/s", "Its piston velocity").0,
+        input("simulated_load_pressure", "Pa", "Its load pressure").0,
+    ];
+    let to_show =
+        [done.speed, done.next[done.motor], seen.stroke, seen.velocity, seen.load_pressure];
+    let kept = |values: &[E]| -> Vec<(Target, Node)> {
+        let place = |(k, value): (usize, &E)| (Target::State(moving + k), value.node());
+        values.iter().enumerate().map(place).collect()
+    };
+    let mut updated = kept(&done.next);
+    updated.extend(to_show.iter().enumerate().map(|(k, value)| (Target::Output(k), value.node())));
+    let stepped = numbers(&moved).into_iter().enumerate();
+    let stepped = stepped.map(|(k, node)| (Target::State(k), node)).collect();
+    let entry = |name: &str, meaning: &str, results: Vec<(Target, Node)>| Entry {
+        name: name.into(),
+        meaning: meaning.into(),
+        results,
+    };
+    let begun = kept(&done.begun);
+    states.extend(done.states);
+    Ok(Block {
+        name: name.into(),
+        meaning: format!("{}: {meaning}", description.name),
+        graph: Rc::default(),
+        parameters,
+        inputs: [position, velocity, stroke, load, step].into_iter().map(noded).collect(),
+        states: states.into_iter().map(noded).collect(),
+        outputs: shown.to_vec(),
+        entries: vec![
+            entry("begin", "begins without a bump at what is measured and simulated", begun),
+            entry("update", "the motor speeds of a control period; then come its steps", updated),
+            entry("step", "one step of the simulated crane", stepped),
+        ],
+        labels: HashMap::new(),
+    })
+}

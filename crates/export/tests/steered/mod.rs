@@ -1,0 +1,91 @@
+//! Rust's controllers with the crane that they simulate, on a machine that lags and rings.
+
+use hydroboom_control::{
+    BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
+};
+use hydroboom_description::Description;
+use hydroboom_model::stepping::published;
+use hydroboom_model::{Crane, CraneState, Input};
+
+/// What is wanted, and measured of the machine, in a period.
+pub fn shown(k: usize) -> (Reference<f64>, Measured<f64>) {
+    let time = 1e-3 * k as f64;
+    let moved = 0.02 * (1.0 - (1.5 * time).cos());
+    let reference = Reference { position: 0.05 + moved, velocity: 0.03 * (1.5 * time).sin() };
+    let ringing = (15.0 * time).sin();
+    let stroke = 0.0495 + 0.97 * moved + 2e-4 * ringing;
+    (reference, Measured { stroke, load_pressure: 62e5 + 3e5 * ringing })
+}
+
+/// A controller and its simulated crane.
+pub struct Steered {
+    description: Description,
+    crane: Crane<f64, 3>,
+    law: Option<ModelFollowing<f64>>,
+    pub state: CraneState<f64, 3>,
+    simulated: BenchmarkMemory<f64>,
+    following: FollowingMemory<f64>,
+    memory: BenchmarkMemory<f64>,
+    pub motor: f64,
+}
+
+impl Steered {
+    /// At rest; model following, or the published controller.
+    pub fn new(description: &Description, follows: bool) -> Self {
+        let n = &description.numbers;
+        let crane = description.crane::<3>().unwrap();
+        let state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
+        let law = follows.then(|| hydroboom_design::model_following(description).unwrap());
+        let (benchmark, measured) = (description.benchmark(), shown(0).1);
+        let mut new = Self {
+            description: description.clone(),
+            crane,
+            law,
+            state,
+            simulated: BenchmarkMemory::default(),
+            following: FollowingMemory::default(),
+            memory: benchmark.start(&measured),
+            motor: 0.0,
+        };
+        let seen = new.seen();
+        new.simulated = benchmark.start(&seen.measured());
+        if let Some(law) = &new.law {
+            new.memory = benchmark.start(&law.compared(&measured, &seen).1);
+        }
+        new
+    }
+
+    /// What is seen of the simulated crane.
+    pub fn seen(&self) -> Seen<f64> {
+        let o = self.crane.outputs(&self.state);
+        let load_pressure = self.crane.cylinder.load_pressure(o.pressure_a, o.pressure_b);
+        Seen { stroke: o.stroke, velocity: o.velocity, load_pressure }
+    }
+
+    /// Motor speed of the machine in a period; that of the simulated crane is changed.
+    pub fn period(&mut self, k: usize) -> f64 {
+        let ((reference, measured), seen) = (shown(k), self.seen());
+        let benchmark = self.description.benchmark();
+        match &self.law {
+            Some(law) => {
+                self.motor = law.update(&mut self.following, &reference, &seen);
+                let (there, lacking) = law.compared(&measured, &seen);
+                let feedback = law.feedback(&benchmark, seen.stroke);
+                feedback.update(&mut self.memory, &there, &lacking, self.motor)
+            }
+            None => {
+                let own = benchmark.velocity_feedforward(&reference);
+                let (memory, seen) = (&mut self.simulated, seen.measured());
+                let asked = benchmark.update(memory, &reference, &seen, own);
+                self.motor = benchmark.limits.follow(self.motor, asked, benchmark.period);
+                benchmark.update(&mut self.memory, &reference, &measured, self.motor)
+            }
+        }
+    }
+
+    /// A step of the simulated crane.
+    pub fn step(&mut self) {
+        let input = Input { pump_speed: self.motor, holding_valve: 1.0 };
+        published(&self.crane, &mut self.state, &input, self.description.numbers.simulation_period);
+    }
+}
