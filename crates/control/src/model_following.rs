@@ -44,7 +44,10 @@ record! {
         /// Lag of the position, summed up
         #[unit = "m s"]
         pub lag: T,
-        /// Velocity of the reference a period ago
+        /// By how much the reference runs ahead of what the motor can follow
+        #[unit = "m"]
+        pub ahead: T,
+        /// Velocity of what it can follow, a period ago
         #[unit = "m/s"]
         pub reference_velocity: T,
         /// Share of feedback, smoothed
@@ -82,6 +85,10 @@ struct Wanted<T> {
     by_lag: T,
 }
 
+/// Share of the motor's speed that a reference may take: the rest is for feedback.
+const USED: f64 = 0.97;
+/// Rate \[1/s\] at which is made good for what the motor could not follow.
+const CATCHES_UP: f64 = 3.0;
 /// Feedback is raised by no more than this where the pressure dips into soft oil.
 const SOFTEST: f64 = 2.0;
 
@@ -208,6 +215,7 @@ impl<T: Real> ModelFollowing<T> {
         reference: &Reference<T>,
         seen: &Seen<T>,
     ) -> T {
+        let reference = &self.within_limits(&mut memory.ahead, reference);
         let Wanted { feedforward, feedback, softer, lag, .. } =
             self.wanted(memory, reference, seen);
         memory.reference_velocity = reference.velocity;
@@ -225,6 +233,22 @@ impl<T: Real> ModelFollowing<T> {
         memory.lag = T::select(winding, memory.lag, memory.lag + self.period * lag);
         memory.motor_speed = reached;
         reached
+    }
+
+    /// The reference, as far as the motor can follow: what is faster is made good for later, for a simulated crane that is far behind would be
+    /// driven from one limit to the other. `ahead` is what is left to be made good for \[m\].
+    #[inline(always)]
+    fn within_limits(&self, ahead: &mut T, reference: &Reference<T>) -> Reference<T> {
+        let at = self.station(reference.position);
+        let spring = at.spring(self.stiffness_at(at.rest.load_pressure));
+        let speed_per_velocity =
+            (at.rest.load_pressure_slope - spring.pressure_by_velocity) / spring.pressure_by_speed;
+        let fastest = T::lit(USED) * self.limits.speed / speed_per_velocity;
+        let position = reference.position - *ahead;
+        let wanted = reference.velocity + T::lit(CATCHES_UP) * *ahead;
+        let velocity = wanted.clamp(-fastest, fastest);
+        *ahead = *ahead + self.period * (reference.velocity - velocity);
+        Reference { position, velocity }
     }
 
     /// Memory with which the next [`update`](Self::update) asks for `speed` \[rev/s\], so that state feedback takes over from
@@ -389,6 +413,29 @@ mod tests {
             law.update(&mut memory, &reference, &far);
         }
         assert_eq!((memory.motor_speed, memory.lag), (50.0, 0.0));
+    }
+
+    #[test]
+    fn a_reference_that_is_too_fast_is_followed_later_and_another_as_it_is() {
+        let law = law::<f64>();
+        let (mut ahead, mut position) = (0.0, 0.1);
+        let mut given = |velocity: f64, position: &mut f64| {
+            let reference = Reference { position: *position, velocity };
+            *position += law.period * velocity;
+            (law.within_limits(&mut ahead, &reference), reference)
+        };
+        let (slow, asked) = given(0.1, &mut position);
+        assert_eq!(slow, asked);
+        let mut last = slow;
+        for velocity in core::iter::repeat_n(0.3, 500).chain(core::iter::repeat_n(0.0, 8000)) {
+            let (next, _) = given(velocity, &mut position);
+            // position and velocity belong together
+            let gap = next.position - last.position - law.period * last.velocity;
+            assert!(gap.abs() < 1e-12, "{gap}");
+            assert!(next.velocity <= 50.0 / (1.1e9 - 1e6) * 3.2e6);
+            last = next;
+        }
+        assert!((last.position - position).abs() < 1e-5 && last.velocity.abs() < 1e-4, "{last:?}");
     }
 
     #[test]

@@ -5,17 +5,19 @@ use hydroboom_description::Description;
 use hydroboom_lab::family::{Row, Spread, VARIATIONS, family, rows};
 use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::report;
+use hydroboom_lab::rivals::Contender;
 use hydroboom_lab::scenario::CourseChoice;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::path::Path;
 
-/// Runs every strategy along every course on `count` virtual cranes drawn around `nominal` with
+/// Runs every contender along every course on `count` virtual cranes drawn around `nominal` with
 /// `seed`.
 pub fn run(
     model: &Description,
     nominal: &Description,
+    contenders: &[Contender],
     courses: &[CourseChoice],
     count: u64,
     seed: u64,
@@ -32,10 +34,10 @@ pub fn run(
             .into_diagnostic()?,
     );
     let share = |share: f64| bar.set_position((share * 1000.0) as u64);
-    let results = family(model, nominal, courses, count, seed, &share);
+    let results = family(model, nominal, contenders, courses, count, seed, &share);
     bar.finish_and_clear();
     let results = results.into_diagnostic()?;
-    let rows = rows(&names, &results);
+    let rows = rows(contenders, &names, &results);
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).into_diagnostic()?;
         let page = report::family_page(&nominal.name, results.len(), seed, &rows);
@@ -46,7 +48,7 @@ pub fn run(
             .iter()
             .map(|(member, outcomes)| json!({ "values": member.values, "outcomes": outcomes }))
             .collect();
-        let strategies = Strategy::ALL.map(Strategy::name);
+        let strategies: Vec<_> = contenders.iter().map(|c| c.name()).collect();
         return output::json(&json!({
             "family": rows, "seed": seed, "variations": VARIATIONS,
             "strategies": strategies, "courses": names, "cranes": cranes,
@@ -65,12 +67,12 @@ fn table(rows: &[Row]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()
         .map(|r| {
-            let (over, share) = match r.strategy {
-                Strategy::BenchmarkClosedLoop => ("-".into(), "-".into()),
+            let (over, share) = match r.contender {
+                Contender::Strategy(Strategy::BenchmarkClosedLoop) => ("-".into(), "-".into()),
                 _ => (spread(&r.rms_over_benchmark), format!("{:.0}", r.better_percent)),
             };
             vec![
-                r.strategy.name().into(),
+                r.contender.name().into(),
                 r.course.clone(),
                 spread(&r.rms_mm),
                 spread(&r.peak_mm),

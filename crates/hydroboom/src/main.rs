@@ -25,6 +25,7 @@ mod sensitivity;
 mod show;
 mod simulate;
 mod study;
+mod trials;
 mod tune;
 mod validate;
 mod virtual_crane;
@@ -53,6 +54,7 @@ enum Command {
     Design(design::Design),
     Motion(motion::MotionTests),
     Study(study::Study),
+    Trials(trials::Trials),
     Validate(validate::Validate),
     Tune(tune::Tune),
     Sensitivity(sensitivity::Sensitivity),
@@ -88,6 +90,7 @@ fn main() -> Result<()> {
         Command::Design(command) => command.run(),
         Command::Motion(command) => command.run(),
         Command::Study(command) => command.run(),
+        Command::Trials(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Tune(command) => command.run(),
         Command::Sensitivity(command) => command.run(),

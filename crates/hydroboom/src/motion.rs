@@ -7,6 +7,7 @@ use hydroboom_description::{Description, Difference};
 use hydroboom_lab::calibrate::differences;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
 use hydroboom_lab::motion_test::{Row, Strategy, run, run_all};
+use hydroboom_lab::rivals::Contender;
 use hydroboom_lab::scenario::CourseChoice;
 use hydroboom_lab::study::NOMINAL;
 use hydroboom_lab::{LabError, paper, report};
@@ -39,6 +40,9 @@ pub struct MotionTests {
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Beside the strategies, in a family, what they are compared with: the benchmark with numbers found anew, LQG, MPC.
+    #[arg(long, requires = "family")]
+    rivals: bool,
     /// Run a scenario in place of the motion at both speeds; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME")]
     scenario: Option<String>,
@@ -81,7 +85,17 @@ impl MotionTests {
         };
         if let Some(count) = self.family {
             let out = self.out.as_deref();
-            return family::run(&model, &plant, &courses, count, self.seed, out, self.json);
+            let contenders = if self.rivals { Contender::all() } else { Contender::strategies() };
+            return family::run(
+                &model,
+                &plant,
+                &contenders,
+                &courses,
+                count,
+                self.seed,
+                out,
+                self.json,
+            );
         }
         if !self.plant_set.is_empty() {
             name = if is_virtual { format!("{VIRTUAL}, changed") } else { "changed".into() };

@@ -1,7 +1,8 @@
 //! Many virtual cranes: no two machines are alike, and none stays as it was.
 
 use crate::LabError;
-use crate::motion_test::{Strategy, by_name};
+use crate::motion_test::Strategy;
+use crate::rivals::Contender;
 use crate::scenario::CourseChoice;
 use crate::score::{Effort, Score};
 use crate::steering::{Lane, WIDTH, steer_together};
@@ -124,10 +125,10 @@ pub struct Outcome {
     pub unstable: bool,
 }
 
-/// What one crane did: outcomes by strategy in the order of [`Strategy::ALL`], then by course.
-pub type Outcomes = [Vec<Outcome>; Strategy::ALL.len()];
+/// What one crane did: outcomes by who steered, then by course.
+pub type Outcomes = Vec<Vec<Outcome>>;
 
-/// Runs all strategies along all courses on cranes 0 to `count` - 1, side by side in lanes and on all
+/// Runs all contenders along all courses on cranes 0 to `count` - 1, side by side in lanes and on all
 /// cores; `progress` is told the share done.
 ///
 /// # Errors
@@ -136,6 +137,7 @@ pub type Outcomes = [Vec<Outcome>; Strategy::ALL.len()];
 pub fn family(
     model: &Description,
     nominal: &Description,
+    contenders: &[Contender],
     courses: &[CourseChoice],
     count: u64,
     seed: u64,
@@ -147,41 +149,40 @@ pub fn family(
     let jobs: Vec<_> = groups
         .iter()
         .flat_map(|group| {
-            Strategy::ALL.into_iter().flat_map(move |strategy| {
-                courses.iter().map(move |course| (*group, strategy, course))
+            contenders.iter().flat_map(move |contender| {
+                courses.iter().map(move |course| (*group, *contender, course))
             })
         })
         .collect();
     let done = AtomicUsize::new(0);
     let outcomes = jobs
         .par_iter()
-        .map(|(group, strategy, course)| {
-            let outcomes = together(model, group, *strategy, course)?;
+        .map(|(group, contender, course)| {
+            let outcomes = together(model, group, *contender, course)?;
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             progress(done as f64 / jobs.len() as f64);
             Ok(outcomes)
         })
         .collect::<Result<Vec<_>, LabError>>()?;
     let of = |number: usize, s: usize, c: usize| {
-        let job = (number / WIDTH * Strategy::ALL.len() + s) * courses.len() + c;
+        let job = (number / WIDTH * contenders.len() + s) * courses.len() + c;
         outcomes[job][number % WIDTH]
     };
     Ok(members
         .into_iter()
         .enumerate()
         .map(|(number, member)| {
-            let outcomes =
-                std::array::from_fn(|s| (0..courses.len()).map(|c| of(number, s, c)).collect());
-            (member, outcomes)
+            let along = |s| (0..courses.len()).map(|c| of(number, s, c)).collect();
+            (member, (0..contenders.len()).map(along).collect())
         })
         .collect())
 }
 
-/// One strategy along one course on up to [`WIDTH`] cranes.
+/// One contender along one course on up to [`WIDTH`] cranes.
 fn together(
     model: &Description,
     group: &[Member],
-    strategy: Strategy,
+    contender: Contender,
     choice: &CourseChoice,
 ) -> Result<[Outcome; WIDTH], LabError> {
     // the last group may be smaller: then its last crane runs in the lanes left over too
@@ -192,7 +193,7 @@ fn together(
     }
     let lanes: [Lane<'_>; WIDTH] = std::array::from_fn(|lane| Lane {
         crane: member(lane),
-        strategy,
+        contender,
         course: courses[lane].as_ref(),
     });
     let mut scores = lanes.map(|lane| Score::new(lane.course.duration()));
@@ -301,12 +302,12 @@ impl Spread {
     }
 }
 
-/// One strategy along one course over the whole family.
+/// One contender along one course over the whole family.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The strategy.
-    #[serde(serialize_with = "by_name")]
-    pub strategy: Strategy,
+    /// Who steered.
+    #[serde(rename = "strategy")]
+    pub contender: Contender,
     /// The course.
     pub course: String,
     /// RMS tracking error.
@@ -329,12 +330,17 @@ pub struct Row {
     pub better_percent: f64,
 }
 
-/// The family in numbers: every strategy along every course.
-pub fn rows(courses: &[String], results: &[(Member, Outcomes)]) -> Vec<Row> {
-    let benchmark = Strategy::BenchmarkClosedLoop as usize;
+/// The family in numbers: every contender along every course; none where the benchmark is not one of them.
+pub fn rows(
+    contenders: &[Contender],
+    courses: &[String],
+    results: &[(Member, Outcomes)],
+) -> Vec<Row> {
+    let is_benchmark = |c: &Contender| *c == Strategy::BenchmarkClosedLoop.into();
+    let Some(benchmark) = contenders.iter().position(is_benchmark) else { return Vec::new() };
     let count = results.len().max(1) as f64;
     let mut rows = Vec::new();
-    for (s, strategy) in Strategy::ALL.into_iter().enumerate() {
+    for (s, contender) in contenders.iter().enumerate() {
         for (c, course) in courses.iter().enumerate() {
             let spread = |of: &dyn Fn(&Outcome) -> f64| {
                 Spread::of(results.iter().map(|(_, o)| of(&o[s][c])))
@@ -346,7 +352,7 @@ pub fn rows(courses: &[String], results: &[(Member, Outcomes)]) -> Vec<Row> {
                 results.iter().filter(|(_, o)| holds(o)).count() as f64 / count * 100.0
             };
             rows.push(Row {
-                strategy,
+                contender: *contender,
                 course: course.clone(),
                 rms_mm: spread(&|o| o.rms_mm),
                 peak_mm: spread(&|o| o.peak_mm.abs()),

@@ -18,11 +18,13 @@ pub mod motion_test;
 pub mod numerical_damping;
 pub mod paper;
 pub mod report;
+pub mod rivals;
 pub mod scenario;
 pub mod score;
 pub mod simulate;
 pub mod steering;
 pub mod study;
+pub mod trials;
 pub mod virtual_run;
 pub mod work_precision;
 

@@ -150,7 +150,8 @@ pub fn run_all(
     plant: &Description,
     course: &dyn Course,
 ) -> Result<[Run; Strategy::ALL.len()], LabError> {
-    let lanes = Strategy::ALL.map(|strategy| Lane { crane: plant, strategy, course });
+    let lanes =
+        Strategy::ALL.map(|strategy| Lane { crane: plant, contender: strategy.into(), course });
     let mut samples = lanes.map(|_| Vec::with_capacity(count(model, course)));
     let ends = steer_all(model, &lanes, |lane, sample| samples[lane].push(*sample));
     ends.into_iter().collect::<Result<(), _>>()?;

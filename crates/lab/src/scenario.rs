@@ -107,6 +107,13 @@ impl Scenario {
         self
     }
 
+    /// Another payload in the middle of the last move.
+    fn load_on_the_way(mut self, mass: f64) -> Self {
+        let middle = self.legs.last().map(|leg| leg.begin + 0.5 * leg.way.duration());
+        self.loads.extend(middle.map(|time| Load { time, mass }));
+        self
+    }
+
     /// The scenario in short.
     pub fn outline(&self) -> Outline {
         Outline {
@@ -235,6 +242,31 @@ pub fn scenarios(crane: &Description) -> Vec<Scenario> {
     }
     let reversal = reversal.rest(3.0);
 
+    // a third faster than the motor can
+    let piston_area = crane.cylinder().piston_area;
+    let fastest = n.motor_speed * n.displacement / piston_area;
+    let saturation = Scenario::new("saturation", "asks for a third more than the motor can", start)
+        .rest(2.0)
+        .go(end, 4.0 / 3.0 * fastest, ramp, profile)
+        .rest(3.0)
+        .go(start, 4.0 / 3.0 * fastest, ramp, profile)
+        .rest(4.0);
+
+    let on_the_way = Scenario::new(
+        "load-in-motion",
+        "picks a load up while it lifts, and loses half of it while it lowers",
+        start,
+    )
+    .rest(1.0)
+    .load(0.7 * n.payload)
+    .rest(4.0)
+    .go(end, fast, ramp, profile)
+    .load_on_the_way(n.payload)
+    .rest(4.0)
+    .go(start, fast, ramp, profile)
+    .load_on_the_way(0.5 * n.payload)
+    .rest(4.0);
+
     let mut shift = Scenario::new(
         "shift",
         "eight hours of work: twelve cycles, then a break as long, again and again, oil warming",
@@ -254,7 +286,7 @@ pub fn scenarios(crane: &Description) -> Vec<Scenario> {
         shift = shift.rest(worked);
     }
 
-    vec![pick_and_place, start_stop, small, reversal, shift]
+    vec![pick_and_place, start_stop, small, reversal, saturation, on_the_way, shift]
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
-//! A strategy at work on virtual cranes, one by one or side by side.
+//! A strategy, or what it is compared with, at work on virtual cranes, one by one or side by side.
 
 use crate::following::Following;
 use crate::motion_test::{Sample, Strategy};
+use crate::rivals::{Contender, Shown, Steers, rival};
 use crate::scenario::{Course, due};
 use crate::{LabError, Plant, plant};
 use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Reading, Reference};
@@ -103,16 +104,21 @@ impl Feedback {
 enum Controller {
     Published(Box<(Feedforward, Feedback)>),
     Following(Box<Following>),
+    Rival(Box<dyn Steers>),
 }
 
 impl Controller {
     fn new(
         model: &Description,
-        strategy: Strategy,
+        contender: Contender,
         start: f64,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) -> Result<Self, LabError> {
+        let strategy = match contender {
+            Contender::Strategy(strategy) => strategy,
+            Contender::Rival(which) => return Ok(Self::Rival(rival(which, model, measured)?)),
+        };
         Ok(match strategy.follows() {
             true => Self::Following(Box::new(Following::new(model, reading, measured, start)?)),
             false => Self::Published(Box::new((
@@ -123,14 +129,13 @@ impl Controller {
     }
 
     /// The command for the coming period.
-    fn command(
-        &mut self,
-        reference: &Reference<f64>,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
-    ) -> Result<Command<f64>, LabError> {
+    fn command(&mut self, shown: &Shown<'_>) -> Result<Command<f64>, LabError> {
+        let Shown { reference, reading, measured, .. } = shown;
         match self {
             Self::Following(following) => following.command(reference, reading, measured),
+            Self::Rival(rival) => {
+                Ok(Command { motor_speed: rival.speed(shown), holding_valve: 1.0 })
+            }
             Self::Published(pair) => {
                 let (feedforward, feedback) = pair.as_mut();
                 let speed = feedforward
@@ -152,18 +157,19 @@ impl Controller {
 pub fn steer(
     model: &Description,
     crane: &Description,
-    strategy: Strategy,
+    contender: impl Into<Contender>,
     course: &dyn Course,
     mut observe: impl FnMut(&Sample) -> Result<(), LabError>,
 ) -> Result<(), LabError> {
+    let contender = contender.into();
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
     let mut controller =
-        Controller::new(model, strategy, start, &crane.reading(), &crane.measured())?;
+        Controller::new(model, contender, start, &crane.reading(), &crane.measured())?;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut loads = course.loads();
-    let during = format!("{}, {}", strategy.name(), course.name());
+    let during = format!("{}, {}", contender.name(), course.name());
 
     for k in 0..=periods {
         let time = k as f64 * period;
@@ -171,8 +177,11 @@ pub fn steer(
             crane.set_payload(mass)?;
         }
         let reference = course.reference(time);
-        let command = controller.command(&reference, &crane.reading(), &crane.measured())?;
-        let (reading, truth) = (crane.reading(), crane.truth());
+        let ahead = |after: f64| course.reference(time + after);
+        let (reading, measured) = (crane.reading(), crane.measured());
+        let shown = Shown { reference, ahead: &ahead, reading, measured };
+        let command = controller.command(&shown)?;
+        let truth = crane.truth();
         observe(&Sample { time, reference, reading, truth, command })?;
         if k < periods {
             crane.advance(&command).map_err(LabError::during(&during))?;
@@ -186,8 +195,8 @@ pub fn steer(
 pub struct Lane<'a> {
     /// The crane.
     pub crane: &'a Description,
-    /// The strategy.
-    pub strategy: Strategy,
+    /// Who steers.
+    pub contender: Contender,
     /// The course; all that run together have the same reference, and each its own loads.
     pub course: &'a (dyn Course + 'a),
 }
@@ -206,7 +215,7 @@ pub fn steer_all(
                 ends.extend(steer_together(model, whole, |k, sample| observe(done + k, sample)));
             }
             Err(_) => ends.extend(group.iter().enumerate().map(|(k, lane)| {
-                steer(model, lane.crane, lane.strategy, lane.course, |sample| {
+                steer(model, lane.crane, lane.contender, lane.course, |sample| {
                     observe(done + k, sample);
                     Ok(())
                 })
@@ -227,9 +236,9 @@ pub fn steer_together(
         Some(ends) => ends,
         None => {
             let mut lane = 0..;
-            lanes.map(|Lane { crane, strategy, course }| {
+            lanes.map(|Lane { crane, contender, course }| {
                 let lane = lane.next().unwrap_or_default();
-                steer(model, crane, strategy, course, |sample| {
+                steer(model, crane, contender, course, |sample| {
                     observe(lane, sample);
                     Ok(())
                 })
@@ -253,7 +262,7 @@ fn side_by_side(
     let mut controllers = Vec::with_capacity(WIDTH);
     for (k, lane) in lanes.iter().enumerate() {
         let (reading, measured) = (fleet.reading(k), fleet.measured(k));
-        controllers.push(Controller::new(model, lane.strategy, start, &reading, &measured).ok()?);
+        controllers.push(Controller::new(model, lane.contender, start, &reading, &measured).ok()?);
     }
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
@@ -263,6 +272,7 @@ fn side_by_side(
     for k in 0..=periods {
         let time = k as f64 * period;
         let reference = course.reference(time);
+        let ahead = |after: f64| course.reference(time + after);
         let commands = std::array::from_fn(|lane| {
             if let Some(mass) = due(&mut loads[lane], time)
                 && let Err(error) = fleet.set_payload(lane, mass)
@@ -273,12 +283,13 @@ fn side_by_side(
             let (reading, measured) = (fleet.reading(lane), fleet.measured(lane));
             let still = Command { motor_speed: 0.0, holding_valve: 1.0 };
             let command = match ends[lane].is_ok() {
-                true => controllers[lane].command(&reference, &reading, &measured).unwrap_or_else(
-                    |error| {
+                true => {
+                    let shown = Shown { reference, ahead: &ahead, reading, measured };
+                    controllers[lane].command(&shown).unwrap_or_else(|error| {
                         ends[lane] = Err(error);
                         still
-                    },
-                ),
+                    })
+                }
                 false => still,
             };
             if ends[lane].is_ok() {
@@ -291,8 +302,8 @@ fn side_by_side(
             fleet.advance(&commands);
             for (lane, end) in ends.iter_mut().enumerate() {
                 if let (Some(error), Ok(())) = (fleet.stopped(lane), &end) {
-                    let Lane { strategy, course, .. } = lanes[lane];
-                    let during = format!("{}, {}", strategy.name(), course.name());
+                    let Lane { contender, course, .. } = lanes[lane];
+                    let during = format!("{}, {}", contender.name(), course.name());
                     *end = Err(LabError::during(&during)(error));
                 }
             }

@@ -167,7 +167,7 @@ pub fn strategies(
     mut progress: impl FnMut(f64),
 ) -> Result<Vec<(Strategy, Summary)>, LabError> {
     let duration = course.duration();
-    let lanes = Strategy::ALL.map(|strategy| Lane { crane, strategy, course });
+    let lanes = Strategy::ALL.map(|strategy| Lane { crane, contender: strategy.into(), course });
     let mut gathered = lanes
         .map(|_| (Summary { duration_s: duration, ..Summary::default() }, Score::new(duration)));
     let mut count = 0_u64;

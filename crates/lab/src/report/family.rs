@@ -8,10 +8,10 @@ use std::fmt::Write;
 
 /// The page of a family of `count` cranes drawn with `seed`.
 pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String {
-    let first = rows.first().map(|row| row.strategy);
+    let first = rows.first().map(|row| row.contender);
     let courses: Vec<&str> = rows
         .iter()
-        .filter(|row| Some(row.strategy) == first)
+        .filter(|row| Some(row.contender) == first)
         .map(|row| row.course.as_str())
         .collect();
     let of =
@@ -38,7 +38,7 @@ pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String
             (figure(
                 "RMS error over the benchmark's on the same crane: left of 1 the strategy is better.",
                 &boxes("times the benchmark's", &of(course).iter()
-                    .filter(|r| r.strategy != Strategy::BenchmarkClosedLoop)
+                    .filter(|r| r.contender != Strategy::BenchmarkClosedLoop.into())
                     .map(|r| (name(r), r.rms_over_benchmark)).collect::<Vec<_>>())))
             (table(&of(course)))
         }
@@ -48,7 +48,7 @@ pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String
 }
 
 fn name(row: &Row) -> &'static str {
-    row.strategy.name()
+    row.contender.name()
 }
 
 fn table(rows: &[&Row]) -> Markup {
@@ -65,7 +65,7 @@ fn table(rows: &[&Row]) -> Markup {
                 tr {
                     td { (name(r)) } td { (three(&r.rms_mm)) } td { (three(&r.peak_mm)) }
                     td { (format!("{:.1}", r.unstable_percent)) }
-                    @if r.strategy == Strategy::BenchmarkClosedLoop {
+                    @if r.contender == Strategy::BenchmarkClosedLoop.into() {
                         td { "-" } td { "-" }
                     } @else {
                         td { (three(&r.rms_over_benchmark)) }

@@ -10,6 +10,7 @@ mod family;
 mod figure;
 mod page;
 mod tracking;
+mod trials;
 mod validation;
 
 pub use bars::{Bar, Bars};
@@ -20,3 +21,4 @@ pub use family::family_page;
 pub use figure::{Axes, Figure, Series};
 pub use page::page;
 pub use tracking::{MotionTests, motion_page};
+pub use trials::trials_page;

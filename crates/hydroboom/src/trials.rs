@@ -1,0 +1,106 @@
+//! `hydroboom trials`
+
+use crate::crane_file::CraneFile;
+use crate::output;
+use clap::{Args, ValueEnum};
+use hydroboom_description::Description;
+use hydroboom_lab::motion_test::Strategy;
+use hydroboom_lab::report;
+use hydroboom_lab::rivals::{Contender, Rival};
+use hydroboom_lab::trials::{Outcome, robustness, run, shaping};
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// What is tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum What {
+    /// Delays, noise, friction, limits, loads that change in motion.
+    Robustness,
+    /// The published trapezoid, S-curves, and input shaping, by what they leave of the tip's vibration.
+    Shaping,
+}
+
+/// Trials on the virtual crane: what is hard for a controller, or what a smoother reference is worth.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hydroboom trials robustness --rivals --out trials\n  hydroboom trials shaping"
+)]
+pub struct Trials {
+    /// What is tried.
+    #[arg(value_enum)]
+    what: What,
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Beside the benchmark and model following: the benchmark with numbers found anew, LQG, MPC.
+    #[arg(long)]
+    rivals: bool,
+    /// Write trials.html into this folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Trials {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let model = self.crane.read()?;
+        let crane = Description::uia_virtual()?;
+        let trials = match self.what {
+            What::Robustness => robustness(&model, &crane),
+            What::Shaping => shaping(&model, &crane),
+        };
+        let trials = trials.into_diagnostic()?;
+        let mut contenders: Vec<Contender> =
+            vec![Strategy::BenchmarkClosedLoop.into(), Strategy::ModelFollowing.into()];
+        if self.rivals {
+            contenders.extend(Rival::ALL.map(Contender::Rival));
+        }
+        let bar = ProgressBar::new((trials.len() * contenders.len()) as u64);
+        let outcomes = run(&model, &trials, &contenders, &|| bar.inc(1));
+        bar.finish_and_clear();
+        if let Some(folder) = &self.out {
+            std::fs::create_dir_all(folder).into_diagnostic()?;
+            let page = report::trials_page(&crane.name, &outcomes);
+            output::file(&folder.join("trials.html"), page.as_bytes())?;
+        }
+        if self.json {
+            return output::json(&json!({ "trials": outcomes }));
+        }
+        let rows: Vec<Vec<String>> = outcomes.iter().map(row).collect();
+        let header = [
+            "trial",
+            "strategy",
+            "RMS [mm]",
+            "peak [mm]",
+            "motor peak [rpm]",
+            "ripple at rest [rpm]",
+            "tip deflection [mm]",
+            "tip vibration at rest [mm]",
+            "",
+        ];
+        output::text(&format!(
+            "on \"{}\"; the controllers know \"{}\" only\n{}",
+            crane.name,
+            model.name,
+            output::table(&header, &rows)
+        ))
+    }
+}
+
+fn row(o: &Outcome) -> Vec<String> {
+    vec![
+        o.trial.clone(),
+        o.contender.name().into(),
+        output::optional(o.rms_mm, 3),
+        output::optional(o.peak_mm, 2),
+        format!("{:.0}", o.effort.motor_speed_rpm),
+        format!("{:.1}", o.motor_ripple_rpm),
+        format!("{:.1}", o.effort.tip_deflection_mm),
+        format!("{:.3}", o.effort.residual_vibration_mm),
+        if o.unstable { "swings on" } else { "" }.into(),
+    ]
+}

@@ -1,0 +1,72 @@
+//! Trials as a page: bars of each contender's error, and a table.
+
+use super::document::{document, figure};
+use super::{Bar, Bars};
+use crate::trials::Outcome;
+use maud::{Markup, html};
+
+/// The page of trials on a crane.
+pub fn trials_page(crane: &str, outcomes: &[Outcome]) -> String {
+    let mut names: Vec<&str> = Vec::new();
+    for outcome in outcomes {
+        if !names.contains(&outcome.trial.as_str()) {
+            names.push(&outcome.trial);
+        }
+    }
+    let body = html! {
+        p.soft {
+            "On \"" (crane) "\". The controllers and the simulation beside the machine know the published model only. "
+            "Nothing here is a measurement."
+        }
+        @for name in &names {
+            @let of: Vec<&Outcome> = outcomes.iter().filter(|o| o.trial == *name).collect();
+            h2 { (name) }
+            @for (what, value) in FIGURES {
+                @if let Some(svg) = bars(what, value, &of) { (figure(what, &svg)) }
+            }
+            (table(&of))
+        }
+    };
+    document(&format!("Trials: {crane}"), &body)
+}
+
+/// A number that may be drawn.
+type Drawn = fn(&Outcome) -> Option<f64>;
+
+/// What is drawn of each trial.
+const FIGURES: [(&str, Drawn); 2] = [
+    ("RMS tracking error [mm]", |o| o.rms_mm.filter(|_| !o.unstable)),
+    ("Vibration of the tip while the reference rests, RMS [mm]", |o| {
+        (!o.unstable).then_some(o.effort.residual_vibration_mm)
+    }),
+];
+
+/// Those that can be compared, as bars; none where there is nothing to draw.
+fn bars(axis: &str, value: Drawn, of: &[&Outcome]) -> Option<String> {
+    let bar = |o: &&Outcome| {
+        let to = value(o)?;
+        Some(Bar { name: o.contender.name(), from: 0.0, to, bounds: None })
+    };
+    let bars = of.iter().filter_map(bar).collect();
+    Bars { x: axis, bars }.svg().ok()
+}
+
+fn table(rows: &[&Outcome]) -> Markup {
+    let millimetres = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{v:.3}"));
+    html! {
+        div.wide { table {
+            thead { tr {
+                th { "strategy" } th { "RMS [mm]" } th { "peak [mm]" } th { "motor peak [rpm]" } th { "motor ripple at rest [rpm]" }
+                th { "energy [kJ]" } th { "tip deflection [mm]" } th { "tip vibration at rest [mm]" } th { "" }
+            } }
+            tbody { @for o in rows {
+                tr {
+                    td { (o.contender.name()) } td { (millimetres(o.rms_mm)) } td { (millimetres(o.peak_mm)) }
+                    td { (format!("{:.0}", o.effort.motor_speed_rpm)) } td { (format!("{:.1}", o.motor_ripple_rpm)) }
+                    td { (format!("{:.1}", o.effort.energy_kj)) } td { (format!("{:.1}", o.effort.tip_deflection_mm)) }
+                    td { (format!("{:.3}", o.effort.residual_vibration_mm)) } td { @if o.unstable { "swings on" } }
+                }
+            } }
+        } }
+    }
+}

@@ -1,0 +1,85 @@
+//! The crane as the linear rivals know it: a mass on an oil spring, with what pushes it beside.
+
+use crate::LabError;
+use hydroboom_control::{ModelFollowing, Reference, Station};
+use hydroboom_description::Description;
+use hydroboom_design::model_following;
+use nalgebra::{SMatrix, SVector, matrix};
+
+/// Position, velocity, load pressure.
+pub(super) const MOVES: usize = 3;
+/// These, and two that are constant where nobody knows better: an acceleration (friction, another load) and a rate of the pressure
+/// (leakage, a pump that delivers more).
+pub(super) const ALL: usize = 5;
+
+/// `z' = A z + B_n (n − n_0) + B_p p_0`, sampled.
+pub(super) struct LinearCrane {
+    law: ModelFollowing<f64>,
+    at: Station<f64>,
+    /// Of all five.
+    pub a: SMatrix<f64, ALL, ALL>,
+    /// By motor speed, and by the load pressure at rest.
+    pub b: SMatrix<f64, ALL, 2>,
+}
+
+impl LinearCrane {
+    /// Of a description with the piston in the middle of its stroke, sampled with `period` \[s\].
+    pub(super) fn new(model: &Description, period: f64) -> Result<Self, LabError> {
+        let law = model_following(model)?;
+        let at = law.station(0.5 * model.numbers.stroke);
+        let spring = at.spring(law.stiffness_at(at.rest.load_pressure));
+        let [_, a_v, a_p, _, c_v, _, b] = spring.to_array();
+        // the two inputs as states that do not change: one exponential samples all
+        #[rustfmt::skip]
+        let whole: SMatrix<f64, 7, 7> = matrix![
+            0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0;
+            0.0, a_v, a_p, 1.0, 0.0, 0.0, -a_p;
+            0.0, c_v, 0.0, 0.0, 1.0, b,   0.0;
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0;
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0;
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0;
+            0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0;
+        ];
+        let sampled = (whole * period).exp();
+        Ok(Self {
+            law,
+            at,
+            a: sampled.fixed_view::<ALL, ALL>(0, 0).into_owned(),
+            b: sampled.fixed_view::<ALL, 2>(0, ALL).into_owned(),
+        })
+    }
+
+    /// What moves of it.
+    pub(super) fn moving(&self) -> (SMatrix<f64, MOVES, MOVES>, SVector<f64, MOVES>) {
+        let a = self.a.fixed_view::<MOVES, MOVES>(0, 0).into_owned();
+        (a, self.b.fixed_view::<MOVES, 1>(0, 0).into_owned())
+    }
+
+    /// Load pressure at rest at a position \[m\], and motor speed that holds it there \[rev/s\].
+    pub(super) fn rest(&self, stroke: f64) -> (f64, f64) {
+        let rest = self.law.station(stroke).rest;
+        (rest.load_pressure, rest.holding_speed)
+    }
+
+    /// State and motor speed that a reference with an acceleration \[m/s²\] takes, pushed by an acceleration and a rate of the pressure.
+    pub(super) fn wanted(
+        &self,
+        reference: &Reference<f64>,
+        acceleration: f64,
+        [push, rate]: [f64; 2],
+    ) -> (SVector<f64, MOVES>, f64) {
+        let spring = self.at.spring(self.law.stiffness_at(self.at.rest.load_pressure));
+        let rest = self.law.station(reference.position).rest;
+        let v = reference.velocity;
+        let moving = acceleration - spring.acceleration_by_velocity * v - push;
+        let pressure = rest.load_pressure + moving / spring.acceleration_by_pressure;
+        let by_travel = (rest.load_pressure_slope - spring.pressure_by_velocity) * v;
+        let speed = rest.holding_speed + (by_travel - rate) / spring.pressure_by_speed;
+        ([reference.position, v, pressure].into(), speed)
+    }
+
+    /// Largest motor speed \[rev/s\].
+    pub(super) fn speed_limit(&self) -> f64 {
+        self.law.limits.speed
+    }
+}

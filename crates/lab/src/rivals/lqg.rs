@@ -1,0 +1,74 @@
+//! A plain LQG: state feedback of least quadratic cost on what a Kalman filter believes of the machine.
+
+use super::linear_crane::{LinearCrane, MOVES};
+use super::observer::Observer;
+use super::riccati::least_cost;
+use super::{Shown, Steers};
+use crate::LabError;
+use hydroboom_control::Measured;
+use hydroboom_description::Description;
+use nalgebra::{SMatrix, SVector, matrix};
+
+/// What a linear rival is designed by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// What costs as much as each other: errors of position \[m\], velocity \[m/s\], load pressure \[Pa\], and motor speed \[rev/s\].
+    pub alike: [f64; 4],
+    /// How far each state drifts in a second of its own accord, by standard deviation: position \[m\], velocity \[m/s\], load pressure \[Pa\], and the
+    /// acceleration \[m/s²\] and rate of the pressure \[Pa/s\] that nobody knows of.
+    pub drift: [f64; 5],
+}
+
+/// Found as [`REOPTIMISED`](super::REOPTIMISED) was, by `reoptimise lqg`.
+pub const LQG: Weights =
+    Weights { alike: [1e-3, 2e-2, 1e6, 1.0], drift: [1e-5, 3e-3, 3e5, 0.1, 3e6] };
+
+impl Weights {
+    /// Costs of what moves, and of the motor's speed.
+    pub(super) fn costs(&self) -> (SMatrix<f64, MOVES, MOVES>, SMatrix<f64, 1, 1>) {
+        let [position, velocity, pressure, speed] = self.alike.map(|size| 1.0 / (size * size));
+        let states: SVector<f64, MOVES> = [position, velocity, pressure].into();
+        (SMatrix::from_diagonal(&states), matrix![speed])
+    }
+}
+
+/// It at work.
+pub(super) struct Lqg {
+    crane: LinearCrane,
+    observer: Observer,
+    gain: SMatrix<f64, 1, MOVES>,
+    period: f64,
+}
+
+impl Lqg {
+    pub(super) fn new(
+        model: &Description,
+        weights: &Weights,
+        measured: &Measured<f64>,
+    ) -> Result<Self, LabError> {
+        let period = model.numbers.control_period;
+        let crane = LinearCrane::new(model, period)?;
+        let observer = Observer::new(&crane, &weights.drift, measured, period)?;
+        let (a, b) = crane.moving();
+        let (q, r) = weights.costs();
+        let gain = least_cost(&a, &b, &q, &r).map(|(_, gain)| gain);
+        let gain = gain.ok_or_else(|| {
+            LabError::NoOscillation("no feedback of least cost settles for this crane".into())
+        })?;
+        Ok(Self { crane, observer, gain, period })
+    }
+}
+
+impl Steers for Lqg {
+    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
+        self.observer.look(shown);
+        let next = (shown.ahead)(self.period);
+        let acceleration = (next.velocity - shown.reference.velocity) / self.period;
+        let (wanted, speed) =
+            self.crane.wanted(&shown.reference, acceleration, self.observer.unknown());
+        let believed = self.observer.state.fixed_rows::<MOVES>(0).into_owned();
+        self.observer.go_on(&self.crane, shown.reading.motor_speed);
+        let limit = self.crane.speed_limit();
+        (speed + (self.gain * (wanted - believed))[0]).clamp(-limit, limit)
+    }
+}

@@ -1,0 +1,105 @@
+//! Linear model-predictive control: the motor speeds of the next half second that cost least, of which the first is taken.
+
+use super::box_program::BoxProgram;
+use super::linear_crane::{ALL, LinearCrane, MOVES};
+use super::lqg::Weights;
+use super::observer::Observer;
+use super::riccati::least_cost;
+use super::{Shown, Steers};
+use crate::LabError;
+use hydroboom_control::Measured;
+use hydroboom_description::Description;
+use nalgebra::{DMatrix, DVector, SMatrix, vector};
+
+/// Blocks in which the motor speed is constant, and their length \[s\].
+const BLOCKS: usize = 25;
+const BLOCK: f64 = 0.02;
+/// Steps of the solver in a period; it begins where the last period's ended.
+const STEPS: u32 = 30;
+
+/// Found as [`REOPTIMISED`](super::REOPTIMISED) was, by `reoptimise mpc`.
+pub const MPC: Weights =
+    Weights { alike: [1e-3, 2e-2, 1e6, 1.0], drift: [1e-5, 3e-3, 3e5, 0.1, 3e6] };
+
+/// It at work.
+pub(super) struct Mpc {
+    /// Sampled with the control period, for the observer, and with a block's length.
+    crane: LinearCrane,
+    blocks: LinearCrane,
+    observer: Observer,
+    /// From motor speeds to all states to come.
+    response: DMatrix<f64>,
+    /// Costs of all states to come, and of a motor speed.
+    costs: DMatrix<f64>,
+    by_speed: f64,
+    program: BoxProgram,
+    speeds: DVector<f64>,
+}
+
+impl Mpc {
+    pub(super) fn new(
+        model: &Description,
+        weights: &Weights,
+        measured: &Measured<f64>,
+    ) -> Result<Self, LabError> {
+        let period = model.numbers.control_period;
+        let crane = LinearCrane::new(model, period)?;
+        let blocks = LinearCrane::new(model, BLOCK)?;
+        let observer = Observer::new(&crane, &weights.drift, measured, period)?;
+        let (a, b) = blocks.moving();
+        let (q, r) = weights.costs();
+        let (to_go, _) = least_cost(&a, &b, &q, &r).ok_or_else(|| {
+            LabError::NoOscillation("no feedback of least cost settles for this crane".into())
+        })?;
+        let mut response = DMatrix::zeros(MOVES * BLOCKS, BLOCKS);
+        let mut column = b;
+        for lag in 0..BLOCKS {
+            for k in 0..BLOCKS - lag {
+                let place = (MOVES * (k + lag), k);
+                response.view_mut(place, (MOVES, 1)).copy_from(&column);
+            }
+            column = a * column;
+        }
+        let mut costs = DMatrix::zeros(MOVES * BLOCKS, MOVES * BLOCKS);
+        for k in 0..BLOCKS {
+            // what comes after the last block costs what it costs with feedback
+            let cost: &SMatrix<f64, MOVES, MOVES> = if k + 1 < BLOCKS { &q } else { &to_go };
+            costs.view_mut((MOVES * k, MOVES * k), (MOVES, MOVES)).copy_from(cost);
+        }
+        let by_speed = r[0];
+        let hessian = response.transpose() * &costs * &response
+            + DMatrix::identity(BLOCKS, BLOCKS) * by_speed;
+        let program = BoxProgram::new(hessian);
+        let speeds = DVector::zeros(BLOCKS);
+        Ok(Self { crane, blocks, observer, response, costs, by_speed, program, speeds })
+    }
+}
+
+impl Steers for Mpc {
+    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
+        self.observer.look(shown);
+        // where the crane goes with the motor turning as the reference takes it, and by how much that is wrong
+        let mut state: nalgebra::SVector<f64, ALL> = self.observer.state;
+        let mut lacking = DVector::zeros(MOVES * BLOCKS);
+        let mut own = DVector::zeros(BLOCKS);
+        for k in 0..BLOCKS {
+            let [now, then, after] = [k, k + 1, k + 2].map(|k| (shown.ahead)(k as f64 * BLOCK));
+            let unknown = self.observer.unknown();
+            let of = |a: f64, b: f64| (b - a) / BLOCK;
+            let (_, speed) = self.blocks.wanted(&now, of(now.velocity, then.velocity), unknown);
+            own[k] = speed;
+            let (pressure, holding) = self.blocks.rest(now.position);
+            state = self.blocks.a * state + self.blocks.b * vector![speed - holding, pressure];
+            let (wanted, _) = self.blocks.wanted(&then, of(then.velocity, after.velocity), unknown);
+            let off = state.fixed_rows::<MOVES>(0) - wanted;
+            lacking.rows_mut(MOVES * k, MOVES).copy_from(&off);
+        }
+        let limit = self.crane.speed_limit();
+        // in motor speeds themselves, which have limits: u = own + change
+        let slope = self.response.transpose() * (&self.costs * (lacking - &self.response * &own))
+            - &own * self.by_speed;
+        self.program.least(&slope, &mut self.speeds, limit, STEPS);
+        self.observer.go_on(&self.crane, shown.reading.motor_speed);
+        self.speeds[0]
+    }
+}

@@ -1,0 +1,63 @@
+//! What the linear rivals believe of the machine, from what is read of it: a Kalman filter.
+
+use super::Shown;
+use super::linear_crane::{ALL, LinearCrane};
+use super::riccati::least_variance;
+use crate::LabError;
+use hydroboom_control::Measured;
+use nalgebra::{SMatrix, SVector, matrix, vector};
+
+/// Standard deviations of what is read: position \[m\], load pressure \[Pa\].
+const READINGS: [f64; 2] = [1e-5, 3e4];
+/// A filter of constant gain.
+pub(super) struct Observer {
+    gain: SMatrix<f64, ALL, 2>,
+    /// Position, velocity, load pressure; acceleration and rate of the pressure that nobody knows of.
+    pub state: SVector<f64, ALL>,
+}
+
+impl Observer {
+    /// At rest where the machine is.
+    pub(super) fn new(
+        crane: &LinearCrane,
+        drift: &[f64; ALL],
+        measured: &Measured<f64>,
+        period: f64,
+    ) -> Result<Self, LabError> {
+        let reads = matrix![1.0, 0.0, 0.0, 0.0, 0.0; 0.0, 0.0, 1.0, 0.0, 0.0];
+        // in sizes that are alike, so that the recursion is well conditioned
+        let scale = SMatrix::<f64, ALL, ALL>::from_diagonal(&vector![1e-3, 1e-2, 1e5, 0.1, 1e6]);
+        let inverse = SMatrix::<f64, ALL, ALL>::from_diagonal(&scale.diagonal().map(|s| 1.0 / s));
+        let a = inverse * crane.a * scale;
+        let units = SMatrix::<f64, 2, 2>::from_diagonal(&vector![1e-3, 1e5]);
+        let c = units.map(|v| if v == 0.0 { 0.0 } else { 1.0 / v }) * reads * scale;
+        let drift = inverse * SVector::from(*drift);
+        let q = SMatrix::from_diagonal(&drift.map(|d| d * d * period));
+        let read = vector![READINGS[0] / 1e-3, READINGS[1] / 1e5];
+        let r = SMatrix::from_diagonal(&read.map(|d| d * d));
+        let gain = least_variance(&a, &c, &q, &r).ok_or_else(|| {
+            LabError::NoOscillation("no Kalman filter settles for this crane".into())
+        })?;
+        let back = units.map(|v| if v == 0.0 { 0.0 } else { 1.0 / v });
+        let push = vector![measured.stroke, 0.0, measured.load_pressure, 0.0, 0.0];
+        Ok(Self { gain: scale * gain * back, state: push })
+    }
+
+    /// What is believed once more was read.
+    pub(super) fn look(&mut self, shown: &Shown<'_>) {
+        let seen = vector![shown.measured.stroke, shown.measured.load_pressure];
+        let off = seen - vector![self.state[0], self.state[2]];
+        self.state += self.gain * off;
+    }
+
+    /// What is believed of the end of the coming period, the motor turning as it does.
+    pub(super) fn go_on(&mut self, crane: &LinearCrane, motor_speed: f64) {
+        let (pressure, holding) = crane.rest(self.state[0]);
+        self.state = crane.a * self.state + crane.b * vector![motor_speed - holding, pressure];
+    }
+
+    /// Acceleration and rate of the pressure that nobody knows of.
+    pub(super) fn unknown(&self) -> [f64; 2] {
+        [self.state[3], self.state[4]]
+    }
+}

@@ -1,0 +1,200 @@
+//! What is hard for a controller, and what a reference is worth: trials on the virtual crane, each under several contenders.
+
+use crate::LabError;
+use crate::eigenfrequency::locked_mode;
+use crate::rivals::Contender;
+use crate::scenario::{Course, CourseChoice};
+use crate::score::{Effort, Score};
+use crate::steering::steer;
+use hydroboom_control::{Motion, Path, Profile, Reference, Shaped};
+use hydroboom_description::Description;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// A crane, and a course for it.
+pub struct Trial {
+    /// What it is.
+    pub name: String,
+    crane: Description,
+    course: Box<dyn Course>,
+}
+
+/// What a contender did in a trial.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// The trial.
+    pub trial: String,
+    /// Who steered.
+    #[serde(rename = "strategy")]
+    pub contender: Contender,
+    /// RMS tracking error; none where it could not be finished.
+    pub rms_mm: Option<f64>,
+    /// Peak tracking error, with its sign.
+    pub peak_mm: Option<f64>,
+    /// Standard deviation of the motor speed asked for in the last second, in which the reference rests: what noise and friction make of it.
+    pub motor_ripple_rpm: f64,
+    /// What the course cost and left.
+    #[serde(flatten)]
+    pub effort: Effort,
+    /// Whether it swung on at the end, or could not be finished.
+    pub unstable: bool,
+}
+
+/// The last part of a course in which the motor's speed is looked at \[s\].
+const LAST: f64 = 1.0;
+
+/// What is hard: delays, noise, friction, limits, loads that change in motion. Around a virtual crane, for which the controllers know the model only.
+///
+/// # Errors
+///
+/// [`LabError`] when a crane cannot be changed so.
+pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>, LabError> {
+    let n = &crane.numbers;
+    let fast = CourseChoice::Motion(model.numbers.fast);
+    let slow = CourseChoice::Motion(model.numbers.slow);
+    let scenario = |name: &str| CourseChoice::Scenario(name.into());
+    let with = |name: &str, course: &CourseChoice, changes: &[String]| {
+        let mut crane = crane.clone();
+        changes.iter().try_for_each(|change| crane.set(change))?;
+        Ok(Trial { name: name.into(), course: course.of(&crane)?, crane })
+    };
+    let delay = |cycles: u32| {
+        let name = format!("fieldbus of {cycles} cycles each way");
+        with(&name, &fast, &[format!("fieldbus.delay_cycles={cycles}")])
+    };
+    let of = |key: &str, value: f64| format!("{key}={value}");
+    [
+        with("as it is, fast", &fast, &[]),
+        delay(0),
+        delay(1),
+        delay(2),
+        delay(3),
+        with(
+            "sensors four times as noisy",
+            &fast,
+            &[
+                of("sensors.position_noise_mm", 4e3 * n.position_noise),
+                of("sensors.pressure_noise_percent", 400.0 * n.pressure_noise),
+            ],
+        ),
+        with("drive of 15 Hz", &fast, &[of("drive.bandwidth_hz", 15.0)]),
+        with("starts slowly, as it is", &slow, &[]),
+        with(
+            "starts slowly, twice the stiction",
+            &slow,
+            &[of("friction.stiction_n", 2.0 * n.stiction)],
+        ),
+        with("small moves", &scenario("small-moves"), &[]),
+        with("starts and stops", &scenario("start-stop"), &[]),
+        with("reversal without a pause", &scenario("reversal"), &[]),
+        with("faster than the motor can", &scenario("saturation"), &[]),
+        with("load picked up and lost in motion", &scenario("load-in-motion"), &[]),
+        with("load changed at rest", &scenario("payload-change"), &[]),
+    ]
+    .into_iter()
+    .collect()
+}
+
+/// A motion under a name of its own.
+struct Named<P> {
+    name: String,
+    path: P,
+}
+
+impl<P: Path> Path for Named<P> {
+    fn reference(&self, t: f64) -> Reference<f64> {
+        self.path.reference(t)
+    }
+    fn duration(&self) -> f64 {
+        self.path.duration()
+    }
+    fn speed(&self) -> f64 {
+        self.path.speed()
+    }
+}
+
+impl<P: Path> Course for Named<P> {
+    fn name(&self) -> String {
+        self.name.clone()
+    }
+}
+
+/// What a reference is worth: the published trapezoid, S-curves of the same ramp, and both shapers, which know the model's lowest mode with a
+/// locked cylinder.
+///
+/// # Errors
+///
+/// [`LabError`] when the model has no such mode.
+pub fn shaping(model: &Description, crane: &Description) -> Result<Vec<Trial>, LabError> {
+    let middle = 0.5 * (model.numbers.motion_start + model.numbers.motion_end);
+    let mode = locked_mode(model, middle)?;
+    let (frequency, damping) = (mode.frequency_hz, mode.damping_ratio);
+    let mut all = Vec::new();
+    for speed in [model.numbers.slow, model.numbers.fast] {
+        let trapezoid = Motion { profile: Profile::Trapezoidal, ..model.motion(speed) };
+        let curve = Motion { profile: Profile::SCurve, ..trapezoid };
+        let mut add = |what: &str, path: Box<dyn Course>| {
+            let name = format!("{:.0} mm/s, {what}", speed * 1e3);
+            all.push(Trial { name, crane: crane.clone(), course: path });
+        };
+        add("trapezoid (published)", named(trapezoid));
+        add("S-curve", named(curve));
+        add(
+            "trapezoid, shaped twice",
+            named(Shaped::zero_vibration(trapezoid, frequency, damping)),
+        );
+        let thrice = Shaped::zero_vibration_and_slope(trapezoid, frequency, damping);
+        add("trapezoid, shaped thrice", named(thrice));
+        let both = Shaped::zero_vibration(curve, frequency, damping);
+        add("S-curve, shaped twice", named(both));
+    }
+    Ok(all)
+}
+
+fn named<P: Path + 'static>(path: P) -> Box<dyn Course> {
+    Box::new(Named { name: "motion".into(), path })
+}
+
+/// Runs trials under contenders that know the model only, on all cores; `progress` is told of each that is done.
+pub fn run(
+    model: &Description,
+    trials: &[Trial],
+    contenders: &[Contender],
+    progress: &(dyn Fn() + Sync),
+) -> Vec<Outcome> {
+    let jobs: Vec<(&Trial, Contender)> =
+        trials.iter().flat_map(|trial| contenders.iter().map(move |c| (trial, *c))).collect();
+    jobs.par_iter()
+        .map(|(trial, contender)| {
+            let outcome = one(model, trial, *contender);
+            progress();
+            outcome
+        })
+        .collect()
+}
+
+fn one(model: &Description, trial: &Trial, contender: Contender) -> Outcome {
+    let course = trial.course.as_ref();
+    let mut score = Score::new(course.duration());
+    let mut speeds = Vec::new();
+    let end = steer(model, &trial.crane, contender, course, |sample| {
+        score.add(sample);
+        if sample.time > course.duration() - LAST {
+            speeds.push(60.0 * sample.command.motor_speed);
+        }
+        Ok(())
+    });
+    let done = end.is_ok();
+    let count = speeds.len().max(1) as f64;
+    let mean = speeds.iter().sum::<f64>() / count;
+    let variance = speeds.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count;
+    Outcome {
+        trial: trial.name.clone(),
+        contender,
+        rms_mm: done.then(|| score.rms() * 1e3),
+        peak_mm: done.then(|| score.peak() * 1e3),
+        motor_ripple_rpm: variance.sqrt(),
+        effort: score.effort(),
+        unstable: !done || score.is_unstable(),
+    }
+}
