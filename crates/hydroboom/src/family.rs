@@ -19,8 +19,7 @@ pub fn run(
     nominal: &Description,
     contenders: &[Contender],
     courses: &[CourseChoice],
-    count: u64,
-    seed: u64,
+    (count, seed): (u64, u64),
     out: Option<&Path>,
     as_json: bool,
 ) -> Result<()> {

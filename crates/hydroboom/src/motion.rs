@@ -91,8 +91,7 @@ impl MotionTests {
                 &plant,
                 &contenders,
                 &courses,
-                count,
-                self.seed,
+                (count, self.seed),
                 out,
                 self.json,
             );

@@ -103,3 +103,39 @@ impl Steers for Mpc {
         self.speeds[0]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::lqg::LQG;
+    use super::*;
+    use hydroboom_control::{Reading, Reference};
+
+    /// What comes after the horizon costs what feedback of least cost takes, and so the horizon changes nothing where no limit is met.
+    #[test]
+    fn without_a_limit_to_meet_it_is_the_feedback_of_least_cost() {
+        let model = Description::uia_single_boom().unwrap();
+        let measured = Measured { stroke: 0.2, load_pressure: 66e5 };
+        let mut mpc = Mpc::new(&model, &LQG, &measured).unwrap();
+        let (a, b) = mpc.blocks.moving();
+        let (q, r) = LQG.costs();
+        let (_, gain) = least_cost(&a, &b, &q, &r).unwrap();
+        let still = Reference { position: 0.2, velocity: 0.0 };
+        let (rest, holding) = mpc.blocks.wanted(&still, 0.0, [0.0; 2]);
+        let off: nalgebra::SVector<f64, MOVES> = [2e-3, -0.01, 3e5].into();
+        let at = rest + off;
+        mpc.observer.state.fixed_rows_mut::<MOVES>(0).copy_from(&at);
+        let measured = Measured { stroke: at[0], load_pressure: at[2] };
+        let ahead = |_: f64| still;
+        let shown =
+            Shown { reference: still, ahead: &ahead, reading: Reading::default(), measured };
+        // the observer, which the motor's reading moves on, is set back each time; the solver goes on where it was
+        let believed = mpc.observer.state;
+        for _ in 0..200 {
+            mpc.observer.state = believed;
+            mpc.speed(&shown);
+        }
+        let wanted = holding - (gain * off)[0];
+        assert!((mpc.speeds[0] - wanted).abs() < 1e-6, "{} for {wanted}", mpc.speeds[0]);
+        assert!((wanted - holding).abs() > 0.5, "nothing was asked for");
+    }
+}

@@ -1,0 +1,44 @@
+//! What model following is held against has to be worth it, and trials have to tell what they are made for.
+
+use hydroboom_description::Description;
+use hydroboom_lab::motion_test::Strategy;
+use hydroboom_lab::rivals::{Contender, Rival};
+use hydroboom_lab::trials::{robustness, run, shaping};
+
+/// On the virtual crane, which none of them knows, every rival errs less than the published benchmark: they are no straw men.
+#[test]
+fn rivals_are_better_than_the_published_benchmark() {
+    let (model, crane) =
+        (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
+    let trials: Vec<_> = robustness(&model, &crane).unwrap();
+    let fast: Vec<_> = trials.into_iter().take(1).collect();
+    let mut contenders = vec![Contender::from(Strategy::BenchmarkClosedLoop)];
+    contenders.extend(Rival::ALL.map(Contender::Rival));
+    let outcomes = run(&model, &fast, &contenders, &|| ());
+    let errors: Vec<f64> = outcomes.iter().filter_map(|o| o.rms_mm).collect();
+    assert_eq!(errors.len(), contenders.len());
+    for (outcome, error) in outcomes.iter().zip(&errors).skip(1) {
+        assert!(*error < errors[0] && !outcome.unstable, "{outcome:?}");
+    }
+}
+
+/// A reference that was told twice, half a period of the boom apart, leaves less of the tip's vibration; noise asks more of the motor.
+#[test]
+fn trials_show_what_they_are_made_for() {
+    let (model, crane) =
+        (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
+    let following = [Contender::from(Strategy::ModelFollowing)];
+    let of = |trials, name: &str| {
+        let outcomes = run(&model, trials, &following, &|| ());
+        let found = outcomes.into_iter().find(|o| o.trial.contains(name));
+        found.unwrap_or_else(|| panic!("no trial {name}"))
+    };
+    let mut shaped = shaping(&model, &crane).unwrap();
+    shaped.retain(|trial| trial.name.starts_with("120"));
+    let left = |name: &str| of(&shaped, name).effort.residual_vibration_mm;
+    assert!(left("shaped twice") < 0.8 * left("published"));
+    let mut hard = robustness(&model, &crane).unwrap();
+    hard.retain(|trial| trial.name.contains("as it is, fast") || trial.name.contains("noisy"));
+    let ripple = |name: &str| of(&hard, name).motor_ripple_rpm;
+    assert!(ripple("noisy") > 1.5 * ripple("as it is"));
+}
