@@ -18,6 +18,9 @@ pub const TRANSITIONS: usize = 9;
 /// Residuals beyond so many standard deviations count as that many: a model is never right to the last.
 const FARTHEST: f64 = 3.0;
 
+/// What is learned stays within so many standard deviations of what was known before.
+const BOUND: f64 = 4.0;
+
 record! {
     /// What is known of the flow balance.
     pub struct Balance<T> {
@@ -134,11 +137,20 @@ impl FlowBalance {
                     volume * (oil.compression(pressure) - oil.compression(memory.pressure));
                 self.weigh(hypothesis, &features, travel + shrunk, shrunk);
             }
-            memory.balance = mean(&memory.hypotheses);
+            memory.balance = self.bounded(mean(&memory.hypotheses));
         }
         (memory.revolutions, memory.count) = (0.0, 0);
         (memory.stroke, memory.pressure) = (stroke, pressure);
         sound
+    }
+
+    /// What is believed, no farther from what was known before than is thought possible; oil does not leak in.
+    fn bounded(&self, found: Balance<f64>) -> Balance<f64> {
+        let (before, by) = (&self.before, &self.uncertainty);
+        let far = BOUND * by.flow_gain;
+        let flow_gain = found.flow_gain.clamp(before.flow_gain - far, before.flow_gain + far);
+        let leakage = found.leakage.clamp(0.0, before.leakage + BOUND * by.leakage);
+        Balance { flow_gain, leakage, ..found }
     }
 
     fn weigh(&self, h: &mut Hypothesis, features: &[f64; 2], seen: f64, shrunk: f64) {
@@ -249,6 +261,15 @@ mod tests {
         let before = balance().before;
         assert!((at_rest.flow_gain - before.flow_gain).abs() < 5e-3, "{at_rest:?}");
         assert!((at_rest.transition - before.transition).abs() < 1e3, "{at_rest:?}");
+    }
+
+    #[test]
+    fn what_cannot_be_is_not_learned() {
+        // a pump that delivers a half more, and oil that leaks in
+        let truth = Balance { flow_gain: 1.4, leakage: -1e-5, transition: 35e5 };
+        let found = learned(truth, 20, |t| 20.0 * (0.5 * t).sin(), |_| 65e5);
+        let most = balance().before.flow_gain + BOUND * balance().uncertainty.flow_gain;
+        assert!(found.leakage >= 0.0 && found.flow_gain <= most, "{found:?}");
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod energy;
 mod export;
 mod family;
 mod faults;
+mod learn;
 mod linearise;
 mod log;
 mod log_mapping;
@@ -55,6 +56,7 @@ enum Command {
     Motion(motion::MotionTests),
     Study(study::Study),
     Trials(trials::Trials),
+    Learn(learn::Learn),
     Validate(validate::Validate),
     Tune(tune::Tune),
     Sensitivity(sensitivity::Sensitivity),
@@ -91,6 +93,7 @@ fn main() -> Result<()> {
         Command::Motion(command) => command.run(),
         Command::Study(command) => command.run(),
         Command::Trials(command) => command.run(),
+        Command::Learn(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Tune(command) => command.run(),
         Command::Sensitivity(command) => command.run(),

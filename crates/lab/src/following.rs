@@ -42,6 +42,11 @@ impl Following {
         Ok(Self { description, simulated, follower, taken, count, periods: 0 })
     }
 
+    /// What is known of the machine by now.
+    pub(crate) fn known(&self) -> Known {
+        self.follower.known()
+    }
+
     /// The command for the coming period; the simulated crane moves on with it.
     pub(crate) fn command(
         &mut self,

@@ -4,6 +4,7 @@
 
 use hydroboom_description::Description;
 use hydroboom_lab::family::member;
+use hydroboom_lab::learning::taught;
 use hydroboom_lab::motion_test::{Run, Strategy, run};
 use hydroboom_lab::scenario::CourseChoice;
 
@@ -79,4 +80,22 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         let end = own.samples.last().unwrap().error();
         assert!(end.abs() < 0.5e-3 && !own.score().is_unstable(), "{end} m are left");
     }
+}
+
+/// One cycle teaches payload, oil, pump and leakage: in open loop the simulation is off by less than half as much then, and what was learned
+/// is kept as overrides of the model.
+#[test]
+fn a_cycle_teaches_what_open_loop_lacks() {
+    let mut model = Description::uia_single_boom().unwrap();
+    let crane = member(&Description::uia_virtual().unwrap(), 7, 3).unwrap().crane;
+    let course = CourseChoice::Motion(model.numbers.fast);
+    let all =
+        taught(&model, &[("three".into(), crane.clone())], std::slice::from_ref(&course), &|| ());
+    let found = &all.unwrap()[0];
+    let (before, after) = (found.before_mm.unwrap(), found.after_mm.unwrap());
+    assert!(after < 0.5 * before, "{before} mm, then {after} mm");
+    found.set.iter().for_each(|assignment| model.set(assignment).unwrap());
+    let strategy = Strategy::SimulationFeedforwardOpenLoop;
+    let again = run(&model, &crane, strategy, course.of(&crane).unwrap().as_ref()).unwrap();
+    assert!((again.rms() * 1e3 - after).abs() < 0.02 * before, "{} for {after}", again.rms() * 1e3);
 }

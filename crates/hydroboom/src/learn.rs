@@ -1,0 +1,94 @@
+//! `hydroboom learn`
+
+use crate::crane_file::{CraneFile, text};
+use crate::output;
+use clap::Args;
+use hydroboom_description::Description;
+use hydroboom_lab::family::{Spread, member};
+use hydroboom_lab::learning::{Taught, taught};
+use hydroboom_lab::scenario::CourseChoice;
+use indicatif::ProgressBar;
+use miette::{IntoDiagnostic, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// What one cycle under model following teaches of a virtual crane: payload, oil, pump flow and leakage, and what open loop is worth with it.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  \
+    What was learned is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it")]
+pub struct Learn {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Crane file of the machine; the virtual crane when not given.
+    #[arg(long, value_name = "FILE", conflicts_with = "family")]
+    plant: Option<PathBuf>,
+    /// So many virtual cranes in its place.
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    family: Option<u64>,
+    /// Seed of the family.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Learn {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let model = self.crane.read()?;
+        let nominal = match &self.plant {
+            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
+            None => Description::uia_virtual()?,
+        };
+        let cranes = match self.family {
+            None => vec![(nominal.name.clone(), nominal)],
+            Some(count) => (0..count)
+                .map(|k| Ok((format!("crane {k}"), member(&nominal, self.seed, k)?.crane)))
+                .collect::<Result<Vec<_>, hydroboom_lab::LabError>>()
+                .into_diagnostic()?,
+        };
+        let courses = [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion);
+        let bar = ProgressBar::new((cranes.len() * courses.len()) as u64);
+        let all = taught(&model, &cranes, &courses, &|| bar.inc(1));
+        bar.finish_and_clear();
+        let all = all.into_diagnostic()?;
+        if self.json {
+            return output::json(&json!({ "learned": all }));
+        }
+        let rows: Vec<Vec<String>> = all
+            .iter()
+            .map(|t| {
+                vec![
+                    t.crane.clone(),
+                    t.course.clone(),
+                    output::optional(t.before_mm, 2),
+                    output::optional(t.after_mm, 2),
+                    t.set.join(" "),
+                ]
+            })
+            .collect();
+        let header = [
+            "crane",
+            "course",
+            "open loop before [mm]",
+            "and after a cycle [mm]",
+            "learned, as overrides of the model",
+        ];
+        output::text(&format!("{}{}", output::table(&header, &rows), summed_up(&all)))
+    }
+}
+
+/// What a family comes to.
+fn summed_up(all: &[Taught]) -> String {
+    if all.len() < 8 {
+        return String::new();
+    }
+    let before = Spread::of(all.iter().filter_map(|t| t.before_mm)).median;
+    let after = Spread::of(all.iter().filter_map(|t| t.after_mm)).median;
+    let below = all.iter().filter(|t| t.after_mm.is_some_and(|mm| mm < 1.0)).count();
+    format!(
+        "\n\nmedian {before:.2} mm before, {after:.2} mm after; below 1 mm: {below} of {}",
+        all.len()
+    )
+}

@@ -1,0 +1,134 @@
+//! What a cycle teaches of a machine, and what open loop is worth with it.
+
+use crate::LabError;
+use crate::following::Following;
+use crate::motion_test::{Strategy, run};
+use crate::scenario::{Course, CourseChoice};
+use hydroboom_control::Known;
+use hydroboom_description::{Description, Difference};
+use hydroboom_design::schedule;
+use hydroboom_virtual_crane::VirtualCrane;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// What model following has learned of a crane once it has led it along a course.
+///
+/// # Errors
+///
+/// [`LabError`] when a crane cannot be built or simulated.
+fn learned(
+    model: &Description,
+    crane: &Description,
+    course: &dyn Course,
+) -> Result<Known, LabError> {
+    let start = course.reference(0.0).position;
+    let mut machine = VirtualCrane::new(crane, &crane.start(start))?;
+    let mut following = Following::new(model, &machine.reading(), &machine.measured(), start)?;
+    let period = model.numbers.control_period;
+    for k in 0..(course.duration() / period).round() as u64 {
+        let reference = course.reference(k as f64 * period);
+        let command = following.command(&reference, &machine.reading(), &machine.measured())?;
+        machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
+    }
+    Ok(following.known())
+}
+
+/// The model with what was learned in it: payload, oil, the pump's flow, and all leakage by the same factor.
+///
+/// # Errors
+///
+/// [`LabError`] when no controller can be designed for the model.
+fn informed(model: &Description, known: &Known) -> Result<Description, LabError> {
+    let schedule = schedule(model)?;
+    let n = &model.numbers;
+    let holding = schedule.at(known.payload).station(0.5 * n.stroke).rest.holding_speed;
+    let before = holding * n.displacement * n.flow_gain;
+    let mut new = model.clone();
+    let n = &mut new.numbers;
+    n.payload = known.payload;
+    n.transition = known.balance.transition;
+    n.flow_gain = known.balance.flow_gain;
+    let worn = (known.balance.leakage / before).max(0.0);
+    for leakage in [&mut n.internal_leakage, &mut n.case_leakage_a, &mut n.case_leakage_b] {
+        *leakage *= worn;
+    }
+    Ok(new)
+}
+
+/// What of a description is learned, as overrides (`--set`) that every command takes: what was learned is kept by them.
+fn overrides(model: &Description, informed: &Description) -> Vec<String> {
+    let of = |difference: Difference| match difference.there.parse::<f64>() {
+        Ok(value) => format!("{}={}", difference.key, six_digits(value)),
+        Err(_) => difference.assignment(),
+    };
+    model.differences(informed).into_iter().map(of).collect()
+}
+
+/// More digits than anybody learns.
+fn six_digits(value: f64) -> String {
+    match (1e-3..1e6).contains(&value.abs()) {
+        true => {
+            let whole = value.abs().log10().floor().max(0.0) as usize;
+            format!("{value:.0$}", 5_usize.saturating_sub(whole))
+        }
+        false => format!("{value:.5e}"),
+    }
+}
+
+/// What a cycle under model following is worth for one crane.
+#[derive(Clone, Debug, Serialize)]
+pub struct Taught {
+    /// Its name.
+    pub crane: String,
+    /// The course, of which one cycle taught.
+    pub course: String,
+    /// RMS error of simulation feedforward in open loop with the model as it is; none where it could not be run.
+    pub before_mm: Option<f64>,
+    /// The same with what was learned.
+    pub after_mm: Option<f64>,
+    /// What was learned, as overrides of the model's crane file.
+    pub set: Vec<String>,
+}
+
+/// One cycle of each course on each crane, then the same in open loop, on all cores; `progress` is told of each.
+///
+/// # Errors
+///
+/// [`LabError`] when a crane cannot be built.
+pub fn taught(
+    model: &Description,
+    cranes: &[(String, Description)],
+    courses: &[CourseChoice],
+    progress: &(dyn Fn() + Sync),
+) -> Result<Vec<Taught>, LabError> {
+    let jobs: Vec<_> =
+        cranes.iter().flat_map(|crane| courses.iter().map(move |course| (crane, course))).collect();
+    let one = |((name, crane), choice): &(&(String, Description), &CourseChoice)| {
+        let taught = cycle(model, crane, name, choice.of(crane)?.as_ref());
+        progress();
+        taught
+    };
+    jobs.par_iter().map(one).collect()
+}
+
+fn cycle(
+    model: &Description,
+    crane: &Description,
+    name: &str,
+    course: &dyn Course,
+) -> Result<Taught, LabError> {
+    let strategy = Strategy::SimulationFeedforwardOpenLoop;
+    // a crane that cannot be steered so has no error to show
+    let error = |model| run(model, crane, strategy, course).ok().map(|run| run.rms() * 1e3);
+    let informed = match learned(model, crane, course) {
+        Ok(known) => Some(informed(model, &known)?),
+        Err(_) => None,
+    };
+    Ok(Taught {
+        crane: name.into(),
+        course: course.name(),
+        before_mm: error(model),
+        after_mm: informed.as_ref().and_then(error),
+        set: informed.map_or(Vec::new(), |informed| overrides(model, &informed)),
+    })
+}
