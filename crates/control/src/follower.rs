@@ -113,6 +113,16 @@ impl Follower {
         self.known
     }
 
+    /// State feedback for the payload that is known.
+    pub fn law(&self) -> &ModelFollowing<f64> {
+        &self.law
+    }
+
+    /// What the motor has to turn for each revolution of the simulated one, by what was learned.
+    pub fn correction(&self) -> f64 {
+        self.correction
+    }
+
     /// Begins feedback where machine and simulated crane are now, without a bump.
     pub fn begin(&mut self, measured: &Measured<f64>, simulated: &Seen<f64>) {
         self.feedback = self.benchmark.start(&self.law.compared(measured, simulated).1);

@@ -47,6 +47,31 @@ impl Following {
         self.follower.known()
     }
 
+    /// What feedback from the machine is to bring together, as in [`ModelFollowing::compared`](hydroboom_control::ModelFollowing::compared).
+    pub(crate) fn compared(
+        &self,
+        measured: &Measured<f64>,
+        seen: &Seen<f64>,
+    ) -> (Reference<f64>, Measured<f64>) {
+        self.follower.law().compared(measured, seen)
+    }
+
+    /// What is seen of the simulated crane.
+    pub(crate) fn seen(&self) -> Seen<f64> {
+        seen(self.simulated.as_ref())
+    }
+
+    /// Bulk modulus where the pressure dips lowest at a piston position \[m\], as a share of stiff oil's, by what is known.
+    pub(crate) fn least_stiffness(&self, stroke: f64) -> f64 {
+        let law = self.follower.law();
+        law.stiffness_at(law.station(stroke).rest.load_pressure - law.dip)
+    }
+
+    /// What the machine's motor has to turn for each revolution of the simulated one, by what was learned.
+    pub(crate) fn correction(&self) -> f64 {
+        self.follower.correction()
+    }
+
     /// The command for the coming period; the simulated crane moves on with it.
     pub(crate) fn command(
         &mut self,
@@ -54,6 +79,17 @@ impl Following {
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) -> Result<Command<f64>, LabError> {
+        let (_, [_, motor_speed]) = self.period(reference, reading, measured)?;
+        Ok(Command { motor_speed, holding_valve: 1.0 })
+    }
+
+    /// What was seen of the simulated crane as the period began, its motor's speed in it, and that of the machine's \[rev/s\].
+    pub(crate) fn period(
+        &mut self,
+        reference: &Reference<f64>,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+    ) -> Result<(Seen<f64>, [f64; 2]), LabError> {
         let seen = seen(self.simulated.as_ref());
         let [simulated, speed] = self.follower.period(reference, &seen, reading, measured);
         self.periods += 1;
@@ -66,7 +102,7 @@ impl Following {
         let stopped: fn(SimulationError) -> LabError =
             |error| LabError::during("the simulated crane")(error);
         self.simulated.advance(&input, self.count).map_err(stopped)?;
-        Ok(Command { motor_speed: speed, holding_valve: 1.0 })
+        Ok((seen, [simulated, speed]))
     }
 }
 

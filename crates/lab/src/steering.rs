@@ -117,7 +117,10 @@ impl Controller {
     ) -> Result<Self, LabError> {
         let strategy = match contender {
             Contender::Strategy(strategy) => strategy,
-            Contender::Rival(which) => return Ok(Self::Rival(rival(which, model, measured)?)),
+            Contender::Rival(which) => {
+                let rival = rival(which, model, (reading, measured), start)?;
+                return Ok(Self::Rival(rival));
+            }
         };
         Ok(match strategy.follows() {
             true => Self::Following(Box::new(Following::new(model, reading, measured, start)?)),
@@ -134,7 +137,7 @@ impl Controller {
         match self {
             Self::Following(following) => following.command(reference, reading, measured),
             Self::Rival(rival) => {
-                Ok(Command { motor_speed: rival.speed(shown), holding_valve: 1.0 })
+                Ok(Command { motor_speed: rival.speed(shown)?, holding_valve: 1.0 })
             }
             Self::Published(pair) => {
                 let (feedforward, feedback) = pair.as_mut();

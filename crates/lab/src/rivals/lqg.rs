@@ -21,7 +21,7 @@ pub struct Weights {
 
 /// Found as [`REOPTIMISED`](super::REOPTIMISED) was, by `reoptimise lqg`.
 pub const LQG: Weights =
-    Weights { alike: [1e-3, 2e-2, 1e6, 1.0], drift: [1e-5, 3e-3, 3e5, 0.1, 3e6] };
+    Weights { alike: [1e-3, 2.13e-2, 1.58e6, 3.74], drift: [1e-5, 1.51e-3, 1.65e6, 0.241, 4.26e6] };
 
 impl Weights {
     /// Costs of what moves, and of the motor's speed.
@@ -60,7 +60,7 @@ impl Lqg {
 }
 
 impl Steers for Lqg {
-    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
+    fn speed(&mut self, shown: &Shown<'_>) -> Result<f64, LabError> {
         self.observer.look(shown);
         let next = (shown.ahead)(self.period);
         let acceleration = (next.velocity - shown.reference.velocity) / self.period;
@@ -69,6 +69,6 @@ impl Steers for Lqg {
         let believed = self.observer.state.fixed_rows::<MOVES>(0).into_owned();
         self.observer.go_on(&self.crane, shown.reading.motor_speed);
         let limit = self.crane.speed_limit();
-        (speed + (self.gain * (wanted - believed))[0]).clamp(-limit, limit)
+        Ok((speed + (self.gain * (wanted - believed))[0]).clamp(-limit, limit))
     }
 }

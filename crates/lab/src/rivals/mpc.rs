@@ -17,9 +17,8 @@ const BLOCK: f64 = 0.02;
 /// Steps of the solver in a period; it begins where the last period's ended.
 const STEPS: u32 = 30;
 
-/// Found as [`REOPTIMISED`](super::REOPTIMISED) was, by `reoptimise mpc`.
-pub const MPC: Weights =
-    Weights { alike: [1e-3, 2e-2, 1e6, 1.0], drift: [1e-5, 3e-3, 3e5, 0.1, 3e6] };
+/// Those of LQG, which its costs have to be compared with.
+pub const MPC: Weights = super::LQG;
 
 /// It at work.
 pub(super) struct Mpc {
@@ -76,7 +75,7 @@ impl Mpc {
 }
 
 impl Steers for Mpc {
-    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
+    fn speed(&mut self, shown: &Shown<'_>) -> Result<f64, LabError> {
         self.observer.look(shown);
         // where the crane goes with the motor turning as the reference takes it, and by how much that is wrong
         let mut state: nalgebra::SVector<f64, ALL> = self.observer.state;
@@ -100,7 +99,7 @@ impl Steers for Mpc {
             - &own * self.by_speed;
         self.program.least(&slope, &mut self.speeds, limit, STEPS);
         self.observer.go_on(&self.crane, shown.reading.motor_speed);
-        self.speeds[0]
+        Ok(self.speeds[0])
     }
 }
 
@@ -132,7 +131,7 @@ mod tests {
         let believed = mpc.observer.state;
         for _ in 0..200 {
             mpc.observer.state = believed;
-            mpc.speed(&shown);
+            mpc.speed(&shown).unwrap();
         }
         let wanted = holding - (gain * off)[0];
         assert!((mpc.speeds[0] - wanted).abs() < 1e-6, "{} for {wanted}", mpc.speeds[0]);
