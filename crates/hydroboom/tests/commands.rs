@@ -367,6 +367,36 @@ fn several_courses_are_summed_up() {
 }
 
 #[test]
+fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
+    let folder = folder("trials");
+    let made = parsed(&["trials", "shaping", "--json", "--out", folder.to_str().unwrap()]);
+    let row = [
+        "trial",
+        "strategy",
+        "rms_mm",
+        "peak_mm",
+        "motor_speed_rpm",
+        "motor_ripple_rpm",
+        "energy_kj",
+        "tip_deflection_mm",
+        "residual_vibration_mm",
+        "unstable",
+    ];
+    keys(&made["trials"][0], &row);
+    let page = std::fs::read_to_string(folder.join("trials.html")).unwrap();
+    assert!(page.contains("S-curve") && page.contains("model-following"), "{page}");
+    let learned = parsed(&["learn", "--json"]);
+    keys(&learned["learned"][0], &["crane", "course", "before_mm", "after_mm", "set"]);
+    // what was learned is what any command takes
+    let set = learned["learned"][0]["set"].as_array().unwrap();
+    let mut arguments = vec!["show", "--json"];
+    set.iter().for_each(|assignment| arguments.extend(["--set", assignment.as_str().unwrap()]));
+    assert!(!set.is_empty() && hydroboom(&arguments).status.success(), "{arguments:?}");
+    says(&hydroboom(&["trials", "luck"]), "robustness");
+    says(&hydroboom(&["motion", "--rivals"]), "--family");
+}
+
+#[test]
 fn a_full_disk_ends_the_log_and_not_the_run() {
     let folder = folder("full");
     let log = folder.join("run.mcap");

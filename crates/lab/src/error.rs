@@ -53,6 +53,9 @@ pub enum LabError {
     /// Too little oscillation to measure.
     #[error("{0}")]
     NoOscillation(String),
+    /// An equation that a compared controller is designed by has no solution.
+    #[error("{0}")]
+    NoRival(&'static str),
     /// A controller cannot be designed, or the crane not be linearised.
     #[error(transparent)]
     Design(#[from] DesignError),

@@ -59,7 +59,7 @@ pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>
         Ok(Trial { name: name.into(), course: course.of(&crane)?, crane })
     };
     let delay = |cycles: u32| {
-        let name = format!("fieldbus of {cycles} cycles each way");
+        let name = format!("fieldbus delay each way: {cycles} of its cycles");
         with(&name, &fast, &[format!("fieldbus.delay_cycles={cycles}")])
     };
     let of = |key: &str, value: f64| format!("{key}={value}");

@@ -18,136 +18,139 @@ fn flag(name: &str, comment: &str) -> Declared {
     Declared::new(Section::Input, name, "BOOL", None, comment)
 }
 
-/// The simulated crane at rest.
-const REST: &str = "    (* a step of no length shows where the piston rests *)
+/// A function block that steers with a simulated crane: what is its own.
+struct Steering {
+    name: &'static str,
+    comment: &'static str,
+    inputs: Vec<Declared>,
+    outputs: Vec<Declared>,
+    blocks: Vec<Declared>,
+    /// Done as it begins, and at each first step of a control period.
+    begins: &'static str,
+    acts: &'static str,
+    /// The block that has the simulated crane's motor speed.
+    motor: &'static str,
+    shows: &'static str,
+}
+
+impl Steering {
+    /// The function block: `steps` simulation steps make a control period; each call is one step of `step` \[s\].
+    fn unit(self, steps: u32, step: &str) -> Unit {
+        let count = steps.to_string();
+        let Self { name, comment, inputs, outputs, blocks, begins, acts, motor, shows } = self;
+        let mut variables = vec![
+            flag("bReset", "Begin again: the simulated crane at rest at its start"),
+            flag("bPrepare", "A parameter of one of the blocks was changed"),
+            input("xRef", "0.0E0", "Piston position that is wanted [m]"),
+            input("vRef", "0.0E0", "Piston velocity that is wanted [m/s]"),
+        ];
+        variables.extend(inputs);
+        variables.extend([
+            input("tStep", step, "Simulation step [s]"),
+            Declared::new(
+                Section::Input,
+                "nPerPeriod",
+                "DINT",
+                Some(&count),
+                "Simulation steps in a control period",
+            ),
+        ]);
+        variables.extend(outputs);
+        variables.extend([
+            output("xSim", "Its piston position [m]"),
+            output("vSim", "Its piston velocity [m/s]"),
+            output("pLSim", "Its load pressure [Pa]"),
+        ]);
+        variables.extend(blocks);
+        variables.extend([
+            local("fbHydraulics", "FB_HydraulicModel", ""),
+            local("fbBoom", "FB_FlexibleBoom", ""),
+            local("iStep", "DINT", ""),
+            local("bBegins", "BOOL", ""),
+            local("bReady", "BOOL", ""),
+        ]);
+        let body = format!(
+            "\
+bBegins := bReset OR NOT bReady;
+IF bBegins THEN
+    (* a step of no length shows where the piston rests *)
     fbBoom(bReset := TRUE, bPrepare := TRUE, fCyl := 0.0E0, tStep := 0.0E0);
     fbHydraulics(bReset := TRUE, bPrepare := TRUE, nPump := 0.0E0, uValve := 1.0E0, xCyl := fbBoom.xCyl,
         vCyl := fbBoom.vCyl, tStep := 0.0E0);
-";
-
-/// What is shown of the simulated crane.
-const SHOWN: &str = "\
-xSim := fbBoom.xCyl;
-vSim := fbBoom.vCyl;
-pLSim := fbHydraulics.pL;
-";
-
-/// A step of the simulated crane, whose motor is `of` a block.
-fn simulated_step(of: &str) -> String {
-    format!(
-        "\
+{begins}    iStep := 0;
+    bReady := TRUE;
+END_IF;
+IF iStep = 0 THEN
+{acts}END_IF;
 (* position, velocity and force of the step's beginning go between the blocks (section 5.1) *)
-fbHydraulics(bReset := FALSE, bPrepare := bPrepare, nPump := {of}.nMotor, uValve := 1.0E0,
+fbHydraulics(bReset := FALSE, bPrepare := bPrepare, nPump := {motor}.nMotor, uValve := 1.0E0,
     xCyl := fbBoom.xCyl, vCyl := fbBoom.vCyl, tStep := tStep);
 fbBoom(bReset := FALSE, bPrepare := bPrepare, fCyl := fbHydraulics.fCyl, tStep := tStep);
+iStep := (iStep + 1) MOD nPerPeriod;
+{shows}xSim := fbBoom.xCyl;
+vSim := fbBoom.vCyl;
+pLSim := fbHydraulics.pL;
 "
-    )
+        );
+        Unit {
+            kind: Kind::FunctionBlock,
+            name: name.into(),
+            comment: comment.into(),
+            variables,
+            body,
+        }
+    }
 }
 
 /// The simulated crane under the benchmark controller: its motor speed is the feedforward of section 4 (figures 13 and 15).
-///
-/// `steps` simulation steps make a control period; each call is one step of `step` \[s\].
 pub(super) fn simulation_feedforward(steps: u32, step: &str) -> Unit {
-    let count = steps.to_string();
-    Unit {
-        kind: Kind::FunctionBlock,
-        name: "FB_SimulationFeedforward".into(),
+    let steering = Steering {
+        name: "FB_SimulationFeedforward",
         comment: "The simulated crane under the benchmark controller; its motor speed is the feedforward (section 4). One call is one \
-                  simulation step; the controller acts at each first of nPerPeriod."
-            .into(),
-        variables: vec![
-            flag("bReset", "Begin again: the simulated crane at rest at its start"),
-            flag("bPrepare", "A parameter of one of the blocks was changed"),
-            input("xRef", "0.0E0", "Piston position that is wanted [m]"),
-            input("vRef", "0.0E0", "Piston velocity that is wanted [m/s]"),
-            input("tStep", step, "Simulation step [s]"),
-            Declared::new(Section::Input, "nPerPeriod", "DINT", Some(&count), "Simulation steps in a control period"),
-            output("nFeedforward", "Motor speed of the simulated crane [rev/s]"),
-            output("xSim", "Its piston position [m]"),
-            output("vSim", "Its piston velocity [m/s]"),
-            output("pLSim", "Its load pressure [Pa]"),
+                  simulation step; the controller acts at each first of nPerPeriod.",
+        inputs: Vec::new(),
+        outputs: vec![output("nFeedforward", "Motor speed of the simulated crane [rev/s]")],
+        blocks: vec![
             local("fbController", "FB_BenchmarkController", ""),
             local("fbMotor", "FB_SimulatedMotor", ""),
-            local("fbHydraulics", "FB_HydraulicModel", ""),
-            local("fbBoom", "FB_FlexibleBoom", ""),
-            local("iStep", "DINT", ""),
-            local("bBegins", "BOOL", ""),
-            local("bReady", "BOOL", ""),
         ],
-        body: format!(
-            "\
-bBegins := bReset OR NOT bReady;
-IF bBegins THEN
-{REST}    fbMotor(bReset := TRUE, bPrepare := TRUE, nWanted := 0.0E0);
-    iStep := 0;
-    bReady := TRUE;
-END_IF;
-IF iStep = 0 THEN
-    fbController(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xCyl := fbBoom.xCyl,
+        begins: "    fbMotor(bReset := TRUE, bPrepare := TRUE, nWanted := 0.0E0);\n",
+        acts: "    fbController(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xCyl := fbBoom.xCyl,
         pL := fbHydraulics.pL, nSim := 0.0E0, uLead := 0.0E0);
-    fbMotor(bReset := FALSE, bPrepare := bPrepare, nWanted := fbController.nRef);
-END_IF;
-{}iStep := (iStep + 1) MOD nPerPeriod;
-nFeedforward := fbMotor.nMotor;
-{SHOWN}",
-            simulated_step("fbMotor")
-        ),
-    }
+    fbMotor(bReset := FALSE, bPrepare := bPrepare, nWanted := fbController.nRef);\n",
+        motor: "fbMotor",
+        shows: "nFeedforward := fbMotor.nMotor;\n",
+    };
+    steering.unit(steps, step)
 }
 
 /// Model following: state feedback on the simulated crane, PI and pressure feedback on what the machine differs.
-///
-/// `steps` simulation steps make a control period; each call is one step of `step` \[s\].
 pub(super) fn model_following(steps: u32, step: &str) -> Unit {
-    let count = steps.to_string();
-    Unit {
-        kind: Kind::FunctionBlock,
-        name: "FB_ModelFollowing".into(),
+    let steering = Steering {
+        name: "FB_ModelFollowing",
         comment: "State feedback makes the simulated crane follow the reference, PI and pressure feedback the machine the simulated \
-                  crane (docs/model-following.md). One call is one simulation step; nRef changes at each first of nPerPeriod."
-            .into(),
-        variables: vec![
-            flag("bReset", "Begin again: the simulated crane at rest at its start"),
-            flag("bPrepare", "A parameter of one of the blocks was changed"),
-            input("xRef", "0.0E0", "Piston position that is wanted [m]"),
-            input("vRef", "0.0E0", "Piston velocity that is wanted [m/s]"),
+                  crane (docs/model-following.md). One call is one simulation step; nRef changes at each first of nPerPeriod.",
+        inputs: vec![
             input("xCyl", "0.0E0", "Piston position of the machine [m]"),
             input("pL", "0.0E0", "Load pressure of the machine, p_A - (A_r/A_p) p_B [Pa]"),
-            input("tStep", step, "Simulation step [s]"),
-            Declared::new(Section::Input, "nPerPeriod", "DINT", Some(&count), "Simulation steps in a control period"),
+        ],
+        outputs: vec![
             output("nRef", "Motor speed for the machine [rev/s]"),
             output("nSim", "Motor speed of the simulated crane [rev/s]"),
-            output("xSim", "Its piston position [m]"),
-            output("vSim", "Its piston velocity [m/s]"),
-            output("pLSim", "Its load pressure [Pa]"),
+        ],
+        blocks: vec![
             local("fbStateFeedback", "FB_StateFeedback", ""),
             local("fbController", "FB_FollowingController", ""),
-            local("fbHydraulics", "FB_HydraulicModel", ""),
-            local("fbBoom", "FB_FlexibleBoom", ""),
-            local("iStep", "DINT", ""),
-            local("bBegins", "BOOL", ""),
-            local("bReady", "BOOL", ""),
         ],
-        body: format!(
-            "\
-bBegins := bReset OR NOT bReady;
-IF bBegins THEN
-{REST}    iStep := 0;
-    bReady := TRUE;
-END_IF;
-IF iStep = 0 THEN
-    fbStateFeedback(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xSim := fbBoom.xCyl,
+        begins: "",
+        acts: "    fbStateFeedback(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xSim := fbBoom.xCyl,
         vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);
     fbController(bReset := bBegins, bPrepare := bPrepare, xCyl := xCyl, pL := pL, nSim := fbStateFeedback.nMotor,
-        xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);
-END_IF;
-{}iStep := (iStep + 1) MOD nPerPeriod;
-nRef := fbController.nRef;
-nSim := fbStateFeedback.nMotor;
-{SHOWN}",
-            simulated_step("fbStateFeedback")
-        ),
-    }
+        xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);\n",
+        motor: "fbStateFeedback",
+        shows: "nRef := fbController.nRef;\nnSim := fbStateFeedback.nMotor;\n",
+    };
+    steering.unit(steps, step)
 }
 
 /// What goes between the two tasks.

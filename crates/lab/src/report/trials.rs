@@ -21,8 +21,8 @@ pub fn trials_page(crane: &str, outcomes: &[Outcome]) -> String {
         @for name in &names {
             @let of: Vec<&Outcome> = outcomes.iter().filter(|o| o.trial == *name).collect();
             h2 { (name) }
-            @for (what, value) in FIGURES {
-                @if let Some(svg) = bars(what, value, &of) { (figure(what, &svg)) }
+            @for (axis, caption, value) in FIGURES {
+                @if let Some(svg) = bars(axis, value, &of) { (figure(caption, &svg)) }
             }
             (table(&of))
         }
@@ -33,10 +33,14 @@ pub fn trials_page(crane: &str, outcomes: &[Outcome]) -> String {
 /// A number that may be drawn.
 type Drawn = fn(&Outcome) -> Option<f64>;
 
-/// What is drawn of each trial.
-const FIGURES: [(&str, Drawn); 2] = [
-    ("RMS tracking error [mm]", |o| o.rms_mm.filter(|_| !o.unstable)),
-    ("Vibration of the tip while the reference rests, RMS [mm]", |o| {
+/// What is drawn of each trial: axis, caption, number.
+const FIGURES: [(&str, &str, Drawn); 2] = [
+    (
+        "RMS tracking error [mm]",
+        "How closely the reference was followed; who swung on is left out.",
+        |o| o.rms_mm.filter(|_| !o.unstable),
+    ),
+    ("RMS [mm]", "What was left of the tip's vibration while the reference rested.", |o| {
         (!o.unstable).then_some(o.effort.residual_vibration_mm)
     }),
 ];

@@ -2,15 +2,14 @@
 //! is believed by a Kalman filter, and made good for at once.
 
 use super::linear_crane::{LinearCrane, MOVES};
-use super::lqg::Weights;
+use super::lqg::{Feedback, Weights};
 use super::observer::Observer;
-use super::riccati::least_cost;
 use super::{Shown, Steers};
 use crate::LabError;
 use crate::following::Following;
 use hydroboom_control::{Measured, Reading};
 use hydroboom_description::Description;
-use nalgebra::{SMatrix, SVector, vector};
+use nalgebra::{SVector, vector};
 
 /// Those of LQG; `reoptimise following` searches for others.
 pub const FOLLOWING_LQG: Weights = super::LQG;
@@ -25,7 +24,7 @@ pub(super) struct FollowingLqg {
     following: Following,
     crane: LinearCrane,
     observer: Observer,
-    gain: SMatrix<f64, 1, MOVES>,
+    gain: Feedback,
     /// Motor speed that the simulation asked for, times what the pump is found to lack.
     share: f64,
 }
@@ -48,12 +47,7 @@ impl FollowingLqg {
         let mut observer = Observer::new(&crane, &weights.drift, &off, period)?;
         // what differs at rest is held by friction
         observer.state[3] = crane.held(off.load_pressure);
-        let (a, b) = crane.moving();
-        let (q, r) = weights.costs();
-        let gain = least_cost(&a, &b, &q, &r).map(|(_, gain)| gain);
-        let gain = gain.ok_or_else(|| {
-            LabError::NoOscillation("no feedback of least cost settles for this crane".into())
-        })?;
+        let (_, gain) = weights.feedback(&crane)?;
         Ok(Self { following, crane, observer, gain, share: 0.0 })
     }
 }

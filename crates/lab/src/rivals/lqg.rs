@@ -23,6 +23,11 @@ pub struct Weights {
 pub const LQG: Weights =
     Weights { alike: [1e-3, 2.13e-2, 1.58e6, 3.74], drift: [1e-5, 1.51e-3, 1.65e6, 0.241, 4.26e6] };
 
+/// A cost of what moves.
+pub(super) type CostToGo = SMatrix<f64, MOVES, MOVES>;
+/// Motor speed by what moves.
+pub(super) type Feedback = SMatrix<f64, 1, MOVES>;
+
 impl Weights {
     /// Costs of what moves, and of the motor's speed.
     pub(super) fn costs(&self) -> (SMatrix<f64, MOVES, MOVES>, SMatrix<f64, 1, 1>) {
@@ -30,13 +35,21 @@ impl Weights {
         let states: SVector<f64, MOVES> = [position, velocity, pressure].into();
         (SMatrix::from_diagonal(&states), matrix![speed])
     }
+
+    /// Cost-to-go of a crane, and the feedback of least cost.
+    pub(super) fn feedback(&self, crane: &LinearCrane) -> Result<(CostToGo, Feedback), LabError> {
+        let (a, b) = crane.moving();
+        let (q, r) = self.costs();
+        least_cost(&a, &b, &q, &r)
+            .ok_or(LabError::NoRival("no feedback of least cost settles for this crane"))
+    }
 }
 
 /// It at work.
 pub(super) struct Lqg {
     crane: LinearCrane,
     observer: Observer,
-    gain: SMatrix<f64, 1, MOVES>,
+    gain: Feedback,
     period: f64,
 }
 
@@ -49,12 +62,7 @@ impl Lqg {
         let period = model.numbers.control_period;
         let crane = LinearCrane::new(model, period)?;
         let observer = Observer::new(&crane, &weights.drift, measured, period)?;
-        let (a, b) = crane.moving();
-        let (q, r) = weights.costs();
-        let gain = least_cost(&a, &b, &q, &r).map(|(_, gain)| gain);
-        let gain = gain.ok_or_else(|| {
-            LabError::NoOscillation("no feedback of least cost settles for this crane".into())
-        })?;
+        let (_, gain) = weights.feedback(&crane)?;
         Ok(Self { crane, observer, gain, period })
     }
 }

@@ -4,7 +4,6 @@ use super::box_program::BoxProgram;
 use super::linear_crane::{ALL, LinearCrane, MOVES};
 use super::lqg::Weights;
 use super::observer::Observer;
-use super::riccati::least_cost;
 use super::{Shown, Steers};
 use crate::LabError;
 use hydroboom_control::Measured;
@@ -47,9 +46,7 @@ impl Mpc {
         let observer = Observer::new(&crane, &weights.drift, measured, period)?;
         let (a, b) = blocks.moving();
         let (q, r) = weights.costs();
-        let (to_go, _) = least_cost(&a, &b, &q, &r).ok_or_else(|| {
-            LabError::NoOscillation("no feedback of least cost settles for this crane".into())
-        })?;
+        let (to_go, _) = weights.feedback(&blocks)?;
         let mut response = DMatrix::zeros(MOVES * BLOCKS, BLOCKS);
         let mut column = b;
         for lag in 0..BLOCKS {
@@ -115,9 +112,7 @@ mod tests {
         let model = Description::uia_single_boom().unwrap();
         let measured = Measured { stroke: 0.2, load_pressure: 66e5 };
         let mut mpc = Mpc::new(&model, &LQG, &measured).unwrap();
-        let (a, b) = mpc.blocks.moving();
-        let (q, r) = LQG.costs();
-        let (_, gain) = least_cost(&a, &b, &q, &r).unwrap();
+        let (_, gain) = LQG.feedback(&mpc.blocks).unwrap();
         let still = Reference { position: 0.2, velocity: 0.0 };
         let (rest, holding) = mpc.blocks.wanted(&still, 0.0, [0.0; 2]);
         let off: nalgebra::SVector<f64, MOVES> = [2e-3, -0.01, 3e5].into();

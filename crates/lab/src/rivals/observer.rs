@@ -35,9 +35,8 @@ impl Observer {
         let q = SMatrix::from_diagonal(&drift.map(|d| d * d * period));
         let read = vector![READINGS[0] / 1e-3, READINGS[1] / 1e5];
         let r = SMatrix::from_diagonal(&read.map(|d| d * d));
-        let gain = least_variance(&a, &c, &q, &r).ok_or_else(|| {
-            LabError::NoOscillation("no Kalman filter settles for this crane".into())
-        })?;
+        let gain = least_variance(&a, &c, &q, &r)
+            .ok_or(LabError::NoRival("no Kalman filter settles for this crane"))?;
         let back = units.map(|v| if v == 0.0 { 0.0 } else { 1.0 / v });
         let push = vector![measured.stroke, 0.0, measured.load_pressure, 0.0, 0.0];
         Ok(Self { gain: scale * gain * back, state: push })
