@@ -1,7 +1,7 @@
 //! What model following is held against: the best published alternatives, on the same cranes, each knowing the paper's crane only.
 //!
 //! They are here to be compared, not to be used on a machine: the strategies that are offered are those of
-//! [`Strategy`](hydroboom_control::Strategy).
+//! [`Strategy`].
 
 mod box_program;
 mod following_lqg;
