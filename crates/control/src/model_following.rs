@@ -259,6 +259,8 @@ impl<T: Real> ModelFollowing<T> {
         seen: &Seen<T>,
         speed: T,
     ) -> FollowingMemory<T> {
+        // as far as the motor can follow, as the next update has it
+        let reference = &self.within_limits(&mut T::zero(), reference);
         let velocity = reference.velocity;
         let mut memory =
             FollowingMemory { reference_velocity: velocity, motor_speed: speed, ..self.start() };
@@ -396,11 +398,14 @@ mod tests {
     #[test]
     fn it_takes_over_at_the_speed_that_it_finds() {
         let law = law::<f64>();
-        let reference = Reference { position: 0.21, velocity: 0.05 };
-        let seen = Seen { stroke: 0.2095, velocity: 0.045, load_pressure: 66e5 };
-        let mut memory = law.take_over(&reference, &seen, 12.5);
-        let next = law.update(&mut memory, &reference, &seen);
-        assert!((next - 12.5).abs() < 1e-9, "{next}");
+        // the second is faster than the motor
+        for velocity in [0.05, 0.3] {
+            let reference = Reference { position: 0.21, velocity };
+            let seen = Seen { stroke: 0.2095, velocity: 0.045, load_pressure: 66e5 };
+            let mut memory = law.take_over(&reference, &seen, 12.5);
+            let next = law.update(&mut memory, &reference, &seen);
+            assert!((next - 12.5).abs() < 1e-9, "{next}");
+        }
     }
 
     #[test]

@@ -200,6 +200,19 @@ fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
 }
 
 #[test]
+fn a_simulated_crane_takes_whole_steps_in_a_period_or_none() {
+    let Some(python) = python() else { return };
+    for version in BOTH {
+        for what in ["simulation-feedforward", "model-following"] {
+            let said = fmpy(&python, &["uneven", &written("uneven", what, version)]);
+            let said: Vec<&str> = said.lines().collect();
+            assert_eq!(said.len(), 5, "{said:?}");
+            assert!(said.iter().all(|line| line.contains("no multiple")), "{said:?}");
+        }
+    }
+}
+
+#[test]
 fn a_cross_compiler_for_windows_takes_the_source() {
     let crane = Description::uia_single_boom().unwrap();
     for version in BOTH {

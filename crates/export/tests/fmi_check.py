@@ -117,6 +117,21 @@ def diverged(path):
         pass
 
 
+def uneven(path):
+    """A step of the simulated crane that the control period is no multiple of is refused, each time, and a good one goes on."""
+    slave, references = opened(path)
+    good = slave.getReal([references["step"]])
+    for wrong in (0.0, -1e-5, 3e-4, 1e-12, 1.0):
+        slave.setReal([references["step"]], [wrong])
+        try:
+            slave.doStep(0.0, 1e-3)
+            print("a step of", wrong, "is taken")
+        except Exception:
+            pass
+    slave.setReal([references["step"]], good)
+    slave.doStep(0.0, 1e-3)
+
+
 def sloped(path, unknown, known):
     """In motion: what the unknowns are, then how they change along each of what is known; and what is no such thing is refused."""
     slave, references = opened(path)
@@ -154,4 +169,4 @@ def closed(plant, controller, course):
 
 
 if __name__ == "__main__":
-    {"validated": validated, "simulated": simulated, "kept": kept, "diverged": diverged, "sloped": sloped, "closed": closed}[sys.argv[1]](*sys.argv[2:])
+    {"validated": validated, "simulated": simulated, "kept": kept, "diverged": diverged, "uneven": uneven, "sloped": sloped, "closed": closed}[sys.argv[1]](*sys.argv[2:])

@@ -25,6 +25,8 @@ static void hb_prepare(hb_numbers *n);
 static void hb_one(hb_numbers *n);
 static void hb_show(hb_numbers *n);
 static double hb_period(const hb_numbers *n);
+/* Steps of a simulated crane in one step of the block; 1 where there is none. */
+static double hb_inner(const hb_numbers *n);
 
 /* Parameters, inputs and states: what a slope can be along. */
 #define HB_KNOWN (HB_PARAMETERS + HB_INPUTS + HB_STATES)
@@ -154,6 +156,7 @@ static int hb_advance(hb_instance *i, double time, double length)
     hb_numbers *n = &i->now;
     const double period = hb_period(n);
     const double count = floor(length / period + 0.5);
+    const double inner = hb_inner(n);
     long steps;
     unsigned k;
     if (n->is_broken != 0) {
@@ -162,6 +165,10 @@ static int hb_advance(hb_instance *i, double time, double length)
     }
     if (!(period > 0.0) || !(count >= 1.0) || !(count < 1e9) || !(fabs(count * period - length) <= 1e-6 * period)) {
         hb_say(i, HB_ERROR, "the communication step is no multiple of the block's own step");
+        return 0;
+    }
+    if (!(inner >= 0.5) || !(inner < 1e6) || !(fabs(floor(inner + 0.5) - inner) <= 1e-6)) {
+        hb_say(i, HB_ERROR, "the control period is no multiple of the simulated crane's step");
         return 0;
     }
     if (n->is_prepared == 0) {

@@ -410,18 +410,23 @@ fn glue(
             );
             if pace == Pace::PeriodOfSteps {
                 one += &format!(
-                    "\n    {{\n        long steps = (long)({CONTROL_PERIOD} / n->u.step + 0.5);\n        \
+                    "\n    {{\n        long steps = (long)(hb_inner(n) + 0.5);\n        \
                      while (steps-- > 0) {{\n            {prefix}_step(&n->c, &n->s, &n->u);\n        }}\n    }}"
                 );
             }
             (one, "    (void)n;".to_string(), CONTROL_PERIOD)
         }
     };
+    let inner = match Pace::of(block) {
+        Pace::PeriodOfSteps => format!("{CONTROL_PERIOD} / n->u.step"),
+        Pace::Step | Pace::Period => "1.0".into(),
+    };
     let after = format!(
         "\n/* ---- the block ---- */\n\nstatic void hb_fill(hb_numbers *n)\n{{\n    {prefix}_describe(&n->p);\n    {prefix}_start(&n->s);\n\
          {fill}}}\n\nstatic void hb_prepare(hb_numbers *n)\n{{\n    {prefix}_prepare(&n->p, &n->c);\n}}\n\n\
          static void hb_one(hb_numbers *n)\n{{\n{one}\n}}\n\nstatic void hb_show(hb_numbers *n)\n{{\n{show}\n}}\n\n\
-         static double hb_period(const hb_numbers *n)\n{{\n    return {period};\n}}\n"
+         static double hb_period(const hb_numbers *n)\n{{\n    return {period};\n}}\n\n\
+         static double hb_inner(const hb_numbers *n)\n{{\n    (void)n;\n    return {inner};\n}}\n"
     );
     let seen = slopes.map_or(String::new(), |slopes| {
         let name = format!("hb_{}", slopes.name);
