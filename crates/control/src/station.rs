@@ -63,3 +63,21 @@ impl<T: Real> Station<T> {
         Station { rest: self.rest.map(&mut f), stiff: self.stiff.map(&mut f) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pump and piston raise the pressure by as much as the oil is stiff, and so the crane rings with the root of it.
+    #[test]
+    fn a_station_gives_back_its_spring_and_a_softer_one_where_the_oil_is_softer() {
+        let spring = OilSpring::from_array([-0.3, -0.2, 2e-7, 0.0, -0.6e9, 0.0, 1.7e6]);
+        let station = Station::new(Rest::from_array([65e5, -1e6, 0.11]), &spring, 0.5);
+        for (found, wanted) in station.spring(0.5).to_array().into_iter().zip(spring.to_array()) {
+            assert!((found - wanted).abs() <= 1e-12 * f64::abs(wanted), "{found} for {wanted}");
+        }
+        let soft = station.spring(0.125);
+        assert!((soft.pressure_by_speed / spring.pressure_by_speed - 0.25).abs() < 1e-12);
+        assert!((soft.ring() / spring.ring() - 0.5).abs() < 1e-12);
+    }
+}

@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Entry, Target, Variable};
 use crate::expression::{Expression, record};
-use crate::given::{noded, parameters, variable};
+use crate::given::{noded, of_machine, parameters, variable};
 use crate::graph::Node;
 use hydroboom_control::{BenchmarkMemory, Measured, Reference};
 use hydroboom_description::Description;
@@ -23,10 +23,7 @@ fn controlling(description: &Description) -> Block {
     let (parameters, numbers) = parameters(description);
     let controller = description.benchmark_over(&numbers);
     let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
-    let position = input("reference_position", "m", "Piston position that is wanted");
-    let velocity = input("reference_velocity", "m/s", "Piston velocity that is wanted");
-    let stroke = input("stroke", "m", "Piston position, measured");
-    let load = input("load_pressure", "Pa", "Load pressure, p_L = p_A - (A_r/A_p) p_B");
+    let [position, velocity, stroke, load] = of_machine();
     let share = input(
         "simulated_speed",
         "rev/s",

@@ -4,7 +4,7 @@
 use crate::block::{Block, Entry, Target, Variable};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
-use crate::given::{noded, parameters, remembered, variable};
+use crate::given::{noded, of_machine, parameters, remembered, variable};
 use hydroboom_control::{
     BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
 };
@@ -47,8 +47,7 @@ pub fn state_feedback(description: &Description) -> Result<Block, ExportError> {
     let (graph, block) = record(|| {
         let (parameters, given) = parameters(description);
         let law = designed(&given);
-        let position = variable("reference_position", "m", "Piston position that is wanted", 0.0);
-        let velocity = variable("reference_velocity", "m/s", "Piston velocity that is wanted", 0.0);
+        let [position, velocity, ..] = of_machine();
         let reference = Reference { position: position.1, velocity: velocity.1 };
         let (inputs, seen) = simulated();
         let [names, units, meanings] =
@@ -81,8 +80,7 @@ pub fn following_controller(description: &Description) -> Result<Block, ExportEr
     let (graph, block) = record(|| {
         let (parameters, given) = parameters(description);
         let (law, benchmark) = (designed(&given), description.benchmark_over(&given));
-        let stroke = variable("stroke", "m", "Piston position, measured", 0.0);
-        let load = variable("load_pressure", "Pa", "Load pressure, measured", 0.0);
+        let [_, _, stroke, load] = of_machine();
         let speed = variable("simulated_speed", "rev/s", "Motor speed of the simulated crane", 0.0);
         let (inputs, seen) = simulated();
         let measured = Measured { stroke: stroke.1, load_pressure: load.1 };

@@ -6,7 +6,7 @@ use crate::crane::{SEGMENTS, numbers, resting, state};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::following::recorded_law;
-use crate::given::{noded, parameters, remembered, variable};
+use crate::given::{noded, of_machine, parameters, remembered, variable};
 use crate::graph::Node;
 use hydroboom_control::{
     Benchmark, BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
@@ -144,10 +144,7 @@ fn recording(
     let (parameters, given) = parameters(description);
     let crane: Crane<E, SEGMENTS> = description.crane_over(&given)?;
     let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
-    let position = input("reference_position", "m", "Piston position that is wanted");
-    let velocity = input("reference_velocity", "m/s", "Piston velocity that is wanted");
-    let stroke = input("stroke", "m", "Piston position, measured");
-    let load = input("load_pressure", "Pa", "Load pressure, p_L = p_A - (A_r/A_p) p_B, measured");
+    let [position, velocity, stroke, load] = of_machine();
     let step = variable(
         "step",
         "s",
