@@ -48,6 +48,8 @@ impl Lifting {
         let n = &mut sliding.numbers;
         (n.coulomb, n.stiction) = (1e-6 * n.coulomb, 1e-6 * n.stiction);
         (n.holding_cracking, n.holding_opening) = (-2.0 * n.holding_opening, -n.holding_opening);
+        // open valves leave no difference of pressure between pump and cylinder
+        n.preload = 1.0;
         let crane = plant(&sliding, &sliding.start(stroke), Scheme::Implicit, 1e-3)?;
         let (a, b) = crane.jacobian(&Input { pump_speed: 0.0, holding_valve: 1.0 });
         let c = crane.output_jacobian();
