@@ -84,6 +84,8 @@ pub struct FlowBalanceMemory {
     count: u32,
     /// What is known now.
     pub balance: Balance<f64>,
+    /// Standard deviation of the pressure at which the oil stiffens \[Pa\].
+    pub doubt: f64,
 }
 
 impl FlowBalance {
@@ -102,8 +104,16 @@ impl FlowBalance {
                 likelihood: 0.0,
             }
         });
-        let balance = self.before;
-        FlowBalanceMemory { hypotheses, revolutions: 0.0, stroke, pressure, count: 0, balance }
+        let (balance, doubt) = (self.before, self.uncertainty.transition);
+        FlowBalanceMemory {
+            hypotheses,
+            revolutions: 0.0,
+            stroke,
+            pressure,
+            count: 0,
+            balance,
+            doubt,
+        }
     }
 
     fn prior(&self) -> [[f64; 2]; 2] {
@@ -137,7 +147,8 @@ impl FlowBalance {
                     volume * (oil.compression(pressure) - oil.compression(memory.pressure));
                 self.weigh(hypothesis, &features, travel + shrunk, shrunk);
             }
-            memory.balance = self.bounded(mean(&memory.hypotheses));
+            let (found, doubt) = mean(&memory.hypotheses);
+            (memory.balance, memory.doubt) = (self.bounded(found), doubt);
         }
         (memory.revolutions, memory.count) = (0.0, 0);
         (memory.stroke, memory.pressure) = (stroke, pressure);
@@ -181,17 +192,20 @@ impl FlowBalance {
     }
 }
 
-/// What all hypotheses together say, each by how likely it is.
-fn mean(hypotheses: &[Hypothesis; TRANSITIONS]) -> Balance<f64> {
+/// What all hypotheses together say, each by how likely it is; and by how much they differ in the pressure at which the oil stiffens.
+fn mean(hypotheses: &[Hypothesis; TRANSITIONS]) -> (Balance<f64>, f64) {
     let log = |h: &Hypothesis| h.prior + h.likelihood;
     let best = hypotheses.iter().map(log).fold(f64::NEG_INFINITY, f64::max);
-    let mut sum = [0.0; 4];
-    for h in hypotheses {
-        let weight = Real::exp(log(h) - best);
-        let values = [h.estimate[0], h.estimate[1], h.oil.transition, 1.0];
-        sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-    }
-    Balance { flow_gain: sum[0] / sum[3], leakage: sum[1] / sum[3], transition: sum[2] / sum[3] }
+    let mean = |of: &dyn Fn(&Hypothesis) -> f64| {
+        let weights = hypotheses.iter().map(|h| (Real::exp(log(h) - best), of(h)));
+        let [weight, sum] =
+            weights.fold([0.0; 2], |[weight, sum], (w, value)| [weight + w, sum + w * value]);
+        sum / weight
+    };
+    let transition = mean(&|h| h.oil.transition);
+    let variance = mean(&|h| (h.oil.transition - transition).square());
+    let [flow_gain, leakage] = [0, 1].map(|k| mean(&|h| h.estimate[k]));
+    (Balance { flow_gain, leakage, transition }, Real::sqrt(variance))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::flow_balance::{Balance, FlowBalance, FlowBalanceMemory};
 use crate::{
-    Benchmark, BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reading, Reference, Seen,
+    DeviationMemory, FollowingMemory, Measured, ModelFollowing, Reading, Reference, Seen, Watched,
 };
 
 /// How many payloads state feedback is designed for.
@@ -66,12 +66,11 @@ const AT_REST: f64 = 1e-4;
 pub struct Follower {
     schedule: Schedule,
     law: ModelFollowing<f64>,
-    benchmark: Benchmark<f64>,
     flow: FlowBalance,
     /// Whether anything is learned.
     pub learns: bool,
     following: FollowingMemory<f64>,
-    feedback: BenchmarkMemory<f64>,
+    feedback: DeviationMemory<f64>,
     learned: FlowBalanceMemory,
     known: Known,
     /// Mean of the load pressure, and for how long it has been quiet \[s\].
@@ -85,7 +84,6 @@ impl Follower {
     /// At rest, by what is measured there: the payload is weighed.
     pub fn start(
         schedule: &Schedule,
-        benchmark: &Benchmark<f64>,
         flow: &FlowBalance,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
@@ -95,11 +93,10 @@ impl Follower {
         Self {
             schedule: *schedule,
             law,
-            benchmark: *benchmark,
             flow: *flow,
             learns: true,
             following: law.start(),
-            feedback: BenchmarkMemory::default(),
+            feedback: DeviationMemory::default(),
             learned: flow.start(reading.stroke, reading.pressure_a),
             known: Known { payload, balance: flow.before },
             mean: measured.load_pressure,
@@ -124,8 +121,13 @@ impl Follower {
     }
 
     /// Begins feedback where machine and simulated crane are now, without a bump.
-    pub fn begin(&mut self, measured: &Measured<f64>, simulated: &Seen<f64>) {
-        self.feedback = self.benchmark.start(&self.law.compared(measured, simulated).1);
+    pub fn begin(
+        &mut self,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+        simulated: &Seen<f64>,
+    ) {
+        self.feedback = self.law.begin(&watched(reading, measured), simulated);
         self.following = self.law.start();
     }
 
@@ -142,13 +144,13 @@ impl Follower {
             self.learn(reference, simulated, reading, measured);
         }
         let simulated_speed = self.law.update(&mut self.following, reference, simulated);
-        let feedback = self.law.feedback(&self.benchmark, simulated.stroke);
-        // what the correction has taken over is no longer the integral's
+        // what the correction has taken over is no rate that nobody knows of any longer
         let taken = (self.correction - before) * simulated_speed;
-        self.feedback.integral -= taken / feedback.revolutions_per_metre;
-        let (follow, lacking) = self.law.compared(measured, simulated);
+        let by_speed = self.law.reckons(simulated).spring.pressure_by_speed;
+        self.feedback.rate += taken * by_speed;
+        let machine = watched(reading, measured);
         let feedforward = self.correction * simulated_speed;
-        let speed = feedback.update(&mut self.feedback, &follow, &lacking, feedforward);
+        let speed = self.law.feedback(&mut self.feedback, &machine, simulated, feedforward);
         [simulated_speed, speed]
     }
 
@@ -164,10 +166,11 @@ impl Follower {
             let balance = &self.learned.balance;
             self.known.balance = *balance;
             self.law.stiffness.transition = balance.transition;
+            self.law.doubt = self.learned.doubt;
             self.correction = self.flow.before.flow_gain / balance.flow_gain;
         }
         let (near, slowly, long) = QUIET;
-        let period = self.benchmark.period;
+        let period = self.law.period;
         self.mean += (measured.load_pressure - self.mean) * period / slowly;
         let is_quiet =
             (measured.load_pressure - self.mean).abs() < near && reference.velocity.abs() < AT_REST;
@@ -178,9 +181,14 @@ impl Follower {
             let per_pressure = heaviest / self.schedule.span(simulated.stroke);
             let gained = off * per_pressure * period / WEIGHING;
             self.known.payload = (self.known.payload + gained).clamp(0.0, heaviest);
-            let transition = self.law.stiffness.transition;
+            let (transition, doubt) = (self.law.stiffness.transition, self.law.doubt);
             self.law = self.schedule.at(self.known.payload);
-            self.law.stiffness.transition = transition;
+            (self.law.stiffness.transition, self.law.doubt) = (transition, doubt);
         }
     }
+}
+
+fn watched(reading: &Reading<f64>, measured: &Measured<f64>) -> Watched<f64> {
+    let Measured { stroke, load_pressure } = *measured;
+    Watched { stroke, load_pressure, motor_speed: reading.motor_speed }
 }

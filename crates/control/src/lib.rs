@@ -6,10 +6,12 @@
 #![cfg_attr(not(test), no_std)]
 
 mod benchmark;
+mod deviation;
 mod fault;
 mod filter;
 mod flow_balance;
 mod follower;
+mod following_feedback;
 mod model_following;
 mod motion;
 mod motor;
@@ -24,6 +26,7 @@ mod supervisor;
 mod watch;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
+pub use deviation::{DeviationDesign, DeviationFeedback, DeviationMemory, Reckoned, Watched};
 pub use fault::Cause;
 pub use filter::{HighPass, Notch, NotchMemory};
 pub use flow_balance::{Balance, FlowBalance, FlowBalanceMemory, TRANSITIONS};

@@ -3,15 +3,15 @@
 //! ```text
 //! reference -> state feedback -> simulated crane -> its motor speed, state
 //!                                                        |          |
-//!                              machine <- motor speed <- (+) <- PI and pressure feedback on what the machine lacks
+//!                              machine <- motor speed <- (+) <- observer and feedback of what the machine differs
 //! ```
 //!
 //! The simulation's state is known and free of noise, so that its loop may be as fast as the machine is to be steered. What
-//! it asks of its motor is the feedforward. The benchmark's PI and pressure feedback then see only by how much the machine
-//! differs from the simulation, and damp what is already damped no second time.
+//! it asks of its motor is the feedforward. Feedback from the machine then sees only by how much it differs from the simulation, and damps what
+//! is already damped no second time.
 
 use crate::{
-    Benchmark, Gains, HighPass, Measured, MotorLimits, Notch, NotchMemory, OilSpring, OilStiffness,
+    DeviationFeedback, Gains, Measured, MotorLimits, Notch, NotchMemory, OilSpring, OilStiffness,
     Reference, Station,
 };
 use hydroboom_math::{Real, record};
@@ -115,6 +115,8 @@ pub struct ModelFollowing<T> {
     pub friction_speed: T,
     /// The oil's stiffness.
     pub stiffness: OilStiffness<T>,
+    /// How far the pressure at which it stiffens may be from where it is thought to be, by standard deviation \[Pa\].
+    pub doubt: T,
     /// What the piston side has beyond the load pressure, for the rod side \[Pa\].
     pub beyond_load: T,
     /// Frequencies of the boom's first modes of bending \[rad/s\], which are not to be fed back.
@@ -125,16 +127,8 @@ pub struct ModelFollowing<T> {
     pub smoothing: T,
     /// Time from a command to what is read of it \[s\]: so far the simulated crane is ahead of the reference.
     pub lead: T,
-    /// High-pass of the pressure feedback.
-    pub high_pass: HighPass<T>,
-    /// By how much the pressure may dip in motion, below which the oil is taken to be as soft as there \[Pa\].
-    pub dip: T,
-    /// Proportional gain of feedback from the machine, as a share of the frequency at which it rings.
-    pub feedback_share: T,
-    /// Integral gain, as a share of the proportional gain's square.
-    pub feedback_integral: T,
-    /// Pressure feedback over the benchmark's: its high-pass is faster, which takes some of its damping.
-    pub feedback_pressure: T,
+    /// Feedback of what the machine differs.
+    pub deviation: DeviationFeedback<T>,
     /// Damping ratio that the simulated crane's ringing is to have.
     pub damping: T,
     /// Bandwidth of its position \[rad/s\], where the oil is stiff enough for it.
@@ -318,41 +312,12 @@ impl<T: Real> ModelFollowing<T> {
         let ring = spring.ring();
         spring.gains(ring, self.damping, ring.min(self.bandwidth))
     }
-
-    /// What feedback from the machine is to bring together: where the simulated crane was a lead ago, and by how much the machine's load
-    /// pressure differs.
-    #[inline(always)]
-    pub fn compared(&self, measured: &Measured<T>, seen: &Seen<T>) -> (Reference<T>, Measured<T>) {
-        let position = seen.stroke - self.lead * seen.velocity;
-        let load_pressure = measured.load_pressure - seen.load_pressure;
-        (
-            Reference { position, velocity: seen.velocity },
-            Measured { stroke: measured.stroke, load_pressure },
-        )
-    }
-
-    /// The benchmark controller for what the machine lacks: its gains as they are where the oil is stiff, less where it is soft,
-    /// as the crane at a position \[m\] bears them; its high-pass as fast as the crane rings.
-    #[inline(always)]
-    pub fn feedback(&self, benchmark: &Benchmark<T>, stroke: T) -> Benchmark<T> {
-        let at = self.station(stroke);
-        let stiffness = self.stiffness_at(at.rest.load_pressure - self.dip);
-        let ring = at.spring(stiffness).ring();
-        let share = self.feedback_share * ring;
-        Benchmark {
-            proportional: share.min(benchmark.proportional),
-            integral: (self.feedback_integral * share.square()).min(benchmark.integral),
-            pressure_feedback: self.feedback_pressure * benchmark.pressure_feedback,
-            high_pass: self.high_pass,
-            ..*benchmark
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Rest;
+    use crate::{DeviationDesign, Rest};
     use hydroboom_math::Lanes;
 
     fn oil<T: Real>() -> OilStiffness<T> {
@@ -378,16 +343,26 @@ mod tests {
             friction_pressure: lit(1.7e5),
             friction_speed: lit(4e-3),
             stiffness: oil(),
+            doubt: lit(8e5),
             beyond_load: lit(2e5),
             bending: [lit(314.0), lit(1100.0)],
             notches: ModelFollowing::notches([lit(314.0), lit(1100.0)], lit(1e-3)),
             smoothing: lit(0.15),
             lead: lit(5e-3),
-            high_pass: HighPass::new(lit(0.2), lit(1e-3)),
-            dip: lit(7e5),
-            feedback_share: lit(0.25),
-            feedback_integral: lit(0.6),
-            feedback_pressure: lit(0.6),
+            deviation: DeviationFeedback::new(
+                DeviationDesign {
+                    push: lit(54.0),
+                    rate: lit(0.3),
+                    pressure: lit(380.0),
+                    drive: lit(5e-3),
+                    damping: lit(0.46),
+                    share: lit(0.6),
+                    authority: lit(20.0),
+                    dip: lit(6e5),
+                    softest: [lit(0.06), lit(0.1)],
+                },
+                lit(1e-3),
+            ),
             damping: lit(0.7),
             bandwidth: lit(12.6),
             limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },
@@ -441,26 +416,6 @@ mod tests {
             last = next;
         }
         assert!((last.position - position).abs() < 1e-5 && last.velocity.abs() < 1e-4, "{last:?}");
-    }
-
-    #[test]
-    fn soft_oil_is_fed_back_to_gently_and_stiff_oil_as_the_benchmark_at_most() {
-        let benchmark = Benchmark {
-            proportional: 4.5,
-            integral: 14.45,
-            pressure_feedback: 4.77e-11,
-            high_pass: HighPass::new(1.04, 1e-3),
-            revolutions_per_metre: 313.05,
-            displacement: 10.6e-6,
-            limits: MotorLimits { speed: 50.0, slew: 500.0 },
-            period: 1e-3,
-        };
-        let stiff = law::<f64>().feedback(&benchmark, 0.25);
-        let mut light = law::<f64>();
-        light.stations.iter_mut().for_each(|s| s.rest.load_pressure = 12e5);
-        let soft = light.feedback(&benchmark, 0.25);
-        assert!(soft.proportional < 0.2 * stiff.proportional, "{soft:?}");
-        assert!(stiff.proportional <= 4.5 && stiff.integral <= 14.45);
     }
 
     #[test]

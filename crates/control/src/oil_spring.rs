@@ -77,6 +77,22 @@ impl<T: Real> OilSpring<T> {
             integral: d0 / (a_p * b),
         }
     }
+
+    /// Gains without an integral, of a spring that nothing holds at a position: they place a pair of natural frequency `ring` \[rad/s\] and
+    /// damping ratio `damping`, and one pole at −`bandwidth` \[rad/s\]. By comparing coefficients of
+    /// `(s + b k_p)(s² − a_v s) − a_p c_v s + a_p b (k_x + k_v s)`.
+    #[inline(always)]
+    pub fn proportional_gains(&self, ring: T, damping: T, bandwidth: T) -> Gains<T> {
+        let [_, a_v, a_p, _, c_v, _, b] = self.to_array();
+        let pair = T::lit(2.0) * damping * ring;
+        let kept = pair + bandwidth + a_v;
+        Gains {
+            pressure: kept / b,
+            velocity: (ring.square() + pair * bandwidth + a_v * kept + a_p * c_v) / (a_p * b),
+            position: ring.square() * bandwidth / (a_p * b),
+            integral: T::zero(),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -110,5 +126,32 @@ mod tests {
         let turned = ring * Real::sqrt(1.0 - damping * damping);
         assert!(at(-ring * damping, turned) < 1e-9);
         assert!(at(-bandwidth, 0.0) < 1e-9);
+    }
+
+    /// Vieta: the coefficients of the loop's cubic are those of the poles that were wished.
+    #[test]
+    fn proportional_gains_place_three_poles() {
+        let spring = OilSpring::from_array([0.0, -0.2, 2e-7, 0.0, -1.1e9, 0.0, 3.2e6]);
+        let (ring, damping, bandwidth) = (12.0, 0.5, 8.0);
+        let g: Gains<f64> = spring.proportional_gains(ring, damping, bandwidth);
+        let [_, a_v, a_p, _, c_v, _, b] = spring.to_array();
+        // [x, v, p]' = A [x, v, p] of the closed loop: trace, sum of principal minors, determinant
+        let a = [
+            [0.0, 1.0, 0.0],
+            [0.0, a_v, a_p],
+            [-b * g.position, c_v - b * g.velocity, -b * g.pressure],
+        ];
+        let minor = |i: usize, j: usize| a[i][i] * a[j][j] - a[i][j] * a[j][i];
+        let determinant = a[0][1] * a[1][2] * a[2][0];
+        let wished = [
+            2.0 * damping * ring + bandwidth,
+            ring * ring + 2.0 * damping * ring * bandwidth,
+            ring * ring * bandwidth,
+        ];
+        let found = [-(a[1][1] + a[2][2]), minor(0, 1) + minor(0, 2) + minor(1, 2), -determinant];
+        for (found, wished) in found.into_iter().zip(wished) {
+            assert!(f64::abs(found / wished - 1.0) < 1e-9, "{found} for {wished}");
+        }
+        assert_eq!(g.integral, 0.0);
     }
 }

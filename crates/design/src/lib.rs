@@ -4,12 +4,14 @@
 //! Description -> linear (the crane linearised, its modes and responses)
 //!             -> lifting (as it is once the pump lifts)
 //!             -> oil_spring (what of that a controller of piston and load pressure sees)
-//!             -> model_following (scheduled over stroke and payload), margins (how far a loop is from ringing on)
+//!             -> model_following (scheduled over stroke and payload), linear_feedback (what it makes of readings)
+//!             -> margins (how far a loop is from ringing on), look (all of a design)
 //! ```
 
 mod error;
 mod lifting;
 pub mod linear;
+mod linear_feedback;
 mod look;
 mod margins;
 mod model_following;
@@ -17,6 +19,7 @@ mod oil_spring;
 
 pub use error::DesignError;
 pub use lifting::{Lifting, Responses};
+pub use linear_feedback::LinearFeedback;
 pub use look::{Look, look, machine_loops, step_response};
 pub use margins::{Loop, Margins, margins};
 pub use model_following::{bending, flow_balance, law, model_following, schedule, stations};

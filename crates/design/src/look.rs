@@ -1,8 +1,9 @@
 //! A design looked at before anything moves: poles, margins, a step.
 
 use crate::linear::{Mode, modes};
+use crate::linear_feedback::LinearFeedback;
 use crate::{DesignError, Lifting, Loop, Margins, margins};
-use hydroboom_control::{Benchmark, Gains, ModelFollowing, Reference, Seen};
+use hydroboom_control::{Gains, ModelFollowing, Reference, Seen};
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme};
 use hydroboom_plant::plant;
@@ -32,13 +33,11 @@ pub fn machine_loops(
     description: &Description,
     stroke: f64,
 ) -> [Loop; 2] {
-    let benchmark = description.benchmark();
     let delay = law.lead + 0.5 * law.period;
-    let around =
-        |controller: Benchmark<f64>, high_pass| Loop::Machine { controller, high_pass, delay };
-    let own = law.feedback(&benchmark, stroke);
-    let time = description.numbers.high_pass_time;
-    [around(own, crate::model_following::HIGH_PASS), around(benchmark, time)]
+    let with = law.reckons_at_rest(stroke);
+    let feedback = Box::new(LinearFeedback::new(&law.deviation, &with, law.period));
+    let (controller, high_pass) = (description.benchmark(), description.numbers.high_pass_time);
+    [Loop::Machine { feedback, delay }, Loop::Benchmark { controller, high_pass, delay }]
 }
 
 /// A law at a piston position \[m\] of the crane that it was designed for.

@@ -1,5 +1,6 @@
 //! How far a loop is from ringing on.
 
+use crate::linear_feedback::LinearFeedback;
 use crate::{DesignError, Lifting, Responses};
 use hydroboom_control::{BENDING, Benchmark, Gains, ModelFollowing};
 use nalgebra::Complex;
@@ -11,7 +12,7 @@ const FREQUENCIES: [f64; 2] = [0.02, 300.0];
 const POINTS: u32 = 1200;
 
 /// A loop, broken at the motor.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum Loop {
     /// State feedback on the simulated crane.
     State {
@@ -24,8 +25,15 @@ pub enum Loop {
         /// Sample period \[s\]: a command is held for so long.
         period: f64,
     },
-    /// PI and pressure feedback.
+    /// Feedback from the machine in model following.
     Machine {
+        /// What it makes of readings.
+        feedback: Box<LinearFeedback>,
+        /// Time from a command to what is read of it \[s\].
+        delay: f64,
+    },
+    /// PI and pressure feedback.
+    Benchmark {
         /// The controller.
         controller: Benchmark<f64>,
         /// Time constant of its high-pass \[s\].
@@ -62,7 +70,11 @@ impl Loop {
                 let followed = Complex::from(*smoothing) / (1.0 - back * (1.0 - smoothing));
                 (fed_back * passed * followed, 1.5 * period)
             }
-            Self::Machine { controller: c, high_pass, delay } => {
+            Self::Machine { feedback, delay } => {
+                let read = [crane.position, crane.pressure, Complex::from(1.0)];
+                (-feedback.answer(read, frequency), *delay)
+            }
+            Self::Benchmark { controller: c, high_pass, delay } => {
                 let position = (c.proportional + c.integral / s) * c.revolutions_per_metre;
                 let high = s * *high_pass / (s * *high_pass + 1.0);
                 let pressure = high * (c.pressure_feedback / c.displacement);

@@ -22,7 +22,22 @@ fn poles_of_the_whole_crane_are_near_those_that_were_placed() {
         assert!(look.poles.iter().all(|p| p.real < 0.2), "{:?}", look.poles);
         let m = &look.state_feedback;
         assert!(m.distance > 0.5 && m.phase_deg > 40.0 && m.gain > 4.0, "{stroke}: {m:?}");
+        let m = &look.machine;
+        assert!(m.distance > 0.6 && m.phase_deg > 60.0 && m.gain > 3.0, "{stroke}: {m:?}");
     }
+}
+
+/// What is believed at once is believed with all the delay that it was read with.
+#[test]
+fn an_observer_that_believes_faster_leaves_less_margin() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    let mut distance = |hz: f64| {
+        crane.set(&format!("following.observer_hz={hz}")).unwrap();
+        let law = model_following(&crane).unwrap();
+        look(&law, &crane, 0.25).unwrap().machine.distance
+    };
+    let [slow, published, fast] = [8.0, 22.0, 120.0].map(&mut distance);
+    assert!(slow > published + 0.05 && published > fast + 0.2, "{slow} {published} {fast}");
 }
 
 #[test]
@@ -51,7 +66,7 @@ fn a_loop_whose_gain_rises_by_its_margin_rings_on() {
             pressure_feedback: factor * benchmark.pressure_feedback,
             ..benchmark
         };
-        let around = Loop::Machine { controller, high_pass: 1.04, delay: 5.5e-3 };
+        let around = Loop::Benchmark { controller, high_pass: 1.04, delay: 5.5e-3 };
         margins(&crane, &around).unwrap()
     };
     let found = of(1.0);

@@ -4,9 +4,9 @@
 use crate::block::{Block, Entry, Target, Variable};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
-use crate::given::{noded, of_machine, parameters, remembered, variable};
+use crate::given::{motor_speed, noded, of_machine, parameters, remembered, variable};
 use hydroboom_control::{
-    BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
+    DeviationMemory, FollowingMemory, ModelFollowing, Reference, Seen, Watched,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -70,7 +70,7 @@ pub fn state_feedback(description: &Description) -> Result<Block, ExportError> {
     Ok(Block { graph: Rc::new(graph), ..block })
 }
 
-/// PI and pressure feedback on what the machine differs from the simulated crane, which is the feedforward.
+/// Feedback of what the machine differs from the simulated crane, which is the feedforward.
 ///
 /// # Errors
 ///
@@ -79,26 +79,25 @@ pub fn following_controller(description: &Description) -> Result<Block, ExportEr
     let designed = recorded_law(description)?;
     let (graph, block) = record(|| {
         let (parameters, given) = parameters(description);
-        let (law, benchmark) = (designed(&given), description.benchmark_over(&given));
+        let law = designed(&given);
         let [_, _, stroke, load] = of_machine();
+        let read = motor_speed();
         let speed = variable("simulated_speed", "rev/s", "Motor speed of the simulated crane", 0.0);
         let (inputs, seen) = simulated();
-        let measured = Measured { stroke: stroke.1, load_pressure: load.1 };
+        let machine = Watched { stroke: stroke.1, load_pressure: load.1, motor_speed: read.1 };
         let [names, units, meanings] =
-            [BenchmarkMemory::NAMES, BenchmarkMemory::UNITS, BenchmarkMemory::MEANINGS];
-        let states = remembered("", &names, &units, &meanings);
-        let mut memory = BenchmarkMemory::from_array(std::array::from_fn(|k| states[k].1));
-        let (there, lacking) = law.compared(&measured, &seen);
-        let begun = benchmark.start(&lacking);
-        let feedback = law.feedback(&benchmark, seen.stroke);
-        let asked = feedback.update(&mut memory, &there, &lacking, speed.1);
+            [DeviationMemory::NAMES, DeviationMemory::UNITS, DeviationMemory::MEANINGS];
+        let states = remembered("deviation_", &names, &units, &meanings);
+        let mut memory = DeviationMemory::from_array(std::array::from_fn(|k| states[k].1));
+        let begun = law.begin(&machine, &seen);
+        let asked = law.feedback(&mut memory, &machine, &seen, speed.1);
         block(
             [
                 "following_controller",
-                "PI and pressure feedback on what the machine differs from the simulated crane",
+                "Feedback of what the machine differs from the simulated crane",
             ],
             parameters,
-            [stroke, load, speed].into_iter().chain(inputs).collect(),
+            [stroke, load, read, speed].into_iter().chain(inputs).collect(),
             states,
             [&begun.to_array()[..], &memory.to_array()[..]],
             (("motor_speed", "Motor speed, n_ref"), asked),

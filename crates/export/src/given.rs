@@ -68,3 +68,8 @@ pub(crate) fn of_machine() -> [(Variable, E); 4] {
         input("load_pressure", "Pa", "Load pressure, p_L = p_A - (A_r/A_p) p_B, measured"),
     ]
 }
+
+/// What feedback of a deviation is given beside: the motor speed that the drive tells.
+pub(crate) fn motor_speed() -> (Variable, E) {
+    variable("motor_speed_read", "rev/s", "Motor speed, as the drive tells it", 0.0)
+}

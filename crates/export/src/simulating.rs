@@ -6,10 +6,11 @@ use crate::crane::{SEGMENTS, numbers, resting, state};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::following::recorded_law;
-use crate::given::{noded, of_machine, parameters, remembered, variable};
+use crate::given::{motor_speed, noded, of_machine, parameters, remembered, variable};
 use crate::graph::Node;
 use hydroboom_control::{
-    Benchmark, BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
+    Benchmark, BenchmarkMemory, DeviationMemory, FollowingMemory, Measured, ModelFollowing,
+    Reference, Seen, Watched,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -31,6 +32,8 @@ struct Period {
 
 /// What the controllers of both cranes do in a period.
 struct Done {
+    /// What is read for them beside.
+    inputs: Vec<(Variable, E)>,
     /// What they remember.
     states: Vec<(Variable, E)>,
     begun: Vec<E>,
@@ -53,7 +56,7 @@ pub fn simulation_feedforward(description: &Description) -> Result<Block, Export
     block(description, about, |period, _| adding(period))
 }
 
-/// Model following: state feedback on the simulated crane, PI and pressure feedback on what the machine differs. Its
+/// Model following: state feedback on the simulated crane, an observer and feedback of what the machine differs. Its
 /// gains are designed for the crane as described, and stay what they are when a parameter is tuned; what it aims at does not.
 ///
 /// # Errors
@@ -92,6 +95,7 @@ fn adding(at: &Period) -> Done {
         [&a.to_array()[..], &b.to_array(), &[motor]].concat()
     };
     Done {
+        inputs: Vec::new(),
         motor: states.len() - 1,
         states,
         begun: of(begun[0], begun[1], E::zero()),
@@ -101,26 +105,37 @@ fn adding(at: &Period) -> Done {
 }
 
 fn following(at: &Period, law: &ModelFollowing<E>) -> Done {
-    let Period { benchmark, reference, measured, seen } = at;
-    let [names, units, meanings] =
-        [FollowingMemory::NAMES, FollowingMemory::UNITS, FollowingMemory::MEANINGS];
-    let mut states = remembered("following_", &names, &units, &meanings);
+    let Period { reference, measured, seen, .. } = at;
+    let of_memory = |before: &str, [names, units, meanings]: [&[&str]; 3]| {
+        remembered(before, names, units, meanings)
+    };
+    let mut states = of_memory(
+        "following_",
+        [&FollowingMemory::NAMES, &FollowingMemory::UNITS, &FollowingMemory::MEANINGS],
+    );
     let mut following = FollowingMemory::from_array(std::array::from_fn(|k| states[k].1));
-    let (more, mut memory) = benchmark_memory("");
+    let more = of_memory(
+        "deviation_",
+        [&DeviationMemory::NAMES, &DeviationMemory::UNITS, &DeviationMemory::MEANINGS],
+    );
+    let mut deviation = DeviationMemory::from_array(std::array::from_fn(|k| more[k].1));
     states.extend(more);
+    let read = motor_speed();
 
-    let (reference_there, lacking) = law.compared(measured, seen);
-    let begun = (law.start(), benchmark.start(&lacking));
+    let Measured { stroke, load_pressure } = *measured;
+    let machine = Watched { stroke, load_pressure, motor_speed: read.1 };
+    let begun = (law.start(), law.begin(&machine, seen));
     let turns = law.update(&mut following, reference, seen);
-    let feedback = law.feedback(benchmark, seen.stroke);
-    let speed = feedback.update(&mut memory, &reference_there, &lacking, turns);
+    let speed = law.feedback(&mut deviation, &machine, seen, turns);
     let of =
-        |a: FollowingMemory<E>, b: BenchmarkMemory<E>| [&a.to_array()[..], &b.to_array()].concat();
+        |a: FollowingMemory<E>, b: DeviationMemory<E>| [&a.to_array()[..], &b.to_array()].concat();
+    let motor = FollowingMemory::NAMES.iter().position(|name| *name == "motor_speed");
     Done {
-        motor: names.iter().position(|name| *name == "motor_speed").unwrap_or(0),
+        inputs: vec![read],
+        motor: motor.unwrap_or(0),
         states,
         begun: of(begun.0, begun.1),
-        next: of(following, memory),
+        next: of(following, deviation),
         speed,
     }
 }
@@ -195,12 +210,15 @@ fn recording(
     };
     let begun = kept(&done.begun);
     states.extend(done.states);
+    let mut inputs = vec![position, velocity, stroke, load];
+    inputs.extend(done.inputs);
+    inputs.push(step);
     Ok(Block {
         name: name.into(),
         meaning: format!("{}: {meaning}", description.name),
         graph: Rc::default(),
         parameters,
-        inputs: [position, velocity, stroke, load, step].into_iter().map(noded).collect(),
+        inputs: inputs.into_iter().map(noded).collect(),
         states: states.into_iter().map(noded).collect(),
         outputs: shown.to_vec(),
         entries: vec![

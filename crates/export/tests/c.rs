@@ -396,7 +396,7 @@ int main(void)
     NAME_state s;
     NAME_input u = { 0 };
     NAME_output y;
-    double given[4];
+    double given[5];
     int begun = 0, k;
     NAME_describe(&p);
     NAME_prepare(&p, &c);
@@ -407,6 +407,7 @@ int main(void)
         u.reference_velocity = given[1];
         u.stroke = given[2];
         u.load_pressure = given[3];
+        READ
         if (begun == 0) {
             NAME_begin(&c, &s, &u);
             begun = 1;
@@ -423,6 +424,9 @@ int main(void)
 }
 "#;
         let main = main.replace("NAME", &format!("hb_{}", block.name));
+        let follows = block.name == "model_following";
+        let main =
+            main.replace("READ", if follows { "u.motor_speed_read = given[4];" } else { "" });
         // a twentieth of a period to the last bit
         let step = description.numbers.simulation_period;
         let main = main.replace("STEP", &format!("{step:?}"));
@@ -432,10 +436,10 @@ int main(void)
         let numbers: Vec<f64> = (0..500)
             .flat_map(|k| {
                 let (r, m) = shown(k);
-                [r.position, r.velocity, m.stroke, m.load_pressure]
+                [r.position, r.velocity, m.stroke, m.load_pressure, m.motor_speed]
             })
             .collect();
-        let mut rust = Steered::new(&description, block.name == "model_following");
+        let mut rust = Steered::new(&description, follows);
         let period = |k| {
             let speed = rust.period(k);
             (0..20).for_each(|_| rust.step());

@@ -147,15 +147,19 @@ fn controllers_that_simulate_steer_as_those_of_rust() {
     let Some(python) = python() else { return };
     let description = Description::uia_single_boom().unwrap();
     let periods = 2000;
-    let mut inputs = String::from("reference_position,reference_velocity,stroke,load_pressure\n");
-    for k in 0..periods {
-        let (r, m) = shown(k);
-        let row = [r.position, r.velocity, m.stroke, m.load_pressure];
-        writeln!(inputs, "{}", row.map(|v| format!("{v:?}")).join(",")).unwrap();
-    }
-    let table = folder().join("steered.csv");
-    std::fs::write(&table, inputs).unwrap();
     for what in ["simulation-feedforward", "model-following"] {
+        // the last column is what model following reads beside
+        let columns = if what == "model-following" { 5 } else { 4 };
+        let names = "reference_position,reference_velocity,stroke,load_pressure,motor_speed_read";
+        let line = |cells: &[String]| cells[..columns].join(",") + "\n";
+        let mut inputs = line(&names.split(',').map(String::from).collect::<Vec<_>>());
+        for k in 0..periods {
+            let (r, m) = shown(k);
+            let row = [r.position, r.velocity, m.stroke, m.load_pressure, m.motor_speed];
+            inputs += &line(&row.map(|v| format!("{v:?}")));
+        }
+        let table = folder().join(format!("steered-{what}.csv"));
+        std::fs::write(&table, inputs).unwrap();
         let mut rust = Steered::new(&description, what == "model-following");
         let period = |k: usize| {
             let seen = rust.seen();

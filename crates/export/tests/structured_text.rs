@@ -190,6 +190,7 @@ fn the_simulation_that_steers_is_that_in_rust() {
             let mut given = vec![("xRef", reference.position), ("vRef", reference.velocity)];
             if follows {
                 given.extend([("xCyl", measured.stroke), ("pL", measured.load_pressure)]);
+                given.push(("nRead", measured.motor_speed));
             }
             for _ in 0..20 {
                 rust.step();

@@ -1,4 +1,4 @@
-//! Finds the numbers of a rival anew: `cargo run --release -p hydroboom-lab --example reoptimise benchmark|lqg|mpc|following [GENERATIONS]`.
+//! Finds the numbers of a rival anew: `cargo run --release -p hydroboom-lab --example reoptimise benchmark|lqg|mpc [GENERATIONS]`.
 //!
 //! Least geometric mean, over virtual cranes and both speeds, of the RMS error over the published benchmark's.
 
@@ -7,9 +7,7 @@ use hydroboom_description::Description;
 use hydroboom_lab::LabError;
 use hydroboom_lab::family::{Outcome, family};
 use hydroboom_lab::motion_test::Strategy;
-use hydroboom_lab::rivals::{
-    Contender, FOLLOWING_LQG, Gains, LQG, MPC, REOPTIMISED, Rival, Weights,
-};
+use hydroboom_lab::rivals::{Contender, Gains, LQG, MPC, REOPTIMISED, Rival, Weights};
 use hydroboom_lab::scenario::CourseChoice;
 
 /// Cranes, and the seed they are drawn with; families that are reported have another.
@@ -43,7 +41,6 @@ fn changed(rival: Rival, by: &[f64]) -> Rival {
         }),
         Rival::Lqg(w) => Rival::Lqg(weights(w)),
         Rival::Mpc(w) => Rival::Mpc(weights(w)),
-        Rival::FollowingLqg(w) => Rival::FollowingLqg(weights(w)),
     }
 }
 
@@ -52,7 +49,6 @@ fn main() -> Result<(), LabError> {
     let (rival, size) = match arguments.next().as_deref() {
         Some("lqg") => (Rival::Lqg(LQG), 7),
         Some("mpc") => (Rival::Mpc(MPC), 7),
-        Some("following") => (Rival::FollowingLqg(FOLLOWING_LQG), 7),
         _ => (Rival::ReoptimisedBenchmark(REOPTIMISED), 4),
     };
     let generations = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(25);

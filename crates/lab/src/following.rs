@@ -30,46 +30,20 @@ impl Following {
         start: f64,
     ) -> Result<Self, LabError> {
         let schedule = schedule(model)?;
-        let benchmark = model.benchmark();
         let flow = flow_balance(model, &schedule);
-        let mut follower = Follower::start(&schedule, &benchmark, &flow, reading, measured);
+        let mut follower = Follower::start(&schedule, &flow, reading, measured);
         let taken = follower.known();
         let description = known(model, &taken);
         let step = model.numbers.simulation_period;
         let simulated = plant(&description, &description.start(start), Scheme::Published, step)?;
-        follower.begin(measured, &seen(simulated.as_ref()));
-        let count = (benchmark.period / step).round() as u32;
+        follower.begin(reading, measured, &seen(simulated.as_ref()));
+        let count = (model.numbers.control_period / step).round() as u32;
         Ok(Self { description, simulated, follower, taken, count, periods: 0 })
     }
 
     /// What is known of the machine by now.
     pub(crate) fn known(&self) -> Known {
         self.follower.known()
-    }
-
-    /// What feedback from the machine is to bring together, as in [`ModelFollowing::compared`](hydroboom_control::ModelFollowing::compared).
-    pub(crate) fn compared(
-        &self,
-        measured: &Measured<f64>,
-        seen: &Seen<f64>,
-    ) -> (Reference<f64>, Measured<f64>) {
-        self.follower.law().compared(measured, seen)
-    }
-
-    /// What is seen of the simulated crane.
-    pub(crate) fn seen(&self) -> Seen<f64> {
-        seen(self.simulated.as_ref())
-    }
-
-    /// Bulk modulus where the pressure dips lowest at a piston position \[m\], as a share of stiff oil's, by what is known.
-    pub(crate) fn least_stiffness(&self, stroke: f64) -> f64 {
-        let law = self.follower.law();
-        law.stiffness_at(law.station(stroke).rest.load_pressure - law.dip)
-    }
-
-    /// What the machine's motor has to turn for each revolution of the simulated one, by what was learned.
-    pub(crate) fn correction(&self) -> f64 {
-        self.follower.correction()
     }
 
     /// The command for the coming period; the simulated crane moves on with it.
@@ -79,17 +53,6 @@ impl Following {
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) -> Result<Command<f64>, LabError> {
-        let (_, [_, motor_speed]) = self.period(reference, reading, measured)?;
-        Ok(Command { motor_speed, holding_valve: 1.0 })
-    }
-
-    /// What was seen of the simulated crane as the period began, its motor's speed in it, and that of the machine's \[rev/s\].
-    pub(crate) fn period(
-        &mut self,
-        reference: &Reference<f64>,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
-    ) -> Result<(Seen<f64>, [f64; 2]), LabError> {
         let seen = seen(self.simulated.as_ref());
         let [simulated, speed] = self.follower.period(reference, &seen, reading, measured);
         self.periods += 1;
@@ -102,7 +65,7 @@ impl Following {
         let stopped: fn(SimulationError) -> LabError =
             |error| LabError::during("the simulated crane")(error);
         self.simulated.advance(&input, self.count).map_err(stopped)?;
-        Ok((seen, [simulated, speed]))
+        Ok(Command { motor_speed: speed, holding_valve: 1.0 })
     }
 }
 

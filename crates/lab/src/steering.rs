@@ -118,7 +118,7 @@ impl Controller {
         let strategy = match contender {
             Contender::Strategy(strategy) => strategy,
             Contender::Rival(which) => {
-                let rival = rival(which, model, (reading, measured), start)?;
+                let rival = rival(which, model, measured)?;
                 return Ok(Self::Rival(rival));
             }
         };
@@ -137,7 +137,7 @@ impl Controller {
         match self {
             Self::Following(following) => following.command(reference, reading, measured),
             Self::Rival(rival) => {
-                Ok(Command { motor_speed: rival.speed(shown)?, holding_valve: 1.0 })
+                Ok(Command { motor_speed: rival.speed(shown), holding_valve: 1.0 })
             }
             Self::Published(pair) => {
                 let (feedforward, feedback) = pair.as_mut();

@@ -4,8 +4,9 @@ use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::{
-    Benchmark, BenchmarkMemory, Command, Decision, FollowingMemory, Limits, Measured,
-    ModelFollowing, Observation, Reading, Reference, Request, State, Strategy, Supervisor,
+    Benchmark, BenchmarkMemory, Command, Decision, DeviationMemory, FollowingMemory, Limits,
+    Measured, ModelFollowing, Observation, Reading, Reference, Request, State, Strategy,
+    Supervisor, Watched,
 };
 use hydroboom_description::Description;
 use hydroboom_design::model_following;
@@ -22,7 +23,7 @@ const RECOVERY: f64 = 2.0;
 /// Steps that the simulation may be behind: more than it makes up for after a delay that the control
 /// task bears.
 const BEHIND: f64 = 500.0;
-/// A bump that a switch to open loop would make dies out with this time constant \[s\].
+/// A bump that a switch to open loop or to model following would make dies out with this time constant \[s\].
 const BUMP: f64 = 0.3;
 /// A simulation that was set to the machine's state is followed again after it was true for so
 /// long \[s\].
@@ -132,6 +133,7 @@ pub struct ControlTask {
     /// Model following; none for a crane that has no such design.
     following: Option<ModelFollowing<f64>>,
     following_memory: FollowingMemory<f64>,
+    deviation_memory: DeviationMemory<f64>,
     /// Whether state feedback steers the simulated crane now.
     follows: bool,
     /// Speed of the simulated crane's motor \[rev/s\].
@@ -182,6 +184,7 @@ impl ControlTask {
             // the benchmark steers a crane that has none, as it does where a simulation is not true
             following: model_following(model).ok(),
             following_memory: FollowingMemory::default(),
+            deviation_memory: DeviationMemory::default(),
             follows: false,
             benchmark,
             cylinder: model.cylinder(),
@@ -319,6 +322,12 @@ impl ControlTask {
             self.epoch = simulated.epoch;
             self.simulated_memory = self.benchmark.start(&simulated.seen.measured());
             self.following_memory = FollowingMemory::default();
+            if let Some(law) = &self.following {
+                let Measured { stroke, load_pressure } = *measured;
+                let motor_speed = self.reading.motor_speed;
+                let machine = Watched { stroke, load_pressure, motor_speed };
+                self.deviation_memory = law.begin(&machine, &simulated.seen);
+            }
         }
         // what keeps the pump pre-loaded now is what the leakage takes
         let reference = self.course.reference(-self.course.approach());
@@ -330,6 +339,8 @@ impl ControlTask {
     /// The speed the strategy wants.
     fn control(&mut self, reference: &Reference<f64>, measured: &Measured<f64>, now: &Period) {
         let b = &self.benchmark;
+        let Measured { stroke, load_pressure } = *measured;
+        let machine = Watched { stroke, load_pressure, motor_speed: self.reading.motor_speed };
         let velocity_feedforward = b.velocity_feedforward(reference);
         if let Some(simulated) = now.simulated.filter(|s| s.epoch != self.epoch) {
             // it was set to where the machine is, at rest
@@ -337,6 +348,9 @@ impl ControlTask {
             self.steps = simulated.steps;
             self.simulated_memory = b.start(&simulated.seen.measured());
             self.following_memory = FollowingMemory::default();
+            if let Some(law) = &self.following {
+                self.deviation_memory = law.begin(&machine, &simulated.seen);
+            }
             (self.simulated_motor, self.behind, self.trusted) = (0.0, 0.0, 0.0);
         }
         let asked = self.asked(now);
@@ -391,28 +405,33 @@ impl ControlTask {
             true => self.simulated_motor,
             false => velocity_feedforward,
         };
-        let compared = law.zip(now.simulated).filter(|_| strategy.follows());
-        let (feedback, reference, measured) = match compared {
-            Some((law, simulated)) => {
-                let (reference, lacking) = law.compared(measured, &simulated.seen);
-                (law.feedback(b, simulated.seen.stroke), reference, lacking)
+        // what the machine differs is watched under any strategy, and known where following begins
+        let watched = self.following.as_ref().zip(now.simulated).filter(|(_, s)| !s.failed);
+        let following = watched.map(|(law, simulated)| {
+            let memory = &mut self.deviation_memory;
+            law.feedback(memory, &machine, &simulated.seen, self.simulated_motor)
+        });
+        let changes = strategy != self.strategy;
+        if changes && self.strategy.follows() && strategy.measures() {
+            // it has not looked at the machine since
+            self.memory = b.start(measured);
+        }
+        let asked = match following.filter(|_| strategy.follows()) {
+            Some(speed) => speed,
+            None if strategy.measures() => {
+                if changes {
+                    let (memory, speed) = (&mut self.memory, self.wanted);
+                    b.take_over(memory, reference, measured, feedforward, speed);
+                }
+                b.update(&mut self.memory, reference, measured, feedforward)
             }
-            None => (*b, *reference, *measured),
+            None => feedforward,
         };
-        if strategy != self.strategy {
-            let speed = self.wanted;
-            if strategy.follows() != self.strategy.follows() {
-                // the load pressure is another from here on: what it differs by
-                self.memory = feedback.start(&measured);
-            }
-            feedback.take_over(&mut self.memory, &reference, &measured, feedforward, speed);
-            self.offset = if strategy.measures() { 0.0 } else { speed - feedforward };
+        if changes {
+            self.offset = self.wanted - asked;
             self.strategy = strategy;
         }
-        self.wanted = match strategy.measures() {
-            true => feedback.update(&mut self.memory, &reference, &measured, feedforward),
-            false => feedforward + self.offset,
-        };
+        self.wanted = asked + self.offset;
         self.offset *= 1.0 - b.period / BUMP;
         // feedback that takes over from open loop has its time to make good what it finds
         self.tracking = match strategy.measures() {

@@ -124,15 +124,16 @@ pub(super) fn simulation_feedforward(steps: u32, step: &str) -> Unit {
     steering.unit(steps, step)
 }
 
-/// Model following: state feedback on the simulated crane, PI and pressure feedback on what the machine differs.
+/// Model following: state feedback on the simulated crane, an observer and feedback of what the machine differs.
 pub(super) fn model_following(steps: u32, step: &str) -> Unit {
     let steering = Steering {
         name: "FB_ModelFollowing",
-        comment: "State feedback makes the simulated crane follow the reference, PI and pressure feedback the machine the simulated \
+        comment: "State feedback makes the simulated crane follow the reference, feedback of what differs the machine the simulated \
                   crane (docs/model-following.md). One call is one simulation step; nRef changes at each first of nPerPeriod.",
         inputs: vec![
             input("xCyl", "0.0E0", "Piston position of the machine [m]"),
             input("pL", "0.0E0", "Load pressure of the machine, p_A - (A_r/A_p) p_B [Pa]"),
+            input("nRead", "0.0E0", "Motor speed of the machine, as its drive tells it [rev/s]"),
         ],
         outputs: vec![
             output("nRef", "Motor speed for the machine [rev/s]"),
@@ -145,8 +146,8 @@ pub(super) fn model_following(steps: u32, step: &str) -> Unit {
         begins: "",
         acts: "    fbStateFeedback(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xSim := fbBoom.xCyl,
         vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);
-    fbController(bReset := bBegins, bPrepare := bPrepare, xCyl := xCyl, pL := pL, nSim := fbStateFeedback.nMotor,
-        xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);\n",
+    fbController(bReset := bBegins, bPrepare := bPrepare, xCyl := xCyl, pL := pL, nRead := nRead,
+        nSim := fbStateFeedback.nMotor, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);\n",
         motor: "fbStateFeedback",
         shows: "nRef := fbController.nRef;\nnSim := fbStateFeedback.nMotor;\n",
     };

@@ -113,7 +113,7 @@ const RESERVED: [&str; 78] = [
 ];
 
 /// Names that people know from the paper, for what stands at a block's edge.
-const KNOWN: [(&str, &str); 35] = [
+const KNOWN: [(&str, &str); 36] = [
     ("stroke", "xCyl"),
     ("velocity", "vCyl"),
     ("pressure_pump_a", "pPA"),
@@ -140,6 +140,7 @@ const KNOWN: [(&str, &str); 35] = [
     ("reference_velocity", "vRef"),
     ("load_pressure", "pL"),
     ("simulated_speed", "nSim"),
+    ("motor_speed_read", "nRead"),
     ("simulated_stroke", "xSim"),
     ("simulated_velocity", "vSim"),
     ("simulated_load_pressure", "pLSim"),

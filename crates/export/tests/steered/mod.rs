@@ -1,20 +1,22 @@
 //! Rust's controllers with the crane that they simulate, on a machine that lags and rings.
 
 use hydroboom_control::{
-    BenchmarkMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
+    BenchmarkMemory, DeviationMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen,
+    Watched,
 };
 use hydroboom_description::Description;
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input};
 
 /// What is wanted, and measured of the machine, in a period.
-pub fn shown(k: usize) -> (Reference<f64>, Measured<f64>) {
+pub fn shown(k: usize) -> (Reference<f64>, Watched<f64>) {
     let time = 1e-3 * k as f64;
     let moved = 0.02 * (1.0 - (1.5 * time).cos());
     let reference = Reference { position: 0.05 + moved, velocity: 0.03 * (1.5 * time).sin() };
     let ringing = (15.0 * time).sin();
     let stroke = 0.0495 + 0.97 * moved + 2e-4 * ringing;
-    (reference, Measured { stroke, load_pressure: 62e5 + 3e5 * ringing })
+    let motor_speed = 9.0 * (1.5 * time).sin() + 0.3 * ringing;
+    (reference, Watched { stroke, load_pressure: 62e5 + 3e5 * ringing, motor_speed })
 }
 
 /// A controller and its simulated crane.
@@ -26,6 +28,7 @@ pub struct Steered {
     simulated: BenchmarkMemory<f64>,
     following: FollowingMemory<f64>,
     memory: BenchmarkMemory<f64>,
+    deviation: DeviationMemory<f64>,
     pub motor: f64,
 }
 
@@ -36,7 +39,7 @@ impl Steered {
         let crane = description.crane::<3>().unwrap();
         let state = crane.at_rest(&description.start_over(n, n.motion_start)).unwrap();
         let law = follows.then(|| hydroboom_design::model_following(description).unwrap());
-        let (benchmark, measured) = (description.benchmark(), shown(0).1);
+        let (benchmark, machine) = (description.benchmark(), shown(0).1);
         let mut new = Self {
             description: description.clone(),
             crane,
@@ -44,13 +47,14 @@ impl Steered {
             state,
             simulated: BenchmarkMemory::default(),
             following: FollowingMemory::default(),
-            memory: benchmark.start(&measured),
+            memory: benchmark.start(&of(&machine)),
+            deviation: DeviationMemory::default(),
             motor: 0.0,
         };
         let seen = new.seen();
         new.simulated = benchmark.start(&seen.measured());
         if let Some(law) = &new.law {
-            new.memory = benchmark.start(&law.compared(&measured, &seen).1);
+            new.deviation = law.begin(&machine, &seen);
         }
         new
     }
@@ -64,21 +68,19 @@ impl Steered {
 
     /// Motor speed of the machine in a period; that of the simulated crane is changed.
     pub fn period(&mut self, k: usize) -> f64 {
-        let ((reference, measured), seen) = (shown(k), self.seen());
+        let ((reference, machine), seen) = (shown(k), self.seen());
         let benchmark = self.description.benchmark();
         match &self.law {
             Some(law) => {
                 self.motor = law.update(&mut self.following, &reference, &seen);
-                let (there, lacking) = law.compared(&measured, &seen);
-                let feedback = law.feedback(&benchmark, seen.stroke);
-                feedback.update(&mut self.memory, &there, &lacking, self.motor)
+                law.feedback(&mut self.deviation, &machine, &seen, self.motor)
             }
             None => {
                 let own = benchmark.velocity_feedforward(&reference);
                 let (memory, seen) = (&mut self.simulated, seen.measured());
                 let asked = benchmark.update(memory, &reference, &seen, own);
                 self.motor = benchmark.limits.follow(self.motor, asked, benchmark.period);
-                benchmark.update(&mut self.memory, &reference, &measured, self.motor)
+                benchmark.update(&mut self.memory, &reference, &of(&machine), self.motor)
             }
         }
     }
@@ -88,4 +90,8 @@ impl Steered {
         let input = Input { pump_speed: self.motor, holding_valve: 1.0 };
         published(&self.crane, &mut self.state, &input, self.description.numbers.simulation_period);
     }
+}
+
+fn of(machine: &Watched<f64>) -> Measured<f64> {
+    Measured { stroke: machine.stroke, load_pressure: machine.load_pressure }
 }

@@ -58,7 +58,7 @@ pub fn design_page(
     let body = html! {
         p {
             "Bandwidth " (n.following_bandwidth) " Hz, damping ratio " (n.following_damping) ", lead "
-            (format!("{:.1}", n.following_lead * 1e3)) " ms (keys of [following] in the crane file)."
+            (format!("{:.1}", n.following_lead * 1e3)) " ms, observer of what the machine differs " (n.following_observer) " Hz (keys of [following] in the crane file)."
         }
         h2 { "Loops at mid-stroke, broken at the motor" }
         (figure("Gain.", &size))

@@ -78,18 +78,6 @@ impl LinearCrane {
         ([reference.position, v, pressure].into(), speed)
     }
 
-    /// State, from where it rests, in which an unknown acceleration and rate of the pressure are borne, and the motor speed for that.
-    pub(super) fn against(&self, [push, rate]: [f64; 2]) -> (SVector<f64, MOVES>, f64) {
-        let spring = self.at.spring(self.law.stiffness_at(self.at.rest.load_pressure));
-        let pressure = -push / spring.acceleration_by_pressure;
-        ([0.0, 0.0, pressure].into(), -rate / spring.pressure_by_speed)
-    }
-
-    /// Acceleration by friction that holds a load pressure beyond that of rest \[Pa\].
-    pub(super) fn held(&self, pressure: f64) -> f64 {
-        -self.at.stiff.acceleration_by_pressure * pressure
-    }
-
     /// Largest motor speed \[rev/s\].
     pub(super) fn speed_limit(&self) -> f64 {
         self.law.limits.speed

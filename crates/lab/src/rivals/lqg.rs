@@ -68,7 +68,7 @@ impl Lqg {
 }
 
 impl Steers for Lqg {
-    fn speed(&mut self, shown: &Shown<'_>) -> Result<f64, LabError> {
+    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
         self.observer.look(shown);
         let next = (shown.ahead)(self.period);
         let acceleration = (next.velocity - shown.reference.velocity) / self.period;
@@ -77,6 +77,6 @@ impl Steers for Lqg {
         let believed = self.observer.state.fixed_rows::<MOVES>(0).into_owned();
         self.observer.go_on(&self.crane, shown.reading.motor_speed);
         let limit = self.crane.speed_limit();
-        Ok((speed + (self.gain * (wanted - believed))[0]).clamp(-limit, limit))
+        (speed + (self.gain * (wanted - believed))[0]).clamp(-limit, limit)
     }
 }

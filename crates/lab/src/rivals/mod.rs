@@ -4,7 +4,6 @@
 //! [`Strategy`].
 
 mod box_program;
-mod following_lqg;
 mod linear_crane;
 mod lqg;
 mod mpc;
@@ -12,7 +11,6 @@ mod observer;
 mod reoptimised;
 mod riccati;
 
-pub use following_lqg::FOLLOWING_LQG;
 pub use lqg::{LQG, Weights};
 pub use mpc::MPC;
 pub use reoptimised::{Gains, REOPTIMISED};
@@ -31,18 +29,12 @@ pub enum Rival {
     Lqg(Weights),
     /// Linear model-predictive control on the same observer; it sees the reference half a second ahead, and the motor's limits.
     Mpc(Weights),
-    /// Model following, with LQG in the place of PI and pressure feedback on what the machine differs from the simulation.
-    FollowingLqg(Weights),
 }
 
 impl Rival {
     /// All of them, with the numbers that were found for each.
-    pub const ALL: [Self; 4] = [
-        Self::ReoptimisedBenchmark(REOPTIMISED),
-        Self::Lqg(LQG),
-        Self::Mpc(MPC),
-        Self::FollowingLqg(FOLLOWING_LQG),
-    ];
+    pub const ALL: [Self; 3] =
+        [Self::ReoptimisedBenchmark(REOPTIMISED), Self::Lqg(LQG), Self::Mpc(MPC)];
 
     /// Name in tables and JSON.
     pub fn name(self) -> &'static str {
@@ -50,7 +42,6 @@ impl Rival {
             Self::ReoptimisedBenchmark(_) => "reoptimised-benchmark",
             Self::Lqg(_) => "lqg",
             Self::Mpc(_) => "linear-mpc",
-            Self::FollowingLqg(_) => "model-following-lqg",
         }
     }
 }
@@ -113,19 +104,14 @@ pub(crate) struct Shown<'a> {
 /// A rival at work.
 pub(crate) trait Steers {
     /// Motor speed \[rev/s\] for the coming period.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError`] when what it simulates leaves what the model holds for.
-    fn speed(&mut self, shown: &Shown<'_>) -> Result<f64, LabError>;
+    fn speed(&mut self, shown: &Shown<'_>) -> f64;
 }
 
 /// A rival at rest beside a machine, of which the model and what it measures are known.
 pub(crate) fn rival(
     which: Rival,
     model: &Description,
-    (reading, measured): (&Reading<f64>, &Measured<f64>),
-    start: f64,
+    measured: &Measured<f64>,
 ) -> Result<Box<dyn Steers>, LabError> {
     Ok(match which {
         Rival::ReoptimisedBenchmark(gains) => {
@@ -133,8 +119,5 @@ pub(crate) fn rival(
         }
         Rival::Lqg(weights) => Box::new(lqg::Lqg::new(model, &weights, measured)?),
         Rival::Mpc(weights) => Box::new(mpc::Mpc::new(model, &weights, measured)?),
-        Rival::FollowingLqg(weights) => {
-            Box::new(following_lqg::FollowingLqg::new(model, &weights, (reading, measured), start)?)
-        }
     })
 }

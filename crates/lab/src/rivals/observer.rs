@@ -44,23 +44,14 @@ impl Observer {
 
     /// What is believed once more was read.
     pub(super) fn look(&mut self, shown: &Shown<'_>) {
-        self.believe(vector![shown.measured.stroke, shown.measured.load_pressure]);
-    }
-
-    /// The same of a position and a load pressure.
-    pub(super) fn believe(&mut self, seen: SVector<f64, 2>) {
+        let seen = vector![shown.measured.stroke, shown.measured.load_pressure];
         self.state += self.gain * (seen - vector![self.state[0], self.state[2]]);
     }
 
     /// What is believed of the end of the coming period, the motor turning as it does.
     pub(super) fn go_on(&mut self, crane: &LinearCrane, motor_speed: f64) {
         let (pressure, holding) = crane.rest(self.state[0]);
-        self.move_on(crane, vector![motor_speed - holding, pressure]);
-    }
-
-    /// The same by motor speed beyond that which holds, and load pressure at rest.
-    pub(super) fn move_on(&mut self, crane: &LinearCrane, inputs: SVector<f64, 2>) {
-        self.state = crane.a * self.state + crane.b * inputs;
+        self.state = crane.a * self.state + crane.b * vector![motor_speed - holding, pressure];
     }
 
     /// Acceleration and rate of the pressure that nobody knows of.

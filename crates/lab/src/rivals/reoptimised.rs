@@ -1,7 +1,6 @@
 //! The benchmark controller with numbers of its own: the rival that matters most, for it costs nothing.
 
 use super::{Shown, Steers};
-use crate::LabError;
 use hydroboom_control::{Benchmark, BenchmarkMemory, HighPass, Measured};
 use hydroboom_description::Description;
 
@@ -50,9 +49,9 @@ impl Reoptimised {
 }
 
 impl Steers for Reoptimised {
-    fn speed(&mut self, shown: &Shown<'_>) -> Result<f64, LabError> {
+    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
         let feedforward = self.controller.velocity_feedforward(&shown.reference);
         let Shown { reference, measured, .. } = shown;
-        Ok(self.controller.update(&mut self.memory, reference, measured, feedforward))
+        self.controller.update(&mut self.memory, reference, measured, feedforward)
     }
 }

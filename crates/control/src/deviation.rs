@@ -1,0 +1,297 @@
+//! What the machine differs from the simulated crane by: watched, and made good for.
+//!
+//! Friction, leakage and a pump that are other than the simulation's push the machine away from it. An observer of the oil spring's equations
+//! tells what pushes, from position, load pressure and motor speed. State feedback brings the machine back, and meets what pushes before it has
+//! moved anything far.
+
+use crate::{Gains, OilSpring, Station};
+use hydroboom_math::{Real, record};
+
+record! {
+    /// What is watched of the machine; or by how much that differs from the simulated crane.
+    pub struct Watched<T> {
+        /// Piston position, x_cyl
+        #[unit = "m"]
+        pub stroke: T,
+        /// Load pressure, p_L = p_A − (A_r/A_p) p_B
+        #[unit = "Pa"]
+        pub load_pressure: T,
+        /// Motor speed
+        #[unit = "rev/s"]
+        pub motor_speed: T,
+    }
+}
+
+record! {
+    /// By how much the machine is believed to differ at the coming sample.
+    pub struct DeviationMemory<T> {
+        /// Piston position
+        #[unit = "m"]
+        pub stroke: T,
+        /// Piston velocity
+        #[unit = "m/s"]
+        pub velocity: T,
+        /// Load pressure
+        #[unit = "Pa"]
+        pub load_pressure: T,
+        /// Acceleration by what the simulation does not know of: friction, another load
+        #[unit = "m/s²"]
+        pub push: T,
+        /// Rate of the load pressure by what it does not know of: leakage, a pump that delivers more
+        #[unit = "Pa/s"]
+        pub rate: T,
+        /// What the drive has made of the feedforward by now
+        #[unit = "rev/s"]
+        pub expected_speed: T,
+    }
+}
+
+/// How a deviation is watched and made good for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviationDesign<T> {
+    /// How fast an unknown push is believed, with position and velocity, where the crane rings as fast \[rad/s\]; with the root of how fast it
+    /// rings, for lighter cranes show it through less noise.
+    pub push: T,
+    /// How fast an unknown rate of the pressure is believed, as a share of the position's bandwidth.
+    pub rate: T,
+    /// How fast the pressure itself is believed \[rad/s\]: what is faster is noise.
+    pub pressure: T,
+    /// Time in which the drive follows, and is read \[s\].
+    pub drive: T,
+    /// Damping ratio that the crane's ringing is to have.
+    pub damping: T,
+    /// Bandwidth of the position, as a share of the frequency at which the crane rings; less where it is not known how stiff the oil is.
+    pub share: T,
+    /// Feedback asks for no more than this \[rev/s\]: what takes more is brought back slower, without being driven from one limit to the other.
+    pub authority: T,
+    /// By how much the pressure may dip in motion \[Pa\]: the oil is taken to be as soft as there.
+    pub dip: T,
+    /// Oil is taken to be no softer than these shares of stiff oil's bulk modulus: for bandwidth, and for damping.
+    pub softest: [T; 2],
+}
+
+/// Observer of a deviation, and feedback of it.
+///
+/// `v' = a_v v + a_p p + d`, `p' = c_v v + b n + r`, d and r constant where nobody knows better. Three poles of position, velocity and d, and
+/// one each of pressure and r, are where they are wished, of the integrators alone. Feedback `n = −r/b − k_x x − k_v v − k_p (p + d/a_p)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviationFeedback<T> {
+    design: DeviationDesign<T>,
+    /// What of each is kept in a period, exp(−ω T): of a pressure, an expected speed.
+    keeps: [T; 2],
+    /// Sample period \[s\].
+    period: T,
+}
+
+/// What feedback reckons with at a piston position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reckoned<T> {
+    /// The oil spring.
+    pub spring: OilSpring<T>,
+    /// Of a deviation; the integral is the observer's.
+    pub gains: Gains<T>,
+    /// What of a believed push, and of a believed rate, is kept in a period.
+    pub keeps: [T; 2],
+}
+
+impl<T: Real> DeviationFeedback<T> {
+    /// Feedback as designed, called every `period` \[s\].
+    pub fn new(design: DeviationDesign<T>, period: T) -> Self {
+        let drive = T::one() / design.drive.max(period);
+        let frequencies = [design.pressure, drive];
+        Self { design, keeps: frequencies.map(|f| (-f * period).exp()), period }
+    }
+
+    /// By how much the pressure may dip in motion \[Pa\].
+    pub fn dip(&self) -> T {
+        self.design.dip
+    }
+
+    /// What feedback reckons with at a station where the oil has, as the pressure dips, so much of stiff oil's bulk modulus at least, and so much at most.
+    #[inline(always)]
+    pub fn reckons(&self, station: &Station<T>, [least, most]: [T; 2]) -> Reckoned<T> {
+        let DeviationDesign { damping, share, softest: [position, pressure], .. } = self.design;
+        let stiff = station.stiff.ring();
+        let (least, most) = (least.max(position), most.max(pressure).max(least));
+        let spring = station.spring(most);
+        // damping that is meant for stiffer oil is as much too weak: the position has to wait for it
+        let bandwidth = share * stiff * least / most.sqrt();
+        let gains = spring.proportional_gains(spring.ring(), damping, bandwidth);
+        let believes = [(self.design.push * stiff).sqrt(), self.design.rate * bandwidth];
+        let keeps = believes.map(|frequency| (-frequency * self.period).exp());
+        Reckoned { spring, gains, keeps }
+    }
+
+    /// Memory to start with at rest: friction holds what the load pressures differ by. The motor speed is the machine's own.
+    pub fn start(&self, spring: &OilSpring<T>, off: &Watched<T>) -> DeviationMemory<T> {
+        let zero = T::zero();
+        DeviationMemory {
+            stroke: off.stroke,
+            velocity: zero,
+            load_pressure: off.load_pressure,
+            push: -spring.acceleration_by_pressure * off.load_pressure,
+            rate: zero,
+            expected_speed: off.motor_speed,
+        }
+    }
+
+    /// Motor speed \[rev/s\] with a feedforward \[rev/s\], and what differs: position, pressure; the machine's motor speed.
+    #[inline(always)]
+    pub fn update(
+        &self,
+        memory: &mut DeviationMemory<T>,
+        with: &Reckoned<T>,
+        off: &Watched<T>,
+        feedforward: T,
+    ) -> T {
+        let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
+        let now = self.believed(memory, with.keeps, off);
+        let most = self.design.authority;
+        let speed = feedforward + self.answer(with, &now).clamp(-most, most);
+        let (period, half) = (self.period, T::lit(0.5));
+        let acceleration = a_v * now.velocity + a_p * now.load_pressure + now.push;
+        let beyond = off.motor_speed - now.expected_speed;
+        *memory = DeviationMemory {
+            stroke: now.stroke + period * (now.velocity + half * period * acceleration),
+            velocity: now.velocity + period * acceleration,
+            load_pressure: now.load_pressure
+                + period * (c_v * now.velocity + b * beyond + now.rate),
+            expected_speed: feedforward + self.keeps[1] * (now.expected_speed - feedforward),
+            ..now
+        };
+        speed
+    }
+
+    /// What is believed once the sample was seen.
+    #[inline(always)]
+    fn believed(
+        &self,
+        memory: &DeviationMemory<T>,
+        [push, rate]: [T; 2],
+        off: &Watched<T>,
+    ) -> DeviationMemory<T> {
+        let (one, period) = (T::one(), self.period);
+        let [pressure, _] = self.keeps;
+        let lost = one - push;
+        let (error, risen) = (off.stroke - memory.stroke, off.load_pressure - memory.load_pressure);
+        DeviationMemory {
+            stroke: memory.stroke + (one - push * push * push) * error,
+            velocity: memory.velocity + T::lit(1.5) * lost.square() * (one + push) / period * error,
+            push: memory.push + lost * lost.square() / period.square() * error,
+            load_pressure: memory.load_pressure + (one - rate * pressure) * risen,
+            rate: memory.rate + (one - rate) * (one - pressure) / period * risen,
+            ..*memory
+        }
+    }
+
+    #[inline(always)]
+    fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> T {
+        let Reckoned { spring, gains, .. } = with;
+        let unheld = now.load_pressure + now.push / spring.acceleration_by_pressure;
+        let back = gains.position * now.stroke + gains.velocity * now.velocity;
+        -(now.rate / spring.pressure_by_speed + back + gains.pressure * unheld)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Rest;
+    use hydroboom_math::Lanes;
+
+    const PERIOD: f64 = 1e-3;
+
+    fn feedback<T: Real>() -> DeviationFeedback<T> {
+        let lit = T::lit;
+        let design = DeviationDesign {
+            push: lit(130.0),
+            rate: lit(0.3),
+            pressure: lit(500.0),
+            drive: lit(5e-3),
+            damping: lit(0.5),
+            share: lit(0.8),
+            authority: lit(20.0),
+            dip: lit(4e5),
+            softest: [lit(0.07), lit(0.1)],
+        };
+        DeviationFeedback::new(design, lit(PERIOD))
+    }
+
+    fn station<T: Real>() -> Station<T> {
+        Station {
+            rest: Rest::from_array([65e5, -1e6, 0.11].map(T::lit)),
+            stiff: OilSpring::from_array([0.0, -0.2, 2e-7, 0.0, -1.1e9, 0.0, 3.2e6].map(T::lit)),
+        }
+    }
+
+    #[test]
+    fn what_pushes_is_found_and_made_good_for() {
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), [1.0; 2]));
+        let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
+        let (push, rate) = (0.05, 2e6);
+        // stroke, velocity, load pressure
+        let mut crane = [1e-3, 0.0, 0.0];
+        let mut memory = law.start(&with.spring, &Watched::default());
+        let mut speed = 0.0;
+        for _ in 0..10_000 {
+            let [stroke, _, load_pressure] = crane;
+            let off = Watched { stroke, load_pressure, motor_speed: speed };
+            speed = law.update(&mut memory, &with, &off, 0.0);
+            // ten steps of a period, so that the crane is not the observer's own sum
+            for _ in 0..10 {
+                let [_, v, p] = crane;
+                let slopes = [v, a_v * v + a_p * p + push, c_v * v + b * speed + rate];
+                for (state, slope) in crane.iter_mut().zip(slopes) {
+                    *state += 0.1 * PERIOD * slope;
+                }
+            }
+        }
+        assert!(crane[0].abs() < 1e-6 && crane[1].abs() < 1e-6, "{crane:?}");
+        assert!((memory.push / push - 1.0).abs() < 1e-3, "{memory:?}");
+        assert!((memory.rate / rate - 1.0).abs() < 1e-3, "{memory:?}");
+        assert!((speed + rate / b).abs() < 1e-3 && (crane[2] + push / a_p).abs() < 1.0);
+    }
+
+    #[test]
+    fn a_pressure_that_friction_holds_asks_for_nothing() {
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), [1.0; 2]));
+        let off = Watched { stroke: 0.0, load_pressure: 4e5, motor_speed: 0.3 };
+        let mut memory = law.start(&with.spring, &off);
+        for _ in 0..100 {
+            let speed = law.update(&mut memory, &with, &off, 0.3);
+            assert!((speed - 0.3).abs() < 1e-9, "{speed}");
+        }
+    }
+
+    #[test]
+    fn soft_oil_is_fed_back_to_gently() {
+        let law = feedback::<f64>();
+        let at = |stiffness: f64| law.reckons(&station(), [stiffness; 2]).gains;
+        // a deviation of the position asks for as much less as the crane rings slower
+        let ratio = at(0.25).position / at(1.0).position;
+        assert!((ratio - 0.5).abs() < 1e-12, "{ratio}");
+        assert_eq!(at(0.02), at(0.05), "oil is taken to be softer than the softest");
+    }
+
+    #[test]
+    fn feedback_in_lanes_equals_that_in_f64() {
+        let strokes = [-2e-3, 0.0, 1e-4, 3e-3];
+        let (plain, lanes) = (feedback::<f64>(), feedback::<Lanes<4>>());
+        let stiffness = [0.02, 0.3, 0.9, 1.0];
+        let with = lanes.reckons(&station(), [Lanes(stiffness); 2]);
+        let off = Watched {
+            stroke: Lanes(strokes),
+            load_pressure: Lanes([2e5; 4]),
+            motor_speed: Lanes([7.0; 4]),
+        };
+        let mut together = DeviationMemory::<f64>::default().map(|v| Lanes([v; 4]));
+        let speeds = lanes.update(&mut together, &with, &off, Lanes([8.0; 4]));
+        for (lane, stroke) in strokes.into_iter().enumerate() {
+            let mut memory = DeviationMemory::default();
+            let off = Watched { stroke, load_pressure: 2e5, motor_speed: 7.0 };
+            let with = plain.reckons(&station(), [stiffness[lane]; 2]);
+            assert_eq!(plain.update(&mut memory, &with, &off, 8.0), speeds.0[lane]);
+            assert_eq!(memory, together.map(|v| v.0[lane]));
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Feedback from the machine in model following: its deviation from the simulated crane, at what the oil is there.
+
+use crate::{DeviationMemory, ModelFollowing, Reckoned, Seen, Watched};
+use hydroboom_math::Real;
+
+/// Damping reckons with oil that stiffens so many standard deviations lower than is thought.
+const DOUBTS: f64 = 1.3;
+
+impl<T: Real> ModelFollowing<T> {
+    /// Begins feedback from the machine where it and the simulated crane are, both at rest.
+    pub fn begin(&self, machine: &Watched<T>, seen: &Seen<T>) -> DeviationMemory<T> {
+        let with = self.reckons(seen);
+        self.deviation.start(&with.spring, &self.off(machine, seen))
+    }
+
+    /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being the feedforward \[rev/s\].
+    #[inline(always)]
+    pub fn feedback(
+        &self,
+        memory: &mut DeviationMemory<T>,
+        machine: &Watched<T>,
+        seen: &Seen<T>,
+        feedforward: T,
+    ) -> T {
+        let (with, off) = (self.reckons(seen), self.off(machine, seen));
+        let wanted = self.deviation.update(memory, &with, &off, feedforward);
+        wanted.clamp(-self.limits.speed, self.limits.speed)
+    }
+
+    /// What feedback from the machine reckons with where the simulated crane is. Too fast a bandwidth rings in oil that is softer than it is
+    /// thought to be, too much damping in oil that is stiffer: damping is told how stiff it may be.
+    #[inline(always)]
+    pub fn reckons(&self, seen: &Seen<T>) -> Reckoned<T> {
+        let at = self.station(seen.stroke);
+        let low = at.rest.load_pressure.min(seen.load_pressure);
+        let may_be = [low - self.deviation.dip(), low + T::lit(DOUBTS) * self.doubt];
+        self.deviation.reckons(&at, may_be.map(|load| self.stiffness_at(load)))
+    }
+
+    /// The same where the crane rests at a position \[m\].
+    pub fn reckons_at_rest(&self, stroke: T) -> Reckoned<T> {
+        let load_pressure = self.station(stroke).rest.load_pressure;
+        self.reckons(&Seen { stroke, velocity: T::zero(), load_pressure })
+    }
+
+    /// By how much the machine differs from where the simulated crane was a lead ago.
+    #[inline(always)]
+    fn off(&self, machine: &Watched<T>, seen: &Seen<T>) -> Watched<T> {
+        Watched {
+            stroke: machine.stroke - (seen.stroke - self.lead * seen.velocity),
+            load_pressure: machine.load_pressure - seen.load_pressure,
+            motor_speed: machine.motor_speed,
+        }
+    }
+}
