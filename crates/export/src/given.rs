@@ -71,5 +71,10 @@ pub(crate) fn of_machine() -> [(Variable, E); 4] {
 
 /// What feedback of a deviation is given beside: the motor speed that the drive tells.
 pub(crate) fn motor_speed() -> (Variable, E) {
-    variable("motor_speed_read", "rev/s", "Motor speed, as the drive tells it", 0.0)
+    variable(
+        "motor_speed_read",
+        "rev/s",
+        "Motor speed, as the drive tells it; without one, the last that was asked for",
+        0.0,
+    )
 }

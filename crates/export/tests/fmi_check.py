@@ -156,14 +156,19 @@ def closed(plant, controller, course):
     brain, to = opened(controller)
     square = count = 0
     rows = list(csv.reader(open(course)))[1:]
+    # the plant's motor turns as it is told
+    speed = 0.0
     for k, (position, velocity) in enumerate(rows):
         stroke, load = machine.getReal([of["stroke"], of["load_pressure"]])
         square += (stroke - float(position)) ** 2
         count += 1
         names = ["reference_position", "reference_velocity", "stroke", "load_pressure"]
         brain.setReal([to[n] for n in names], [float(position), float(velocity), stroke, load])
+        if "motor_speed_read" in to:
+            brain.setReal([to["motor_speed_read"]], [speed])
         brain.doStep(k * 1e-3, 1e-3)
-        machine.setReal([of["pump_speed"]], brain.getReal([to["motor_speed"]]))
+        [speed] = brain.getReal([to["motor_speed"]])
+        machine.setReal([of["pump_speed"]], [speed])
         machine.doStep(k * 1e-3, 1e-3)
     print((square / count) ** 0.5 * 1e3)
 
