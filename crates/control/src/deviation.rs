@@ -274,6 +274,24 @@ mod tests {
     }
 
     #[test]
+    fn where_the_oil_is_not_known_it_is_damped_as_stiff_and_brought_back_as_soft() {
+        let law = feedback::<f64>();
+        let at = |least, most| law.reckons(&station(), [least, most]).gains;
+        let (known, unknown) = (at(1.0, 1.0), at(0.2, 1.0));
+        assert!((unknown.position / known.position - 0.2).abs() < 1e-12, "{unknown:?}");
+        // soft oil that is known to be soft is damped more
+        assert!(unknown.pressure < known.pressure && at(0.2, 0.2).pressure > known.pressure);
+    }
+
+    #[test]
+    fn feedback_asks_for_no_more_than_it_may() {
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), [1.0; 2]));
+        let mut memory = DeviationMemory::default();
+        let far = Watched { stroke: 0.1, load_pressure: 0.0, motor_speed: 0.0 };
+        assert_eq!(law.update(&mut memory, &with, &far, 7.0), 7.0 - 20.0);
+    }
+
+    #[test]
     fn feedback_in_lanes_equals_that_in_f64() {
         let strokes = [-2e-3, 0.0, 1e-4, 3e-3];
         let (plain, lanes) = (feedback::<f64>(), feedback::<Lanes<4>>());

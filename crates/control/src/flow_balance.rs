@@ -238,7 +238,7 @@ mod tests {
         seconds: u32,
         speed: impl Fn(f64) -> f64,
         pressure: impl Fn(f64) -> f64,
-    ) -> Balance<f64> {
+    ) -> FlowBalanceMemory {
         let flow = balance();
         let oil = oil(truth.transition);
         let mut stroke = 0.1;
@@ -255,14 +255,17 @@ mod tests {
             flow.update(&mut memory, speed(time), stroke, now);
             before = now;
         }
-        memory.balance
+        memory
     }
 
     #[test]
     fn pump_leakage_and_air_are_found_where_the_machine_moves_and_its_pressure_changes() {
         let truth = Balance { flow_gain: 0.945, leakage: 2e-6, transition: 27e5 };
         let pressure = |t: f64| 30e5 + 6e5 * (6.0 * t).sin();
-        let found = learned(truth, 20, |t| 20.0 * (0.5 * t).sin(), pressure);
+        let memory = learned(truth, 20, |t| 20.0 * (0.5 * t).sin(), pressure);
+        // and it is known that it was found
+        assert!(memory.doubt < 0.3 * balance().uncertainty.transition, "{}", memory.doubt);
+        let found = memory.balance;
         assert!((found.flow_gain - truth.flow_gain).abs() < 5e-3, "{found:?}");
         assert!((found.leakage - truth.leakage).abs() < 4e-7, "{found:?}");
         assert!((found.transition - truth.transition).abs() < 2e5, "{found:?}");
@@ -271,8 +274,10 @@ mod tests {
     #[test]
     fn nothing_is_learned_of_what_nothing_excites() {
         let truth = Balance { flow_gain: 0.945, leakage: 1.2e-6, transition: 27e5 };
-        let at_rest = learned(truth, 20, |_| 0.12, |_| 65e5);
-        let before = balance().before;
+        let memory = learned(truth, 20, |_| 0.12, |_| 65e5);
+        let doubt = memory.doubt / balance().uncertainty.transition;
+        assert!((0.8..1.1).contains(&doubt), "{doubt}");
+        let (at_rest, before) = (memory.balance, balance().before);
         assert!((at_rest.flow_gain - before.flow_gain).abs() < 5e-3, "{at_rest:?}");
         assert!((at_rest.transition - before.transition).abs() < 1e3, "{at_rest:?}");
     }
@@ -281,7 +286,7 @@ mod tests {
     fn what_cannot_be_is_not_learned() {
         // a pump that delivers a half more, and oil that leaks in
         let truth = Balance { flow_gain: 1.4, leakage: -1e-5, transition: 35e5 };
-        let found = learned(truth, 20, |t| 20.0 * (0.5 * t).sin(), |_| 65e5);
+        let found = learned(truth, 20, |t| 20.0 * (0.5 * t).sin(), |_| 65e5).balance;
         let most = balance().before.flow_gain + BOUND * balance().uncertainty.flow_gain;
         assert!(found.leakage >= 0.0 && found.flow_gain <= most, "{found:?}");
     }

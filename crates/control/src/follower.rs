@@ -110,16 +110,6 @@ impl Follower {
         self.known
     }
 
-    /// State feedback for the payload that is known.
-    pub fn law(&self) -> &ModelFollowing<f64> {
-        &self.law
-    }
-
-    /// What the motor has to turn for each revolution of the simulated one, by what was learned.
-    pub fn correction(&self) -> f64 {
-        self.correction
-    }
-
     /// Begins feedback where machine and simulated crane are now, without a bump.
     pub fn begin(
         &mut self,
