@@ -11,8 +11,8 @@ pub enum Strategy {
     BenchmarkClosedLoop,
     /// The benchmark controller with the simulation's speed in the place of u_FF (test 3).
     SimulationFeedforwardClosedLoop,
-    /// State feedback makes the simulated crane follow the reference, PI and pressure feedback the machine the simulated
-    /// crane (ours).
+    /// State feedback makes the simulated crane follow the reference, an observer and feedback of what differs the machine the
+    /// simulated crane (ours).
     ModelFollowing,
 }
 

@@ -246,8 +246,9 @@ fn test_4(study: &Study) -> Markup {
         h2 { "Test 4: model following" }
         p {
             "Ours, not the paper's. State feedback on the simulated crane, whose state is known and free of noise, makes it "
-            "follow the reference; the speed of its motor is the feedforward, and what it does is what PI and pressure feedback "
-            "hold the machine to. They see only by how much the machine differs, and damp nothing a second time. Payload, pump "
+            "follow the reference; the speed of its motor is the feedforward, and what it does is what feedback holds the machine to. "
+            "That sees only by how much the machine differs, and damps nothing a second time: an observer tells what pushes the machine off "
+            "(friction, load, leakage that the simulation does not know of), and it is met before it has moved anything far. Payload, pump "
             "flow, leakage and the stiffness of the oil are learned on the way. The figures are with those of tests 1 to 3."
         }
         div.wide { table {
