@@ -14,13 +14,12 @@ use hydroboom_plant::plant;
 use std::f64::consts::TAU;
 
 /// Feedback of what the machine differs: how fast a rate of the pressure is believed, over the position's bandwidth, and the pressure itself
-/// \[rad/s\]; damping ratio, bandwidth over the frequency at which the crane rings, share of the motor's speed. With what follows, found on
+/// \[rad/s\]; damping ratio, bandwidth over the frequency at which the crane rings. With what follows, found on
 /// virtual cranes (seed 7; the families that are reported have another), short of where less error costs more of the motor.
 const RATE: f64 = 0.4;
 const PRESSURE: f64 = TAU * 50.0;
 const DAMPING: f64 = 0.65;
 const SHARE: f64 = 0.62;
-const AUTHORITY: f64 = 0.5;
 /// By so much the pressure dips below that of rest, or of the simulated crane if that is lower \[Pa\].
 const DIP: f64 = 2e5;
 /// Bandwidth and damping reckon with oil no softer than these shares of stiff oil's bulk modulus.
@@ -175,7 +174,7 @@ pub fn law<T: Real>(
                 drive: n.following_lead,
                 damping: lit(DAMPING),
                 share: lit(SHARE),
-                authority: lit(AUTHORITY) * n.motor_speed,
+                authority: n.following_effort * n.motor_speed,
                 dip: lit(DIP),
                 softest: SOFTEST.map(lit),
             },

@@ -59,18 +59,19 @@ impl Design {
             return output::json(&json!({
                 "crane": crane.name, "bandwidth_hz": crane.numbers.following_bandwidth,
                 "damping_ratio": crane.numbers.following_damping, "lead_ms": crane.numbers.following_lead * 1e3,
-                "observer_hz": crane.numbers.following_observer,
+                "observer_hz": crane.numbers.following_observer, "effort_percent": crane.numbers.following_effort * 100.0,
                 "positions": looks, "family": family,
             }));
         }
         let n = &crane.numbers;
         let mut text = format!(
-            "{}: model following, bandwidth {} Hz, damping ratio {}, lead {} ms, observer {} Hz\n\n{}",
+            "{}: model following, bandwidth {} Hz, damping ratio {}, lead {} ms, observer {} Hz, effort {} %\n\n{}",
             crane.name,
             n.following_bandwidth,
             n.following_damping,
             n.following_lead * 1e3,
             n.following_observer,
+            n.following_effort * 100.0,
             table(&looks)
         );
         text += "\nPM phase margin, GM gain margin, d distance from -1. State feedback is the simulated crane's own loop; the others \
