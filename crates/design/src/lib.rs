@@ -5,10 +5,11 @@
 //!             -> lifting (as it is once the pump lifts)
 //!             -> oil_spring (what of that a controller of piston and load pressure sees)
 //!             -> model_following (scheduled over stroke and payload), linear_feedback (what it makes of readings)
-//!             -> margins (how far a loop is from ringing on), look (all of a design)
+//!             -> growth (whether a closed loop rings on), margins (how far it is from that), look (all of a design)
 //! ```
 
 mod error;
+mod growth;
 mod lifting;
 pub mod linear;
 mod linear_feedback;

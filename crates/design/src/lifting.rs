@@ -2,7 +2,7 @@
 //! load-holding valves, which are shut at rest, are open.
 
 use crate::DesignError;
-use crate::linear::{Mode, modes, response};
+use crate::linear::{Mode, modes, transfer};
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Outputs, Scheme};
 use hydroboom_plant::plant;
@@ -47,6 +47,8 @@ impl Lifting {
         let mut sliding = description.clone();
         let n = &mut sliding.numbers;
         (n.coulomb, n.stiction) = (1e-6 * n.coulomb, 1e-6 * n.stiction);
+        // bristles that do not slide are a spring, which holds the piston as the load holds it
+        n.bristle_stiffness *= 1e-6;
         (n.holding_cracking, n.holding_opening) = (-2.0 * n.holding_opening, -n.holding_opening);
         // open valves leave no difference of pressure between pump and cylinder
         n.preload = 1.0;
@@ -87,13 +89,21 @@ impl Lifting {
     ///
     /// [`DesignError::NoMode`] where they are not finite.
     pub fn responses(&self, frequency: f64) -> Result<Responses, DesignError> {
+        self.responses_at(Complex::new(0.0, TAU * frequency))
+    }
+
+    /// Responses to a motor speed that rings and grows as e to the s t, s in \[1/s\].
+    ///
+    /// # Errors
+    ///
+    /// [`DesignError::NoMode`] where they are not finite.
+    pub(crate) fn responses_at(&self, s: Complex<f64>) -> Result<Responses, DesignError> {
         let of = |row: &[f64]| {
-            response(&self.a, &self.b, row, frequency)
+            transfer(&self.a, &self.b, row, s)
                 .ok_or_else(|| self.none("its responses are not finite"))
         };
         let position = of(&self.outputs[0])?;
-        let velocity = Complex::new(0.0, TAU * frequency) * position;
-        Ok(Responses { position, velocity, pressure: of(&self.outputs[2])? })
+        Ok(Responses { position, velocity: s * position, pressure: of(&self.outputs[2])? })
     }
 
     /// There is no such mode, and why.

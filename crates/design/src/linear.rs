@@ -130,10 +130,19 @@ pub fn response(
     c_row: &[f64],
     frequency_hz: f64,
 ) -> Option<Complex<f64>> {
-    let omega = std::f64::consts::TAU * frequency_hz;
+    transfer(a, b, c_row, Complex::new(0.0, std::f64::consts::TAU * frequency_hz))
+}
+
+/// `C (s − A)⁻¹ B`, for one row of C: response of an output to an input that rings and grows as e to the s t, s in \[1/s\].
+pub(crate) fn transfer(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    c_row: &[f64],
+    s: Complex<f64>,
+) -> Option<Complex<f64>> {
     let n = a.nrows();
-    let matrix =
-        DMatrix::from_fn(n, n, |i, j| Complex::new(-a[(i, j)], if i == j { omega } else { 0.0 }));
+    let zero = Complex::new(0.0, 0.0);
+    let matrix = DMatrix::from_fn(n, n, |i, j| (if i == j { s } else { zero }) - a[(i, j)]);
     let rhs = b.column(0).map(|x| Complex::new(x, 0.0));
     let x = matrix.lu().solve(&rhs)?;
     Some(c_row.iter().zip(x.iter()).map(|(c, x)| x * *c).sum())

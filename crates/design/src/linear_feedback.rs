@@ -2,7 +2,6 @@
 
 use hydroboom_control::{DeviationFeedback, DeviationMemory, Reckoned, Watched};
 use nalgebra::{Complex, SMatrix, SVector};
-use std::f64::consts::TAU;
 
 /// Numbers of [`DeviationMemory`], and of [`Watched`].
 const MEMORY: usize = 6;
@@ -18,11 +17,12 @@ pub struct LinearFeedback {
     period: f64,
 }
 
-/// Sizes of memory that are alike, so that the matrix that is inverted is well conditioned.
+/// Sizes of memory that are alike, so that the matrix that is inverted is well conditioned; and of readings.
 const SIZES: [f64; MEMORY] = [1e-3, 1e-2, 1e5, 0.1, 1e6, 1.0];
+const READ_SIZES: [f64; READ] = [1e-3, 1e5, 1.0];
 
-/// What the law is called with is so much smaller: it limits what it asks for.
-const SMALL: f64 = 1e-3;
+/// What the law is called with is so much smaller: it limits what it asks for. Readings that jump by as much as they move look like pushes.
+const SMALL: f64 = 1e-6;
 
 impl LinearFeedback {
     /// Of the law itself, called with one number at a time that is not zero.
@@ -47,16 +47,17 @@ impl LinearFeedback {
             new.c[k] = speed / small;
         }
         for k in 0..READ {
-            let (next, speed) = call(nothing.0, SVector::ith(k, SMALL));
-            new.b.set_column(k, &(next / SMALL));
-            new.d[k] = speed / SMALL;
+            let small = SMALL * READ_SIZES[k];
+            let (next, speed) = call(nothing.0, SVector::ith(k, small));
+            new.b.set_column(k, &(next / small));
+            new.d[k] = speed / small;
         }
         new
     }
 
-    /// What it asks of the motor \[rev/s\] for readings at a frequency \[Hz\].
-    pub(crate) fn answer(&self, read: [Complex<f64>; READ], frequency: f64) -> Complex<f64> {
-        let turned = Complex::new(0.0, TAU * frequency * self.period).exp();
+    /// What it asks of the motor \[rev/s\] for readings that ring and grow as e to the s t, s in \[1/s\].
+    pub(crate) fn answer(&self, read: [Complex<f64>; READ], s: Complex<f64>) -> Complex<f64> {
+        let turned = (s * self.period).exp();
         let complex = |v: f64| Complex::new(v, 0.0);
         let read = SVector::from(read);
         let scale = SMatrix::<f64, MEMORY, MEMORY>::from_diagonal(&SVector::from(SIZES));
@@ -65,21 +66,34 @@ impl LinearFeedback {
         let left = SMatrix::<Complex<f64>, MEMORY, MEMORY>::identity() * turned
             - (back * self.a * scale).map(complex);
         let driven = (back * self.b).map(complex) * read;
-        let held = left.lu().solve(&driven).unwrap_or_else(SVector::zeros);
-        ((self.c * scale).map(complex) * held + self.d.map(complex) * read)[0]
+        // what the observer holds decays: only an s further to the left leaves nothing to invert
+        let answer = left
+            .lu()
+            .solve(&driven)
+            .map(|held| ((self.c * scale).map(complex) * held + self.d.map(complex) * read)[0]);
+        answer.unwrap_or(Complex::new(f64::NAN, f64::NAN))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model_following;
+    use crate::schedule;
+    use hydroboom_control::ModelFollowing;
     use hydroboom_description::Description;
+    use std::f64::consts::TAU;
 
     /// The law itself is shown sines for so long that only they are left.
     #[test]
     fn it_answers_sines_as_the_law_does() {
-        let law = model_following(&Description::uia_single_boom().unwrap()).unwrap();
+        let (heavy, light) = (307.0, 3.0);
+        for payload in [heavy, light] {
+            let crane = Description::uia_single_boom().unwrap();
+            it_answers(&schedule(&crane).unwrap().at(payload));
+        }
+    }
+
+    fn it_answers(law: &ModelFollowing<f64>) {
         let with = law.reckons_at_rest(0.25);
         let linear = LinearFeedback::new(&law.deviation, &with, law.period);
         let sizes = [1e-5, 1e3, 1e-2];
@@ -100,7 +114,7 @@ mod tests {
             let found = sum * 2.0 / f64::from(count);
             let mut read = [Complex::new(0.0, 0.0); READ];
             read[which] = Complex::from(sizes[which]);
-            let wanted = linear.answer(read, frequency);
+            let wanted = linear.answer(read, Complex::new(0.0, TAU * frequency));
             assert!((found - wanted).norm() < 1e-6 * wanted.norm(), "{found} for {wanted}");
         }
     }

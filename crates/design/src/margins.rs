@@ -1,5 +1,6 @@
 //! How far a loop is from ringing on.
 
+use crate::growth::growing;
 use crate::linear_feedback::LinearFeedback;
 use crate::{DesignError, Lifting, Responses};
 use hydroboom_control::{BENDING, Benchmark, Gains, ModelFollowing};
@@ -56,7 +57,11 @@ impl Loop {
 
     /// What comes back for a motor speed at a frequency \[Hz\], with the sign that makes −1 the point to keep away from.
     pub fn gain(&self, crane: &Responses, frequency: f64) -> Complex<f64> {
-        let s = Complex::new(0.0, TAU * frequency);
+        self.gain_at(crane, Complex::new(0.0, TAU * frequency))
+    }
+
+    /// The same for a motor speed that rings and grows as e to the s t, s in \[1/s\].
+    pub(crate) fn gain_at(&self, crane: &Responses, s: Complex<f64>) -> Complex<f64> {
         let (fed_back, delay) = match self {
             Self::State { gains, notches, smoothing, period } => {
                 let position = gains.position + gains.integral / s;
@@ -72,7 +77,7 @@ impl Loop {
             }
             Self::Machine { feedback, delay } => {
                 let read = [crane.position, crane.pressure, Complex::from(1.0)];
-                (-feedback.answer(read, frequency), *delay)
+                (-feedback.answer(read, s), *delay)
             }
             Self::Benchmark { controller: c, high_pass, delay } => {
                 let position = (c.proportional + c.integral / s) * c.revolutions_per_metre;
@@ -98,6 +103,8 @@ pub struct Margins {
     pub at_hz: f64,
     /// Highest frequency at which the loop's gain is one.
     pub crossover_hz: f64,
+    /// Modes that grow in the closed loop and not without it; where there are some, the others say how far it is from none.
+    pub growing: u32,
 }
 
 /// Margins of a loop around a crane.
@@ -113,12 +120,16 @@ pub fn margins(crane: &Lifting, around: &Loop) -> Result<Margins, DesignError> {
         distance: f64::INFINITY,
         at_hz: low,
         crossover_hz: 0.0,
+        growing: growing(crane, around)?,
     };
     let mut before: Option<Complex<f64>> = None;
     for k in 0..=POINTS {
         let frequency = low * (high / low).powf(f64::from(k) / f64::from(POINTS));
         let now = around.gain(&crane.responses(frequency)?, frequency);
         let distance = (now + 1.0).norm();
+        if !distance.is_finite() {
+            return Err(crane.none("the loop's gain is not finite"));
+        }
         if distance < found.distance {
             (found.distance, found.at_hz) = (distance, frequency);
         }

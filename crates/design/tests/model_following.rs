@@ -5,6 +5,7 @@ use hydroboom_description::Description;
 use hydroboom_design::{Lifting, Loop, look, margins, model_following, oil_spring, schedule};
 use hydroboom_model::Scheme;
 use hydroboom_plant::plant;
+use std::f64::consts::PI;
 
 /// The oil spring is three numbers of what the linearised crane has thirteen: poles of the whole crane are near those that were
 /// placed, and what was not placed, bending, is left as damped as it was.
@@ -24,6 +25,23 @@ fn poles_of_the_whole_crane_are_near_those_that_were_placed() {
         assert!(m.distance > 0.5 && m.phase_deg > 40.0 && m.gain > 4.0, "{stroke}: {m:?}");
         let m = &look.machine;
         assert!(m.distance > 0.6 && m.phase_deg > 60.0 && m.gain > 3.0, "{stroke}: {m:?}");
+    }
+}
+
+/// Slowly enough, the pump's flow is the piston's area times its velocity, less the little that the seals leak: neither friction at
+/// rest nor shut valves hold the piston.
+#[test]
+fn a_crane_that_lifts_goes_where_the_pumps_flow_sends_it() {
+    for description in
+        [Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap()]
+    {
+        let area = PI / 4.0 * description.numbers.piston.powi(2);
+        for stroke in [0.05, 0.25, 0.45] {
+            let lifting = Lifting::new(&description, stroke).unwrap();
+            let velocity = lifting.responses(0.1).unwrap().velocity.norm();
+            let share = velocity * area / description.numbers.displacement;
+            assert!((0.85..1.0).contains(&share), "{stroke}: {share}");
+        }
     }
 }
 
@@ -72,6 +90,9 @@ fn a_loop_whose_gain_rises_by_its_margin_rings_on() {
     let found = of(1.0);
     assert!(found.gain > 1.5 && found.distance > 0.3, "{found:?}");
     assert!(of(found.gain).distance < 0.02, "{:?}", of(found.gain));
+    // a pair of modes, beyond it; with the wrong sign the piston runs off without ringing
+    let growing = [0.9, 1.5, -1.0].map(|factor| of(factor * found.gain).growing);
+    assert!(growing[..2] == [0, 2] && growing[2] % 2 == 1, "{growing:?}");
     // the distance from -1 bounds both other margins
     assert!(1.0 - 1.0 / found.gain >= found.distance - 1e-3);
     assert!(2.0 * (0.5 * found.phase_deg.to_radians()).sin() >= found.distance - 1e-3);

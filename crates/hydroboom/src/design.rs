@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::output;
 use clap::Args;
 use hydroboom_design::{Look, look, model_following, step_response};
-use hydroboom_lab::family::worst_margins;
+use hydroboom_lab::family::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -46,7 +46,7 @@ impl Design {
         let law = model_following(&crane).into_diagnostic()?;
         let at = |share: &f64| look(&law, &crane, share * crane.numbers.stroke);
         let looks = AT.iter().map(at).collect::<Result<Vec<Look>, _>>().into_diagnostic()?;
-        let family = self.family.map(|count| worst_margins(&crane, count, self.seed));
+        let family = self.family.map(|count| family_margins(&crane, count, self.seed));
         let family = family.transpose().into_diagnostic()?;
         if let Some(folder) = &self.out {
             let middle = 0.5 * crane.numbers.stroke;
@@ -77,23 +77,7 @@ impl Design {
         text += "\nPM phase margin, GM gain margin, d distance from -1. State feedback is the simulated crane's own loop; the others \
                  are around a machine that is like the model, with the lead as delay.";
         if let Some(family) = &family {
-            let header = ["over the family", "crane", "stroke [mm]", "d", "GM", "PM [deg]"];
-            let rows: Vec<Vec<String>> = family
-                .iter()
-                .map(|worst| {
-                    let m = &worst.margins;
-                    vec![
-                        worst.controller.into(),
-                        worst.crane.to_string(),
-                        format!("{:.0}", worst.stroke_mm),
-                        format!("{:.2}", m.distance),
-                        gain(m.gain),
-                        format!("{:.0}", m.phase_deg),
-                    ]
-                })
-                .collect();
-            text += &format!("\n\n{}", output::table(&header, &rows));
-            text += "\nThe crane of the family nearest to ringing on, by its linearisation; numbers from 0.";
+            text += &format!("\n\n{}", over_family(family));
         }
         output::text(&text)
     }
@@ -101,6 +85,43 @@ impl Design {
 
 fn gain(factor: f64) -> String {
     if factor.is_finite() { format!("{factor:.1}") } else { "-".into() }
+}
+
+fn over_family(family: &[FamilyMargins]) -> String {
+    let header = [
+        "over the family",
+        "ring on",
+        "d median",
+        "d 5th percentile",
+        "worst: crane, stroke [mm]",
+        "d",
+        "GM",
+        "PM [deg]",
+    ];
+    let rows: Vec<Vec<String>> = family
+        .iter()
+        .map(|of| {
+            let m = &of.worst.margins;
+            let margins = match m.growing {
+                0 => [format!("{:.2}", m.distance), gain(m.gain), format!("{:.0}", m.phase_deg)],
+                _ => ["rings on".into(), "-".into(), "-".into()],
+            };
+            let mut row = vec![
+                of.controller.into(),
+                format!("{} of {}", of.ringing_on, of.count),
+                format!("{:.2}", of.distance_median),
+                format!("{:.2}", of.distance_p5),
+                format!("{}, {:.0}", of.worst.crane, of.worst.stroke_mm),
+            ];
+            row.extend(margins);
+            row
+        })
+        .collect();
+    format!(
+        "{}\nEvery crane of the family at three piston positions, linearised at rest as its pump begins to lift, friction left out. \
+         d is negative where a loop rings on. Cranes are numbered from 0.",
+        output::table(&header, &rows)
+    )
 }
 
 fn table(looks: &[Look]) -> String {

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_description::Description;
-use hydroboom_lab::family::member;
+use hydroboom_lab::family::{family_margins, member};
 use hydroboom_lab::learning::taught;
 use hydroboom_lab::motion_test::{Run, Strategy, run};
 use hydroboom_lab::scenario::CourseChoice;
@@ -41,6 +41,15 @@ fn the_virtual_crane_is_led_more_closely_for_the_same_effort() {
         assert!(a.energy_kj < 1.05 * b.energy_kj, "{a:?} for {b:?}");
         assert!(a.motor_speed_rpm < 1.05 * b.motor_speed_rpm, "{a:?} for {b:?}");
     }
+}
+
+/// By linearisation too, at three piston positions of each crane.
+#[test]
+fn the_loop_rings_on_around_no_crane_of_a_family() {
+    let model = Description::uia_single_boom().unwrap();
+    let [own, benchmark] = family_margins(&model, 12, 3).unwrap();
+    assert!(own.ringing_on == 0 && own.distance_p5 > 0.25, "{own:?}");
+    assert!(benchmark.ringing_on > 0, "this family is no test: {benchmark:?}");
 }
 
 /// Light loads on aerated oil, where the benchmark rings on with errors of centimetres: the payload is weighed, the oil's

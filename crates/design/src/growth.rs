@@ -1,0 +1,62 @@
+//! Whether a closed loop rings on, by the argument principle.
+
+use crate::{DesignError, Lifting, Loop};
+use nalgebra::Complex;
+use std::f64::consts::{PI, TAU};
+
+/// What grows more slowly is not counted \[1/s\].
+const SLOW: f64 = 0.25;
+
+/// Highest frequency that is looked at \[Hz\], and points below it to begin with.
+const HIGHEST: f64 = 400.0;
+const POINTS: u32 = 800;
+
+/// Where the loop turns by more between two points \[rad\], one more is looked at between them, so many times at most.
+const TURN: f64 = 0.5;
+const HALVINGS: u32 = 40;
+
+/// Modes that grow in the closed loop, less those that grow without it: the low-pressure side, linearised with its check valves shut,
+/// drifts off by itself until they open.
+///
+/// Along a line of slow growth, 1 + L turns about zero once for every mode of the closed loop beyond the line, and back once for every
+/// mode of the open loop.
+///
+/// # Errors
+///
+/// [`DesignError`] when the crane's responses are not finite there.
+pub(crate) fn growing(crane: &Lifting, around: &Loop) -> Result<u32, DesignError> {
+    let at = |frequency: f64| {
+        let s = Complex::new(SLOW, TAU * frequency);
+        Ok::<_, DesignError>(around.gain_at(&crane.responses_at(s)?, s) + 1.0)
+    };
+    let mut turned = 0.0;
+    let mut last = (0.0, at(0.0)?);
+    for k in 1..=POINTS {
+        // evenly over the frequency's root: modes of boom and oil lie low
+        let frequency = HIGHEST * (f64::from(k) / f64::from(POINTS)).powi(2);
+        let next = (frequency, at(frequency)?);
+        turned += turn(&at, last, next, HALVINGS)?;
+        last = next;
+    }
+    if !turned.is_finite() {
+        return Err(crane.none("the loop's gain is not finite"));
+    }
+    // the mirrored half of the line turns as far again
+    Ok((-turned / PI).round().max(0.0) as u32)
+}
+
+/// By how much 1 + L turns between two frequencies \[rad\].
+fn turn(
+    at: &impl Fn(f64) -> Result<Complex<f64>, DesignError>,
+    from: (f64, Complex<f64>),
+    to: (f64, Complex<f64>),
+    halvings: u32,
+) -> Result<f64, DesignError> {
+    let turned = (to.1 / from.1).arg();
+    if !(turned.abs() >= TURN && halvings > 0) {
+        return Ok(turned);
+    }
+    let frequency = 0.5 * (from.0 + to.0);
+    let between = (frequency, at(frequency)?);
+    Ok(turn(at, from, between, halvings - 1)? + turn(at, between, to, halvings - 1)?)
+}
