@@ -4,7 +4,7 @@
 //! tells what pushes, from position, load pressure and motor speed. State feedback brings the machine back, and meets what pushes before it has
 //! moved anything far.
 
-use crate::{Gains, OilSpring, Station};
+use crate::{Gains, Measured, OilSpring, Station};
 use hydroboom_math::{Real, record};
 
 record! {
@@ -19,6 +19,17 @@ record! {
         /// Motor speed
         #[unit = "rev/s"]
         pub motor_speed: T,
+    }
+}
+
+impl<T> Watched<T> {
+    /// What is measured, with the motor's speed \[rev/s\].
+    pub fn of(measured: &Measured<T>, motor_speed: T) -> Self
+    where
+        T: Copy,
+    {
+        let Measured { stroke, load_pressure } = *measured;
+        Self { stroke, load_pressure, motor_speed }
     }
 }
 

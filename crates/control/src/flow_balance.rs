@@ -18,6 +18,8 @@ pub const TRANSITIONS: usize = 9;
 /// Residuals beyond so many standard deviations count as that many: a model is never right to the last.
 const FARTHEST: f64 = 3.0;
 
+/// Pressures that differ by less are the same \[Pa\]: they were written to a file in between.
+const SAME: f64 = 1.0;
 /// What is learned stays within so many standard deviations of what was known before.
 const BOUND: f64 = 4.0;
 
@@ -33,6 +35,33 @@ record! {
         /// Pressure at the middle of the oil's transition, p_c1
         #[unit = "Pa"]
         pub transition: T,
+    }
+}
+
+record! {
+    /// What is believed, were the oil to stiffen at a certain pressure.
+    pub struct Believed<T> {
+        /// That pressure, p_c1
+        #[unit = "Pa"]
+        pub transition: T,
+        /// Pump delivery per nominal displacement, g
+        #[unit = "1"]
+        pub flow_gain: T,
+        /// Leakage, l
+        #[unit = "m³/s"]
+        pub leakage: T,
+        /// Variance of g
+        #[unit = "1"]
+        pub flow_gain_variance: T,
+        /// Covariance of g and l
+        #[unit = "m³/s"]
+        pub covariance: T,
+        /// Variance of l
+        #[unit = "m⁶/s²"]
+        pub leakage_variance: T,
+        /// Logarithm of how likely it makes what has been seen
+        #[unit = "1"]
+        pub likelihood: T,
     }
 }
 
@@ -88,6 +117,27 @@ pub struct FlowBalanceMemory {
     pub doubt: f64,
 }
 
+impl FlowBalanceMemory {
+    /// What is believed, to go on with later.
+    pub fn believed(&self) -> [Believed<f64>; TRANSITIONS] {
+        self.hypotheses.map(|h| Believed {
+            transition: h.oil.transition,
+            flow_gain: h.estimate[0],
+            leakage: h.estimate[1],
+            flow_gain_variance: h.covariance[0][0],
+            covariance: h.covariance[0][1],
+            leakage_variance: h.covariance[1][1],
+            likelihood: h.likelihood,
+        })
+    }
+
+    /// A window begins at a position \[m\] and a pressure \[Pa\].
+    pub fn begin_window(&mut self, stroke: f64, pressure: f64) {
+        (self.revolutions, self.count) = (0.0, 0);
+        (self.stroke, self.pressure) = (stroke, pressure);
+    }
+}
+
 impl FlowBalance {
     /// Nothing learned yet, at a piston position \[m\] and pressure \[Pa\].
     pub fn start(&self, stroke: f64, pressure: f64) -> FlowBalanceMemory {
@@ -114,6 +164,25 @@ impl FlowBalance {
             balance,
             doubt,
         }
+    }
+
+    /// Goes on with what was believed before; none where that is about another crane, or nothing that can be believed.
+    pub fn resume(&self, believed: &[Believed<f64>; TRANSITIONS]) -> Option<FlowBalanceMemory> {
+        let mut memory = self.start(0.0, 0.0);
+        for (h, b) in memory.hypotheses.iter_mut().zip(believed) {
+            let far = (b.transition - h.oil.transition).abs();
+            let (g, c, l) = (b.flow_gain_variance, b.covariance, b.leakage_variance);
+            let is_sound = b.to_array().iter().all(|v| v.is_finite()) && g > 0.0 && g * l > c * c;
+            if !is_sound || far > SAME {
+                return None;
+            }
+            h.estimate = [b.flow_gain, b.leakage];
+            h.covariance = [[g, c], [c, l]];
+            h.likelihood = b.likelihood;
+        }
+        let (found, doubt) = mean(&memory.hypotheses);
+        (memory.balance, memory.doubt) = (self.bounded(found), doubt);
+        Some(memory)
     }
 
     fn prior(&self) -> [[f64; 2]; 2] {
@@ -150,8 +219,7 @@ impl FlowBalance {
             let (found, doubt) = mean(&memory.hypotheses);
             (memory.balance, memory.doubt) = (self.bounded(found), doubt);
         }
-        (memory.revolutions, memory.count) = (0.0, 0);
-        (memory.stroke, memory.pressure) = (stroke, pressure);
+        memory.begin_window(stroke, pressure);
         sound
     }
 

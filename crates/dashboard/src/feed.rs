@@ -155,6 +155,7 @@ impl Feed {
             "cause": cause.map(|c| c.code()), "advice": cause.map(|c| c.advice()),
             "strategy": r.strategy.name(), "fallback": r.fallback,
             "course_s": r.course_time.map(shorter), "valve": r.decision.command.holding_valve,
+            "known": r.known.map(|k| [k.payload, k.balance.transition * 1e-5, k.balance.flow_gain]),
             "missed": r.deadlines.map(|d| [d.simulation_missed, d.control_missed]),
             "crane": r.simulated.map(|s| scene.drawn(&s.angle, r.reading.stroke)),
             "simulated_failed": r.simulated.is_none_or(|s| s.failed),

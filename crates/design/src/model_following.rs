@@ -2,8 +2,8 @@
 
 use crate::{DesignError, Lifting, oil_spring};
 use hydroboom_control::{
-    BENDING, Balance, DeviationDesign, DeviationFeedback, FlowBalance, ModelFollowing, MotorLimits,
-    OilStiffness, PAYLOADS, Rest, STATIONS, Schedule, Station,
+    BENDING, Balance, Conditions, DeviationDesign, DeviationFeedback, FlowBalance, ModelFollowing,
+    MotorLimits, OilStiffness, PAYLOADS, Rest, STATIONS, Schedule, Station,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -15,7 +15,7 @@ use std::f64::consts::TAU;
 
 /// Feedback of what the machine differs: how fast a rate of the pressure is believed, over the position's bandwidth, and the pressure itself
 /// \[rad/s\]; damping ratio, bandwidth over the frequency at which the crane rings. With what follows, found on
-/// virtual cranes (seed 7; the families that are reported have another), short of where less error costs more of the motor.
+/// virtual cranes (seed 7), short of where less error costs more of the motor.
 const RATE: f64 = 0.4;
 const PRESSURE: f64 = TAU * 50.0;
 const DAMPING: f64 = 0.65;
@@ -66,7 +66,7 @@ pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalan
         displacement: n.displacement,
         volume: n.volume_pump_a + n.dead_volume_a,
         stiffness: stiffness(n),
-        before: Balance { flow_gain: n.flow_gain, leakage: 1.2e-6, transition: n.transition },
+        before: Balance { flow_gain: n.flow_gain, leakage, transition: n.transition },
         uncertainty: Balance { flow_gain: 0.03, leakage, transition: DOUBT },
         scatter: 1e-4,
         compression_error: 0.15,
@@ -74,6 +74,17 @@ pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalan
         memory: 0.999,
         period: n.control_period,
     }
+}
+
+/// Conditions under which a crane is described.
+pub fn conditions(numbers: &Numbers<f64>) -> Conditions {
+    Conditions { payload: numbers.payload, transition: numbers.transition }
+}
+
+/// The numbers of a crane under other conditions.
+pub fn under(conditions: &Conditions, numbers: &Numbers<f64>) -> Numbers<f64> {
+    let Conditions { payload, transition } = *conditions;
+    Numbers { payload, transition, ..*numbers }
 }
 
 fn stiffness<T: Real>(n: &Numbers<T>) -> OilStiffness<T> {

@@ -1,9 +1,11 @@
 //! Model following on a virtual crane: the simulated crane beside it, and the controller.
 
 use crate::{LabError, Plant, plant};
-use hydroboom_control::{Command, Follower, Known, Measured, Reading, Reference, Seen};
+use hydroboom_control::{
+    Command, Conditions, Follower, Known, Measured, Reading, Reference, Seen, Watched,
+};
 use hydroboom_description::Description;
-use hydroboom_design::{flow_balance, schedule};
+use hydroboom_design::{flow_balance, schedule, under};
 use hydroboom_model::{Input, Scheme, SimulationError};
 
 /// Control periods between two looks at what was learned: the simulated crane becomes what is known by then.
@@ -15,7 +17,7 @@ pub(crate) struct Following {
     simulated: Box<dyn Plant>,
     follower: Follower,
     /// What the simulated crane is.
-    taken: Known,
+    taken: Conditions,
     /// Steps of the simulation in a control period.
     count: u32,
     periods: u64,
@@ -32,11 +34,12 @@ impl Following {
         let schedule = schedule(model)?;
         let flow = flow_balance(model, &schedule);
         let mut follower = Follower::start(&schedule, &flow, reading, measured);
-        let taken = follower.known();
-        let description = known(model, &taken);
+        let taken = follower.known().conditions();
+        let mut description = model.clone();
+        description.numbers = under(&taken, &model.numbers);
         let step = model.numbers.simulation_period;
         let simulated = plant(&description, &description.start(start), Scheme::Published, step)?;
-        follower.begin(reading, measured, &seen(simulated.as_ref()));
+        follower.begin(&Watched::of(measured, reading.motor_speed), &seen(simulated.as_ref()));
         let count = (model.numbers.control_period / step).round() as u32;
         Ok(Self { description, simulated, follower, taken, count, periods: 0 })
     }
@@ -56,10 +59,11 @@ impl Following {
         let seen = seen(self.simulated.as_ref());
         let [simulated, speed] = self.follower.period(reference, &seen, reading, measured);
         self.periods += 1;
-        let now = self.follower.known();
-        if self.periods.is_multiple_of(LOOK_EVERY) && differ(&self.taken, &now) {
+        let now = self.follower.known().conditions();
+        if self.periods.is_multiple_of(LOOK_EVERY) && self.taken.differ(&now) {
             self.taken = now;
-            self.simulated.set_parameters(&known(&self.description, &now))?;
+            self.description.numbers = under(&now, &self.description.numbers);
+            self.simulated.set_parameters(&self.description)?;
         }
         let input = Input { pump_speed: simulated, holding_valve: 1.0 };
         let stopped: fn(SimulationError) -> LabError =
@@ -76,17 +80,4 @@ fn seen(plant: &dyn Plant) -> Seen<f64> {
         velocity: outputs.velocity,
         load_pressure: plant.load_pressure(),
     }
-}
-
-/// The crane as it is known by now. The pump's flow is not changed: that is corrected where the machine's motor is told its speed.
-fn known(description: &Description, known: &Known) -> Description {
-    let mut now = description.clone();
-    now.numbers.payload = known.payload;
-    now.numbers.transition = known.balance.transition;
-    now
-}
-
-/// Whether what was learned is worth a change of the simulated crane: a kilogram, a tenth of a bar.
-fn differ(a: &Known, b: &Known) -> bool {
-    (a.payload - b.payload).abs() > 1.0 || (a.balance.transition - b.balance.transition).abs() > 1e4
 }

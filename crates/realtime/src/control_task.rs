@@ -4,12 +4,12 @@ use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::{
-    Benchmark, BenchmarkMemory, Command, Decision, DeviationMemory, FollowingMemory, Limits,
-    Measured, ModelFollowing, Observation, Reading, Reference, Request, State, Strategy,
-    Supervisor, Watched,
+    Benchmark, BenchmarkMemory, Command, Conditions, Decision, Follower, Known, Learned, Learner,
+    Limits, Measured, Observation, Reading, Reference, Request, State, Strategy, Supervisor,
+    Watched,
 };
 use hydroboom_description::Description;
-use hydroboom_design::model_following;
+use hydroboom_design::{conditions, flow_balance, schedule};
 use hydroboom_model::hydraulics::Cylinder;
 
 /// The simulation may be so far from the machine in closed loop before the benchmark takes over
@@ -25,6 +25,8 @@ const RECOVERY: f64 = 2.0;
 const BEHIND: f64 = 500.0;
 /// A bump that a switch to open loop or to model following would make dies out with this time constant \[s\].
 const BUMP: f64 = 0.3;
+/// A reading that is older than so many periods teaches nothing.
+const FRESH: f64 = 5.5;
 /// A simulation that was set to the machine's state is followed again after it was true for so
 /// long \[s\].
 const TRUSTED: f64 = 0.5;
@@ -72,6 +74,8 @@ pub struct Record {
     pub strategy: Strategy,
     /// Whether the benchmark had to take over from a simulation that drifted away or failed.
     pub fallback: bool,
+    /// What is known of the machine beyond its description; none where nothing is learned.
+    pub known: Option<Known>,
     /// How the tasks were on time; none in simulated time.
     pub deadlines: Option<Deadlines>,
 }
@@ -131,9 +135,11 @@ pub struct ControlTask {
     memory: BenchmarkMemory<f64>,
     simulated_memory: BenchmarkMemory<f64>,
     /// Model following; none for a crane that has no such design.
-    following: Option<ModelFollowing<f64>>,
-    following_memory: FollowingMemory<f64>,
-    deviation_memory: DeviationMemory<f64>,
+    follower: Option<Follower>,
+    /// Whether it learns.
+    learns: bool,
+    /// Under what the description has the crane.
+    described: Conditions,
     /// Whether state feedback steers the simulated crane now.
     follows: bool,
     /// Speed of the simulated crane's motor \[rev/s\].
@@ -172,6 +178,14 @@ pub fn limits(model: &Description, speed: f64) -> Limits {
     }
 }
 
+/// Model following for a crane whose payload is as described; none for a crane that has no such design.
+fn follower(model: &Description) -> Option<Follower> {
+    let schedule = schedule(model).ok()?;
+    let flow = flow_balance(model, &schedule);
+    let nothing = Reading::default();
+    Some(Follower::new(Learner::start(&schedule, &flow, model.numbers.payload, &nothing, 0.0)))
+}
+
 impl ControlTask {
     /// A control task that knows the model, for a course and within limits.
     pub fn new(model: &Description, course: Course, limits: Limits, strategy: Strategy) -> Self {
@@ -182,9 +196,9 @@ impl ControlTask {
             memory: benchmark.start(&nothing),
             simulated_memory: benchmark.start(&nothing),
             // the benchmark steers a crane that has none, as it does where a simulation is not true
-            following: model_following(model).ok(),
-            following_memory: FollowingMemory::default(),
-            deviation_memory: DeviationMemory::default(),
+            follower: follower(model),
+            learns: false,
+            described: conditions(n),
             follows: false,
             benchmark,
             cylinder: model.cylinder(),
@@ -214,6 +228,30 @@ impl ControlTask {
             sequence: 0,
             age: f64::INFINITY,
         }
+    }
+
+    /// Learns of the machine while it is led by model following, beginning with what was learned before, if anything.
+    #[must_use]
+    pub fn learning(mut self, before: Option<&Learned>) -> Self {
+        self.learns = true;
+        if let (Some(follower), Some(learned)) = (&mut self.follower, before) {
+            follower.set_learner(follower.learner().with(*learned));
+        }
+        self
+    }
+
+    /// What was learned; none where nothing was to be.
+    pub fn learned(&self) -> Option<Learned> {
+        self.learner().map(|learner| *learner.learned())
+    }
+
+    fn learner(&self) -> Option<&Learner> {
+        self.follower.as_ref().filter(|_| self.learns).map(Follower::learner)
+    }
+
+    /// Under what the crane is to be simulated.
+    pub fn conditions(&self) -> Conditions {
+        self.learner().map_or(self.described, |learner| learner.known().conditions())
     }
 
     /// Takes another course, if the load is not the controller's just now.
@@ -255,6 +293,7 @@ impl ControlTask {
             self.course_time = -self.course.approach();
         }
         let reference = self.course.reference(self.course_time);
+        self.learn(&reference, &measured, now);
         if controls {
             self.control(&reference, &measured, now);
         } else {
@@ -286,15 +325,40 @@ impl ControlTask {
             decision: self.decision,
             strategy: self.strategy,
             fallback: self.fallback,
+            known: self.learner().map(Learner::known),
             deadlines: now.deadlines,
         };
         self.time += period;
+        if let (Some(follower), true) = (&mut self.follower, self.learns)
+            && self.decision.state == State::Fault
+            && before.state != State::Fault
+        {
+            let mut learner = *follower.learner();
+            learner.forget_the_last();
+            follower.set_learner(learner);
+        }
         match (before.controls, self.decision.controls) {
             (false, true) => self.begin(&measured, now),
             (true, true) => self.course_time += period,
             (_, false) => {}
         }
         record
+    }
+
+    /// What this period tells of the machine: how it goes where the simulation goes, and what the load weighs while valves hold it. Where
+    /// anything is wrong nothing is learned.
+    fn learn(&mut self, reference: &Reference<f64>, measured: &Measured<f64>, now: &Period) {
+        let Some(follower) = self.follower.as_mut().filter(|_| self.learns) else { return };
+        let reading = &self.reading;
+        let is_fresh = self.age < FRESH * self.benchmark.period && now.strategy.follows();
+        let simulated = now.simulated.filter(|s| !s.failed && !self.fallback);
+        match (is_fresh, self.decision.state, simulated) {
+            (true, State::Moving | State::Stopping, Some(simulated)) => {
+                follower.learn(reference, &simulated.seen, reading, measured);
+            }
+            (true, State::Ready | State::Holding, _) => follower.weigh_held(reading, measured),
+            _ => follower.skip(reading),
+        }
     }
 
     /// The strategy asked for; on the way to its beginning a course is measured, whatever comes then.
@@ -321,12 +385,8 @@ impl ControlTask {
         if let Some(simulated) = now.simulated {
             self.epoch = simulated.epoch;
             self.simulated_memory = self.benchmark.start(&simulated.seen.measured());
-            self.following_memory = FollowingMemory::default();
-            if let Some(law) = &self.following {
-                let Measured { stroke, load_pressure } = *measured;
-                let motor_speed = self.reading.motor_speed;
-                let machine = Watched { stroke, load_pressure, motor_speed };
-                self.deviation_memory = law.begin(&machine, &simulated.seen);
+            if let Some(follower) = &mut self.follower {
+                follower.begin(&Watched::of(measured, self.reading.motor_speed), &simulated.seen);
             }
         }
         // what keeps the pump pre-loaded now is what the leakage takes
@@ -339,31 +399,31 @@ impl ControlTask {
     /// The speed the strategy wants.
     fn control(&mut self, reference: &Reference<f64>, measured: &Measured<f64>, now: &Period) {
         let b = &self.benchmark;
-        let Measured { stroke, load_pressure } = *measured;
-        let machine = Watched { stroke, load_pressure, motor_speed: self.reading.motor_speed };
+        let machine = Watched::of(measured, self.reading.motor_speed);
         let velocity_feedforward = b.velocity_feedforward(reference);
         if let Some(simulated) = now.simulated.filter(|s| s.epoch != self.epoch) {
             // it was set to where the machine is, at rest
             self.epoch = simulated.epoch;
             self.steps = simulated.steps;
             self.simulated_memory = b.start(&simulated.seen.measured());
-            self.following_memory = FollowingMemory::default();
-            if let Some(law) = &self.following {
-                self.deviation_memory = law.begin(&machine, &simulated.seen);
+            if let Some(follower) = &mut self.follower {
+                follower.begin(&machine, &simulated.seen);
             }
             (self.simulated_motor, self.behind, self.trusted) = (0.0, 0.0, 0.0);
         }
         let asked = self.asked(now);
-        let law = self.following.as_ref().filter(|_| asked.follows());
+        let has_none = asked.follows() && self.follower.is_none();
         if let Some(simulated) = now.simulated.filter(|s| !s.failed) {
             let seen = &simulated.seen;
-            let (takes_over, motor) = (law.is_some() != self.follows, self.simulated_motor);
-            self.simulated_motor = match law {
-                Some(law) => {
+            let follower = self.follower.as_mut().filter(|_| asked.follows());
+            let follows = follower.is_some();
+            let (takes_over, motor) = (follows != self.follows, self.simulated_motor);
+            self.simulated_motor = match follower {
+                Some(follower) => {
                     if takes_over {
-                        self.following_memory = law.take_over(reference, seen, motor);
+                        follower.take_over(reference, seen, motor);
                     }
-                    law.update(&mut self.following_memory, reference, seen)
+                    follower.lead(reference, seen)
                 }
                 None => {
                     let (memory, seen) = (&mut self.simulated_memory, seen.measured());
@@ -375,7 +435,7 @@ impl ControlTask {
                     b.limits.follow(motor, wanted, b.period)
                 }
             };
-            self.follows = law.is_some();
+            self.follows = follows;
         }
         // a strategy that needs a simulation that is not there, or not true, is not followed
         let most = if asked.measures() { DRIFT } else { 0.5 * OPEN_LOOP_TRACKING };
@@ -388,7 +448,6 @@ impl ControlTask {
         let near = |s: Simulated| (s.seen.stroke - measured.stroke).abs() <= most;
         let is_true = alive && now.simulated.is_some_and(|s| !s.failed && near(s));
         self.fallback |= asked.simulates() && !is_true;
-        let has_none = asked.follows() && law.is_none();
         self.trusted = if is_true && self.fallback { self.trusted + b.period } else { 0.0 };
         // it is followed again only after it was set to the machine's state
         if self.trusted >= TRUSTED && self.epoch != self.fallen_at {
@@ -406,10 +465,9 @@ impl ControlTask {
             false => velocity_feedforward,
         };
         // what the machine differs is watched under any strategy, and known where following begins
-        let watched = self.following.as_ref().zip(now.simulated).filter(|(_, s)| !s.failed);
-        let following = watched.map(|(law, simulated)| {
-            let memory = &mut self.deviation_memory;
-            law.feedback(memory, &machine, &simulated.seen, self.simulated_motor)
+        let watched = self.follower.as_mut().zip(now.simulated).filter(|(_, s)| !s.failed);
+        let following = watched.map(|(follower, simulated)| {
+            follower.answer(&machine, &simulated.seen, self.simulated_motor)
         });
         let changes = strategy != self.strategy;
         if changes && self.strategy.follows() && strategy.measures() {

@@ -14,11 +14,11 @@ use crate::posix::{
     lock_memory, now, pin_to, run_first, stay_awake, stolen, thread_time, wait_until,
 };
 use crate::session::{Attendant, Ending, Lookout, Order};
-use crate::simulation_task::{Simulated, SimulatedState, SimulationTask};
+use crate::simulation_task::{AtRest, Simulated, SimulationTask};
 use crate::slot::Slot;
 use crate::timing::Timing;
 use crate::trouble::Tampering;
-use hydroboom_control::{Decision, Seen};
+use hydroboom_control::{Conditions, Decision, Learned, Seen};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
@@ -77,6 +77,8 @@ pub struct RealTime {
     pub dropped: u64,
     /// What was decided last.
     pub end: Decision,
+    /// What was learned; none where nothing was to be.
+    pub learned: Option<Learned>,
 }
 
 /// Why there was no run.
@@ -93,8 +95,8 @@ pub enum ExecutiveError {
 /// Between both tasks.
 struct Between {
     simulated: Slot<SIMULATED>,
-    /// Whether it shall move, and with which pump speed.
-    pump: Slot<2>,
+    /// Whether it shall move, with which pump speed, and under which conditions.
+    asked: Slot<4>,
     ended: AtomicBool,
     dropped: AtomicU64,
 }
@@ -132,7 +134,7 @@ pub fn run(
     let (simulation_timing, control_timing) = (timing(simulation_period)?, timing(control_period)?);
     let between = Between {
         simulated: Slot::default(),
-        pump: Slot::default(),
+        asked: Slot::default(),
         ended: AtomicBool::new(false),
         dropped: AtomicU64::new(0),
     };
@@ -176,19 +178,19 @@ pub fn run(
         let mut hand_over = |order| match order {
             // a queue that is full has tasks that are not there any more
             Order::Course(course) => drop(courses.push(course)),
-            Order::Synchronise(state) => drop(states.push(*state)),
+            Order::Synchronise(at) => drop(states.push(*at)),
             Order::Tamper(what) => tamper(what),
         };
         collect(to_observe, between, attendant, &mut hand_over);
         let ended = |_| ExecutiveError::Thread;
-        let ((control, end), lost_by_control) = control.join().map_err(ended)?;
+        let ((control, end, learned), lost_by_control) = control.join().map_err(ended)?;
         let (simulation, lost_by_simulation) = simulation.join().map_err(ended)?;
         lost.extend(lost_by_simulation);
         lost.extend(lost_by_control);
         let dropped = between.dropped.load(Ordering::Relaxed);
         let taken = |k: usize| Some(stolen(cores[k])? - stolen_before[k]?);
         let stolen = taken(0).zip(taken(1)).map(|(simulation, control)| [simulation, control]);
-        Ok(RealTime { simulation, control, lost, stolen, dropped, end })
+        Ok(RealTime { simulation, control, lost, stolen, dropped, end, learned })
     })
 }
 
@@ -258,7 +260,7 @@ fn from_words(words: &[u64; SIMULATED]) -> (Simulated, Shown) {
 fn simulate(
     mut task: SimulationTask,
     between: &Between,
-    mut states: Consumer<SimulatedState>,
+    mut states: Consumer<AtRest>,
     mut timing: Timing,
     spin: u64,
 ) -> Timing {
@@ -285,11 +287,13 @@ fn simulate(
         for _ in 0..steps {
             let clock = now();
             let before = thread_time();
-            if let Ok(state) = states.pop() {
-                task.synchronise(state);
+            if let Ok(at) = states.pop() {
+                task.synchronise(&at);
             }
-            if let Some((_, words)) = between.pump.read() {
-                pump = (words[0] == 1).then(|| f64::from_bits(words[1]));
+            if let Some((_, [moves, numbers @ ..])) = between.asked.read() {
+                let [speed, payload, transition] = numbers.map(f64::from_bits);
+                pump = (moves == 1).then_some(speed);
+                task.set_conditions(&Conditions { payload, transition });
             }
             if let Some(speed) = pump {
                 task.step(speed);
@@ -315,7 +319,11 @@ struct Steering<'a> {
 }
 
 /// The control task's cycle, until the load is held and nothing more is to be done.
-fn steer(with: Steering<'_>, between: &Between, mut timing: Timing) -> (Timing, Decision) {
+fn steer(
+    with: Steering<'_>,
+    between: &Between,
+    mut timing: Timing,
+) -> (Timing, Decision, Option<Learned>) {
     let Steering { mut task, mut machine, desk, mut courses, mut records, ending, spin } = with;
     let mut operator = Operator::new(false);
     let first = now();
@@ -362,7 +370,10 @@ fn steer(with: Steering<'_>, between: &Between, mut timing: Timing) -> (Timing, 
         sequence += 1;
         machine.write(sequence, &record.decision.command);
         let pump = task.simulated_motor();
-        between.pump.publish([u64::from(pump.is_some()), pump.unwrap_or(0.0).to_bits()]);
+        let Conditions { payload, transition } = task.conditions();
+        let [speed, payload, transition] =
+            [pump.unwrap_or(0.0), payload, transition].map(f64::to_bits);
+        between.asked.publish([u64::from(pump.is_some()), speed, payload, transition]);
         if records.push(record).is_err() {
             between.dropped.fetch_add(1, Ordering::Relaxed);
         }
@@ -375,7 +386,7 @@ fn steer(with: Steering<'_>, between: &Between, mut timing: Timing) -> (Timing, 
             false => 0,
         };
         if done_for > RESTED {
-            return (timing, record.decision);
+            return (timing, record.decision, task.learned());
         }
     }
 }

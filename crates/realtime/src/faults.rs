@@ -69,7 +69,7 @@ pub fn inject(
     fault: Fault,
     moment: &Moment,
 ) -> Result<Outcome, PlantError> {
-    let mut run = Lockstep::new(model, machine, motion, strategy)?;
+    let mut run = Lockstep::new(model, machine, motion, strategy)?.learning(None);
     let mut operator = Operator::new(true);
     let mut trouble = Trouble::new(machine);
     // periods since it went wrong

@@ -17,6 +17,7 @@ pub mod executive;
 pub mod fault;
 pub mod faults;
 pub mod host;
+pub mod learned_file;
 pub mod lockstep;
 pub mod log;
 pub mod machine;

@@ -10,7 +10,7 @@ use crate::posix::{now, wait_until};
 use crate::session::{Lookout, Order};
 use crate::simulation_task::SimulationTask;
 use crate::trouble::{Tampering, Trouble};
-use hydroboom_control::{Command, Decision, Path, Strategy};
+use hydroboom_control::{Command, Decision, Learned, Path, Strategy};
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
@@ -92,7 +92,7 @@ impl Lockstep {
         let course = Course::new(Arc::new(path));
         Ok(Self {
             control: ControlTask::new(model, course, limits(model, speed), strategy),
-            simulation: SimulationTask::new(model, &model.start(begin))?,
+            simulation: SimulationTask::new(model, begin)?,
             machine: VirtualCrane::new(machine, &start)?,
             steps: (n.control_period / n.simulation_period).round() as u32,
             sequence: 0,
@@ -137,6 +137,7 @@ impl Lockstep {
             deadlines: None,
         });
         operator.see(&record.decision);
+        self.simulation.set_conditions(&self.control.conditions());
         if let Some(speed) = self.control.simulated_motor() {
             (0..disturbance.steps(self.steps)).for_each(|_| self.simulation.step(speed));
         }
@@ -151,11 +152,23 @@ impl Lockstep {
         Ok(record)
     }
 
+    /// Learns of the machine, beginning with what was learned before, if anything.
+    #[must_use]
+    pub fn learning(mut self, before: Option<&Learned>) -> Self {
+        self.control = self.control.learning(before);
+        self
+    }
+
+    /// What was learned; none where nothing was to be.
+    pub fn learned(&self) -> Option<Learned> {
+        self.control.learned()
+    }
+
     /// Takes an order, but for tampering with the machine, which is a disturbance.
     pub fn take(&mut self, order: Order) -> Option<Tampering> {
         match order {
             Order::Course(course) => self.control.take(course),
-            Order::Synchronise(state) => self.simulation.synchronise(*state),
+            Order::Synchronise(at) => self.simulation.synchronise(&at),
             Order::Tamper(what) => return Some(what),
         }
         None
@@ -183,7 +196,7 @@ const ORDERS: u32 = 20;
 /// Periods for which the load has to rest before a run ends.
 const RESTED: u32 = 200;
 
-/// Runs a session in simulated time; what was decided last.
+/// Runs a session in simulated time; what was decided last, and what was learned.
 ///
 /// # Errors
 ///
@@ -193,7 +206,7 @@ pub fn run(
     machine: &Description,
     lookout: Lookout<'_>,
     pace: Pace,
-) -> Result<Decision, SimulationError> {
+) -> Result<(Decision, Option<Learned>), SimulationError> {
     let Lookout { desk, attendant, ending } = lookout;
     let mut operator = Operator::new(false);
     let mut watched = Watched { trouble: Trouble::new(machine), desk };
@@ -217,7 +230,7 @@ pub fn run(
             false => 0,
         };
         if rested > RESTED {
-            return Ok(record.decision);
+            return Ok((record.decision, lockstep.learned()));
         }
         if pace == Pace::Clock {
             // who fell behind goes on from now

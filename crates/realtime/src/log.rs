@@ -60,7 +60,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 24] = [
+const NUMBERS: [Number; 28] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("reading_number", |r| Some(r.sequence as f64)),
@@ -79,6 +79,10 @@ const NUMBERS: [Number; 24] = [
     ("command_motor_speed_rpm", |r| Some(r.decision.command.motor_speed * 60.0)),
     ("command_holding_valve", |r| Some(r.decision.command.holding_valve)),
     ("controls", |r| Some(f64::from(u8::from(r.decision.controls)))),
+    ("known_payload_kg", |r| r.known.map(|k| k.payload)),
+    ("known_transition_bar", |r| r.known.map(|k| k.balance.transition * 1e-5)),
+    ("known_flow_gain", |r| r.known.map(|k| k.balance.flow_gain)),
+    ("known_leakage_l_min", |r| r.known.map(|k| k.balance.leakage * 60e3)),
     ("control_late_us", |r| r.deadlines.map(|d| d.control_late as f64 * 1e-3)),
     ("control_execution_us", |r| r.deadlines.map(|d| d.control_execution as f64 * 1e-3)),
     ("control_missed", |r| r.deadlines.map(|d| d.control_missed as f64)),
@@ -220,6 +224,8 @@ pub struct Row {
     pub cause: String,
     /// The strategy at work.
     pub strategy: Strategy,
+    /// Whether something was learned of the machine.
+    pub learns: bool,
 }
 
 /// Calls with every message of a log, in order. A log that was cut off is read up to where it was.
@@ -318,5 +324,6 @@ fn row(value: &Value) -> Result<Row, String> {
         cause: text("cause")?.into(),
         strategy: Strategy::from_name(strategy)
             .ok_or_else(|| format!("no strategy \"{strategy}\""))?,
+        learns: value["known_payload_kg"].is_number(),
     })
 }

@@ -4,8 +4,8 @@ use crate::control_task::{ControlTask, Period, Record, limits};
 use crate::course::Course;
 use crate::log::Row;
 use crate::machine::{Incoming, Machine};
-use crate::simulation_task::SimulationTask;
-use hydroboom_control::{Command, Path, Reading, Reference, Request, State, Strategy};
+use crate::simulation_task::{AtRest, SimulationTask};
+use hydroboom_control::{Command, Learned, Path, Reading, Reference, Request, State, Strategy};
 use hydroboom_description::Description;
 use hydroboom_plant::PlantError;
 use std::sync::Arc;
@@ -63,7 +63,7 @@ impl Path for Recorded {
 }
 
 /// The tasks beside a log: what they decide about its readings now, row for row. `strategy` stands in
-/// for the logged one.
+/// for the logged one. A log of a run that learned is learned from again, beginning with what was known `before` it.
 ///
 /// # Errors
 ///
@@ -72,6 +72,7 @@ pub fn replay(
     model: &Description,
     rows: &[Row],
     strategy: Option<Strategy>,
+    before: Option<&Learned>,
 ) -> Result<Vec<Record>, PlantError> {
     let n = &model.numbers;
     let steps = (n.control_period / n.simulation_period).round() as u32;
@@ -83,7 +84,10 @@ pub fn replay(
         Recorded { from: 0.0, period: n.control_period, references: vec![], speed: n.fast };
     let resting = Course::new(Arc::new(resting));
     let mut control = ControlTask::new(model, resting, limits(model, n.fast), chosen);
-    let mut simulation = SimulationTask::new(model, &model.start(begin))?;
+    if rows.iter().any(|row| row.learns) {
+        control = control.learning(before);
+    }
+    let mut simulation = SimulationTask::new(model, begin)?;
     let mut machine = Replay::new(rows);
     let mut records = Vec::with_capacity(rows.len());
     let mut state = State::Idle;
@@ -91,7 +95,7 @@ pub fn replay(
         if begins(rows, k) {
             let course = recorded(model, &rows[k..]);
             let stroke = course.reference(-course.approach()).position;
-            simulation.synchronise(crate::simulation_task::at_rest(model, &model.start(stroke))?.1);
+            simulation.synchronise(&AtRest::new(model, &control.conditions(), stroke)?);
             control.take(course);
         }
         let record = control.period(&Period {
@@ -105,6 +109,7 @@ pub fn replay(
             deadlines: None,
         });
         state = record.decision.state;
+        simulation.set_conditions(&control.conditions());
         if let Some(speed) = control.simulated_motor() {
             (0..steps).for_each(|_| simulation.step(speed));
         }

@@ -5,10 +5,11 @@ use crate::control_task::Record;
 use crate::course::Course;
 use crate::desk::Desk;
 use crate::operator::Operator;
-use crate::simulation_task::{SimulatedState, at_rest};
+use crate::simulation_task::AtRest;
 use crate::trouble::Tampering;
-use hydroboom_control::{Cause, Decision, Path, State};
+use hydroboom_control::{Cause, Conditions, Decision, Path, State};
 use hydroboom_description::Description;
+use hydroboom_design::conditions;
 use hydroboom_plant::PlantError;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -44,8 +45,8 @@ pub struct Lookout<'a> {
 pub enum Order {
     /// The course to be run when the operator wants it.
     Course(Course),
-    /// The simulation goes on from this state.
-    Synchronise(Box<SimulatedState>),
+    /// The simulation goes on from here.
+    Synchronise(Box<AtRest>),
     /// Something is done to the virtual machine.
     Tamper(Tampering),
 }
@@ -98,6 +99,8 @@ pub struct Session {
     synchronised: u32,
     /// How often over all courses.
     synchronised_in_all: u32,
+    /// Under what the simulation was set to a state last.
+    conditions: Conditions,
 }
 
 impl Session {
@@ -115,6 +118,7 @@ impl Session {
             rested: 0.0,
             synchronised: 0,
             synchronised_in_all: 0,
+            conditions: conditions(&model.numbers),
         }
     }
 
@@ -174,11 +178,11 @@ impl Session {
             None => Course::new(Arc::clone(&path)),
         };
         let stroke = if course.approach() > 0.0 { self.stroke(begin) } else { begin };
-        let state = self.state_at(stroke)?;
+        let at = self.at_rest(stroke)?;
         self.paths.retain(|path| Arc::strong_count(path) > 1);
         self.paths.push(path);
         (self.hung, self.hanging, self.synchronised) = (hung, 0, 0);
-        Ok(vec![Order::Course(course), Order::Synchronise(Box::new(state))])
+        Ok(vec![Order::Course(course), Order::Synchronise(Box::new(at))])
     }
 
     /// What is due by itself.
@@ -191,17 +195,25 @@ impl Session {
                 self.hanging += 1;
             }
         }
+        let is_held = self.last.is_some_and(|r| r.course_time.is_none());
+        if is_held && self.conditions.differ(&self.known()) {
+            // weighed while it is held: the simulation rests with what hangs there
+            orders.extend(self.at_rest_again());
+        }
         if self.rested >= RESTED && self.synchronised < MOST_SYNCHRONISATIONS {
             self.rested = 0.0;
             self.synchronised += 1;
-            let begin = self.model.numbers.motion_start;
-            // a piston where the model cannot be is one that the simulation cannot follow
-            if let Ok(state) = self.state_at(self.stroke(begin)) {
-                self.synchronised_in_all += 1;
-                orders.push(Order::Synchronise(Box::new(state)));
-            }
+            let order = self.at_rest_again();
+            self.synchronised_in_all += u32::from(order.is_some());
+            orders.extend(order);
         }
         orders
+    }
+
+    /// The simulation set to rest where the piston is; none where the model cannot be there, and the simulation not follow.
+    fn at_rest_again(&mut self) -> Option<Order> {
+        let stroke = self.stroke(self.model.numbers.motion_start);
+        self.at_rest(stroke).ok().map(|at| Order::Synchronise(Box::new(at)))
     }
 
     /// Where the piston is \[m\].
@@ -210,7 +222,15 @@ impl Session {
         stroke.unwrap_or(otherwise).clamp(0.0, self.model.numbers.stroke)
     }
 
-    fn state_at(&self, stroke: f64) -> Result<SimulatedState, PlantError> {
-        at_rest(&self.model, &self.model.start(stroke)).map(|(_, state)| state)
+    /// Rest at a position \[m\], under what is known by now.
+    fn at_rest(&mut self, stroke: f64) -> Result<AtRest, PlantError> {
+        self.conditions = self.known();
+        AtRest::new(&self.model, &self.conditions, stroke)
+    }
+
+    /// Under what the crane is by now.
+    fn known(&self) -> Conditions {
+        let known = self.last.and_then(|record| record.known);
+        known.map_or(conditions(&self.model.numbers), |known| known.conditions())
     }
 }

@@ -1,12 +1,39 @@
 //! The simulation beside the machine: a step of 50 us at a time.
 
-use hydroboom_control::Seen;
+use hydroboom_control::{Conditions, Seen};
 use hydroboom_description::{BuildError, Description};
-use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation, Start};
+use hydroboom_design::{conditions, under};
+use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation};
 use hydroboom_plant::PlantError;
 
-/// State of the simulated crane, three segments.
-pub type SimulatedState = CraneState<f64, 3>;
+/// Time constant in which a simulated crane that moves takes on what was learned \[s\]: at once it would jump with its load.
+const TAKEN_ON: f64 = 0.5;
+
+/// A crane at rest, three segments.
+#[derive(Clone, Copy, Debug)]
+pub struct AtRest {
+    conditions: Conditions,
+    crane: Crane<f64, 3>,
+    state: CraneState<f64, 3>,
+}
+
+impl AtRest {
+    /// The model under conditions, at rest with its piston at a position \[m\] and its pump pre-loaded. Takes milliseconds: not for a
+    /// real-time cycle.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when the description gives no model of three segments, or no state of rest.
+    pub fn new(
+        model: &Description,
+        conditions: &Conditions,
+        stroke: f64,
+    ) -> Result<Self, PlantError> {
+        let crane = model.crane_over(&under(conditions, &model.numbers))?;
+        let state = crane.at_rest(&model.start(stroke)).map_err(BuildError::from)?;
+        Ok(Self { conditions: *conditions, crane, state })
+    }
+}
 
 /// What the simulation shows the controller, and who looks on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,36 +52,32 @@ pub struct Simulated {
 
 /// The simulated crane, three segments, published scheme.
 pub struct SimulationTask {
+    model: Description,
+    /// Under what it is simulated, and is to be.
+    conditions: Conditions,
+    wanted: Conditions,
     simulation: Simulation<3>,
     simulated: Simulated,
 }
 
-/// The model, and its state at rest. Takes milliseconds: not for a real-time cycle.
-///
-/// # Errors
-///
-/// [`PlantError`] when the description gives no model of three segments, or no state of rest.
-pub fn at_rest(
-    model: &Description,
-    start: &Start,
-) -> Result<(Crane<f64, 3>, SimulatedState), PlantError> {
-    let crane = model.crane::<3>()?;
-    let state = crane.at_rest(start).map_err(BuildError::from)?;
-    Ok((crane, state))
-}
-
 impl SimulationTask {
-    /// A simulated crane at rest, pump pre-loaded.
+    /// A simulated crane as described, at rest with its piston at a position \[m\] and its pump pre-loaded.
     ///
     /// # Errors
     ///
     /// [`PlantError`] when the description gives no model of three segments, or no state of rest.
-    pub fn new(model: &Description, start: &Start) -> Result<Self, PlantError> {
-        let (crane, state) = at_rest(model, start)?;
+    pub fn new(model: &Description, stroke: f64) -> Result<Self, PlantError> {
+        let at = AtRest::new(model, &conditions(&model.numbers), stroke)?;
         let step = model.numbers.simulation_period;
-        let simulation = Simulation::new(crane, state, Scheme::Published, step)
+        let simulation = Simulation::new(at.crane, at.state, Scheme::Published, step)
             .map_err(PlantError::Simulation)?;
-        let mut task = Self { simulation, simulated: Simulated::default() };
+        let mut task = Self {
+            model: model.clone(),
+            conditions: at.conditions,
+            wanted: at.conditions,
+            simulation,
+            simulated: Simulated::default(),
+        };
         task.look();
         Ok(task)
     }
@@ -63,6 +86,9 @@ impl SimulationTask {
     pub fn step(&mut self, pump_speed: f64) {
         if self.simulated.failed {
             return;
+        }
+        if self.conditions.differ(&self.wanted) {
+            self.take_on();
         }
         match self.simulation.advance(&Input { pump_speed, holding_valve: 1.0 }, 1) {
             Ok(()) => {
@@ -73,9 +99,28 @@ impl SimulationTask {
         }
     }
 
-    /// Goes on from another state, also after it has failed. A state that is not valid is left out.
-    pub fn synchronise(&mut self, state: SimulatedState) {
-        if self.simulation.set_state(state).is_ok() {
+    /// Takes on what is known by now, as it moves.
+    pub fn set_conditions(&mut self, now: &Conditions) {
+        self.wanted = *now;
+    }
+
+    /// Nearer to the conditions that are wanted. It takes a tenth of a microsecond.
+    fn take_on(&mut self) {
+        let share = self.simulation.step() / TAKEN_ON;
+        let Conditions { payload, transition } = &mut self.conditions;
+        *payload += share * (self.wanted.payload - *payload);
+        *transition += share * (self.wanted.transition - *transition);
+        // the crane is of the make that it was, so that there is one
+        if let Ok(crane) = self.model.crane_over(&under(&self.conditions, &self.model.numbers)) {
+            self.simulation.set_crane(crane);
+        }
+    }
+
+    /// Goes on from rest, also after it has failed. A state that is not valid is left out.
+    pub fn synchronise(&mut self, at: &AtRest) {
+        if self.simulation.set_state(at.state).is_ok() {
+            self.simulation.set_crane(at.crane);
+            self.conditions = at.conditions;
             self.simulated.failed = false;
             self.simulated.epoch += 1;
             self.look();

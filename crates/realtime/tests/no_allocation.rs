@@ -28,15 +28,18 @@ fn simulation_control_and_exchange_allocate_nothing() {
 
 fn allocate_nothing(strategy: Strategy) {
     let model = Description::uia_single_boom().unwrap();
-    let crane = Description::uia_virtual().unwrap();
+    // what hangs there is learned, and simulated then
+    let mut crane = Description::uia_virtual().unwrap();
+    crane.set("payload.mass_kg=150").unwrap();
     let motion = crane.motion(model.numbers.fast);
     let mut start: Start = crane.start(motion.start);
     start.preload = 0.0;
     let mut machine = VirtualCrane::new(&crane, &start).unwrap();
     let path: Arc<dyn Path> = Arc::new(motion);
     let course = Course::new(Arc::clone(&path));
-    let mut control = ControlTask::new(&model, course, limits(&model, motion.speed), strategy);
-    let mut simulation = SimulationTask::new(&model, &model.start(motion.start)).unwrap();
+    let control = ControlTask::new(&model, course, limits(&model, motion.speed), strategy);
+    let mut control = control.learning(None);
+    let mut simulation = SimulationTask::new(&model, motion.start).unwrap();
     let mut timing = Timing::new(1_000_000).unwrap();
     let slot = Slot::<4>::default();
     let path = std::env::temp_dir().join(format!("hydroboom-test-{}", std::process::id()));
@@ -44,6 +47,7 @@ fn allocate_nothing(strategy: Strategy) {
     let mut shared = Shared::create(&path).unwrap();
     std::fs::remove_file(&path).unwrap();
 
+    let before = control.conditions();
     let mut moved = false;
     let mut state = State::Idle;
     for k in 0..8000_u64 {
@@ -68,6 +72,7 @@ fn allocate_nothing(strategy: Strategy) {
                 deadlines: None,
             });
             shared.write(k, &record.decision.command);
+            simulation.set_conditions(&control.conditions());
             for _ in 0..20 {
                 if let Some(speed) = control.simulated_motor() {
                     simulation.step(speed);
@@ -83,4 +88,5 @@ fn allocate_nothing(strategy: Strategy) {
         machine.advance(&record.decision.command).unwrap();
     }
     assert!(moved, "it ended in {state:?}");
+    assert!(before.differ(&control.conditions()) == strategy.follows());
 }

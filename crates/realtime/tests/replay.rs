@@ -19,11 +19,22 @@ fn logged(
     wrong: Option<(Fault, f64)>,
     stop: f64,
 ) -> (Description, Vec<Record>, std::path::PathBuf) {
+    let strategy = Strategy::SimulationFeedforwardClosedLoop;
+    logged_with(name, strategy, false, wrong, stop)
+}
+
+fn logged_with(
+    name: &str,
+    strategy: Strategy,
+    learns: bool,
+    wrong: Option<(Fault, f64)>,
+    stop: f64,
+) -> (Description, Vec<Record>, std::path::PathBuf) {
     let model = Description::uia_single_boom().unwrap();
     let crane = Description::uia_virtual().unwrap();
     let motion = crane.motion(model.numbers.fast);
-    let strategy = Strategy::SimulationFeedforwardClosedLoop;
-    let mut run = Lockstep::new(&model, &crane, motion, strategy).unwrap();
+    let run = Lockstep::new(&model, &crane, motion, strategy).unwrap();
+    let mut run = if learns { run.learning(None) } else { run };
     let (mut operator, mut trouble) = (Operator::new(true), Trouble::new(&crane));
     let path = std::env::temp_dir().join(format!("hydroboom-{}-{name}.mcap", std::process::id()));
     let mut log = LogWriter::begin(&path).unwrap();
@@ -53,7 +64,7 @@ fn replayed_readings_lead_to_the_same_commands() {
     let (model, records, path) = logged("whole", None, 12.0);
     let rows = rows(&path).unwrap();
     std::fs::remove_file(path).unwrap();
-    let again = replay(&model, &rows, None).unwrap();
+    let again = replay(&model, &rows, None, None).unwrap();
     assert_eq!(again.len(), records.len());
     assert!(records.iter().any(|r| r.course_time.is_some_and(|t| t > 8.0)), "it did not move");
     for (then, now) in records.iter().zip(&again) {
@@ -68,11 +79,25 @@ fn replayed_readings_lead_to_the_same_commands() {
     assert!(rms < 0.01, "{rms} rev/s");
     assert!(apart.iter().all(|d| d.abs() < 0.2));
     // and a strategy that was not there then decides otherwise
-    let other = replay(&model, &rows, Some(Strategy::VelocityFeedforward)).unwrap();
+    let other = replay(&model, &rows, Some(Strategy::VelocityFeedforward), None).unwrap();
     let differ = |(a, b): (&Record, &Record)| {
         (a.decision.command.motor_speed - b.decision.command.motor_speed).abs() > 0.1
     };
     assert!(again.iter().zip(&other).any(differ));
+}
+
+/// Learned from the same readings, the same is known.
+#[test]
+fn a_replayed_run_learns_what_it_learned() {
+    let (model, records, path) =
+        logged_with("learning", Strategy::ModelFollowing, true, None, 12.0);
+    let rows = rows(&path).unwrap();
+    std::fs::remove_file(path).unwrap();
+    let again = replay(&model, &rows, None, None).unwrap();
+    let flow_gain = |records: &[Record]| records.last().unwrap().known.unwrap().balance.flow_gain;
+    let (then, now) = (flow_gain(&records), flow_gain(&again));
+    assert!((then / model.numbers.flow_gain - 1.0).abs() > 5e-3, "nothing was learned: {then}");
+    assert!((now / then - 1.0).abs() < 1e-6, "{now} for {then}");
 }
 
 #[test]
@@ -87,5 +112,5 @@ fn a_replayed_fault_is_found_again() {
     };
     let then = found(&records);
     assert_eq!(then.and_then(|(_, cause)| cause), Some(Cause::NotANumber));
-    assert_eq!(found(&replay(&model, &rows, None).unwrap()), then);
+    assert_eq!(found(&replay(&model, &rows, None, None).unwrap()), then);
 }

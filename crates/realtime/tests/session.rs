@@ -2,11 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Cause, Motion, State, Strategy};
+use hydroboom_control::{Cause, Learned, Motion, State, Strategy};
 use hydroboom_description::Description;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::desk::Desk;
-use hydroboom_realtime::fault::Fault;
+use hydroboom_realtime::fault::{Fault, Sensor};
 use hydroboom_realtime::lockstep::{Lockstep, Pace, run};
 use hydroboom_realtime::session::{Attendant, Ending, Lookout, Order, Session};
 use hydroboom_realtime::trouble::Tampering;
@@ -73,13 +73,27 @@ impl Cranes {
     }
 
     fn play(&self, strategy: Strategy, acts: Vec<(f64, Act)>) -> Script {
+        self.learned(strategy, acts, None).0
+    }
+
+    /// A session that learns, if anything is said of what was learned before; and what it has learned.
+    fn learned(
+        &self,
+        strategy: Strategy,
+        acts: Vec<(f64, Act)>,
+        before: Option<Option<&Learned>>,
+    ) -> (Script, Option<Learned>) {
         let desk = Arc::new(Desk::new(strategy));
         let session = Session::new(&self.model);
         let mut script = Script { session, desk: Arc::clone(&desk), acts, records: vec![] };
         let lockstep = Lockstep::new(&self.model, &self.machine, self.motion(), strategy).unwrap();
         let lookout = Lookout { desk: &desk, attendant: &mut script, ending: Ending::OnceClosed };
-        run(lockstep, &self.machine, lookout, Pace::Free).unwrap();
-        script
+        let lockstep = match before {
+            Some(before) => lockstep.learning(before),
+            None => lockstep,
+        };
+        let (_, learned) = run(lockstep, &self.machine, lookout, Pace::Free).unwrap();
+        (script, learned)
     }
 }
 
@@ -265,5 +279,64 @@ impl Attendant for Soak {
         let orders = self.session.prepare(Arc::new(self.motion), vec![]).unwrap();
         self.desk.start();
         orders
+    }
+}
+
+/// Another payload, oil and pump than the crane file's: the load is weighed while it is held, the oil and the pump are learned on the way,
+/// and a later session begins with that.
+#[test]
+fn what_is_learned_of_a_machine_is_simulated_and_kept() {
+    let cranes =
+        Cranes::new(&["payload.mass_kg=210", "oil.transition_bar=28", "pump.flow_gain=0.95"]);
+    let motion = cranes.motion();
+    let acts = || vec![(2.0, Act::Start(motion)), (motion.duration() + 20.0, Act::Close)];
+    let steered = |before| cranes.learned(Strategy::ModelFollowing, acts(), before);
+    let (told, nothing) = steered(None);
+    let (script, learned) = steered(Some(None));
+    let learned = learned.unwrap();
+    let (again, _) = steered(Some(Some(&learned)));
+    assert!(nothing.is_none() && told.records.iter().all(|r| r.known.is_none()));
+    let [told, first, again] = [&told, &script, &again].map(|s| rms_mm(&s.records));
+    assert!(first < 0.5 * told && again < 0.5 * told, "{told}, then {first} and {again} mm");
+    let balance = learned.flow.balance;
+    assert!((learned.payload - 210.0).abs() < 30.0, "{} kg", learned.payload);
+    assert!((balance.flow_gain - 0.95).abs() < 0.01, "{balance:?}");
+    assert!((balance.transition - 28e5).abs() < 3e5, "{balance:?}");
+    // before the pump has moved anything nothing is known of it, but what hangs there is, and the simulation rests with that
+    let begun = script.records.iter().find(|r| r.course_time.is_some()).unwrap();
+    let [known, seen] = [begun.known.unwrap().payload, begun.simulated.unwrap().seen.load_pressure];
+    assert!((known - 210.0).abs() < 30.0, "{known} kg");
+    let measured = begun.reading.pressure_a;
+    assert!((seen - measured).abs() < 8e5, "simulated {seen} Pa, measured {measured} Pa");
+    assert!(script.records.iter().all(|r| !r.fallback), "the simulation was not followed");
+}
+
+/// What a sensor says once it is broken is found out later than it begins: what was learned of it is forgotten.
+#[test]
+fn a_broken_sensor_teaches_nothing() {
+    let cranes = Cranes::new(&[]);
+    let motion = cranes.motion();
+    let (position, pressure_a, motor_speed) = (0, 2, 6);
+    let wrong = [
+        Fault::Sensor(position, Sensor::Stuck),
+        Fault::Sensor(position, Sensor::Delayed),
+        Fault::Sensor(pressure_a, Sensor::Stuck),
+        Fault::Sensor(motor_speed, Sensor::Stuck),
+        Fault::DriveSaturated,
+    ];
+    for fault in wrong {
+        let acts = vec![
+            (0.5, Act::Start(motion)),
+            (9.0, Act::Tamper(Tampering::Fault(fault))),
+            (14.0, Act::Close),
+        ];
+        let (script, learned) = cranes.learned(Strategy::ModelFollowing, acts, Some(None));
+        let kept = learned.unwrap().flow.balance;
+        let found = script.session.fault().unwrap_or_else(|| panic!("{fault:?} is not found")).time;
+        let known = |r: &Record| r.known.unwrap().balance;
+        let sound = script.records.iter().filter(|r| (found - 1.1..9.0).contains(&r.time));
+        assert!(sound.clone().any(|r| known(r) == kept), "{fault:?}: keeps {kept:?}");
+        let meanwhile = script.records.iter().find(|r| r.time > found - 2e-3).unwrap();
+        assert!(known(meanwhile) != kept, "{fault:?}: no test, for nothing was learned meanwhile");
     }
 }

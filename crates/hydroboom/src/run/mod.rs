@@ -10,7 +10,7 @@ use crate::crane_file::{CraneFile, text};
 use crate::output;
 use crate::virtual_crane::strategies;
 use clap::Args;
-use hydroboom_control::{Path, Strategy};
+use hydroboom_control::{Learned, Path, Strategy};
 use hydroboom_dashboard::{Dashboard, Setup};
 use hydroboom_description::Description;
 use hydroboom_lab::paper;
@@ -19,6 +19,7 @@ use hydroboom_realtime::control_task::{ControlTask, limits};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
 use hydroboom_realtime::executive::{self, Placement, RealTime, Tasks};
+use hydroboom_realtime::learned_file;
 use hydroboom_realtime::lockstep::{self, Lockstep, Pace};
 use hydroboom_realtime::log::LogWriter;
 use hydroboom_realtime::session::{Ending, Lookout, Session};
@@ -36,7 +37,7 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom run --auto\n  hydroboom run --auto --strategy \
     benchmark-closed-loop --speed-mm-s 25\n  hydroboom run --dashboard\n  hydroboom run --auto --simulated-time\n  \
-    hydroboom run --replay run.mcap\n\n\
+    hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy model-following --learned crane.json\n\n\
     Ctrl-C stops under control, a second Ctrl-C holds the load at once.\n\
     The supervisor is no safety function in the sense of ISO 13849: at a real machine a hardware \
     emergency stop stays.")]
@@ -73,6 +74,13 @@ pub struct Run {
     /// Let the dashboard be reached from other computers, without encryption.
     #[arg(long, requires = "dashboard")]
     allow_remote: bool,
+    /// What model following learns of the machine (payload, oil, pump): begin with what this file says, where it is
+    /// there, and write it at the end.
+    #[arg(long, value_name = "FILE", conflicts_with = "no_learning")]
+    learned: Option<PathBuf>,
+    /// Learn nothing of the machine: its payload and oil are the crane file's.
+    #[arg(long)]
+    no_learning: bool,
     /// Log to write, MCAP: Foxglove and PlotJuggler open it, `hydroboom log to-csv` converts it.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -91,6 +99,14 @@ pub struct Run {
     json: bool,
 }
 
+/// What is learned of the machine.
+enum Learning {
+    /// Nothing.
+    Nothing,
+    /// All that can be, beginning with what was learned before.
+    From(Option<Box<Learned>>),
+}
+
 /// What runs, and with what.
 struct Cranes {
     model: Description,
@@ -102,7 +118,7 @@ impl Run {
     pub fn run(self) -> Result<()> {
         let model = self.crane.read()?;
         if let Some(log) = &self.replay {
-            return replay::replay(&model, log, self.json);
+            return replay::replay(&model, log, self.before(&model)?.as_ref(), self.json);
         }
         let machine = match &self.machine {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
@@ -117,29 +133,45 @@ impl Run {
             hydroboom_design::model_following(&cranes.model).into_diagnostic()?;
         }
         let switch = Switch { first: strategy, then, at: 0.5 * wanted.path.duration() };
-        let alone =
-            cranes.beforehand(&wanted, switch, self.simulated_time || self.dashboard.is_some())?;
+        let learning = match self.no_learning {
+            true => Learning::Nothing,
+            false => Learning::From(self.before(&cranes.model)?.map(Box::new)),
+        };
+        let is_needless = self.simulated_time || self.dashboard.is_some();
+        let alone = cranes.beforehand(&wanted, switch, &learning, is_needless)?;
         let desk = Arc::new(Desk::new(strategy));
         let mut watch = self.watch(&cranes, &desk, wanted, switch)?;
-        let real_time = match self.simulated_time {
+        let (real_time, learned) = match self.simulated_time {
             true => {
                 let pace = if self.dashboard.is_some() { Pace::Clock } else { Pace::Free };
                 if self.dashboard.is_some() {
                     attend(&desk)?;
                 }
-                let run = cranes.lockstep(strategy)?;
+                let run = cranes.lockstep(strategy, &learning)?;
                 let lookout =
                     Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
-                lockstep::run(run, &cranes.machine, lookout, pace).into_diagnostic()?;
-                None
+                let ended = lockstep::run(run, &cranes.machine, lookout, pace);
+                (None, ended.into_diagnostic()?.1)
             }
             false => {
                 attend(&desk)?;
-                Some(self.in_real_time(&cranes, strategy, &desk, &mut watch)?)
+                let ended = self.in_real_time(&cranes, strategy, &learning, &desk, &mut watch)?;
+                let learned = ended.learned;
+                (Some(ended), learned)
             }
         };
         watch.close_log();
-        self.conclude(&cranes, &watch, alone.as_ref(), real_time.as_ref())
+        if let (Some(path), Some(learned)) = (&self.learned, &learned) {
+            output::file(path, learned_file::text(&cranes.model, learned).as_bytes())?;
+        }
+        let learned = learned.filter(|_| strategy.follows() || then.follows());
+        self.conclude(&cranes, &watch, alone.as_ref(), learned.as_ref(), real_time.as_ref())
+    }
+
+    /// What was learned before.
+    fn before(&self, model: &Description) -> Result<Option<Learned>> {
+        let path = self.learned.as_ref().filter(|path| path.exists());
+        path.map(|path| learned_file::read(model, path)).transpose().into_diagnostic()
     }
 
     /// Who looks on.
@@ -186,6 +218,7 @@ impl Run {
         &self,
         cranes: &Cranes,
         strategy: Strategy,
+        learning: &Learning,
         desk: &Arc<Desk>,
         watch: &mut Watch,
     ) -> Result<RealTime> {
@@ -200,9 +233,13 @@ impl Run {
         let n = &model.numbers;
         let motion = cranes.machine.motion(n.fast);
         let course = Course::new(Arc::new(motion));
+        let control = ControlTask::new(model, course, limits(model, motion.speed), strategy);
         let tasks = Tasks {
-            control: ControlTask::new(model, course, limits(model, motion.speed), strategy),
-            simulation: SimulationTask::new(model, &model.start(motion.start)).into_diagnostic()?,
+            control: match learning {
+                Learning::From(before) => control.learning(before.as_deref()),
+                Learning::Nothing => control,
+            },
+            simulation: SimulationTask::new(model, motion.start).into_diagnostic()?,
             machine: Box::new(shared),
             periods: (n.simulation_period, n.control_period),
             placement: Placement::default(),
@@ -224,6 +261,7 @@ impl Run {
         cranes: &Cranes,
         watch: &Watch,
         simulated: Option<&CourseResult>,
+        learned: Option<&Learned>,
         real_time: Option<&RealTime>,
     ) -> Result<()> {
         let results = &watch.results;
@@ -233,6 +271,7 @@ impl Run {
             simulated: simulated.filter(|_| real_time.is_some()),
             paper: self.paper(cranes, results),
             synchronised: watch.session().synchronised_in_all(),
+            learned,
             real_time,
         };
         if let Some(path) = &self.report {
@@ -244,7 +283,9 @@ impl Run {
             true => output::json(&report.json())?,
             false => {
                 let mut said = report.text();
-                for (what, path) in [("log", &self.log), ("report", &self.report)] {
+                let files =
+                    [("log", &self.log), ("report", &self.report), ("learned", &self.learned)];
+                for (what, path) in files {
                     if let Some(path) = path {
                         said += &format!("\n{what}: {}", path.display());
                     }
@@ -309,9 +350,13 @@ impl Cranes {
         Box::new(move |speed_mm_s, scenario| cranes.course(speed_mm_s, scenario))
     }
 
-    fn lockstep(&self, strategy: Strategy) -> Result<Lockstep> {
+    fn lockstep(&self, strategy: Strategy, learning: &Learning) -> Result<Lockstep> {
         let motion = self.machine.motion(self.model.numbers.fast);
-        Lockstep::new(&self.model, &self.machine, motion, strategy).into_diagnostic()
+        let run = Lockstep::new(&self.model, &self.machine, motion, strategy).into_diagnostic()?;
+        Ok(match learning {
+            Learning::From(before) => run.learning(before.as_deref()),
+            Learning::Nothing => run,
+        })
     }
 
     /// The course in simulated time, to compare with; none where nobody asks for it, or it is long.
@@ -319,6 +364,7 @@ impl Cranes {
         &self,
         wanted: &Wanted,
         switch: Switch,
+        learning: &Learning,
         is_needless: bool,
     ) -> Result<Option<CourseResult>> {
         if is_needless || wanted.path.duration() > LONGEST_BEFOREHAND {
@@ -331,7 +377,7 @@ impl Cranes {
             .with_switch(switch)
             .with_plan(plan);
         let lookout = Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
-        let run = self.lockstep(switch.first)?;
+        let run = self.lockstep(switch.first, learning)?;
         lockstep::run(run, &self.machine, lookout, Pace::Free).into_diagnostic()?;
         Ok(watch.results.pop())
     }

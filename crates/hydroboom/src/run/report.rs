@@ -2,6 +2,7 @@
 
 use super::watch::CourseResult;
 use crate::output;
+use hydroboom_control::Learned;
 use hydroboom_description::Description;
 use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
@@ -19,6 +20,8 @@ pub struct Report<'a> {
     pub paper: Option<[f64; 2]>,
     /// How often the simulation was set to the machine's state in the midst of a course.
     pub synchronised: u32,
+    /// What was learned, where model following led the machine.
+    pub learned: Option<&'a Learned>,
     /// What the deadlines came to.
     pub real_time: Option<&'a RealTime>,
 }
@@ -40,7 +43,7 @@ impl Report<'_> {
             "courses": self.results, "rms_mm": last.map(|r| r.rms_mm), "peak_mm": last.map(|r| r.peak_mm),
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| [s.rms_mm, s.peak_mm]),
-            "synchronised": self.synchronised, "timing": timing, "processor": processor(),
+            "synchronised": self.synchronised, "learned": self.learned.map(learned_json), "timing": timing, "processor": processor(),
         })
     }
 
@@ -85,10 +88,29 @@ impl Report<'_> {
         if self.synchronised > 0 {
             said += &format!("\nthe simulation was set to the machine {} times", self.synchronised);
         }
+        if let Some(learned) = self.learned {
+            said += &format!("\n{}", self.learned(learned));
+        }
         if let Some(real_time) = self.real_time {
             said += &timing_table(self.model, real_time);
         }
         said
+    }
+
+    /// What was learned, beside what the crane file says.
+    fn learned(&self, learned: &Learned) -> String {
+        let (n, balance) = (&self.model.numbers, &learned.flow.balance);
+        format!(
+            "learned: payload {:.0} kg (crane file {:.0}), oil stiffens at {:.1} +- {:.1} bar ({:.1}), pump delivers {:.3} of its displacement ({:.3}), leakage {:.3} L/min",
+            learned.payload,
+            n.payload,
+            balance.transition * 1e-5,
+            learned.flow.doubt * 1e-5,
+            n.transition * 1e-5,
+            balance.flow_gain,
+            n.flow_gain,
+            balance.leakage * 60e3,
+        )
     }
 
     /// Whether anything grew over many courses.
@@ -112,6 +134,15 @@ impl Report<'_> {
             last.rms_mm,
         ))
     }
+}
+
+fn learned_json(learned: &Learned) -> Value {
+    let balance = &learned.flow.balance;
+    json!({
+        "payload_kg": learned.payload, "transition_bar": balance.transition * 1e-5,
+        "transition_deviation_bar": learned.flow.doubt * 1e-5,
+        "flow_gain": balance.flow_gain, "leakage_l_min": balance.leakage * 60e3,
+    })
 }
 
 /// What else is to be said of the deadlines.

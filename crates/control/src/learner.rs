@@ -1,0 +1,191 @@
+//! What is learned of a machine while it works: what becomes of the oil, and what the load weighs.
+
+use crate::flow_balance::{Balance, FlowBalance, FlowBalanceMemory};
+use crate::{ModelFollowing, Reading, Schedule, Seen};
+
+/// What is known of the machine by now, beyond its description.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Known {
+    /// Payload \[kg\].
+    pub payload: f64,
+    /// Pump flow, leakage and where the oil stiffens.
+    pub balance: Balance<f64>,
+}
+
+impl Known {
+    /// What of it is simulated. The pump's flow is not, but corrected where the machine's motor is told its speed.
+    pub fn conditions(&self) -> Conditions {
+        Conditions { payload: self.payload, transition: self.balance.transition }
+    }
+}
+
+/// Under what a crane is simulated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditions {
+    /// Payload \[kg\].
+    pub payload: f64,
+    /// Pressure at which the oil stiffens, p_c1 \[Pa\].
+    pub transition: f64,
+}
+
+impl Conditions {
+    /// Whether others are worth a change of the simulated crane: a kilogram, a tenth of a bar.
+    pub fn differ(&self, others: &Self) -> bool {
+        (self.payload - others.payload).abs() > 1.0
+            || (self.transition - others.transition).abs() > 1e4
+    }
+}
+
+/// A load that rests differs from the simulated one by more than what friction can hold back \[Pa\].
+const HELD_BY_FRICTION: f64 = 6e5;
+/// Time constant in which the payload is learned at rest \[s\].
+const WEIGHING: f64 = 0.5;
+/// A load is weighed once its pressure has been within so much of its mean over some tenths of a second for half a second:
+/// one that was just hung on swings \[Pa\], \[s\], \[s\].
+const QUIET: (f64, f64, f64) = (2e5, 0.3, 0.5);
+
+/// What was learned a second ago is kept, in steps of half of it \[s\].
+const KEPT: f64 = 0.5;
+
+/// What was learned, to go on with later.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Learned {
+    /// Payload \[kg\].
+    pub payload: f64,
+    /// Of the flow balance.
+    pub flow: FlowBalanceMemory,
+}
+
+/// Learns.
+#[derive(Clone, Copy, Debug)]
+pub struct Learner {
+    schedule: Schedule,
+    flow: FlowBalance,
+    now: Learned,
+    /// What was known half a second to a second ago, and since then; the time since then \[s\].
+    before: [Learned; 2],
+    since: f64,
+    /// Mean of the load pressure, and for how long it has been quiet \[s\].
+    mean: f64,
+    quiet: f64,
+}
+
+impl Learner {
+    /// With a payload \[kg\] thought of, and a load pressure \[Pa\] measured.
+    pub fn start(
+        schedule: &Schedule,
+        flow: &FlowBalance,
+        payload: f64,
+        reading: &Reading<f64>,
+        load_pressure: f64,
+    ) -> Self {
+        let now = Learned { payload, flow: flow.start(reading.stroke, reading.pressure_a) };
+        Self {
+            schedule: *schedule,
+            flow: *flow,
+            now,
+            before: [now; 2],
+            since: 0.0,
+            mean: load_pressure,
+            quiet: 0.0,
+        }
+    }
+
+    /// Goes on with what was learned before.
+    #[must_use]
+    pub fn with(self, learned: Learned) -> Self {
+        Self { now: learned, before: [learned; 2], ..self }
+    }
+
+    /// What was learned.
+    pub fn learned(&self) -> &Learned {
+        &self.now
+    }
+
+    /// What is known by now.
+    pub fn known(&self) -> Known {
+        Known { payload: self.now.payload, balance: self.now.flow.balance }
+    }
+
+    /// State feedback for what is known.
+    pub fn law(&self) -> ModelFollowing<f64> {
+        let mut law = self.schedule.at(self.now.payload);
+        law.stiffness.transition = self.now.flow.balance.transition;
+        law.doubt = self.now.flow.doubt;
+        law
+    }
+
+    /// What the motor has to turn for each revolution of the simulated one.
+    pub fn correction(&self) -> f64 {
+        self.flow.before.flow_gain / self.now.flow.balance.flow_gain
+    }
+
+    /// A period in which the pump moved oil; true where something was learned of it.
+    pub fn balances(&mut self, reading: &Reading<f64>) -> bool {
+        self.since += self.flow.period;
+        if self.since >= KEPT {
+            self.before = [self.before[1], self.now];
+            self.since = 0.0;
+        }
+        let Reading { motor_speed, stroke, pressure_a, .. } = *reading;
+        self.flow.update(&mut self.now.flow, motor_speed, stroke, pressure_a)
+    }
+
+    /// A period at a load pressure \[Pa\] in which the piston is told to rest, or is not, and what is simulated of it; true where the load
+    /// weighs other than was thought.
+    pub fn weighs(&mut self, rests: bool, load_pressure: f64, simulated: &Seen<f64>) -> bool {
+        let off = match self.is_quiet(rests, load_pressure) {
+            true => self.mean - simulated.load_pressure,
+            false => return false,
+        };
+        if off.abs() <= HELD_BY_FRICTION {
+            return false;
+        }
+        let per_pressure = self.schedule.per_pressure(simulated.stroke);
+        let gained = off * per_pressure * self.flow.period / WEIGHING;
+        self.now.payload = (self.now.payload + gained).clamp(0.0, self.schedule.heaviest());
+        true
+    }
+
+    /// A period in which valves hold the load, at a position \[m\] and a load pressure \[Pa\]: it is weighed at once. True where it weighs other
+    /// than was thought.
+    pub fn weighs_held(&mut self, stroke: f64, load_pressure: f64) -> bool {
+        let law = self.schedule.at(self.now.payload);
+        let off = self.mean - law.station(stroke).rest.load_pressure;
+        let quiet = self.is_quiet(true, load_pressure);
+        if !quiet || off.abs() <= HELD_BY_FRICTION {
+            return false;
+        }
+        let payload = self.schedule.payload(stroke, self.mean);
+        let gained = payload - self.now.payload;
+        self.now.payload = payload;
+        // beyond the lightest and the heaviest there is nothing to learn
+        gained.abs() > 1.0
+    }
+
+    /// A period that tells nothing of the oil.
+    pub fn skip(&mut self, reading: &Reading<f64>) {
+        self.now.flow.begin_window(reading.stroke, reading.pressure_a);
+    }
+
+    /// Forgets what was learned in the last half second to second: a fault is found later than it begins.
+    pub fn forget_the_last(&mut self) {
+        self.now = self.before[0];
+        self.before = [self.now; 2];
+        (self.since, self.quiet) = (0.0, 0.0);
+    }
+
+    /// Whether the load pressure \[Pa\] tells what the load weighs.
+    fn is_quiet(&mut self, rests: bool, load_pressure: f64) -> bool {
+        let (near, slowly, long) = QUIET;
+        let period = self.flow.period;
+        if !load_pressure.is_finite() {
+            self.quiet = 0.0;
+            return false;
+        }
+        self.mean += (load_pressure - self.mean) * period / slowly;
+        let is_quiet = (load_pressure - self.mean).abs() < near && rests;
+        self.quiet = if is_quiet { self.quiet + period } else { 0.0 };
+        self.quiet > long
+    }
+}

@@ -1,0 +1,50 @@
+//! State feedback scheduled over the payload.
+
+use crate::ModelFollowing;
+
+/// How many payloads state feedback is designed for.
+pub const PAYLOADS: usize = 6;
+
+/// State feedback for any payload.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Schedule {
+    /// Payloads \[kg\], rising.
+    pub payloads: [f64; PAYLOADS],
+    /// State feedback for each.
+    pub laws: [ModelFollowing<f64>; PAYLOADS],
+}
+
+impl Schedule {
+    /// State feedback for a payload \[kg\].
+    pub fn at(&self, payload: f64) -> ModelFollowing<f64> {
+        let last = PAYLOADS - 2;
+        let k = self.payloads.partition_point(|p| *p <= payload).saturating_sub(1).min(last);
+        let [below, above] = [self.payloads[k], self.payloads[k + 1]];
+        let share = ((payload - below) / (above - below)).clamp(0.0, 1.0);
+        self.laws[k].between(&self.laws[k + 1], share)
+    }
+
+    /// The payload \[kg\] with which the crane rests at a load pressure \[Pa\], piston at `stroke` \[m\].
+    pub fn payload(&self, stroke: f64, load_pressure: f64) -> f64 {
+        let share = (load_pressure - self.empty(stroke)) / self.span(stroke);
+        share.clamp(0.0, 1.0) * self.heaviest()
+    }
+
+    /// The heaviest payload that is thought of \[kg\].
+    pub fn heaviest(&self) -> f64 {
+        self.payloads[PAYLOADS - 1]
+    }
+
+    /// Payload by load pressure \[kg/Pa\], piston at `stroke` \[m\].
+    pub(crate) fn per_pressure(&self, stroke: f64) -> f64 {
+        self.heaviest() / self.span(stroke)
+    }
+
+    fn empty(&self, stroke: f64) -> f64 {
+        self.laws[0].station(stroke).rest.load_pressure
+    }
+
+    fn span(&self, stroke: f64) -> f64 {
+        self.laws[PAYLOADS - 1].station(stroke).rest.load_pressure - self.empty(stroke)
+    }
+}
