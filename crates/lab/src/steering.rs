@@ -256,26 +256,25 @@ fn side_by_side(
     lanes: &[Lane<'_>; WIDTH],
     observe: &mut dyn FnMut(usize, &Sample),
 ) -> Option<[Result<(), LabError>; WIDTH]> {
-    let course = lanes[0].course;
-    let start = course.reference(0.0).position;
+    let begins = lanes.map(|lane| lane.course.reference(0.0).position);
     let cranes = lanes.each_ref().map(|lane| lane.crane.clone());
-    let starts = cranes.each_ref().map(|crane| crane.start(start));
+    let starts = std::array::from_fn(|lane| cranes[lane].start(begins[lane]));
     // what is wrong with one of them is said where it is run alone
     let mut fleet = Fleet::new(&cranes, &starts).ok().flatten()?;
     let mut controllers = Vec::with_capacity(WIDTH);
     for (k, lane) in lanes.iter().enumerate() {
         let (reading, measured) = (fleet.reading(k), fleet.measured(k));
-        controllers.push(Controller::new(model, lane.contender, start, &reading, &measured).ok()?);
+        controllers
+            .push(Controller::new(model, lane.contender, begins[k], &reading, &measured).ok()?);
     }
     let period = model.numbers.control_period;
-    let periods = (course.duration() / period).round() as u64;
+    let periods = lanes.map(|lane| (lane.course.duration() / period).round() as u64);
+    let last = periods.into_iter().max().unwrap_or_default();
     let mut loads = lanes.map(|lane| lane.course.loads());
     let mut ends: [Result<(), LabError>; WIDTH] = std::array::from_fn(|_| Ok(()));
 
-    for k in 0..=periods {
+    for k in 0..=last {
         let time = k as f64 * period;
-        let reference = course.reference(time);
-        let ahead = |after: f64| course.reference(time + after);
         let commands = std::array::from_fn(|lane| {
             if let Some(mass) = due(&mut loads[lane], time)
                 && let Err(error) = fleet.set_payload(lane, mass)
@@ -285,8 +284,12 @@ fn side_by_side(
             }
             let (reading, measured) = (fleet.reading(lane), fleet.measured(lane));
             let still = Command { motor_speed: 0.0, holding_valve: 1.0 };
-            let command = match ends[lane].is_ok() {
+            let course = lanes[lane].course;
+            let reference = course.reference(time);
+            let goes_on = ends[lane].is_ok() && k <= periods[lane];
+            let command = match goes_on {
                 true => {
+                    let ahead = |after: f64| course.reference(time + after);
                     let shown = Shown { reference, ahead: &ahead, reading, measured };
                     controllers[lane].command(&shown).unwrap_or_else(|error| {
                         ends[lane] = Err(error);
@@ -295,16 +298,17 @@ fn side_by_side(
                 }
                 false => still,
             };
-            if ends[lane].is_ok() {
+            if goes_on && ends[lane].is_ok() {
                 let truth = fleet.truth(lane);
                 observe(lane, &Sample { time, reference, reading, truth, command });
             }
             command
         });
-        if k < periods {
+        if k < last {
             fleet.advance(&commands);
             for (lane, end) in ends.iter_mut().enumerate() {
-                if let (Some(error), Ok(())) = (fleet.stopped(lane), &end) {
+                let goes_on = k < periods[lane];
+                if let (Some(error), Ok(()), true) = (fleet.stopped(lane), &end, goes_on) {
                     let Lane { contender, course, .. } = lanes[lane];
                     let during = format!("{}, {}", contender.name(), course.name());
                     *end = Err(LabError::during(&during)(error));
@@ -313,4 +317,36 @@ fn side_by_side(
         }
     }
     Some(ends)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion_test::Strategy;
+    use crate::scenario::CourseChoice;
+
+    /// Courses of other shape and duration, each begun, led and ended as it is alone.
+    #[test]
+    fn each_crane_side_by_side_goes_its_own_course() {
+        let model = Description::uia_single_boom().unwrap();
+        let crane = Description::uia_virtual().unwrap();
+        let courses = ["reversal", "small-moves", "reversal", "start-stop"]
+            .map(|name| CourseChoice::Scenario(name.into()).of(&crane).unwrap());
+        let contender = Contender::from(Strategy::BenchmarkClosedLoop);
+        let lanes =
+            courses.each_ref().map(|c| Lane { crane: &crane, contender, course: c.as_ref() });
+        let mut together = [const { Vec::new() }; WIDTH];
+        for end in steer_all(&model, &lanes, |lane, sample| together[lane].push(sample.reading)) {
+            end.unwrap();
+        }
+        for (course, together) in courses.iter().zip(&together) {
+            let mut alone = Vec::new();
+            steer(&model, &crane, contender, course.as_ref(), |sample| {
+                alone.push(sample.reading);
+                Ok(())
+            })
+            .unwrap();
+            assert!(alone == *together, "{}", course.name());
+        }
+    }
 }
