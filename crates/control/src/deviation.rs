@@ -77,8 +77,9 @@ pub struct DeviationDesign<T> {
     pub authority: T,
     /// By how much the pressure may dip in motion \[Pa\]: the oil is taken to be as soft as there.
     pub dip: T,
-    /// Oil is taken to be no softer than these shares of stiff oil's bulk modulus: for bandwidth, and for damping.
-    pub softest: [T; 2],
+    /// The crane is to ring no slower, and to be brought back no slower, than on oil of this share of stiff oil's bulk modulus: on softer oil
+    /// the pump makes it stiffer.
+    pub softest: T,
 }
 
 /// Observer of a deviation, and feedback of it.
@@ -121,13 +122,13 @@ impl<T: Real> DeviationFeedback<T> {
     /// What feedback reckons with at a station where the oil has, as the pressure dips, so much of stiff oil's bulk modulus at least, and so much at most.
     #[inline(always)]
     pub fn reckons(&self, station: &Station<T>, [least, most]: [T; 2]) -> Reckoned<T> {
-        let DeviationDesign { damping, share, softest: [position, pressure], .. } = self.design;
+        let DeviationDesign { damping, share, softest, .. } = self.design;
         let stiff = station.stiff.ring();
-        let (least, most) = (least.max(position), most.max(pressure).max(least));
         let spring = station.spring(most);
+        let [least, most] = [least, most].map(|share| share.max(softest));
         // damping that is meant for stiffer oil is as much too weak: the position has to wait for it
         let bandwidth = share * stiff * least / most.sqrt();
-        let gains = spring.proportional_gains(spring.ring(), damping, bandwidth);
+        let gains = spring.proportional_gains(stiff * most.sqrt(), damping, bandwidth);
         let believes = [(self.design.push * stiff).sqrt(), self.design.rate * bandwidth];
         let keeps = believes.map(|frequency| (-frequency * self.period).exp());
         Reckoned { spring, gains, keeps }
@@ -223,7 +224,7 @@ mod tests {
             share: lit(0.8),
             authority: lit(20.0),
             dip: lit(4e5),
-            softest: [lit(0.07), lit(0.1)],
+            softest: lit(0.1),
         };
         DeviationFeedback::new(design, lit(PERIOD))
     }
@@ -281,7 +282,24 @@ mod tests {
         // a deviation of the position asks for as much less as the crane rings slower
         let ratio = at(0.25).position / at(1.0).position;
         assert!((ratio - 0.5).abs() < 1e-12, "{ratio}");
-        assert_eq!(at(0.02), at(0.05), "oil is taken to be softer than the softest");
+    }
+
+    /// The characteristic polynomial of what is fed back to is the same for all oil that is softer than the softest.
+    #[test]
+    fn softer_oil_than_the_softest_is_made_as_stiff_by_the_pump() {
+        let law = feedback::<f64>();
+        let polynomial = |stiffness: f64| {
+            let Reckoned { spring, gains, .. } = law.reckons(&station(), [stiffness; 2]);
+            let [_, a_v, a_p, _, c_v, _, b] = spring.to_array();
+            let kept = b * gains.pressure;
+            let ringing = a_p * (b * gains.velocity - c_v) - kept * a_v;
+            [kept - a_v, ringing, a_p * b * gains.position]
+        };
+        let [softest, softer] = [0.1, 0.0125].map(polynomial);
+        for (a, b) in softest.iter().zip(softer) {
+            assert!((a / b - 1.0).abs() < 1e-12, "{softest:?} and {softer:?}");
+        }
+        assert!(polynomial(0.2)[1] > 1.5 * softest[1]);
     }
 
     #[test]

@@ -6,9 +6,9 @@
 //!
 //! g is the pump's flow gain, l the leakage, S(p) the share of its volume by which oil shrinks up to a pressure, which hangs on
 //! the pressure p_c1 at which it stiffens. For each of some p_c1 that are thought possible g and l are found by Bayes'
-//! rule, and each counts as much as what has been seen is likely under it. A window counts as much as the pump has moved
-//! and the pressure has changed in it: without excitation nothing is learned. What was learned is forgotten, down to what was
-//! known before and never below.
+//! rule. A window speaks against a p_c1 as far as it is further from its balance than it may be off, by what is misread of position and
+//! pressure (which on soft oil is a lot of oil) and known badly of volumes: without excitation nothing is learned. What was learned is
+//! forgotten, down to what was known before and never below.
 
 use crate::OilStiffness;
 use hydroboom_math::{Real, record};
@@ -18,6 +18,8 @@ pub const TRANSITIONS: usize = 9;
 /// Residuals beyond so many standard deviations count as that many: a model is never right to the last.
 const FARTHEST: f64 = 3.0;
 
+/// Squares of so many standard deviations speak against nothing.
+const FITS: f64 = 2.0;
 /// Pressures that differ by less are the same \[Pa\]: they were written to a file in between.
 const SAME: f64 = 1.0;
 /// What is learned stays within so many standard deviations of what was known before.
@@ -59,7 +61,7 @@ record! {
         /// Variance of l
         #[unit = "m⁶/s²"]
         pub leakage_variance: T,
-        /// Logarithm of how likely it makes what has been seen
+        /// Logarithm of how likely it is by what has been seen
         #[unit = "1"]
         pub likelihood: T,
     }
@@ -82,6 +84,8 @@ pub struct FlowBalance {
     pub uncertainty: Balance<f64>,
     /// Standard deviation of what a window says of the piston's travel \[m\].
     pub scatter: f64,
+    /// Standard deviation of what a window says of the pressure's change \[Pa\]: on soft oil that is a lot of oil.
+    pub pressure_scatter: f64,
     /// How far the compression may be off, as a share of it: volumes are not known better.
     pub compression_error: f64,
     /// Periods in a window.
@@ -214,7 +218,11 @@ impl FlowBalance {
                 let oil = &hypothesis.oil;
                 let shrunk =
                     volume * (oil.compression(pressure) - oil.compression(memory.pressure));
-                self.weigh(hypothesis, &features, travel + shrunk, shrunk);
+                // what a pressure that is read wrongly looks like
+                let modulus = oil.share(pressure).min(oil.share(memory.pressure)) * oil.highest;
+                let misread = volume * self.pressure_scatter / modulus;
+                let doubt = (self.compression_error * shrunk).square() + misread.square();
+                self.weigh(hypothesis, &features, travel + shrunk, doubt);
             }
             let (found, doubt) = mean(&memory.hypotheses);
             (memory.balance, memory.doubt) = (self.bounded(found), doubt);
@@ -232,7 +240,7 @@ impl FlowBalance {
         Balance { flow_gain, leakage, ..found }
     }
 
-    fn weigh(&self, h: &mut Hypothesis, features: &[f64; 2], seen: f64, shrunk: f64) {
+    fn weigh(&self, h: &mut Hypothesis, features: &[f64; 2], seen: f64, doubt: f64) {
         let prior = self.prior();
         for i in 0..2 {
             for j in 0..2 {
@@ -244,13 +252,13 @@ impl FlowBalance {
         let lever: [f64; 2] =
             core::array::from_fn(|i| p[i][0] * features[0] + p[i][1] * features[1]);
         let own = self.piston_area * self.scatter;
-        let doubt = self.compression_error * shrunk;
-        let variance = own * own + doubt * doubt + lever[0] * features[0] + lever[1] * features[1];
+        let variance = own * own + doubt + lever[0] * features[0] + lever[1] * features[1];
         let deviation = Real::sqrt(variance);
         let expected = h.estimate[0] * features[0] + h.estimate[1] * features[1];
         let off = (seen - expected).clamp(-FARTHEST * deviation, FARTHEST * deviation);
-        h.likelihood =
-            self.memory * h.likelihood - 0.5 * off * off / variance - Real::ln(deviation / own);
+        // what fits as well as it may speaks for nothing: where everything rests that is oil of any stiffness
+        let against = 0.5 * (off * off / variance - FITS).max(0.0);
+        h.likelihood = self.memory * h.likelihood - against;
         for i in 0..2 {
             h.estimate[i] += lever[i] * off / variance;
             for j in 0..2 {
@@ -293,6 +301,7 @@ mod tests {
             before: Balance { flow_gain: 0.91, leakage: 1.2e-6, transition: 35e5 },
             uncertainty: Balance { flow_gain: 0.03, leakage: 1.2e-6, transition: 8e5 },
             scatter: 1e-4,
+            pressure_scatter: 1e4,
             compression_error: 0.15,
             window: 100,
             memory: 0.999,
@@ -348,6 +357,22 @@ mod tests {
         let (at_rest, before) = (memory.balance, balance().before);
         assert!((at_rest.flow_gain - before.flow_gain).abs() < 5e-3, "{at_rest:?}");
         assert!((at_rest.transition - before.transition).abs() < 1e3, "{at_rest:?}");
+    }
+
+    /// On soft oil a pressure that is read a little wrongly looks like a lot of oil, but speaks for no other oil for that.
+    #[test]
+    fn noise_at_rest_does_not_tell_how_stiff_the_oil_is() {
+        let flow = balance();
+        let mut memory = flow.start(0.1, 16e5);
+        for k in 1..=60_000 {
+            let noise = 0.6 * flow.pressure_scatter * (1e3 * f64::from(k)).sin();
+            // as much is pumped as leaks
+            flow.update(&mut memory, 0.12, 0.1, 16e5 + noise);
+        }
+        let doubt = memory.doubt / flow.uncertainty.transition;
+        let moved = memory.balance.transition - flow.before.transition;
+        assert!(doubt > 0.8 && moved.abs() < 1e5, "{doubt}, {moved} Pa");
+        assert!((memory.balance.flow_gain - flow.before.flow_gain).abs() < 5e-3);
     }
 
     #[test]

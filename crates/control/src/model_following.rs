@@ -359,7 +359,7 @@ mod tests {
                     share: lit(0.6),
                     authority: lit(20.0),
                     dip: lit(6e5),
-                    softest: [lit(0.06), lit(0.1)],
+                    softest: lit(0.1),
                 },
                 lit(1e-3),
             ),

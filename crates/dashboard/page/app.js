@@ -141,7 +141,7 @@ function draw() {
   $("viewers").textContent = `${frame.viewers} viewer${frame.viewers === 1 ? "" : "s"}`;
   const [payload, transition, gain] = frame.known ?? [];
   $("known").textContent = frame.known
-    ? `known: payload ${payload.toFixed(0)} kg, oil stiffens at ${transition.toFixed(1)} bar, pump delivers ${(100 * gain).toFixed(1)} %` : "";
+    ? `learned: ${payload.toFixed(0)} kg, oil stiffens at ${transition.toFixed(0)} bar, pump ${(100 * gain).toFixed(1)} %` : "";
   $("missed").textContent = frame.missed ? `releases missed: simulation ${frame.missed[0]}, control ${frame.missed[1]}` : "";
   enable();
   const charts = page.charts;

@@ -22,8 +22,8 @@ const DAMPING: f64 = 0.65;
 const SHARE: f64 = 0.62;
 /// By so much the pressure dips below that of rest, or of the simulated crane if that is lower \[Pa\].
 const DIP: f64 = 2e5;
-/// Bandwidth and damping reckon with oil no softer than these shares of stiff oil's bulk modulus.
-const SOFTEST: [f64; 2] = [0.06, 0.05];
+/// Feedback is as fast on the softest oil as it were on oil of this share of stiff oil's bulk modulus.
+const SOFTEST: f64 = 0.1;
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
 
@@ -69,6 +69,7 @@ pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalan
         before: Balance { flow_gain: n.flow_gain, leakage, transition: n.transition },
         uncertainty: Balance { flow_gain: 0.03, leakage, transition: DOUBT },
         scatter: 1e-4,
+        pressure_scatter: 1e4,
         compression_error: 0.15,
         window: 100,
         memory: 0.999,
@@ -187,7 +188,7 @@ pub fn law<T: Real>(
                 share: lit(SHARE),
                 authority: n.following_effort * n.motor_speed,
                 dip: lit(DIP),
-                softest: SOFTEST.map(lit),
+                softest: lit(SOFTEST),
             },
             n.control_period,
         ),
