@@ -1,8 +1,10 @@
 //! Designs against the crane that they were made for.
 
-use hydroboom_control::Benchmark;
+use hydroboom_control::{Benchmark, Follower, Learned, Learner, Reading, Reference, Seen, Watched};
 use hydroboom_description::Description;
-use hydroboom_design::{Lifting, Loop, look, margins, model_following, oil_spring, schedule};
+use hydroboom_design::{
+    Lifting, Loop, flow_balance, look, margins, model_following, oil_spring, schedule,
+};
 use hydroboom_model::Scheme;
 use hydroboom_plant::plant;
 use std::f64::consts::PI;
@@ -114,4 +116,59 @@ fn the_controllers_oil_is_the_models() {
             (between(&|p| law.stiffness.compression(p)), between(&|p| oil.compression(p)));
         assert!((found / wanted - 1.0).abs() < 1e-6, "{bar} bar: {found} for {wanted}");
     }
+}
+
+/// A crane that goes where the simulated one goes, in the midst of a motion; and what is learned of it then.
+fn in_motion() -> (Follower, Learned, Reference<f64>, Seen<f64>, Watched<f64>) {
+    let crane = Description::uia_single_boom().unwrap();
+    let schedule = schedule(&crane).unwrap();
+    let flow = flow_balance(&crane, &schedule);
+    let reference = Reference { position: 0.2, velocity: 0.1 };
+    let seen = Seen { stroke: 0.2, velocity: 0.1, load_pressure: 66e5 };
+    let lead = crane.numbers.following_lead;
+    let stroke = seen.stroke - lead * seen.velocity;
+    let machine = Watched { stroke, load_pressure: seen.load_pressure, motor_speed: 0.0 };
+    let learner =
+        Learner::start(&schedule, &flow, crane.numbers.payload, &Reading::default(), 66e5);
+    let mut follower = Follower::new(learner);
+    follower.begin(&machine, &seen);
+    (follower, *learner.learned(), reference, seen, machine)
+}
+
+#[test]
+fn a_pump_that_is_found_to_deliver_more_gives_no_bump() {
+    let (mut follower, mut learned, _, seen, mut machine) = in_motion();
+    let simulated = 36.0;
+    machine.motor_speed = simulated;
+    follower.begin(&machine, &seen);
+    let before = follower.answer(&machine, &seen, simulated);
+    learned.flow.balance.flow_gain *= 1.03;
+    follower.set_learner(follower.learner().with(learned));
+    let after = follower.answer(&machine, &seen, simulated);
+    // three per cent would be a rev/s
+    assert!((before - simulated).abs() < 0.05 && (after - before).abs() < 0.05, "{before} {after}");
+    // what corrects is the gain then, and no longer the observer
+    let corrected = (0..20_000).map(|_| {
+        machine.motor_speed = simulated / 1.03;
+        follower.answer(&machine, &seen, simulated)
+    });
+    let last = corrected.last().unwrap();
+    assert!((last * 1.03 / simulated - 1.0).abs() < 1e-3, "{last}");
+}
+
+#[test]
+fn feedback_is_as_careful_as_the_oil_is_in_doubt() {
+    let (follower, mut learned, ..) = in_motion();
+    learned.flow.doubt = 1e5;
+    let law = follower.learner().with(learned).law();
+    assert_eq!(law.doubt, 1e5);
+    // the same load, for which the oil may be stiff or soft
+    let soft_below = law.station(0.25).rest.load_pressure + 6e5;
+    let at = |doubt: f64| {
+        let mut law = law;
+        law.stiffness.transition = soft_below;
+        law.doubt = doubt;
+        law.reckons_at_rest(0.25).gains.position
+    };
+    assert!(at(8e5) < 0.7 * at(1e5), "{} {}", at(8e5), at(1e5));
 }

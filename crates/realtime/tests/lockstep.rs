@@ -2,11 +2,12 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Cause, Motion, State, Strategy};
+use hydroboom_control::{Cause, Conditions, Motion, State, Strategy};
 use hydroboom_description::Description;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::lockstep::Lockstep;
 use hydroboom_realtime::operator::Operator;
+use hydroboom_realtime::simulation_task::SimulationTask;
 
 struct Case {
     model: Description,
@@ -26,7 +27,11 @@ fn case(overrides: &[&str]) -> Case {
 
 /// A whole course, from the load held to the load held; the strategy may depend on what was.
 fn course(case: &Case, first: Strategy, then: impl Fn(&Record) -> Strategy) -> Vec<Record> {
-    let mut run = Lockstep::new(&case.model, &case.crane, case.motion, first).unwrap();
+    let run = Lockstep::new(&case.model, &case.crane, case.motion, first).unwrap();
+    led(run, first, then)
+}
+
+fn led(mut run: Lockstep, first: Strategy, then: impl Fn(&Record) -> Strategy) -> Vec<Record> {
     let mut operator = Operator::new(true);
     let mut records: Vec<Record> = Vec::new();
     while !operator.is_done() && records.len() < 60_000 {
@@ -147,4 +152,46 @@ fn stopped_while_the_pump_takes_the_load_over_it_is_not_released() {
         }
     }
     assert!(operator.is_done());
+}
+
+/// What was not looked at teaches nothing: the piston has gone a long way before model following is chosen.
+#[test]
+fn learning_that_begins_on_the_way_begins_where_the_piston_is() {
+    let case = case(&[]);
+    let first = Strategy::BenchmarkClosedLoop;
+    let run = Lockstep::new(&case.model, &case.crane, case.motion, first).unwrap();
+    let at = 4.0;
+    let records = led(run.learning(None), first, |r| match r.course_time {
+        Some(time) if time >= at => Strategy::ModelFollowing,
+        _ => first,
+    });
+    let gain = |time: f64| {
+        let record = records.iter().find(|r| r.course_time.is_some_and(|t| t >= time)).unwrap();
+        record.known.unwrap().balance.flow_gain
+    };
+    let described = case.model.numbers.flow_gain;
+    assert_eq!(gain(at), described);
+    for later in [0.15, 0.25, 0.35] {
+        let learned = gain(at + later);
+        assert!(learned != described && (learned / described - 1.0).abs() < 0.05, "{learned}");
+    }
+}
+
+/// A simulated crane that is found to carry less takes it on without jumping off.
+#[test]
+fn another_payload_is_taken_on_gently() {
+    let model = Description::uia_single_boom().unwrap();
+    let mut simulation = SimulationTask::new(&model, 0.2).unwrap();
+    let before = simulation.simulated().seen;
+    let payload = model.numbers.payload - 100.0;
+    simulation.set_conditions(&Conditions { payload, transition: model.numbers.transition });
+    let mut fastest = 0.0_f64;
+    for _ in 0..60_000 {
+        simulation.step(0.0);
+        fastest = fastest.max(simulation.simulated().seen.velocity.abs());
+    }
+    let after = simulation.simulated().seen;
+    assert!(fastest < 0.01, "{fastest} m/s");
+    let [heavy, light] = [before, after].map(|seen| seen.load_pressure);
+    assert!(light < 0.8 * heavy, "{light} Pa after {heavy} Pa");
 }
