@@ -154,26 +154,27 @@ fn stopped_while_the_pump_takes_the_load_over_it_is_not_released() {
     assert!(operator.is_done());
 }
 
-/// What was not looked at teaches nothing: the piston has gone a long way before model following is chosen.
+/// What was not looked at teaches nothing: the piston has gone a long way before model following is chosen again.
 #[test]
-fn learning_that_begins_on_the_way_begins_where_the_piston_is() {
+fn learning_goes_on_where_the_piston_is_by_then() {
     let case = case(&[]);
-    let first = Strategy::BenchmarkClosedLoop;
+    let first = Strategy::ModelFollowing;
     let run = Lockstep::new(&case.model, &case.crane, case.motion, first).unwrap();
-    let at = 4.0;
+    // in the cruise
+    let (from, at) = (3.5, 5.0);
     let records = led(run.learning(None), first, |r| match r.course_time {
-        Some(time) if time >= at => Strategy::ModelFollowing,
+        Some(time) if (from..at).contains(&time) => Strategy::BenchmarkClosedLoop,
         _ => first,
     });
     let gain = |time: f64| {
         let record = records.iter().find(|r| r.course_time.is_some_and(|t| t >= time)).unwrap();
         record.known.unwrap().balance.flow_gain
     };
-    let described = case.model.numbers.flow_gain;
-    assert_eq!(gain(at), described);
+    let before = gain(from + 0.01);
+    assert_eq!(gain(at - 0.01), before);
     for later in [0.15, 0.25, 0.35] {
         let learned = gain(at + later);
-        assert!(learned != described && (learned / described - 1.0).abs() < 0.05, "{learned}");
+        assert!(learned != before && (learned / before - 1.0).abs() < 0.01, "{before} {learned}");
     }
 }
 
