@@ -1,5 +1,7 @@
 //! Designs against the crane that they were made for.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
 use hydroboom_control::{Benchmark, Follower, Learned, Learner, Reading, Reference, Seen, Watched};
 use hydroboom_description::Description;
 use hydroboom_design::{
