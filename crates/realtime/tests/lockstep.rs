@@ -172,9 +172,10 @@ fn learning_goes_on_where_the_piston_is_by_then() {
     };
     let before = gain(from + 0.01);
     assert_eq!(gain(at - 0.01), before);
+    // a window that counted what was not seen would say four times as much
     for later in [0.15, 0.25, 0.35] {
         let learned = gain(at + later);
-        assert!(learned != before && (learned / before - 1.0).abs() < 0.01, "{before} {learned}");
+        assert!(learned != before && (learned / before - 1.0).abs() < 2e-3, "{before} {learned}");
     }
 }
 
