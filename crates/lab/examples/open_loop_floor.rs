@@ -1,0 +1,101 @@
+//! What open loop can come to at best: pump flow, leakage and oil of the model fitted to the very errors that they are to reduce, with the
+//! payload known. Nothing that is learned on line of these can do better. It takes some minutes.
+
+use hydroboom_description::Description;
+use hydroboom_lab::LabError;
+use hydroboom_lab::family::member;
+use hydroboom_lab::motion_test::{Strategy, run};
+use hydroboom_lab::scenario::CourseChoice;
+use nalgebra::{DMatrix, DVector, SVector};
+use rayon::prelude::*;
+
+/// Cranes of the family that `hydroboom learn --family 12 --seed 7` has.
+const CRANES: u64 = 12;
+const SEED: u64 = 7;
+
+/// Pump flow gain, a factor on all leakage, where the oil stiffens \[bar\].
+type Guess = SVector<f64, 3>;
+/// By how much each is changed for its slope; how little of each is no change.
+const STEPS: [f64; 3] = [2e-3, 0.05, 0.5];
+const DAMPING: [f64; 3] = [1e-3, 1e-6, 1e-3];
+const ITERATIONS: usize = 6;
+
+struct Case<'a> {
+    model: &'a Description,
+    crane: Description,
+    course: CourseChoice,
+}
+
+impl Case<'_> {
+    /// Errors \[mm\] in open loop.
+    fn errors(&self, guess: &Guess) -> Result<DVector<f64>, LabError> {
+        let mut model = self.model.clone();
+        let n = &mut model.numbers;
+        n.payload = self.crane.numbers.payload;
+        n.flow_gain = guess[0];
+        for leakage in [&mut n.internal_leakage, &mut n.case_leakage_a, &mut n.case_leakage_b] {
+            *leakage *= guess[1];
+        }
+        n.transition = guess[2] * 1e5;
+        let course = self.course.of(&self.crane)?;
+        let strategy = Strategy::SimulationFeedforwardOpenLoop;
+        let run = run(&model, &self.crane, strategy, course.as_ref())?;
+        let error = run.samples.iter().step_by(20).map(|sample| sample.error() * 1e3);
+        Ok(DVector::from_vec(error.collect()))
+    }
+
+    /// By Gauss and Newton: RMS \[mm\] with the crane's own numbers, and the least that was found, with what.
+    fn fit(&self) -> Result<(f64, f64, Guess), LabError> {
+        let rms = |errors: &DVector<f64>| errors.norm() / (errors.len() as f64).sqrt();
+        let n = &self.crane.numbers;
+        let mut guess = Guess::new(n.flow_gain, 1.5, n.transition * 1e-5);
+        let mut errors = self.errors(&guess)?;
+        let begun = rms(&errors);
+        for _ in 0..ITERATIONS {
+            let mut slopes = DMatrix::zeros(errors.len(), 3);
+            for (k, step) in STEPS.into_iter().enumerate() {
+                let moved = self.errors(&(guess + Guess::ith(k, step)))?;
+                slopes.set_column(k, &((moved - &errors) / step));
+            }
+            let damped =
+                slopes.tr_mul(&slopes) + DMatrix::from_diagonal(&DVector::from_row_slice(&DAMPING));
+            let Some(change) = damped.lu().solve(&slopes.tr_mul(&errors)) else { break };
+            let nearer = [1.0, 0.5, 0.2].into_iter().find_map(|share| {
+                let mut next = guess;
+                for k in 0..3 {
+                    next[k] -= share * change[k];
+                }
+                (next[1], next[2]) = (next[1].max(0.0), next[2].clamp(5.0, 60.0));
+                let found = self.errors(&next).ok()?;
+                (rms(&found) < rms(&errors)).then_some((next, found))
+            });
+            let Some(nearer) = nearer else { break };
+            (guess, errors) = nearer;
+        }
+        Ok((begun, rms(&errors), guess))
+    }
+}
+
+fn main() -> Result<(), LabError> {
+    let model = Description::uia_single_boom()?;
+    let nominal = Description::uia_virtual()?;
+    let speeds = [model.numbers.slow, model.numbers.fast];
+    let jobs: Vec<(u64, f64)> = (0..CRANES).flat_map(|k| speeds.map(|speed| (k, speed))).collect();
+    let fits = jobs.par_iter().map(|(number, speed)| {
+        let crane = member(&nominal, SEED, *number)?.crane;
+        Case { model: &model, crane, course: CourseChoice::Motion(*speed) }.fit()
+    });
+    let fits = fits.collect::<Result<Vec<_>, LabError>>()?;
+    for ((number, speed), (begun, least, guess)) in jobs.iter().zip(&fits) {
+        let speed = speed * 1e3;
+        println!(
+            "crane {number}, {speed:.0} mm/s: {begun:.2} mm, then {least:.2} mm with flow gain {:.3}, {:.1} times the leakage, oil at {:.0} bar",
+            guess[0], guess[1], guess[2]
+        );
+    }
+    let mut least: Vec<f64> = fits.iter().map(|fit| fit.1).collect();
+    least.sort_by(f64::total_cmp);
+    let below = least.iter().filter(|rms| **rms < 1.0).count();
+    println!("median {:.2} mm, below 1 mm on {below} of {}", least[least.len() / 2], least.len());
+    Ok(())
+}
