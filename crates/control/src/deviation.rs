@@ -22,12 +22,9 @@ record! {
     }
 }
 
-impl<T> Watched<T> {
+impl<T: Copy> Watched<T> {
     /// What is measured, with the motor's speed \[rev/s\].
-    pub fn of(measured: &Measured<T>, motor_speed: T) -> Self
-    where
-        T: Copy,
-    {
+    pub fn of(measured: &Measured<T>, motor_speed: T) -> Self {
         let Measured { stroke, load_pressure } = *measured;
         Self { stroke, load_pressure, motor_speed }
     }

@@ -55,6 +55,11 @@ impl LinearFeedback {
         new
     }
 
+    /// Time between two readings \[s\].
+    pub(crate) fn period(&self) -> f64 {
+        self.period
+    }
+
     /// What it asks of the motor \[rev/s\] for readings that ring and grow as e to the s t, s in \[1/s\].
     pub(crate) fn answer(&self, read: [Complex<f64>; READ], s: Complex<f64>) -> Complex<f64> {
         let turned = (s * self.period).exp();

@@ -55,6 +55,15 @@ impl Loop {
         }
     }
 
+    /// Highest frequency \[Hz\] that means anything: a sampled law answers those above half its rate as it answers others.
+    pub(crate) fn highest(&self) -> f64 {
+        match self {
+            Self::State { period, .. } => 0.5 / period,
+            Self::Machine { feedback, .. } => 0.5 / feedback.period(),
+            Self::Benchmark { .. } => f64::INFINITY,
+        }
+    }
+
     /// What comes back for a motor speed at a frequency \[Hz\], with the sign that makes −1 the point to keep away from.
     pub fn gain(&self, crane: &Responses, frequency: f64) -> Complex<f64> {
         self.gain_at(crane, Complex::new(0.0, TAU * frequency))
@@ -113,7 +122,8 @@ pub struct Margins {
 ///
 /// [`DesignError`] when the crane's responses are not finite.
 pub fn margins(crane: &Lifting, around: &Loop) -> Result<Margins, DesignError> {
-    let [low, high] = FREQUENCIES;
+    let low = FREQUENCIES[0];
+    let high = FREQUENCIES[1].min(around.highest());
     let mut found = Margins {
         gain: f64::INFINITY,
         phase_deg: 180.0,

@@ -102,6 +102,23 @@ fn a_loop_whose_gain_rises_by_its_margin_rings_on() {
     assert!(2.0 * (0.5 * found.phase_deg.to_radians()).sin() >= found.distance - 1e-3);
 }
 
+/// A law that is called less often answers later, and leaves as much less as that; what lies above half its rate it does not see.
+#[test]
+fn margins_end_at_half_the_rate_of_the_law() {
+    let looked = |period_ms: f64| {
+        let mut crane = Description::uia_single_boom().unwrap();
+        crane.set(&format!("controller.control_period_ms={period_ms}")).unwrap();
+        look(&model_following(&crane).unwrap(), &crane, 0.25).unwrap()
+    };
+    let [one, four] = [1.0, 4.0].map(looked);
+    for (at_one, at_four) in
+        [(one.machine, four.machine), (one.state_feedback, four.state_feedback)]
+    {
+        assert!(at_four.at_hz < 125.0 && at_four.crossover_hz < 125.0, "{at_four:?}");
+        assert!(at_four.distance < at_one.distance && at_four.growing == 0, "{at_four:?}");
+    }
+}
+
 /// A controller knows nothing of the model: its law of the oil's stiffness is held against the model's own.
 #[test]
 fn the_controllers_oil_is_the_models() {
