@@ -37,7 +37,7 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom run --auto\n  hydroboom run --auto --strategy \
     benchmark-closed-loop --speed-mm-s 25\n  hydroboom run --dashboard\n  hydroboom run --auto --simulated-time\n  \
-    hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy model-following --learned crane.json\n\n\
+    hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy model-following --learned learned.json\n\n\
     Ctrl-C stops under control, a second Ctrl-C holds the load at once.\n\
     The supervisor is no safety function in the sense of ISO 13849: at a real machine a hardware \
     emergency stop stays.")]
