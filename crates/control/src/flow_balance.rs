@@ -8,7 +8,8 @@
 //! the pressure p_c1 at which it stiffens. For each of some p_c1 that are thought possible g and l are found by Bayes'
 //! rule. A window speaks against a p_c1 as far as it is further from its balance than it may be off, by what is misread of position and
 //! pressure (which on soft oil is a lot of oil) and known badly of volumes: without excitation nothing is learned. What was learned is
-//! forgotten, down to what was known before and never below.
+//! forgotten at the rate of its memory, down to what was known before and never below: a pump that delivers otherwise up than down is
+//! known by what it does over a cycle.
 
 use crate::OilStiffness;
 use hydroboom_math::{Real, record};
@@ -241,11 +242,14 @@ impl FlowBalance {
     }
 
     fn weigh(&self, h: &mut Hypothesis, features: &[f64; 2], seen: f64, doubt: f64) {
-        let prior = self.prior();
+        // a share of all that is certain beyond what was known before is lost: P + (1 - m) (P - P P_0⁻¹ P)
+        let by = [self.uncertainty.flow_gain, self.uncertainty.leakage];
+        let before = h.covariance;
         for i in 0..2 {
             for j in 0..2 {
-                let forgotten = prior[i][j] - h.covariance[i][j];
-                h.covariance[i][j] += (1.0 - self.memory) * forgotten;
+                let lasting: f64 =
+                    (0..2).map(|k| before[i][k] * before[k][j] / by[k].square()).sum();
+                h.covariance[i][j] += (1.0 - self.memory) * (before[i][j] - lasting);
             }
         }
         let p = &h.covariance;
@@ -373,6 +377,27 @@ mod tests {
         let moved = memory.balance.transition - flow.before.transition;
         assert!(doubt > 0.8 && moved.abs() < 1e5, "{doubt}, {moved} Pa");
         assert!((memory.balance.flow_gain - flow.before.flow_gain).abs() < 5e-3);
+    }
+
+    /// Slip takes from what goes up and adds to what comes down: the gain over a cycle is neither of both.
+    #[test]
+    fn a_pump_is_known_by_the_whole_cycle_and_not_by_its_end() {
+        let flow = balance();
+        let mut stroke = 0.1;
+        let mut memory = flow.start(stroke, 65e5);
+        let [up, down] = [0.90, 0.92];
+        for k in 0..30_000 {
+            let (speed, gain) = match k / 5_000 {
+                0 | 1 => (20.0, up),
+                3 | 4 => (-20.0, down),
+                _ => (0.0, 0.0),
+            };
+            let pumped = gain * flow.displacement * speed;
+            stroke += (pumped - flow.before.leakage) * flow.period / flow.piston_area;
+            flow.update(&mut memory, speed, stroke, 65e5);
+        }
+        let found = memory.balance.flow_gain;
+        assert!((found - 0.5 * (up + down)).abs() < 1e-3, "{found}");
     }
 
     #[test]

@@ -55,8 +55,8 @@ pub fn schedule(description: &Description) -> Result<Schedule, DesignError> {
     Ok(Schedule { payloads, laws: std::array::from_fn(|k| laws[k]) })
 }
 
-/// What can be learned of the crane of a description, and how well it is known before: a pump's flow to 3 percent, leakage within
-/// its own size, the pressure at which oil stiffens (by the air in it) to 8 bar. All three are estimates.
+/// What can be learned of the crane of a description, and how well it is known before: a pump's flow to 3 percent, leakage to
+/// three times its own size (worn pumps, hot oil), the pressure at which oil stiffens (by the air in it) to 8 bar. All three are estimates.
 pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
     let n = &description.numbers;
     let resting = schedule.at(n.payload).station(0.5 * n.stroke);
@@ -67,7 +67,7 @@ pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalan
         volume: n.volume_pump_a + n.dead_volume_a,
         stiffness: stiffness(n),
         before: Balance { flow_gain: n.flow_gain, leakage, transition: n.transition },
-        uncertainty: Balance { flow_gain: 0.03, leakage, transition: DOUBT },
+        uncertainty: Balance { flow_gain: 0.03, leakage: 3.0 * leakage, transition: DOUBT },
         scatter: 1e-4,
         pressure_scatter: 1e4,
         compression_error: 0.15,

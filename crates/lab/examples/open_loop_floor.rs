@@ -1,10 +1,12 @@
 //! What open loop can come to at best: pump flow, leakage and oil of the model fitted to the very errors that they are to reduce, with the
 //! payload known. Nothing that is learned on line of these can do better. It takes some minutes.
 
+use hydroboom_control::{Balance, Known};
 use hydroboom_description::Description;
+use hydroboom_design::schedule;
 use hydroboom_lab::LabError;
 use hydroboom_lab::family::member;
-use hydroboom_lab::motion_test::{Strategy, run};
+use hydroboom_lab::open_loop::OpenLoop;
 use hydroboom_lab::scenario::CourseChoice;
 use nalgebra::{DMatrix, DVector, SVector};
 use rayon::prelude::*;
@@ -22,6 +24,8 @@ const ITERATIONS: usize = 6;
 
 struct Case<'a> {
     model: &'a Description,
+    /// What leaks of the model with that payload \[m³/s\].
+    leakage: f64,
     crane: Description,
     course: CourseChoice,
 }
@@ -29,19 +33,12 @@ struct Case<'a> {
 impl Case<'_> {
     /// Errors \[mm\] in open loop.
     fn errors(&self, guess: &Guess) -> Result<DVector<f64>, LabError> {
-        let mut model = self.model.clone();
-        let n = &mut model.numbers;
-        n.payload = self.crane.numbers.payload;
-        n.flow_gain = guess[0];
-        for leakage in [&mut n.internal_leakage, &mut n.case_leakage_a, &mut n.case_leakage_b] {
-            *leakage *= guess[1];
-        }
-        n.transition = guess[2] * 1e5;
+        let leakage = guess[1] * self.leakage;
+        let balance = Balance { flow_gain: guess[0], leakage, transition: guess[2] * 1e5 };
+        let known = Known { payload: self.crane.numbers.payload, balance };
         let course = self.course.of(&self.crane)?;
-        let strategy = Strategy::SimulationFeedforwardOpenLoop;
-        let run = run(&model, &self.crane, strategy, course.as_ref())?;
-        let error = run.samples.iter().step_by(20).map(|sample| sample.error() * 1e3);
-        Ok(DVector::from_vec(error.collect()))
+        let errors = OpenLoop::new(self.model, &known)?.errors(&self.crane, course.as_ref())?;
+        Ok(DVector::from_iterator(errors.len(), errors.iter().map(|error| error * 1e3)))
     }
 
     /// By Gauss and Newton: RMS \[mm\] with the crane's own numbers, and the least that was found, with what.
@@ -81,9 +78,14 @@ fn main() -> Result<(), LabError> {
     let nominal = Description::uia_virtual()?;
     let speeds = [model.numbers.slow, model.numbers.fast];
     let jobs: Vec<(u64, f64)> = (0..CRANES).flat_map(|k| speeds.map(|speed| (k, speed))).collect();
+    let laws = schedule(&model)?;
     let fits = jobs.par_iter().map(|(number, speed)| {
         let crane = member(&nominal, SEED, *number)?.crane;
-        Case { model: &model, crane, course: CourseChoice::Motion(*speed) }.fit()
+        let n = &model.numbers;
+        let resting = laws.at(crane.numbers.payload).station(0.5 * n.stroke).rest;
+        let leakage = resting.holding_speed * n.displacement * n.flow_gain;
+        let course = CourseChoice::Motion(*speed);
+        Case { model: &model, leakage, crane, course }.fit()
     });
     let fits = fits.collect::<Result<Vec<_>, LabError>>()?;
     for ((number, speed), (begun, least, guess)) in jobs.iter().zip(&fits) {

@@ -73,7 +73,8 @@ impl Following {
     }
 }
 
-fn seen(plant: &dyn Plant) -> Seen<f64> {
+/// What state feedback sees of a simulated crane.
+pub(crate) fn seen(plant: &dyn Plant) -> Seen<f64> {
     let outputs = plant.outputs();
     Seen {
         stroke: outputs.stroke,

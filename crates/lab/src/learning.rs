@@ -2,11 +2,11 @@
 
 use crate::LabError;
 use crate::following::Following;
-use crate::motion_test::{Strategy, run};
+use crate::open_loop::OpenLoop;
 use crate::scenario::{Course, CourseChoice};
 use hydroboom_control::Known;
 use hydroboom_description::{Description, Difference};
-use hydroboom_design::schedule;
+use hydroboom_design::{flow_balance, schedule};
 use hydroboom_virtual_crane::VirtualCrane;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -31,28 +31,6 @@ fn learned(
         machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
     }
     Ok(following.known())
-}
-
-/// The model with what was learned in it: payload, oil, the pump's flow, and all leakage by the same factor.
-///
-/// # Errors
-///
-/// [`LabError`] when no controller can be designed for the model.
-fn informed(model: &Description, known: &Known) -> Result<Description, LabError> {
-    let schedule = schedule(model)?;
-    let n = &model.numbers;
-    let holding = schedule.at(known.payload).station(0.5 * n.stroke).rest.holding_speed;
-    let before = holding * n.displacement * n.flow_gain;
-    let mut new = model.clone();
-    let n = &mut new.numbers;
-    n.payload = known.payload;
-    n.transition = known.balance.transition;
-    n.flow_gain = known.balance.flow_gain;
-    let worn = (known.balance.leakage / before).max(0.0);
-    for leakage in [&mut n.internal_leakage, &mut n.case_leakage_a, &mut n.case_leakage_b] {
-        *leakage *= worn;
-    }
-    Ok(new)
 }
 
 /// What of a description is learned, as overrides (`--set`) that every command takes: what was learned is kept by them.
@@ -82,7 +60,7 @@ pub struct Taught {
     pub crane: String,
     /// The course, of which one cycle taught.
     pub course: String,
-    /// RMS error of simulation feedforward in open loop with the model as it is; none where it could not be run.
+    /// RMS error in open loop, the model as it is; none where it could not be run.
     pub before_mm: Option<f64>,
     /// The same with what was learned.
     pub after_mm: Option<f64>,
@@ -117,18 +95,28 @@ fn cycle(
     name: &str,
     course: &dyn Course,
 ) -> Result<Taught, LabError> {
-    let strategy = Strategy::SimulationFeedforwardOpenLoop;
     // a crane that cannot be steered so has no error to show
-    let error = |model| run(model, crane, strategy, course).ok().map(|run| run.rms() * 1e3);
+    let rms = |open: &OpenLoop| {
+        let errors = open.errors(crane, course).ok()?;
+        let square: f64 = errors.iter().map(|error| error * error).sum();
+        Some(1e3 * (square / errors.len() as f64).sqrt())
+    };
+    let before = OpenLoop::new(model, &believed(model)?)?;
     let informed = match learned(model, crane, course) {
-        Ok(known) => Some(informed(model, &known)?),
+        Ok(known) => Some(OpenLoop::new(model, &known)?),
         Err(_) => None,
     };
     Ok(Taught {
         crane: name.into(),
         course: course.name(),
-        before_mm: error(model),
-        after_mm: informed.as_ref().and_then(error),
-        set: informed.map_or(Vec::new(), |informed| overrides(model, &informed)),
+        before_mm: rms(&before),
+        after_mm: informed.as_ref().and_then(rms),
+        set: informed.map_or(Vec::new(), |open| overrides(model, open.informed())),
     })
+}
+
+/// What the model has before anything is learned.
+fn believed(model: &Description) -> Result<Known, LabError> {
+    let balance = flow_balance(model, &schedule(model)?).before;
+    Ok(Known { payload: model.numbers.payload, balance })
 }

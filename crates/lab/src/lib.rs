@@ -17,6 +17,7 @@ pub mod log;
 pub mod mat_file;
 pub mod motion_test;
 pub mod numerical_damping;
+pub mod open_loop;
 pub mod paper;
 pub mod report;
 pub mod rivals;

@@ -91,20 +91,26 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
     }
 }
 
-/// One cycle teaches payload, oil, pump and leakage: in open loop the simulation is off by less than half as much then, and what was learned
-/// is kept as overrides of the model.
+/// One cycle teaches payload, oil, pump and leakage: in open loop the simulation is off by less than a millimetre then, however worn the pump,
+/// and what was learned is kept as overrides of the model.
 #[test]
 fn a_cycle_teaches_what_open_loop_lacks() {
-    let mut model = Description::uia_single_boom().unwrap();
-    let crane = member(&Description::uia_virtual().unwrap(), 7, 3).unwrap().crane;
-    let course = CourseChoice::Motion(model.numbers.fast);
-    let all =
-        taught(&model, &[("three".into(), crane.clone())], std::slice::from_ref(&course), &|| ());
-    let found = &all.unwrap()[0];
-    let (before, after) = (found.before_mm.unwrap(), found.after_mm.unwrap());
-    assert!(after < 0.5 * before, "{before} mm, then {after} mm");
-    found.set.iter().for_each(|assignment| model.set(assignment).unwrap());
-    let strategy = Strategy::SimulationFeedforwardOpenLoop;
-    let again = run(&model, &crane, strategy, course.of(&crane).unwrap().as_ref()).unwrap();
-    assert!((again.rms() * 1e3 - after).abs() < 0.02 * before, "{} for {after}", again.rms() * 1e3);
+    let nominal = Description::uia_virtual().unwrap();
+    let model = Description::uia_single_boom().unwrap();
+    let courses = [CourseChoice::Motion(model.numbers.slow)];
+    let teach = |model: &Description, number: u64| {
+        let crane = member(&nominal, 7, number).unwrap().crane;
+        let mut all = taught(model, &[("one".into(), crane)], &courses, &|| ()).unwrap();
+        all.remove(0)
+    };
+    // the last has a pump that leaks six times as much, and errs by centimetres
+    for number in [3, 10] {
+        let found = teach(&model, number);
+        let (before, after) = (found.before_mm.unwrap(), found.after_mm.unwrap());
+        assert!(after < 1.0 && after < 0.2 * before, "{before} mm, then {after} mm");
+        let mut informed = model.clone();
+        found.set.iter().for_each(|assignment| informed.set(assignment).unwrap());
+        let again = teach(&informed, number).before_mm.unwrap();
+        assert!((again - after).abs() < 0.02 * before, "{again} mm for {after} mm");
+    }
 }

@@ -1,0 +1,98 @@
+//! Simulation feedforward in open loop: state feedback moves the simulated crane, and the machine is told its motor speed and not looked at.
+
+use crate::following::seen;
+use crate::scenario::Course;
+use crate::{LabError, Plant, plant};
+use hydroboom_control::{FollowingMemory, Known, ModelFollowing, Reference};
+use hydroboom_description::Description;
+use hydroboom_design::schedule;
+use hydroboom_model::{Input, Scheme};
+use hydroboom_virtual_crane::{Command, VirtualCrane};
+
+/// A model, and what is known of the machine beyond it.
+pub struct OpenLoop {
+    /// The model with that in it.
+    informed: Description,
+    law: ModelFollowing<f64>,
+}
+
+impl OpenLoop {
+    /// State feedback is the model's, for the payload and the oil that are known.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] when none can be designed for the model.
+    pub fn new(model: &Description, known: &Known) -> Result<Self, LabError> {
+        let schedule = schedule(model)?;
+        let mut law = schedule.at(known.payload);
+        law.stiffness.transition = known.balance.transition;
+        let n = &model.numbers;
+        let resting = schedule.at(known.payload).station(0.5 * n.stroke).rest;
+        let before = resting.holding_speed * n.displacement * n.flow_gain;
+        let mut informed = model.clone();
+        let n = &mut informed.numbers;
+        n.payload = known.payload;
+        n.transition = known.balance.transition;
+        n.flow_gain = known.balance.flow_gain;
+        // what leaks is known, and not where: all by the same factor
+        let worn = (known.balance.leakage / before).max(0.0);
+        for leakage in [&mut n.internal_leakage, &mut n.case_leakage_a, &mut n.case_leakage_b] {
+            *leakage *= worn;
+        }
+        Ok(Self { informed, law })
+    }
+
+    /// The model with what is known of the machine in it: payload, oil, the pump's flow, and its leakage.
+    pub fn informed(&self) -> &Description {
+        &self.informed
+    }
+
+    /// Tracking errors \[m\] of a crane along a course, one each control period.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] when either crane cannot be built or leaves what the model holds for.
+    pub fn errors(&self, crane: &Description, course: &dyn Course) -> Result<Vec<f64>, LabError> {
+        let start = course.reference(0.0).position;
+        let mut machine = VirtualCrane::new(crane, &crane.start(start))?;
+        let mut simulated = Simulated::new(self, start)?;
+        let period = self.informed.numbers.control_period;
+        let periods = (course.duration() / period).round() as u64;
+        let mut errors = Vec::with_capacity(periods as usize + 1);
+        for k in 0..=periods {
+            let reference = course.reference(k as f64 * period);
+            errors.push(machine.reading().stroke - reference.position);
+            let motor_speed = simulated.speed(&reference)?;
+            let command = Command { motor_speed, holding_valve: 1.0 };
+            machine.advance(&command).map_err(LabError::during("open loop"))?;
+        }
+        Ok(errors)
+    }
+}
+
+/// The simulated crane in motion.
+struct Simulated {
+    law: ModelFollowing<f64>,
+    memory: FollowingMemory<f64>,
+    plant: Box<dyn Plant>,
+    /// Steps in a control period.
+    count: u32,
+}
+
+impl Simulated {
+    fn new(open: &OpenLoop, start: f64) -> Result<Self, LabError> {
+        let OpenLoop { informed, law } = open;
+        let step = informed.numbers.simulation_period;
+        let plant = plant(informed, &informed.start(start), Scheme::Published, step)?;
+        let count = (informed.numbers.control_period / step).round() as u32;
+        Ok(Self { law: *law, memory: law.start(), plant, count })
+    }
+
+    /// Motor speed \[rev/s\] for the coming period, in which it moves on.
+    fn speed(&mut self, reference: &Reference<f64>) -> Result<f64, LabError> {
+        let pump_speed = self.law.update(&mut self.memory, reference, &seen(self.plant.as_ref()));
+        let input = Input { pump_speed, holding_valve: 1.0 };
+        self.plant.advance(&input, self.count).map_err(LabError::during("the simulated crane"))?;
+        Ok(pump_speed)
+    }
+}
