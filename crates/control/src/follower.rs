@@ -130,8 +130,8 @@ impl Follower {
         let [correction, before] = self.correction;
         // what the correction has taken over is no rate that nobody knows of any longer
         let taken = (correction - before) * simulated_speed;
-        let by_speed = self.law.reckons(simulated).spring.pressure_by_speed;
-        self.feedback.rate += taken * by_speed;
+        let with = self.law.reckons(simulated, machine.load_pressure);
+        self.feedback.rate += taken * with.spring.pressure_by_speed;
         self.correction[1] = correction;
         self.law.feedback(&mut self.feedback, machine, simulated, correction * simulated_speed)
     }

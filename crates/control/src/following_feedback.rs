@@ -9,7 +9,7 @@ const DOUBTS: f64 = 1.3;
 impl<T: Real> ModelFollowing<T> {
     /// Begins feedback from the machine where it and the simulated crane are, both at rest.
     pub fn begin(&self, machine: &Watched<T>, seen: &Seen<T>) -> DeviationMemory<T> {
-        let with = self.reckons(seen);
+        let with = self.reckons(seen, machine.load_pressure);
         self.deviation.start(&with.spring, &self.off(machine, seen))
     }
 
@@ -22,25 +22,28 @@ impl<T: Real> ModelFollowing<T> {
         seen: &Seen<T>,
         feedforward: T,
     ) -> T {
-        let (with, off) = (self.reckons(seen), self.off(machine, seen));
+        let with = self.reckons(seen, machine.load_pressure);
+        let off = self.off(machine, seen);
         let wanted = self.deviation.update(memory, &with, &off, feedforward);
         wanted.clamp(-self.limits.speed, self.limits.speed)
     }
 
-    /// What feedback from the machine reckons with where the simulated crane is. Too fast a bandwidth rings in oil that is softer than it is
-    /// thought to be, too much damping in oil that is stiffer: damping is told how stiff it may be.
+    /// What feedback reckons with where the simulated crane is, the machine's load pressure being \[Pa\]. Too fast a bandwidth rings in oil that
+    /// is softer than it is thought to be, too much damping in oil that is stiffer: bandwidth is told how soft it may be, damping how stiff, which
+    /// soft oil becomes within a swing.
     #[inline(always)]
-    pub fn reckons(&self, seen: &Seen<T>) -> Reckoned<T> {
+    pub fn reckons(&self, seen: &Seen<T>, load_pressure: T) -> Reckoned<T> {
         let at = self.station(seen.stroke);
         let low = at.rest.load_pressure.min(seen.load_pressure);
-        let may_be = [low - self.deviation.dip(), low + T::lit(DOUBTS) * self.doubt];
+        let high = low.max(load_pressure) + T::lit(DOUBTS) * self.doubt;
+        let may_be = [low - self.deviation.dip(), high];
         self.deviation.reckons(&at, may_be.map(|load| self.stiffness_at(load)))
     }
 
     /// The same where the crane rests at a position \[m\].
     pub fn reckons_at_rest(&self, stroke: T) -> Reckoned<T> {
         let load_pressure = self.station(stroke).rest.load_pressure;
-        self.reckons(&Seen { stroke, velocity: T::zero(), load_pressure })
+        self.reckons(&Seen { stroke, velocity: T::zero(), load_pressure }, load_pressure)
     }
 
     /// By how much the machine differs from where the simulated crane was a lead ago.

@@ -191,3 +191,23 @@ fn feedback_is_as_careful_as_the_oil_is_in_doubt() {
     };
     assert!(at(8e5) < 0.7 * at(1e5), "{} {}", at(8e5), at(1e5));
 }
+
+/// Oil below its transition stiffens within a swing: the same feedback of the pressure would be several times as strong there.
+#[test]
+fn feedback_of_the_pressure_asks_for_less_where_the_oil_has_stiffened() {
+    let mut law = model_following(&Description::uia_single_boom().unwrap()).unwrap();
+    let rest = law.station(0.25).rest.load_pressure;
+    (law.stiffness.transition, law.doubt) = (rest + 10e5, 0.0);
+    let seen = Seen { stroke: 0.25, velocity: 0.0, load_pressure: rest };
+    let at = |bar: f64| law.reckons(&seen, rest + bar * 1e5);
+    // what comes back of a pressure, by the oil that is there
+    let loops = [0.0, 10.0].map(|bar| {
+        let with = at(bar);
+        let spring = law.station(0.25).spring(law.stiffness_at(rest + bar * 1e5));
+        with.gains.pressure * spring.pressure_by_speed
+    });
+    assert!(loops[1] < 3.0 * loops[0], "{loops:?}");
+    assert!(at(10.0).gains.pressure < 0.5 * at(0.0).gains.pressure);
+    // a pressure that falls is no reason to ask for more
+    assert_eq!(at(-10.0), at(0.0));
+}
