@@ -401,6 +401,23 @@ mod tests {
     }
 
     #[test]
+    fn what_nobody_can_believe_is_not_gone_on_with() {
+        let flow = balance();
+        let believed = flow.start(0.1, 30e5).believed();
+        assert!(flow.resume(&believed).is_some());
+        let broken = |change: fn(&mut Believed<f64>)| {
+            let mut believed = believed;
+            change(&mut believed[3]);
+            flow.resume(&believed).is_none()
+        };
+        assert!(broken(|b| b.flow_gain_variance = -1e-4));
+        // correlated by more than wholly
+        assert!(broken(|b| b.covariance = 1.0));
+        assert!(broken(|b| b.likelihood = f64::NAN));
+        assert!(broken(|b| b.transition += 1e5));
+    }
+
+    #[test]
     fn what_cannot_be_is_not_learned() {
         // a pump that delivers a half more, and oil that leaks in
         let truth = Balance { flow_gain: 1.4, leakage: -1e-5, transition: 35e5 };
