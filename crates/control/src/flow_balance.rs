@@ -397,6 +397,7 @@ mod tests {
             flow.update(&mut memory, speed, stroke, 65e5);
         }
         let found = memory.balance.flow_gain;
+        // half a minute of a memory of 100 s: what came last counts a little more
         assert!((found - 0.5 * (up + down)).abs() < 1e-3, "{found}");
     }
 

@@ -24,6 +24,6 @@ pub use linear_feedback::LinearFeedback;
 pub use look::{Look, look, machine_loops, step_response};
 pub use margins::{Loop, Margins, margins};
 pub use model_following::{
-    bending, conditions, flow_balance, law, model_following, schedule, stations, under,
+    bending, conditions, flow_balance, law, leakage, model_following, schedule, stations, under,
 };
 pub use oil_spring::oil_spring;

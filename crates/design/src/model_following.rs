@@ -59,8 +59,7 @@ pub fn schedule(description: &Description) -> Result<Schedule, DesignError> {
 /// three times its own size (worn pumps, hot oil), the pressure at which oil stiffens (by the air in it) to 8 bar. All three are estimates.
 pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
     let n = &description.numbers;
-    let resting = schedule.at(n.payload).station(0.5 * n.stroke);
-    let leakage = resting.rest.holding_speed * n.displacement * n.flow_gain;
+    let leakage = leakage(n, &schedule.at(n.payload));
     FlowBalance {
         piston_area: description.cylinder().piston_area,
         displacement: n.displacement,
@@ -75,6 +74,13 @@ pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalan
         memory: 0.999,
         period: n.control_period,
     }
+}
+
+/// What leaks of a crane as it is described while it rests at mid-stroke \[m³/s\], by the state feedback for its payload: the pump holds
+/// the load by as much.
+pub fn leakage(numbers: &Numbers<f64>, law: &ModelFollowing<f64>) -> f64 {
+    let resting = law.station(0.5 * numbers.stroke).rest;
+    resting.holding_speed * numbers.displacement * numbers.flow_gain
 }
 
 /// Conditions under which a crane is described.

@@ -3,7 +3,7 @@
 
 use hydroboom_control::{Balance, Known};
 use hydroboom_description::Description;
-use hydroboom_design::schedule;
+use hydroboom_design::{leakage, schedule};
 use hydroboom_lab::LabError;
 use hydroboom_lab::family::member;
 use hydroboom_lab::open_loop::OpenLoop;
@@ -81,9 +81,7 @@ fn main() -> Result<(), LabError> {
     let laws = schedule(&model)?;
     let fits = jobs.par_iter().map(|(number, speed)| {
         let crane = member(&nominal, SEED, *number)?.crane;
-        let n = &model.numbers;
-        let resting = laws.at(crane.numbers.payload).station(0.5 * n.stroke).rest;
-        let leakage = resting.holding_speed * n.displacement * n.flow_gain;
+        let leakage = leakage(&model.numbers, &laws.at(crane.numbers.payload));
         let course = CourseChoice::Motion(*speed);
         Case { model: &model, leakage, crane, course }.fit()
     });

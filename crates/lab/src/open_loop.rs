@@ -5,7 +5,7 @@ use crate::scenario::Course;
 use crate::{LabError, Plant, plant};
 use hydroboom_control::{FollowingMemory, Known, ModelFollowing, Reference};
 use hydroboom_description::Description;
-use hydroboom_design::schedule;
+use hydroboom_design::{leakage, schedule};
 use hydroboom_model::{Input, Scheme};
 use hydroboom_virtual_crane::{Command, VirtualCrane};
 
@@ -23,12 +23,9 @@ impl OpenLoop {
     ///
     /// [`LabError`] when none can be designed for the model.
     pub fn new(model: &Description, known: &Known) -> Result<Self, LabError> {
-        let schedule = schedule(model)?;
-        let mut law = schedule.at(known.payload);
+        let mut law = schedule(model)?.at(known.payload);
         law.stiffness.transition = known.balance.transition;
-        let n = &model.numbers;
-        let resting = schedule.at(known.payload).station(0.5 * n.stroke).rest;
-        let before = resting.holding_speed * n.displacement * n.flow_gain;
+        let before = leakage(&model.numbers, &law);
         let mut informed = model.clone();
         let n = &mut informed.numbers;
         n.payload = known.payload;

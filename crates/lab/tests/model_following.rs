@@ -110,6 +110,7 @@ fn a_cycle_teaches_what_open_loop_lacks() {
         assert!(after < 1.0 && after < 0.2 * before, "{before} mm, then {after} mm");
         let mut informed = model.clone();
         found.set.iter().for_each(|assignment| informed.set(assignment).unwrap());
+        // overrides have six digits, and state feedback is designed with them
         let again = teach(&informed, number).before_mm.unwrap();
         assert!((again - after).abs() < 0.02 * before, "{again} mm for {after} mm");
     }
