@@ -1,8 +1,8 @@
 //! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
 
 use crate::{
-    DeviationMemory, FlowBalance, FollowingMemory, Known, Learner, Measured, ModelFollowing,
-    Reading, Reference, Schedule, Seen, Watched,
+    Balances, DeviationMemory, FollowingMemory, Known, Learner, Measured, ModelFollowing, Reading,
+    Reference, Schedule, Seen, Watched,
 };
 
 /// A reference slower than this rests \[m/s\].
@@ -23,12 +23,12 @@ impl Follower {
     /// At rest, by what is measured there: the payload is weighed.
     pub fn start(
         schedule: &Schedule,
-        flow: &FlowBalance,
+        balances: &Balances,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) -> Self {
         let payload = schedule.payload(measured.stroke, measured.load_pressure);
-        Self::new(Learner::start(schedule, flow, payload, reading, measured.load_pressure))
+        Self::new(Learner::start(schedule, balances, payload, reading, measured.load_pressure))
     }
 
     /// With what was learned before.
@@ -94,7 +94,7 @@ impl Follower {
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) {
-        let balanced = self.learner.balances(reading);
+        let balanced = self.learner.balances(reading, measured.load_pressure);
         let rests = reference.velocity.abs() < AT_REST;
         if self.learner.weighs(rests, measured.load_pressure, simulated) || balanced {
             self.law = self.learner.law();

@@ -1,21 +1,28 @@
-//! What is learned of a machine while it works: what becomes of the oil, and what the load weighs.
+//! What is learned of a machine while it works: what becomes of the oil, and what the load pressure holds.
 
 use crate::flow_balance::{Balance, FlowBalance, FlowBalanceMemory};
+use crate::load_balance::{HELD_BY_FRICTION, LoadBalance, LoadBalanceMemory};
 use crate::{ModelFollowing, Reading, Schedule, Seen};
 
 /// What is known of the machine by now, beyond its description.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Known {
-    /// Payload \[kg\].
+    /// Payload as it was weighed at rest, where friction holds a part of it \[kg\].
+    pub weighed: f64,
+    /// Payload by what has been seen in motion too \[kg\].
     pub payload: f64,
+    /// Friction of the cylinder, over what its description has.
+    pub friction: f64,
     /// Pump flow, leakage and where the oil stiffens.
     pub balance: Balance<f64>,
 }
 
 impl Known {
-    /// What of it is simulated. The pump's flow is not, but corrected where the machine's motor is told its speed.
+    /// What of it is simulated beside the machine. The pump's flow is not, but corrected where the machine's motor is told its speed; nor
+    /// is what motion tells of payload and friction: a simulated crane that changes its load in motion moves for it, and the machine
+    /// after it, where feedback meets a load that is known badly but does not change.
     pub fn conditions(&self) -> Conditions {
-        Conditions { payload: self.payload, transition: self.balance.transition }
+        Conditions { payload: self.weighed, transition: self.balance.transition }
     }
 }
 
@@ -36,8 +43,6 @@ impl Conditions {
     }
 }
 
-/// A load that rests differs from the simulated one by more than what friction can hold back \[Pa\].
-const HELD_BY_FRICTION: f64 = 6e5;
 /// Time constant in which the payload is learned at rest \[s\].
 const WEIGHING: f64 = 0.5;
 /// A load is weighed once its pressure has been within so much of its mean over some tenths of a second for half a second:
@@ -50,17 +55,37 @@ const KEPT: f64 = 0.5;
 /// What was learned, to go on with later.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Learned {
-    /// Payload \[kg\].
-    pub payload: f64,
+    /// Payload as it was weighed at rest \[kg\].
+    pub weighed: f64,
+    /// Of the load pressure.
+    pub load: LoadBalanceMemory,
     /// Of the flow balance.
     pub flow: FlowBalanceMemory,
+}
+
+impl Learned {
+    /// What is known by it.
+    pub fn known(&self) -> Known {
+        let Self { weighed, load, flow } = self;
+        let [payload, friction] = [load.payload(), load.friction()];
+        Known { weighed: *weighed, payload, friction, balance: flow.balance }
+    }
+}
+
+/// By what it is learned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Balances {
+    /// What the load pressure holds.
+    pub load: LoadBalance,
+    /// What becomes of the oil.
+    pub flow: FlowBalance,
 }
 
 /// Learns.
 #[derive(Clone, Copy, Debug)]
 pub struct Learner {
     schedule: Schedule,
-    flow: FlowBalance,
+    balances: Balances,
     now: Learned,
     /// What was known half a second to a second ago, and since then; the time since then \[s\].
     before: [Learned; 2],
@@ -74,15 +99,19 @@ impl Learner {
     /// With a payload \[kg\] thought of, and a load pressure \[Pa\] measured.
     pub fn start(
         schedule: &Schedule,
-        flow: &FlowBalance,
+        balances: &Balances,
         payload: f64,
         reading: &Reading<f64>,
         load_pressure: f64,
     ) -> Self {
-        let now = Learned { payload, flow: flow.start(reading.stroke, reading.pressure_a) };
+        let now = Learned {
+            weighed: payload,
+            load: balances.load.start(schedule, reading.stroke, payload),
+            flow: balances.flow.start(reading.stroke, reading.pressure_a),
+        };
         Self {
             schedule: *schedule,
-            flow: *flow,
+            balances: *balances,
             now,
             before: [now; 2],
             since: 0.0,
@@ -104,12 +133,12 @@ impl Learner {
 
     /// What is known by now.
     pub fn known(&self) -> Known {
-        Known { payload: self.now.payload, balance: self.now.flow.balance }
+        self.now.known()
     }
 
     /// State feedback for what is known.
     pub fn law(&self) -> ModelFollowing<f64> {
-        let mut law = self.schedule.at(self.now.payload);
+        let mut law = self.schedule.at(self.now.weighed);
         law.stiffness.transition = self.now.flow.balance.transition;
         law.doubt = self.now.flow.doubt;
         law
@@ -117,18 +146,20 @@ impl Learner {
 
     /// What the motor has to turn for each revolution of the simulated one.
     pub fn correction(&self) -> f64 {
-        self.flow.before.flow_gain / self.now.flow.balance.flow_gain
+        self.balances.flow.before.flow_gain / self.now.flow.balance.flow_gain
     }
 
-    /// A period in which the pump moved oil; true where something was learned of it.
-    pub fn balances(&mut self, reading: &Reading<f64>) -> bool {
-        self.since += self.flow.period;
+    /// A period in which the pump moved oil, and the load pressure \[Pa\] at its end; true where something was learned of it.
+    pub fn balances(&mut self, reading: &Reading<f64>, load_pressure: f64) -> bool {
+        let Balances { load, flow } = &self.balances;
+        self.since += flow.period;
         if self.since >= KEPT {
             self.before = [self.before[1], self.now];
             self.since = 0.0;
         }
         let Reading { motor_speed, stroke, pressure_a, .. } = *reading;
-        self.flow.update(&mut self.now.flow, motor_speed, stroke, pressure_a)
+        load.update(&self.schedule, &mut self.now.load, stroke, load_pressure);
+        flow.update(&mut self.now.flow, motor_speed, stroke, pressure_a)
     }
 
     /// A period at a load pressure \[Pa\] in which the piston is told to rest, or is not, and what is simulated of it; true where the load
@@ -142,29 +173,35 @@ impl Learner {
             return false;
         }
         let per_pressure = self.schedule.per_pressure(simulated.stroke);
-        let gained = off * per_pressure * self.flow.period / WEIGHING;
-        self.now.payload = (self.now.payload + gained).clamp(0.0, self.schedule.heaviest());
+        let gained = off * per_pressure * self.balances.load.period / WEIGHING;
+        self.weigh(simulated.stroke, self.now.weighed + gained);
         true
     }
 
     /// A period in which valves hold the load, at a position \[m\] and a load pressure \[Pa\]: it is weighed at once. True where it weighs other
     /// than was thought.
     pub fn weighs_held(&mut self, stroke: f64, load_pressure: f64) -> bool {
-        let law = self.schedule.at(self.now.payload);
+        let before = self.now.weighed;
+        let law = self.schedule.at(before);
         let off = self.mean - law.station(stroke).rest.load_pressure;
         let quiet = self.is_quiet(true, load_pressure);
         if !quiet || off.abs() <= HELD_BY_FRICTION {
             return false;
         }
-        let payload = self.schedule.payload(stroke, self.mean);
-        let gained = payload - self.now.payload;
-        self.now.payload = payload;
+        self.weigh(stroke, self.schedule.payload(stroke, self.mean));
         // beyond the lightest and the heaviest there is nothing to learn
-        gained.abs() > 1.0
+        (self.now.weighed - before).abs() > 1.0
+    }
+
+    fn weigh(&mut self, stroke: f64, payload: f64) {
+        self.now.weighed = payload.clamp(0.0, self.schedule.heaviest());
+        let payload = self.now.weighed;
+        self.balances.load.weighed(&self.schedule, &mut self.now.load, stroke, payload);
     }
 
     /// A period that tells nothing of the oil.
     pub fn skip(&mut self, reading: &Reading<f64>) {
+        self.now.load.begin_window(reading.stroke);
         self.now.flow.begin_window(reading.stroke, reading.pressure_a);
     }
 
@@ -178,7 +215,7 @@ impl Learner {
     /// Whether the load pressure \[Pa\] tells what the load weighs.
     fn is_quiet(&mut self, rests: bool, load_pressure: f64) -> bool {
         let (near, slowly, long) = QUIET;
-        let period = self.flow.period;
+        let period = self.balances.load.period;
         if !load_pressure.is_finite() {
             self.quiet = 0.0;
             return false;

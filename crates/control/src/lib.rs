@@ -5,6 +5,7 @@
 //! files and screens.
 #![cfg_attr(not(test), no_std)]
 
+mod belief;
 mod benchmark;
 mod deviation;
 mod fault;
@@ -13,6 +14,7 @@ mod flow_balance;
 mod follower;
 mod following_feedback;
 mod learner;
+mod load_balance;
 mod model_following;
 mod motion;
 mod motor;
@@ -33,7 +35,8 @@ pub use fault::Cause;
 pub use filter::{HighPass, Notch, NotchMemory};
 pub use flow_balance::{Balance, Believed, FlowBalance, FlowBalanceMemory, TRANSITIONS};
 pub use follower::Follower;
-pub use learner::{Conditions, Known, Learned, Learner};
+pub use learner::{Balances, Conditions, Known, Learned, Learner};
+pub use load_balance::{BelievedLoad, LoadBalance, LoadBalanceMemory};
 pub use model_following::{BENDING, FollowingMemory, ModelFollowing, STATIONS, Seen};
 pub use motion::{Motion, Profile, Reference, Way};
 pub use motor::MotorLimits;

@@ -315,7 +315,7 @@ impl<T: Real> ModelFollowing<T> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::{DeviationDesign, Rest};
     use hydroboom_math::Lanes;
@@ -330,7 +330,7 @@ mod tests {
     }
 
     /// The paper's crane in round numbers, alike over its whole stroke.
-    fn law<T: Real>() -> ModelFollowing<T> {
+    pub(crate) fn law<T: Real>() -> ModelFollowing<T> {
         let lit = T::lit;
         let station = Station {
             rest: Rest::from_array([65e5, -1e6, 0.11].map(T::lit)),

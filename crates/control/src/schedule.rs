@@ -40,7 +40,8 @@ impl Schedule {
         self.heaviest() / self.span(stroke)
     }
 
-    fn empty(&self, stroke: f64) -> f64 {
+    /// Load pressure \[Pa\] at which the crane rests without payload, piston at `stroke` \[m\].
+    pub(crate) fn empty(&self, stroke: f64) -> f64 {
         self.laws[0].station(stroke).rest.load_pressure
     }
 

@@ -5,11 +5,13 @@
 //!             -> lifting (as it is once the pump lifts)
 //!             -> oil_spring (what of that a controller of piston and load pressure sees)
 //!             -> model_following (scheduled over stroke and payload), linear_feedback (what it makes of readings)
+//!             -> informed (the description with what was learned)
 //!             -> growth (whether a closed loop rings on), margins (how far it is from that), look (all of a design)
 //! ```
 
 mod error;
 mod growth;
+mod informed;
 mod lifting;
 pub mod linear;
 mod linear_feedback;
@@ -19,11 +21,12 @@ mod model_following;
 mod oil_spring;
 
 pub use error::DesignError;
+pub use informed::{informed, overrides};
 pub use lifting::{Lifting, Responses};
 pub use linear_feedback::LinearFeedback;
 pub use look::{Look, look, machine_loops, step_response};
 pub use margins::{Loop, Margins, margins};
 pub use model_following::{
-    bending, conditions, flow_balance, law, leakage, model_following, schedule, stations, under,
+    balances, bending, conditions, law, leakage, model_following, schedule, stations, under,
 };
 pub use oil_spring::oil_spring;

@@ -2,8 +2,9 @@
 
 use crate::{DesignError, Lifting, oil_spring};
 use hydroboom_control::{
-    BENDING, Balance, Conditions, DeviationDesign, DeviationFeedback, FlowBalance, ModelFollowing,
-    MotorLimits, OilStiffness, PAYLOADS, Rest, STATIONS, Schedule, Station,
+    BENDING, Balance, Balances, Conditions, DeviationDesign, DeviationFeedback, FlowBalance,
+    LoadBalance, ModelFollowing, MotorLimits, OilStiffness, PAYLOADS, Rest, STATIONS, Schedule,
+    Station,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -29,6 +30,9 @@ const SMOOTHING: f64 = 0.003;
 
 /// How far the pressure at which oil stiffens is from where the crane file has it, by standard deviation \[Pa\]: air in the oil is known badly.
 const DOUBT: f64 = 8e5;
+
+/// How far the pump's slip is from what the crane file has, by standard deviation, as a share of the displacement by pressure \[1/Pa\].
+const SLIP: f64 = 1.5e-9;
 
 /// Stations keep so far from the ends of the stroke \[m\].
 const MARGIN: f64 = 0.005;
@@ -56,8 +60,25 @@ pub fn schedule(description: &Description) -> Result<Schedule, DesignError> {
 }
 
 /// What can be learned of the crane of a description, and how well it is known before: a pump's flow to 3 percent, leakage to
-/// three times its own size (worn pumps, hot oil), the pressure at which oil stiffens (by the air in it) to 8 bar. All three are estimates.
-pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
+/// three times its own size (worn pumps, hot oil), the pressure at which oil stiffens (by the air in it) to 8 bar, friction (by seals and
+/// cold oil) to its own size, a payload at rest to 3 bar. All are estimates.
+pub fn balances(description: &Description, schedule: &Schedule) -> Balances {
+    let n = &description.numbers;
+    let area = description.cylinder().piston_area;
+    let load = LoadBalance {
+        coulomb: n.coulomb / area,
+        viscous: n.viscous / area,
+        weighed: 3e5,
+        friction: 1.0,
+        scatter: 1e5,
+        window: 100,
+        memory: 0.999,
+        period: n.control_period,
+    };
+    Balances { load, flow: flow_balance(description, schedule) }
+}
+
+fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
     let n = &description.numbers;
     let leakage = leakage(n, &schedule.at(n.payload));
     FlowBalance {
@@ -65,8 +86,19 @@ pub fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalan
         displacement: n.displacement,
         volume: n.volume_pump_a + n.dead_volume_a,
         stiffness: stiffness(n),
-        before: Balance { flow_gain: n.flow_gain, leakage, transition: n.transition },
-        uncertainty: Balance { flow_gain: 0.03, leakage: 3.0 * leakage, transition: DOUBT },
+        suction: n.working_pressure,
+        before: Balance {
+            flow_gain: n.flow_gain,
+            leakage,
+            slip: n.slip_per_speed,
+            transition: n.transition,
+        },
+        uncertainty: Balance {
+            flow_gain: 0.03,
+            leakage: 3.0 * leakage,
+            slip: SLIP * n.displacement,
+            transition: DOUBT,
+        },
         scatter: 1e-4,
         pressure_scatter: 1e4,
         compression_error: 0.15,

@@ -5,7 +5,7 @@
 use hydroboom_control::{Benchmark, Follower, Learned, Learner, Reading, Reference, Seen, Watched};
 use hydroboom_description::Description;
 use hydroboom_design::{
-    Lifting, Loop, flow_balance, look, margins, model_following, oil_spring, schedule,
+    Lifting, Loop, balances, look, margins, model_following, oil_spring, schedule,
 };
 use hydroboom_model::Scheme;
 use hydroboom_plant::plant;
@@ -141,14 +141,14 @@ fn the_controllers_oil_is_the_models() {
 fn in_motion() -> (Follower, Learned, Reference<f64>, Seen<f64>, Watched<f64>) {
     let crane = Description::uia_single_boom().unwrap();
     let schedule = schedule(&crane).unwrap();
-    let flow = flow_balance(&crane, &schedule);
+    let balances = balances(&crane, &schedule);
     let reference = Reference { position: 0.2, velocity: 0.1 };
     let seen = Seen { stroke: 0.2, velocity: 0.1, load_pressure: 66e5 };
     let lead = crane.numbers.following_lead;
     let stroke = seen.stroke - lead * seen.velocity;
     let machine = Watched { stroke, load_pressure: seen.load_pressure, motor_speed: 0.0 };
     let learner =
-        Learner::start(&schedule, &flow, crane.numbers.payload, &Reading::default(), 66e5);
+        Learner::start(&schedule, &balances, crane.numbers.payload, &Reading::default(), 66e5);
     let mut follower = Follower::new(learner);
     follower.begin(&machine, &seen);
     (follower, *learner.learned(), reference, seen, machine)

@@ -1,5 +1,5 @@
-//! What open loop can come to at best: pump flow, leakage and oil of the model fitted to the very errors that they are to reduce, with the
-//! payload known. Nothing that is learned on line of these can do better. It takes some minutes.
+//! What open loop can come to at best: pump flow, leakage, slip, oil and friction of the model fitted to the very errors that they are to
+//! reduce, with the payload known. Nothing that is learned on line of these can do better. It takes some minutes.
 
 use hydroboom_control::{Balance, Known};
 use hydroboom_description::Description;
@@ -15,12 +15,17 @@ use rayon::prelude::*;
 const CRANES: u64 = 12;
 const SEED: u64 = 7;
 
-/// Pump flow gain, a factor on all leakage, where the oil stiffens \[bar\].
-type Guess = SVector<f64, 3>;
-/// By how much each is changed for its slope; how little of each is no change.
-const STEPS: [f64; 3] = [2e-3, 0.05, 0.5];
-const DAMPING: [f64; 3] = [1e-3, 1e-6, 1e-3];
-const ITERATIONS: usize = 6;
+/// How many numbers are fitted.
+const FITTED: usize = 5;
+/// Pump flow gain, a factor on all leakage, where the oil stiffens \[bar\], a factor on friction, slip \[cm³/(rev kbar)\].
+type Guess = SVector<f64, FITTED>;
+/// By how much each is changed for its slope; how little of each is no change; within what it stays.
+const STEPS: [f64; FITTED] = [2e-3, 0.05, 0.5, 0.05, 0.06];
+const DAMPING: [f64; FITTED] = [1e-3, 1e-6, 1e-3, 1e-4, 3e-4];
+const WITHIN: [[f64; 2]; FITTED] = [[0.5, 1.5], [0.0, 30.0], [5.0, 60.0], [0.1, 5.0], [0.0, 10.0]];
+const ITERATIONS: usize = 10;
+/// m³/(rev Pa) in a cm³/(rev kbar).
+const SLIP: f64 = 1e-14;
 
 struct Case<'a> {
     model: &'a Description,
@@ -34,8 +39,14 @@ impl Case<'_> {
     /// Errors \[mm\] in open loop.
     fn errors(&self, guess: &Guess) -> Result<DVector<f64>, LabError> {
         let leakage = guess[1] * self.leakage;
-        let balance = Balance { flow_gain: guess[0], leakage, transition: guess[2] * 1e5 };
-        let known = Known { payload: self.crane.numbers.payload, balance };
+        let balance = Balance {
+            flow_gain: guess[0],
+            leakage,
+            slip: guess[4] * SLIP,
+            transition: guess[2] * 1e5,
+        };
+        let payload = self.crane.numbers.payload;
+        let known = Known { weighed: payload, payload, friction: guess[3], balance };
         let course = self.course.of(&self.crane)?;
         let errors = OpenLoop::new(self.model, &known)?.errors(&self.crane, course.as_ref())?;
         Ok(DVector::from_iterator(errors.len(), errors.iter().map(|error| error * 1e3)))
@@ -45,11 +56,11 @@ impl Case<'_> {
     fn fit(&self) -> Result<(f64, f64, Guess), LabError> {
         let rms = |errors: &DVector<f64>| errors.norm() / (errors.len() as f64).sqrt();
         let n = &self.crane.numbers;
-        let mut guess = Guess::new(n.flow_gain, 1.5, n.transition * 1e-5);
+        let mut guess = Guess::new(n.flow_gain, 1.5, n.transition * 1e-5, 1.0, 0.0);
         let mut errors = self.errors(&guess)?;
         let begun = rms(&errors);
         for _ in 0..ITERATIONS {
-            let mut slopes = DMatrix::zeros(errors.len(), 3);
+            let mut slopes = DMatrix::zeros(errors.len(), FITTED);
             for (k, step) in STEPS.into_iter().enumerate() {
                 let moved = self.errors(&(guess + Guess::ith(k, step)))?;
                 slopes.set_column(k, &((moved - &errors) / step));
@@ -59,10 +70,9 @@ impl Case<'_> {
             let Some(change) = damped.lu().solve(&slopes.tr_mul(&errors)) else { break };
             let nearer = [1.0, 0.5, 0.2].into_iter().find_map(|share| {
                 let mut next = guess;
-                for k in 0..3 {
-                    next[k] -= share * change[k];
+                for (k, [least, most]) in WITHIN.into_iter().enumerate() {
+                    next[k] = (next[k] - share * change[k]).clamp(least, most);
                 }
-                (next[1], next[2]) = (next[1].max(0.0), next[2].clamp(5.0, 60.0));
                 let found = self.errors(&next).ok()?;
                 (rms(&found) < rms(&errors)).then_some((next, found))
             });
@@ -89,8 +99,8 @@ fn main() -> Result<(), LabError> {
     for ((number, speed), (begun, least, guess)) in jobs.iter().zip(&fits) {
         let speed = speed * 1e3;
         println!(
-            "crane {number}, {speed:.0} mm/s: {begun:.2} mm, then {least:.2} mm with flow gain {:.3}, {:.1} times the leakage, oil at {:.0} bar",
-            guess[0], guess[1], guess[2]
+            "crane {number}, {speed:.0} mm/s: {begun:.2} mm, then {least:.2} mm with flow gain {:.3}, {:.1} times the leakage, oil at {:.0} bar, {:.1} times the friction, slip {:.2} cm3/(rev kbar)",
+            guess[0], guess[1], guess[2], guess[3], guess[4]
         );
     }
     let mut least: Vec<f64> = fits.iter().map(|fit| fit.1).collect();

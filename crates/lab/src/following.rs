@@ -5,7 +5,7 @@ use hydroboom_control::{
     Command, Conditions, Follower, Known, Measured, Reading, Reference, Seen, Watched,
 };
 use hydroboom_description::Description;
-use hydroboom_design::{flow_balance, schedule, under};
+use hydroboom_design::{balances, schedule, under};
 use hydroboom_model::{Input, Scheme, SimulationError};
 
 /// Control periods between two looks at what was learned: the simulated crane becomes what is known by then.
@@ -32,8 +32,8 @@ impl Following {
         start: f64,
     ) -> Result<Self, LabError> {
         let schedule = schedule(model)?;
-        let flow = flow_balance(model, &schedule);
-        let mut follower = Follower::start(&schedule, &flow, reading, measured);
+        let balances = balances(model, &schedule);
+        let mut follower = Follower::start(&schedule, &balances, reading, measured);
         let taken = follower.known().conditions();
         let mut description = model.clone();
         description.numbers = under(&taken, &model.numbers);

@@ -5,8 +5,8 @@ use crate::following::Following;
 use crate::open_loop::OpenLoop;
 use crate::scenario::{Course, CourseChoice};
 use hydroboom_control::Known;
-use hydroboom_description::{Description, Difference};
-use hydroboom_design::{flow_balance, schedule};
+use hydroboom_description::Description;
+use hydroboom_design::{balances, overrides, schedule};
 use hydroboom_virtual_crane::VirtualCrane;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -31,26 +31,6 @@ fn learned(
         machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
     }
     Ok(following.known())
-}
-
-/// What of a description is learned, as overrides (`--set`) that every command takes: what was learned is kept by them.
-fn overrides(model: &Description, informed: &Description) -> Vec<String> {
-    let of = |difference: Difference| match difference.there.parse::<f64>() {
-        Ok(value) => format!("{}={}", difference.key, six_digits(value)),
-        Err(_) => difference.assignment(),
-    };
-    model.differences(informed).into_iter().map(of).collect()
-}
-
-/// More digits than anybody learns.
-fn six_digits(value: f64) -> String {
-    match (1e-3..1e6).contains(&value.abs()) {
-        true => {
-            let whole = value.abs().log10().floor().max(0.0) as usize;
-            format!("{value:.0$}", 5_usize.saturating_sub(whole))
-        }
-        false => format!("{value:.5e}"),
-    }
 }
 
 /// What a cycle under model following is worth for one crane.
@@ -117,6 +97,7 @@ fn cycle(
 
 /// What the model has before anything is learned.
 fn believed(model: &Description) -> Result<Known, LabError> {
-    let balance = flow_balance(model, &schedule(model)?).before;
-    Ok(Known { payload: model.numbers.payload, balance })
+    let balance = balances(model, &schedule(model)?).flow.before;
+    let payload = model.numbers.payload;
+    Ok(Known { weighed: payload, payload, friction: 1.0, balance })
 }

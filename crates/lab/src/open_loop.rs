@@ -5,7 +5,7 @@ use crate::scenario::Course;
 use crate::{LabError, Plant, plant};
 use hydroboom_control::{FollowingMemory, Known, ModelFollowing, Reference};
 use hydroboom_description::Description;
-use hydroboom_design::{leakage, schedule};
+use hydroboom_design::{informed, schedule};
 use hydroboom_model::{Input, Scheme};
 use hydroboom_virtual_crane::{Command, VirtualCrane};
 
@@ -23,23 +23,14 @@ impl OpenLoop {
     ///
     /// [`LabError`] when none can be designed for the model.
     pub fn new(model: &Description, known: &Known) -> Result<Self, LabError> {
-        let mut law = schedule(model)?.at(known.payload);
+        let schedule = schedule(model)?;
+        let mut law = schedule.at(known.payload);
+        law.friction_pressure *= known.friction;
         law.stiffness.transition = known.balance.transition;
-        let before = leakage(&model.numbers, &law);
-        let mut informed = model.clone();
-        let n = &mut informed.numbers;
-        n.payload = known.payload;
-        n.transition = known.balance.transition;
-        n.flow_gain = known.balance.flow_gain;
-        // what leaks is known, and not where: all by the same factor
-        let worn = (known.balance.leakage / before).max(0.0);
-        for leakage in [&mut n.internal_leakage, &mut n.case_leakage_a, &mut n.case_leakage_b] {
-            *leakage *= worn;
-        }
-        Ok(Self { informed, law })
+        Ok(Self { informed: informed(model, &schedule, known), law })
     }
 
-    /// The model with what is known of the machine in it: payload, oil, the pump's flow, and its leakage.
+    /// The model with what is known of the machine in it: payload, friction, oil, the pump's flow, slip and leakage.
     pub fn informed(&self) -> &Description {
         &self.informed
     }

@@ -9,7 +9,7 @@ use hydroboom_control::{
     Watched,
 };
 use hydroboom_description::Description;
-use hydroboom_design::{conditions, flow_balance, schedule};
+use hydroboom_design::{balances, conditions, schedule};
 use hydroboom_model::hydraulics::Cylinder;
 
 /// The simulation may be so far from the machine in closed loop before the benchmark takes over
@@ -181,9 +181,9 @@ pub fn limits(model: &Description, speed: f64) -> Limits {
 /// Model following for a crane whose payload is as described; none for a crane that has no such design.
 fn follower(model: &Description) -> Option<Follower> {
     let schedule = schedule(model).ok()?;
-    let flow = flow_balance(model, &schedule);
+    let balances = balances(model, &schedule);
     let nothing = Reading::default();
-    Some(Follower::new(Learner::start(&schedule, &flow, model.numbers.payload, &nothing, 0.0)))
+    Some(Follower::new(Learner::start(&schedule, &balances, model.numbers.payload, &nothing, 0.0)))
 }
 
 impl ControlTask {

@@ -1,8 +1,8 @@
 //! What was learned of a machine, as a file to go on with.
 
-use hydroboom_control::{Believed, Learned, TRANSITIONS};
+use hydroboom_control::{Believed, BelievedLoad, Learned, TRANSITIONS};
 use hydroboom_description::Description;
-use hydroboom_design::{DesignError, flow_balance, schedule};
+use hydroboom_design::{DesignError, balances, informed, overrides, schedule};
 use serde_json::{Value, json};
 use std::path::Path;
 use thiserror::Error;
@@ -10,17 +10,27 @@ use thiserror::Error;
 /// Pascal in a bar, m³/s in a L/min.
 const BAR: f64 = 1e5;
 const LITRES_PER_MINUTE: f64 = 1e-3 / 60.0;
+/// m³/(rev Pa) in a cm³/(rev bar).
+const SLIP: f64 = 1e-6 / BAR;
 
 /// Names of what is believed in the file, with units, and what one of each is in SI.
-const COLUMNS: [(&str, f64); 7] = [
+const COLUMNS: [(&str, f64); 11] = [
     ("transition_bar", BAR),
     ("flow_gain", 1.0),
     ("leakage_l_min", LITRES_PER_MINUTE),
+    ("slip_cm3_per_rev_bar", SLIP),
     ("flow_gain_variance", 1.0),
-    ("covariance_l_min", LITRES_PER_MINUTE),
+    ("flow_gain_leakage_l_min", LITRES_PER_MINUTE),
+    ("flow_gain_slip_cm3_per_rev_bar", SLIP),
     ("leakage_variance_l2_min2", LITRES_PER_MINUTE * LITRES_PER_MINUTE),
+    ("leakage_l_min_slip_cm3_per_rev_bar", LITRES_PER_MINUTE * SLIP),
+    ("slip_variance_cm6_per_rev2_bar2", SLIP * SLIP),
     ("log_likelihood", 1.0),
 ];
+
+/// Names of what is believed of the load, with units.
+const LOAD: [&str; 5] =
+    ["payload_kg", "friction", "payload_variance_kg2", "payload_friction_kg", "friction_variance"];
 
 /// Why a file does not say what was learned.
 #[derive(Debug, Error)]
@@ -46,8 +56,14 @@ pub enum LearnedError {
     Design(#[from] DesignError),
 }
 
-/// What was learned, as JSON: a summary for people, then all that is believed.
-pub fn text(model: &Description, learned: &Learned) -> String {
+/// What was learned, as JSON: a summary for people, overrides (`set`) that put it into the crane file, then all that is believed.
+///
+/// # Errors
+///
+/// [`DesignError`] when the crane has no model following that could have learned.
+pub fn text(model: &Description, learned: &Learned) -> Result<String, DesignError> {
+    let set = overrides(model, &informed(model, &schedule(model)?, &learned.known()));
+
     let believed: Vec<Value> = learned
         .flow
         .believed()
@@ -58,16 +74,21 @@ pub fn text(model: &Description, learned: &Learned) -> String {
         })
         .collect();
     let balance = &learned.flow.balance;
-    let value = json!({
+    let mut value = json!({
         "learned_of": model.name,
-        "payload_kg": learned.payload,
+        "weighed_kg": learned.weighed,
         "flow_gain": balance.flow_gain,
         "leakage_l_min": balance.leakage / LITRES_PER_MINUTE,
+        "slip_cm3_per_rev_bar": balance.slip / SLIP,
         "transition_bar": balance.transition / BAR,
         "transition_deviation_bar": learned.flow.doubt / BAR,
+        "set": set,
         "under_each_transition": believed,
     });
-    format!("{value:#}\n")
+    for (name, number) in LOAD.into_iter().zip(learned.load.believed().to_array()) {
+        value[name] = json!(number);
+    }
+    Ok(format!("{value:#}\n"))
 }
 
 /// Reads such a file.
@@ -83,7 +104,11 @@ pub fn read(model: &Description, path: &Path) -> Result<Learned, LearnedError> {
     let value: Value = serde_json::from_str(&text)
         .map_err(|e| other(format!("not what `hydroboom run --learned` writes: {e}")))?;
     let number = |of: &Value, key: &str| {
-        of[key].as_f64().ok_or_else(|| other(format!("a number is missing: {key}")))
+        of[key].as_f64().ok_or_else(|| {
+            other(format!(
+                "a number is missing: {key}; what another version wrote is to be learned anew"
+            ))
+        })
     };
     let rows = value["under_each_transition"].as_array().filter(|rows| rows.len() == TRANSITIONS);
     let rows = rows.ok_or_else(|| {
@@ -97,21 +122,27 @@ pub fn read(model: &Description, path: &Path) -> Result<Learned, LearnedError> {
         }
         *into = Believed::from_array(numbers);
     }
-    let schedule = schedule(model)?;
-    let payload = number(&value, "payload_kg")?;
-    let heaviest = schedule.heaviest();
-    if !(0.0..=heaviest).contains(&payload) {
-        return Err(other(format!(
-            "payload_kg = {payload}: it is 0 to {heaviest:.0} for this crane"
-        )));
+    let weighed = number(&value, "weighed_kg")?;
+    let mut load = [0.0; LOAD.len()];
+    for (into, name) in load.iter_mut().zip(LOAD) {
+        *into = number(&value, name)?;
     }
-    let flow = flow_balance(model, &schedule).resume(&believed).ok_or_else(|| {
+    let schedule = schedule(model)?;
+    let balances = balances(model, &schedule);
+    let load = BelievedLoad::from_array(load);
+    let load = balances.load.resume(&schedule, &load).ok_or_else(|| {
+        other(format!(
+            "payload_kg = {} and friction = {} with their variances cannot be: a payload is 0 to {:.0} for this crane",
+            load.payload, load.friction, schedule.heaviest()
+        ))
+    })?;
+    let flow = balances.flow.resume(&believed).ok_or_else(|| {
         other(format!(
             "it was learned of \"{}\" with another crane file, or changed by hand: with another oil.transition_bar it is to be learned anew",
             value["learned_of"].as_str().unwrap_or("?")
         ))
     })?;
-    Ok(Learned { payload, flow })
+    Ok(Learned { weighed, load, flow })
 }
 
 #[cfg(test)]
@@ -123,28 +154,39 @@ mod tests {
     fn what_was_learned_comes_back_from_its_file_and_not_for_another_crane() {
         let model = Description::uia_single_boom().unwrap();
         let schedule = schedule(&model).unwrap();
-        let flow = flow_balance(&model, &schedule);
+        let balances = balances(&model, &schedule);
+        let flow = balances.flow;
         let mut reading = Reading { stroke: 0.2, pressure_a: 70e5, ..Reading::default() };
-        let mut learner = Learner::start(&schedule, &flow, 210.0, &reading, 66e5);
+        let mut learner = Learner::start(&schedule, &balances, 210.0, &reading, 66e5);
         // a pump that delivers a tenth more
         for _ in 0..3000 {
             reading.motor_speed = 20.0;
             let flow_in = 1.1 * flow.before.flow_gain * flow.displacement * reading.motor_speed;
             reading.stroke += flow_in / flow.piston_area * flow.period;
-            learner.balances(&reading);
+            learner.balances(&reading, 66e5);
         }
         let learned = *learner.learned();
         assert!(learned.flow.balance.flow_gain > 1.05 * flow.before.flow_gain);
         let path = std::env::temp_dir().join(format!("hydroboom-learned-{}", std::process::id()));
-        std::fs::write(&path, text(&model, &learned)).unwrap();
+        std::fs::write(&path, text(&model, &learned).unwrap()).unwrap();
         let back = read(&model, &path).unwrap();
+        // and as overrides for every command
+        let value: Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+        let mut known = model.clone();
+        for set in value["set"].as_array().unwrap() {
+            known.set(set.as_str().unwrap()).unwrap();
+        }
         let mut other = model.clone();
         other.set("oil.transition_bar=30").unwrap();
         let refused = read(&other, &path).unwrap_err().to_string();
         std::fs::write(&path, "{\"payload_kg\": 3}").unwrap();
         let cut = read(&model, &path).unwrap_err().to_string();
         std::fs::remove_file(&path).unwrap();
-        assert!((back.payload - learned.payload).abs() < 1e-9);
+        let gain = learned.flow.balance.flow_gain;
+        assert!((known.numbers.flow_gain / gain - 1.0).abs() < 1e-4, "{value:#}");
+        assert!((known.numbers.payload - learned.load.payload()).abs() < 1e-2, "{value:#}");
+        assert_eq!(back.weighed, learned.weighed);
+        assert_eq!(back.load.believed(), learned.load.believed());
         for (a, b) in back.flow.believed().iter().zip(learned.flow.believed()) {
             for (a, b) in a.to_array().iter().zip(b.to_array()) {
                 assert!((a - b).abs() <= 1e-12 * b.abs(), "{a} for {b}");

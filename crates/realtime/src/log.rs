@@ -60,7 +60,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 28] = [
+const NUMBERS: [Number; 30] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("reading_number", |r| Some(r.sequence as f64)),
@@ -80,9 +80,11 @@ const NUMBERS: [Number; 28] = [
     ("command_holding_valve", |r| Some(r.decision.command.holding_valve)),
     ("controls", |r| Some(f64::from(u8::from(r.decision.controls)))),
     ("known_payload_kg", |r| r.known.map(|k| k.payload)),
+    ("known_friction", |r| r.known.map(|k| k.friction)),
     ("known_transition_bar", |r| r.known.map(|k| k.balance.transition * 1e-5)),
     ("known_flow_gain", |r| r.known.map(|k| k.balance.flow_gain)),
     ("known_leakage_l_min", |r| r.known.map(|k| k.balance.leakage * 60e3)),
+    ("known_slip_cm3_per_rev_bar", |r| r.known.map(|k| k.balance.slip * 1e11)),
     ("control_late_us", |r| r.deadlines.map(|d| d.control_late as f64 * 1e-3)),
     ("control_execution_us", |r| r.deadlines.map(|d| d.control_execution as f64 * 1e-3)),
     ("control_missed", |r| r.deadlines.map(|d| d.control_missed as f64)),

@@ -4,6 +4,7 @@
 
 use hydroboom_control::{Cause, Conditions, Motion, State, Strategy};
 use hydroboom_description::Description;
+use hydroboom_design::conditions;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::lockstep::Lockstep;
 use hydroboom_realtime::operator::Operator;
@@ -186,7 +187,7 @@ fn another_payload_is_taken_on_gently() {
     let mut simulation = SimulationTask::new(&model, 0.2).unwrap();
     let before = simulation.simulated().seen;
     let payload = model.numbers.payload - 100.0;
-    simulation.set_conditions(&Conditions { payload, transition: model.numbers.transition });
+    simulation.set_conditions(&Conditions { payload, ..conditions(&model.numbers) });
     let mut fastest = 0.0_f64;
     for _ in 0..60_000 {
         simulation.step(0.0);

@@ -299,7 +299,7 @@ fn what_is_learned_of_a_machine_is_simulated_and_kept() {
     let [told, first, again] = [&told, &script, &again].map(|s| rms_mm(&s.records));
     assert!(first < 0.5 * told && again < 0.5 * told, "{told}, then {first} and {again} mm");
     let balance = learned.flow.balance;
-    assert!((learned.payload - 210.0).abs() < 30.0, "{} kg", learned.payload);
+    assert!((learned.load.payload() - 210.0).abs() < 30.0, "{} kg", learned.load.payload());
     assert!((balance.flow_gain - 0.95).abs() < 0.01, "{balance:?}");
     assert!((balance.transition - 28e5).abs() < 3e5, "{balance:?}");
     // before the pump has moved anything nothing is known of it, but what hangs there is, and the simulation rests with that

@@ -162,7 +162,8 @@ impl Run {
         };
         watch.close_log();
         if let (Some(path), Some(learned)) = (&self.learned, &learned) {
-            output::file(path, learned_file::text(&cranes.model, learned).as_bytes())?;
+            let text = learned_file::text(&cranes.model, learned).into_diagnostic()?;
+            output::file(path, text.as_bytes())?;
         }
         let learned = learned.filter(|_| strategy.follows() || then.follows());
         self.conclude(&cranes, &watch, alone.as_ref(), learned.as_ref(), real_time.as_ref())

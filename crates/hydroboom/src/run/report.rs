@@ -26,6 +26,9 @@ pub struct Report<'a> {
     pub real_time: Option<&'a RealTime>,
 }
 
+/// cm³/(rev bar) in a m³/(rev Pa).
+const SLIP: f64 = 1e11;
+
 /// More courses than these are not listed one by one.
 const LISTED: usize = 12;
 
@@ -101,15 +104,18 @@ impl Report<'_> {
     fn learned(&self, learned: &Learned) -> String {
         let (n, balance) = (&self.model.numbers, &learned.flow.balance);
         format!(
-            "learned: payload {:.0} kg (crane file {:.0}), oil stiffens at {:.1} +- {:.1} bar ({:.1}), pump delivers {:.3} of its displacement ({:.3}), leakage {:.3} L/min",
-            learned.payload,
+            "learned: payload {:.0} kg (crane file {:.0}), friction {:.2} times the crane file's, oil stiffens at {:.1} +- {:.1} bar ({:.1}), pump delivers {:.3} of its displacement ({:.3}), leakage {:.3} L/min, slip {:.5} cm3/(rev bar) ({:.5})",
+            learned.load.payload(),
             n.payload,
+            learned.load.friction(),
             balance.transition * 1e-5,
             learned.flow.doubt * 1e-5,
             n.transition * 1e-5,
             balance.flow_gain,
             n.flow_gain,
             balance.leakage * 60e3,
+            balance.slip * SLIP,
+            n.slip_per_speed * SLIP,
         )
     }
 
@@ -139,9 +145,11 @@ impl Report<'_> {
 fn learned_json(learned: &Learned) -> Value {
     let balance = &learned.flow.balance;
     json!({
-        "payload_kg": learned.payload, "transition_bar": balance.transition * 1e-5,
+        "payload_kg": learned.load.payload(), "friction": learned.load.friction(),
+        "transition_bar": balance.transition * 1e-5,
         "transition_deviation_bar": learned.flow.doubt * 1e-5,
         "flow_gain": balance.flow_gain, "leakage_l_min": balance.leakage * 60e3,
+        "slip_cm3_per_rev_bar": balance.slip * SLIP,
     })
 }
 

@@ -1,0 +1,164 @@
+//! Numbers of which every observation is a weighted sum: what is believed of them, by Bayes' rule.
+
+use hydroboom_math::Real;
+
+/// What is off by more than so many standard deviations counts as that much: a model is never right to the last.
+const FARTHEST: f64 = 3.0;
+
+/// What is believed of `N` numbers: normally distributed about an estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Belief<const N: usize> {
+    pub(crate) estimate: [f64; N],
+    pub(crate) covariance: [[f64; N]; N],
+}
+
+/// How far an observation was off, and the variance that was expected of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Off {
+    pub(crate) off: f64,
+    pub(crate) variance: f64,
+}
+
+impl<const N: usize> Belief<N> {
+    /// Before anything is seen: each number by itself, with its standard deviation.
+    pub(crate) fn new(estimate: [f64; N], deviations: &[f64; N]) -> Self {
+        let mut belief = Self { estimate, covariance: [[0.0; N]; N] };
+        for (k, deviation) in deviations.iter().enumerate() {
+            belief.covariance[k][k] = deviation.square();
+        }
+        belief
+    }
+
+    /// A number is something else from now on, known by its standard deviation: nothing that was seen tells of it.
+    pub(crate) fn replace(&mut self, k: usize, value: f64, deviation: f64) {
+        self.estimate[k] = value;
+        for i in 0..N {
+            (self.covariance[i][k], self.covariance[k][i]) = (0.0, 0.0);
+        }
+        self.covariance[k][k] = deviation.square();
+    }
+
+    /// Loses a share of all that is certain beyond what was known before (standard deviations `before`), never more: P + share (P − P P_0⁻¹ P).
+    pub(crate) fn forget(&mut self, share: f64, before: &[f64; N]) {
+        let p = self.covariance;
+        for i in 0..N {
+            for j in 0..N {
+                // what was certain before stays so
+                let uncertain = (0..N).filter(|k| before[*k] > 0.0);
+                let lasting: f64 = uncertain.map(|k| p[i][k] * p[k][j] / before[k].square()).sum();
+                self.covariance[i][j] += share * (p[i][j] - lasting);
+            }
+        }
+    }
+
+    /// How far something seen is off, the sum of the numbers weighted by `weights`, seen with a variance of its own.
+    pub(crate) fn off(&self, weights: &[f64; N], seen: f64, own: f64) -> Off {
+        let lever = self.lever(weights);
+        Off { off: seen - sum(&self.estimate, weights), variance: own + sum(&lever, weights) }
+    }
+
+    /// Learns of it; how far it was off, as far as that counted.
+    pub(crate) fn learn(&mut self, weights: &[f64; N], seen: f64, own: f64) -> Off {
+        let Off { off, variance } = self.off(weights, seen, own);
+        let most = FARTHEST * Real::sqrt(variance);
+        let off = off.clamp(-most, most);
+        let lever = self.lever(weights);
+        for i in 0..N {
+            self.estimate[i] += lever[i] * off / variance;
+            for j in 0..N {
+                self.covariance[i][j] -= lever[i] * lever[j] / variance;
+            }
+        }
+        Off { off, variance }
+    }
+
+    /// Whether it can be believed: all numbers, and a covariance that is one, by Cholesky's decomposition.
+    pub(crate) fn is_sound(&self) -> bool {
+        let mut root = [[0.0; N]; N];
+        for i in 0..N {
+            for j in 0..=i {
+                let rest: f64 = (0..j).map(|k| root[i][k] * root[j][k]).sum();
+                let left = self.covariance[i][j] - rest;
+                root[i][j] = match i == j {
+                    true if left > 0.0 => Real::sqrt(left),
+                    true => return false,
+                    false => left / root[j][j],
+                };
+            }
+        }
+        self.estimate.iter().chain(root.as_flattened()).all(|number| number.is_finite())
+    }
+
+    fn lever(&self, weights: &[f64; N]) -> [f64; N] {
+        core::array::from_fn(|i| sum(&self.covariance[i], weights))
+    }
+}
+
+fn sum<const N: usize>(numbers: &[f64; N], weights: &[f64; N]) -> f64 {
+    numbers.iter().zip(weights).map(|(number, weight)| number * weight).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One after the other or all at once: the same normal equations, by elimination.
+    #[test]
+    fn it_believes_what_least_squares_say() {
+        let seen: [([f64; 2], f64); 4] =
+            [([1.0, 2.0], 5.2), ([1.0, -1.0], -0.9), ([0.5, 0.3], 1.4), ([2.0, 1.0], 4.3)];
+        let (deviations, own) = ([10.0, 4.0], 0.25);
+        let mut belief = Belief::new([0.5, 0.2], &deviations);
+        let mut normal = [[1.0 / 100.0, 0.0], [0.0, 1.0 / 16.0]];
+        let mut right = [0.5 / 100.0, 0.2 / 16.0];
+        for (weights, value) in &seen {
+            belief.learn(weights, *value, own);
+            for i in 0..2 {
+                right[i] += weights[i] * value / own;
+                for j in 0..2 {
+                    normal[i][j] += weights[i] * weights[j] / own;
+                }
+            }
+        }
+        let determinant = normal[0][0] * normal[1][1] - normal[0][1] * normal[1][0];
+        let wanted = [
+            (right[0] * normal[1][1] - right[1] * normal[0][1]) / determinant,
+            (right[1] * normal[0][0] - right[0] * normal[1][0]) / determinant,
+        ];
+        for (found, wanted) in belief.estimate.iter().zip(wanted) {
+            assert!((found - wanted).abs() < 1e-12, "{found} for {wanted}");
+        }
+        let variance = belief.covariance[0][0];
+        assert!((variance * determinant / normal[1][1] - 1.0).abs() < 1e-9, "{variance}");
+    }
+
+    /// Certainty beyond what was known before fades as an exponential, and leaves that.
+    #[test]
+    fn what_is_forgotten_ends_at_what_was_known_before() {
+        let (before, share) = ([3.0], 1e-3);
+        let mut belief = Belief::new([0.0], &before);
+        belief.learn(&[1.0], 2.0, 1e-2);
+        let certainty = |belief: &Belief<1>| 1.0 / belief.covariance[0][0] - 1.0 / 9.0;
+        let learned = certainty(&belief);
+        for k in 1..=20_000 {
+            belief.forget(share, &before);
+            let fading = learned * (-share * f64::from(k)).exp();
+            let left = certainty(&belief);
+            assert!(left > 0.0 && (left - fading).abs() < 1e-2 * learned, "{k}: {left}");
+        }
+        assert!((belief.covariance[0][0] - 9.0).abs() < 1e-3, "{belief:?}");
+        assert!((belief.estimate[0] - 2.0).abs() < 0.01, "{belief:?}");
+    }
+
+    #[test]
+    fn nothing_is_known_of_a_number_that_was_replaced() {
+        let mut belief = Belief::new([1.0, 1.0], &[2.0, 0.5]);
+        belief.learn(&[1.0, 1.0], 3.0, 1e-2);
+        let other = belief.estimate[1];
+        belief.replace(0, 7.0, 2.0);
+        assert_eq!((belief.estimate, belief.covariance[0]), ([7.0, other], [4.0, 0.0]));
+        assert!(belief.is_sound());
+        belief.covariance[1][0] = f64::NAN;
+        assert!(!belief.is_sound());
+    }
+}

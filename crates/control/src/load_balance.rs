@@ -1,0 +1,320 @@
+//! What the load pressure holds: boom and payload, and friction of the cylinder. Learned while the piston slides.
+//!
+//! ```text
+//! p_L = p_0(x) + m p_m(x) + a/a_p + κ sign(v) (F_C + F_v |v|)/A_p           over windows of a tenth of a second
+//! ```
+//!
+//! m is the payload, κ friction over what the crane file has of it. One window tells the sum of both; up and down tell them apart.
+//! Where the piston sticks friction may be anything within its limits, and nothing is learned; nor where the pressure is farther off than friction
+//! can be, for then another load hangs there.
+
+use crate::Schedule;
+use crate::belief::Belief;
+use hydroboom_math::{Real, record};
+
+/// The piston slides at this speed \[m/s\].
+const SLIDES: f64 = 5e-3;
+/// A load differs from the one that is thought of by more than what friction can hold back \[Pa\].
+pub(crate) const HELD_BY_FRICTION: f64 = 6e5;
+/// Friction is within these limits, over what the crane file has of it.
+const FRICTION: [f64; 2] = [0.1, 6.0];
+
+/// The cylinder under its load, and what is known of it before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadBalance {
+    /// Load pressure that overcomes Coulomb friction, as the crane file has it \[Pa\].
+    pub coulomb: f64,
+    /// Load pressure that overcomes viscous friction, by velocity \[Pa s/m\].
+    pub viscous: f64,
+    /// Standard deviation of the load pressure by which a payload was weighed at rest, for friction held a part of it \[Pa\].
+    pub weighed: f64,
+    /// Standard deviation of friction, over what the crane file has of it.
+    pub friction: f64,
+    /// Standard deviation of the load pressure in a window, for the load swings \[Pa\].
+    pub scatter: f64,
+    /// Periods in a window.
+    pub window: u32,
+    /// What is left of a window's weight a window later.
+    pub memory: f64,
+    /// Sample period \[s\].
+    pub period: f64,
+}
+
+record! {
+    /// What is believed of payload and friction.
+    pub struct BelievedLoad<T> {
+        /// Payload, m
+        #[unit = "kg"]
+        pub payload: T,
+        /// Friction over what the crane file has of it, κ
+        #[unit = "1"]
+        pub friction: T,
+        /// Variance of m
+        #[unit = "kg²"]
+        pub payload_variance: T,
+        /// Covariance of m and κ
+        #[unit = "kg"]
+        pub payload_friction: T,
+        /// Variance of κ
+        #[unit = "1"]
+        pub friction_variance: T,
+    }
+}
+
+/// What was learned, and the window that is under way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadBalanceMemory {
+    belief: Belief<2>,
+    pressure: f64,
+    count: u32,
+    stroke: f64,
+    /// Velocity in the window before \[m/s\]; none where there was none.
+    velocity: Option<f64>,
+}
+
+impl LoadBalanceMemory {
+    /// Payload \[kg\].
+    pub fn payload(&self) -> f64 {
+        self.belief.estimate[0]
+    }
+
+    /// Friction, over what the crane file has of it.
+    pub fn friction(&self) -> f64 {
+        let [least, most] = FRICTION;
+        self.belief.estimate[1].clamp(least, most)
+    }
+
+    /// What is believed, to go on with later.
+    pub fn believed(&self) -> BelievedLoad<f64> {
+        let Belief { estimate: [payload, friction], covariance: [m, k] } = self.belief;
+        BelievedLoad {
+            payload,
+            friction,
+            payload_variance: m[0],
+            payload_friction: m[1],
+            friction_variance: k[1],
+        }
+    }
+
+    /// A window begins at a position \[m\], after what tells nothing.
+    pub fn begin_window(&mut self, stroke: f64) {
+        (self.pressure, self.count, self.velocity) = (0.0, 0, None);
+        self.stroke = stroke;
+    }
+}
+
+impl LoadBalance {
+    /// A payload \[kg\] that was weighed at a piston position \[m\], and friction as the crane file has it.
+    pub fn start(&self, schedule: &Schedule, stroke: f64, payload: f64) -> LoadBalanceMemory {
+        let deviations = self.before(schedule, stroke);
+        LoadBalanceMemory {
+            belief: Belief::new([payload, 1.0], &deviations),
+            pressure: 0.0,
+            count: 0,
+            stroke,
+            velocity: None,
+        }
+    }
+
+    /// Goes on with what was believed before; none where that cannot be believed.
+    pub fn resume(
+        &self,
+        schedule: &Schedule,
+        believed: &BelievedLoad<f64>,
+    ) -> Option<LoadBalanceMemory> {
+        let BelievedLoad { payload, friction, payload_variance, payload_friction, .. } = *believed;
+        let covariance =
+            [[payload_variance, payload_friction], [payload_friction, believed.friction_variance]];
+        let belief = Belief { estimate: [payload, friction], covariance };
+        let is_sound = belief.is_sound() && (0.0..=schedule.heaviest()).contains(&payload);
+        is_sound.then_some(LoadBalanceMemory { belief, ..self.start(schedule, 0.0, payload) })
+    }
+
+    /// Another payload \[kg\], weighed at a piston position \[m\].
+    pub fn weighed(
+        &self,
+        schedule: &Schedule,
+        memory: &mut LoadBalanceMemory,
+        stroke: f64,
+        payload: f64,
+    ) {
+        let [deviation, _] = self.before(schedule, stroke);
+        memory.belief.replace(0, payload, deviation);
+    }
+
+    /// A period that ended at a position \[m\] and a load pressure \[Pa\].A window with a reading that is no number is left out.
+    pub fn update(
+        &self,
+        schedule: &Schedule,
+        memory: &mut LoadBalanceMemory,
+        stroke: f64,
+        load_pressure: f64,
+    ) {
+        memory.pressure += load_pressure;
+        memory.count += 1;
+        if memory.count < self.window {
+            return;
+        }
+        let periods = f64::from(memory.count);
+        let time = self.period * periods;
+        let pressure = memory.pressure / periods;
+        let (velocity, middle) = ((stroke - memory.stroke) / time, 0.5 * (stroke + memory.stroke));
+        let before = memory.velocity;
+        memory.begin_window(stroke);
+        if !(pressure + velocity).is_finite() {
+            return;
+        }
+        memory.velocity = Some(velocity);
+        let slides = |velocity: f64| velocity.abs() > SLIDES;
+        if let Some(before) = before.filter(|before| before * velocity > 0.0)
+            && slides(before)
+            && slides(velocity)
+        {
+            let acceleration = (velocity - before) / time;
+            self.weigh(schedule, memory, middle, velocity, acceleration, pressure);
+        }
+    }
+
+    fn weigh(
+        &self,
+        schedule: &Schedule,
+        memory: &mut LoadBalanceMemory,
+        stroke: f64,
+        velocity: f64,
+        acceleration: f64,
+        pressure: f64,
+    ) {
+        let spring = schedule.at(memory.payload()).station(stroke).stiff;
+        let moving = acceleration / spring.acceleration_by_pressure;
+        let friction = velocity.signum() * (self.coulomb + self.viscous * velocity.abs());
+        let weights = [1.0 / schedule.per_pressure(stroke), friction];
+        let held = pressure - schedule.empty(stroke) - moving;
+        // the window before ended half a window earlier: an acceleration that changes is known to its size
+        let own = self.scatter.square() + moving.square();
+        if memory.belief.off(&weights, held, own).off.abs() > HELD_BY_FRICTION {
+            return;
+        }
+        let before = self.before(schedule, stroke);
+        memory.belief.forget(1.0 - self.memory, &before);
+        memory.belief.learn(&weights, held, own);
+        let payload = &mut memory.belief.estimate[0];
+        *payload = payload.clamp(0.0, schedule.heaviest());
+    }
+
+    /// Standard deviations of payload \[kg\] and friction, weighed at a piston position \[m\].
+    fn before(&self, schedule: &Schedule, stroke: f64) -> [f64; 2] {
+        [self.weighed * schedule.per_pressure(stroke), self.friction]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::PAYLOADS;
+    use crate::model_following::tests::law;
+
+    const HEAVIEST: f64 = 400.0;
+
+    /// A crane whose load pressure rises along the stroke, by 15 bar without payload and 60 bar more with the heaviest.
+    fn schedule() -> Schedule {
+        let shares: [f64; PAYLOADS] = core::array::from_fn(|k| k as f64 / (PAYLOADS - 1) as f64);
+        let laws = shares.map(|share| {
+            let mut law = law::<f64>();
+            for (k, station) in law.stations.iter_mut().enumerate() {
+                station.rest.load_pressure = (15e5 + 60e5 * share) * (1.0 + 0.01 * k as f64);
+            }
+            law
+        });
+        Schedule { payloads: shares.map(|share| share * HEAVIEST), laws }
+    }
+
+    fn balance() -> LoadBalance {
+        LoadBalance {
+            coulomb: 1.7e5,
+            viscous: 1e6,
+            weighed: 3e5,
+            friction: 1.0,
+            scatter: 1e5,
+            window: 100,
+            memory: 0.999,
+            period: 1e-3,
+        }
+    }
+
+    /// What is believed after a motion: velocities \[m/s\] over time, with a payload \[kg\] and friction, and a pressure \[Pa\] beyond them.
+    fn learned(
+        seconds: u32,
+        payload: f64,
+        friction: f64,
+        velocity: impl Fn(f64) -> f64,
+        beyond: impl Fn(f64) -> f64,
+    ) -> LoadBalanceMemory {
+        let (schedule, load) = (schedule(), balance());
+        let law = schedule.at(payload);
+        let (mut stroke, mut memory) = (0.1, load.start(&schedule, 0.1, 200.0));
+        for k in 0..1000 * seconds {
+            let time = 1e-3 * f64::from(k);
+            let [v, next] = [velocity(time), velocity(time + 1e-3)];
+            stroke += 1e-3 * v;
+            let at = law.station(stroke);
+            let moving = (next - v) / 1e-3 / at.stiff.acceleration_by_pressure;
+            // at rest it sticks where it came to rest
+            let sign = if v == 0.0 { 0.8 } else { v.signum() };
+            let held = friction * sign * (load.coulomb + load.viscous * v.abs());
+            let pressure = at.rest.load_pressure + moving + held + beyond(time);
+            load.update(&schedule, &mut memory, stroke, pressure);
+        }
+        memory
+    }
+
+    /// Up for five seconds, rest for two, down for five, with ramps of half a second.
+    fn cycle(time: f64) -> f64 {
+        let up = |t: f64| (2.0 * t).clamp(0.0, 1.0) * (2.0 * (5.0 - t)).clamp(0.0, 1.0);
+        0.05 * (up(time) - up(time - 7.0))
+    }
+
+    #[test]
+    fn up_and_down_tell_payload_and_friction_apart() {
+        let swings = |t: f64| 2e5 * (20.0 * t).sin();
+        let memory = learned(13, 210.0, 2.2, cycle, swings);
+        assert!((memory.payload() - 210.0).abs() < 2.0, "{} kg", memory.payload());
+        assert!((memory.friction() - 2.2).abs() < 0.1, "{}", memory.friction());
+        // by then it is known that it is
+        let BelievedLoad { payload_variance, friction_variance, .. } = memory.believed();
+        assert!(payload_variance < 16.0 && friction_variance < 0.04, "{:?}", memory.believed());
+        // the way up alone leaves both in doubt
+        let up = learned(5, 210.0, 2.2, cycle, swings).believed();
+        assert!(up.friction_variance > 4.0 * friction_variance, "{up:?}");
+    }
+
+    #[test]
+    fn where_the_piston_sticks_nothing_is_learned() {
+        let memory = learned(20, 230.0, 3.0, |_| 0.0, |_| 0.0);
+        assert_eq!((memory.payload(), memory.friction()), (200.0, 1.0));
+    }
+
+    /// It is to be weighed, and not to be taken for friction.
+    #[test]
+    fn another_load_is_no_friction() {
+        let hung_on = |t: f64| if t > 2.0 { 10e5 } else { 0.0 };
+        let friction =
+            |beyond: &dyn Fn(f64) -> f64| learned(5, 200.0, 1.0, cycle, beyond).friction();
+        let [with, without] = [friction(&hung_on), friction(&|_| 0.0)];
+        assert!((with - without).abs() < 0.2, "{with} for {without}");
+    }
+
+    #[test]
+    fn what_was_learned_is_gone_on_with_unless_nobody_can_believe_it() {
+        let (schedule, load) = (schedule(), balance());
+        let believed = learned(13, 210.0, 2.2, cycle, |_| 0.0).believed();
+        assert_eq!(load.resume(&schedule, &believed).unwrap().believed(), believed);
+        let refused = |change: fn(&mut BelievedLoad<f64>)| {
+            let mut other = believed;
+            change(&mut other);
+            load.resume(&schedule, &other).is_none()
+        };
+        assert!(refused(|b| b.payload = 2.0 * HEAVIEST));
+        assert!(refused(|b| b.friction = f64::NAN));
+        assert!(refused(|b| b.friction_variance = -1.0));
+    }
+}
