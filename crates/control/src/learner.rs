@@ -36,6 +36,16 @@ pub struct Conditions {
 }
 
 impl Conditions {
+    /// Nearer to others, a time later \[s\] in which a simulated crane takes them on, which is not thrown by them so.
+    #[must_use]
+    pub fn towards(&self, others: &Self, time: f64) -> Self {
+        let share = (time / TAKEN_ON).min(1.0);
+        Self {
+            payload: self.payload + share * (others.payload - self.payload),
+            transition: self.transition + share * (others.transition - self.transition),
+        }
+    }
+
     /// Whether others are worth a change of the simulated crane: a kilogram, a tenth of a bar.
     pub fn differ(&self, others: &Self) -> bool {
         (self.payload - others.payload).abs() > 1.0
@@ -43,6 +53,8 @@ impl Conditions {
     }
 }
 
+/// Time constant in which a simulated crane takes on what was learned \[s\].
+const TAKEN_ON: f64 = 0.5;
 /// Time constant in which the payload is learned at rest \[s\].
 const WEIGHING: f64 = 0.5;
 /// A load is weighed once its pressure has been within so much of its mean over some tenths of a second for half a second:

@@ -8,7 +8,7 @@ use hydroboom_description::Description;
 use hydroboom_design::{balances, schedule, under};
 use hydroboom_model::{Input, Scheme, SimulationError};
 
-/// Control periods between two looks at what was learned: the simulated crane becomes what is known by then.
+/// Control periods between two looks at what was learned, of which the simulated crane takes some on.
 const LOOK_EVERY: u64 = 20;
 
 /// A controller with its simulated crane.
@@ -20,6 +20,7 @@ pub(crate) struct Following {
     taken: Conditions,
     /// Steps of the simulation in a control period.
     count: u32,
+    period: f64,
     periods: u64,
 }
 
@@ -41,7 +42,15 @@ impl Following {
         let simulated = plant(&description, &description.start(start), Scheme::Published, step)?;
         follower.begin(&Watched::of(measured, reading.motor_speed), &seen(simulated.as_ref()));
         let count = (model.numbers.control_period / step).round() as u32;
-        Ok(Self { description, simulated, follower, taken, count, periods: 0 })
+        Ok(Self {
+            description,
+            simulated,
+            follower,
+            taken,
+            count,
+            period: model.numbers.control_period,
+            periods: 0,
+        })
     }
 
     /// What is known of the machine by now.
@@ -61,8 +70,9 @@ impl Following {
         self.periods += 1;
         let now = self.follower.known().conditions();
         if self.periods.is_multiple_of(LOOK_EVERY) && self.taken.differ(&now) {
-            self.taken = now;
-            self.description.numbers = under(&now, &self.description.numbers);
+            let time = LOOK_EVERY as f64 * self.period;
+            self.taken = self.taken.towards(&now, time);
+            self.description.numbers = under(&self.taken, &self.description.numbers);
             self.simulated.set_parameters(&self.description)?;
         }
         let input = Input { pump_speed: simulated, holding_valve: 1.0 };

@@ -6,9 +6,6 @@ use hydroboom_design::{conditions, under};
 use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation};
 use hydroboom_plant::PlantError;
 
-/// Time constant in which a simulated crane that moves takes on what was learned \[s\]: at once it would jump with its load.
-const TAKEN_ON: f64 = 0.5;
-
 /// A crane at rest, three segments.
 #[derive(Clone, Copy, Debug)]
 pub struct AtRest {
@@ -106,10 +103,7 @@ impl SimulationTask {
 
     /// Nearer to the conditions that are wanted. It takes a tenth of a microsecond.
     fn take_on(&mut self) {
-        let share = self.simulation.step() / TAKEN_ON;
-        let Conditions { payload, transition } = &mut self.conditions;
-        *payload += share * (self.wanted.payload - *payload);
-        *transition += share * (self.wanted.transition - *transition);
+        self.conditions = self.conditions.towards(&self.wanted, self.simulation.step());
         // the crane is of the make that it was, so that there is one
         if let Ok(crane) = self.model.crane_over(&under(&self.conditions, &self.model.numbers)) {
             self.simulation.set_crane(crane);
