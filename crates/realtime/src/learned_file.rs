@@ -112,7 +112,7 @@ pub fn read(model: &Description, path: &Path) -> Result<Learned, LearnedError> {
     };
     let rows = value["under_each_transition"].as_array().filter(|rows| rows.len() == TRANSITIONS);
     let rows = rows.ok_or_else(|| {
-        other(format!("\"under_each_transition\" is not a list of {TRANSITIONS}"))
+        other(format!("\"under_each_transition\" is not a list of {TRANSITIONS}: what another version wrote is to be learned anew"))
     })?;
     let mut believed = [Believed::default(); TRANSITIONS];
     for (into, row) in believed.iter_mut().zip(rows) {
