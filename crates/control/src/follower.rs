@@ -94,7 +94,7 @@ impl Follower {
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) {
-        let balanced = self.learner.balances(reading, measured.load_pressure);
+        let balanced = self.learner.learn_in_motion(reading, measured.load_pressure);
         let rests = reference.velocity.abs() < AT_REST;
         if self.learner.weighs(rests, measured.load_pressure, simulated) || balanced {
             self.law = self.learner.law();

@@ -162,7 +162,7 @@ impl Learner {
     }
 
     /// A period in which the pump moved oil, and the load pressure \[Pa\] at its end; true where something was learned of it.
-    pub fn balances(&mut self, reading: &Reading<f64>, load_pressure: f64) -> bool {
+    pub fn learn_in_motion(&mut self, reading: &Reading<f64>, load_pressure: f64) -> bool {
         let Balances { load, flow } = &self.balances;
         self.since += flow.period;
         if self.since >= KEPT {

@@ -130,9 +130,10 @@ pub fn read(model: &Description, path: &Path) -> Result<Learned, LearnedError> {
     let schedule = schedule(model)?;
     let balances = balances(model, &schedule);
     let load = BelievedLoad::from_array(load);
-    let load = balances.load.resume(&schedule, &load).ok_or_else(|| {
+    let resumed = balances.load.resume(&schedule, &load);
+    let load = resumed.filter(|_| (0.0..=schedule.heaviest()).contains(&weighed)).ok_or_else(|| {
         other(format!(
-            "payload_kg = {} and friction = {} with their variances cannot be: a payload is 0 to {:.0} for this crane",
+            "weighed_kg = {weighed}, payload_kg = {} and friction = {} with their variances cannot be: a payload is 0 to {:.0} for this crane",
             load.payload, load.friction, schedule.heaviest()
         ))
     })?;
@@ -163,7 +164,7 @@ mod tests {
             reading.motor_speed = 20.0;
             let flow_in = 1.1 * flow.before.flow_gain * flow.displacement * reading.motor_speed;
             reading.stroke += flow_in / flow.piston_area * flow.period;
-            learner.balances(&reading, 66e5);
+            learner.learn_in_motion(&reading, 66e5);
         }
         let learned = *learner.learned();
         assert!(learned.flow.balance.flow_gain > 1.05 * flow.before.flow_gain);
@@ -176,6 +177,10 @@ mod tests {
         for set in value["set"].as_array().unwrap() {
             known.set(set.as_str().unwrap()).unwrap();
         }
+        let heavy = text(&model, &Learned { weighed: 9e3, ..learned }).unwrap();
+        std::fs::write(&path, heavy).unwrap();
+        let heavy = read(&model, &path).unwrap_err().to_string();
+        std::fs::write(&path, text(&model, &learned).unwrap()).unwrap();
         let mut other = model.clone();
         other.set("oil.transition_bar=30").unwrap();
         let refused = read(&other, &path).unwrap_err().to_string();
@@ -194,6 +199,7 @@ mod tests {
         }
         let (a, b) = (back.flow.balance, learned.flow.balance);
         assert!((a.flow_gain / b.flow_gain - 1.0).abs() < 1e-12, "{a:?} for {b:?}");
+        assert!(heavy.contains("weighed_kg = 9000"), "{heavy}");
         assert!(refused.contains("another crane file"), "{refused}");
         assert!(cut.contains("under_each_transition"), "{cut}");
     }
