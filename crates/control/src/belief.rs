@@ -20,7 +20,7 @@ pub(crate) struct Off {
 }
 
 impl<const N: usize> Belief<N> {
-    /// Before anything is seen: each number by itself, with its standard deviation.
+    /// Before anything is seen: each number by itself, with its standard deviation, which is not zero.
     pub(crate) fn new(estimate: [f64; N], deviations: &[f64; N]) -> Self {
         let mut belief = Self { estimate, covariance: [[0.0; N]; N] };
         for (k, deviation) in deviations.iter().enumerate() {
@@ -43,9 +43,7 @@ impl<const N: usize> Belief<N> {
         let p = self.covariance;
         for i in 0..N {
             for j in 0..N {
-                // what was certain before stays so
-                let uncertain = (0..N).filter(|k| before[*k] > 0.0);
-                let lasting: f64 = uncertain.map(|k| p[i][k] * p[k][j] / before[k].square()).sum();
+                let lasting: f64 = (0..N).map(|k| p[i][k] * p[k][j] / before[k].square()).sum();
                 self.covariance[i][j] += share * (p[i][j] - lasting);
             }
         }
@@ -144,6 +142,7 @@ mod tests {
             belief.forget(share, &before);
             let fading = learned * (-share * f64::from(k)).exp();
             let left = certainty(&belief);
+            // steps of a thousandth follow an exponential to a few of them
             assert!(left > 0.0 && (left - fading).abs() < 1e-2 * learned, "{k}: {left}");
         }
         assert!((belief.covariance[0][0] - 9.0).abs() < 1e-3, "{belief:?}");

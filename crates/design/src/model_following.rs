@@ -34,6 +34,10 @@ const DOUBT: f64 = 8e5;
 /// How far the pump's slip is from what the crane file has, by standard deviation, as a share of the displacement by pressure \[1/Pa\].
 const SLIP: f64 = 1.5e-9;
 
+/// A pump is thought to leak at least so much, as a share of what it delivers at the motor's highest speed, though a crane file may say that
+/// nothing leaks.
+const TIGHTEST: f64 = 1e-3;
+
 /// Stations keep so far from the ends of the stroke \[m\].
 const MARGIN: f64 = 0.005;
 
@@ -81,6 +85,7 @@ pub fn balances(description: &Description, schedule: &Schedule) -> Balances {
 fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
     let n = &description.numbers;
     let leakage = leakage(n, &schedule.at(n.payload));
+    let leaks = leakage.max(TIGHTEST * n.displacement * n.motor_speed);
     FlowBalance {
         piston_area: description.cylinder().piston_area,
         displacement: n.displacement,
@@ -95,7 +100,7 @@ fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
         },
         uncertainty: Balance {
             flow_gain: 0.03,
-            leakage: 3.0 * leakage,
+            leakage: 3.0 * leaks,
             slip: SLIP * n.displacement,
             transition: DOUBT,
         },

@@ -3,9 +3,10 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_control::{Benchmark, Follower, Learned, Learner, Reading, Reference, Seen, Watched};
-use hydroboom_description::Description;
+use hydroboom_description::{Description, Numbers};
 use hydroboom_design::{
-    Lifting, Loop, balances, look, margins, model_following, oil_spring, schedule,
+    Lifting, Loop, balances, informed, leakage, look, margins, model_following, oil_spring,
+    overrides, schedule,
 };
 use hydroboom_model::Scheme;
 use hydroboom_plant::plant;
@@ -212,4 +213,53 @@ fn feedback_of_the_pressure_asks_for_less_where_the_oil_has_stiffened() {
     assert!(at(10.0).gains.pressure < 0.5 * at(0.0).gains.pressure);
     // a pressure that falls is no reason to ask for more
     assert_eq!(at(-10.0), at(0.0));
+}
+
+/// What is known of a crane goes into its description, out of it as overrides, and is what the description then says.
+#[test]
+fn what_was_learned_makes_a_description_that_says_it() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    crane.set("pump.slip_l_min_per_bar=0.0002").unwrap();
+    let laws = schedule(&crane).unwrap();
+    let mut known = in_motion().1.known();
+    (known.payload, known.friction) = (crane.numbers.payload, 1.4);
+    known.balance.transition = crane.numbers.transition;
+    known.balance.leakage = 2.5 * leakage(&crane.numbers, &laws.at(known.payload));
+    known.balance.slip = 3e-14;
+    let mut again = crane.clone();
+    for assignment in overrides(&crane, &informed(&crane, &laws, &known)) {
+        again.set(&assignment).unwrap();
+    }
+    let force = |n: &Numbers<f64>| n.coulomb + 0.1 * n.viscous;
+    let n = &again.numbers;
+    let leaks = leakage(n, &schedule(&again).unwrap().at(n.payload));
+    let pairs = [
+        (n.payload, known.payload),
+        (n.slip_per_speed, known.balance.slip),
+        (n.flow_gain, known.balance.flow_gain),
+        (force(n), 1.4 * force(&crane.numbers)),
+        (leaks, known.balance.leakage),
+    ];
+    for (found, wanted) in pairs {
+        // overrides have six digits
+        assert!((found / wanted - 1.0).abs() < 1e-4, "{found} for {wanted}");
+    }
+}
+
+/// A crane file may say that nothing leaks; what is believed of such a crane can be gone on with all the same.
+#[test]
+fn a_crane_of_which_nothing_is_said_to_leak_learns_too() {
+    let mut tight = Description::uia_single_boom().unwrap();
+    for key in ["internal_leakage", "case_leakage_a", "case_leakage_b"] {
+        tight.set(&format!("pump.{key}_m3_s_sqrtpa=0")).unwrap();
+    }
+    let flow = balances(&tight, &schedule(&tight).unwrap()).flow;
+    let mut memory = flow.start(0.2, 65e5);
+    for _ in 0..10_000 {
+        // the pump turns to hold the load
+        flow.update(&mut memory, 0.2, 0.2, 65e5);
+    }
+    let believed = memory.believed();
+    assert!(memory.balance.leakage > 0.5 * 0.2 * flow.displacement, "{:?}", memory.balance);
+    assert!(flow.resume(&believed).is_some(), "{believed:?}");
 }
