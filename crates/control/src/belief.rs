@@ -38,12 +38,14 @@ impl<const N: usize> Belief<N> {
         self.covariance[k][k] = deviation.square();
     }
 
-    /// Loses a share of all that is certain beyond what was known before (standard deviations `before`), never more: P + share (P − P P_0⁻¹ P).
-    pub(crate) fn forget(&mut self, share: f64, before: &[f64; N]) {
+    /// Loses a share of all that is certain beyond what was known before (standard deviations `before`, of the first numbers, as many as it has),
+    /// never more: P + share (P − P P_0⁻¹ P).
+    pub(crate) fn forget(&mut self, share: f64, before: &[f64]) {
         let p = self.covariance;
-        for i in 0..N {
-            for j in 0..N {
-                let lasting: f64 = (0..N).map(|k| p[i][k] * p[k][j] / before[k].square()).sum();
+        for i in 0..before.len() {
+            for j in 0..before.len() {
+                let lasting: f64 =
+                    before.iter().enumerate().map(|(k, b)| p[i][k] * p[k][j] / b.square()).sum();
                 self.covariance[i][j] += share * (p[i][j] - lasting);
             }
         }
@@ -68,6 +70,28 @@ impl<const N: usize> Belief<N> {
             }
         }
         Off { off, variance }
+    }
+
+    /// Learns of what lies between two things that are read wrongly by an amount each, one after the other: the last number is what the first was misread by,
+    /// with a weight of -1, and then what the second was, which has the variance `misread`. `own` is the variance of what comes between.
+    pub(crate) fn learn_between(
+        &mut self,
+        weights: &[f64; N],
+        seen: f64,
+        own: f64,
+        misread: f64,
+    ) -> Off {
+        let lever = self.lever(weights);
+        let found = self.learn(weights, seen, own + misread);
+        let share = misread / found.variance;
+        let last = N - 1;
+        for i in 0..last {
+            (self.covariance[i][last], self.covariance[last][i]) =
+                (-lever[i] * share, -lever[i] * share);
+        }
+        self.estimate[last] = share * found.off;
+        self.covariance[last][last] = misread * (1.0 - share);
+        found
     }
 
     /// Whether it can be believed: all numbers, and a covariance that is one, by Cholesky's decomposition.
@@ -147,6 +171,45 @@ mod tests {
         }
         assert!((belief.covariance[0][0] - 9.0).abs() < 1e-3, "{belief:?}");
         assert!((belief.estimate[0] - 2.0).abs() < 0.01, "{belief:?}");
+    }
+
+    /// Each of three things is misread by an amount of its own: by what lies between them as by all their differences at once, which are correlated.
+    #[test]
+    fn what_is_misread_once_ends_one_thing_and_begins_the_next() {
+        let (weights, seen) = ([1.0, 2.0, 0.5], [1.3, 1.6, 0.9]);
+        let (before, own, misread) = (10.0, 0.04, [0.3, 0.5, 0.2, 0.4]);
+        let mut belief = Belief::new([0.0, 0.0], &[before, Real::sqrt(misread[0])]);
+        for k in 0..3 {
+            belief.learn_between(&[weights[k], -1.0], seen[k], own, misread[k + 1]);
+        }
+        // the same at once: covariance of the three differences, inverted by elimination
+        let mut rows = [[0.0; 5]; 3];
+        for k in 0..3 {
+            rows[k][k] = own + misread[k] + misread[k + 1];
+            if k > 0 {
+                (rows[k][k - 1], rows[k - 1][k]) = (-misread[k], -misread[k]);
+            }
+            (rows[k][3], rows[k][4]) = (weights[k], seen[k]);
+        }
+        for pivot in 0..3 {
+            let row = rows[pivot].map(|entry| entry / rows[pivot][pivot]);
+            rows[pivot] = row;
+            for other in (0..3).filter(|other| *other != pivot) {
+                let by = rows[other][pivot];
+                for (entry, of) in rows[other].iter_mut().zip(row) {
+                    *entry -= by * of;
+                }
+            }
+        }
+        let [known, towards] = [3, 4].map(|column| {
+            let products = weights.iter().zip(rows).map(|(weight, row)| weight * row[column]);
+            products.sum::<f64>()
+        });
+        let certainty = known + 1.0 / (before * before);
+        let [found, variance] = [belief.estimate[0], belief.covariance[0][0]];
+        assert!((found - towards / certainty).abs() < 1e-12, "{found}");
+        assert!((variance * certainty - 1.0).abs() < 1e-12, "{variance}");
+        assert!(belief.is_sound());
     }
 
     #[test]

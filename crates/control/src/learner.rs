@@ -119,7 +119,7 @@ impl Learner {
         let now = Learned {
             weighed: payload,
             load: balances.load.start(schedule, reading.stroke, payload),
-            flow: balances.flow.start(reading.stroke, reading.pressure_a),
+            flow: balances.flow.start(reading),
         };
         Self {
             schedule: *schedule,
@@ -169,9 +169,8 @@ impl Learner {
             self.before = [self.before[1], self.now];
             self.since = 0.0;
         }
-        let Reading { motor_speed, stroke, pressure_a, .. } = *reading;
-        load.update(&self.schedule, &mut self.now.load, stroke, load_pressure);
-        flow.update(&mut self.now.flow, motor_speed, stroke, pressure_a)
+        load.update(&self.schedule, &mut self.now.load, reading.stroke, load_pressure);
+        flow.update(&mut self.now.flow, reading)
     }
 
     /// A period at a load pressure \[Pa\] in which the piston is told to rest, or is not, and what is simulated of it; true where the load
@@ -214,7 +213,7 @@ impl Learner {
     /// A period that tells nothing of the oil.
     pub fn skip(&mut self, reading: &Reading<f64>) {
         self.now.load.begin_window(reading.stroke);
-        self.now.flow.begin_window(reading.stroke, reading.pressure_a);
+        self.now.flow.begin_window(reading);
     }
 
     /// Forgets what was learned in the last half second to second: a fault is found later than it begins.

@@ -295,8 +295,11 @@ mod tests {
 
     #[test]
     fn where_the_piston_sticks_nothing_is_learned() {
-        let memory = learned(20, 230.0, 3.0, |_| 0.0, |_| 0.0);
-        assert_eq!((memory.payload(), memory.friction()), (200.0, 1.0));
+        // at rest, and where it creeps while its oil leaks
+        for velocity in [0.0, -0.5 * SLIDES] {
+            let memory = learned(20, 230.0, 3.0, |_| velocity, |_| 0.0);
+            assert_eq!((memory.payload(), memory.friction()), (200.0, 1.0));
+        }
     }
 
     /// It is to be weighed, and not to be taken for friction.

@@ -8,7 +8,7 @@ use hydroboom_description::{Description, Difference};
 ///
 /// State feedback tells what leaks of the model.
 pub fn informed(model: &Description, schedule: &Schedule, known: &Known) -> Description {
-    let before = leakage(&model.numbers, &schedule.at(known.payload));
+    let before = leakage(&model.numbers, &schedule.at(model.numbers.payload));
     let mut informed = model.clone();
     let n = &mut informed.numbers;
     n.payload = known.payload;

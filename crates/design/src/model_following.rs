@@ -84,14 +84,20 @@ pub fn balances(description: &Description, schedule: &Schedule) -> Balances {
 
 fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
     let n = &description.numbers;
-    let leakage = leakage(n, &schedule.at(n.payload));
+    let law = schedule.at(n.payload);
+    let leakage = leakage(n, &law);
+    let resting = law.station(0.5 * n.stroke).rest.load_pressure;
+    let stated_at = (resting + law.beyond_load - n.rod_side).max(1e5);
+    let laminar = n.slip_at_rest * stated_at;
+    let by_root = (n.internal_leakage + n.case_leakage_a) * stated_at.sqrt();
     let leaks = leakage.max(TIGHTEST * n.displacement * n.motor_speed);
     FlowBalance {
         piston_area: description.cylinder().piston_area,
         displacement: n.displacement,
         volume: n.volume_pump_a + n.dead_volume_a,
         stiffness: stiffness(n),
-        suction: n.working_pressure,
+        stated_at,
+        laminar: if laminar > 0.0 { laminar / (laminar + by_root) } else { 0.0 },
         before: Balance {
             flow_gain: n.flow_gain,
             leakage,
@@ -105,6 +111,7 @@ fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
             transition: DOUBT,
         },
         scatter: 1e-4,
+        position_scatter: 2e-5,
         pressure_scatter: 1e4,
         compression_error: 0.15,
         window: 100,

@@ -254,10 +254,17 @@ fn a_crane_of_which_nothing_is_said_to_leak_learns_too() {
         tight.set(&format!("pump.{key}_m3_s_sqrtpa=0")).unwrap();
     }
     let flow = balances(&tight, &schedule(&tight).unwrap()).flow;
-    let mut memory = flow.start(0.2, 65e5);
+    let reading = Reading {
+        motor_speed: 0.2,
+        stroke: 0.2,
+        pressure_a: 65e5,
+        pressure_pump_a: 65e5,
+        ..Reading::default()
+    };
+    let mut memory = flow.start(&reading);
     for _ in 0..10_000 {
         // the pump turns to hold the load
-        flow.update(&mut memory, 0.2, 0.2, 65e5);
+        flow.update(&mut memory, &reading);
     }
     let believed = memory.believed();
     assert!(memory.balance.leakage > 0.5 * 0.2 * flow.displacement, "{:?}", memory.balance);

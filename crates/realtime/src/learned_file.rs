@@ -157,12 +157,13 @@ mod tests {
         let schedule = schedule(&model).unwrap();
         let balances = balances(&model, &schedule);
         let flow = balances.flow;
-        let mut reading = Reading { stroke: 0.2, pressure_a: 70e5, ..Reading::default() };
+        let mut reading =
+            Reading { stroke: 0.2, pressure_a: 70e5, pressure_pump_a: 70e5, ..Reading::default() };
         let mut learner = Learner::start(&schedule, &balances, 210.0, &reading, 66e5);
-        // a pump that delivers a tenth more
+        // a pump that delivers 8 % more
         for _ in 0..3000 {
             reading.motor_speed = 20.0;
-            let flow_in = 1.1 * flow.before.flow_gain * flow.displacement * reading.motor_speed;
+            let flow_in = 1.08 * flow.before.flow_gain * flow.displacement * reading.motor_speed;
             reading.stroke += flow_in / flow.piston_area * flow.period;
             learner.learn_in_motion(&reading, 66e5);
         }
