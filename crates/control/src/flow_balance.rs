@@ -307,7 +307,7 @@ impl FlowBalance {
     }
 
     /// Leakage under a pressure across the pump \[Pa\], over the one that is stated.
-    fn leaks(&self, across: f64) -> f64 {
+    pub fn leaks(&self, across: f64) -> f64 {
         let share = (across / self.stated_at).max(0.0);
         self.laminar * share + (1.0 - self.laminar) * Real::sqrt(share)
     }

@@ -246,6 +246,24 @@ fn what_was_learned_makes_a_description_that_says_it() {
     }
 }
 
+/// What is learned as leakage is what the simulated crane then loses, whatever hangs on it: through orifices and through gaps.
+#[test]
+fn leakage_is_one_number_for_every_load() {
+    for slip in ["0", "0.0005"] {
+        let mut crane = Description::uia_single_boom().unwrap();
+        crane.set(&format!("pump.slip_l_min_per_bar={slip}")).unwrap();
+        let schedule = schedule(&crane).unwrap();
+        let flow = balances(&crane, &schedule).flow;
+        let n = &crane.numbers;
+        for law in &schedule.laws {
+            let resting = law.station(0.5 * n.stroke).rest.load_pressure;
+            let across = resting + law.beyond_load - n.rod_side;
+            let share = flow.before.leakage * flow.leaks(across) / leakage(n, law);
+            assert!((share - 1.0).abs() < 0.02, "{slip}: {share} at {across} Pa");
+        }
+    }
+}
+
 /// A crane file may say that nothing leaks; what is believed of such a crane can be gone on with all the same.
 #[test]
 fn a_crane_of_which_nothing_is_said_to_leak_learns_too() {
