@@ -14,6 +14,7 @@ mod flow_balance;
 mod follower;
 mod following_feedback;
 mod learner;
+mod likelihood;
 mod load_balance;
 mod model_following;
 mod motion;
