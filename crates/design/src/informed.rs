@@ -13,7 +13,9 @@ pub fn informed(model: &Description, schedule: &Schedule, known: &Known) -> Desc
     let n = &mut informed.numbers;
     n.payload = known.payload;
     n.transition = known.balance.transition;
-    n.flow_gain = known.balance.flow_gain;
+    // a crane file's pump delivers no more than it displaces
+    n.displacement *= known.balance.flow_gain.max(1.0);
+    n.flow_gain = known.balance.flow_gain.min(1.0);
     n.slip_per_speed = known.balance.slip;
     for friction in [&mut n.coulomb, &mut n.stiction, &mut n.viscous] {
         *friction *= known.friction;
