@@ -5,10 +5,11 @@
 //!             -> lifting (as it is once the pump lifts)
 //!             -> oil_spring (what of that a controller of piston and load pressure sees)
 //!             -> model_following (scheduled over stroke and payload), linear_feedback (what it makes of readings)
-//!             -> informed (the description with what was learned)
+//!             -> balances (by what is learned of the crane), informed (the description with what was learned)
 //!             -> growth (whether a closed loop rings on), margins (how far it is from that), look (all of a design)
 //! ```
 
+mod balances;
 mod error;
 mod growth;
 mod informed;
@@ -20,13 +21,12 @@ mod margins;
 mod model_following;
 mod oil_spring;
 
+pub use balances::{balances, leakage};
 pub use error::DesignError;
 pub use informed::{informed, overrides};
 pub use lifting::{Lifting, Responses};
 pub use linear_feedback::LinearFeedback;
 pub use look::{Look, look, machine_loops, step_response};
 pub use margins::{Loop, Margins, margins};
-pub use model_following::{
-    balances, bending, conditions, law, leakage, model_following, schedule, stations, under,
-};
+pub use model_following::{bending, conditions, law, model_following, schedule, stations, under};
 pub use oil_spring::oil_spring;
