@@ -1,6 +1,8 @@
 //! The circuit: oil is conserved, valves open where they should.
 
 use crate::cranes::{Scatter, described, resting, scattered};
+use hydroboom_model::CraneState;
+use hydroboom_model::Flows;
 use hydroboom_model::Input;
 use hydroboom_model::Nodes;
 use hydroboom_model::Scheme;
@@ -73,4 +75,38 @@ fn oil_is_conserved_through_cavitation() {
     assert!(cavitated, "the test must reach cavitation");
     let after = mass(&simulation);
     assert!((after / before - 1.0).abs() < 2e-5, "{before} m3 became {after} m3");
+}
+
+/// What the pump delivers on the lifting side moves the piston, is compressed, or leaves: up and down, on oil so soft that each opening of a valve
+/// compresses a lot of it, and in steps as long as a control period.
+#[test]
+fn implicit_steps_lose_no_oil_on_their_way() {
+    let soft_and_light = described(&["payload.mass_kg=54", "oil.transition_bar=18"]);
+    let (crane, at_rest) = resting::<3>(&soft_and_light, 0.15);
+    let (circuit, cylinder, step) = (crane.circuit, crane.cylinder, 1e-3);
+    let stored = |then: &CraneState<f64, 3>, now: &CraneState<f64, 3>| {
+        let [x0, x1] = [then, now].map(|s| crane.outputs(s).stroke);
+        let compressed = |node: fn(&Nodes<f64>) -> f64| {
+            let [then, now] = [then, now].map(|s| circuit.oil.compression(node(&s.circuit.nodes)));
+            now - then
+        };
+        cylinder.piston_area * (x1 - x0)
+            + 0.5 * (cylinder.volume_a(x0) + cylinder.volume_a(x1)) * compressed(|p| p.a)
+            + circuit.volume_pump_a * compressed(|p| p.pump_a)
+    };
+    let leaving = |q: &Flows<f64>| q.internal_leakage + q.case_leakage_a + q.bleed;
+    let mut simulation = Simulation::new(crane, at_rest, Scheme::Implicit, step).unwrap();
+    let (mut lost, mut most) = (0.0_f64, 0.0_f64);
+    for k in 0..6000 {
+        let pump_speed = 18.0 * (std::f64::consts::PI * f64::from(k) / 3000.0).sin();
+        let input = Input { pump_speed, holding_valve: 1.0 };
+        let then = *simulation.state();
+        simulation.advance(&input, 1).unwrap();
+        let now = simulation.state();
+        let [begun, ended] = [&then, now].map(|s| crane.flows(s, &input));
+        let left = 0.5 * step * (leaving(&begun) + leaving(&ended));
+        lost += step * ended.pump_delivery - left - stored(&then, now);
+        most = most.max(stored(&at_rest, now));
+    }
+    assert!(lost.abs() < 1e-5 * most, "{lost} m3 of {most}");
 }
