@@ -1,5 +1,7 @@
 //! What open loop can come to at best: pump flow, leakage, slip, oil and friction of the model fitted to the very errors that they are to
 //! reduce, with the payload known. Nothing that is learned on line of these can do better. It takes some minutes.
+//!
+//! Without arguments on the cranes that `hydroboom learn --family 12 --seed 7` has; else on those of a seed: `open_loop_floor -- 5 3 7 14`.
 
 use hydroboom_control::{Balance, Known};
 use hydroboom_description::Description;
@@ -10,10 +12,8 @@ use hydroboom_lab::open_loop::OpenLoop;
 use hydroboom_lab::scenario::CourseChoice;
 use nalgebra::{DMatrix, DVector, SVector};
 use rayon::prelude::*;
-
-/// Cranes of the family that `hydroboom learn --family 12 --seed 7` has.
-const CRANES: u64 = 12;
-const SEED: u64 = 7;
+use std::error::Error;
+use std::num::ParseIntError;
 
 /// How many numbers are fitted.
 const FITTED: usize = 5;
@@ -83,14 +83,26 @@ impl Case<'_> {
     }
 }
 
-fn main() -> Result<(), LabError> {
+/// A seed, and the cranes of its family to look at.
+fn asked() -> Result<(u64, Vec<u64>), ParseIntError> {
+    let numbers = std::env::args().skip(1).map(|n| n.parse()).collect::<Result<Vec<u64>, _>>()?;
+    Ok(match numbers.as_slice() {
+        [] => (7, (0..12).collect()),
+        [seed] => (*seed, (0..12).collect()),
+        [seed, cranes @ ..] => (*seed, cranes.to_vec()),
+    })
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let (seed, cranes) = asked()?;
     let model = Description::uia_single_boom()?;
     let nominal = Description::uia_virtual()?;
     let speeds = [model.numbers.slow, model.numbers.fast];
-    let jobs: Vec<(u64, f64)> = (0..CRANES).flat_map(|k| speeds.map(|speed| (k, speed))).collect();
+    let jobs: Vec<(u64, f64)> =
+        cranes.iter().flat_map(|k| speeds.map(|speed| (*k, speed))).collect();
     let laws = schedule(&model)?;
     let fits = jobs.par_iter().map(|(number, speed)| {
-        let crane = member(&nominal, SEED, *number)?.crane;
+        let crane = member(&nominal, seed, *number)?.crane;
         let leakage = leakage(&model.numbers, &laws.at(crane.numbers.payload));
         let course = CourseChoice::Motion(*speed);
         Case { model: &model, leakage, crane, course }.fit()
