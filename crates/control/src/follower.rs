@@ -72,29 +72,32 @@ impl Follower {
         self.following = self.law.take_over(reference, simulated, speed);
     }
 
-    /// A period: motor speed \[rev/s\] of the simulated crane, and of the machine.
+    /// A period, at whose beginning the machine's motor was told a speed \[rev/s\]: motor speed \[rev/s\] of the simulated crane, and of the
+    /// machine.
     pub fn period(
         &mut self,
+        told: f64,
         reference: &Reference<f64>,
         simulated: &Seen<f64>,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) -> [f64; 2] {
-        self.learn(reference, simulated, reading, measured);
+        self.learn(told, reference, simulated, reading, measured);
         let simulated_speed = self.lead(reference, simulated);
         let machine = Watched::of(measured, reading.motor_speed);
         [simulated_speed, self.answer(&machine, simulated, simulated_speed)]
     }
 
-    /// Learns from a period.
+    /// Learns from a period, at whose beginning the machine's motor was told a speed \[rev/s\].
     pub fn learn(
         &mut self,
+        told: f64,
         reference: &Reference<f64>,
         simulated: &Seen<f64>,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) {
-        let balanced = self.learner.learn_in_motion(reading, measured.load_pressure);
+        let balanced = self.learner.learn_in_motion(told, reading, measured.load_pressure);
         let rests = reference.velocity.abs() < AT_REST;
         if self.learner.weighs(rests, measured.load_pressure, simulated) || balanced {
             self.law = self.learner.law();

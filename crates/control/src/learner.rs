@@ -1,5 +1,6 @@
-//! What is learned of a machine while it works: what becomes of the oil, and what the load pressure holds.
+//! What is learned of a machine while it works: what becomes of the oil, what the load pressure holds, and how late its motor is.
 
+use crate::command_lag::{CommandLag, CommandLagMemory};
 use crate::flow_balance::{Balance, FlowBalance, FlowBalanceMemory};
 use crate::load_balance::{HELD_BY_FRICTION, LoadBalance, LoadBalanceMemory};
 use crate::{ModelFollowing, Reading, Schedule, Seen};
@@ -15,6 +16,8 @@ pub struct Known {
     pub friction: f64,
     /// Pump flow, leakage and where the oil stiffens.
     pub balance: Balance<f64>,
+    /// How much later than the motor is told its speed it is read \[s\].
+    pub lag: f64,
 }
 
 impl Known {
@@ -73,14 +76,16 @@ pub struct Learned {
     pub load: LoadBalanceMemory,
     /// Of the flow balance.
     pub flow: FlowBalanceMemory,
+    /// Of how late the motor is.
+    pub lag: CommandLagMemory,
 }
 
 impl Learned {
     /// What is known by it.
     pub fn known(&self) -> Known {
-        let Self { weighed, load, flow } = self;
+        let Self { weighed, load, flow, lag } = self;
         let [payload, friction] = [load.payload(), load.friction()];
-        Known { weighed: *weighed, payload, friction, balance: flow.balance }
+        Known { weighed: *weighed, payload, friction, balance: flow.balance, lag: lag.lag }
     }
 }
 
@@ -91,6 +96,8 @@ pub struct Balances {
     pub load: LoadBalance,
     /// What becomes of the oil.
     pub flow: FlowBalance,
+    /// How late the motor is.
+    pub lag: CommandLag,
 }
 
 /// Learns.
@@ -120,6 +127,7 @@ impl Learner {
             weighed: payload,
             load: balances.load.start(schedule, reading.stroke, payload),
             flow: balances.flow.start(reading),
+            lag: balances.lag.start(reading),
         };
         Self {
             schedule: *schedule,
@@ -161,15 +169,22 @@ impl Learner {
         self.balances.flow.before.flow_gain / self.now.flow.balance.flow_gain
     }
 
-    /// A period in which the pump moved oil, and the load pressure \[Pa\] at its end; true where something was learned of it.
-    pub fn learn_in_motion(&mut self, reading: &Reading<f64>, load_pressure: f64) -> bool {
-        let Balances { load, flow } = &self.balances;
+    /// A period at whose beginning the motor was told a speed \[rev/s\] and in which the pump moved oil, and the load pressure \[Pa\] at its
+    /// end; true where something was learned of the oil.
+    pub fn learn_in_motion(
+        &mut self,
+        told: f64,
+        reading: &Reading<f64>,
+        load_pressure: f64,
+    ) -> bool {
+        let Balances { load, flow, lag } = &self.balances;
         self.since += flow.period;
         if self.since >= KEPT {
             self.before = [self.before[1], self.now];
             self.since = 0.0;
         }
         load.update(&self.schedule, &mut self.now.load, reading.stroke, load_pressure);
+        lag.update(&mut self.now.lag, told, reading);
         flow.update(&mut self.now.flow, reading)
     }
 
@@ -214,6 +229,7 @@ impl Learner {
     pub fn skip(&mut self, reading: &Reading<f64>) {
         self.now.load.begin_window(reading.stroke);
         self.now.flow.begin_window(reading);
+        self.now.lag.begin_window(reading);
     }
 
     /// Forgets what was learned in the last half second to second: a fault is found later than it begins.

@@ -7,6 +7,7 @@
 
 mod belief;
 mod benchmark;
+mod command_lag;
 mod deviation;
 mod fault;
 mod filter;
@@ -31,6 +32,7 @@ mod supervisor;
 mod watch;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
+pub use command_lag::{BelievedLag, CommandLag, CommandLagMemory};
 pub use deviation::{DeviationDesign, DeviationFeedback, DeviationMemory, Reckoned, Watched};
 pub use fault::Cause;
 pub use filter::{HighPass, Notch, NotchMemory};

@@ -1,7 +1,9 @@
-//! By what is learned of a crane, and how well it is known before: its balances of oil and of load.
+//! By what is learned of a crane, and how well it is known before: its balances of oil and of load, and how late its motor is.
 
 use crate::model_following::{DOUBT, stiffness};
-use hydroboom_control::{Balance, Balances, FlowBalance, LoadBalance, ModelFollowing, Schedule};
+use hydroboom_control::{
+    Balance, Balances, CommandLag, FlowBalance, LoadBalance, ModelFollowing, Schedule,
+};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 
@@ -17,7 +19,7 @@ const LEAST_ACROSS: f64 = 1e5;
 
 /// What can be learned of the crane of a description, and how well it is known before: a pump's flow to 3 percent, leakage to
 /// three times its own size (worn pumps, hot oil), the pressure at which oil stiffens (by the air in it) to 8 bar, friction (by seals and
-/// cold oil) to its own size, a payload at rest to 3 bar. All are estimates.
+/// cold oil) to its own size, a payload at rest to 3 bar, how late the motor is to 10 ms. All are estimates.
 pub fn balances(description: &Description, schedule: &Schedule) -> Balances {
     let n = &description.numbers;
     let area = description.cylinder().piston_area;
@@ -31,7 +33,15 @@ pub fn balances(description: &Description, schedule: &Schedule) -> Balances {
         memory: 0.999,
         period: n.control_period,
     };
-    Balances { load, flow: flow_balance(description, schedule) }
+    let lag = CommandLag {
+        before: n.following_lead,
+        uncertainty: 1e-2,
+        scatter: 5e-3,
+        window: 100,
+        memory: 0.999,
+        period: n.control_period,
+    };
+    Balances { load, flow: flow_balance(description, schedule), lag }
 }
 
 fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {

@@ -4,7 +4,7 @@ use crate::leakage;
 use hydroboom_control::{Known, Schedule};
 use hydroboom_description::{Description, Difference};
 
-/// The model with what is known of the machine in it: payload, friction, oil, the pump's flow and slip, and its leakage.
+/// The model with what is known of the machine in it: payload, friction, oil, the pump's flow and slip, its leakage, and how late its motor is.
 ///
 /// State feedback tells what leaks of the model.
 pub fn informed(model: &Description, schedule: &Schedule, known: &Known) -> Description {
@@ -17,6 +17,7 @@ pub fn informed(model: &Description, schedule: &Schedule, known: &Known) -> Desc
     n.displacement *= known.balance.flow_gain.max(1.0);
     n.flow_gain = known.balance.flow_gain.min(1.0);
     n.slip_per_speed = known.balance.slip;
+    n.following_lead = known.lag;
     for friction in [&mut n.coulomb, &mut n.stiction, &mut n.viscous] {
         *friction *= known.friction;
     }

@@ -225,7 +225,7 @@ fn what_was_learned_makes_a_description_that_says_it() {
     (known.payload, known.friction) = (crane.numbers.payload, 1.4);
     known.balance.transition = crane.numbers.transition;
     known.balance.leakage = 2.5 * leakage(&crane.numbers, &laws.at(known.payload));
-    known.balance.slip = 3e-14;
+    (known.balance.slip, known.lag) = (3e-14, 12e-3);
     let mut again = crane.clone();
     for assignment in overrides(&crane, &informed(&crane, &laws, &known)) {
         again.set(&assignment).unwrap();
@@ -236,6 +236,7 @@ fn what_was_learned_makes_a_description_that_says_it() {
     let pairs = [
         (n.payload, known.payload),
         (n.slip_per_speed, known.balance.slip),
+        (n.following_lead, known.lag),
         (n.flow_gain, known.balance.flow_gain),
         (force(n), 1.4 * force(&crane.numbers)),
         (leaks, known.balance.leakage),

@@ -12,7 +12,7 @@ use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// What one cycle under model following teaches of a virtual crane: payload, friction, oil, pump flow, slip and leakage, and what open loop is worth with it:
+/// What one cycle under model following teaches of a virtual crane: payload, friction, oil, pump flow, slip, leakage and how late its motor is, and what open loop is worth with it:
 /// the machine is told the motor speed of the simulated crane under state feedback, and not looked at.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  \

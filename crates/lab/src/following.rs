@@ -18,6 +18,8 @@ pub(crate) struct Following {
     follower: Follower,
     /// What the simulated crane is.
     taken: Conditions,
+    /// Speed that the machine's motor was told \[rev/s\].
+    told: f64,
     /// Steps of the simulation in a control period.
     count: u32,
     period: f64,
@@ -47,6 +49,7 @@ impl Following {
             simulated,
             follower,
             taken,
+            told: 0.0,
             count,
             period: model.numbers.control_period,
             periods: 0,
@@ -66,7 +69,9 @@ impl Following {
         measured: &Measured<f64>,
     ) -> Result<Command<f64>, LabError> {
         let seen = seen(self.simulated.as_ref());
-        let [simulated, speed] = self.follower.period(reference, &seen, reading, measured);
+        let [simulated, speed] =
+            self.follower.period(self.told, reference, &seen, reading, measured);
+        self.told = speed;
         self.periods += 1;
         let now = self.follower.known().conditions();
         if self.periods.is_multiple_of(LOOK_EVERY) && self.taken.differ(&now) {

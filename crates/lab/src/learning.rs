@@ -4,7 +4,7 @@ use crate::LabError;
 use crate::following::Following;
 use crate::open_loop::OpenLoop;
 use crate::scenario::{Course, CourseChoice};
-use hydroboom_control::Known;
+use hydroboom_control::{Balances, Known};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, overrides, schedule};
 use hydroboom_virtual_crane::VirtualCrane;
@@ -97,7 +97,8 @@ fn cycle(
 
 /// What the model has before anything is learned.
 fn believed(model: &Description) -> Result<Known, LabError> {
-    let balance = balances(model, &schedule(model)?).flow.before;
+    let Balances { flow, lag, .. } = balances(model, &schedule(model)?);
     let payload = model.numbers.payload;
-    Ok(Known { weighed: payload, payload, friction: 1.0, balance })
+    let (balance, lag) = (flow.before, lag.before);
+    Ok(Known { weighed: payload, payload, friction: 1.0, balance, lag })
 }

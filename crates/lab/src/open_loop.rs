@@ -27,10 +27,11 @@ impl OpenLoop {
         let mut law = schedule.at(known.payload);
         law.friction_pressure *= known.friction;
         law.stiffness.transition = known.balance.transition;
+        law.lead = known.lag;
         Ok(Self { informed: informed(model, &schedule, known), law })
     }
 
-    /// The model with what is known of the machine in it: payload, friction, oil, the pump's flow, slip and leakage.
+    /// The model with what is known of the machine in it: payload, friction, oil, the pump's flow, slip and leakage, how late its motor is.
     pub fn informed(&self) -> &Description {
         &self.informed
     }

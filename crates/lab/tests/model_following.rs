@@ -122,6 +122,27 @@ fn a_cycle_finds_friction_and_slip() {
     }
 }
 
+/// A slow drive is as late as its lag of second order says and its commands and readings are under way; in open loop the simulation leads by as
+/// much then. Nothing else is off by so much as the piston goes in that time.
+#[test]
+fn a_cycle_tells_how_late_a_slow_drive_is() {
+    let model = Description::uia_single_boom().unwrap();
+    let mut crane = Description::uia_virtual().unwrap();
+    crane.set("drive.bandwidth_hz=15").unwrap();
+    let n = &crane.numbers;
+    let drive = 2.0 * n.drive_damping / (std::f64::consts::TAU * n.drive_bandwidth);
+    let late = drive + 2.0 * n.fieldbus_delay * n.control_period;
+    let cranes = [("slow".into(), crane.clone())];
+    let all = taught(&model, &cranes, &[CourseChoice::Motion(n.fast)], &|| ()).unwrap();
+    let mut informed = model.clone();
+    all[0].set.iter().for_each(|assignment| informed.set(assignment).unwrap());
+    let found = informed.numbers.following_lead;
+    assert!((found - late).abs() < 0.1 * late, "{found} s for {late} s");
+    let lag_mm = n.fast * (late - model.numbers.following_lead) * 1e3;
+    let after = all[0].after_mm.unwrap();
+    assert!(after < 0.1 * lag_mm, "{after} mm, of {lag_mm} mm that are late");
+}
+
 /// One cycle teaches payload, oil, pump and leakage: in open loop the simulation is off by less than a millimetre then, however worn the pump,
 /// and what was learned is kept as overrides of the model.
 #[test]

@@ -354,7 +354,8 @@ impl ControlTask {
         let simulated = now.simulated.filter(|s| !s.failed && !self.fallback);
         match (is_fresh, self.decision.state, simulated) {
             (true, State::Moving | State::Stopping, Some(simulated)) => {
-                follower.learn(reference, &simulated.seen, reading, measured);
+                let told = self.decision.command.motor_speed;
+                follower.learn(told, reference, &simulated.seen, reading, measured);
             }
             (true, State::Ready | State::Holding, _) => follower.weigh_held(reading, measured),
             _ => follower.skip(reading),

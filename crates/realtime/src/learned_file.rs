@@ -1,6 +1,6 @@
 //! What was learned of a machine, as a file to go on with.
 
-use hydroboom_control::{Believed, BelievedLoad, Learned, TRANSITIONS};
+use hydroboom_control::{Believed, BelievedLag, BelievedLoad, Learned, TRANSITIONS};
 use hydroboom_description::Description;
 use hydroboom_design::{DesignError, balances, informed, overrides, schedule};
 use serde_json::{Value, json};
@@ -31,6 +31,9 @@ const COLUMNS: [(&str, f64); 11] = [
 /// Names of what is believed of the load, with units.
 const LOAD: [&str; 5] =
     ["payload_kg", "friction", "payload_variance_kg2", "payload_friction_kg", "friction_variance"];
+
+/// Names of what is believed of the motor's lag, with units, and what one of each is in SI.
+const LAG: [(&str, f64); 2] = [("lag_ms", 1e-3), ("lag_variance_ms2", 1e-6)];
 
 /// Why a file does not say what was learned.
 #[derive(Debug, Error)]
@@ -88,6 +91,9 @@ pub fn text(model: &Description, learned: &Learned) -> Result<String, DesignErro
     for (name, number) in LOAD.into_iter().zip(learned.load.believed().to_array()) {
         value[name] = json!(number);
     }
+    for ((name, unit), number) in LAG.into_iter().zip(learned.lag.believed().to_array()) {
+        value[name] = json!(number / unit);
+    }
     Ok(format!("{value:#}\n"))
 }
 
@@ -127,8 +133,16 @@ pub fn read(model: &Description, path: &Path) -> Result<Learned, LearnedError> {
     for (into, name) in load.iter_mut().zip(LOAD) {
         *into = number(&value, name)?;
     }
+    let mut lag = [0.0; LAG.len()];
+    for (into, (name, unit)) in lag.iter_mut().zip(LAG) {
+        *into = number(&value, name)? * unit;
+    }
     let schedule = schedule(model)?;
     let balances = balances(model, &schedule);
+    let lag = balances
+        .lag
+        .resume(&BelievedLag::from_array(lag))
+        .ok_or_else(|| other("lag_variance_ms2 cannot be: a variance is above 0".into()))?;
     let load = BelievedLoad::from_array(load);
     let resumed = balances.load.resume(&schedule, &load);
     let load = resumed.filter(|_| (0.0..=schedule.heaviest()).contains(&weighed)).ok_or_else(|| {
@@ -143,7 +157,7 @@ pub fn read(model: &Description, path: &Path) -> Result<Learned, LearnedError> {
             value["learned_of"].as_str().unwrap_or("?")
         ))
     })?;
-    Ok(Learned { weighed, load, flow })
+    Ok(Learned { weighed, load, flow, lag })
 }
 
 #[cfg(test)]
@@ -166,7 +180,7 @@ mod tests {
             reading.motor_speed = 20.0;
             let flow_in = 1.2 * flow.before.flow_gain * flow.displacement * reading.motor_speed;
             reading.stroke += flow_in / flow.piston_area * flow.period;
-            learner.learn_in_motion(&reading, 66e5);
+            learner.learn_in_motion(19.0, &reading, 66e5);
         }
         let learned = *learner.learned();
         assert!(learned.flow.balance.flow_gain > 1.05 * flow.before.flow_gain);
@@ -196,6 +210,8 @@ mod tests {
         assert!((known.numbers.payload - learned.load.payload()).abs() < 1e-2, "{value:#}");
         assert_eq!(back.weighed, learned.weighed);
         assert_eq!(back.load.believed(), learned.load.believed());
+        let [a, b] = [&back, &learned].map(|l| l.lag.believed().to_array());
+        assert!(a.iter().zip(b).all(|(a, b)| (a / b - 1.0).abs() < 1e-12), "{a:?} for {b:?}");
         for (a, b) in back.flow.believed().iter().zip(learned.flow.believed()) {
             for (a, b) in a.to_array().iter().zip(b.to_array()) {
                 assert!((a - b).abs() <= 1e-12 * b.abs(), "{a} for {b}");

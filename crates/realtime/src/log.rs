@@ -60,7 +60,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 30] = [
+const NUMBERS: [Number; 31] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("reading_number", |r| Some(r.sequence as f64)),
@@ -85,6 +85,7 @@ const NUMBERS: [Number; 30] = [
     ("known_flow_gain", |r| r.known.map(|k| k.balance.flow_gain)),
     ("known_leakage_l_min", |r| r.known.map(|k| k.balance.leakage * 60e3)),
     ("known_slip_cm3_per_rev_bar", |r| r.known.map(|k| k.balance.slip * 1e11)),
+    ("known_lag_ms", |r| r.known.map(|k| k.lag * 1e3)),
     ("control_late_us", |r| r.deadlines.map(|d| d.control_late as f64 * 1e-3)),
     ("control_execution_us", |r| r.deadlines.map(|d| d.control_execution as f64 * 1e-3)),
     ("control_missed", |r| r.deadlines.map(|d| d.control_missed as f64)),

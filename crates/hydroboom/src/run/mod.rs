@@ -74,7 +74,7 @@ pub struct Run {
     /// Let the dashboard be reached from other computers, without encryption.
     #[arg(long, requires = "dashboard")]
     allow_remote: bool,
-    /// What model following learns of the machine (payload, friction, oil, pump): begin with what this file says, where it is
+    /// What model following learns of the machine (payload, friction, oil, pump, lag of the motor): begin with what this file says, where it is
     /// there, and write it at the end.
     #[arg(long, value_name = "FILE", conflicts_with = "no_learning")]
     learned: Option<PathBuf>,
