@@ -12,8 +12,8 @@ pub struct Known {
     pub weighed: f64,
     /// Payload by what has been seen in motion too \[kg\].
     pub payload: f64,
-    /// Friction of the cylinder, over what its description has.
-    pub friction: f64,
+    /// Coulomb and viscous friction of the cylinder, over what its description has.
+    pub friction: [f64; 2],
     /// Pump flow, leakage and where the oil stiffens.
     pub balance: Balance<f64>,
     /// How much later than the motor is told its speed it is read \[s\].
@@ -84,7 +84,7 @@ impl Learned {
     /// What is known by it.
     pub fn known(&self) -> Known {
         let Self { weighed, load, flow, lag } = self;
-        let [payload, friction] = [load.payload(), load.friction()];
+        let (payload, friction) = (load.payload(), load.friction());
         Known { weighed: *weighed, payload, friction, balance: flow.balance, lag: lag.lag }
     }
 }

@@ -1,10 +1,11 @@
 //! What the load pressure holds: boom and payload, and friction of the cylinder. Learned while the piston slides.
 //!
 //! ```text
-//! p_L = p_0(x) + m p_m(x) + a/a_p + κ sign(v) (F_C + F_v |v|)/A_p           over windows of a tenth of a second
+//! p_L = p_0(x) + m p_m(x) + a/a_p + (κ_C sign(v) F_C + κ_v F_v v)/A_p           over windows of a tenth of a second
 //! ```
 //!
-//! m is the payload, κ friction over what the crane file has of it. One window tells the sum of both; up and down tell them apart.
+//! m is the payload, κ_C and κ_v Coulomb and viscous friction over what the crane file has of them. One window tells the sum of all; up and down tell payload and friction apart,
+//! and so does speed the two kinds of friction. At one speed what was known before does: cold oil is several times as viscous, seals are less apart.
 //! Where the piston sticks friction may be anything within its limits, and nothing is learned; nor where the pressure is farther off than friction
 //! can be, for then another load hangs there.
 
@@ -16,7 +17,7 @@ use hydroboom_math::{Real, record};
 const SLIDES: f64 = 5e-3;
 /// A load differs from the one that is thought of by more than what friction can hold back \[Pa\].
 pub(crate) const HELD_BY_FRICTION: f64 = 6e5;
-/// Friction is within these limits, over what the crane file has of it.
+/// Friction of each kind is within these limits, over what the crane file has of it.
 const FRICTION: [f64; 2] = [0.1, 6.0];
 
 /// The cylinder under its load, and what is known of it before.
@@ -28,8 +29,8 @@ pub struct LoadBalance {
     pub viscous: f64,
     /// Standard deviation of the load pressure by which a payload was weighed at rest, for friction held a part of it \[Pa\].
     pub weighed: f64,
-    /// Standard deviation of friction, over what the crane file has of it.
-    pub friction: f64,
+    /// Standard deviations of Coulomb and viscous friction, over what the crane file has of them.
+    pub friction: [f64; 2],
     /// Standard deviation of the load pressure in a window, for the load swings \[Pa\].
     pub scatter: f64,
     /// Periods in a window.
@@ -46,25 +47,37 @@ record! {
         /// Payload, m
         #[unit = "kg"]
         pub payload: T,
-        /// Friction over what the crane file has of it, κ
+        /// Coulomb friction over what the crane file has of it, κ_C
         #[unit = "1"]
-        pub friction: T,
+        pub coulomb: T,
+        /// Viscous friction over what the crane file has of it, κ_v
+        #[unit = "1"]
+        pub viscous: T,
         /// Variance of m
         #[unit = "kg²"]
         pub payload_variance: T,
-        /// Covariance of m and κ
+        /// Covariance of m and κ_C
         #[unit = "kg"]
-        pub payload_friction: T,
-        /// Variance of κ
+        pub payload_coulomb: T,
+        /// Covariance of m and κ_v
+        #[unit = "kg"]
+        pub payload_viscous: T,
+        /// Variance of κ_C
         #[unit = "1"]
-        pub friction_variance: T,
+        pub coulomb_variance: T,
+        /// Covariance of κ_C and κ_v
+        #[unit = "1"]
+        pub coulomb_viscous: T,
+        /// Variance of κ_v
+        #[unit = "1"]
+        pub viscous_variance: T,
     }
 }
 
 /// What was learned, and the window that is under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadBalanceMemory {
-    belief: Belief<2>,
+    belief: Belief<3>,
     pressure: f64,
     count: u32,
     stroke: f64,
@@ -78,21 +91,26 @@ impl LoadBalanceMemory {
         self.belief.estimate[0]
     }
 
-    /// Friction, over what the crane file has of it.
-    pub fn friction(&self) -> f64 {
+    /// Coulomb and viscous friction, over what the crane file has of them.
+    pub fn friction(&self) -> [f64; 2] {
         let [least, most] = FRICTION;
-        self.belief.estimate[1].clamp(least, most)
+        let [_, coulomb, viscous] = self.belief.estimate;
+        [coulomb, viscous].map(|share| share.clamp(least, most))
     }
 
     /// What is believed, to go on with later.
     pub fn believed(&self) -> BelievedLoad<f64> {
-        let Belief { estimate: [payload, friction], covariance: [m, k] } = self.belief;
+        let Belief { estimate: [payload, coulomb, viscous], covariance: [m, c, v] } = self.belief;
         BelievedLoad {
             payload,
-            friction,
+            coulomb,
+            viscous,
             payload_variance: m[0],
-            payload_friction: m[1],
-            friction_variance: k[1],
+            payload_coulomb: m[1],
+            payload_viscous: m[2],
+            coulomb_variance: c[1],
+            coulomb_viscous: c[2],
+            viscous_variance: v[2],
         }
     }
 
@@ -108,7 +126,7 @@ impl LoadBalance {
     pub fn start(&self, schedule: &Schedule, stroke: f64, payload: f64) -> LoadBalanceMemory {
         let deviations = self.before(schedule, stroke);
         LoadBalanceMemory {
-            belief: Belief::new([payload, 1.0], &deviations),
+            belief: Belief::new([payload, 1.0, 1.0], &deviations),
             pressure: 0.0,
             count: 0,
             stroke,
@@ -122,10 +140,14 @@ impl LoadBalance {
         schedule: &Schedule,
         believed: &BelievedLoad<f64>,
     ) -> Option<LoadBalanceMemory> {
-        let BelievedLoad { payload, friction, payload_variance, payload_friction, .. } = *believed;
-        let covariance =
-            [[payload_variance, payload_friction], [payload_friction, believed.friction_variance]];
-        let belief = Belief { estimate: [payload, friction], covariance };
+        let b = believed;
+        let covariance = [
+            [b.payload_variance, b.payload_coulomb, b.payload_viscous],
+            [b.payload_coulomb, b.coulomb_variance, b.coulomb_viscous],
+            [b.payload_viscous, b.coulomb_viscous, b.viscous_variance],
+        ];
+        let payload = b.payload;
+        let belief = Belief { estimate: [payload, b.coulomb, b.viscous], covariance };
         let is_sound = belief.is_sound() && (0.0..=schedule.heaviest()).contains(&payload);
         is_sound.then_some(LoadBalanceMemory { belief, ..self.start(schedule, 0.0, payload) })
     }
@@ -138,7 +160,7 @@ impl LoadBalance {
         stroke: f64,
         payload: f64,
     ) {
-        let [deviation, _] = self.before(schedule, stroke);
+        let [deviation, ..] = self.before(schedule, stroke);
         memory.belief.replace(0, payload, deviation);
     }
 
@@ -186,8 +208,8 @@ impl LoadBalance {
     ) {
         let spring = schedule.at(memory.payload()).station(stroke).stiff;
         let moving = acceleration / spring.acceleration_by_pressure;
-        let friction = velocity.signum() * (self.coulomb + self.viscous * velocity.abs());
-        let weights = [1.0 / schedule.per_pressure(stroke), friction];
+        let payload = 1.0 / schedule.per_pressure(stroke);
+        let weights = [payload, velocity.signum() * self.coulomb, self.viscous * velocity];
         let held = pressure - schedule.empty(stroke) - moving;
         // the window before ended half a window earlier: an acceleration that changes is known to its size
         let own = self.scatter.square() + moving.square();
@@ -201,9 +223,10 @@ impl LoadBalance {
         *payload = payload.clamp(0.0, schedule.heaviest());
     }
 
-    /// Standard deviations of payload \[kg\] and friction, weighed at a piston position \[m\].
-    fn before(&self, schedule: &Schedule, stroke: f64) -> [f64; 2] {
-        [self.weighed * schedule.per_pressure(stroke), self.friction]
+    /// Standard deviations of payload \[kg\], weighed at a piston position \[m\], and friction.
+    fn before(&self, schedule: &Schedule, stroke: f64) -> [f64; 3] {
+        let [coulomb, viscous] = self.friction;
+        [self.weighed * schedule.per_pressure(stroke), coulomb, viscous]
     }
 }
 
@@ -214,6 +237,8 @@ mod tests {
     use crate::model_following::tests::law;
 
     const HEAVIEST: f64 = 400.0;
+    /// Speed of the motion \[m/s\].
+    const FASTEST: f64 = 0.05;
 
     /// A crane whose load pressure rises along the stroke, by 15 bar without payload and 60 bar more with the heaviest.
     fn schedule() -> Schedule {
@@ -233,7 +258,7 @@ mod tests {
             coulomb: 1.7e5,
             viscous: 1e6,
             weighed: 3e5,
-            friction: 1.0,
+            friction: [0.5, 1.5],
             scatter: 1e5,
             window: 100,
             memory: 0.999,
@@ -245,7 +270,7 @@ mod tests {
     fn learned(
         seconds: u32,
         payload: f64,
-        friction: f64,
+        [coulomb, viscous]: [f64; 2],
         velocity: impl Fn(f64) -> f64,
         beyond: impl Fn(f64) -> f64,
     ) -> LoadBalanceMemory {
@@ -260,7 +285,7 @@ mod tests {
             let moving = (next - v) / 1e-3 / at.stiff.acceleration_by_pressure;
             // at rest it sticks where it came to rest
             let sign = if v == 0.0 { 0.8 } else { v.signum() };
-            let held = friction * sign * (load.coulomb + load.viscous * v.abs());
+            let held = coulomb * sign * load.coulomb + viscous * load.viscous * v;
             let pressure = at.rest.load_pressure + moving + held + beyond(time);
             load.update(&schedule, &mut memory, stroke, pressure);
         }
@@ -270,35 +295,61 @@ mod tests {
     /// Up for five seconds, rest for two, down for five, with ramps of half a second.
     fn cycle(time: f64) -> f64 {
         let up = |t: f64| (2.0 * t).clamp(0.0, 1.0) * (2.0 * (5.0 - t)).clamp(0.0, 1.0);
-        0.05 * (up(time) - up(time - 7.0))
+        FASTEST * (up(time) - up(time - 7.0))
     }
 
     #[test]
     fn up_and_down_tell_payload_and_friction_apart() {
         let swings = |t: f64| 2e5 * (20.0 * t).sin();
-        let memory = learned(13, 210.0, 2.2, cycle, swings);
-        // within twice what is thought to be left in doubt, which is a tenth of what was in doubt before
+        let truth = [1.4, 3.0];
+        let memory = learned(13, 210.0, truth, cycle, swings);
+        // within twice what is thought to be left in doubt, which of the payload and of both frictions together is an eighth of what was in doubt before
+        let sum = |[coulomb, viscous]: [f64; 2]| {
+            coulomb * balance().coulomb + viscous * FASTEST * balance().viscous
+        };
+        let doubt = |b: &BelievedLoad<f64>| {
+            let [c, v] = [balance().coulomb, FASTEST * balance().viscous];
+            let squares = c * c * b.coulomb_variance
+                + v * v * b.viscous_variance
+                + 2.0 * c * v * b.coulomb_viscous;
+            [b.payload_variance, squares].map(Real::sqrt)
+        };
         let believed = memory.believed();
-        let [deviation, before] = [
-            [believed.payload_variance, believed.friction_variance].map(Real::sqrt),
-            balance().before(&schedule(), 0.1),
-        ];
-        let off = [memory.payload() - 210.0, memory.friction() - 2.2];
+        let nothing = balance().start(&schedule(), 0.1, 200.0).believed();
+        let [deviation, before] = [doubt(&believed), doubt(&nothing)];
+        let off = [memory.payload() - 210.0, sum(memory.friction()) - sum(truth)];
         for k in 0..2 {
             assert!(off[k].abs() < 2.0 * deviation[k], "{off:?}, {deviation:?}");
-            assert!(deviation[k] < 0.1 * before[k], "{deviation:?} of {before:?}");
+            assert!(deviation[k] < 0.125 * before[k], "{deviation:?} of {before:?}");
         }
         // the way up alone leaves both in doubt
-        let up = learned(5, 210.0, 2.2, cycle, swings).believed();
-        assert!(up.friction_variance > 4.0 * believed.friction_variance, "{up:?}");
+        let up = doubt(&learned(5, 210.0, truth, cycle, swings).believed());
+        assert!(up[1] > 2.0 * deviation[1], "{up:?}, {deviation:?}");
+    }
+
+    /// Fast and slow tell them apart, where one speed has only what was known before.
+    #[test]
+    fn two_speeds_tell_seals_from_cold_oil() {
+        let truth = [0.8, 3.5];
+        let both = |time: f64| if time < 13.0 { cycle(time) } else { 3.0 * cycle(time - 13.0) };
+        let off = |memory: &LoadBalanceMemory| {
+            let [coulomb, viscous] = memory.friction();
+            [(coulomb - truth[0]).abs(), (viscous - truth[1]).abs()]
+        };
+        let [one, two] = [
+            off(&learned(13, 200.0, truth, cycle, |_| 0.0)),
+            off(&learned(20, 200.0, truth, both, |_| 0.0)),
+        ];
+        assert!(two[0] < 0.1 && two[1] < 0.2, "{two:?}");
+        assert!(two[0] < 0.5 * one[0], "{two:?}, at one speed {one:?}");
     }
 
     #[test]
     fn where_the_piston_sticks_nothing_is_learned() {
         // at rest, and where it creeps while its oil leaks
         for velocity in [0.0, -2e-3] {
-            let memory = learned(20, 230.0, 3.0, |_| velocity, |_| 0.0);
-            assert_eq!((memory.payload(), memory.friction()), (200.0, 1.0));
+            let memory = learned(20, 230.0, [3.0; 2], |_| velocity, |_| 0.0);
+            assert_eq!((memory.payload(), memory.friction()), (200.0, [1.0; 2]));
         }
     }
 
@@ -307,15 +358,17 @@ mod tests {
     fn another_load_is_no_friction() {
         let hung_on = |t: f64| if t > 2.0 { 10e5 } else { 0.0 };
         let friction =
-            |beyond: &dyn Fn(f64) -> f64| learned(5, 200.0, 1.0, cycle, beyond).friction();
+            |beyond: &dyn Fn(f64) -> f64| learned(5, 200.0, [1.0; 2], cycle, beyond).friction();
         let [with, without] = [friction(&hung_on), friction(&|_| 0.0)];
-        assert!((with - without).abs() < 0.2, "{with} for {without}");
+        for k in 0..2 {
+            assert!((with[k] - without[k]).abs() < 0.2, "{with:?} for {without:?}");
+        }
     }
 
     #[test]
     fn what_was_learned_is_gone_on_with_unless_nobody_can_believe_it() {
         let (schedule, load) = (schedule(), balance());
-        let believed = learned(13, 210.0, 2.2, cycle, |_| 0.0).believed();
+        let believed = learned(13, 210.0, [2.2; 2], cycle, |_| 0.0).believed();
         assert_eq!(load.resume(&schedule, &believed).unwrap().believed(), believed);
         let refused = |change: fn(&mut BelievedLoad<f64>)| {
             let mut other = believed;
@@ -323,7 +376,7 @@ mod tests {
             load.resume(&schedule, &other).is_none()
         };
         assert!(refused(|b| b.payload = 2.0 * HEAVIEST));
-        assert!(refused(|b| b.friction = f64::NAN));
-        assert!(refused(|b| b.friction_variance = -1.0));
+        assert!(refused(|b| b.viscous = f64::NAN));
+        assert!(refused(|b| b.coulomb_variance = -1.0));
     }
 }

@@ -18,8 +18,8 @@ const TIGHTEST: f64 = 1e-3;
 const LEAST_ACROSS: f64 = 1e5;
 
 /// What can be learned of the crane of a description, and how well it is known before: a pump's flow to 3 percent, leakage to
-/// three times its own size (worn pumps, hot oil), the pressure at which oil stiffens (by the air in it) to 8 bar, friction (by seals and
-/// cold oil) to its own size, a payload at rest to 3 bar, how late the motor is to 10 ms. All are estimates.
+/// three times its own size (worn pumps, hot oil), the pressure at which oil stiffens (by the air in it) to 8 bar, friction of
+/// seals to a third and of cold oil to one and a half times its own size, a payload at rest to 3 bar, how late the motor is to 10 ms. All are estimates.
 pub fn balances(description: &Description, schedule: &Schedule) -> Balances {
     let n = &description.numbers;
     let area = description.cylinder().piston_area;
@@ -27,7 +27,7 @@ pub fn balances(description: &Description, schedule: &Schedule) -> Balances {
         coulomb: n.coulomb / area,
         viscous: n.viscous / area,
         weighed: 3e5,
-        friction: 1.0,
+        friction: [0.33, 1.5],
         scatter: 1e5,
         window: 100,
         memory: 0.999,

@@ -18,9 +18,11 @@ pub fn informed(model: &Description, schedule: &Schedule, known: &Known) -> Desc
     n.flow_gain = known.balance.flow_gain.min(1.0);
     n.slip_per_speed = known.balance.slip;
     n.following_lead = known.lag;
-    for friction in [&mut n.coulomb, &mut n.stiction, &mut n.viscous] {
-        *friction *= known.friction;
-    }
+    let [coulomb, viscous] = known.friction;
+    // what breaks away is seals, as what slides slowly is
+    n.coulomb *= coulomb;
+    n.stiction *= coulomb;
+    n.viscous *= viscous;
     // what leaks is known, and not where: all by the same factor
     let worn = if before > 0.0 { known.balance.leakage / before } else { 1.0 };
     for leakage in

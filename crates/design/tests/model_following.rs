@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_control::{Benchmark, Follower, Learned, Learner, Reading, Reference, Seen, Watched};
-use hydroboom_description::{Description, Numbers};
+use hydroboom_description::Description;
 use hydroboom_design::{
     Lifting, Loop, balances, informed, leakage, look, margins, model_following, oil_spring,
     overrides, schedule,
@@ -222,7 +222,7 @@ fn what_was_learned_makes_a_description_that_says_it() {
     crane.set("pump.slip_l_min_per_bar=0.0002").unwrap();
     let laws = schedule(&crane).unwrap();
     let mut known = in_motion().1.known();
-    (known.payload, known.friction) = (crane.numbers.payload, 1.4);
+    (known.payload, known.friction) = (crane.numbers.payload, [1.4, 2.6]);
     known.balance.transition = crane.numbers.transition;
     known.balance.leakage = 2.5 * leakage(&crane.numbers, &laws.at(known.payload));
     (known.balance.slip, known.lag) = (3e-14, 12e-3);
@@ -230,7 +230,6 @@ fn what_was_learned_makes_a_description_that_says_it() {
     for assignment in overrides(&crane, &informed(&crane, &laws, &known)) {
         again.set(&assignment).unwrap();
     }
-    let force = |n: &Numbers<f64>| n.coulomb + 0.1 * n.viscous;
     let n = &again.numbers;
     let leaks = leakage(n, &schedule(&again).unwrap().at(n.payload));
     let pairs = [
@@ -238,7 +237,8 @@ fn what_was_learned_makes_a_description_that_says_it() {
         (n.slip_per_speed, known.balance.slip),
         (n.following_lead, known.lag),
         (n.flow_gain, known.balance.flow_gain),
-        (force(n), 1.4 * force(&crane.numbers)),
+        (n.coulomb + n.stiction, 1.4 * (crane.numbers.coulomb + crane.numbers.stiction)),
+        (n.viscous, 2.6 * crane.numbers.viscous),
         (leaks, known.balance.leakage),
     ];
     for (found, wanted) in pairs {

@@ -47,8 +47,13 @@ impl Case<'_> {
             transition: guess[2] * 1e5,
         };
         let payload = self.crane.numbers.payload;
-        let known =
-            Known { weighed: payload, payload, friction: guess[3], balance, lag: guess[5] * 1e-3 };
+        let known = Known {
+            weighed: payload,
+            payload,
+            friction: [guess[3]; 2],
+            balance,
+            lag: guess[5] * 1e-3,
+        };
         let course = self.course.of(&self.crane)?;
         let errors = OpenLoop::new(self.model, &known)?.errors(&self.crane, course.as_ref())?;
         Ok(DVector::from_iterator(errors.len(), errors.iter().map(|error| error * 1e3)))

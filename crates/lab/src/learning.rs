@@ -100,5 +100,5 @@ fn believed(model: &Description) -> Result<Known, LabError> {
     let Balances { flow, lag, .. } = balances(model, &schedule(model)?);
     let payload = model.numbers.payload;
     let (balance, lag) = (flow.before, lag.before);
-    Ok(Known { weighed: payload, payload, friction: 1.0, balance, lag })
+    Ok(Known { weighed: payload, payload, friction: [1.0; 2], balance, lag })
 }

@@ -25,7 +25,7 @@ impl OpenLoop {
     pub fn new(model: &Description, known: &Known) -> Result<Self, LabError> {
         let schedule = schedule(model)?;
         let mut law = schedule.at(known.payload);
-        law.friction_pressure *= known.friction;
+        law.friction_pressure *= known.friction[0];
         law.stiffness.transition = known.balance.transition;
         law.lead = known.lag;
         Ok(Self { informed: informed(model, &schedule, known), law })

@@ -29,8 +29,17 @@ const COLUMNS: [(&str, f64); 11] = [
 ];
 
 /// Names of what is believed of the load, with units.
-const LOAD: [&str; 5] =
-    ["payload_kg", "friction", "payload_variance_kg2", "payload_friction_kg", "friction_variance"];
+const LOAD: [&str; 9] = [
+    "payload_kg",
+    "coulomb_friction",
+    "viscous_friction",
+    "payload_variance_kg2",
+    "payload_coulomb_friction_kg",
+    "payload_viscous_friction_kg",
+    "coulomb_friction_variance",
+    "coulomb_viscous_friction",
+    "viscous_friction_variance",
+];
 
 /// Names of what is believed of the motor's lag, with units, and what one of each is in SI.
 const LAG: [(&str, f64); 2] = [("lag_ms", 1e-3), ("lag_variance_ms2", 1e-6)];
@@ -147,8 +156,8 @@ pub fn read(model: &Description, path: &Path) -> Result<Learned, LearnedError> {
     let resumed = balances.load.resume(&schedule, &load);
     let load = resumed.filter(|_| (0.0..=schedule.heaviest()).contains(&weighed)).ok_or_else(|| {
         other(format!(
-            "weighed_kg = {weighed}, payload_kg = {} and friction = {} with their variances cannot be: a payload is 0 to {:.0} for this crane",
-            load.payload, load.friction, schedule.heaviest()
+            "weighed_kg = {weighed}, payload_kg = {}, coulomb_friction = {} and viscous_friction = {} with their variances cannot be: a payload is 0 to {:.0} for this crane",
+            load.payload, load.coulomb, load.viscous, schedule.heaviest()
         ))
     })?;
     let flow = balances.flow.resume(&believed).ok_or_else(|| {
@@ -209,13 +218,16 @@ mod tests {
         assert!((delivered - 1.0).abs() < 1e-4 && gain > 1.01, "{value:#}");
         assert!((known.numbers.payload - learned.load.payload()).abs() < 1e-2, "{value:#}");
         assert_eq!(back.weighed, learned.weighed);
-        assert_eq!(back.load.believed(), learned.load.believed());
-        let [a, b] = [&back, &learned].map(|l| l.lag.believed().to_array());
-        assert!(a.iter().zip(b).all(|(a, b)| (a / b - 1.0).abs() < 1e-12), "{a:?} for {b:?}");
-        for (a, b) in back.flow.believed().iter().zip(learned.flow.believed()) {
-            for (a, b) in a.to_array().iter().zip(b.to_array()) {
-                assert!((a - b).abs() <= 1e-12 * b.abs(), "{a} for {b}");
-            }
+        let all = |learned: &Learned| {
+            let mut all: Vec<f64> =
+                learned.flow.believed().iter().flat_map(|b| b.to_array()).collect();
+            all.extend(learned.load.believed().to_array());
+            all.extend(learned.lag.believed().to_array());
+            all
+        };
+        for (a, b) in all(&back).iter().zip(all(&learned)) {
+            // decimals and back
+            assert!((a - b).abs() <= 1e-12 * b.abs(), "{a} for {b}");
         }
         let (a, b) = (back.flow.balance, learned.flow.balance);
         assert!((a.flow_gain / b.flow_gain - 1.0).abs() < 1e-12, "{a:?} for {b:?}");

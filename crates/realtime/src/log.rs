@@ -60,7 +60,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 31] = [
+const NUMBERS: [Number; 32] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("reading_number", |r| Some(r.sequence as f64)),
@@ -80,7 +80,8 @@ const NUMBERS: [Number; 31] = [
     ("command_holding_valve", |r| Some(r.decision.command.holding_valve)),
     ("controls", |r| Some(f64::from(u8::from(r.decision.controls)))),
     ("known_payload_kg", |r| r.known.map(|k| k.payload)),
-    ("known_friction", |r| r.known.map(|k| k.friction)),
+    ("known_coulomb_friction", |r| r.known.map(|k| k.friction[0])),
+    ("known_viscous_friction", |r| r.known.map(|k| k.friction[1])),
     ("known_transition_bar", |r| r.known.map(|k| k.balance.transition * 1e-5)),
     ("known_flow_gain", |r| r.known.map(|k| k.balance.flow_gain)),
     ("known_leakage_l_min", |r| r.known.map(|k| k.balance.leakage * 60e3)),

@@ -103,11 +103,13 @@ impl Report<'_> {
     /// What was learned, beside what the crane file says.
     fn learned(&self, learned: &Learned) -> String {
         let (n, balance) = (&self.model.numbers, &learned.flow.balance);
+        let [coulomb, viscous] = learned.load.friction();
         format!(
-            "learned: payload {:.0} kg (crane file {:.0}), friction {:.2} times the crane file's, oil stiffens at {:.1} +- {:.1} bar ({:.1}), pump delivers {:.3} of its displacement ({:.3}), leakage {:.3} L/min, slip {:.5} cm3/(rev bar) ({:.5})",
+            "learned: payload {:.0} kg (crane file {:.0}), friction {:.2} (Coulomb) and {:.2} times (viscous) the crane file's, oil stiffens at {:.1} +- {:.1} bar ({:.1}), pump delivers {:.3} of its displacement ({:.3}), leakage {:.3} L/min, slip {:.5} cm3/(rev bar) ({:.5}), motor {:.1} ms late ({:.1})",
             learned.load.payload(),
             n.payload,
-            learned.load.friction(),
+            coulomb,
+            viscous,
             balance.transition * 1e-5,
             learned.flow.doubt * 1e-5,
             n.transition * 1e-5,
@@ -116,6 +118,8 @@ impl Report<'_> {
             balance.leakage * 60e3,
             balance.slip * SLIP,
             n.slip_per_speed * SLIP,
+            learned.lag.lag * 1e3,
+            n.following_lead * 1e3,
         )
     }
 
@@ -144,12 +148,14 @@ impl Report<'_> {
 
 fn learned_json(learned: &Learned) -> Value {
     let balance = &learned.flow.balance;
+    let [coulomb, viscous] = learned.load.friction();
     json!({
-        "payload_kg": learned.load.payload(), "friction": learned.load.friction(),
+        "payload_kg": learned.load.payload(),
+        "coulomb_friction": coulomb, "viscous_friction": viscous,
         "transition_bar": balance.transition * 1e-5,
         "transition_deviation_bar": learned.flow.doubt * 1e-5,
         "flow_gain": balance.flow_gain, "leakage_l_min": balance.leakage * 60e3,
-        "slip_cm3_per_rev_bar": balance.slip * SLIP,
+        "slip_cm3_per_rev_bar": balance.slip * SLIP, "lag_ms": learned.lag.lag * 1e3,
     })
 }
 
