@@ -16,14 +16,15 @@ use std::error::Error;
 use std::num::ParseIntError;
 
 /// How many numbers are fitted.
-const FITTED: usize = 6;
-/// Pump flow gain, a factor on all leakage, where the oil stiffens \[bar\], a factor on friction, slip \[cm³/(rev kbar)\], lag of the motor \[ms\].
+const FITTED: usize = 7;
+/// Pump flow gain, a factor on all leakage, where the oil stiffens \[bar\], a factor on Coulomb friction, slip \[cm³/(rev kbar)\], lag of the motor \[ms\], a
+/// factor on viscous friction.
 type Guess = SVector<f64, FITTED>;
 /// By how much each is changed for its slope; how little of each is no change; within what it stays.
-const STEPS: [f64; FITTED] = [2e-3, 0.05, 0.5, 0.05, 0.06, 1.0];
-const DAMPING: [f64; FITTED] = [1e-3, 1e-6, 1e-3, 1e-4, 3e-4, 1e-3];
+const STEPS: [f64; FITTED] = [2e-3, 0.05, 0.5, 0.05, 0.06, 1.0, 0.05];
+const DAMPING: [f64; FITTED] = [1e-3, 1e-6, 1e-3, 1e-4, 3e-4, 1e-3, 1e-4];
 const WITHIN: [[f64; 2]; FITTED] =
-    [[0.5, 1.5], [0.0, 30.0], [5.0, 60.0], [0.1, 5.0], [0.0, 10.0], [0.0, 45.0]];
+    [[0.5, 1.5], [0.0, 30.0], [5.0, 60.0], [0.1, 5.0], [0.0, 10.0], [0.0, 45.0], [0.1, 9.0]];
 const ITERATIONS: usize = 10;
 /// m³/(rev Pa) in a cm³/(rev kbar).
 const SLIP: f64 = 1e-14;
@@ -50,7 +51,7 @@ impl Case<'_> {
         let known = Known {
             weighed: payload,
             payload,
-            friction: [guess[3]; 2],
+            friction: [guess[3], guess[6]],
             balance,
             lag: guess[5] * 1e-3,
         };
@@ -63,7 +64,7 @@ impl Case<'_> {
     fn fit(&self) -> Result<(f64, f64, Guess), LabError> {
         let rms = |errors: &DVector<f64>| errors.norm() / (errors.len() as f64).sqrt();
         let n = &self.crane.numbers;
-        let mut guess = Guess::from([n.flow_gain, 1.5, n.transition * 1e-5, 1.0, 0.0, 5.0]);
+        let mut guess = Guess::from([n.flow_gain, 1.5, n.transition * 1e-5, 1.0, 0.0, 5.0, 1.0]);
         let mut errors = self.errors(&guess)?;
         let begun = rms(&errors);
         for _ in 0..ITERATIONS {
@@ -118,8 +119,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for ((number, speed), (begun, least, guess)) in jobs.iter().zip(&fits) {
         let speed = speed * 1e3;
         println!(
-            "crane {number}, {speed:.0} mm/s: {begun:.2} mm, then {least:.2} mm with flow gain {:.3}, {:.1} times the leakage, oil at {:.0} bar, {:.1} times the friction, slip {:.2} cm3/(rev kbar), lag {:.1} ms",
-            guess[0], guess[1], guess[2], guess[3], guess[4], guess[5]
+            "crane {number}, {speed:.0} mm/s: {begun:.2} mm, then {least:.2} mm with flow gain {:.3}, {:.1} times the leakage, oil at {:.0} bar, {:.1} and {:.1} times the friction, slip {:.2} cm3/(rev kbar), lag {:.1} ms",
+            guess[0], guess[1], guess[2], guess[3], guess[6], guess[4], guess[5]
         );
     }
     let mut least: Vec<f64> = fits.iter().map(|fit| fit.1).collect();
