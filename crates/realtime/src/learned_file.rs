@@ -148,10 +148,10 @@ pub fn read(model: &Description, path: &Path) -> Result<Learned, LearnedError> {
     }
     let schedule = schedule(model)?;
     let balances = balances(model, &schedule);
-    let lag = balances
-        .lag
-        .resume(&BelievedLag::from_array(lag))
-        .ok_or_else(|| other("lag_variance_ms2 cannot be: a variance is above 0".into()))?;
+    let lag = BelievedLag::from_array(lag);
+    let lag = balances.lag.resume(&lag).ok_or_else(|| {
+        other(format!("lag_variance_ms2 = {} cannot be: a variance is above 0", lag.variance * 1e6))
+    })?;
     let load = BelievedLoad::from_array(load);
     let resumed = balances.load.resume(&schedule, &load);
     let load = resumed.filter(|_| (0.0..=schedule.heaviest()).contains(&weighed)).ok_or_else(|| {
