@@ -16,7 +16,7 @@ pub struct Known {
     pub friction: [f64; 2],
     /// Pump flow, leakage and where the oil stiffens.
     pub balance: Balance<f64>,
-    /// How much later than the motor is told its speed it is read \[s\].
+    /// How much later than the motor is told its speed it is read \[s\]. Open loop leads by it; feedback was designed for what the description has.
     pub lag: f64,
 }
 
@@ -225,7 +225,7 @@ impl Learner {
         self.balances.load.weighed(&self.schedule, &mut self.now.load, stroke, payload);
     }
 
-    /// A period that tells nothing of the oil.
+    /// A period that tells nothing of the machine in motion.
     pub fn skip(&mut self, reading: &Reading<f64>) {
         self.now.load.begin_window(reading.stroke);
         self.now.flow.begin_window(reading);

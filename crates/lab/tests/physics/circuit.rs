@@ -108,5 +108,6 @@ fn implicit_steps_lose_no_oil_on_their_way() {
         lost += step * ended.pump_delivery - left - stored(&then, now);
         most = most.max(stored(&at_rest, now));
     }
+    // what leaves, and volumes, are averaged over steps, and Newton's iterations end at a Pa; a bar at every opening of a valve would be thousandths
     assert!(lost.abs() < 1e-5 * most, "{lost} m3 of {most}");
 }
