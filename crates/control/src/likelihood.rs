@@ -94,6 +94,10 @@ mod tests {
     fn what_speaks_against_one_side_alone_tells_no_place() {
         let found = weights(&core::array::from_fn::<_, N, _>(|k| if k > 5 { -50.0 } else { 0.0 }));
         assert!((place(&found.weights) - 2.5).abs() < 1e-9, "{found:?}");
+        // nor where noise makes the last of them the best
+        let tilted = |k| if k > 5 { -50.0 } else { 1e-3 * k as f64 };
+        let found = weights(&core::array::from_fn::<_, N, _>(tilted));
+        assert!((place(&found.weights) - 2.5).abs() < 0.01, "{found:?}");
         let at_the_end = weights(&core::array::from_fn::<_, N, _>(|k| -50.0 * k as f64));
         assert!(place(&at_the_end.weights) < 1e-9);
     }
