@@ -13,7 +13,8 @@ use serde_json::json;
 use std::path::PathBuf;
 
 /// What one cycle under model following teaches of a virtual crane: payload, friction, oil, pump flow, slip, leakage and how late its motor is, and what open loop is worth with it:
-/// the machine is told the motor speed of the simulated crane under state feedback, and not looked at.
+/// the machine is told the motor speed of the simulated crane under state feedback, and not looked at. Once from the rest that the cycle began from, and once straight on from
+/// where it ended; there, too, with the very motor speed that led it through the cycle, which tells what a perfect model would come to that does not know in what state the cycle left the oil.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  \
     What was learned is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it")]
@@ -65,6 +66,8 @@ impl Learn {
                     t.course.clone(),
                     output::optional(t.before_mm, 2),
                     output::optional(t.after_mm, 2),
+                    output::optional(t.straight_on_mm, 2),
+                    output::optional(t.told_again_mm, 2),
                     t.set.join(" "),
                 ]
             })
@@ -73,7 +76,9 @@ impl Learn {
             "crane",
             "course",
             "open loop before [mm]",
-            "and after a cycle [mm]",
+            "after a cycle [mm]",
+            "straight on [mm]",
+            "told again [mm]",
             "learned, as overrides of the model",
         ];
         output::text(&format!("{}{}", output::table(&header, &rows), summed_up(&all)))
@@ -85,11 +90,17 @@ fn summed_up(all: &[Taught]) -> String {
     if all.len() < 8 {
         return String::new();
     }
-    let before = Spread::of(all.iter().filter_map(|t| t.before_mm)).median;
-    let after = Spread::of(all.iter().filter_map(|t| t.after_mm)).median;
-    let below = all.iter().filter(|t| t.after_mm.is_some_and(|mm| mm < 1.0)).count();
+    let sum = |of: fn(&Taught) -> Option<f64>| {
+        let errors: Vec<f64> = all.iter().filter_map(of).collect();
+        let below = errors.iter().filter(|mm| **mm < 1.0).count();
+        format!("{:.2} mm, below 1 mm on {below}", Spread::of(errors.into_iter()).median)
+    };
     format!(
-        "\n\nmedian {before:.2} mm before, {after:.2} mm after; below 1 mm: {below} of {}",
-        all.len()
+        "\n\nin the median of {}: {} before, {} after a cycle, {} straight on from where it ended, {} told the cycle's own motor speed again there",
+        all.len(),
+        sum(|t| t.before_mm),
+        sum(|t| t.after_mm),
+        sum(|t| t.straight_on_mm),
+        sum(|t| t.told_again_mm),
     )
 }

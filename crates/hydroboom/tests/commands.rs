@@ -333,7 +333,9 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let page = std::fs::read_to_string(folder.join("trials.html")).unwrap();
     assert!(page.contains("S-curve") && page.contains("model-following"), "{page}");
     let learned = parsed(&["learn", "--json"]);
-    keys(&learned["learned"][0], &["crane", "course", "before_mm", "after_mm", "set"]);
+    let row =
+        ["crane", "course", "before_mm", "after_mm", "straight_on_mm", "told_again_mm", "set"];
+    keys(&learned["learned"][0], &row);
     // what was learned is what any command takes
     let set = learned["learned"][0]["set"].as_array().unwrap();
     let mut arguments = vec!["show", "--json"];

@@ -2,35 +2,58 @@
 
 use crate::LabError;
 use crate::following::Following;
-use crate::open_loop::OpenLoop;
+use crate::open_loop::{OpenLoop, at_rest};
 use crate::scenario::{Course, CourseChoice};
-use hydroboom_control::{Balances, Known};
+use hydroboom_control::{Balances, Command, Known};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, overrides, schedule};
 use hydroboom_virtual_crane::VirtualCrane;
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// What model following has learned of a crane once it has led it along a course.
-///
-/// # Errors
-///
-/// [`LabError`] when a crane cannot be built or simulated.
-fn learned(
-    model: &Description,
-    crane: &Description,
-    course: &dyn Course,
-) -> Result<Known, LabError> {
-    let start = course.reference(0.0).position;
-    let mut machine = VirtualCrane::new(crane, &crane.start(start))?;
-    let mut following = Following::new(model, &machine.reading(), &machine.measured(), start)?;
-    let period = model.numbers.control_period;
-    for k in 0..(course.duration() / period).round() as u64 {
-        let reference = course.reference(k as f64 * period);
-        let command = following.command(&reference, &machine.reading(), &machine.measured())?;
-        machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
+/// A cycle under model following.
+struct Cycle {
+    /// What it has taught.
+    known: Known,
+    /// What the machine was told, each control period.
+    told: Vec<Command<f64>>,
+    /// The machine, where the cycle has left it.
+    machine: VirtualCrane,
+}
+
+impl Cycle {
+    /// Model following leads a crane along a course.
+    fn of(model: &Description, crane: &Description, course: &dyn Course) -> Result<Self, LabError> {
+        let start = course.reference(0.0).position;
+        let mut machine = at_rest(crane, course)?;
+        let mut following = Following::new(model, &machine.reading(), &machine.measured(), start)?;
+        let period = model.numbers.control_period;
+        let periods = (course.duration() / period).round() as u64;
+        let mut told = Vec::with_capacity(periods as usize);
+        for k in 0..periods {
+            let reference = course.reference(k as f64 * period);
+            let command = following.command(&reference, &machine.reading(), &machine.measured())?;
+            machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
+            told.push(command);
+        }
+        Ok(Self { known: following.known(), told, machine })
     }
-    Ok(following.known())
+}
+
+/// Tracking errors \[m\] of a machine that is told what led one through the cycle and not looked at.
+fn errors_of_told(
+    told: &[Command<f64>],
+    machine: &mut VirtualCrane,
+    course: &dyn Course,
+) -> Result<Vec<f64>, LabError> {
+    let period = machine.period();
+    let mut errors = Vec::with_capacity(told.len());
+    for (k, command) in told.iter().enumerate() {
+        let reference = course.reference(k as f64 * period);
+        errors.push(machine.reading().stroke - reference.position);
+        machine.advance(command).map_err(LabError::during("the cycle once more"))?;
+    }
+    Ok(errors)
 }
 
 /// What a cycle under model following is worth for one crane.
@@ -44,6 +67,11 @@ pub struct Taught {
     pub before_mm: Option<f64>,
     /// The same with what was learned.
     pub after_mm: Option<f64>,
+    /// The same straight on: from where the cycle has left the machine, in place of the rest that it began from.
+    pub straight_on_mm: Option<f64>,
+    /// What comes of it, straight on, if the machine is told the very motor speed once more that led it through the cycle: as a model that
+    /// knows the machine perfectly, but not in what state the cycle has left it.
+    pub told_again_mm: Option<f64>,
     /// What was learned, as overrides of the model's crane file.
     pub set: Vec<String>,
 }
@@ -75,24 +103,35 @@ fn cycle(
     name: &str,
     course: &dyn Course,
 ) -> Result<Taught, LabError> {
-    // a crane that cannot be steered so has no error to show
-    let rms = |open: &OpenLoop| {
-        let errors = open.errors(crane, course).ok()?;
-        let square: f64 = errors.iter().map(|error| error * error).sum();
-        Some(1e3 * (square / errors.len() as f64).sqrt())
-    };
     let before = OpenLoop::new(model, &believed(model)?)?;
-    let informed = match learned(model, crane, course) {
-        Ok(known) => Some(OpenLoop::new(model, &known)?),
-        Err(_) => None,
-    };
-    Ok(Taught {
+    let mut taught = Taught {
         crane: name.into(),
         course: course.name(),
-        before_mm: rms(&before),
-        after_mm: informed.as_ref().and_then(rms),
-        set: informed.map_or(Vec::new(), |open| overrides(model, open.informed())),
-    })
+        before_mm: rms_mm(before.errors(crane, course)),
+        after_mm: None,
+        straight_on_mm: None,
+        told_again_mm: None,
+        set: Vec::new(),
+    };
+    if let Ok(Cycle { known, told, mut machine }) = Cycle::of(model, crane, course) {
+        let after = OpenLoop::new(model, &known)?;
+        taught.after_mm = rms_mm(after.errors(crane, course));
+        taught.set = overrides(model, after.informed());
+        // told the same from the same rest, another is left in the same state
+        let mut another = at_rest(crane, course)?;
+        if errors_of_told(&told, &mut another, course).is_ok() {
+            taught.straight_on_mm = rms_mm(after.errors_from(&mut another, course));
+        }
+        taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
+    }
+    Ok(taught)
+}
+
+/// Root of the mean square \[mm\]; a crane that cannot be steered so has no error to show.
+fn rms_mm(errors: Result<Vec<f64>, LabError>) -> Option<f64> {
+    let errors = errors.ok()?;
+    let square: f64 = errors.iter().map(|error| error * error).sum();
+    Some(1e3 * (square / errors.len() as f64).sqrt())
 }
 
 /// What the model has before anything is learned.
@@ -101,4 +140,22 @@ fn believed(model: &Description) -> Result<Known, LabError> {
     let payload = model.numbers.payload;
     let (balance, lag) = (flow.before, lag.before);
     Ok(Known { weighed: payload, payload, friction: [1.0; 2], balance, lag })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is measured straight on rests on it.
+    #[test]
+    fn told_the_same_from_the_same_rest_a_machine_does_the_same() {
+        let model = Description::uia_single_boom().unwrap();
+        let crane = Description::uia_virtual().unwrap();
+        let course = CourseChoice::Motion(model.numbers.fast).of(&crane).unwrap();
+        let Cycle { told, machine, .. } = Cycle::of(&model, &crane, course.as_ref()).unwrap();
+        let mut another = at_rest(&crane, course.as_ref()).unwrap();
+        errors_of_told(&told, &mut another, course.as_ref()).unwrap();
+        let [one, other] = [&machine, &another].map(|m| (m.truth().outputs, m.reading()));
+        assert_eq!(one, other);
+    }
 }

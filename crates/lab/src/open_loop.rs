@@ -36,15 +36,26 @@ impl OpenLoop {
         &self.informed
     }
 
-    /// Tracking errors \[m\] of a crane along a course, one each control period.
+    /// Tracking errors \[m\] of a crane along a course from its rest, one each control period.
     ///
     /// # Errors
     ///
     /// [`LabError`] when either crane cannot be built or leaves what the model holds for.
     pub fn errors(&self, crane: &Description, course: &dyn Course) -> Result<Vec<f64>, LabError> {
-        let start = course.reference(0.0).position;
-        let mut machine = VirtualCrane::new(crane, &crane.start(start))?;
-        let mut simulated = Simulated::new(self, start)?;
+        self.errors_from(&mut at_rest(crane, course)?, course)
+    }
+
+    /// The same of a machine in whatever state it is.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] when the simulated crane cannot be built, or either leaves what the model holds for.
+    pub fn errors_from(
+        &self,
+        machine: &mut VirtualCrane,
+        course: &dyn Course,
+    ) -> Result<Vec<f64>, LabError> {
+        let mut simulated = Simulated::new(self, course.reference(0.0).position)?;
         let period = self.informed.numbers.control_period;
         let periods = (course.duration() / period).round() as u64;
         let mut errors = Vec::with_capacity(periods as usize + 1);
@@ -57,6 +68,11 @@ impl OpenLoop {
         }
         Ok(errors)
     }
+}
+
+/// A crane that has long been at rest where a course begins.
+pub(crate) fn at_rest(crane: &Description, course: &dyn Course) -> Result<VirtualCrane, LabError> {
+    Ok(VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?)
 }
 
 /// The simulated crane in motion.

@@ -143,6 +143,21 @@ fn a_cycle_tells_how_late_a_slow_drive_is() {
     assert!(after < 0.1 * lag_mm, "{after} mm, of {lag_mm} mm that are late");
 }
 
+/// A cylinder that rests holds any pressure that its friction can. Where the oil is so soft that this is millimetres of oil, a machine that is told
+/// again what has just led it strays by them; where it is stiff, it does the same again.
+#[test]
+fn what_comes_again_hangs_on_how_soft_the_oil_is_where_it_rests() {
+    let nominal = Description::uia_virtual().unwrap();
+    let model = Description::uia_single_boom().unwrap();
+    let [soft, stiff] = [16, 20].map(|number| {
+        let crane = member(&nominal, 1, number).unwrap().crane;
+        let course = [CourseChoice::Motion(model.numbers.slow)];
+        let all = taught(&model, &[("one".into(), crane)], &course, &|| ()).unwrap();
+        all[0].told_again_mm.unwrap()
+    });
+    assert!(stiff < 0.5 && soft > 5.0, "{stiff} mm, {soft} mm");
+}
+
 /// One cycle teaches payload, oil, pump and leakage: in open loop the simulation is off by less than a millimetre then, however worn the pump,
 /// and what was learned is kept as overrides of the model.
 #[test]
@@ -160,6 +175,8 @@ fn a_cycle_teaches_what_open_loop_lacks() {
         let found = teach(&model, number);
         let (before, after) = (found.before_mm.unwrap(), found.after_mm.unwrap());
         assert!(after < 1.0 && after < 0.2 * before, "{before} mm, then {after} mm");
+        let straight_on = found.straight_on_mm.unwrap();
+        assert!(straight_on < 1.0, "{straight_on} mm straight on");
         let mut informed = model.clone();
         found.set.iter().for_each(|assignment| informed.set(assignment).unwrap());
         // overrides have six digits, and state feedback is designed with them
