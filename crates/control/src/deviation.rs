@@ -92,6 +92,24 @@ pub struct DeviationFeedback<T> {
     period: T,
 }
 
+/// How stiff the oil may be at a station, as shares of stiff oil's bulk modulus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MayBe<T> {
+    /// As the pressure dips in motion.
+    pub dipped: T,
+    /// No stiffer than this, most likely.
+    pub likely: T,
+    /// No stiffer than this, almost certainly.
+    pub possible: T,
+}
+
+impl<T: Copy> MayBe<T> {
+    /// The same, whatever happens.
+    pub fn known(share: T) -> Self {
+        Self { dipped: share, likely: share, possible: share }
+    }
+}
+
 /// What feedback reckons with at a piston position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reckoned<T> {
@@ -116,16 +134,21 @@ impl<T: Real> DeviationFeedback<T> {
         self.design.dip
     }
 
-    /// What feedback reckons with at a station where the oil has, as the pressure dips, so much of stiff oil's bulk modulus at least, and so much at most.
+    /// What feedback reckons with at a station.
+    ///
+    /// On oil that is softer than the softest the pump is to make up for it, and what it is asked for has to be right: too much of it rings in oil
+    /// that is stiffer. Such oil has to be so almost certainly; else damping is that of stiffer oil, and the position waits for it.
     #[inline(always)]
-    pub fn reckons(&self, station: &Station<T>, [least, most]: [T; 2]) -> Reckoned<T> {
+    pub fn reckons(&self, station: &Station<T>, oil: &MayBe<T>) -> Reckoned<T> {
         let DeviationDesign { damping, share, softest, .. } = self.design;
         let stiff = station.stiff.ring();
+        let most = oil.likely.max(oil.possible.min(softest));
+        let least = oil.dipped.max(softest * oil.likely / most);
         let spring = station.spring(most);
-        let [least, most] = [least, most].map(|share| share.max(softest));
+        let raised = most.max(softest);
         // damping that is meant for stiffer oil is as much too weak: the position has to wait for it
-        let bandwidth = share * stiff * least / most.sqrt();
-        let gains = spring.proportional_gains(stiff * most.sqrt(), damping, bandwidth);
+        let bandwidth = share * stiff * least / raised.sqrt();
+        let gains = spring.proportional_gains(stiff * raised.sqrt(), damping, bandwidth);
         let believes = [(self.design.push * stiff).sqrt(), self.design.rate * bandwidth];
         let keeps = believes.map(|frequency| (-frequency * self.period).exp());
         Reckoned { spring, gains, keeps }
@@ -235,7 +258,7 @@ mod tests {
 
     #[test]
     fn what_pushes_is_found_and_made_good_for() {
-        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), [1.0; 2]));
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
         let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
         let (push, rate) = (0.05, 2e6);
         // stroke, velocity, load pressure
@@ -263,7 +286,7 @@ mod tests {
 
     #[test]
     fn a_pressure_that_friction_holds_asks_for_nothing() {
-        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), [1.0; 2]));
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
         let off = Watched { stroke: 0.0, load_pressure: 4e5, motor_speed: 0.3 };
         let mut memory = law.start(&with.spring, &off);
         for _ in 0..100 {
@@ -275,7 +298,7 @@ mod tests {
     #[test]
     fn soft_oil_is_fed_back_to_gently() {
         let law = feedback::<f64>();
-        let at = |stiffness: f64| law.reckons(&station(), [stiffness; 2]).gains;
+        let at = |stiffness: f64| law.reckons(&station(), &MayBe::known(stiffness)).gains;
         // a deviation of the position asks for as much less as the crane rings slower
         let ratio = at(0.25).position / at(1.0).position;
         assert!((ratio - 0.5).abs() < 1e-12, "{ratio}");
@@ -286,7 +309,7 @@ mod tests {
     fn softer_oil_than_the_softest_is_made_as_stiff_by_the_pump() {
         let law = feedback::<f64>();
         let polynomial = |stiffness: f64| {
-            let Reckoned { spring, gains, .. } = law.reckons(&station(), [stiffness; 2]);
+            let Reckoned { spring, gains, .. } = law.reckons(&station(), &MayBe::known(stiffness));
             let [_, a_v, a_p, _, c_v, _, b] = spring.to_array();
             let kept = b * gains.pressure;
             let ringing = a_p * (b * gains.velocity - c_v) - kept * a_v;
@@ -302,16 +325,43 @@ mod tests {
     #[test]
     fn where_the_oil_is_not_known_it_is_damped_as_stiff_and_brought_back_as_soft() {
         let law = feedback::<f64>();
-        let at = |least, most| law.reckons(&station(), [least, most]).gains;
+        let at = |dipped, likely| {
+            law.reckons(&station(), &MayBe { dipped, likely, possible: likely }).gains
+        };
         let (known, unknown) = (at(1.0, 1.0), at(0.2, 1.0));
         assert!((unknown.position / known.position - 0.2).abs() < 1e-12, "{unknown:?}");
         // soft oil that is known to be soft is damped more
         assert!(unknown.pressure < known.pressure && at(0.2, 0.2).pressure > known.pressure);
     }
 
+    /// Where it may be stiffer the pump would be asked for too much: damping is that of oil as stiff as it may be, and the position waits as much longer.
+    #[test]
+    fn the_pump_makes_stiffer_only_what_is_soft_almost_certainly() {
+        let law = feedback::<f64>();
+        let (soft, softest) = (0.0125, 0.1);
+        let at = |possible| {
+            let oil = MayBe { dipped: soft, likely: soft, possible };
+            law.reckons(&station(), &oil).gains
+        };
+        let known = |share| law.reckons(&station(), &MayBe::known(share)).gains;
+        for doubted in [softest, 0.4, 1.0].map(at) {
+            // a slower position takes less damping
+            assert!(doubted.pressure < known(softest).pressure, "{doubted:?}");
+            let ratio = doubted.position / known(softest).position * softest / soft;
+            assert!((ratio - 1.0).abs() < 1e-12, "{doubted:?}");
+        }
+        assert_eq!(at(soft), known(soft));
+        // what is likely stiffer than that is in no doubt of this kind
+        let likely = |possible| {
+            let oil = MayBe { dipped: soft, likely: 0.3, possible };
+            law.reckons(&station(), &oil).gains
+        };
+        assert_eq!(likely(0.3), likely(1.0));
+    }
+
     #[test]
     fn feedback_asks_for_no_more_than_it_may() {
-        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), [1.0; 2]));
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
         let mut memory = DeviationMemory::default();
         let far = Watched { stroke: 0.1, load_pressure: 0.0, motor_speed: 0.0 };
         assert_eq!(law.update(&mut memory, &with, &far, 7.0), 7.0 - 20.0);
@@ -322,7 +372,7 @@ mod tests {
         let strokes = [-2e-3, 0.0, 1e-4, 3e-3];
         let (plain, lanes) = (feedback::<f64>(), feedback::<Lanes<4>>());
         let stiffness = [0.02, 0.3, 0.9, 1.0];
-        let with = lanes.reckons(&station(), [Lanes(stiffness); 2]);
+        let with = lanes.reckons(&station(), &MayBe::known(Lanes(stiffness)));
         let off = Watched {
             stroke: Lanes(strokes),
             load_pressure: Lanes([2e5; 4]),
@@ -333,7 +383,7 @@ mod tests {
         for (lane, stroke) in strokes.into_iter().enumerate() {
             let mut memory = DeviationMemory::default();
             let off = Watched { stroke, load_pressure: 2e5, motor_speed: 7.0 };
-            let with = plain.reckons(&station(), [stiffness[lane]; 2]);
+            let with = plain.reckons(&station(), &MayBe::known(stiffness[lane]));
             assert_eq!(plain.update(&mut memory, &with, &off, 8.0), speeds.0[lane]);
             assert_eq!(memory, together.map(|v| v.0[lane]));
         }

@@ -1,10 +1,12 @@
 //! Feedback from the machine in model following: its deviation from the simulated crane, at what the oil is there.
 
-use crate::{DeviationMemory, ModelFollowing, Reckoned, Seen, Watched};
+use crate::{DeviationMemory, MayBe, ModelFollowing, Reckoned, Seen, Watched};
 use hydroboom_math::Real;
 
-/// Damping reckons with oil that stiffens so many standard deviations lower than is thought.
-const DOUBTS: f64 = 1.3;
+/// Oil is most likely no stiffer than if it stiffened so many standard deviations lower than is thought.
+const LIKELY: f64 = 1.3;
+/// It is almost certainly no stiffer than if so many.
+const POSSIBLE: f64 = 2.0;
 
 impl<T: Real> ModelFollowing<T> {
     /// Begins feedback from the machine where it and the simulated crane are, both at rest.
@@ -35,9 +37,14 @@ impl<T: Real> ModelFollowing<T> {
     pub fn reckons(&self, seen: &Seen<T>, load_pressure: T) -> Reckoned<T> {
         let at = self.station(seen.stroke);
         let low = at.rest.load_pressure.min(seen.load_pressure);
-        let high = low.max(load_pressure) + T::lit(DOUBTS) * self.doubt;
-        let may_be = [low - self.deviation.dip(), high];
-        self.deviation.reckons(&at, may_be.map(|load| self.stiffness_at(load)))
+        let high = low.max(load_pressure);
+        let doubted = |times: f64| self.stiffness_at(high + T::lit(times) * self.doubt);
+        let oil = MayBe {
+            dipped: self.stiffness_at(low - self.deviation.dip()),
+            likely: doubted(LIKELY),
+            possible: doubted(POSSIBLE),
+        };
+        self.deviation.reckons(&at, &oil)
     }
 
     /// The same where the crane rests at a position \[m\].

@@ -253,3 +253,29 @@ impl Learner {
         self.quiet > long
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In steps however small: by one over e after a time constant, and never beyond.
+    #[test]
+    fn what_is_learned_is_taken_on_within_its_time() {
+        let (known, wanted) = (
+            Conditions { payload: 300.0, transition: 35e5 },
+            Conditions { payload: 100.0, transition: 20e5 },
+        );
+        for step in [50e-6, 1e-3, 20e-3] {
+            let steps = (TAKEN_ON / step).round() as u32;
+            let taken = (0..steps).fold(known, |taken, _| taken.towards(&wanted, step));
+            let left = [(taken.payload - 100.0) / 200.0, (taken.transition - 20e5) / 15e5];
+            for left in left {
+                assert!(
+                    (left - (-1.0_f64).exp()).abs() < step / TAKEN_ON,
+                    "{left} in steps of {step}"
+                );
+            }
+        }
+        assert_eq!(known.towards(&wanted, 10.0), wanted);
+    }
+}

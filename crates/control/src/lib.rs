@@ -33,7 +33,9 @@ mod watch;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
 pub use command_lag::{BelievedLag, CommandLag, CommandLagMemory};
-pub use deviation::{DeviationDesign, DeviationFeedback, DeviationMemory, Reckoned, Watched};
+pub use deviation::{
+    DeviationDesign, DeviationFeedback, DeviationMemory, MayBe, Reckoned, Watched,
+};
 pub use fault::Cause;
 pub use filter::{HighPass, Notch, NotchMemory};
 pub use flow_balance::{Balance, Believed, FlowBalance, FlowBalanceMemory, TRANSITIONS};

@@ -91,14 +91,16 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
     }
 }
 
-/// What is learned of an empty crane on soft oil does not throw the simulated crane, and with it the machine: taken on at once it drives the
-/// motor to 1.6 times the benchmark's largest speed.
+/// Nearly empty cranes, whose oil is soft but less so than is thought at first: feedback that is meant for the softer oil swings the motor, at rest or
+/// as it sets off.
 #[test]
-fn what_is_learned_is_taken_on_gently() {
-    let empty = member(&Description::uia_virtual().unwrap(), 1, 75).unwrap().crane;
-    let [benchmark, own] = both(&empty, &CourseChoice::Motion(empty.numbers.slow));
-    let [own, benchmark] = [own, benchmark].map(|r| r.score().effort().motor_speed_rpm);
-    assert!(own < 1.2 * benchmark, "{own} rpm for {benchmark}");
+fn what_is_not_known_yet_of_soft_oil_does_not_swing_the_motor() {
+    for number in [45, 75] {
+        let empty = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
+        let [benchmark, own] = both(&empty, &CourseChoice::Motion(empty.numbers.slow))
+            .map(|run| run.score().effort().motor_speed_rpm);
+        assert!(own < 1.05 * benchmark, "crane {number}: {own} rpm for {benchmark}");
+    }
 }
 
 /// The virtual crane has other friction and slip than its model; a cycle finds them, by their effects alone.
@@ -155,6 +157,7 @@ fn what_comes_again_hangs_on_how_soft_the_oil_is_where_it_rests() {
         let all = taught(&model, &[("one".into(), crane)], &course, &|| ()).unwrap();
         all[0].told_again_mm.unwrap()
     });
+    // friction holds a few bar either way: 6 mm of oil each on the one, a fraction of a millimetre on the other
     assert!(stiff < 0.5 && soft > 5.0, "{stiff} mm, {soft} mm");
 }
 
