@@ -89,6 +89,9 @@ struct Wanted<T> {
 const USED: f64 = 0.97;
 /// Rate \[1/s\] at which is made good for what the motor could not follow.
 const CATCHES_UP: f64 = 3.0;
+/// State feedback asks for no more than this share of the motor's speed. Where a stop is so short that the pressure dips into soft oil it would drive
+/// the simulated motor from one limit to the other, its slew too slow for that, until the simulated crane swings by decimetres.
+const AUTHORITY: f64 = 0.4;
 /// Feedback is raised by no more than this where the pressure dips into soft oil.
 const SOFTEST: f64 = 2.0;
 
@@ -201,7 +204,8 @@ impl<T: Real> ModelFollowing<T> {
     /// The reference, as it will be a lead later, has its load pressure and motor speed by the oil spring's equations:
     /// `p* = p_0 + (a − a_v v)/a_p + p_fr`, `n* = n_0 + (p_0' v/s − c_v v)/b`; then
     /// `n = n* + (s*/s) (k_x (x* − x) + k_v (v* − v) + k_p (p* − p) + k_i ∫(x* − x))`, s being the stiffness of the oil at the pressure that is,
-    /// and s* at the one that is wanted. The integral holds while the motor cannot follow and the lag would drive it further.
+    /// and s* at the one that is wanted. Feedback asks for two fifths of the motor's speed at most. The integral holds while the motor cannot follow, or
+    /// feedback may not ask for more, and the lag would drive it further.
     #[inline(always)]
     pub fn update(
         &self,
@@ -221,7 +225,9 @@ impl<T: Real> ModelFollowing<T> {
         memory.pass(passed);
         memory.feedback = memory.feedback + self.smoothing * (kept - memory.feedback);
         let wanted = feedforward + memory.feedback * softer;
-        let reached = self.limits.follow(memory.motor_speed, wanted, self.period);
+        let authority = T::lit(AUTHORITY) * self.limits.speed;
+        let asked = feedforward + (wanted - feedforward).clamp(-authority, authority);
+        let reached = self.limits.follow(memory.motor_speed, asked, self.period);
         let zero = T::zero();
         let winding = (reached.lt(wanted) & zero.lt(lag)) | (wanted.lt(reached) & lag.lt(zero));
         memory.lag = T::select(winding, memory.lag, memory.lag + self.period * lag);
@@ -246,7 +252,8 @@ impl<T: Real> ModelFollowing<T> {
     }
 
     /// Memory with which the next [`update`](Self::update) asks for `speed` \[rev/s\], so that state feedback takes over from
-    /// whatever moved the simulated crane until now without a bump.
+    /// whatever moved the simulated crane until now without a bump; where that is farther from the reference's speed than feedback may ask for, it
+    /// goes there as fast as the motor can.
     pub fn take_over(
         &self,
         reference: &Reference<T>,
@@ -374,13 +381,33 @@ pub(crate) mod tests {
     fn it_takes_over_at_the_speed_that_it_finds() {
         let law = law::<f64>();
         // the second is faster than the motor
-        for velocity in [0.05, 0.3] {
+        for (velocity, speed) in [(0.05, 12.5), (0.3, 40.0)] {
             let reference = Reference { position: 0.21, velocity };
             let seen = Seen { stroke: 0.2095, velocity: 0.045, load_pressure: 66e5 };
-            let mut memory = law.take_over(&reference, &seen, 12.5);
+            let mut memory = law.take_over(&reference, &seen, speed);
             let next = law.update(&mut memory, &reference, &seen);
-            assert!((next - 12.5).abs() < 1e-9, "{next}");
+            assert!((next - speed).abs() < 1e-9, "{next}");
         }
+        // farther from the reference's speed than feedback may ask for
+        let reference = Reference { position: 0.21, velocity: 0.3 };
+        let seen = Seen { stroke: 0.2095, velocity: 0.045, load_pressure: 66e5 };
+        let mut memory = law.take_over(&reference, &seen, 12.5);
+        let next = law.update(&mut memory, &reference, &seen);
+        assert!((next - 12.5 - law.limits.slew * law.period).abs() < 1e-9, "{next}");
+    }
+
+    #[test]
+    fn state_feedback_asks_for_no_more_than_it_may() {
+        let law = law::<f64>();
+        let mut memory = law.start();
+        let reference = Reference { position: 0.25, velocity: 0.0 };
+        let far = Seen { stroke: 0.45, velocity: 0.0, load_pressure: 65e5 };
+        for _ in 0..1000 {
+            law.update(&mut memory, &reference, &far);
+        }
+        let holding = law.station(0.25).rest.holding_speed;
+        assert_eq!(memory.motor_speed, holding - AUTHORITY * law.limits.speed);
+        assert_eq!(memory.lag, 0.0);
     }
 
     #[test]
@@ -389,8 +416,10 @@ pub(crate) mod tests {
         let mut memory = law.start();
         let reference = Reference { position: 0.4, velocity: 0.0 };
         let far = Seen { stroke: 0.1, velocity: 0.0, load_pressure: 65e5 };
+        // fast, and feedback on top of it
+        let faster = Reference { velocity: 0.13, ..reference };
         for _ in 0..5000 {
-            law.update(&mut memory, &reference, &far);
+            law.update(&mut memory, &faster, &far);
         }
         assert_eq!((memory.motor_speed, memory.lag), (50.0, 0.0));
     }

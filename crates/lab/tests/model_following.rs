@@ -103,6 +103,18 @@ fn what_is_not_known_yet_of_soft_oil_does_not_swing_the_motor() {
     }
 }
 
+/// Starts and stops so short that the pressure dips into soft oil: state feedback that may ask for all the motor has drives the simulated crane, full
+/// or half empty, into swings of decimetres, and the machine after it.
+#[test]
+fn starts_and_stops_do_not_throw_the_simulated_crane() {
+    for number in [3, 15] {
+        let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
+        let [benchmark, own] = both(&crane, &CourseChoice::Scenario("start-stop".into()));
+        assert!(own.rms() < 0.25 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+        assert!(!own.score().is_unstable());
+    }
+}
+
 /// The virtual crane has other friction and slip than its model; a cycle finds them, by their effects alone.
 #[test]
 fn a_cycle_finds_friction_and_slip() {
