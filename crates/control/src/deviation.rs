@@ -51,8 +51,14 @@ record! {
         /// What the drive has made of the feedforward by now
         #[unit = "rev/s"]
         pub expected_speed: T,
+        /// What a position that is far off asks for beyond its share, and longer than a swing lasts
+        #[unit = "rev/s"]
+        pub far: T,
     }
 }
+
+/// Of what feedback may ask for at once, what a position may: the rest is left to damping.
+const POSITION: f64 = 0.8;
 
 /// How a deviation is watched and made good for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,8 +76,11 @@ pub struct DeviationDesign<T> {
     pub damping: T,
     /// Bandwidth of the position, as a share of the frequency at which the crane rings; less where it is not known how stiff the oil is.
     pub share: T,
-    /// Feedback asks for no more than this \[rev/s\]: what takes more is brought back slower, without being driven from one limit to the other.
+    /// Feedback asks for no more than this \[rev/s\], so that it does not drive the machine from one limit to the other; for longer than a swing
+    /// lasts it may ask for more.
     pub authority: T,
+    /// So much in a second more, and no more than this in all, where the position is far off \[rev/s\].
+    pub far: T,
     /// By how much the pressure may dip in motion \[Pa\]: the oil is taken to be as soft as there.
     pub dip: T,
     /// The crane is to ring no slower, and to be brought back no slower, than on oil of this share of stiff oil's bulk modulus: on softer oil
@@ -164,6 +173,7 @@ impl<T: Real> DeviationFeedback<T> {
             push: -spring.acceleration_by_pressure * off.load_pressure,
             rate: zero,
             expected_speed: off.motor_speed,
+            far: zero,
         }
     }
 
@@ -179,8 +189,10 @@ impl<T: Real> DeviationFeedback<T> {
         let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
         let now = self.believed(memory, with.keeps, off);
         let most = self.design.authority;
-        let speed = feedforward + self.answer(with, &now).clamp(-most, most);
         let (period, half) = (self.period, T::lit(0.5));
+        let far = self.far(now.far, self.back(with, &now));
+        let now = DeviationMemory { far, ..now };
+        let speed = feedforward + self.answer(with, &now).clamp(-most, most) + far;
         let acceleration = a_v * now.velocity + a_p * now.load_pressure + now.push;
         let beyond = off.motor_speed - now.expected_speed;
         *memory = DeviationMemory {
@@ -216,12 +228,34 @@ impl<T: Real> DeviationFeedback<T> {
         }
     }
 
+    /// What a position asks for \[rev/s\], however far off it is.
+    #[inline(always)]
+    fn back(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> T {
+        -with.gains.position * now.stroke
+    }
+
+    /// What it may ask for at once \[rev/s\].
+    #[inline(always)]
+    fn near(&self) -> T {
+        T::lit(POSITION) * self.design.authority
+    }
+
+    /// What it may ask for beyond that \[rev/s\]: it rises slower than the crane swings, and falls at once.
+    #[inline(always)]
+    fn far(&self, far: T, back: T) -> T {
+        let (near, most, zero) = (self.near(), self.design.far, T::zero());
+        let beyond = (back - back.clamp(-near, near)).clamp(-most, most);
+        let rise = most * self.period;
+        beyond.clamp(far.min(zero) - rise, far.max(zero) + rise)
+    }
+
     #[inline(always)]
     fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> T {
         let Reckoned { spring, gains, .. } = with;
         let unheld = now.load_pressure + now.push / spring.acceleration_by_pressure;
-        let back = gains.position * now.stroke + gains.velocity * now.velocity;
-        -(now.rate / spring.pressure_by_speed + back + gains.pressure * unheld)
+        let near = self.near();
+        let damping = gains.velocity * now.velocity + gains.pressure * unheld;
+        self.back(with, now).clamp(-near, near) - now.rate / spring.pressure_by_speed - damping
     }
 }
 
@@ -243,6 +277,7 @@ mod tests {
             damping: lit(0.5),
             share: lit(0.8),
             authority: lit(20.0),
+            far: lit(50.0),
             dip: lit(4e5),
             softest: lit(0.1),
         };
@@ -282,6 +317,30 @@ mod tests {
         assert!((memory.push / push - 1.0).abs() < 1e-3, "{memory:?}");
         assert!((memory.rate / rate - 1.0).abs() < 1e-3, "{memory:?}");
         assert!((speed + rate / b).abs() < 1e-3 && (crane[2] + push / a_p).abs() < 1.0);
+    }
+
+    /// A load that was hung on and has torn the piston down by 0.2 m: the whole motor brings it back, but not within a swing.
+    #[test]
+    fn what_is_far_off_for_long_may_ask_for_the_whole_motor_and_what_swings_may_not() {
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
+        let most = law.design.authority;
+        let far_off = |stroke: &dyn Fn(f64) -> f64, seconds: f64| {
+            let mut memory = law.start(&with.spring, &Watched::default());
+            memory.push = 0.0;
+            (0..(seconds / PERIOD) as u32).fold(0.0_f64, |largest, k| {
+                memory.stroke = stroke(f64::from(k) * PERIOD);
+                let far = law.far(memory.far, law.back(&with, &memory));
+                memory.far = far;
+                largest.max(far.abs())
+            })
+        };
+        assert_eq!(far_off(&|_| -0.2, 2.0), law.design.far);
+        assert!((far_off(&|_| -0.2, 0.1) - 0.1 * law.design.far).abs() < 1e-9);
+        // swings of a fifth of a second
+        let swinging = far_off(&|t: f64| 0.2 * (31.4 * t).sin(), 5.0);
+        assert!(swinging < 0.3 * most, "{swinging}");
+        // and where the piston is back nothing is left of it
+        assert_eq!(law.far(law.design.far, 0.5 * law.near()), 0.0);
     }
 
     #[test]
@@ -364,7 +423,9 @@ mod tests {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
         let mut memory = DeviationMemory::default();
         let far = Watched { stroke: 0.1, load_pressure: 0.0, motor_speed: 0.0 };
-        assert_eq!(law.update(&mut memory, &with, &far, 7.0), 7.0 - 20.0);
+        // and for what it may within a period where the position is far off
+        let sooner = law.design.far * PERIOD;
+        assert_eq!(law.update(&mut memory, &with, &far, 7.0), 7.0 - 20.0 - sooner);
     }
 
     #[test]

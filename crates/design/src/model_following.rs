@@ -165,6 +165,7 @@ pub fn law<T: Real>(
                 damping: lit(DAMPING),
                 share: lit(SHARE),
                 authority: n.following_effort * n.motor_speed,
+                far: n.motor_speed,
                 dip: lit(DIP),
                 softest: lit(SOFTEST),
             },
@@ -173,6 +174,7 @@ pub fn law<T: Real>(
         damping: n.following_damping,
         bandwidth: lit(TAU) * n.following_bandwidth,
         limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
+        turns: T::one(),
         period: n.control_period,
     }
 }
