@@ -1,8 +1,8 @@
 //! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
 
 use crate::{
-    Balances, DeviationMemory, FollowingMemory, Known, Learner, Measured, ModelFollowing, Reading,
-    Reference, Schedule, Seen, Watched,
+    Balances, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Measured,
+    ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
 };
 
 /// A reference slower than this rests \[m/s\].
@@ -12,7 +12,10 @@ const AT_REST: f64 = 1e-4;
 #[derive(Clone, Copy, Debug)]
 pub struct Follower {
     learner: Learner,
+    /// For the machine as it is known.
     law: ModelFollowing<f64>,
+    /// For the simulated crane, which takes on what is known of the machine in some time: what it is by now.
+    simulated: (Conditions, ModelFollowing<f64>),
     following: FollowingMemory<f64>,
     feedback: DeviationMemory<f64>,
     /// What the motor has to turn for each revolution of the simulated one: now, and when it was last told its speed.
@@ -33,10 +36,11 @@ impl Follower {
 
     /// With what was learned before.
     pub fn new(learner: Learner) -> Self {
-        let law = learner.law();
+        let (law, conditions) = (learner.law(), learner.known().conditions());
         Self {
             learner,
             law,
+            simulated: (conditions, law),
             following: law.start(),
             feedback: DeviationMemory::default(),
             correction: [learner.correction(); 2],
@@ -60,8 +64,9 @@ impl Follower {
         self.correction[0] = learner.correction();
     }
 
-    /// Begins feedback where machine and simulated crane are now, both at rest, without a bump.
+    /// Begins feedback where machine and simulated crane are now, both at rest, without a bump. The simulated crane is all that is known by now.
     pub fn begin(&mut self, machine: &Watched<f64>, simulated: &Seen<f64>) {
+        self.simulated = (self.known().conditions(), self.law);
         self.feedback = self.law.begin(machine, simulated);
         self.following = self.law.start();
         self.correction[1] = self.correction[0];
@@ -69,7 +74,8 @@ impl Follower {
 
     /// State feedback takes the simulated crane over from whatever turned its motor at `speed` \[rev/s\], without a bump.
     pub fn take_over(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>, speed: f64) {
-        self.following = self.law.take_over(reference, simulated, speed);
+        self.simulated = (self.known().conditions(), self.law);
+        self.following = self.simulated.1.take_over(reference, simulated, speed);
     }
 
     /// A period, at whose beginning the machine's motor was told a speed \[rev/s\]: motor speed \[rev/s\] of the simulated crane, and of the
@@ -120,7 +126,20 @@ impl Follower {
 
     /// Motor speed \[rev/s\] of the simulated crane for the coming period.
     pub fn lead(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>) -> f64 {
-        self.law.update(&mut self.following, reference, simulated)
+        let known = self.known().conditions();
+        let (conditions, law) = &mut self.simulated;
+        if conditions.differ(&known) {
+            let before = law.station(simulated.stroke).rest.load_pressure;
+            *conditions = conditions.towards(&known, law.period);
+            *law = self.learner.law_under(conditions);
+            // what the simulated crane takes on is no push of the machine any longer
+            let at = law.station(simulated.stroke);
+            let gained = at.rest.load_pressure - before;
+            self.feedback.load_pressure -= gained;
+            self.feedback.push += at.stiff.acceleration_by_pressure * gained;
+        }
+        law.turns = self.correction[0];
+        law.update(&mut self.following, reference, simulated)
     }
 
     /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being given \[rev/s\].

@@ -158,9 +158,15 @@ impl Learner {
 
     /// State feedback for what is known.
     pub fn law(&self) -> ModelFollowing<f64> {
-        let mut law = self.schedule.at(self.now.weighed);
-        law.stiffness.transition = self.now.flow.balance.transition;
+        self.law_under(&self.known().conditions())
+    }
+
+    /// State feedback for a crane under other conditions.
+    pub fn law_under(&self, conditions: &Conditions) -> ModelFollowing<f64> {
+        let mut law = self.schedule.at(conditions.payload);
+        law.stiffness.transition = conditions.transition;
         law.doubt = self.now.flow.doubt;
+        law.turns = self.correction();
         law
     }
 

@@ -75,9 +75,11 @@ record! {
 struct Wanted<T> {
     /// Motor speed that the reference takes \[rev/s\].
     feedforward: T,
-    /// What state feedback adds where the oil is as stiff as it is wanted to be \[rev/s\].
-    feedback: T,
-    /// How much more of that it takes in the oil as it is.
+    /// What a position that is behind, and has been, adds where the oil is as stiff as it is wanted to be \[rev/s\]; and the most it may.
+    back: [T; 2],
+    /// What damping adds there \[rev/s\].
+    damping: T,
+    /// How much more of both it takes in the oil as it is.
     softer: T,
     /// How far the simulated crane is behind \[m\].
     lag: T,
@@ -85,13 +87,18 @@ struct Wanted<T> {
     by_lag: T,
 }
 
-/// Share of the motor's speed that a reference may take: the rest is for feedback.
-const USED: f64 = 0.97;
+/// The simulated motor may turn faster than the machine's by this factor, so that the simulated crane is damped where the machine's motor is at
+/// its limit: the reference takes no more than that has.
+const BEYOND: f64 = 1.03;
 /// Rate \[1/s\] at which is made good for what the motor could not follow.
-const CATCHES_UP: f64 = 3.0;
+const CATCHES_UP: f64 = 6.0;
+/// It is braked, so that the crane comes to rest where it shall, by this share of its largest speed in a second \[1/s\].
+const BRAKES: f64 = 3.5;
 /// State feedback asks for no more than this share of the motor's speed. Where a stop is so short that the pressure dips into soft oil it would drive
 /// the simulated motor from one limit to the other, its slew too slow for that, until the simulated crane swings by decimetres.
-const AUTHORITY: f64 = 0.4;
+const AUTHORITY: f64 = 0.35;
+/// A position that is behind asks for no more than this share, so that it leaves some to damping: else it comes back undamped, and too far.
+const POSITION: f64 = 0.3;
 /// Feedback is raised by no more than this where the pressure dips into soft oil.
 const SOFTEST: f64 = 2.0;
 
@@ -138,6 +145,8 @@ pub struct ModelFollowing<T> {
     pub bandwidth: T,
     /// The motor's limits.
     pub limits: MotorLimits<T>,
+    /// What the machine's motor has to turn for each revolution of the simulated one.
+    pub turns: T,
     /// Sample period \[s\].
     pub period: T,
 }
@@ -203,9 +212,9 @@ impl<T: Real> ModelFollowing<T> {
     ///
     /// The reference, as it will be a lead later, has its load pressure and motor speed by the oil spring's equations:
     /// `p* = p_0 + (a − a_v v)/a_p + p_fr`, `n* = n_0 + (p_0' v/s − c_v v)/b`; then
-    /// `n = n* + (s*/s) (k_x (x* − x) + k_v (v* − v) + k_p (p* − p) + k_i ∫(x* − x))`, s being the stiffness of the oil at the pressure that is,
-    /// and s* at the one that is wanted. Feedback asks for two fifths of the motor's speed at most. The integral holds while the motor cannot follow, or
-    /// feedback may not ask for more, and the lag would drive it further.
+    /// `n = n* + (s*/s) (k_x (x* − x) + k_i ∫(x* − x) + k_v (v* − v) + k_p (p* − p))`, s being the stiffness of the oil at the pressure that is,
+    /// and s* at the one that is wanted. Feedback asks for a limited share of the motor's speed, and position for less of it, so that what damps
+    /// is heard. The integral holds while the motor cannot follow, or position may not ask for more, and the lag would drive it further.
     #[inline(always)]
     pub fn update(
         &self,
@@ -214,25 +223,32 @@ impl<T: Real> ModelFollowing<T> {
         seen: &Seen<T>,
     ) -> T {
         let reference = &self.within_limits(&mut memory.ahead, reference);
-        let Wanted { feedforward, feedback, softer, lag, .. } =
+        let Wanted { feedforward, back: [back, most], damping, softer, lag, .. } =
             self.wanted(memory, reference, seen);
         memory.reference_velocity = reference.velocity;
         let mut passed = memory.passed();
-        let mut kept = feedback;
+        let mut kept = back.clamp(-most, most) + damping;
         for (notch, passed) in self.notches.iter().zip(&mut passed) {
             kept = notch.update(passed, kept);
         }
         memory.pass(passed);
         memory.feedback = memory.feedback + self.smoothing * (kept - memory.feedback);
-        let wanted = feedforward + memory.feedback * softer;
         let authority = T::lit(AUTHORITY) * self.limits.speed;
-        let asked = feedforward + (wanted - feedforward).clamp(-authority, authority);
-        let reached = self.limits.follow(memory.motor_speed, asked, self.period);
+        let asked = feedforward + (memory.feedback * softer).clamp(-authority, authority);
+        let limits = MotorLimits { speed: T::lit(BEYOND) * self.fastest(), ..self.limits };
+        let reached = limits.follow(memory.motor_speed, asked, self.period);
         let zero = T::zero();
-        let winding = (reached.lt(wanted) & zero.lt(lag)) | (wanted.lt(reached) & lag.lt(zero));
+        let cannot = [reached.lt(asked) | most.lt(back), asked.lt(reached) | back.lt(-most)];
+        let winding = (cannot[0] & zero.lt(lag)) | (cannot[1] & lag.lt(zero));
         memory.lag = T::select(winding, memory.lag, memory.lag + self.period * lag);
         memory.motor_speed = reached;
         reached
+    }
+
+    /// Speed of the simulated motor \[rev/s\] at which the machine's is at its limit.
+    #[inline(always)]
+    fn fastest(&self) -> T {
+        self.limits.speed / self.turns
     }
 
     /// The reference, as far as the motor can follow: what is faster is made good for later, for a simulated crane that is far behind would be
@@ -243,12 +259,26 @@ impl<T: Real> ModelFollowing<T> {
         let spring = at.spring(self.stiffness_at(at.rest.load_pressure));
         let speed_per_velocity =
             (at.rest.load_pressure_slope - spring.pressure_by_velocity) / spring.pressure_by_speed;
-        let fastest = T::lit(USED) * self.limits.speed / speed_per_velocity;
+        let [fastest, holding] =
+            [self.fastest(), at.rest.holding_speed].map(|speed| speed / speed_per_velocity);
         let position = reference.position - *ahead;
-        let wanted = reference.velocity + T::lit(CATCHES_UP) * *ahead;
-        let velocity = wanted.clamp(-fastest, fastest);
+        let velocity = (reference.velocity + Self::made_good(*ahead, T::lit(BRAKES) * fastest))
+            .clamp(-(fastest + holding), fastest - holding);
         *ahead = *ahead + self.period * (reference.velocity - velocity);
         Reference { position, velocity }
+    }
+
+    /// Velocity \[m/s\] at which a distance \[m\] is made good for, if that may be braked at \[m/s²\].
+    #[inline(always)]
+    fn made_good(distance: T, braking: T) -> T {
+        let rate = T::lit(CATCHES_UP);
+        let near = braking / rate.square();
+        let within = distance.clamp(-near, near);
+        let beyond = (distance - within).abs();
+        // braked evenly until it is near
+        let square = rate.square() * within.square() + T::lit(2.0) * braking * beyond;
+        let speed = square.sqrt();
+        T::select(distance.lt(T::zero()), -speed, speed)
     }
 
     /// Memory with which the next [`update`](Self::update) asks for `speed` \[rev/s\], so that state feedback takes over from
@@ -265,10 +295,11 @@ impl<T: Real> ModelFollowing<T> {
         let velocity = reference.velocity;
         let mut memory =
             FollowingMemory { reference_velocity: velocity, motor_speed: speed, ..self.start() };
-        let wanted = self.wanted(&memory, reference, seen);
-        memory.feedback = (speed - wanted.feedforward) / wanted.softer;
+        let Wanted { feedforward, back: [back, most], damping, softer, by_lag, .. } =
+            self.wanted(&memory, reference, seen);
+        memory.feedback = (speed - feedforward) / softer;
         memory.pass(self.notches.map(|notch| notch.steady(memory.feedback)));
-        memory.lag = (memory.feedback - wanted.feedback) / wanted.by_lag;
+        memory.lag = ((memory.feedback - damping).clamp(-most, most) - back) / by_lag;
         memory
     }
 
@@ -299,13 +330,13 @@ impl<T: Real> ModelFollowing<T> {
         let gains = self.gains(&spring);
         let lag = position - seen.stroke;
         let by_lag = gains.integral;
-        let feedback = gains.position * lag
-            + gains.velocity * (v - seen.velocity)
-            + gains.pressure * (pressure - seen.load_pressure);
-        let feedback = feedback + by_lag * memory.lag;
         // a dip into soft oil is over before much more of the pump would help
         let softer = (wanted_stiffness / stiffness).min(T::lit(SOFTEST));
-        Wanted { feedforward, feedback, softer, lag, by_lag }
+        let most = T::lit(POSITION) * self.limits.speed / softer;
+        let back = [gains.position * lag + by_lag * memory.lag, most];
+        let damping =
+            gains.velocity * (v - seen.velocity) + gains.pressure * (pressure - seen.load_pressure);
+        Wanted { feedforward, back, damping, softer, lag, by_lag }
     }
 
     /// Gains at a position \[m\] with the crane at rest.
@@ -365,6 +396,7 @@ pub(crate) mod tests {
                     damping: lit(0.46),
                     share: lit(0.6),
                     authority: lit(20.0),
+                    far: lit(50.0),
                     dip: lit(6e5),
                     softest: lit(0.1),
                 },
@@ -373,6 +405,7 @@ pub(crate) mod tests {
             damping: lit(0.7),
             bandwidth: lit(12.6),
             limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },
+            turns: lit(1.0),
             period: lit(1e-3),
         }
     }
@@ -381,9 +414,9 @@ pub(crate) mod tests {
     fn it_takes_over_at_the_speed_that_it_finds() {
         let law = law::<f64>();
         // the second is faster than the motor
-        for (velocity, speed) in [(0.05, 12.5), (0.3, 40.0)] {
+        for (velocity, seen, speed) in [(0.05, 0.045, 12.5), (0.3, 0.14, 45.0)] {
             let reference = Reference { position: 0.21, velocity };
-            let seen = Seen { stroke: 0.2095, velocity: 0.045, load_pressure: 66e5 };
+            let seen = Seen { stroke: 0.2095, velocity: seen, load_pressure: 66e5 };
             let mut memory = law.take_over(&reference, &seen, speed);
             let next = law.update(&mut memory, &reference, &seen);
             assert!((next - speed).abs() < 1e-9, "{next}");
@@ -397,31 +430,56 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn state_feedback_asks_for_no_more_than_it_may() {
+    fn state_feedback_asks_for_no_more_than_it_may_and_position_leaves_some_to_damping() {
         let law = law::<f64>();
-        let mut memory = law.start();
         let reference = Reference { position: 0.25, velocity: 0.0 };
-        let far = Seen { stroke: 0.45, velocity: 0.0, load_pressure: 65e5 };
-        for _ in 0..1000 {
-            law.update(&mut memory, &reference, &far);
-        }
         let holding = law.station(0.25).rest.holding_speed;
-        assert_eq!(memory.motor_speed, holding - AUTHORITY * law.limits.speed);
-        assert_eq!(memory.lag, 0.0);
+        let after = |seen: Seen<f64>| {
+            let mut memory = law.start();
+            for _ in 0..1000 {
+                law.update(&mut memory, &reference, &seen);
+            }
+            memory
+        };
+        let far = Seen { stroke: 0.45, velocity: 0.0, load_pressure: 65e5 };
+        let (behind, falling) = (after(far), after(Seen { velocity: -0.3, ..far }));
+        assert!((behind.motor_speed - holding + POSITION * law.limits.speed).abs() < 1e-9);
+        assert_eq!(behind.lag, 0.0);
+        // what damps is heard beside it
+        assert!(falling.motor_speed > behind.motor_speed + 1.0, "{falling:?}");
+        let pressed = after(Seen { load_pressure: 165e5, ..far });
+        assert!((pressed.motor_speed - holding + AUTHORITY * law.limits.speed).abs() < 1e-9);
     }
 
     #[test]
     fn a_motor_that_cannot_follow_does_not_wind_the_integral_up() {
         let law = law::<f64>();
         let mut memory = law.start();
-        let reference = Reference { position: 0.4, velocity: 0.0 };
-        let far = Seen { stroke: 0.1, velocity: 0.0, load_pressure: 65e5 };
-        // fast, and feedback on top of it
-        let faster = Reference { velocity: 0.13, ..reference };
+        // as fast as the machine's motor can, behind by what position may still ask for, and feedback on top of it
+        let reference = Reference { position: 0.4, velocity: 0.15 };
+        let seen = Seen { stroke: 0.37, velocity: 0.0, load_pressure: 65e5 };
         for _ in 0..5000 {
-            law.update(&mut memory, &faster, &far);
+            law.update(&mut memory, &reference, &seen);
         }
-        assert_eq!((memory.motor_speed, memory.lag), (50.0, 0.0));
+        assert_eq!((memory.motor_speed, memory.lag), (BEYOND * 50.0, 0.0));
+    }
+
+    /// A pump that has to turn faster than the simulated one cannot move the piston as fast as that.
+    #[test]
+    fn the_reference_takes_no_more_than_the_motor_of_the_machine_has() {
+        let wish = Reference { position: 0.1, velocity: 0.3 };
+        let fastest = |turns: f64| {
+            let law = ModelFollowing { turns, ..law::<f64>() };
+            let mut ahead = 0.0;
+            let given = law.within_limits(&mut ahead, &wish).velocity;
+            let at = law.station(wish.position);
+            let spring = at.spring(law.stiffness_at(at.rest.load_pressure));
+            let rate = (at.rest.load_pressure_slope - spring.pressure_by_velocity) * given;
+            turns * (at.rest.holding_speed + rate / spring.pressure_by_speed)
+        };
+        for turns in [1.0, 1.08, 0.95] {
+            assert!((fastest(turns) - 50.0).abs() < 1e-9);
+        }
     }
 
     #[test]
@@ -442,6 +500,9 @@ pub(crate) mod tests {
             let gap = next.position - last.position - law.period * last.velocity;
             assert!(gap.abs() < 1e-12, "{gap}");
             assert!(next.velocity <= 50.0 / (1.1e9 - 1e6) * 3.2e6);
+            // braked no harder than it may
+            let braked = (last.velocity - next.velocity) / law.period;
+            assert!(velocity > 0.0 || last.velocity > 0.15 || braked < 1.01 * BRAKES * 0.1454);
             last = next;
         }
         assert!((last.position - position).abs() < 1e-5 && last.velocity.abs() < 1e-4, "{last:?}");
