@@ -18,6 +18,8 @@ pub struct Follower {
     simulated: (Conditions, ModelFollowing<f64>),
     following: FollowingMemory<f64>,
     feedback: DeviationMemory<f64>,
+    /// Speed at which the simulated pump fills oil up for what the simulated crane is just taking on, which the machine has long had \[rev/s\].
+    filled: f64,
     /// What the motor has to turn for each revolution of the simulated one: now, and when it was last told its speed.
     correction: [f64; 2],
 }
@@ -43,6 +45,7 @@ impl Follower {
             simulated: (conditions, law),
             following: law.start(),
             feedback: DeviationMemory::default(),
+            filled: 0.0,
             correction: [learner.correction(); 2],
         }
     }
@@ -69,6 +72,7 @@ impl Follower {
         self.simulated = (self.known().conditions(), self.law);
         self.feedback = self.law.begin(machine, simulated);
         self.following = self.law.start();
+        self.filled = 0.0;
         self.correction[1] = self.correction[0];
     }
 
@@ -76,6 +80,7 @@ impl Follower {
     pub fn take_over(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>, speed: f64) {
         self.simulated = (self.known().conditions(), self.law);
         self.following = self.simulated.1.take_over(reference, simulated, speed);
+        self.filled = 0.0;
     }
 
     /// A period, at whose beginning the machine's motor was told a speed \[rev/s\]: motor speed \[rev/s\] of the simulated crane, and of the
@@ -106,7 +111,13 @@ impl Follower {
         let balanced = self.learner.learn_in_motion(told, reading, measured.load_pressure);
         let rests = reference.velocity.abs() < AT_REST;
         if self.learner.weighs(rests, measured.load_pressure, simulated) || balanced {
+            let lightness = |law: &ModelFollowing<f64>| {
+                law.station(simulated.stroke).stiff.acceleration_by_pressure
+            };
+            let before = lightness(&self.law);
             self.law = self.learner.law();
+            // what a load pressure holds does not change by what moves with it
+            self.feedback.push *= lightness(&self.law) / before;
             self.correction[0] = self.learner.correction();
         }
     }
@@ -132,14 +143,19 @@ impl Follower {
             let before = law.station(simulated.stroke).rest.load_pressure;
             *conditions = conditions.towards(&known, law.period);
             *law = self.learner.law_under(conditions);
-            // what the simulated crane takes on is no push of the machine any longer
+            // what the simulated crane takes on is no push of the machine any longer, and the oil that takes is not the machine's to be moved
             let at = law.station(simulated.stroke);
             let gained = at.rest.load_pressure - before;
             self.feedback.load_pressure -= gained;
             self.feedback.push += at.stiff.acceleration_by_pressure * gained;
+            let spring = at.spring(law.stiffness_at(simulated.load_pressure));
+            let filled = gained / (law.period * spring.pressure_by_speed);
+            self.filled = filled.clamp(-law.limits.speed, law.limits.speed);
+        } else {
+            self.filled = 0.0;
         }
         law.turns = self.correction[0];
-        law.update(&mut self.following, reference, simulated)
+        law.update(&mut self.following, reference, simulated) + self.filled
     }
 
     /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being given \[rev/s\].
@@ -150,6 +166,7 @@ impl Follower {
         simulated_speed: f64,
     ) -> f64 {
         let [correction, before] = self.correction;
+        let simulated_speed = simulated_speed - self.filled;
         // what the correction has taken over is no rate that nobody knows of any longer
         let taken = (correction - before) * simulated_speed;
         let with = self.law.reckons(simulated, machine.load_pressure);

@@ -65,13 +65,17 @@ fn a_light_load_on_soft_oil_does_not_ring_on() {
     assert!(!own.score().is_unstable());
 }
 
-/// A payload that is hung on falls until the oil carries it, whoever controls: within a tenth as far, and nothing rings on.
+/// A payload that is hung on falls until the oil carries it, whoever controls. Nothing rings on, and while it is weighed then,
+/// which the simulated crane takes on, the machine stays where it is.
 #[test]
 fn a_payload_that_changes_is_borne() {
     let crane = Description::uia_virtual().unwrap();
     let [benchmark, own] = both(&crane, &CourseChoice::Scenario("payload-change".into()));
-    assert!(own.rms() < 1.1 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+    assert!(own.rms() < benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
     assert!(!own.score().is_unstable());
+    let moved = own.samples[own.samples.len() - 500..].iter().map(|s| s.error().abs());
+    let most = moved.fold(0.0, f64::max);
+    assert!(most < 0.5e-3, "{most} m while it is weighed");
 }
 
 /// A reference that is faster than the motor: what is lacking is made good for afterwards, with any load, and nothing rings on.
@@ -85,7 +89,7 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         let [benchmark, own] = both(&crane, &choice);
         let top = own.samples.iter().map(|s| s.command.motor_speed).fold(0.0, f64::max);
         assert!(top > 0.95 * crane.numbers.motor_speed, "{top} rev/s is no limit");
-        assert!(own.rms() < 1.3 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+        assert!(own.rms() < 1.05 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let end = own.samples.last().unwrap().error();
         assert!(end.abs() < 0.5e-3 && !own.score().is_unstable(), "{end} m are left");
     }
