@@ -5,7 +5,8 @@ use serde::Serialize;
 
 /// A crane still swings if its piston moves by more than this in the last second \[m\]...
 const SWINGING: f64 = 2e-3;
-/// ... and no less than this share of what it did in the second before.
+/// ... and no less than this share of what it did in the second before; and if it is as far from the reference: what friction has held for a while
+/// and is made good for is no swing.
 const SUSTAINED: f64 = 0.9;
 
 /// What is slower than this in the tip's deflection is no vibration \[s\]: the boom rings at some Hz.
@@ -31,7 +32,7 @@ pub struct Score {
     square: f64,
     peak: f64,
     count: u64,
-    /// Lowest and highest position in the last second but one, and in the last \[m\].
+    /// Lowest and highest distance from the reference in the last second but one, and in the last \[m\].
     extents: [(f64, f64); 2],
     effort: Effort,
     /// Time and slow part of the tip's deflection a period ago; none before the first.
@@ -71,8 +72,8 @@ impl Score {
         let left = self.duration - sample.time;
         if left < 2.0 {
             let (low, high) = &mut self.extents[usize::from(left < 1.0)];
-            let stroke = sample.truth.outputs.stroke;
-            (*low, *high) = (low.min(stroke), high.max(stroke));
+            let off = sample.truth.outputs.stroke - sample.reference.position;
+            (*low, *high) = (low.min(off), high.max(off));
         }
     }
 
@@ -113,7 +114,44 @@ impl Score {
 
     /// Whether the course, which ends at rest, ended in an oscillation that does not die out.
     pub fn is_unstable(&self) -> bool {
-        let [before, last] = self.extents.map(|(low, high)| high - low);
-        last > SWINGING && last > SUSTAINED * before
+        let [before, last] = self.extents.map(|(low, high)| [high - low, high.max(-low)]);
+        let [extent, farthest] = core::array::from_fn(|k| last[k] > SUSTAINED * before[k]);
+        last[0] > SWINGING && extent && farthest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_control::Reference;
+    use hydroboom_description::Description;
+    use hydroboom_virtual_crane::{Command, VirtualCrane};
+
+    /// Of a crane that ends a course of three seconds so far \[m\] from where it should be.
+    fn swings(off: impl Fn(f64) -> f64) -> bool {
+        let description = Description::uia_virtual().unwrap();
+        let crane = VirtualCrane::new(&description, &description.start(0.25)).unwrap();
+        let (reading, mut truth) = (crane.reading(), crane.truth());
+        let mut score = Score::new(3.0);
+        for k in 0..=3000 {
+            let time = 1e-3 * f64::from(k);
+            truth.outputs.stroke = 0.25 + off(time);
+            let reference = Reference { position: 0.25, velocity: 0.0 };
+            let command = Command { motor_speed: 0.0, holding_valve: 1.0 };
+            score.add(&Sample { time, reference, reading, truth, command });
+        }
+        score.is_unstable()
+    }
+
+    #[test]
+    fn what_swings_to_and_fro_is_unstable_and_what_dies_out_or_creeps_back_is_not() {
+        let swing = |time: f64| 3e-3 * (8.0 * time).sin();
+        assert!(swings(swing) && swings(|time| swing(time) * (0.1 * time).exp()));
+        assert!(!swings(|time| swing(time) * (-0.5 * time).exp()));
+        assert!(!swings(|time| 0.1 * swing(time)));
+        // friction has held it, and by now it is made good for, at 4 mm/s
+        assert!(!swings(|time| -9e-3 + 4e-3 * (time - 1.0).max(0.0)));
+        // away from the reference it is no better than a swing
+        assert!(swings(|time| 4e-3 * (time - 1.0).max(0.0)));
     }
 }
