@@ -81,6 +81,8 @@ struct Wanted<T> {
     damping: T,
     /// How much more of both it takes in the oil as it is.
     softer: T,
+    /// The most that both may ask for together \[rev/s\].
+    authority: T,
     /// How far the simulated crane is behind \[m\].
     lag: T,
     /// What the lag summed up is worth \[rev/(s² m)\].
@@ -94,11 +96,14 @@ const BEYOND: f64 = 1.03;
 const CATCHES_UP: f64 = 6.0;
 /// It is braked, so that the crane comes to rest where it shall, by this share of its largest speed in a second \[1/s\].
 const BRAKES: f64 = 3.5;
-/// State feedback asks for no more than this share of the motor's speed. Where a stop is so short that the pressure dips into soft oil it would drive
-/// the simulated motor from one limit to the other, its slew too slow for that, until the simulated crane swings by decimetres.
+/// State feedback swings the simulated motor no farther than takes this share of its slew at the frequency at which the crane rings. A motor that
+/// comes later than it is asked to drives a crane that it should damp, by decimetres where a stop is so short that the pressure dips.
+const SLEWS: f64 = 0.5;
+/// Nor by more than this share of its speed: on soft oil, which rings slowly, a stop would take all of it.
 const AUTHORITY: f64 = 0.35;
-/// A position that is behind asks for no more than this share, so that it leaves some to damping: else it comes back undamped, and too far.
-const POSITION: f64 = 0.3;
+/// A position that is behind asks for no more than this share of that, beside what friction takes, so that it leaves some to damping: else it comes
+/// back undamped, and too far.
+const POSITION: f64 = 0.85;
 /// Feedback is raised by no more than this where the pressure dips into soft oil.
 const SOFTEST: f64 = 2.0;
 
@@ -213,8 +218,8 @@ impl<T: Real> ModelFollowing<T> {
     /// The reference, as it will be a lead later, has its load pressure and motor speed by the oil spring's equations:
     /// `p* = p_0 + (a − a_v v)/a_p + p_fr`, `n* = n_0 + (p_0' v/s − c_v v)/b`; then
     /// `n = n* + (s*/s) (k_x (x* − x) + k_i ∫(x* − x) + k_v (v* − v) + k_p (p* − p))`, s being the stiffness of the oil at the pressure that is,
-    /// and s* at the one that is wanted. Feedback asks for a limited share of the motor's speed, and position for less of it, so that what damps
-    /// is heard. The integral holds while the motor cannot follow, or position may not ask for more, and the lag would drive it further.
+    /// and s* at the one that is wanted. Feedback asks for no more than the motor's slew can follow, and position for less of it, so that what
+    /// damps is heard. The integral holds while the motor cannot follow, or position may not ask for more, and the lag would drive it further.
     #[inline(always)]
     pub fn update(
         &self,
@@ -223,7 +228,7 @@ impl<T: Real> ModelFollowing<T> {
         seen: &Seen<T>,
     ) -> T {
         let reference = &self.within_limits(&mut memory.ahead, reference);
-        let Wanted { feedforward, back: [back, most], damping, softer, lag, .. } =
+        let Wanted { feedforward, back: [back, most], damping, softer, authority, lag, .. } =
             self.wanted(memory, reference, seen);
         memory.reference_velocity = reference.velocity;
         let mut passed = memory.passed();
@@ -233,7 +238,6 @@ impl<T: Real> ModelFollowing<T> {
         }
         memory.pass(passed);
         memory.feedback = memory.feedback + self.smoothing * (kept - memory.feedback);
-        let authority = T::lit(AUTHORITY) * self.limits.speed;
         let asked = feedforward + (memory.feedback * softer).clamp(-authority, authority);
         let limits = MotorLimits { speed: T::lit(BEYOND) * self.fastest(), ..self.limits };
         let reached = limits.follow(memory.motor_speed, asked, self.period);
@@ -332,11 +336,20 @@ impl<T: Real> ModelFollowing<T> {
         let by_lag = gains.integral;
         // a dip into soft oil is over before much more of the pump would help
         let softer = (wanted_stiffness / stiffness).min(T::lit(SOFTEST));
-        let most = T::lit(POSITION) * self.limits.speed / softer;
+        let authority = self.authority(&at);
+        let held = gains.pressure * self.friction_pressure;
+        let most = T::lit(POSITION) * authority / softer + held;
         let back = [gains.position * lag + by_lag * memory.lag, most];
         let damping =
             gains.velocity * (v - seen.velocity) + gains.pressure * (pressure - seen.load_pressure);
-        Wanted { feedforward, back, damping, softer, lag, by_lag }
+        Wanted { feedforward, back, damping, softer, authority, lag, by_lag }
+    }
+
+    /// The most that feedback may ask for \[rev/s\]: what the motor's slew allows for as fast as the crane at rest rings, or a share of its speed.
+    #[inline(always)]
+    fn authority(&self, at: &Station<T>) -> T {
+        let ring = at.spring(self.stiffness_at(at.rest.load_pressure)).ring();
+        (T::lit(SLEWS) * self.limits.slew / ring).min(T::lit(AUTHORITY) * self.limits.speed)
     }
 
     /// Gains at a position \[m\] with the crane at rest.
@@ -433,7 +446,12 @@ pub(crate) mod tests {
     fn state_feedback_asks_for_no_more_than_it_may_and_position_leaves_some_to_damping() {
         let law = law::<f64>();
         let reference = Reference { position: 0.25, velocity: 0.0 };
-        let holding = law.station(0.25).rest.holding_speed;
+        let at = law.station(0.25);
+        let holding = at.rest.holding_speed;
+        let authority = law.authority(&at);
+        // beside what friction takes, which is held by no position that is far off
+        let held = law.gains_at_rest(0.25).pressure * law.friction_pressure;
+        let most = POSITION * authority + held;
         let after = |seen: Seen<f64>| {
             let mut memory = law.start();
             for _ in 0..1000 {
@@ -443,12 +461,12 @@ pub(crate) mod tests {
         };
         let far = Seen { stroke: 0.45, velocity: 0.0, load_pressure: 65e5 };
         let (behind, falling) = (after(far), after(Seen { velocity: -0.3, ..far }));
-        assert!((behind.motor_speed - holding + POSITION * law.limits.speed).abs() < 1e-9);
+        assert!((behind.motor_speed - holding + most).abs() < 1e-9);
         assert_eq!(behind.lag, 0.0);
         // what damps is heard beside it
         assert!(falling.motor_speed > behind.motor_speed + 1.0, "{falling:?}");
         let pressed = after(Seen { load_pressure: 165e5, ..far });
-        assert!((pressed.motor_speed - holding + AUTHORITY * law.limits.speed).abs() < 1e-9);
+        assert!((pressed.motor_speed - holding + authority).abs() < 1e-9);
     }
 
     #[test]
