@@ -2,8 +2,9 @@
 //!
 //! Friction, leakage and a pump that are other than the simulation's push the machine away from it. An observer of the oil spring's equations
 //! tells what pushes, from position, load pressure and motor speed. State feedback brings the machine back, and meets what pushes before it has
-//! moved anything far.
+//! moved anything far. What was torn far off all the same is led back.
 
+use crate::way_back::{WayBack, WayBackDesign};
 use crate::{Gains, Measured, OilSpring, Station};
 use hydroboom_math::{Real, record};
 
@@ -51,9 +52,9 @@ record! {
         /// What the drive has made of the feedforward by now
         #[unit = "rev/s"]
         pub expected_speed: T,
-        /// What a position that is far off asks for beyond its share, and longer than a swing lasts
-        #[unit = "rev/s"]
-        pub far: T,
+        /// What is left of the way back of a piston that was torn far off
+        #[unit = "m"]
+        pub way_back: T,
     }
 }
 
@@ -76,11 +77,10 @@ pub struct DeviationDesign<T> {
     pub damping: T,
     /// Bandwidth of the position, as a share of the frequency at which the crane rings; less where it is not known how stiff the oil is.
     pub share: T,
-    /// Feedback asks for no more than this \[rev/s\], so that it does not drive the machine from one limit to the other; for longer than a swing
-    /// lasts it may ask for more.
+    /// Feedback asks for no more than this \[rev/s\] beside what a way back takes, so that it does not drive the machine from one limit to the other.
     pub authority: T,
-    /// So much in a second more, and no more than this in all, where the position is far off \[rev/s\].
-    pub far: T,
+    /// How a piston that was torn far off is brought back.
+    pub way_back: WayBackDesign<T>,
     /// By how much the pressure may dip in motion \[Pa\]: the oil is taken to be as soft as there.
     pub dip: T,
     /// The crane is to ring no slower, and to be brought back no slower, than on oil of this share of stiff oil's bulk modulus: on softer oil
@@ -91,7 +91,8 @@ pub struct DeviationDesign<T> {
 /// Observer of a deviation, and feedback of it.
 ///
 /// `v' = a_v v + a_p p + d`, `p' = c_v v + b n + r`, d and r constant where nobody knows better. Three poles of position, velocity and d, and
-/// one each of pressure and r, are where they are wished, of the integrators alone. Feedback `n = −r/b − k_x x − k_v v − k_p (p + d/a_p)`.
+/// one each of pressure and r, are where they are wished, of the integrators alone. Feedback
+/// `n = −r/b − k_x (x − z) − k_v (v − z') − k_p (p + d/a_p) − (c_v/b) z'`, z being the way back of a piston that was torn far off, else 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviationFeedback<T> {
     design: DeviationDesign<T>,
@@ -128,6 +129,8 @@ pub struct Reckoned<T> {
     pub gains: Gains<T>,
     /// What of a believed push, and of a believed rate, is kept in a period.
     pub keeps: [T; 2],
+    /// Velocity over distance at which a piston that was torn far off is brought back \[1/s\].
+    pub back: T,
 }
 
 impl<T: Real> DeviationFeedback<T> {
@@ -160,7 +163,8 @@ impl<T: Real> DeviationFeedback<T> {
         let gains = spring.proportional_gains(stiff * raised.sqrt(), damping, bandwidth);
         let believes = [(self.design.push * stiff).sqrt(), self.design.rate * bandwidth];
         let keeps = believes.map(|frequency| (-frequency * self.period).exp());
-        Reckoned { spring, gains, keeps }
+        let back = self.design.way_back.rate(stiff * oil.likely.sqrt());
+        Reckoned { spring, gains, keeps, back }
     }
 
     /// Memory to start with at rest: friction holds what the load pressures differ by. The motor speed is the machine's own.
@@ -173,7 +177,7 @@ impl<T: Real> DeviationFeedback<T> {
             push: -spring.acceleration_by_pressure * off.load_pressure,
             rate: zero,
             expected_speed: off.motor_speed,
-            far: zero,
+            way_back: zero,
         }
     }
 
@@ -188,11 +192,9 @@ impl<T: Real> DeviationFeedback<T> {
     ) -> T {
         let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
         let now = self.believed(memory, with.keeps, off);
-        let most = self.design.authority;
         let (period, half) = (self.period, T::lit(0.5));
-        let far = self.far(now.far, self.back(with, &now));
-        let now = DeviationMemory { far, ..now };
-        let speed = feedforward + self.answer(with, &now).clamp(-most, most) + far;
+        let way = self.way_back(with, &now);
+        let speed = feedforward + self.answer(with, &now, &way);
         let acceleration = a_v * now.velocity + a_p * now.load_pressure + now.push;
         let beyond = off.motor_speed - now.expected_speed;
         *memory = DeviationMemory {
@@ -201,6 +203,7 @@ impl<T: Real> DeviationFeedback<T> {
             load_pressure: now.load_pressure
                 + period * (c_v * now.velocity + b * beyond + now.rate),
             expected_speed: feedforward + self.keeps[1] * (now.expected_speed - feedforward),
+            way_back: way.left + period * way.velocity,
             ..now
         };
         speed
@@ -228,34 +231,25 @@ impl<T: Real> DeviationFeedback<T> {
         }
     }
 
-    /// What a position asks for \[rev/s\], however far off it is.
+    /// Where a piston that was torn off farther than position feedback may answer should be by now.
     #[inline(always)]
-    fn back(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> T {
-        -with.gains.position * now.stroke
+    fn way_back(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> WayBack<T> {
+        let Reckoned { spring, gains, back, .. } = with;
+        let reach = T::lit(POSITION) * self.design.authority / gains.position;
+        let speed_per_velocity = -spring.pressure_by_velocity / spring.pressure_by_speed;
+        self.design.way_back.on(*back, now.way_back, now.stroke, reach, speed_per_velocity)
     }
 
-    /// What it may ask for at once \[rev/s\].
+    /// What feedback asks for \[rev/s\]. It may take back all that the way back takes, for what comes back faster has to be braked.
     #[inline(always)]
-    fn near(&self) -> T {
-        T::lit(POSITION) * self.design.authority
-    }
-
-    /// What it may ask for beyond that \[rev/s\]: it rises slower than the crane swings, and falls at once.
-    #[inline(always)]
-    fn far(&self, far: T, back: T) -> T {
-        let (near, most, zero) = (self.near(), self.design.far, T::zero());
-        let beyond = (back - back.clamp(-near, near)).clamp(-most, most);
-        let rise = most * self.period;
-        beyond.clamp(far.min(zero) - rise, far.max(zero) + rise)
-    }
-
-    #[inline(always)]
-    fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> T {
+    fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>) -> T {
         let Reckoned { spring, gains, .. } = with;
         let unheld = now.load_pressure + now.push / spring.acceleration_by_pressure;
-        let near = self.near();
-        let damping = gains.velocity * now.velocity + gains.pressure * unheld;
-        self.back(with, now).clamp(-near, near) - now.rate / spring.pressure_by_speed - damping
+        let position = gains.position * (now.stroke - way.left);
+        let damping = gains.velocity * (now.velocity - way.velocity) + gains.pressure * unheld;
+        let whole = way.motor_speed - position - now.rate / spring.pressure_by_speed - damping;
+        let (most, zero) = (self.design.authority, T::zero());
+        whole.clamp(way.motor_speed.min(zero) - most, way.motor_speed.max(zero) + most)
     }
 }
 
@@ -277,7 +271,7 @@ mod tests {
             damping: lit(0.5),
             share: lit(0.8),
             authority: lit(20.0),
-            far: lit(50.0),
+            way_back: WayBackDesign { rate: lit(4.0), by_ring: lit(0.4), motor_speed: lit(35.0) },
             dip: lit(4e5),
             softest: lit(0.1),
         };
@@ -319,28 +313,49 @@ mod tests {
         assert!((speed + rate / b).abs() < 1e-3 && (crane[2] + push / a_p).abs() < 1.0);
     }
 
-    /// A load that was hung on and has torn the piston down by 0.2 m: the whole motor brings it back, but not within a swing.
+    /// Torn off by 0.15 m, it is nearer after a second and a half than by half of what the most that position may ask for would leave, and passes by
+    /// a tenth at most.
     #[test]
-    fn what_is_far_off_for_long_may_ask_for_the_whole_motor_and_what_swings_may_not() {
+    fn a_piston_that_was_torn_far_off_is_led_back() {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
-        let most = law.design.authority;
-        let far_off = |stroke: &dyn Fn(f64) -> f64, seconds: f64| {
-            let mut memory = law.start(&with.spring, &Watched::default());
-            memory.push = 0.0;
-            (0..(seconds / PERIOD) as u32).fold(0.0_f64, |largest, k| {
-                memory.stroke = stroke(f64::from(k) * PERIOD);
-                let far = law.far(memory.far, law.back(&with, &memory));
-                memory.far = far;
-                largest.max(far.abs())
-            })
-        };
-        assert_eq!(far_off(&|_| -0.2, 2.0), law.design.far);
-        assert!((far_off(&|_| -0.2, 0.1) - 0.1 * law.design.far).abs() < 1e-9);
-        // swings of a fifth of a second
-        let swinging = far_off(&|t: f64| 0.2 * (31.4 * t).sin(), 5.0);
-        assert!(swinging < 0.3 * most, "{swinging}");
-        // and where the piston is back nothing is left of it
-        assert_eq!(law.far(law.design.far, 0.5 * law.near()), 0.0);
+        let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
+        let mut crane = [-0.15, 0.0, 0.0];
+        let mut memory = law.start(&with.spring, &Watched { stroke: -0.15, ..Watched::default() });
+        let mut passed = 0.0_f64;
+        let mut after = [0.0; 2];
+        for k in 0..3000 {
+            let [stroke, _, load_pressure] = crane;
+            let off = Watched { stroke, load_pressure, motor_speed: 0.0 };
+            let speed = law.update(&mut memory, &with, &off, 0.0).clamp(-50.0, 50.0);
+            for _ in 0..10 {
+                let [_, v, p] = crane;
+                let slopes = [v, a_v * v + a_p * p, c_v * v + b * speed];
+                for (state, slope) in crane.iter_mut().zip(slopes) {
+                    *state += 0.1 * PERIOD * slope;
+                }
+            }
+            passed = passed.max(crane[0]);
+            if k == 1500 {
+                after = [crane[0], memory.way_back];
+            }
+        }
+        let alone = POSITION * law.design.authority * b / -c_v * 1.5;
+        assert!(after[0].abs() < 0.5 * (0.15 - alone), "{after:?} {alone}");
+        assert!(passed < 0.015, "{passed}");
+        assert!(crane[0].abs() < 1e-3 && memory.way_back.abs() < 1e-3, "{crane:?}");
+    }
+
+    /// It may take back what the way back takes, and no more of the motor than it may anyway.
+    #[test]
+    fn what_comes_back_faster_than_its_way_is_braked() {
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
+        let torn = DeviationMemory { stroke: -0.1, way_back: -0.1, ..Default::default() };
+        let way = law.way_back(&with, &torn);
+        assert_eq!(way.motor_speed, law.design.way_back.motor_speed);
+        let answer = |velocity: f64| law.answer(&with, &DeviationMemory { velocity, ..torn }, &way);
+        assert!((answer(way.velocity) - way.motor_speed).abs() < 1e-9);
+        assert_eq!(answer(way.velocity + 10.0), -law.design.authority);
+        assert_eq!(answer(way.velocity - 10.0), way.motor_speed + law.design.authority);
     }
 
     #[test]
@@ -421,11 +436,9 @@ mod tests {
     #[test]
     fn feedback_asks_for_no_more_than_it_may() {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
-        let mut memory = DeviationMemory::default();
-        let far = Watched { stroke: 0.1, load_pressure: 0.0, motor_speed: 0.0 };
-        // and for what it may within a period where the position is far off
-        let sooner = law.design.far * PERIOD;
-        assert_eq!(law.update(&mut memory, &with, &far, 7.0), 7.0 - 20.0 - sooner);
+        // it swings at 1 m/s, not far off
+        let mut memory = DeviationMemory { velocity: 1.0, ..Default::default() };
+        assert_eq!(law.update(&mut memory, &with, &Watched::default(), 7.0), 7.0 - 20.0);
     }
 
     #[test]

@@ -30,6 +30,7 @@ mod station;
 mod strategy;
 mod supervisor;
 mod watch;
+mod way_back;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
 pub use command_lag::{BelievedLag, CommandLag, CommandLagMemory};
@@ -54,3 +55,4 @@ pub use signals::{Command, Reading};
 pub use station::{Rest, Station};
 pub use strategy::Strategy;
 pub use supervisor::{Decision, Limits, Observation, Request, SOFT_STOP, State, Supervisor};
+pub use way_back::WayBackDesign;

@@ -368,7 +368,7 @@ impl<T: Real> ModelFollowing<T> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::{DeviationDesign, Rest};
+    use crate::{DeviationDesign, Rest, WayBackDesign};
     use hydroboom_math::Lanes;
 
     fn oil<T: Real>() -> OilStiffness<T> {
@@ -409,7 +409,11 @@ pub(crate) mod tests {
                     damping: lit(0.46),
                     share: lit(0.6),
                     authority: lit(20.0),
-                    far: lit(50.0),
+                    way_back: WayBackDesign {
+                        rate: lit(4.0),
+                        by_ring: lit(0.4),
+                        motor_speed: lit(35.0),
+                    },
                     dip: lit(6e5),
                     softest: lit(0.1),
                 },

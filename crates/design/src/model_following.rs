@@ -3,7 +3,7 @@
 use crate::{DesignError, Lifting, oil_spring};
 use hydroboom_control::{
     BENDING, Conditions, DeviationDesign, DeviationFeedback, ModelFollowing, MotorLimits,
-    OilStiffness, PAYLOADS, Rest, STATIONS, Schedule, Station,
+    OilStiffness, PAYLOADS, Rest, STATIONS, Schedule, Station, WayBackDesign,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -24,6 +24,11 @@ const SHARE: f64 = 0.62;
 const DIP: f64 = 2e5;
 /// Feedback is as fast on the softest oil as it were on oil of this share of stiff oil's bulk modulus.
 const SOFTEST: f64 = 0.1;
+/// A piston that was torn far off is brought back at this velocity over distance \[1/s\], slower by the frequency at which the crane rings, and
+/// with no more than this share of the motor's speed. Sooner costs oil that is as soft as it may be its damping.
+const BACK: f64 = 4.0;
+const BACK_BY_RING: f64 = 0.4;
+const BACK_SPEED: f64 = 0.7;
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
 
@@ -165,7 +170,11 @@ pub fn law<T: Real>(
                 damping: lit(DAMPING),
                 share: lit(SHARE),
                 authority: n.following_effort * n.motor_speed,
-                far: n.motor_speed,
+                way_back: WayBackDesign {
+                    rate: lit(BACK),
+                    by_ring: lit(BACK_BY_RING),
+                    motor_speed: lit(BACK_SPEED) * n.motor_speed,
+                },
                 dip: lit(DIP),
                 softest: lit(SOFTEST),
             },
