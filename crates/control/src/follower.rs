@@ -1,5 +1,6 @@
 //! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
 
+use crate::carried_load::CarriedLoad;
 use crate::{
     Balances, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Measured,
     ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
@@ -12,8 +13,10 @@ const AT_REST: f64 = 1e-4;
 #[derive(Clone, Copy, Debug)]
 pub struct Follower {
     learner: Learner,
-    /// For the machine as it is known.
+    /// For the machine as it is known, with what it carries.
     law: ModelFollowing<f64>,
+    /// What it seems to carry.
+    carried: CarriedLoad,
     /// For the simulated crane, which takes on what is known of the machine in some time: what it is by now.
     simulated: (Conditions, ModelFollowing<f64>),
     following: FollowingMemory<f64>,
@@ -42,6 +45,7 @@ impl Follower {
         Self {
             learner,
             law,
+            carried: CarriedLoad::weighed(conditions.payload),
             simulated: (conditions, law),
             following: law.start(),
             feedback: DeviationMemory::default(),
@@ -64,12 +68,16 @@ impl Follower {
     pub fn set_learner(&mut self, learner: Learner) {
         self.learner = learner;
         self.law = learner.law();
+        self.carried = CarriedLoad::weighed(learner.known().weighed);
         self.correction[0] = learner.correction();
     }
 
     /// Begins feedback where machine and simulated crane are now, both at rest, without a bump. The simulated crane is all that is known by now.
     pub fn begin(&mut self, machine: &Watched<f64>, simulated: &Seen<f64>) {
-        self.simulated = (self.known().conditions(), self.law);
+        let known = self.known().conditions();
+        self.law = self.learner.law();
+        self.carried = CarriedLoad::weighed(known.payload);
+        self.simulated = (known, self.law);
         self.feedback = self.law.begin(machine, simulated);
         self.following = self.law.start();
         self.filled = 0.0;
@@ -78,7 +86,7 @@ impl Follower {
 
     /// State feedback takes the simulated crane over from whatever turned its motor at `speed` \[rev/s\], without a bump.
     pub fn take_over(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>, speed: f64) {
-        self.simulated = (self.known().conditions(), self.law);
+        self.simulated = (self.known().conditions(), self.learner.law());
         self.following = self.simulated.1.take_over(reference, simulated, speed);
         self.filled = 0.0;
     }
@@ -110,16 +118,28 @@ impl Follower {
     ) {
         let balanced = self.learner.learn_in_motion(told, reading, measured.load_pressure);
         let rests = reference.velocity.abs() < AT_REST;
-        if self.learner.weighs(rests, measured.load_pressure, simulated) || balanced {
-            let lightness = |law: &ModelFollowing<f64>| {
-                law.station(simulated.stroke).stiff.acceleration_by_pressure
-            };
-            let before = lightness(&self.law);
-            self.law = self.learner.law();
+        let weighed = self.learner.weighs(rests, measured.load_pressure, simulated);
+        let carries_other = self.carries_other(simulated);
+        if weighed || balanced || carries_other {
+            let before = lightness(&self.law, simulated);
+            let conditions =
+                Conditions { payload: self.carried.believed, ..self.known().conditions() };
+            self.law = self.learner.law_under(&conditions);
             // what a load pressure holds does not change by what moves with it
-            self.feedback.push *= lightness(&self.law) / before;
+            self.feedback.push *= lightness(&self.law, simulated) / before;
             self.correction[0] = self.learner.correction();
         }
+    }
+
+    /// Whether the machine seems to carry another load: what pushes it is what it carries beyond the simulated crane.
+    fn carries_other(&mut self, simulated: &Seen<f64>) -> bool {
+        let schedule = self.learner.schedule();
+        let per_pressure = schedule.per_pressure(simulated.stroke);
+        let beyond = -self.feedback.push / lightness(&self.law, simulated);
+        let seems = self.simulated.0.payload + per_pressure * beyond;
+        let weighed = self.learner.known().weighed;
+        let (heaviest, period) = (schedule.heaviest(), self.law.period);
+        self.carried.update(seems, weighed, per_pressure, heaviest, period)
     }
 
     /// Learns from a period in which valves hold the load.
@@ -174,4 +194,9 @@ impl Follower {
         self.correction[1] = correction;
         self.law.feedback(&mut self.feedback, machine, simulated, correction * simulated_speed)
     }
+}
+
+/// Acceleration by load pressure \[m/(s² Pa)\] where the simulated crane is.
+fn lightness(law: &ModelFollowing<f64>, simulated: &Seen<f64>) -> f64 {
+    law.station(simulated.stroke).stiff.acceleration_by_pressure
 }

@@ -170,6 +170,11 @@ impl Learner {
         law
     }
 
+    /// State feedback over the payload.
+    pub(crate) fn schedule(&self) -> &Schedule {
+        &self.schedule
+    }
+
     /// What the motor has to turn for each revolution of the simulated one.
     pub fn correction(&self) -> f64 {
         self.balances.flow.before.flow_gain / self.now.flow.balance.flow_gain

@@ -7,6 +7,7 @@
 
 mod belief;
 mod benchmark;
+mod carried_load;
 mod command_lag;
 mod deviation;
 mod fault;
