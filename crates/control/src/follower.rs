@@ -21,8 +21,10 @@ pub struct Follower {
     simulated: (Conditions, ModelFollowing<f64>),
     following: FollowingMemory<f64>,
     feedback: DeviationMemory<f64>,
-    /// Speed at which the simulated pump fills oil up for what the simulated crane is just taking on, which the machine has long had \[rev/s\].
-    filled: f64,
+    /// What the machine's motor turns beyond the simulated one for the same motion \[rev/s\], for what the simulated crane has not taken on yet.
+    unlike: f64,
+    /// Load pressure \[Pa\] of the simulated crane a period ago, and by how much it has gained weight since \[Pa\].
+    before: Option<[f64; 2]>,
     /// What the motor has to turn for each revolution of the simulated one: now, and when it was last told its speed.
     correction: [f64; 2],
 }
@@ -49,7 +51,8 @@ impl Follower {
             simulated: (conditions, law),
             following: law.start(),
             feedback: DeviationMemory::default(),
-            filled: 0.0,
+            unlike: 0.0,
+            before: None,
             correction: [learner.correction(); 2],
         }
     }
@@ -80,7 +83,7 @@ impl Follower {
         self.simulated = (known, self.law);
         self.feedback = self.law.begin(machine, simulated);
         self.following = self.law.start();
-        self.filled = 0.0;
+        (self.unlike, self.before) = (0.0, None);
         self.correction[1] = self.correction[0];
     }
 
@@ -88,7 +91,7 @@ impl Follower {
     pub fn take_over(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>, speed: f64) {
         self.simulated = (self.known().conditions(), self.learner.law());
         self.following = self.simulated.1.take_over(reference, simulated, speed);
-        self.filled = 0.0;
+        (self.unlike, self.before) = (0.0, None);
     }
 
     /// A period, at whose beginning the machine's motor was told a speed \[rev/s\]: motor speed \[rev/s\] of the simulated crane, and of the
@@ -159,23 +162,53 @@ impl Follower {
     pub fn lead(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>) -> f64 {
         let known = self.known().conditions();
         let (conditions, law) = &mut self.simulated;
+        let (mut gained, mut filling) = (0.0, 0.0);
         if conditions.differ(&known) {
             let before = law.station(simulated.stroke).rest.load_pressure;
             *conditions = conditions.towards(&known, law.period);
             *law = self.learner.law_under(conditions);
-            // what the simulated crane takes on is no push of the machine any longer, and the oil that takes is not the machine's to be moved
             let at = law.station(simulated.stroke);
-            let gained = at.rest.load_pressure - before;
-            self.feedback.load_pressure -= gained;
-            self.feedback.push += at.stiff.acceleration_by_pressure * gained;
             let spring = at.spring(law.stiffness_at(simulated.load_pressure));
-            let filled = gained / (law.period * spring.pressure_by_speed);
-            self.filled = filled.clamp(-law.limits.speed, law.limits.speed);
-        } else {
-            self.filled = 0.0;
+            gained = at.rest.load_pressure - before;
+            // the oil that this takes is the simulated pump's alone: the machine has long had it
+            let speed = gained / (law.period * spring.pressure_by_speed);
+            filling = speed.clamp(-law.limits.speed, law.limits.speed);
         }
         law.turns = self.correction[0];
-        law.update(&mut self.following, reference, simulated) + self.filled
+        let speed = law.update(&mut self.following, reference, simulated) + filling;
+        self.translate(simulated, speed, gained);
+        speed
+    }
+
+    /// What the machine's motor takes for the same motion as a simulated crane that is not quite like it: the same acceleration of another mass, on oil
+    /// of another stiffness. The simulated motor turns at `speed` \[rev/s\] in the coming period, in which the simulated crane gains so much weight \[Pa\].
+    fn translate(&mut self, simulated: &Seen<f64>, speed: f64, gained: f64) {
+        let Seen { stroke, velocity, load_pressure } = *simulated;
+        let (theirs, law) = (&self.simulated.1, &self.law);
+        let [at, own] = [theirs, law].map(|law| law.station(stroke));
+        let slopes = [at, own].map(|station| station.rest.load_pressure_slope * velocity);
+        let heavier = at.stiff.acceleration_by_pressure / own.stiff.acceleration_by_pressure;
+        // of a rate of the simulated load pressure, what becomes of it on the machine
+        let own_rate =
+            |rate: f64, gained: f64| slopes[1] + heavier * (rate - gained / law.period - slopes[0]);
+
+        let spring = at.spring(theirs.stiffness_at(load_pressure));
+        let rate = spring.pressure_by_velocity * velocity
+            + spring.pressure_by_speed * (speed - at.rest.holding_speed);
+        let own_pressure =
+            own.rest.load_pressure + heavier * (load_pressure - at.rest.load_pressure);
+        let own_spring = own.spring(law.stiffness_at(own_pressure));
+        let turning = own_rate(rate, gained) - own_spring.pressure_by_velocity * velocity;
+        self.unlike = own.rest.holding_speed + turning / own_spring.pressure_by_speed - speed;
+
+        // by what their pressures have gone apart so nothing pushes the machine
+        if let Some([before, gained]) = self.before {
+            let rate = (load_pressure - before) / law.period;
+            let apart = law.period * (own_rate(rate, gained) - rate);
+            self.feedback.load_pressure += apart;
+            self.feedback.push -= own.stiff.acceleration_by_pressure * apart;
+        }
+        self.before = Some([load_pressure, gained]);
     }
 
     /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being given \[rev/s\].
@@ -186,7 +219,7 @@ impl Follower {
         simulated_speed: f64,
     ) -> f64 {
         let [correction, before] = self.correction;
-        let simulated_speed = simulated_speed - self.filled;
+        let simulated_speed = simulated_speed + self.unlike;
         // what the correction has taken over is no rate that nobody knows of any longer
         let taken = (correction - before) * simulated_speed;
         let with = self.law.reckons(simulated, machine.load_pressure);

@@ -57,9 +57,10 @@ impl Conditions {
 }
 
 /// Time constant in which a simulated crane takes on what was learned \[s\].
-const TAKEN_ON: f64 = 0.5;
-/// Time constant in which the payload is learned at rest \[s\].
-const WEIGHING: f64 = 0.5;
+const TAKEN_ON: f64 = 0.25;
+/// Time constant in which the payload is learned at rest \[s\], by what the simulated crane lacks: four times that in which it is taken on, so that
+/// both together do not swing.
+const WEIGHING: f64 = 4.0 * TAKEN_ON;
 /// A load is weighed once its pressure has been within so much of its mean over some tenths of a second for half a second:
 /// one that was just hung on swings \[Pa\], \[s\], \[s\].
 const QUIET: (f64, f64, f64) = (2e5, 0.3, 0.5);
