@@ -23,8 +23,9 @@ pub struct Follower {
     feedback: DeviationMemory<f64>,
     /// What the machine's motor turns beyond the simulated one for the same motion \[rev/s\], for what the simulated crane has not taken on yet.
     unlike: f64,
-    /// Load pressure \[Pa\] of the simulated crane a period ago, and by how much it has gained weight since \[Pa\].
-    before: Option<[f64; 2]>,
+    /// Load pressure of the simulated crane \[Pa\], and by how much it gains weight in the period \[Pa\]: in this one, and in the one before; none
+    /// where something else than state feedback leads it.
+    led: [Option<[f64; 2]>; 2],
     /// What the motor has to turn for each revolution of the simulated one: now, and when it was last told its speed.
     correction: [f64; 2],
 }
@@ -52,7 +53,7 @@ impl Follower {
             following: law.start(),
             feedback: DeviationMemory::default(),
             unlike: 0.0,
-            before: None,
+            led: [None; 2],
             correction: [learner.correction(); 2],
         }
     }
@@ -83,7 +84,7 @@ impl Follower {
         self.simulated = (known, self.law);
         self.feedback = self.law.begin(machine, simulated);
         self.following = self.law.start();
-        (self.unlike, self.before) = (0.0, None);
+        (self.unlike, self.led) = (0.0, [None; 2]);
         self.correction[1] = self.correction[0];
     }
 
@@ -91,7 +92,7 @@ impl Follower {
     pub fn take_over(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>, speed: f64) {
         self.simulated = (self.known().conditions(), self.learner.law());
         self.following = self.simulated.1.take_over(reference, simulated, speed);
-        (self.unlike, self.before) = (0.0, None);
+        (self.unlike, self.led) = (0.0, [None; 2]);
     }
 
     /// A period, at whose beginning the machine's motor was told a speed \[rev/s\]: motor speed \[rev/s\] of the simulated crane, and of the
@@ -119,6 +120,7 @@ impl Follower {
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) {
+        self.begin_period();
         let balanced = self.learner.learn_in_motion(told, reading, measured.load_pressure);
         let rests = reference.velocity.abs() < AT_REST;
         let weighed = self.learner.weighs(rests, measured.load_pressure, simulated);
@@ -134,8 +136,14 @@ impl Follower {
         }
     }
 
-    /// Whether the machine seems to carry another load: what pushes it is what it carries beyond the simulated crane.
+    /// Whether the machine seems to carry another load: what pushes it is what it carries beyond the simulated crane. What that carries is known while
+    /// state feedback leads it.
     fn carries_other(&mut self, simulated: &Seen<f64>) -> bool {
+        let [_, before] = self.led;
+        if before.is_none() {
+            let weighed = CarriedLoad::weighed(self.known().weighed);
+            return core::mem::replace(&mut self.carried, weighed).believed != weighed.believed;
+        }
         let schedule = self.learner.schedule();
         let per_pressure = schedule.per_pressure(simulated.stroke);
         let beyond = -self.feedback.push / lightness(&self.law, simulated);
@@ -147,6 +155,7 @@ impl Follower {
 
     /// Learns from a period in which valves hold the load.
     pub fn weigh_held(&mut self, reading: &Reading<f64>, measured: &Measured<f64>) {
+        self.begin_period();
         self.learner.skip(reading);
         if self.learner.weighs_held(measured.stroke, measured.load_pressure) {
             self.law = self.learner.law();
@@ -155,6 +164,7 @@ impl Follower {
 
     /// A period from which nothing can be learned.
     pub fn skip(&mut self, reading: &Reading<f64>) {
+        self.begin_period();
         self.learner.skip(reading);
     }
 
@@ -202,13 +212,20 @@ impl Follower {
         self.unlike = own.rest.holding_speed + turning / own_spring.pressure_by_speed - speed;
 
         // by what their pressures have gone apart so nothing pushes the machine
-        if let Some([before, gained]) = self.before {
+        let [now, before] = &mut self.led;
+        *now = Some([load_pressure, gained]);
+        if let Some([before, gained]) = *before {
             let rate = (load_pressure - before) / law.period;
             let apart = law.period * (own_rate(rate, gained) - rate);
             self.feedback.load_pressure += apart;
             self.feedback.push -= own.stiff.acceleration_by_pressure * apart;
         }
-        self.before = Some([load_pressure, gained]);
+    }
+
+    /// Another period begins.
+    fn begin_period(&mut self) {
+        self.led = [None, self.led[0]];
+        self.unlike = 0.0;
     }
 
     /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being given \[rev/s\].

@@ -176,6 +176,23 @@ fn a_pump_that_is_found_to_deliver_more_gives_no_bump() {
     assert!((last * 1.03 / simulated - 1.0).abs() < 1e-3, "{last}");
 }
 
+/// A machine that is known to carry more than the simulated crane has taken on yet takes another motor speed for the same motion, but only while that
+/// motion is state feedback's: what the benchmark asks of the simulated crane is told as it is.
+#[test]
+fn motion_is_translated_while_state_feedback_leads() {
+    let (mut follower, mut learned, reference, seen, machine) = in_motion();
+    learned.weighed *= 0.5;
+    follower.set_learner(follower.learner().with(learned));
+    let speed = follower.lead(&reference, &seen);
+    let mut unlike = follower;
+    let translated = unlike.answer(&machine, &seen, speed);
+    let (reading, measured) = (Reading::default(), seen.measured());
+    follower.learn(speed, &reference, &seen, &reading, &measured);
+    let told = follower.answer(&machine, &seen, speed);
+    assert!((told - speed).abs() < 0.5, "{told} for {speed}");
+    assert!((translated - speed).abs() > 2.0, "{translated} for {speed}");
+}
+
 #[test]
 fn feedback_is_as_careful_as_the_oil_is_in_doubt() {
     let (follower, mut learned, ..) = in_motion();

@@ -78,28 +78,28 @@ fn a_payload_that_changes_is_borne() {
     assert!(most < 0.5e-3, "{most} m while it is weighed");
 }
 
-/// A load that is hung on tears these cranes off by centimetres, on oil that stays soft under it: a position that may ask for all the motor swings them
-/// on, as does feedback that takes them for empty. They are led back, closer than the benchmark brings them.
-#[test]
-fn a_piston_that_is_torn_far_off_is_led_back() {
-    for number in [3, 23, 44, 50] {
-        let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
-        let [benchmark, own] = both(&crane, &CourseChoice::Scenario("payload-change".into()));
+/// Cranes of seed 1 are led closer through a scenario than by the benchmark, and none swings on.
+fn led_closer_and_at_rest_in_the_end(numbers: &[u64], scenario: &str) {
+    for number in numbers {
+        let crane = member(&Description::uia_virtual().unwrap(), 1, *number).unwrap().crane;
+        let [benchmark, own] = both(&crane, &CourseChoice::Scenario(scenario.into()));
         assert!(own.rms() < benchmark.rms(), "{number}: {} for {}", own.rms(), benchmark.rms());
         assert!(!own.score().is_unstable(), "crane {number}");
     }
+}
+
+/// A load that is hung on tears these cranes off by centimetres, on oil that stays soft under it: a position that may ask for all the motor swings them
+/// on, as does feedback that takes them for empty.
+#[test]
+fn a_piston_that_is_torn_far_off_is_led_back() {
+    led_closer_and_at_rest_in_the_end(&[3, 23, 44, 50], "payload-change");
 }
 
 /// Half of the load is lost in motion and leaves these cranes on soft oil: they swing, and are never weighed, if feedback goes on reckoning with what
 /// was there.
 #[test]
 fn a_load_that_is_lost_in_motion_is_missed() {
-    for number in [1, 17, 41] {
-        let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
-        let [benchmark, own] = both(&crane, &CourseChoice::Scenario("load-in-motion".into()));
-        assert!(own.rms() < benchmark.rms(), "{number}: {} for {}", own.rms(), benchmark.rms());
-        assert!(!own.score().is_unstable(), "crane {number}");
-    }
+    led_closer_and_at_rest_in_the_end(&[1, 17, 41], "load-in-motion");
 }
 
 /// A reference that is faster than the motor: what is lacking is made good for afterwards, with any load, and nothing rings on.
