@@ -1,6 +1,7 @@
 //! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
 
 use crate::carried_load::CarriedLoad;
+use crate::out_of_reach::not_braked;
 use crate::{
     Balances, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Measured,
     ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
@@ -26,6 +27,8 @@ pub struct Follower {
     /// Load pressure of the simulated crane \[Pa\], and by how much it gains weight in the period \[Pa\]: in this one, and in the one before; none
     /// where something else than state feedback leads it.
     led: [Option<[f64; 2]>; 2],
+    /// Where state feedback leads to in the period \[m\]; nowhere where something else does.
+    leads_to: Option<f64>,
     /// What the motor has to turn for each revolution of the simulated one: now, and when it was last told its speed.
     correction: [f64; 2],
 }
@@ -54,6 +57,7 @@ impl Follower {
             feedback: DeviationMemory::default(),
             unlike: 0.0,
             led: [None; 2],
+            leads_to: None,
             correction: [learner.correction(); 2],
         }
     }
@@ -84,7 +88,7 @@ impl Follower {
         self.simulated = (known, self.law);
         self.feedback = self.law.begin(machine, simulated);
         self.following = self.law.start();
-        (self.unlike, self.led) = (0.0, [None; 2]);
+        (self.unlike, self.led, self.leads_to) = (0.0, [None; 2], None);
         self.correction[1] = self.correction[0];
     }
 
@@ -92,7 +96,7 @@ impl Follower {
     pub fn take_over(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>, speed: f64) {
         self.simulated = (self.known().conditions(), self.learner.law());
         self.following = self.simulated.1.take_over(reference, simulated, speed);
-        (self.unlike, self.led) = (0.0, [None; 2]);
+        (self.unlike, self.led, self.leads_to) = (0.0, [None; 2], None);
     }
 
     /// A period, at whose beginning the machine's motor was told a speed \[rev/s\]: motor speed \[rev/s\] of the simulated crane, and of the
@@ -187,6 +191,7 @@ impl Follower {
         law.turns = self.correction[0];
         let speed = law.update(&mut self.following, reference, simulated) + filling;
         self.translate(simulated, speed, gained);
+        self.leads_to = Some(reference.position);
         speed
     }
 
@@ -225,7 +230,7 @@ impl Follower {
     /// Another period begins.
     fn begin_period(&mut self) {
         self.led = [None, self.led[0]];
-        self.unlike = 0.0;
+        (self.unlike, self.leads_to) = (0.0, None);
     }
 
     /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being given \[rev/s\].
@@ -242,7 +247,17 @@ impl Follower {
         let with = self.law.reckons(simulated, machine.load_pressure);
         self.feedback.rate += taken * with.spring.pressure_by_speed;
         self.correction[1] = correction;
-        self.law.feedback(&mut self.feedback, machine, simulated, correction * simulated_speed)
+        let (feedback, feedforward) = (&mut self.feedback, correction * simulated_speed);
+        let speed = self.law.feedback(feedback, machine, simulated, feedforward);
+        match self.leads_to {
+            Some(position) => {
+                let behind = position - machine.stroke;
+                let reference = correction * self.following.reference_speed;
+                let (leading, ahead) = ([feedforward, reference], self.following.ahead);
+                not_braked(speed, leading, self.law.limits.speed, behind, ahead)
+            }
+            None => speed,
+        }
     }
 }
 

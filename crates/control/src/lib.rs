@@ -5,6 +5,7 @@
 //! files and screens.
 #![cfg_attr(not(test), no_std)]
 
+mod attainable;
 mod belief;
 mod benchmark;
 mod carried_load;
@@ -23,6 +24,7 @@ mod motion;
 mod motor;
 mod oil_spring;
 mod oil_stiffness;
+mod out_of_reach;
 mod path;
 mod schedule;
 mod shaper;

@@ -10,6 +10,7 @@
 //! it asks of its motor is the feedforward. Feedback from the machine then sees only by how much it differs from the simulation, and damps what
 //! is already damped no second time.
 
+use crate::attainable::{Attainable, ReferenceMemory};
 use crate::{
     DeviationFeedback, Gains, Measured, MotorLimits, Notch, NotchMemory, OilSpring, OilStiffness,
     Reference, Station,
@@ -44,12 +45,21 @@ record! {
         /// Lag of the position, summed up
         #[unit = "m s"]
         pub lag: T,
-        /// By how much the reference runs ahead of what the motor can follow
+        /// By how much the reference runs ahead of what the crane can follow
         #[unit = "m"]
         pub ahead: T,
-        /// Velocity of what it can follow, a period ago
+        /// Velocity that what it can follow should have, a period ago
+        #[unit = "m/s"]
+        pub wanted_velocity: T,
+        /// Velocity that it had
         #[unit = "m/s"]
         pub reference_velocity: T,
+        /// Its load pressure beyond what holds the crane at rest
+        #[unit = "Pa"]
+        pub moving_pressure: T,
+        /// Motor speed that it takes
+        #[unit = "rev/s"]
+        pub reference_speed: T,
         /// Share of feedback, smoothed
         #[unit = "rev/s"]
         pub feedback: T,
@@ -92,10 +102,6 @@ struct Wanted<T> {
 /// The simulated motor may turn faster than the machine's by this factor, so that the simulated crane is damped where the machine's motor is at
 /// its limit: the reference takes no more than that has.
 const BEYOND: f64 = 1.03;
-/// Rate \[1/s\] at which is made good for what the motor could not follow.
-const CATCHES_UP: f64 = 6.0;
-/// It is braked, so that the crane comes to rest where it shall, by this share of its largest speed in a second \[1/s\].
-const BRAKES: f64 = 3.5;
 /// State feedback swings the simulated motor no farther than takes this share of its slew at the frequency at which the crane rings. A motor that
 /// comes later than it is asked to drives a crane that it should damp, by decimetres where a stop is so short that the pressure dips.
 const SLEWS: f64 = 0.5;
@@ -166,6 +172,20 @@ impl<T: Real> FollowingMemory<T> {
         (self.notch_1_next, self.notch_1_after) = (first.next, first.after);
         (self.notch_2_next, self.notch_2_after) = (second.next, second.after);
     }
+
+    fn reference(&self) -> ReferenceMemory<T> {
+        ReferenceMemory {
+            ahead: self.ahead,
+            wanted_velocity: self.wanted_velocity,
+            velocity: self.reference_velocity,
+            moving_pressure: self.moving_pressure,
+        }
+    }
+
+    fn refer(&mut self, to: ReferenceMemory<T>) {
+        (self.ahead, self.wanted_velocity) = (to.ahead, to.wanted_velocity);
+        (self.reference_velocity, self.moving_pressure) = (to.velocity, to.moving_pressure);
+    }
 }
 
 impl<T: Real> ModelFollowing<T> {
@@ -213,10 +233,17 @@ impl<T: Real> ModelFollowing<T> {
         self.stiffness.share(load_pressure + self.beyond_load)
     }
 
+    /// Load pressure \[Pa\] that friction takes at a piston velocity \[m/s\].
+    #[inline(always)]
+    pub(crate) fn friction_pressure_at(&self, velocity: T) -> T {
+        self.friction_pressure * (velocity / self.friction_speed).tanh()
+    }
+
     /// Motor speed \[rev/s\] of the simulated crane for the coming period.
     ///
-    /// The reference, as it will be a lead later, has its load pressure and motor speed by the oil spring's equations:
-    /// `p* = p_0 + (a − a_v v)/a_p + p_fr`, `n* = n_0 + (p_0' v/s − c_v v)/b`; then
+    /// The reference, as far as the crane can follow it and as it will be a lead later, has its load pressure and motor speed by the oil spring's
+    /// equations: `p* = p_0 + (a − a_v v)/a_p + p_fr`, `n* = n_0 + (p_0' v/s − c_v v + (1 − s*) p_m')/b`, p_m' being the rate of what p* has beyond
+    /// p_0. On stiff oil feedback brings that sooner than a motor that has to turn up for it first. Then
     /// `n = n* + (s*/s) (k_x (x* − x) + k_i ∫(x* − x) + k_v (v* − v) + k_p (p* − p))`, s being the stiffness of the oil at the pressure that is,
     /// and s* at the one that is wanted. Feedback asks for no more than the motor's slew can follow, and position for less of it, so that what
     /// damps is heard. The integral holds while the motor cannot follow, or position may not ask for more, and the lag would drive it further.
@@ -227,10 +254,12 @@ impl<T: Real> ModelFollowing<T> {
         reference: &Reference<T>,
         seen: &Seen<T>,
     ) -> T {
-        let reference = &self.within_limits(&mut memory.ahead, reference);
+        let mut refers = memory.reference();
+        let attained = refers.attain(self, reference);
+        memory.refer(refers);
+        memory.reference_speed = attained.motor_speed;
         let Wanted { feedforward, back: [back, most], damping, softer, authority, lag, .. } =
-            self.wanted(memory, reference, seen);
-        memory.reference_velocity = reference.velocity;
+            self.wanted(memory.lag, &attained, seen);
         let mut passed = memory.passed();
         let mut kept = back.clamp(-most, most) + damping;
         for (notch, passed) in self.notches.iter().zip(&mut passed) {
@@ -251,38 +280,8 @@ impl<T: Real> ModelFollowing<T> {
 
     /// Speed of the simulated motor \[rev/s\] at which the machine's is at its limit.
     #[inline(always)]
-    fn fastest(&self) -> T {
+    pub(crate) fn fastest(&self) -> T {
         self.limits.speed / self.turns
-    }
-
-    /// The reference, as far as the motor can follow: what is faster is made good for later, for a simulated crane that is far behind would be
-    /// driven from one limit to the other. `ahead` is what is left to be made good for \[m\].
-    #[inline(always)]
-    fn within_limits(&self, ahead: &mut T, reference: &Reference<T>) -> Reference<T> {
-        let at = self.station(reference.position);
-        let spring = at.spring(self.stiffness_at(at.rest.load_pressure));
-        let speed_per_velocity =
-            (at.rest.load_pressure_slope - spring.pressure_by_velocity) / spring.pressure_by_speed;
-        let [fastest, holding] =
-            [self.fastest(), at.rest.holding_speed].map(|speed| speed / speed_per_velocity);
-        let position = reference.position - *ahead;
-        let velocity = (reference.velocity + Self::made_good(*ahead, T::lit(BRAKES) * fastest))
-            .clamp(-(fastest + holding), fastest - holding);
-        *ahead = *ahead + self.period * (reference.velocity - velocity);
-        Reference { position, velocity }
-    }
-
-    /// Velocity \[m/s\] at which a distance \[m\] is made good for, if that may be braked at \[m/s²\].
-    #[inline(always)]
-    fn made_good(distance: T, braking: T) -> T {
-        let rate = T::lit(CATCHES_UP);
-        let near = braking / rate.square();
-        let within = distance.clamp(-near, near);
-        let beyond = (distance - within).abs();
-        // braked evenly until it is near
-        let square = rate.square() * within.square() + T::lit(2.0) * braking * beyond;
-        let speed = square.sqrt();
-        T::select(distance.lt(T::zero()), -speed, speed)
     }
 
     /// Memory with which the next [`update`](Self::update) asks for `speed` \[rev/s\], so that state feedback takes over from
@@ -294,13 +293,13 @@ impl<T: Real> ModelFollowing<T> {
         seen: &Seen<T>,
         speed: T,
     ) -> FollowingMemory<T> {
-        // as far as the motor can follow, as the next update has it
-        let reference = &self.within_limits(&mut T::zero(), reference);
-        let velocity = reference.velocity;
-        let mut memory =
-            FollowingMemory { reference_velocity: velocity, motor_speed: speed, ..self.start() };
+        let begun = ReferenceMemory::even(self, reference);
+        let mut memory = FollowingMemory { motor_speed: speed, ..self.start() };
+        memory.refer(begun);
+        // as the next update has it
+        let attained = { begun }.attain(self, reference);
         let Wanted { feedforward, back: [back, most], damping, softer, by_lag, .. } =
-            self.wanted(&memory, reference, seen);
+            self.wanted(memory.lag, &attained, seen);
         memory.feedback = (speed - feedforward) / softer;
         memory.pass(self.notches.map(|notch| notch.steady(memory.feedback)));
         memory.lag = ((memory.feedback - damping).clamp(-most, most) - back) / by_lag;
@@ -308,27 +307,22 @@ impl<T: Real> ModelFollowing<T> {
     }
 
     #[inline(always)]
-    fn wanted(
-        &self,
-        memory: &FollowingMemory<T>,
-        reference: &Reference<T>,
-        seen: &Seen<T>,
-    ) -> Wanted<T> {
+    fn wanted(&self, summed: T, attained: &Attainable<T>, seen: &Seen<T>) -> Wanted<T> {
         let half = T::lit(0.5);
-        let acceleration = (reference.velocity - memory.reference_velocity) / self.period;
+        let Attainable { reference, acceleration, pressure_rate, .. } = *attained;
         let gained = self.lead * acceleration;
         let v = reference.velocity + gained;
         let position = reference.position + self.lead * (reference.velocity + half * gained);
 
         let at = self.station(position);
-        let friction = self.friction_pressure * (v / self.friction_speed).tanh();
         let moving = (acceleration - at.stiff.acceleration_by_velocity * v)
             / at.stiff.acceleration_by_pressure;
-        let pressure = at.rest.load_pressure + moving + friction;
+        let pressure = at.rest.load_pressure + moving + self.friction_pressure_at(v);
         let [wanted_stiffness, stiffness] =
             [pressure, seen.load_pressure].map(|load| self.stiffness_at(load));
         let spring = at.spring(wanted_stiffness);
-        let rate = (at.rest.load_pressure_slope - spring.pressure_by_velocity) * v;
+        let evenly = (at.rest.load_pressure_slope - spring.pressure_by_velocity) * v;
+        let rate = evenly + (T::one() - wanted_stiffness) * pressure_rate;
         let feedforward = at.rest.holding_speed + rate / spring.pressure_by_speed;
 
         let gains = self.gains(&spring);
@@ -339,7 +333,7 @@ impl<T: Real> ModelFollowing<T> {
         let authority = self.authority(&at);
         let held = gains.pressure * self.friction_pressure;
         let most = T::lit(POSITION) * authority / softer + held;
-        let back = [gains.position * lag + by_lag * memory.lag, most];
+        let back = [gains.position * lag + by_lag * summed, most];
         let damping =
             gains.velocity * (v - seen.velocity) + gains.pressure * (pressure - seen.load_pressure);
         Wanted { feedforward, back, damping, softer, authority, lag, by_lag }
@@ -476,58 +470,15 @@ pub(crate) mod tests {
     #[test]
     fn a_motor_that_cannot_follow_does_not_wind_the_integral_up() {
         let law = law::<f64>();
-        let mut memory = law.start();
         // as fast as the machine's motor can, behind by what position may still ask for, and feedback on top of it
         let reference = Reference { position: 0.4, velocity: 0.15 };
         let seen = Seen { stroke: 0.37, velocity: 0.0, load_pressure: 65e5 };
+        let mut memory = law.start();
+        memory.refer(ReferenceMemory::even(&law, &reference));
         for _ in 0..5000 {
             law.update(&mut memory, &reference, &seen);
         }
         assert_eq!((memory.motor_speed, memory.lag), (BEYOND * 50.0, 0.0));
-    }
-
-    /// A pump that has to turn faster than the simulated one cannot move the piston as fast as that.
-    #[test]
-    fn the_reference_takes_no_more_than_the_motor_of_the_machine_has() {
-        let wish = Reference { position: 0.1, velocity: 0.3 };
-        let fastest = |turns: f64| {
-            let law = ModelFollowing { turns, ..law::<f64>() };
-            let mut ahead = 0.0;
-            let given = law.within_limits(&mut ahead, &wish).velocity;
-            let at = law.station(wish.position);
-            let spring = at.spring(law.stiffness_at(at.rest.load_pressure));
-            let rate = (at.rest.load_pressure_slope - spring.pressure_by_velocity) * given;
-            turns * (at.rest.holding_speed + rate / spring.pressure_by_speed)
-        };
-        for turns in [1.0, 1.08, 0.95] {
-            assert!((fastest(turns) - 50.0).abs() < 1e-9);
-        }
-    }
-
-    #[test]
-    fn a_reference_that_is_too_fast_is_followed_later_and_another_as_it_is() {
-        let law = law::<f64>();
-        let (mut ahead, mut position) = (0.0, 0.1);
-        let mut given = |velocity: f64, position: &mut f64| {
-            let reference = Reference { position: *position, velocity };
-            *position += law.period * velocity;
-            (law.within_limits(&mut ahead, &reference), reference)
-        };
-        let (slow, asked) = given(0.1, &mut position);
-        assert_eq!(slow, asked);
-        let mut last = slow;
-        for velocity in core::iter::repeat_n(0.3, 500).chain(core::iter::repeat_n(0.0, 8000)) {
-            let (next, _) = given(velocity, &mut position);
-            // position and velocity belong together
-            let gap = next.position - last.position - law.period * last.velocity;
-            assert!(gap.abs() < 1e-12, "{gap}");
-            assert!(next.velocity <= 50.0 / (1.1e9 - 1e6) * 3.2e6);
-            // braked no harder than it may
-            let braked = (last.velocity - next.velocity) / law.period;
-            assert!(velocity > 0.0 || last.velocity > 0.15 || braked < 1.01 * BRAKES * 0.1454);
-            last = next;
-        }
-        assert!((last.position - position).abs() < 1e-5 && last.velocity.abs() < 1e-4, "{last:?}");
     }
 
     #[test]

@@ -71,7 +71,7 @@ fn a_light_load_on_soft_oil_does_not_ring_on() {
 fn a_payload_that_changes_is_borne() {
     let crane = Description::uia_virtual().unwrap();
     let [benchmark, own] = both(&crane, &CourseChoice::Scenario("payload-change".into()));
-    assert!(own.rms() < benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+    assert!(own.rms() < 1.005 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
     assert!(!own.score().is_unstable());
     let moved = own.samples[own.samples.len() - 500..].iter().map(|s| s.error().abs());
     let most = moved.fold(0.0, f64::max);
@@ -113,7 +113,7 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         let [benchmark, own] = both(&crane, &choice);
         let top = own.samples.iter().map(|s| s.command.motor_speed).fold(0.0, f64::max);
         assert!(top > 0.95 * crane.numbers.motor_speed, "{top} rev/s is no limit");
-        assert!(own.rms() < 1.05 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+        assert!(own.rms() < 1.005 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let end = own.samples.last().unwrap().error();
         assert!(end.abs() < 0.5e-3 && !own.score().is_unstable(), "{end} m are left");
     }
@@ -132,10 +132,11 @@ fn what_is_not_known_yet_of_soft_oil_does_not_swing_the_motor() {
 }
 
 /// Starts and stops so short that the pressure dips into soft oil: state feedback that may ask for all the motor has drives the simulated crane, full
-/// or half empty, into swings of decimetres, and the machine after it; one in which position drowns what damps swings on at rest.
+/// or half empty, into swings of decimetres, and the machine after it; one in which position drowns what damps swings on at rest. Of light ones on
+/// oil so soft that the pump needs the whole of a ramp for its pressure, one that is to follow the ramp as it is comes 25 mm too far at each stop.
 #[test]
 fn starts_and_stops_do_not_throw_the_simulated_crane() {
-    for (number, share) in [(3, 0.25), (15, 0.25), (1, 0.7), (5, 0.9)] {
+    for (number, share) in [(3, 0.25), (15, 0.25), (1, 0.7), (5, 0.9), (108, 0.9), (161, 0.7)] {
         let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("start-stop".into()));
         let [most, own_rms] = [share * benchmark.rms(), own.rms()];
