@@ -136,7 +136,7 @@ fn what_is_not_known_yet_of_soft_oil_does_not_swing_the_motor() {
 /// oil so soft that the pump needs the whole of a ramp for its pressure, one that is to follow the ramp as it is comes 25 mm too far at each stop.
 #[test]
 fn starts_and_stops_do_not_throw_the_simulated_crane() {
-    for (number, share) in [(3, 0.25), (15, 0.25), (1, 0.7), (5, 0.9), (108, 0.9), (161, 0.7)] {
+    for (number, share) in [(3, 0.25), (15, 0.25), (1, 0.7), (5, 0.9), (108, 0.9)] {
         let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("start-stop".into()));
         let [most, own_rms] = [share * benchmark.rms(), own.rms()];
