@@ -1,0 +1,316 @@
+//! What the motor leaves of the error where a reference changes its acceleration and nobody was told before: of a crane that is a mass on its oil, whose
+//! spring and friction are known, and that is exactly where it should be until then; from then on all that follows is known, up to the next
+//! change. The best motor speeds that are found have that much error. Beside it what benchmark and model following have.
+//!
+//! A trajectory is improved by backward and forward sweeps (iterative linear-quadratic regulation, the motor's limits kept in each of them) until a sweep brings
+//! less than a thousandth. Such a best is a best near by. Drive, sensors and the boom's bending are
+//! left out: with them nobody has less.
+//!
+//! `motor_floor -- start-stop 24` for the first 24 cranes of seed 1, or another scenario in which no load changes; without a number for 16.
+
+use hydroboom_control::{ModelFollowing, MotorLimits, Reference, Station};
+use hydroboom_description::Description;
+use hydroboom_design::schedule;
+use hydroboom_lab::LabError;
+use hydroboom_lab::family::member;
+use hydroboom_lab::motion_test::Strategy;
+use hydroboom_lab::scenario::{Course, CourseChoice};
+use hydroboom_lab::score::Score;
+use hydroboom_lab::steering::steer;
+use nalgebra::{Matrix4, RowVector4, Vector4};
+use rayon::prelude::*;
+use std::error::Error;
+use std::ops::Range;
+
+type Failure = Box<dyn Error + Send + Sync>;
+
+const SEED: u64 = 1;
+const CRANES: u64 = 16;
+/// Duration of a step \[s\].
+const STEP: f64 = 1e-3;
+/// What a motor that changes its speed by 1 rev/s in a second costs as an error \[m\]: next to nothing, so that a best is one.
+const SLEW_AS_ERROR: f64 = 1e-9;
+const SWEEPS: usize = 200;
+/// Shares of state feedback to begin with.
+const STARTS: [f64; 3] = [0.1, 0.4, 1.0];
+/// A change of the reference's acceleration \[m/s²\] that counts.
+const CHANGE: f64 = 1e-3;
+/// No sweep that brings less than this share of the sum of squares is followed by another.
+const WORTH: f64 = 1e-3;
+
+/// The crane at a step, where the reference is.
+struct Step {
+    reference: Reference<f64>,
+    station: Station<f64>,
+}
+
+/// A mass on its oil spring: position \[m\], velocity \[m/s\], load pressure \[Pa\] and motor speed \[rev/s\].
+struct Spring {
+    law: ModelFollowing<f64>,
+    steps: Vec<Step>,
+}
+
+/// A state, and how the next follows from it and from the rate of the motor speed.
+struct Next {
+    state: Vector4<f64>,
+    by_state: Matrix4<f64>,
+    by_slew: Vector4<f64>,
+}
+
+impl Spring {
+    /// Of a crane along a course: the model's with its payload, and what its oil, pump and friction are themselves.
+    fn new(model: &Description, crane: &Description, course: &dyn Course) -> Result<Self, Failure> {
+        let (modelled, own) = (&model.numbers, &crane.numbers);
+        let mut law = schedule(model)?.at(own.payload);
+        law.stiffness.transition = own.transition;
+        law.friction_pressure *= own.coulomb / modelled.coulomb;
+        for station in &mut law.stations {
+            station.stiff.pressure_by_speed *= own.flow_gain / modelled.flow_gain;
+            station.stiff.acceleration_by_velocity *= own.viscous / modelled.viscous;
+        }
+        let count = (course.duration() / STEP).round() as usize;
+        let step = |k: usize| {
+            let reference = course.reference(k as f64 * STEP);
+            Step { station: law.station(reference.position), reference }
+        };
+        Ok(Self { steps: (0..=count).map(step).collect(), law })
+    }
+
+    /// How fast a motor at a speed \[rev/s\] can change it, down and up \[rev/s²\].
+    fn slews(&self, speed: f64) -> [f64; 2] {
+        let MotorLimits { speed: limit, slew } = self.law.limits;
+        [(-limit - speed) / STEP, (limit - speed) / STEP].map(|rate| rate.clamp(-slew, slew))
+    }
+
+    /// Motor speed \[rev/s\] of the reference in even motion.
+    fn evenly(&self, at: &Step) -> f64 {
+        let Station { rest, stiff } = &at.station;
+        let per_velocity = -stiff.pressure_by_velocity / stiff.pressure_by_speed;
+        rest.holding_speed + per_velocity * at.reference.velocity
+    }
+
+    /// Acceleration of the reference from a step to the next \[m/s²\].
+    fn acceleration(&self, from: usize) -> f64 {
+        let [now, next] = [from, from + 1].map(|k| self.steps[k].reference.velocity);
+        (next - now) / STEP
+    }
+
+    /// Steps from one change of the reference's acceleration to the next.
+    fn parts(&self) -> Vec<Range<usize>> {
+        let last = self.steps.len() - 1;
+        let changes =
+            (1..last).filter(|&k| (self.acceleration(k) - self.acceleration(k - 1)).abs() > CHANGE);
+        let ends: Vec<_> = std::iter::once(0).chain(changes).chain([last]).collect();
+        ends.windows(2).map(|pair| pair[0]..pair[1]).collect()
+    }
+
+    /// Exactly on the reference at a step, at the acceleration that it had.
+    fn on_reference(&self, at: usize) -> Vector4<f64> {
+        let Step { reference, station } = &self.steps[at];
+        let acceleration = if at == 0 { 0.0 } else { self.acceleration(at - 1) };
+        let Station { rest, stiff } = station;
+        let drag = stiff.acceleration_by_velocity * reference.velocity;
+        let rubs = (reference.velocity / self.law.friction_speed).tanh();
+        let moving = (acceleration - drag) / stiff.acceleration_by_pressure;
+        let pressure = rest.load_pressure + moving + self.law.friction_pressure * rubs;
+        let speed = self.evenly(&self.steps[at]);
+        Vector4::new(reference.position, reference.velocity, pressure, speed)
+    }
+
+    /// `v' = a_v v + a_p (p − p_0 − p_fr(v))`, `p' = s(p) (c_v v + b (n − n_0))`.
+    fn next(&self, at: &Step, state: &Vector4<f64>, slew: f64) -> Next {
+        let Station { rest, stiff } = &at.station;
+        let [x, v, p] = [state[0], state[1], state[2]];
+        let speed = state[3] + STEP * slew;
+        let (a_v, a_p) = (stiff.acceleration_by_velocity, stiff.acceleration_by_pressure);
+        let (c_v, b) = (stiff.pressure_by_velocity, stiff.pressure_by_speed);
+        let turned = (v / self.law.friction_speed).tanh();
+        let turning = (1.0 - turned * turned) / self.law.friction_speed;
+        let friction = self.law.friction_pressure;
+        let held = rest.load_pressure + rest.load_pressure_slope * (x - at.reference.position);
+        let acceleration = a_v * v + a_p * (p - held - friction * turned);
+        let v_next = v + STEP * acceleration;
+        let v_by = RowVector4::new(
+            -STEP * a_p * rest.load_pressure_slope,
+            1.0 + STEP * (a_v - a_p * friction * turning),
+            STEP * a_p,
+            0.0,
+        );
+        let stiffness = self.law.stiffness_at(p);
+        let apart = 1e3;
+        let stiffens =
+            (self.law.stiffness_at(p + apart) - self.law.stiffness_at(p - apart)) / (2.0 * apart);
+        let rate = c_v * v_next + b * (speed - rest.holding_speed);
+        let x_by = RowVector4::new(1.0, 0.0, 0.0, 0.0) + STEP * v_by;
+        let pumped = STEP * stiffness * b;
+        let p_by = RowVector4::new(0.0, 0.0, 1.0 + STEP * stiffens * rate, pumped)
+            + STEP * stiffness * c_v * v_by;
+        let n_by = RowVector4::new(0.0, 0.0, 0.0, 1.0);
+        Next {
+            state: Vector4::new(x + STEP * v_next, v_next, p + STEP * stiffness * rate, speed),
+            by_state: Matrix4::from_rows(&[x_by, v_by, p_by, n_by]),
+            by_slew: Vector4::new(0.0, 0.0, STEP * pumped, STEP),
+        }
+    }
+
+    /// States and slews of a part under feedback of where they differ from others, with the sum of their squares; none where it runs away.
+    fn roll(
+        &self,
+        part: &Range<usize>,
+        slew: impl Fn(usize, &Vector4<f64>) -> f64,
+    ) -> Option<Tried> {
+        let mut state = self.on_reference(part.start);
+        let mut tried = Tried { states: vec![state], slews: Vec::new(), cost: 0.0 };
+        for (k, at) in self.steps[part.clone()].iter().enumerate() {
+            let [down, up] = self.slews(state[3]);
+            let rate = slew(k, &state).clamp(down, up);
+            state = self.next(at, &state, rate).state;
+            let error = state[0] - self.steps[part.start + k + 1].reference.position;
+            tried.cost += error * error + (SLEW_AS_ERROR * rate).powi(2);
+            tried.states.push(state);
+            tried.slews.push(rate);
+        }
+        tried.cost.is_finite().then_some(tried)
+    }
+
+    /// To begin with: the reference's own speed, and a share of what state feedback asks for beside it.
+    fn begin(&self, part: &Range<usize>, share: f64) -> Option<Tried> {
+        self.roll(part, |k, state| {
+            let step = &self.steps[part.start + k];
+            let gains = self.law.gains_at_rest(step.reference.position);
+            let off = self.on_reference(part.start + k) - state;
+            let back = gains.position * off[0] + gains.velocity * off[1] + gains.pressure * off[2];
+            (self.evenly(step) + share * back - state[3]) / STEP
+        })
+    }
+
+    /// A better one near by; none where none is found.
+    fn improve(&self, part: &Range<usize>, tried: &Tried, careful: f64) -> Option<Tried> {
+        let (count, at) = (tried.slews.len(), &self.steps[part.start..]);
+        let mut gradient = Vector4::zeros();
+        let mut curvature = Matrix4::zeros();
+        let mut answers = vec![(0.0, RowVector4::zeros()); count];
+        for k in (0..count).rev() {
+            let rate = tried.slews[k];
+            // the error at the end of the step
+            gradient[0] += 2.0 * (tried.states[k + 1][0] - at[k + 1].reference.position);
+            curvature[(0, 0)] += 2.0;
+            let Next { by_state, by_slew, .. } = self.next(&at[k], &tried.states[k], rate);
+            let dear = 2.0 * SLEW_AS_ERROR * SLEW_AS_ERROR;
+            let slope = by_slew.dot(&gradient) + dear * rate;
+            let bent = by_slew.dot(&(curvature * by_slew)) + dear;
+            let crossed = by_slew.transpose() * curvature * by_state;
+            let bent_more = bent * (1.0 + careful) + careful * dear;
+            let wanted = -slope / bent_more;
+            let [down, up] = self.slews(tried.states[k][3]).map(|limit| limit - rate);
+            let change = wanted.clamp(down, up);
+            let free = down < wanted && wanted < up;
+            let feedback = if free { -crossed / bent_more } else { RowVector4::zeros() };
+            answers[k] = (change, feedback);
+            gradient = by_state.transpose() * gradient
+                + feedback.transpose() * (slope + bent * change)
+                + crossed.transpose() * change;
+            curvature = by_state.transpose() * curvature * by_state
+                + feedback.transpose() * bent * feedback
+                + feedback.transpose() * crossed
+                + crossed.transpose() * feedback;
+        }
+        [1.0, 0.5, 0.25, 0.1, 0.03, 0.01].into_iter().find_map(|share| {
+            let better = self.roll(part, |k, state| {
+                let (change, feedback) = answers[k];
+                tried.slews[k] + share * change + (feedback * (state - tried.states[k]))[0]
+            })?;
+            (better.cost < tried.cost).then_some(better)
+        })
+    }
+
+    /// Sum of squares \[m²\] of the best that is found for a part.
+    fn best(&self, part: &Range<usize>) -> Option<f64> {
+        let found =
+            STARTS.iter().filter_map(|share| Some(self.best_from(self.begin(part, *share)?, part)));
+        found.min_by(f64::total_cmp)
+    }
+
+    /// The same of what is found from one to begin with.
+    fn best_from(&self, mut best: Tried, part: &Range<usize>) -> f64 {
+        let mut careful = 0.0;
+        for _ in 0..SWEEPS {
+            match self.improve(part, &best, careful) {
+                Some(better) => {
+                    let worth = 1.0 - better.cost / best.cost;
+                    best = better;
+                    careful *= 0.3;
+                    if worth < WORTH && careful < 1e-3 {
+                        break;
+                    }
+                }
+                None if careful > 1e6 => break,
+                None => careful = 10.0 * careful + 1e-3,
+            }
+        }
+        best.cost
+    }
+
+    /// Root of the mean square \[m\] over all parts.
+    fn floor(&self) -> Option<f64> {
+        let square: f64 = self.parts().iter().map(|part| self.best(part)).sum::<Option<f64>>()?;
+        Some((square / self.steps.len() as f64).sqrt())
+    }
+}
+
+/// Rates of the motor speed \[rev/s²\] that were tried, the states that they lead through, and the sum of squared errors.
+struct Tried {
+    states: Vec<Vector4<f64>>,
+    slews: Vec<f64>,
+    cost: f64,
+}
+
+/// The same of a strategy on the crane.
+fn rms(
+    model: &Description,
+    crane: &Description,
+    strategy: Strategy,
+    course: &dyn Course,
+) -> Result<f64, LabError> {
+    let mut score = Score::new(course.duration());
+    steer(model, crane, strategy, course, |sample| {
+        score.add(sample);
+        Ok(())
+    })?;
+    Ok(score.rms())
+}
+
+fn main() -> Result<(), Failure> {
+    let mut arguments = std::env::args().skip(1);
+    let scenario = arguments.next().unwrap_or_else(|| "start-stop".into());
+    let count = arguments.next().map_or(Ok(CRANES), |number| number.parse())?;
+    let model = Description::uia_single_boom()?;
+    let nominal = Description::uia_virtual()?;
+    let choice = CourseChoice::Scenario(scenario);
+    let one = |number: u64| -> Result<[f64; 3], Failure> {
+        let crane = member(&nominal, SEED, number)?.crane;
+        let course = choice.of(&crane)?;
+        if !course.loads().is_empty() {
+            return Err("a scenario in which loads change: see load_floor".into());
+        }
+        let best = Spring::new(&model, &crane, course.as_ref())?.floor();
+        let of = |strategy| rms(&model, &crane, strategy, course.as_ref());
+        let [benchmark, own] = [of(Strategy::BenchmarkClosedLoop)?, of(Strategy::ModelFollowing)?];
+        Ok([best.unwrap_or(f64::NAN), benchmark, own].map(|error| 1e3 * error))
+    };
+    let rows: Vec<_> = (0..count).into_par_iter().map(one).collect::<Result<_, _>>()?;
+    println!("RMS [mm]       best found   benchmark   model following");
+    for (number, [best, benchmark, following]) in rows.iter().enumerate() {
+        println!("crane {number:>3}      {best:>10.2}   {benchmark:>9.2}   {following:>15.2}");
+    }
+    println!("RMS of the benchmark's, in the median, at the 95th percentile, at most:");
+    for (name, of) in [("best found", 0), ("model following", 2)] {
+        let mut shares: Vec<_> = rows.iter().map(|row| row[of] / row[1]).collect();
+        shares.sort_by(f64::total_cmp);
+        let last = shares.len().saturating_sub(1) as f64;
+        let at =
+            |share: f64| shares.get((share * last).round() as usize).copied().unwrap_or(f64::NAN);
+        println!("{name:>16}  {:.2} {:.2} {:.2}", at(0.5), at(0.95), at(1.0));
+    }
+    Ok(())
+}
