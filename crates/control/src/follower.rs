@@ -88,7 +88,7 @@ impl Follower {
         self.simulated = (known, self.law);
         self.feedback = self.law.begin(machine, simulated);
         self.following = self.law.start();
-        (self.unlike, self.led, self.leads_to) = (0.0, [None; 2], None);
+        self.lead_nowhere();
         self.correction[1] = self.correction[0];
     }
 
@@ -96,6 +96,11 @@ impl Follower {
     pub fn take_over(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>, speed: f64) {
         self.simulated = (self.known().conditions(), self.learner.law());
         self.following = self.simulated.1.take_over(reference, simulated, speed);
+        self.lead_nowhere();
+    }
+
+    /// Nothing is known of where state feedback led the simulated crane.
+    fn lead_nowhere(&mut self) {
         (self.unlike, self.led, self.leads_to) = (0.0, [None; 2], None);
     }
 

@@ -1,31 +1,17 @@
 //! What the motor leaves of the error where a reference changes its acceleration and nobody was told before: of a crane that is a mass on its oil, whose
 //! spring and friction are known, and that is exactly where it should be until then; from then on all that follows is known, up to the next
-//! change. The best motor speeds that are found have that much error. Beside it what benchmark and model following have.
+//! change. The best motor speeds that are found have that much error.
 //!
 //! A trajectory is improved by backward and forward sweeps (iterative linear-quadratic regulation, the motor's limits kept in each of them) until a sweep brings
 //! less than a thousandth. Such a best is a best near by. Drive, sensors and the boom's bending are
 //! left out: with them nobody has less.
-//!
-//! `motor_floor -- start-stop 24` for the first 24 cranes of seed 1, or another scenario in which no load changes; without a number for 16.
 
+use super::{Case, Failure, Left};
 use hydroboom_control::{ModelFollowing, MotorLimits, Reference, Station};
-use hydroboom_description::Description;
 use hydroboom_design::schedule;
-use hydroboom_lab::LabError;
-use hydroboom_lab::family::member;
-use hydroboom_lab::motion_test::Strategy;
-use hydroboom_lab::scenario::{Course, CourseChoice};
-use hydroboom_lab::score::Score;
-use hydroboom_lab::steering::steer;
 use nalgebra::{Matrix4, RowVector4, Vector4};
-use rayon::prelude::*;
-use std::error::Error;
 use std::ops::Range;
 
-type Failure = Box<dyn Error + Send + Sync>;
-
-const SEED: u64 = 1;
-const CRANES: u64 = 16;
 /// Duration of a step \[s\].
 const STEP: f64 = 1e-3;
 /// What a motor that changes its speed by 1 rev/s in a second costs as an error \[m\]: next to nothing, so that a best is one.
@@ -59,7 +45,7 @@ struct Next {
 
 impl Spring {
     /// Of a crane along a course: the model's with its payload, and what its oil, pump and friction are themselves.
-    fn new(model: &Description, crane: &Description, course: &dyn Course) -> Result<Self, Failure> {
+    fn new(Case { model, crane, course, .. }: &Case) -> Result<Self, Failure> {
         let (modelled, own) = (&model.numbers, &crane.numbers);
         let mut law = schedule(model)?.at(own.payload);
         law.stiffness.transition = own.transition;
@@ -84,9 +70,10 @@ impl Spring {
 
     /// Motor speed \[rev/s\] of the reference in even motion.
     fn evenly(&self, at: &Step) -> f64 {
-        let Station { rest, stiff } = &at.station;
-        let per_velocity = -stiff.pressure_by_velocity / stiff.pressure_by_speed;
-        rest.holding_speed + per_velocity * at.reference.velocity
+        let rest = &at.station.rest;
+        let spring = at.station.spring(self.law.stiffness_at(rest.load_pressure));
+        let rate = rest.load_pressure_slope - spring.pressure_by_velocity;
+        rest.holding_speed + rate / spring.pressure_by_speed * at.reference.velocity
     }
 
     /// Acceleration of the reference from a step to the next \[m/s²\].
@@ -160,12 +147,13 @@ impl Spring {
         slew: impl Fn(usize, &Vector4<f64>) -> f64,
     ) -> Option<Tried> {
         let mut state = self.on_reference(part.start);
-        let mut tried = Tried { states: vec![state], slews: Vec::new(), cost: 0.0 };
+        let mut tried = Tried { states: vec![state], slews: Vec::new(), cost: 0.0, farthest: 0.0 };
         for (k, at) in self.steps[part.clone()].iter().enumerate() {
             let [down, up] = self.slews(state[3]);
             let rate = slew(k, &state).clamp(down, up);
             state = self.next(at, &state, rate).state;
             let error = state[0] - self.steps[part.start + k + 1].reference.position;
+            tried.farthest = tried.farthest.max(error.abs());
             tried.cost += error * error + (SLEW_AS_ERROR * rate).powi(2);
             tried.states.push(state);
             tried.slews.push(rate);
@@ -224,15 +212,15 @@ impl Spring {
         })
     }
 
-    /// Sum of squares \[m²\] of the best that is found for a part.
-    fn best(&self, part: &Range<usize>) -> Option<f64> {
+    /// The best that is found for a part.
+    fn best(&self, part: &Range<usize>) -> Option<Tried> {
         let found =
             STARTS.iter().filter_map(|share| Some(self.best_from(self.begin(part, *share)?, part)));
-        found.min_by(f64::total_cmp)
+        found.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// The same of what is found from one to begin with.
-    fn best_from(&self, mut best: Tried, part: &Range<usize>) -> f64 {
+    /// The best that is found from one to begin with.
+    fn best_from(&self, mut best: Tried, part: &Range<usize>) -> Tried {
         let mut careful = 0.0;
         for _ in 0..SWEEPS {
             match self.improve(part, &best, careful) {
@@ -248,69 +236,28 @@ impl Spring {
                 None => careful = 10.0 * careful + 1e-3,
             }
         }
-        best.cost
+        best
     }
 
-    /// Root of the mean square \[m\] over all parts.
-    fn floor(&self) -> Option<f64> {
-        let square: f64 = self.parts().iter().map(|part| self.best(part)).sum::<Option<f64>>()?;
-        Some((square / self.steps.len() as f64).sqrt())
+    /// What is left over all parts.
+    fn left(&self) -> Option<Left> {
+        let best: Vec<_> =
+            self.parts().iter().map(|part| self.best(part)).collect::<Option<_>>()?;
+        let square: f64 = best.iter().map(|tried| tried.cost).sum();
+        let rms = (square / self.steps.len() as f64).sqrt();
+        Some(Left { rms, farthest: best.iter().map(|tried| tried.farthest).fold(0.0, f64::max) })
     }
 }
 
-/// Rates of the motor speed \[rev/s²\] that were tried, the states that they lead through, and the sum of squared errors.
+/// Rates of the motor speed \[rev/s²\] that were tried, the states that they lead through, the sum of squared errors \[m²\] and the farthest \[m\].
 struct Tried {
     states: Vec<Vector4<f64>>,
     slews: Vec<f64>,
     cost: f64,
+    farthest: f64,
 }
 
-/// The same of a strategy on the crane.
-fn rms(
-    model: &Description,
-    crane: &Description,
-    strategy: Strategy,
-    course: &dyn Course,
-) -> Result<f64, LabError> {
-    let mut score = Score::new(course.duration());
-    steer(model, crane, strategy, course, |sample| {
-        score.add(sample);
-        Ok(())
-    })?;
-    Ok(score.rms())
-}
-
-fn main() -> Result<(), Failure> {
-    let mut arguments = std::env::args().skip(1);
-    let scenario = arguments.next().unwrap_or_else(|| "start-stop".into());
-    let count = arguments.next().map_or(Ok(CRANES), |number| number.parse())?;
-    let model = Description::uia_single_boom()?;
-    let nominal = Description::uia_virtual()?;
-    let choice = CourseChoice::Scenario(scenario);
-    let one = |number: u64| -> Result<[f64; 3], Failure> {
-        let crane = member(&nominal, SEED, number)?.crane;
-        let course = choice.of(&crane)?;
-        if !course.loads().is_empty() {
-            return Err("a scenario in which loads change: see load_floor".into());
-        }
-        let best = Spring::new(&model, &crane, course.as_ref())?.floor();
-        let of = |strategy| rms(&model, &crane, strategy, course.as_ref());
-        let [benchmark, own] = [of(Strategy::BenchmarkClosedLoop)?, of(Strategy::ModelFollowing)?];
-        Ok([best.unwrap_or(f64::NAN), benchmark, own].map(|error| 1e3 * error))
-    };
-    let rows: Vec<_> = (0..count).into_par_iter().map(one).collect::<Result<_, _>>()?;
-    println!("RMS [mm]       best found   benchmark   model following");
-    for (number, [best, benchmark, following]) in rows.iter().enumerate() {
-        println!("crane {number:>3}      {best:>10.2}   {benchmark:>9.2}   {following:>15.2}");
-    }
-    println!("RMS of the benchmark's, in the median, at the 95th percentile, at most:");
-    for (name, of) in [("best found", 0), ("model following", 2)] {
-        let mut shares: Vec<_> = rows.iter().map(|row| row[of] / row[1]).collect();
-        shares.sort_by(f64::total_cmp);
-        let last = shares.len().saturating_sub(1) as f64;
-        let at =
-            |share: f64| shares.get((share * last).round() as usize).copied().unwrap_or(f64::NAN);
-        println!("{name:>16}  {:.2} {:.2} {:.2}", at(0.5), at(0.95), at(1.0));
-    }
-    Ok(())
+/// What the best motor speeds leave.
+pub fn left(case: &Case) -> Result<Left, Failure> {
+    Spring::new(case)?.left().ok_or_else(|| "the spring runs away whatever is tried first".into())
 }

@@ -1,0 +1,56 @@
+//! What a load that changes leaves of the error whoever controls. A crane is steered by model following up to the change; from that very instant, as if
+//! it had been known, the motor is told all its speed against the pull, and as soon as the piston is pulled no farther it counts as back
+//! for the rest of the course. Nothing that turns this motor has less.
+
+use super::{Case, Failure, Left};
+use hydroboom_virtual_crane::VirtualCrane;
+
+/// A pull is over once the piston is nearer by this than it was \[m\].
+const NEARER: f64 = 1e-3;
+/// It is over by then \[s\].
+const LONGEST: f64 = 2.0;
+
+/// Sum of squares \[m²\] over the samples in which the piston is pulled off by the change of the given number, and how far it is \[m\]; led until then as in
+/// the run.
+fn pull(case: &Case, number: usize) -> Result<[f64; 2], Failure> {
+    let Case { crane, course, following, .. } = case;
+    let change = course.loads()[number];
+    let mut machine = VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?;
+    let mut loads = course.loads()[..=number].iter().peekable();
+    let mut mass = crane.numbers.payload;
+    let mut against = 0.0;
+    let [mut square, mut farthest, mut begins] = [0.0; 3];
+    for sample in &following.samples {
+        let error = sample.reference.position - machine.truth().outputs.stroke;
+        while let Some(load) = loads.next_if(|load| load.time <= sample.time) {
+            against = if load.mass > mass { 1.0 } else { -1.0 };
+            mass = load.mass;
+            machine.set_payload(mass)?;
+            (begins, farthest) = (error, 0.0);
+        }
+        let mut command = sample.command;
+        if sample.time >= change.time {
+            command.motor_speed = against * crane.numbers.motor_speed;
+            let pulled: f64 = against * (error - begins);
+            if pulled < farthest - NEARER || sample.time > change.time + LONGEST {
+                break;
+            }
+            farthest = farthest.max(pulled);
+            square += pulled.max(0.0).powi(2);
+        }
+        machine.advance(&command)?;
+    }
+    Ok([square, farthest])
+}
+
+/// What the changes of a course leave at best.
+pub fn left(case: &Case) -> Result<Left, Failure> {
+    let [mut square, mut farthest] = [0.0, 0.0_f64];
+    for number in 0..case.course.loads().len() {
+        let [more, far] = pull(case, number)?;
+        square += more;
+        farthest = farthest.max(far);
+    }
+    let rms = (square / case.following.samples.len() as f64).sqrt();
+    Ok(Left { rms, farthest })
+}
