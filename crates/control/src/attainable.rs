@@ -2,7 +2,8 @@
 //!
 //! What accelerates a crane is pressure, and on soft oil a pressure takes many revolutions of the pump: a step of acceleration that is asked for at once
 //! is there after a third of a second, a stop comes too late, and feedback that is told of it all as a deviation swings the crane on. So the
-//! reference is a motion of the oil spring itself, by a motor that has its limits. What it cannot follow is made good for later.
+//! reference is a motion of the oil spring itself, by a motor that has its limits. What it cannot follow is made good for later. The farther the reference
+//! runs ahead, the more of the motor is led into the spring, and the less is left to feedback.
 
 use crate::{ModelFollowing, OilSpring, Reference, Station};
 use hydroboom_math::Real;
@@ -12,6 +13,8 @@ use hydroboom_math::Real;
 pub(crate) struct ReferenceMemory<T> {
     /// By how much the one that is asked for runs ahead of it \[m\].
     pub ahead: T,
+    /// Of that, what came of a velocity beyond the motor's \[m\].
+    pub too_fast: T,
     /// Velocity that it should have \[m/s\].
     pub wanted_velocity: T,
     /// Velocity that it has \[m/s\].
@@ -39,10 +42,18 @@ const CATCHES_UP: f64 = 6.0;
 const BY_RING: f64 = 0.5;
 /// It is braked, so that the crane comes to rest where it shall, by this share of its largest speed in a second \[1/s\].
 const BRAKES: f64 = 3.5;
-/// Of what motion leaves of the motor's speed, what may go into the oil spring; and what may at least, of all its speed. The rest is feedback's.
-const INTO_THE_SPRING: [f64; 2] = [0.35, 0.1];
-/// Of the motor's speed, what is counted on when a change of acceleration is begun: what ends it again has to be in time on softer oil too.
-const COUNTED_ON: f64 = 0.175;
+/// Of what motion leaves of the motor's speed, what may go into the oil spring: where the reference is attained, and feedback has the rest, and where it
+/// runs far ahead.
+const INTO_THE_SPRING: [f64; 2] = [0.35, 1.0];
+/// And what may at least, of all the motor's speed.
+const LEAST: f64 = 0.1;
+/// A reference that runs ahead by this runs far ahead \[m\], all the more the nearer to that.
+const FAR: f64 = 0.03;
+/// So does one of which so much comes of a velocity beyond the motor's \[m\]: nothing brings that sooner than the whole motor.
+const TOO_FAST: f64 = 0.01;
+/// Of the motor's speed, what is counted on when a change of acceleration is begun: what ends it again has to be in time on softer oil too; and where
+/// the reference is too fast, and it may end late.
+const COUNTED_ON: [f64; 2] = [0.175, 0.6];
 /// Of friction's change, what is known when it comes: a crane that was at rest is held by any part of it, to either side.
 const FRICTION_KNOWN: f64 = 0.5;
 
@@ -50,13 +61,17 @@ impl<T: Real> ReferenceMemory<T> {
     /// In even motion that is no faster than the motor can.
     pub(crate) fn even(law: &ModelFollowing<T>, reference: &Reference<T>) -> Self {
         let (at, _, speed_per_velocity) = evenly(law, reference.position);
-        let fastest = [-law.fastest(), law.fastest()]
-            .map(|speed| (speed - at.rest.holding_speed) / speed_per_velocity);
-        let velocity = reference.velocity.clamp(fastest[0], fastest[1]);
+        let velocity = reachable(law, &at, speed_per_velocity, reference.velocity);
         let drag = at.stiff.acceleration_by_velocity * velocity;
         let moving_pressure =
             law.friction_pressure_at(velocity) - drag / at.stiff.acceleration_by_pressure;
-        Self { ahead: T::zero(), wanted_velocity: velocity, velocity, moving_pressure }
+        Self {
+            ahead: T::zero(),
+            too_fast: T::zero(),
+            wanted_velocity: velocity,
+            velocity,
+            moving_pressure,
+        }
     }
 
     /// The reference that is attained in the coming period, of one that is asked for: `v' = a_v v + a_p (p − p_fr(v))`, p being the moving pressure,
@@ -82,8 +97,10 @@ impl<T: Real> ReferenceMemory<T> {
         let b = at
             .spring(law.stiffness_at(at.rest.load_pressure + self.moving_pressure))
             .pressure_by_speed;
+        let too_fast = (self.too_fast.abs() / T::lit(TOO_FAST)).min(T::one());
+        let far = (too_fast + self.ahead.abs() / T::lit(FAR)).min(T::one());
         // a change of acceleration is ended in time, on oil that may be softer than this
-        let jerk = T::lit(COUNTED_ON) * full * a_p * b.min(rest.pressure_by_speed);
+        let jerk = between(COUNTED_ON, too_fast) * full * a_p * b.min(rest.pressure_by_speed);
         let behind = self.wanted_velocity - v;
         let most = (T::lit(2.0) * jerk * behind.abs()).sqrt();
         let acceleration =
@@ -91,10 +108,8 @@ impl<T: Real> ReferenceMemory<T> {
         let pressure = (acceleration - a_v * v) / a_p + friction;
 
         let turning = at.rest.holding_speed + speed_per_velocity * v;
-        let spared = |left: T| {
-            let [share, least] = INTO_THE_SPRING.map(T::lit);
-            (share * left.max(zero) + least * full).min(left)
-        };
+        let (share, least) = (between(INTO_THE_SPRING, far), T::lit(LEAST) * full);
+        let spared = |left: T| (share * left.max(zero) + least).min(left);
         let into_the_spring = ((pressure - self.moving_pressure) / (period * b))
             .clamp(-spared(full + turning), spared(full - turning));
         let moving_pressure = self.moving_pressure + period * b * into_the_spring;
@@ -108,8 +123,12 @@ impl<T: Real> ReferenceMemory<T> {
             pressure_rate: b * into_the_spring - T::lit(1.0 - FRICTION_KNOWN) * rubbing,
             motor_speed: turning + into_the_spring,
         };
+        let ahead = self.ahead + period * (reference.velocity - velocity);
+        let beyond =
+            reference.velocity - reachable(law, &at, speed_per_velocity, reference.velocity);
         *self = Self {
-            ahead: self.ahead + period * (reference.velocity - velocity),
+            ahead,
+            too_fast: (self.too_fast + period * beyond).clamp(ahead.min(zero), ahead.max(zero)),
             wanted_velocity: wanted,
             velocity,
             moving_pressure,
@@ -125,6 +144,26 @@ fn evenly<T: Real>(law: &ModelFollowing<T>, position: T) -> (Station<T>, OilSpri
     let spring = at.spring(law.stiffness_at(at.rest.load_pressure));
     let rate = at.rest.load_pressure_slope - spring.pressure_by_velocity;
     (at, spring, rate / spring.pressure_by_speed)
+}
+
+/// A velocity \[m/s\], where it is no faster than the motor can, or what that can.
+#[inline(always)]
+fn reachable<T: Real>(
+    law: &ModelFollowing<T>,
+    at: &Station<T>,
+    speed_per_velocity: T,
+    velocity: T,
+) -> T {
+    let full = law.fastest();
+    let [slowest, fastest] =
+        [-full, full].map(|speed| (speed - at.rest.holding_speed) / speed_per_velocity);
+    velocity.clamp(slowest, fastest)
+}
+
+/// What lies between two values, by the second's share, 0 to 1.
+#[inline(always)]
+fn between<T: Real>([first, second]: [f64; 2], share: T) -> T {
+    share.mul_add(T::lit(second - first), T::lit(first))
 }
 
 /// Velocity \[m/s\] at which a distance \[m\] is made good for at a rate \[1/s\], if that may be braked at \[m/s²\].
@@ -212,6 +251,21 @@ mod tests {
                 let most = all.iter().map(|(_, a)| turns * a.motor_speed.abs()).fold(0.0, f64::max);
                 assert!((most - law.limits.speed).abs() < 0.01 * law.limits.speed, "{most}");
             }
+        }
+    }
+
+    #[test]
+    fn a_reference_that_runs_far_ahead_takes_the_whole_motor() {
+        let law = soft();
+        let ramp = (0..500).map(|k| 6e-4 * f64::from(k));
+        let asked = ramp.chain(core::iter::repeat_n(0.3, 1000));
+        let far: Vec<_> = attained(&law, asked)
+            .into_iter()
+            .filter(|(asked, given)| asked.position - given.reference.position > FAR)
+            .collect();
+        assert!(far.len() > 500, "{}", far.len());
+        for (asked, given) in far {
+            assert!((given.motor_speed - law.limits.speed).abs() < 1e-9, "{asked:?} {given:?}");
         }
     }
 

@@ -48,6 +48,9 @@ record! {
         /// By how much the reference runs ahead of what the crane can follow
         #[unit = "m"]
         pub ahead: T,
+        /// Of that, what came of a velocity beyond the motor's
+        #[unit = "m"]
+        pub too_fast: T,
         /// Velocity that what it can follow should have, a period ago
         #[unit = "m/s"]
         pub wanted_velocity: T,
@@ -176,6 +179,7 @@ impl<T: Real> FollowingMemory<T> {
     fn reference(&self) -> ReferenceMemory<T> {
         ReferenceMemory {
             ahead: self.ahead,
+            too_fast: self.too_fast,
             wanted_velocity: self.wanted_velocity,
             velocity: self.reference_velocity,
             moving_pressure: self.moving_pressure,
@@ -183,8 +187,9 @@ impl<T: Real> FollowingMemory<T> {
     }
 
     fn refer(&mut self, to: ReferenceMemory<T>) {
-        (self.ahead, self.wanted_velocity) = (to.ahead, to.wanted_velocity);
-        (self.reference_velocity, self.moving_pressure) = (to.velocity, to.moving_pressure);
+        (self.ahead, self.too_fast) = (to.ahead, to.too_fast);
+        (self.wanted_velocity, self.reference_velocity) = (to.wanted_velocity, to.velocity);
+        self.moving_pressure = to.moving_pressure;
     }
 }
 

@@ -99,7 +99,7 @@ fn a_piston_that_is_torn_far_off_is_led_back() {
 /// was there.
 #[test]
 fn a_load_that_is_lost_in_motion_is_missed() {
-    led_closer_and_at_rest_in_the_end(&[1, 17, 41], "load-in-motion");
+    led_closer_and_at_rest_in_the_end(&[21, 107, 110], "load-in-motion");
 }
 
 /// A reference that is faster than the motor: what is lacking is made good for afterwards, with any load, and nothing rings on.
@@ -113,9 +113,23 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         let [benchmark, own] = both(&crane, &choice);
         let top = own.samples.iter().map(|s| s.command.motor_speed).fold(0.0, f64::max);
         assert!(top > 0.95 * crane.numbers.motor_speed, "{top} rev/s is no limit");
+        // the heavier one has what the benchmark has: nothing but the motor counts
         assert!(own.rms() < 1.005 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let end = own.samples.last().unwrap().error();
         assert!(end.abs() < 0.5e-3 && !own.score().is_unstable(), "{end} m are left");
+    }
+}
+
+/// Light cranes on soft oil, for which the whole motor takes a second to bring them up to its speed: a reference that spares it where it is out of
+/// reach loses to the benchmark, which is at the limit from the beginning.
+#[test]
+fn a_reference_out_of_reach_takes_the_whole_motor() {
+    for number in [16, 161] {
+        let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
+        let [benchmark, own] = both(&crane, &CourseChoice::Scenario("saturation".into()));
+        let [most, rms] = [0.9 * benchmark.rms(), own.rms()];
+        assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
+        assert!(!own.score().is_unstable(), "crane {number}");
     }
 }
 
