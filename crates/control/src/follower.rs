@@ -27,8 +27,8 @@ pub struct Follower {
     /// Load pressure of the simulated crane \[Pa\], and by how much it gains weight in the period \[Pa\]: in this one, and in the one before; none
     /// where something else than state feedback leads it.
     led: [Option<[f64; 2]>; 2],
-    /// Where state feedback leads to in the period \[m\]; nowhere where something else does.
-    leads_to: Option<f64>,
+    /// Where state feedback leads to in the period; nowhere where something else does.
+    leads_to: Option<Reference<f64>>,
     /// What the motor has to turn for each revolution of the simulated one: now, and when it was last told its speed.
     correction: [f64; 2],
 }
@@ -196,7 +196,7 @@ impl Follower {
         law.turns = self.correction[0];
         let speed = law.update(&mut self.following, reference, simulated) + filling;
         self.translate(simulated, speed, gained);
-        self.leads_to = Some(reference.position);
+        self.leads_to = Some(*reference);
         speed
     }
 
@@ -255,11 +255,12 @@ impl Follower {
         let (feedback, feedforward) = (&mut self.feedback, correction * simulated_speed);
         let speed = self.law.feedback(feedback, machine, simulated, feedforward);
         match self.leads_to {
-            Some(position) => {
+            Some(Reference { position, velocity }) => {
                 let behind = position - machine.stroke;
+                let closing = simulated.velocity + self.feedback.velocity - velocity;
                 let reference = correction * self.following.reference_speed;
                 let (leading, ahead) = ([feedforward, reference], self.following.ahead);
-                not_braked(speed, leading, self.law.limits.speed, behind, ahead)
+                not_braked(speed, leading, self.law.limits.speed, behind, closing, ahead)
             }
             None => speed,
         }
