@@ -55,7 +55,7 @@ const TOO_FAST: f64 = 0.01;
 /// the reference is too fast, and it may end late.
 const COUNTED_ON: [f64; 2] = [0.175, 0.6];
 /// Of friction's change, what is known when it comes: a crane that was at rest is held by any part of it, to either side.
-const FRICTION_KNOWN: f64 = 0.5;
+const FRICTION_KNOWN: f64 = 0.75;
 
 impl<T: Real> ReferenceMemory<T> {
     /// In even motion that is no faster than the motor can.
@@ -139,7 +139,10 @@ impl<T: Real> ReferenceMemory<T> {
 
 /// The crane at a position \[m\], its oil spring at rest, and what even motion takes there of the motor \[rev/m\].
 #[inline(always)]
-fn evenly<T: Real>(law: &ModelFollowing<T>, position: T) -> (Station<T>, OilSpring<T>, T) {
+pub(crate) fn evenly<T: Real>(
+    law: &ModelFollowing<T>,
+    position: T,
+) -> (Station<T>, OilSpring<T>, T) {
     let at = law.station(position);
     let spring = at.spring(law.stiffness_at(at.rest.load_pressure));
     let rate = at.rest.load_pressure_slope - spring.pressure_by_velocity;
@@ -148,7 +151,7 @@ fn evenly<T: Real>(law: &ModelFollowing<T>, position: T) -> (Station<T>, OilSpri
 
 /// A velocity \[m/s\], where it is no faster than the motor can, or what that can.
 #[inline(always)]
-fn reachable<T: Real>(
+pub(crate) fn reachable<T: Real>(
     law: &ModelFollowing<T>,
     at: &Station<T>,
     speed_per_velocity: T,
@@ -179,7 +182,7 @@ fn made_good<T: Real>(distance: T, rate: T, braking: T) -> T {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::model_following::tests::law;
     use crate::{Rest, STATIONS};
@@ -187,7 +190,7 @@ mod tests {
     const BEGINS: f64 = 0.1;
 
     /// The paper's crane on the verge of soft oil, and nothing beside it that changes along its stroke.
-    fn soft() -> ModelFollowing<f64> {
+    pub(crate) fn soft() -> ModelFollowing<f64> {
         let law = law::<f64>();
         let rest = Rest { load_pressure: 30e5, load_pressure_slope: 0.0, ..law.stations[0].rest };
         ModelFollowing { stations: [Station { rest, ..law.stations[0] }; STATIONS], ..law }

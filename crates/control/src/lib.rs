@@ -16,6 +16,7 @@ mod filter;
 mod flow_balance;
 mod follower;
 mod following_feedback;
+mod foreseen;
 mod learner;
 mod likelihood;
 mod load_balance;

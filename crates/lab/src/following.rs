@@ -61,16 +61,17 @@ impl Following {
         self.follower.known()
     }
 
-    /// The command for the coming period; the simulated crane moves on with it.
+    /// The command for the coming period; the simulated crane moves on with it. `ahead` is where the reference is so many seconds from now.
     pub(crate) fn command(
         &mut self,
-        reference: &Reference<f64>,
+        ahead: &dyn Fn(f64) -> Reference<f64>,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) -> Result<Command<f64>, LabError> {
         let seen = seen(self.simulated.as_ref());
+        let reference = self.follower.foreseen(ahead);
         let [simulated, speed] =
-            self.follower.period(self.told, reference, &seen, reading, measured);
+            self.follower.period(self.told, &reference, &seen, reading, measured);
         self.told = speed;
         self.periods += 1;
         let now = self.follower.known().conditions();

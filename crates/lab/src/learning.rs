@@ -31,8 +31,8 @@ impl Cycle {
         let periods = (course.duration() / period).round() as u64;
         let mut told = Vec::with_capacity(periods as usize);
         for k in 0..periods {
-            let reference = course.reference(k as f64 * period);
-            let command = following.command(&reference, &machine.reading(), &machine.measured())?;
+            let ahead = |after: f64| course.reference(k as f64 * period + after);
+            let command = following.command(&ahead, &machine.reading(), &machine.measured())?;
             machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
             told.push(command);
         }

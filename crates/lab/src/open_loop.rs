@@ -60,9 +60,9 @@ impl OpenLoop {
         let periods = (course.duration() / period).round() as u64;
         let mut errors = Vec::with_capacity(periods as usize + 1);
         for k in 0..=periods {
-            let reference = course.reference(k as f64 * period);
-            errors.push(machine.reading().stroke - reference.position);
-            let motor_speed = simulated.speed(&reference)?;
+            let ahead = |after: f64| course.reference(k as f64 * period + after);
+            errors.push(machine.reading().stroke - ahead(0.0).position);
+            let motor_speed = simulated.speed(&ahead)?;
             let command = Command { motor_speed, holding_valve: 1.0 };
             machine.advance(&command).map_err(LabError::during("open loop"))?;
         }
@@ -91,9 +91,10 @@ impl Simulated {
         Ok(Self { law: *law, memory: law.start(), plant })
     }
 
-    /// Motor speed \[rev/s\] for the coming period, in which it moves on.
-    fn speed(&mut self, reference: &Reference<f64>) -> Result<f64, LabError> {
-        let pump_speed = self.law.update(&mut self.memory, reference, &seen(self.plant.as_ref()));
+    /// Motor speed \[rev/s\] for the coming period, in which it moves on. `ahead` is where the reference is so many seconds from now.
+    fn speed(&mut self, ahead: &dyn Fn(f64) -> Reference<f64>) -> Result<f64, LabError> {
+        let reference = self.law.foreseen(ahead);
+        let pump_speed = self.law.update(&mut self.memory, &reference, &seen(self.plant.as_ref()));
         let input = Input { pump_speed, holding_valve: 1.0 };
         self.plant.advance(&input, 1).map_err(LabError::during("the simulated crane"))?;
         Ok(pump_speed)

@@ -133,9 +133,9 @@ impl Controller {
 
     /// The command for the coming period.
     fn command(&mut self, shown: &Shown<'_>) -> Result<Command<f64>, LabError> {
-        let Shown { reference, reading, measured, .. } = shown;
+        let Shown { reference, ahead, reading, measured } = shown;
         match self {
-            Self::Following(following) => following.command(reference, reading, measured),
+            Self::Following(following) => following.command(ahead, reading, measured),
             Self::Rival(rival) => {
                 Ok(Command { motor_speed: rival.speed(shown), holding_valve: 1.0 })
             }

@@ -102,7 +102,8 @@ fn a_load_that_is_lost_in_motion_is_missed() {
     led_closer_and_at_rest_in_the_end(&[21, 107, 110], "load-in-motion");
 }
 
-/// A reference that is faster than the motor: what is lacking is made good for afterwards, with any load, and nothing rings on.
+/// A reference that is faster than the motor: it is begun sooner, what is lacking still is made good for afterwards, with any load, and nothing rings
+/// on.
 #[test]
 fn a_reference_faster_than_the_motor_is_caught_up_with() {
     let nominal = Description::uia_virtual().unwrap();
@@ -113,8 +114,8 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         let [benchmark, own] = both(&crane, &choice);
         let top = own.samples.iter().map(|s| s.command.motor_speed).fold(0.0, f64::max);
         assert!(top > 0.95 * crane.numbers.motor_speed, "{top} rev/s is no limit");
-        // the heavier one has what the benchmark has: nothing but the motor counts
-        assert!(own.rms() < 1.005 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+        // told of no more than where the reference is, the heavier one has what the benchmark has: nothing but the motor counts then
+        assert!(own.rms() < 0.85 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let end = own.samples.last().unwrap().error();
         assert!(end.abs() < 0.5e-3 && !own.score().is_unstable(), "{end} m are left");
     }
@@ -147,14 +148,27 @@ fn what_is_not_known_yet_of_soft_oil_does_not_swing_the_motor() {
 
 /// Starts and stops so short that the pressure dips into soft oil: state feedback that may ask for all the motor has drives the simulated crane, full
 /// or half empty, into swings of decimetres, and the machine after it; one in which position drowns what damps swings on at rest. Of light ones on
-/// oil so soft that the pump needs the whole of a ramp for its pressure, one that is to follow the ramp as it is comes 25 mm too far at each stop.
+/// oil so soft that the pump needs the whole of a ramp for its pressure, one that is to follow the ramp as it is comes 25 mm too far at each stop; one
+/// that is not told of a stop before it comes has 0.5 to 0.9 of the benchmark's error.
 #[test]
 fn starts_and_stops_do_not_throw_the_simulated_crane() {
-    for (number, share) in [(3, 0.25), (15, 0.25), (1, 0.7), (5, 0.9), (108, 0.9)] {
+    for (number, share) in [(3, 0.25), (15, 0.25), (1, 0.4), (5, 0.4), (66, 0.6), (108, 0.5)] {
         let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("start-stop".into()));
         let [most, own_rms] = [share * benchmark.rms(), own.rms()];
         assert!(own_rms < most, "crane {number}: {own_rms} for {}", benchmark.rms());
+        assert!(!own.score().is_unstable(), "crane {number}");
+    }
+}
+
+/// The oil of these cranes is soft where they turn round, and friction turns with them: who does not know before has 0.7 to 0.8 of the benchmark's error.
+#[test]
+fn a_reversal_is_foreseen() {
+    for number in [108, 134, 148] {
+        let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
+        let [benchmark, own] = both(&crane, &CourseChoice::Scenario("reversal".into()));
+        let [most, rms] = [0.65 * benchmark.rms(), own.rms()];
+        assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
         assert!(!own.score().is_unstable(), "crane {number}");
     }
 }

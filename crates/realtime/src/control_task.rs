@@ -293,9 +293,10 @@ impl ControlTask {
             self.course_time = -self.course.approach();
         }
         let reference = self.course.reference(self.course_time);
-        self.learn(&reference, &measured, now);
+        let foreseen = self.foreseen(&reference);
+        self.learn(&foreseen, &measured, now);
         if controls {
-            self.control(&reference, &measured, now);
+            self.control([&reference, &foreseen], &measured, now);
         } else {
             self.wanted = 0.0;
             self.strategy = now.strategy;
@@ -343,6 +344,16 @@ impl ControlTask {
             (_, false) => {}
         }
         record
+    }
+
+    /// The reference, as it suits the crane: the course is known ahead.
+    fn foreseen(&self, reference: &Reference<f64>) -> Reference<f64> {
+        match &self.follower {
+            Some(follower) if self.decision.controls => {
+                follower.foreseen(|after| self.course.reference(self.course_time + after))
+            }
+            _ => *reference,
+        }
     }
 
     /// What this period tells of the machine: how it goes where the simulation goes, and what the load weighs while valves hold it. Where
@@ -397,8 +408,13 @@ impl ControlTask {
         self.benchmark.take_over(&mut self.memory, &reference, measured, 0.0, speed);
     }
 
-    /// The speed the strategy wants.
-    fn control(&mut self, reference: &Reference<f64>, measured: &Measured<f64>, now: &Period) {
+    /// The speed the strategy wants, of a reference and what is foreseen of it.
+    fn control(
+        &mut self,
+        [reference, foreseen]: [&Reference<f64>; 2],
+        measured: &Measured<f64>,
+        now: &Period,
+    ) {
         let b = &self.benchmark;
         let machine = Watched::of(measured, self.reading.motor_speed);
         let velocity_feedforward = b.velocity_feedforward(reference);
@@ -422,9 +438,9 @@ impl ControlTask {
             self.simulated_motor = match follower {
                 Some(follower) => {
                     if takes_over {
-                        follower.take_over(reference, seen, motor);
+                        follower.take_over(foreseen, seen, motor);
                     }
-                    follower.lead(reference, seen)
+                    follower.lead(foreseen, seen)
                 }
                 None => {
                     let (memory, seen) = (&mut self.simulated_memory, seen.measured());

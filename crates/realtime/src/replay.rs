@@ -50,8 +50,11 @@ struct Recorded {
 impl Path for Recorded {
     fn reference(&self, t: f64) -> Reference<f64> {
         let k = ((t - self.from) / self.period).round().max(0.0) as usize;
-        let last = self.references.last().copied();
-        self.references.get(k).copied().or(last).unwrap_or_default()
+        let beyond = k.saturating_sub(self.references.len().saturating_sub(1)) as f64;
+        let last = self.references.last().copied().unwrap_or_default();
+        // whoever looks ahead of a course that was stopped finds it going on
+        let on = last.position + beyond * self.period * last.velocity;
+        self.references.get(k).copied().unwrap_or(Reference { position: on, ..last })
     }
     fn duration(&self) -> f64 {
         // over in the period of the last reference, whether by itself or because somebody stopped it

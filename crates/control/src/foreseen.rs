@@ -1,0 +1,227 @@
+//! A path that is known ahead, as it suits the crane.
+//!
+//! A step of acceleration, and friction that changes its sign, take a step of the load pressure. On soft oil that is a third of a second late, whoever
+//! steers. A path that is planned is known before: what steps is spread evenly over some time around the step, the longer the softer the oil. And where it
+//! will soon be faster than the motor can, it is begun sooner.
+
+use crate::attainable::{evenly, reachable};
+use crate::{ModelFollowing, Reference};
+use hydroboom_math::Real;
+
+/// So far is looked ahead for what is faster than the motor \[s\].
+const AHEAD: f64 = 0.5;
+/// Looks for that.
+const LOOKS: usize = 40;
+/// Looks to either side of a step.
+const SIDE: usize = 16;
+/// A step of pressure is spread to either side by what the whole motor takes for so much of it \[Pa\], where the oil is that much below what
+/// holds the crane.
+const STEP: f64 = 10e5;
+/// And by so much at least and at most \[s\].
+const SPREAD: [f64; 2] = [0.02, 0.15];
+/// Of friction's change, what is spread: a crane at rest is held by any part of it.
+const FRICTION_SPREAD: f64 = 0.5;
+
+/// Weights of looks to one side, in steps of 1/SIDE: of a mean, and of one in which a constant acceleration shifts nothing.
+const WEIGHTS: [[f64; 2]; SIDE + 1] = weights();
+
+const fn weights() -> [[f64; 2]; SIDE + 1] {
+    let mut even = [1.0 / (2 * SIDE) as f64; SIDE + 1];
+    (even[0], even[SIDE]) = (0.5 * even[0], 0.5 * even[SIDE]);
+    // moments of the mean over both sides
+    let mut moments = [0.0; 3];
+    let mut k = 0;
+    while k <= SIDE {
+        let u = k as f64 / SIDE as f64;
+        moments[0] += 2.0 * even[k];
+        moments[1] += 2.0 * even[k] * u * u;
+        moments[2] += 2.0 * even[k] * u * u * u * u;
+        k += 1;
+    }
+    let [m0, m2, m4] = moments;
+    let fourth = m2 / (m0 * m4 - m2 * m2);
+    let mut all = [[0.0; 2]; SIDE + 1];
+    let mut k = 0;
+    while k <= SIDE {
+        let u = k as f64 / SIDE as f64;
+        all[k] = [even[k], even[k] * fourth * (m4 / m2 - u * u)];
+        k += 1;
+    }
+    all
+}
+
+impl<T: Real> ModelFollowing<T> {
+    /// Reference \[m, m/s\] of a path that is known ahead, and behind: `path` is where it is so many seconds \[s\] from now.
+    pub fn foreseen(&self, path: impl Fn(T) -> Reference<T>) -> Reference<T> {
+        let (at, rest, speed_per_velocity) = evenly(self, path(T::zero()).position);
+        let below = at.spring(self.stiffness_at(at.rest.load_pressure - T::lit(STEP)));
+        let filled = T::lit(STEP) / (below.pressure_by_speed * self.fastest());
+        let spread = filled.clamp(T::lit(SPREAD[0]), T::lit(SPREAD[1]));
+        let friction =
+            T::lit(FRICTION_SPREAD) * rest.acceleration_by_pressure * self.friction_pressure;
+        let rounded = self.rounded(&path, spread, friction);
+        let beyond = |after: T| {
+            let velocity = path(after).velocity;
+            velocity - reachable(self, &at, speed_per_velocity, velocity)
+        };
+        let sooner = sooner(beyond);
+        Reference {
+            position: rounded.position + sooner.position,
+            velocity: rounded.velocity + sooner.velocity,
+        }
+    }
+
+    /// The path whose pressure is the mean of what it was, over a time \[s\] to either side: of what accelerates, and of what friction takes, which
+    /// makes for an acceleration \[m/s²\]. A constant one shifts nothing.
+    fn rounded(&self, path: &impl Fn(T) -> Reference<T>, spread: T, friction: T) -> Reference<T> {
+        let (zero, half) = (T::zero(), T::lit(0.5));
+        let now = path(zero);
+        let mut sum = Reference { position: zero, velocity: zero };
+        for step in [-spread, spread].map(|side| side / T::lit(SIDE as f64)) {
+            let mut before = now.velocity;
+            // first and second integral of what rubs, from now on
+            let (mut once, mut twice) = (zero, zero);
+            for (k, [mean, level]) in WEIGHTS.into_iter().map(|w| w.map(T::lit)).enumerate() {
+                let there = path(step * T::lit(k as f64));
+                let on = if k == 0 { zero } else { step };
+                let rubbed = on * self.rubs(before, there.velocity);
+                twice = twice + on * (once + half * rubbed);
+                once = once + rubbed;
+                before = there.velocity;
+                let pushed = level * friction;
+                sum.position = sum.position + mean * there.position + pushed * twice;
+                sum.velocity = sum.velocity + mean * there.velocity + pushed * once;
+            }
+        }
+        sum
+    }
+
+    /// Share of Coulomb friction, with its sign, in the mean from one velocity \[m/s\] to another that is gone to evenly: of tanh(v/v_f).
+    fn rubs(&self, from: T, to: T) -> T {
+        let integral = |velocity: T| {
+            let x = (velocity / self.friction_speed).abs();
+            x + (T::one() + (T::lit(-2.0) * x).exp()).ln()
+        };
+        let middle = (T::lit(0.5) * (from + to) / self.friction_speed).tanh();
+        let apart = (to - from) / self.friction_speed;
+        let mean = (integral(to) - integral(from)) / apart;
+        T::select(apart.abs().lt(T::lit(1e-3)), middle, mean)
+    }
+}
+
+/// By how much a path is begun sooner of which a velocity `beyond` \[m/s\] what the motor can comes so many seconds later: by all that is lacking soon.
+fn sooner<T: Real>(beyond: impl Fn(T) -> T) -> Reference<T> {
+    let step = T::lit(AHEAD / LOOKS as f64);
+    let [now, then] = [0, LOOKS].map(|k| beyond(step * T::lit(k as f64)));
+    let ends = T::lit(0.5) * (now + then);
+    let lacking = (1..LOOKS).fold(ends, |sum, k| sum + beyond(step * T::lit(k as f64)));
+    Reference { position: step * lacking, velocity: then - now }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attainable::tests::soft;
+    use crate::model_following::tests::law;
+    use crate::{Motion, Profile};
+
+    fn motion(speed: f64, ramp: f64) -> Motion<f64> {
+        let profile = Profile::Trapezoidal;
+        Motion { start: 0.1, end: 0.3, speed, ramp, dwell: 0.0, rest: 0.5, profile }
+    }
+
+    /// What a motion becomes, every half a millisecond.
+    fn foreseen(law: &ModelFollowing<f64>, motion: &Motion<f64>) -> Vec<[Reference<f64>; 2]> {
+        let each = |k: u32| {
+            let time = f64::from(k) * 5e-4;
+            let suits = law.foreseen(|after| motion.reference(time + after));
+            [motion.reference(time), suits]
+        };
+        (0..(motion.duration() * 2e3) as u32).map(each).collect()
+    }
+
+    #[test]
+    fn weights_leave_even_motion_and_one_of_them_constant_acceleration_as_it_is() {
+        let moment = |of: usize, power: i32| -> f64 {
+            let at = |k: usize| (k as f64 / SIDE as f64).powi(power);
+            2.0 * WEIGHTS.iter().enumerate().map(|(k, w)| w[of] * at(k)).sum::<f64>()
+        };
+        assert!((moment(0, 0) - 1.0).abs() < 1e-12 && (moment(1, 0) - 1.0).abs() < 1e-12);
+        assert!(moment(1, 2).abs() < 1e-12 && (moment(0, 2) - 1.0 / 3.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn position_and_velocity_belong_together() {
+        for law in [law::<f64>(), soft()] {
+            // the second is faster than the motor
+            for (speed, ramp) in [(0.1, 0.3), (0.25, 0.3)] {
+                let all = foreseen(&law, &motion(speed, ramp));
+                let mut reached = all[0][1].position;
+                for pair in all.windows(2) {
+                    let [[_, before], [_, now]] = [pair[0], pair[1]];
+                    reached += 2.5e-4 * (now.velocity + before.velocity);
+                    assert!((now.position - reached).abs() < 2e-5, "{before:?} {now:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn it_is_the_path_itself_in_even_motion_at_rest_and_closely_on_stiff_oil() {
+        for law in [law::<f64>(), soft()] {
+            let motion = motion(0.1, 0.3);
+            let time = motion.rest + 0.5 * motion.travel_time();
+            for (time, near) in [(0.0, 1e-9), (time, 1e-9), (motion.duration() + 1.0, 1e-9)] {
+                let [own, suits] =
+                    [motion.reference(time), law.foreseen(|after| motion.reference(time + after))];
+                let apart = [suits.position - own.position, suits.velocity - own.velocity];
+                assert!(apart.iter().all(|d| d.abs() < near), "{time} {apart:?}");
+            }
+        }
+        for [own, suits] in foreseen(&law(), &motion(0.1, 0.3)) {
+            assert!((own.position - suits.position).abs() < 1e-4, "{own:?} {suits:?}");
+        }
+    }
+
+    /// What accelerates the crane and overcomes friction, from one period to the next: on soft oil it no longer steps.
+    #[test]
+    fn the_pressure_that_it_takes_does_not_step_on_soft_oil() {
+        let law = soft();
+        let station = law.station(0.2);
+        let a_p = station.stiff.acceleration_by_pressure;
+        let motion = motion(0.1, 0.3);
+        let both = foreseen(&law, &motion);
+        let steepest = |which: usize| {
+            let pressure = |k: usize| {
+                let [before, now] = [both[k][which], both[k + 1][which]];
+                let acceleration = (now.velocity - before.velocity) / 5e-4;
+                acceleration / a_p + law.friction_pressure_at(both[k][0].velocity)
+            };
+            let steps = (0..both.len() - 21).map(|k| (pressure(k + 20) - pressure(k)).abs());
+            steps.fold(0.0, f64::max)
+        };
+        let [own, suits] = [0, 1].map(steepest);
+        // in 10 ms, a thirtieth of what it is spread over
+        assert!(suits < 0.2 * own, "{suits} Pa for {own} Pa");
+    }
+
+    #[test]
+    fn what_the_motor_cannot_do_is_begun_sooner() {
+        let law = soft();
+        let fast = motion(0.25, 0.3);
+        let all = foreseen(&law, &fast);
+        let furthest = |far: fn(f64) -> f64| {
+            let ahead = all.iter().map(|[own, suits]| far(suits.position - own.position));
+            ahead.fold(0.0, f64::max)
+        };
+        let (at, _, per) = evenly(&law, 0.2);
+        let lacking = |v: f64| AHEAD * (v - reachable(&law, &at, per, v)).abs();
+        // all that is lacking in the coming half of a second, on the way up and on the way down
+        for (furthest, lacking) in
+            [(furthest(|d| d), lacking(0.25)), (furthest(|d| -d), lacking(-0.25))]
+        {
+            assert!(lacking > 5e-3 && (furthest / lacking - 1.0).abs() < 0.1, "{furthest}");
+        }
+        assert_eq!(sooner(|_| 0.0), Reference { position: 0.0, velocity: 0.0 });
+    }
+}
