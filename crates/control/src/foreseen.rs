@@ -11,9 +11,9 @@ use hydroboom_math::Real;
 /// So far is looked ahead for what is faster than the motor \[s\].
 const AHEAD: f64 = 0.5;
 /// Looks for that.
-const LOOKS: usize = 40;
+const LOOKS: usize = 20;
 /// Looks to either side of a step.
-const SIDE: usize = 16;
+const SIDE: usize = 10;
 /// A step of pressure is spread to either side by what the whole motor takes for so much of it \[Pa\], where the oil is that much below what
 /// holds the crane.
 const STEP: f64 = 10e5;
@@ -75,37 +75,30 @@ impl<T: Real> ModelFollowing<T> {
     /// makes for an acceleration \[m/s²\]. A constant one shifts nothing.
     fn rounded(&self, path: &impl Fn(T) -> Reference<T>, spread: T, friction: T) -> Reference<T> {
         let (zero, half) = (T::zero(), T::lit(0.5));
+        let rubs = |velocity: T| (velocity / self.friction_speed).tanh();
         let now = path(zero);
+        let rubs_now = rubs(now.velocity);
         let mut sum = Reference { position: zero, velocity: zero };
         for step in [-spread, spread].map(|side| side / T::lit(SIDE as f64)) {
-            let mut before = now.velocity;
+            let (mut before, mut rubbed) = (now.velocity, rubs_now);
             // first and second integral of what rubs, from now on
             let (mut once, mut twice) = (zero, zero);
             for (k, [mean, level]) in WEIGHTS.into_iter().map(|w| w.map(T::lit)).enumerate() {
                 let there = path(step * T::lit(k as f64));
                 let on = if k == 0 { zero } else { step };
-                let rubbed = on * self.rubs(before, there.velocity);
-                twice = twice + on * (once + half * rubbed);
-                once = once + rubbed;
-                before = there.velocity;
+                let rubbing = rubs(there.velocity);
+                // Simpson's rule: friction may turn between two looks
+                let between = T::lit(4.0) * rubs(half * (before + there.velocity));
+                let mean_rubbed = T::lit(1.0 / 6.0) * (rubbed + between + rubbing);
+                twice = twice + on * (once + half * on * mean_rubbed);
+                once = once + on * mean_rubbed;
+                (before, rubbed) = (there.velocity, rubbing);
                 let pushed = level * friction;
                 sum.position = sum.position + mean * there.position + pushed * twice;
                 sum.velocity = sum.velocity + mean * there.velocity + pushed * once;
             }
         }
         sum
-    }
-
-    /// Share of Coulomb friction, with its sign, in the mean from one velocity \[m/s\] to another that is gone to evenly: of tanh(v/v_f).
-    fn rubs(&self, from: T, to: T) -> T {
-        let integral = |velocity: T| {
-            let x = (velocity / self.friction_speed).abs();
-            x + (T::one() + (T::lit(-2.0) * x).exp()).ln()
-        };
-        let middle = (T::lit(0.5) * (from + to) / self.friction_speed).tanh();
-        let apart = (to - from) / self.friction_speed;
-        let mean = (integral(to) - integral(from)) / apart;
-        T::select(apart.abs().lt(T::lit(1e-3)), middle, mean)
     }
 }
 
@@ -147,9 +140,11 @@ mod tests {
             2.0 * WEIGHTS.iter().enumerate().map(|(k, w)| w[of] * at(k)).sum::<f64>()
         };
         assert!((moment(0, 0) - 1.0).abs() < 1e-12 && (moment(1, 0) - 1.0).abs() < 1e-12);
-        assert!(moment(1, 2).abs() < 1e-12 && (moment(0, 2) - 1.0 / 3.0).abs() < 1e-3);
+        let even = 1.0 / 3.0 + 1.0 / (6.0 * (SIDE * SIDE) as f64);
+        assert!(moment(1, 2).abs() < 1e-12 && (moment(0, 2) - even).abs() < 1e-12);
     }
 
+    /// But for what looks in steps may miss, at either end, of a velocity that passes what the motor can.
     #[test]
     fn position_and_velocity_belong_together() {
         for law in [law::<f64>(), soft()] {
@@ -157,10 +152,12 @@ mod tests {
             for (speed, ramp) in [(0.1, 0.3), (0.25, 0.3)] {
                 let all = foreseen(&law, &motion(speed, ramp));
                 let mut reached = all[0][1].position;
+                let missed = (AHEAD / LOOKS as f64).powi(2) / 4.0 * speed / ramp;
                 for pair in all.windows(2) {
                     let [[_, before], [_, now]] = [pair[0], pair[1]];
                     reached += 2.5e-4 * (now.velocity + before.velocity);
-                    assert!((now.position - reached).abs() < 2e-5, "{before:?} {now:?}");
+                    let apart = now.position - reached;
+                    assert!(apart.abs() < missed, "{apart} {before:?} {now:?}");
                 }
             }
         }
