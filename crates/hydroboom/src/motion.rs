@@ -305,7 +305,8 @@ pub fn table(rows: &[Row]) -> String {
         "motor [rpm]",
     ];
     format!(
-        "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane. Model following is ours.\n\
+        "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane. Model following is ours, and looks\n\
+         along the path, by up to half a second.\n\
          Beside it the RMS of the tip's vibration at rest, the motor's work, and its largest speed.\n{}",
         output::table(&header, &cells)
     )

@@ -128,7 +128,7 @@ fn a_reference_out_of_reach_takes_the_whole_motor() {
     for number in [16, 161] {
         let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("saturation".into()));
-        let [most, rms] = [0.9 * benchmark.rms(), own.rms()];
+        let [most, rms] = [0.75 * benchmark.rms(), own.rms()];
         assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
         assert!(!own.score().is_unstable(), "crane {number}");
     }
