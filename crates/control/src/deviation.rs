@@ -4,7 +4,7 @@
 //! tells what pushes, from position, load pressure and motor speed. State feedback brings the machine back, and meets what pushes before it has
 //! moved anything far. What was torn far off all the same is led back.
 
-use crate::way_back::{WayBack, WayBackDesign};
+use crate::way_back::{REMEMBERED, Sides, Torn, WayBack, WayBackDesign};
 use crate::{Gains, Measured, OilSpring, Station};
 use hydroboom_math::{Real, record};
 
@@ -55,6 +55,12 @@ record! {
         /// What is left of the way back of a piston that was torn far off
         #[unit = "m"]
         pub way_back: T,
+        /// How much was left of late of one that was torn off above
+        #[unit = "m"]
+        pub above: T,
+        /// How much was left of late of one that was torn off below
+        #[unit = "m"]
+        pub below: T,
     }
 }
 
@@ -96,8 +102,8 @@ pub struct DeviationDesign<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviationFeedback<T> {
     design: DeviationDesign<T>,
-    /// What of each is kept in a period, exp(−ω T): of a pressure, an expected speed.
-    keeps: [T; 2],
+    /// What of each is kept in a period, exp(−ω T): of a pressure, an expected speed, of where a piston was torn off to.
+    keeps: [T; 3],
     /// Sample period \[s\].
     period: T,
 }
@@ -129,15 +135,15 @@ pub struct Reckoned<T> {
     pub gains: Gains<T>,
     /// What of a believed push, and of a believed rate, is kept in a period.
     pub keeps: [T; 2],
-    /// Velocity over distance at which a piston that was torn far off is brought back \[1/s\].
-    pub back: T,
+    /// Frequency at which the crane most likely rings on its oil \[rad/s\]: a piston that was torn far off is brought back by that.
+    pub ring: T,
 }
 
 impl<T: Real> DeviationFeedback<T> {
     /// Feedback as designed, called every `period` \[s\].
     pub fn new(design: DeviationDesign<T>, period: T) -> Self {
         let drive = T::one() / design.drive.max(period);
-        let frequencies = [design.pressure, drive];
+        let frequencies = [design.pressure, drive, T::one() / T::lit(REMEMBERED)];
         Self { design, keeps: frequencies.map(|f| (-f * period).exp()), period }
     }
 
@@ -163,8 +169,7 @@ impl<T: Real> DeviationFeedback<T> {
         let gains = spring.proportional_gains(stiff * raised.sqrt(), damping, bandwidth);
         let believes = [(self.design.push * stiff).sqrt(), self.design.rate * bandwidth];
         let keeps = believes.map(|frequency| (-frequency * self.period).exp());
-        let back = self.design.way_back.rate(stiff * oil.likely.sqrt());
-        Reckoned { spring, gains, keeps, back }
+        Reckoned { spring, gains, keeps, ring: stiff * oil.likely.sqrt() }
     }
 
     /// Memory to start with at rest: friction holds what the load pressures differ by. The motor speed is the machine's own.
@@ -178,6 +183,8 @@ impl<T: Real> DeviationFeedback<T> {
             rate: zero,
             expected_speed: off.motor_speed,
             way_back: zero,
+            above: zero,
+            below: zero,
         }
     }
 
@@ -197,6 +204,8 @@ impl<T: Real> DeviationFeedback<T> {
         let speed = feedforward + self.answer(with, &now, &way);
         let acceleration = a_v * now.velocity + a_p * now.load_pressure + now.push;
         let beyond = off.motor_speed - now.expected_speed;
+        let Sides { above, below } =
+            Sides { above: now.above, below: now.below }.later(way.left, self.keeps[2]);
         *memory = DeviationMemory {
             stroke: now.stroke + period * (now.velocity + half * period * acceleration),
             velocity: now.velocity + period * acceleration,
@@ -204,6 +213,8 @@ impl<T: Real> DeviationFeedback<T> {
                 + period * (c_v * now.velocity + b * beyond + now.rate),
             expected_speed: feedforward + self.keeps[1] * (now.expected_speed - feedforward),
             way_back: way.left + period * way.velocity,
+            above,
+            below,
             ..now
         };
         speed
@@ -218,7 +229,7 @@ impl<T: Real> DeviationFeedback<T> {
         off: &Watched<T>,
     ) -> DeviationMemory<T> {
         let (one, period) = (T::one(), self.period);
-        let [pressure, _] = self.keeps;
+        let [pressure, ..] = self.keeps;
         let lost = one - push;
         let (error, risen) = (off.stroke - memory.stroke, off.load_pressure - memory.load_pressure);
         DeviationMemory {
@@ -234,13 +245,19 @@ impl<T: Real> DeviationFeedback<T> {
     /// Where a piston that was torn off farther than position feedback may answer should be by now.
     #[inline(always)]
     fn way_back(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> WayBack<T> {
-        let Reckoned { spring, gains, back, .. } = with;
-        let reach = T::lit(POSITION) * self.design.authority / gains.position;
-        let speed_per_velocity = -spring.pressure_by_velocity / spring.pressure_by_speed;
-        self.design.way_back.on(*back, now.way_back, now.stroke, reach, speed_per_velocity)
+        let Reckoned { spring, gains, ring, .. } = with;
+        let torn = Torn {
+            stroke: now.stroke,
+            velocity: now.velocity,
+            ring: *ring,
+            reach: T::lit(POSITION) * self.design.authority / gains.position,
+            speed_per_velocity: -spring.pressure_by_velocity / spring.pressure_by_speed,
+            wary: Sides { above: now.above, below: now.below }.wary(),
+        };
+        self.design.way_back.on(&torn, now.way_back)
     }
 
-    /// What feedback asks for \[rev/s\]. It may take back all that the way back takes, for what comes back faster has to be braked.
+    /// What feedback asks for \[rev/s\]. It may take back all that the way back takes, for what comes back faster has to be braked in time.
     #[inline(always)]
     fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>) -> T {
         let Reckoned { spring, gains, .. } = with;
@@ -249,6 +266,9 @@ impl<T: Real> DeviationFeedback<T> {
         let damping = gains.velocity * (now.velocity - way.velocity) + gains.pressure * unheld;
         let whole = way.motor_speed - position - now.rate / spring.pressure_by_speed - damping;
         let (most, zero) = (self.design.authority, T::zero());
+        let braked = way.motor_speed - whole;
+        let braked = T::select(way.left.lt(zero), braked.max(zero), braked.min(zero));
+        let whole = whole + way.unbraked * braked;
         whole.clamp(way.motor_speed.min(zero) - most, way.motor_speed.max(zero) + most)
     }
 }
@@ -256,7 +276,7 @@ impl<T: Real> DeviationFeedback<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Rest;
+    use crate::{Pace, Rest};
     use hydroboom_math::Lanes;
 
     const PERIOD: f64 = 1e-3;
@@ -271,7 +291,11 @@ mod tests {
             damping: lit(0.5),
             share: lit(0.8),
             authority: lit(20.0),
-            way_back: WayBackDesign { rate: lit(4.0), by_ring: lit(0.4), motor_speed: lit(35.0) },
+            way_back: WayBackDesign {
+                rate: lit(4.0),
+                eager: Pace { by_ring: lit(0.8), motor_speed: lit(60.0) },
+                wary: Pace { by_ring: lit(0.4), motor_speed: lit(18.0) },
+            },
             dip: lit(4e5),
             softest: lit(0.1),
         };
@@ -351,9 +375,21 @@ mod tests {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
         let torn = DeviationMemory { stroke: -0.1, way_back: -0.1, ..Default::default() };
         let way = law.way_back(&with, &torn);
-        assert_eq!(way.motor_speed, law.design.way_back.motor_speed);
-        let answer = |velocity: f64| law.answer(&with, &DeviationMemory { velocity, ..torn }, &way);
+        assert_eq!(way.motor_speed, law.design.way_back.eager.motor_speed);
+        let answer = |velocity: f64| {
+            let now = DeviationMemory { velocity, ..torn };
+            law.answer(&with, &now, &law.way_back(&with, &now))
+        };
         assert!((answer(way.velocity) - way.motor_speed).abs() < 1e-9);
+        // it would not come home by its swing, but by that of twice the speed
+        let home = 0.1 * with.ring;
+        assert!(home > 2.0 * way.velocity, "{home} {way:?}");
+        assert!((answer(0.45 * home) - way.motor_speed).abs() < 1e-9);
+        assert!(answer(home) < way.motor_speed - 1.0);
+        // having swung to the other side, it is braked at once
+        let swings = DeviationMemory { above: 0.1, below: 0.1, velocity: 0.45 * home, ..torn };
+        let warily = law.answer(&with, &swings, &law.way_back(&with, &swings));
+        assert!(warily < law.design.way_back.wary.motor_speed - 1.0, "{warily}");
         assert_eq!(answer(way.velocity + 10.0), -law.design.authority);
         assert_eq!(answer(way.velocity - 10.0), way.motor_speed + law.design.authority);
     }

@@ -59,4 +59,4 @@ pub use signals::{Command, Reading};
 pub use station::{Rest, Station};
 pub use strategy::Strategy;
 pub use supervisor::{Decision, Limits, Observation, Request, SOFT_STOP, State, Supervisor};
-pub use way_back::WayBackDesign;
+pub use way_back::{Pace, WayBackDesign};

@@ -367,7 +367,7 @@ impl<T: Real> ModelFollowing<T> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::{DeviationDesign, Rest, WayBackDesign};
+    use crate::{DeviationDesign, Pace, Rest, WayBackDesign};
     use hydroboom_math::Lanes;
 
     fn oil<T: Real>() -> OilStiffness<T> {
@@ -410,8 +410,8 @@ pub(crate) mod tests {
                     authority: lit(20.0),
                     way_back: WayBackDesign {
                         rate: lit(4.0),
-                        by_ring: lit(0.4),
-                        motor_speed: lit(35.0),
+                        eager: Pace { by_ring: lit(0.8), motor_speed: lit(60.0) },
+                        wary: Pace { by_ring: lit(0.4), motor_speed: lit(18.0) },
                     },
                     dip: lit(6e5),
                     softest: lit(0.1),

@@ -3,7 +3,7 @@
 use crate::{DesignError, Lifting, oil_spring};
 use hydroboom_control::{
     BENDING, Conditions, DeviationDesign, DeviationFeedback, ModelFollowing, MotorLimits,
-    OilStiffness, PAYLOADS, Rest, STATIONS, Schedule, Station, WayBackDesign,
+    OilStiffness, PAYLOADS, Pace, Rest, STATIONS, Schedule, Station, WayBackDesign,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -24,11 +24,11 @@ const SHARE: f64 = 0.62;
 const DIP: f64 = 2e5;
 /// Feedback is as fast on the softest oil as it were on oil of this share of stiff oil's bulk modulus.
 const SOFTEST: f64 = 0.1;
-/// A piston that was torn far off is brought back at this velocity over distance \[1/s\], slower by the frequency at which the crane rings, and
-/// with no more than this share of the motor's speed. Sooner costs oil that is as soft as it may be its damping.
+/// A piston that was torn far off is brought back at this velocity over distance \[1/s\], slower by the frequency at which the crane rings. More
+/// than the motor's speed is asked for, for that leaves it at its limit until the piston is near; one that swings is led by less, lest it swing on.
 const BACK: f64 = 4.0;
-const BACK_BY_RING: f64 = 0.4;
-const BACK_SPEED: f64 = 0.7;
+const EAGER: Pace<f64> = Pace { by_ring: 0.8, motor_speed: 1.2 };
+const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 0.36 };
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
 
@@ -139,6 +139,11 @@ pub fn bending(description: &Description) -> Result<[f64; BENDING], DesignError>
     Ok(std::array::from_fn(|_| next()))
 }
 
+/// What is a share of the motor's speed, as a speed.
+fn pace<T: Real>(share: &Pace<f64>, motor_speed: T) -> Pace<T> {
+    Pace { by_ring: T::lit(share.by_ring), motor_speed: T::lit(share.motor_speed) * motor_speed }
+}
+
 /// State feedback from the numbers of a description and what is known of its crane over the stroke.
 pub fn law<T: Real>(
     n: &Numbers<T>,
@@ -172,8 +177,8 @@ pub fn law<T: Real>(
                 authority: n.following_effort * n.motor_speed,
                 way_back: WayBackDesign {
                     rate: lit(BACK),
-                    by_ring: lit(BACK_BY_RING),
-                    motor_speed: lit(BACK_SPEED) * n.motor_speed,
+                    eager: pace(&EAGER, n.motor_speed),
+                    wary: pace(&WARY, n.motor_speed),
                 },
                 dip: lit(DIP),
                 softest: lit(SOFTEST),
