@@ -64,6 +64,15 @@ record! {
     }
 }
 
+impl<T: Real> DeviationMemory<T> {
+    /// A piston that is torn off now, or soon, is led back as one that swings, by a share from 0 to 1.
+    #[inline(always)]
+    pub fn be_wary(&mut self, share: T) {
+        let Sides { above, below } = Sides { above: self.above, below: self.below }.at_least(share);
+        (self.above, self.below) = (above, below);
+    }
+}
+
 /// Of what feedback may ask for at once, what a position may: the rest is left to damping.
 const POSITION: f64 = 0.8;
 
@@ -390,6 +399,10 @@ mod tests {
         let swings = DeviationMemory { above: 0.1, below: 0.1, velocity: 0.45 * home, ..torn };
         let warily = law.answer(&with, &swings, &law.way_back(&with, &swings));
         assert!(warily < law.design.way_back.wary.motor_speed - 1.0, "{warily}");
+        // or having been told to be wary, for a while
+        let mut told = DeviationMemory { velocity: 0.45 * home, ..torn };
+        told.be_wary(1.0);
+        assert_eq!(law.answer(&with, &told, &law.way_back(&with, &told)), warily);
         assert_eq!(answer(way.velocity + 10.0), -law.design.authority);
         assert_eq!(answer(way.velocity - 10.0), way.motor_speed + law.design.authority);
     }

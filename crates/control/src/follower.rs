@@ -1,7 +1,7 @@
 //! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
 
 use crate::carried_load::CarriedLoad;
-use crate::out_of_reach::not_braked;
+use crate::out_of_reach::{not_braked, out_of_reach};
 use crate::{
     Balances, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Measured,
     ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
@@ -258,6 +258,12 @@ impl Follower {
         let with = self.law.reckons(simulated, machine.load_pressure);
         self.feedback.rate += taken * with.spring.pressure_by_speed;
         self.correction[1] = correction;
+        if let Some(reference) = &self.leads_to {
+            // while both move, it is their oil that swings them apart, and no load that was hung on
+            let moves = reference.velocity.abs() > AT_REST;
+            let share = if moves { 1.0 } else { out_of_reach(self.following.ahead) };
+            self.feedback.be_wary(share);
+        }
         let (feedback, feedforward) = (&mut self.feedback, correction * simulated_speed);
         let speed = self.law.feedback(feedback, machine, simulated, feedforward);
         match self.leads_to {

@@ -10,6 +10,11 @@ const FAR: f64 = 2e-3;
 /// It is within reach for a machine that will have come up with it in that time \[s\]: that has to be braked.
 const COMES_UP: f64 = 0.15;
 
+/// From 0 to 1, by how far a reference runs ahead of what any crane can follow \[m\].
+pub(crate) fn out_of_reach(ahead: f64) -> f64 {
+    (ahead.abs() / FAR).min(1.0)
+}
+
 /// Speed \[rev/s\] for a machine of which feedback wants a `speed` \[rev/s\]. It is behind the reference by `behind` \[m\], and that
 /// runs ahead of what any crane can follow by `ahead` \[m\]; it comes up with it by `closing` \[m/s\]. What leads it takes `leading` \[rev/s\], whichever is farther that way, of a motor
 /// that has `limit` \[rev/s\].

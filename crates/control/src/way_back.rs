@@ -7,7 +7,8 @@
 //!
 //! Oil that gives stores what the motor delivers, and swings: braked as soon as it is faster than its way, the piston takes several swings home.
 //! So nothing is braked that would not come home by the swing it is in. Where that was wrong the piston is torn off to the other side, and
-//! there again: then the way back is wary for a while, slow and braked at once.
+//! there again: then the way back is wary for a while, slow and braked at once. So it is in motion, and while a reference that was out of reach is
+//! caught up with: there it is soft oil that swings machine and simulated crane apart, each in its own time.
 
 use hydroboom_math::Real;
 
@@ -81,6 +82,13 @@ impl<T: Real> Sides<T> {
     #[inline(always)]
     pub(crate) fn later(&self, left: T, keeps: T) -> Self {
         Self { above: (keeps * self.above).max(left), below: (keeps * self.below).max(-left) }
+    }
+
+    /// What is remembered of a piston that swings, by a share from 0 to 1.
+    #[inline(always)]
+    pub(crate) fn at_least(&self, swinging: T) -> Self {
+        let off = T::lit(SWINGS) * swinging;
+        Self { above: self.above.max(off), below: self.below.max(off) }
     }
 
     /// From 0, torn off to one side, to 1, swinging.

@@ -1,12 +1,13 @@
 //! What a load that changes leaves of the error whoever controls. A crane is steered by model following up to the change; from that very instant, as if
-//! it had been known, the motor is told all its speed against the pull, and as soon as the piston is pulled no farther it counts as back
-//! for the rest of the course. Nothing that turns this motor has less.
+//! it had been known, the motor is told all its speed against the pull, and as soon as the piston is home it counts as being there at rest
+//! for the rest of the course. Nothing that turns this motor has less: what it delivers moves a mass on an oil spring by 1 − cos ωt of it, never
+//! the other way, so that more of it leaves less of the pull at any time.
 
 use super::{Case, Failure, Left};
 use hydroboom_virtual_crane::VirtualCrane;
 
-/// A pull is over once the piston is nearer by this than it was \[m\].
-const NEARER: f64 = 1e-3;
+/// A piston that was never pulled so far is home \[m\].
+const PULLED: f64 = 1e-3;
 /// It is over by then \[s\].
 const LONGEST: f64 = 2.0;
 
@@ -32,7 +33,8 @@ fn pull(case: &Case, number: usize) -> Result<[f64; 2], Failure> {
         if sample.time >= change.time {
             command.motor_speed = against * crane.numbers.motor_speed;
             let pulled: f64 = against * (error - begins);
-            if pulled < farthest - NEARER || sample.time > change.time + LONGEST {
+            let home = farthest > PULLED && pulled <= 0.0;
+            if home || sample.time > change.time + LONGEST {
                 break;
             }
             farthest = farthest.max(pulled);
