@@ -135,7 +135,7 @@ fn a_reference_out_of_reach_takes_the_whole_motor() {
 }
 
 /// Machine and simulated crane come out of the motor's limit each with a swing of its own, of centimetres on this oil: led back as eagerly as from under
-/// a load that was hung on, these swing on by twice as much.
+/// a load that was hung on, these swing on.
 #[test]
 fn what_was_out_of_reach_is_come_back_to_at_rest() {
     led_closer_and_at_rest_in_the_end(&[23, 80, 145], "saturation");
