@@ -109,8 +109,11 @@ fn explanation() -> Markup {
 }
 
 const WIDTH: f64 = 760.0;
-const LEFT: f64 = 250.0;
+/// Column of the names: the longest takes 260.
+const LEFT: f64 = 290.0;
 const LINE: f64 = 34.0;
+/// Width of a decade in which there is room for more than its own number.
+const ROOMY: f64 = 110.0;
 
 /// Boxes over a logarithmic axis, as SVG.
 fn boxes(axis: &str, rows: &[(&str, Spread)]) -> String {
@@ -128,17 +131,18 @@ fn boxes(axis: &str, rows: &[(&str, Spread)]) -> String {
         bottom + 42.0
     );
     let mut decade = 10f64.powf(low.log10().floor());
+    let roomy = x(10.0 * low) - x(low) > ROOMY;
     while decade < high {
         for step in [1.0, 2.0, 5.0] {
             let tick = decade * step;
             if (low..=high).contains(&tick) {
+                let number = if roomy || step == 1.0 { trimmed(tick) } else { String::new() };
                 let _ = write!(
                     svg,
                     "<line x1=\"{0:.1}\" x2=\"{0:.1}\" y1=\"4\" y2=\"{bottom}\" stroke=\"var(--grid)\"/>\
-                     <text x=\"{0:.1}\" y=\"{1}\" text-anchor=\"middle\">{2}</text>",
+                     <text x=\"{0:.1}\" y=\"{1}\" text-anchor=\"middle\">{number}</text>",
                     x(tick),
                     bottom + 17.0,
-                    trimmed(tick)
                 );
             }
         }
