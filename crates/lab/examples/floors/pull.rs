@@ -1,7 +1,7 @@
 //! What a load that changes leaves of the error whoever controls. A crane is steered by model following up to the change; from that very instant, as if
 //! it had been known, the motor is told all its speed against the pull, and as soon as the piston is home it counts as being there at rest
-//! for the rest of the course. Nothing that turns this motor has less: what it delivers moves a mass on an oil spring by 1 − cos ωt of it, never
-//! the other way, so that more of it leaves less of the pull at any time.
+//! for the rest of the course. Nothing that turns this motor has less: oil that is delivered moves a mass on an oil spring that way, and not the other
+//! way before a full swing is over, however the oil stiffens; so more of it leaves less of the pull until the piston is home.
 
 use super::{Case, Failure, Left};
 use hydroboom_virtual_crane::VirtualCrane;
