@@ -4,6 +4,9 @@
 //! tells what pushes, from position, load pressure and motor speed. State feedback brings the machine back, and meets what pushes before it has
 //! moved anything far. What was torn far off all the same is led back.
 
+use crate::deviation_memory::DeviationMemory;
+use crate::pushed::scatters;
+use crate::sooner::SoonerDesign;
 use crate::way_back::{REMEMBERED, Sides, Torn, WayBack, WayBackDesign};
 use crate::{Gains, Measured, OilSpring, Station};
 use hydroboom_math::{Real, record};
@@ -31,48 +34,6 @@ impl<T: Copy> Watched<T> {
     }
 }
 
-record! {
-    /// By how much the machine is believed to differ at the coming sample.
-    pub struct DeviationMemory<T> {
-        /// Piston position
-        #[unit = "m"]
-        pub stroke: T,
-        /// Piston velocity
-        #[unit = "m/s"]
-        pub velocity: T,
-        /// Load pressure
-        #[unit = "Pa"]
-        pub load_pressure: T,
-        /// Acceleration by what the simulation does not know of: friction, another load
-        #[unit = "m/s²"]
-        pub push: T,
-        /// Rate of the load pressure by what it does not know of: leakage, a pump that delivers more
-        #[unit = "Pa/s"]
-        pub rate: T,
-        /// What the drive has made of the feedforward by now
-        #[unit = "rev/s"]
-        pub expected_speed: T,
-        /// What is left of the way back of a piston that was torn far off
-        #[unit = "m"]
-        pub way_back: T,
-        /// How much was left of late of one that was torn off above
-        #[unit = "m"]
-        pub above: T,
-        /// How much was left of late of one that was torn off below
-        #[unit = "m"]
-        pub below: T,
-    }
-}
-
-impl<T: Real> DeviationMemory<T> {
-    /// A piston that is torn off now, or soon, is led back as one that swings, by a share from 0 to 1.
-    #[inline(always)]
-    pub fn be_wary(&mut self, share: T) {
-        let Sides { above, below } = Sides { above: self.above, below: self.below }.at_least(share);
-        (self.above, self.below) = (above, below);
-    }
-}
-
 /// Of what feedback may ask for at once, what a position may: the rest is left to damping.
 const POSITION: f64 = 0.8;
 
@@ -82,6 +43,8 @@ pub struct DeviationDesign<T> {
     /// How fast an unknown push is believed, with position and velocity, where the crane rings as fast \[rad/s\]; with the root of how fast it
     /// rings, for lighter cranes show it through less noise.
     pub push: T,
+    /// What is believed sooner than that, and heard where it is more than noise.
+    pub sooner: SoonerDesign<T>,
     /// How fast an unknown rate of the pressure is believed, as a share of the position's bandwidth.
     pub rate: T,
     /// How fast the pressure itself is believed \[rad/s\]: what is faster is noise.
@@ -142,8 +105,10 @@ pub struct Reckoned<T> {
     pub spring: OilSpring<T>,
     /// Of a deviation; the integral is the observer's.
     pub gains: Gains<T>,
-    /// What of a believed push, and of a believed rate, is kept in a period.
-    pub keeps: [T; 2],
+    /// What of a believed push, of one that is believed sooner, and of a believed rate is kept in a period.
+    pub keeps: [T; 3],
+    /// What a scatter of the position makes of the motor by what is believed sooner \[rev/(s m)\].
+    pub speed_by_scatter: T,
     /// Frequency at which the crane most likely rings on its oil \[rad/s\]: a piston that was torn far off is brought back by that.
     pub ring: T,
 }
@@ -176,24 +141,24 @@ impl<T: Real> DeviationFeedback<T> {
         // damping that is meant for stiffer oil is as much too weak: the position has to wait for it
         let bandwidth = share * stiff * least / raised.sqrt();
         let gains = spring.proportional_gains(stiff * raised.sqrt(), damping, bandwidth);
-        let believes = [(self.design.push * stiff).sqrt(), self.design.rate * bandwidth];
-        let keeps = believes.map(|frequency| (-frequency * self.period).exp());
-        Reckoned { spring, gains, keeps, ring: stiff * oil.likely.sqrt() }
+        let believes = (self.design.push * stiff).sqrt();
+        let sooner = self.design.sooner.times * believes;
+        let keeps = [believes, sooner, self.design.rate * bandwidth]
+            .map(|frequency| (-frequency * self.period).exp());
+        let [velocity, push] = scatters(sooner, self.period);
+        let held = gains.pressure / spring.acceleration_by_pressure;
+        let speed_by_scatter = gains.velocity.abs() * velocity + held * push;
+        Reckoned { spring, gains, keeps, speed_by_scatter, ring: stiff * oil.likely.sqrt() }
     }
 
     /// Memory to start with at rest: friction holds what the load pressures differ by. The motor speed is the machine's own.
     pub fn start(&self, spring: &OilSpring<T>, off: &Watched<T>) -> DeviationMemory<T> {
-        let zero = T::zero();
         DeviationMemory {
             stroke: off.stroke,
-            velocity: zero,
             load_pressure: off.load_pressure,
             push: -spring.acceleration_by_pressure * off.load_pressure,
-            rate: zero,
             expected_speed: off.motor_speed,
-            way_back: zero,
-            above: zero,
-            below: zero,
+            ..DeviationMemory::from_array([T::zero(); DeviationMemory::NAMES.len()])
         }
     }
 
@@ -208,23 +173,25 @@ impl<T: Real> DeviationFeedback<T> {
     ) -> T {
         let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
         let now = self.believed(memory, with.keeps, off);
-        let (period, half) = (self.period, T::lit(0.5));
+        let period = self.period;
         let way = self.way_back(with, &now);
         let speed = feedforward + self.answer(with, &now, &way);
-        let acceleration = a_v * now.velocity + a_p * now.load_pressure + now.push;
+        let [pushed, sooner] = now.pushed();
+        let later = [
+            pushed.later(a_v, a_p * now.load_pressure, period),
+            sooner.later(a_v, T::zero(), period),
+        ];
         let beyond = off.motor_speed - now.expected_speed;
         let Sides { above, below } =
             Sides { above: now.above, below: now.below }.later(way.left, self.keeps[2]);
         *memory = DeviationMemory {
-            stroke: now.stroke + period * (now.velocity + half * period * acceleration),
-            velocity: now.velocity + period * acceleration,
             load_pressure: now.load_pressure
                 + period * (c_v * now.velocity + b * beyond + now.rate),
             expected_speed: feedforward + self.keeps[1] * (now.expected_speed - feedforward),
             way_back: way.left + period * way.velocity,
             above,
             below,
-            ..now
+            ..now.with_pushed(later)
         };
         speed
     }
@@ -234,20 +201,21 @@ impl<T: Real> DeviationFeedback<T> {
     fn believed(
         &self,
         memory: &DeviationMemory<T>,
-        [push, rate]: [T; 2],
+        [push, soon, rate]: [T; 3],
         off: &Watched<T>,
     ) -> DeviationMemory<T> {
         let (one, period) = (T::one(), self.period);
         let [pressure, ..] = self.keeps;
-        let lost = one - push;
         let (error, risen) = (off.stroke - memory.stroke, off.load_pressure - memory.load_pressure);
+        let [before, more] = memory.pushed();
+        let now = before.seen(error, push, period);
+        let beyond = error - more.stroke;
+        let sooner = before.plus(&more).seen(beyond, soon, period);
         DeviationMemory {
-            stroke: memory.stroke + (one - push * push * push) * error,
-            velocity: memory.velocity + T::lit(1.5) * lost.square() * (one + push) / period * error,
-            push: memory.push + lost * lost.square() / period.square() * error,
             load_pressure: memory.load_pressure + (one - rate * pressure) * risen,
             rate: memory.rate + (one - rate) * (one - pressure) / period * risen,
-            ..*memory
+            scatter: self.design.sooner.scatter(memory.scatter, beyond, period),
+            ..memory.with_pushed([now, sooner.less(&now)])
         }
     }
 
@@ -266,6 +234,17 @@ impl<T: Real> DeviationFeedback<T> {
         self.design.way_back.on(&torn, now.way_back)
     }
 
+    /// What is asked for by what is believed sooner beyond that \[rev/s\].
+    #[inline(always)]
+    fn sooner(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> T {
+        let Reckoned { spring, gains, .. } = with;
+        let [_, more] = now.pushed();
+        let held = more.push / spring.acceleration_by_pressure;
+        let asks =
+            gains.position * more.stroke + gains.velocity * more.velocity + gains.pressure * held;
+        self.design.sooner.heard(asks, with.speed_by_scatter, now.scatter)
+    }
+
     /// What feedback asks for \[rev/s\]. It may take back all that the way back takes, for what comes back faster has to be braked in time.
     #[inline(always)]
     fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>) -> T {
@@ -273,7 +252,8 @@ impl<T: Real> DeviationFeedback<T> {
         let unheld = now.load_pressure + now.push / spring.acceleration_by_pressure;
         let position = gains.position * (now.stroke - way.left);
         let damping = gains.velocity * (now.velocity - way.velocity) + gains.pressure * unheld;
-        let whole = way.motor_speed - position - now.rate / spring.pressure_by_speed - damping;
+        let settled = way.motor_speed - position - now.rate / spring.pressure_by_speed - damping;
+        let whole = settled - self.sooner(with, now);
         let (most, zero) = (self.design.authority, T::zero());
         let braked = way.motor_speed - whole;
         let braked = T::select(way.left.lt(zero), braked.max(zero), braked.min(zero));
@@ -294,6 +274,7 @@ mod tests {
         let lit = T::lit;
         let design = DeviationDesign {
             push: lit(130.0),
+            sooner: SoonerDesign { times: lit(2.5), heard_from: lit(4.0), scatter: lit(1e-5) },
             rate: lit(0.3),
             pressure: lit(500.0),
             drive: lit(5e-3),
@@ -405,6 +386,29 @@ mod tests {
         assert_eq!(law.answer(&with, &told, &law.way_back(&with, &told)), warily);
         assert_eq!(answer(way.velocity + 10.0), -law.design.authority);
         assert_eq!(answer(way.velocity - 10.0), way.motor_speed + law.design.authority);
+    }
+
+    /// What it asks for a moment after a push began, by what is believed sooner and without that.
+    #[test]
+    fn a_push_beyond_noise_is_met_sooner_and_one_within_it_as_before() {
+        let law = feedback::<f64>();
+        let with = law.reckons(&station(), &MayBe::known(1.0));
+        let deaf = SoonerDesign { heard_from: 1e9, ..law.design.sooner };
+        let slow =
+            DeviationFeedback { design: DeviationDesign { sooner: deaf, ..law.design }, ..law };
+        let after = |law: &DeviationFeedback<f64>, push: f64, periods: i32| {
+            let mut memory = law.start(&with.spring, &Watched::default());
+            let mut speed = 0.0;
+            for k in 0..periods {
+                let time = PERIOD * f64::from(k);
+                let off = Watched { stroke: 0.5 * push * time * time, ..Watched::default() };
+                speed = law.update(&mut memory, &with, &off, 0.0);
+            }
+            speed
+        };
+        let [sooner, later] = [&law, &slow].map(|law| after(law, -2.0, 12));
+        assert!(sooner > 2.0 * later && later > 0.0, "{sooner} {later}");
+        assert_eq!(after(&law, -0.02, 12), after(&slow, -0.02, 12));
     }
 
     #[test]

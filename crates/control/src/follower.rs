@@ -146,7 +146,7 @@ impl Follower {
                 Conditions { payload: self.carried.believed, ..self.known().conditions() };
             self.law = self.learner.law_under(&conditions);
             // what a load pressure holds does not change by what moves with it
-            self.feedback.push *= lightness(&self.law, simulated) / before;
+            self.feedback.lighter(lightness(&self.law, simulated) / before);
             self.correction[0] = self.learner.correction();
         }
     }

@@ -367,7 +367,7 @@ impl<T: Real> ModelFollowing<T> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::{DeviationDesign, Pace, Rest, WayBackDesign};
+    use crate::{DeviationDesign, Pace, Rest, SoonerDesign, WayBackDesign};
     use hydroboom_math::Lanes;
 
     fn oil<T: Real>() -> OilStiffness<T> {
@@ -402,6 +402,11 @@ pub(crate) mod tests {
             deviation: DeviationFeedback::new(
                 DeviationDesign {
                     push: lit(54.0),
+                    sooner: SoonerDesign {
+                        times: lit(2.5),
+                        heard_from: lit(4.0),
+                        scatter: lit(1e-5),
+                    },
                     rate: lit(0.3),
                     pressure: lit(380.0),
                     drive: lit(5e-3),

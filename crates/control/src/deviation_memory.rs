@@ -1,0 +1,88 @@
+//! What feedback of a deviation remembers.
+
+use crate::pushed::Pushed;
+use crate::way_back::Sides;
+use hydroboom_math::{Real, record};
+
+record! {
+    /// By how much the machine is believed to differ at the coming sample.
+    pub struct DeviationMemory<T> {
+        /// Piston position
+        #[unit = "m"]
+        pub stroke: T,
+        /// Piston velocity
+        #[unit = "m/s"]
+        pub velocity: T,
+        /// Load pressure
+        #[unit = "Pa"]
+        pub load_pressure: T,
+        /// Acceleration by what the simulation does not know of: friction, another load
+        #[unit = "m/s²"]
+        pub push: T,
+        /// Rate of the load pressure by what it does not know of: leakage, a pump that delivers more
+        #[unit = "Pa/s"]
+        pub rate: T,
+        /// What the drive has made of the feedforward by now
+        #[unit = "rev/s"]
+        pub expected_speed: T,
+        /// What is left of the way back of a piston that was torn far off
+        #[unit = "m"]
+        pub way_back: T,
+        /// How much was left of late of one that was torn off above
+        #[unit = "m"]
+        pub above: T,
+        /// How much was left of late of one that was torn off below
+        #[unit = "m"]
+        pub below: T,
+        /// By how much what is believed sooner differs from that: piston position
+        #[unit = "m"]
+        pub sooner_stroke: T,
+        /// Piston velocity
+        #[unit = "m/s"]
+        pub sooner_velocity: T,
+        /// Push
+        #[unit = "m/s²"]
+        pub sooner_push: T,
+        /// Mean square of what the position is read to be beyond what is believed sooner
+        #[unit = "m²"]
+        pub scatter: T,
+    }
+}
+
+impl<T: Real> DeviationMemory<T> {
+    /// What is believed of the piston; and by how much what is believed sooner differs.
+    #[inline(always)]
+    pub(crate) fn pushed(&self) -> [Pushed<T>; 2] {
+        let Self { stroke, velocity, push, .. } = *self;
+        let sooner = [self.sooner_stroke, self.sooner_velocity, self.sooner_push];
+        let [more_stroke, more_velocity, more_push] = sooner;
+        let more = Pushed { stroke: more_stroke, velocity: more_velocity, push: more_push };
+        [Pushed { stroke, velocity, push }, more]
+    }
+
+    /// With that.
+    #[inline(always)]
+    pub(crate) fn with_pushed(self, [now, sooner]: [Pushed<T>; 2]) -> Self {
+        Self {
+            stroke: now.stroke,
+            velocity: now.velocity,
+            push: now.push,
+            sooner_stroke: sooner.stroke,
+            sooner_velocity: sooner.velocity,
+            sooner_push: sooner.push,
+            ..self
+        }
+    }
+
+    /// What pushes it pushes a mass that is so many times as light.
+    pub(crate) fn lighter(&mut self, times: T) {
+        (self.push, self.sooner_push) = (self.push * times, self.sooner_push * times);
+    }
+
+    /// A piston that is torn off now, or soon, is led back as one that swings, by a share from 0 to 1.
+    #[inline(always)]
+    pub fn be_wary(&mut self, share: T) {
+        let Sides { above, below } = Sides { above: self.above, below: self.below }.at_least(share);
+        (self.above, self.below) = (above, below);
+    }
+}

@@ -1,0 +1,87 @@
+//! What is believed sooner of what pushes a machine, and heard where it is more than noise.
+//!
+//! A push shows in the position, and the sooner it is believed the less it has moved. But noise is believed as soon: of the fifth power of how fast a push
+//! is believed comes the square of what noise makes of it. So a push is believed twice, slowly, and some times as fast. What the second asks of the
+//! motor beyond the first is heard only where it is several times what noise would ask for, and then all of it. How far the position scatters is seen on the way: by as
+//! much as it is read to be elsewhere than was believed sooner.
+
+use hydroboom_math::Real;
+
+/// How much sooner a push is believed, and from when on that is heard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SoonerDesign<T> {
+    /// So many times as fast.
+    pub times: T,
+    /// What it asks for is heard from so many times what noise would ask for, all of it from [`ALL`] times that.
+    pub heard_from: T,
+    /// The position scatters by so much at least \[m\].
+    pub scatter: T,
+}
+
+/// All is heard from so many times where it begins to be.
+const ALL: f64 = 1.5;
+/// How long what the position scatters by is remembered \[s\].
+const REMEMBERED: f64 = 1.0;
+/// A single reading counts for no more than so many times of what it has scattered by: a push is no noise.
+const COUNTS: f64 = 3.0;
+
+impl<T: Real> SoonerDesign<T> {
+    /// Mean square \[m²\] of what the position scatters by, after a period \[s\] in which it is read to be `beyond` what was believed \[m\].
+    #[inline(always)]
+    pub(crate) fn scatter(&self, before: T, beyond: T, period: T) -> T {
+        let most = T::lit(COUNTS).square() * self.at_least(before);
+        before + period / T::lit(REMEMBERED) * (beyond.square().min(most) - before)
+    }
+
+    /// What is heard of what is asked for \[rev/s\], each metre of scatter making for so much \[rev/(s m)\], with that mean square \[m²\].
+    #[inline(always)]
+    pub(crate) fn heard(&self, asks: T, speed_by_scatter: T, scatter: T) -> T {
+        let from = self.heard_from * speed_by_scatter * self.at_least(scatter).sqrt();
+        let share = (asks.abs() / from - T::one()) / T::lit(ALL - 1.0);
+        asks * share.clamp(T::zero(), T::one())
+    }
+
+    #[inline(always)]
+    fn at_least(&self, scatter: T) -> T {
+        scatter.max(self.scatter.square())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DESIGN: SoonerDesign<f64> = SoonerDesign { times: 2.5, heard_from: 4.0, scatter: 1e-5 };
+
+    #[test]
+    fn what_noise_asks_for_is_not_heard_and_a_push_is_heard_whole() {
+        // an encoder's noise asks for 0.1 rev/s
+        let heard = |asks: f64| DESIGN.heard(asks, 1e4, 0.0);
+        for side in [1.0, -1.0] {
+            assert_eq!((heard(0.39 * side), heard(0.61 * side)), (0.0, 0.61 * side));
+        }
+        // and nothing jumps in between
+        for k in 0..1000 {
+            let asks = 1e-3 * f64::from(k);
+            assert!((heard(asks + 1e-3) - heard(asks)).abs() < 8e-3);
+        }
+    }
+
+    #[test]
+    fn noise_is_found_and_a_push_is_not_taken_for_it() {
+        let after = |before: f64, periods: u32, beyond: f64| {
+            (0..periods).fold(before, |scatter, k| {
+                let side = if k % 2 == 0 { 1.0 } else { -1.0 };
+                DESIGN.scatter(scatter, side * beyond, 1e-3)
+            })
+        };
+        // four times an encoder's
+        let noisy = after(0.0, 5000, 4e-5);
+        assert!((Real::sqrt(noisy) / 4e-5 - 1.0).abs() < 0.05, "{noisy}");
+        // it asks for 0.4 rev/s: that is not heard any longer
+        assert_eq!(DESIGN.heard(1.5, 1e4, noisy), 0.0);
+        // a millimetre for 20 ms
+        let pushed = after(1e-10, 20, 1e-3);
+        assert!(Real::sqrt(pushed) < 1.1e-5, "{pushed}");
+    }
+}
