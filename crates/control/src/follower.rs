@@ -1,14 +1,11 @@
 //! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
 
 use crate::carried_load::CarriedLoad;
-use crate::out_of_reach::{not_braked, out_of_reach};
+use crate::out_of_reach::AT_REST;
 use crate::{
     Balances, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Measured,
     ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
 };
-
-/// A reference slower than this rests \[m/s\].
-const AT_REST: f64 = 1e-4;
 
 /// The whole controller, but for the simulated crane itself.
 #[derive(Clone, Copy, Debug)]
@@ -258,23 +255,13 @@ impl Follower {
         let with = self.law.reckons(simulated, machine.load_pressure);
         self.feedback.rate += taken * with.spring.pressure_by_speed;
         self.correction[1] = correction;
-        if let Some(reference) = &self.leads_to {
-            // while both move, it is their oil that swings them apart, and no load that was hung on
-            let moves = reference.velocity.abs() > AT_REST;
-            let share = if moves { 1.0 } else { out_of_reach(self.following.ahead) };
-            self.feedback.be_wary(share);
-        }
         let (feedback, feedforward) = (&mut self.feedback, correction * simulated_speed);
-        let speed = self.law.feedback(feedback, machine, simulated, feedforward);
-        match self.leads_to {
-            Some(Reference { position, velocity }) => {
-                let behind = position - machine.stroke;
-                let closing = simulated.velocity + self.feedback.velocity - velocity;
-                let reference = correction * self.following.reference_speed;
-                let (leading, ahead) = ([feedforward, reference], self.following.ahead);
-                not_braked(speed, leading, self.law.limits.speed, behind, closing, ahead)
+        match &self.leads_to {
+            Some(reference) => {
+                let led = self.following.led(reference, correction);
+                self.law.steer(feedback, machine, simulated, feedforward, &led)
             }
-            None => speed,
+            None => self.law.feedback(feedback, machine, simulated, feedforward),
         }
     }
 }

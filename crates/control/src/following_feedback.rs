@@ -1,6 +1,9 @@
 //! Feedback from the machine in model following: its deviation from the simulated crane, at what the oil is there.
 
-use crate::{DeviationMemory, MayBe, ModelFollowing, Reckoned, Seen, Watched};
+use crate::{
+    DeviationMemory, FollowingMemory, Led, MayBe, ModelFollowing, Reckoned, Reference, Seen,
+    Watched,
+};
 use hydroboom_math::Real;
 
 /// Oil is most likely no stiffer than if it stiffened so many standard deviations lower than is thought.
@@ -15,7 +18,25 @@ impl<T: Real> ModelFollowing<T> {
         self.deviation.start(&with.spring, &self.off(machine, seen))
     }
 
-    /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being the feedforward \[rev/s\].
+    /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being the feedforward \[rev/s\], and where both are led. On the
+    /// way it is their oil that swings them apart, and no load that was hung on: feedback is wary then. Behind a reference that no motor can follow, the
+    /// machine is not braked for a simulated crane that swings otherwise.
+    #[inline(always)]
+    pub fn steer(
+        &self,
+        memory: &mut DeviationMemory<T>,
+        machine: &Watched<T>,
+        seen: &Seen<T>,
+        feedforward: T,
+        led: &Led<T>,
+    ) -> T {
+        memory.be_wary(led.on_the_way());
+        let speed = self.feedback(memory, machine, seen, feedforward);
+        let moves = [machine.stroke, seen.velocity + memory.velocity];
+        led.not_braked(speed, feedforward, self.limits.speed, moves)
+    }
+
+    /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being the feedforward \[rev/s\], wherever that is led.
     #[inline(always)]
     pub fn feedback(
         &self,
@@ -61,5 +82,14 @@ impl<T: Real> ModelFollowing<T> {
             load_pressure: machine.load_pressure - seen.load_pressure,
             motor_speed: machine.motor_speed,
         }
+    }
+}
+
+impl<T: Real> FollowingMemory<T> {
+    /// What leads the machine to a reference that state feedback was shown, its motor having to turn so much for each revolution of the simulated one.
+    #[inline(always)]
+    pub fn led(&self, reference: &Reference<T>, turns: T) -> Led<T> {
+        let motor_speed = turns * self.reference_speed;
+        Led { reference: *reference, ahead: self.ahead, motor_speed }
     }
 }

@@ -54,6 +54,7 @@ pub use motion::{Motion, Profile, Reference, Way};
 pub use motor::MotorLimits;
 pub use oil_spring::{Gains, OilSpring};
 pub use oil_stiffness::OilStiffness;
+pub use out_of_reach::Led;
 pub use path::Path;
 pub use schedule::{PAYLOADS, Schedule};
 pub use shaper::Shaped;

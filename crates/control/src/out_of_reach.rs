@@ -3,6 +3,11 @@
 //! A simulated crane whose motor is at its limit swings as soft oil lets it, and the machine swings otherwise. Feedback would brake a machine that is
 //! ahead of the simulated crane, though both are behind the reference: what it loses by that, nobody makes good for.
 
+use crate::Reference;
+use hydroboom_math::Real;
+
+/// A reference slower than this rests \[m/s\].
+pub(crate) const AT_REST: f64 = 1e-4;
 /// The motor counts as at its limit from this share of its speed on, all the more the nearer.
 const NEAR: f64 = 0.8;
 /// A reference is out of reach once it is this far away \[m\], all the more the nearer to that.
@@ -10,29 +15,48 @@ const FAR: f64 = 2e-3;
 /// It is within reach for a machine that will have come up with it in that time \[s\]: that has to be braked.
 const COMES_UP: f64 = 0.15;
 
-/// From 0 to 1, by how far a reference runs ahead of what any crane can follow \[m\].
-pub(crate) fn out_of_reach(ahead: f64) -> f64 {
-    (ahead.abs() / FAR).min(1.0)
+/// What a machine is led by beside the simulated crane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Led<T> {
+    /// Where it is to be.
+    pub reference: Reference<T>,
+    /// By how much that runs ahead of what any crane can follow \[m\].
+    pub ahead: T,
+    /// What a motor turns for what can be followed \[rev/s\].
+    pub motor_speed: T,
 }
 
-/// Speed \[rev/s\] for a machine of which feedback wants a `speed` \[rev/s\]. It is behind the reference by `behind` \[m\], and that
-/// runs ahead of what any crane can follow by `ahead` \[m\]; it comes up with it by `closing` \[m/s\]. What leads it takes `leading` \[rev/s\], whichever is farther that way, of a motor
-/// that has `limit` \[rev/s\].
-pub(crate) fn not_braked(
-    speed: f64,
-    leading: [f64; 2],
-    limit: f64,
-    behind: f64,
-    closing: f64,
-    ahead: f64,
-) -> f64 {
-    let direction = behind.signum();
-    let still_behind = behind.abs() - COMES_UP * (direction * closing).max(0.0);
-    let leading = leading.map(|speed| direction * speed).into_iter().fold(f64::MIN, f64::max);
-    let far = still_behind.min(direction * ahead).max(0.0) / FAR;
-    let near = (leading / limit - NEAR) / (1.0 - NEAR);
-    let braked = leading.clamp(-limit, limit) - direction * speed;
-    speed + direction * near.clamp(0.0, 1.0) * far.min(1.0) * braked.max(0.0)
+impl<T: Real> Led<T> {
+    /// From 0, at rest where it is to be, to 1: on the way, or far behind a reference that no crane can follow.
+    #[inline(always)]
+    pub(crate) fn on_the_way(&self) -> T {
+        let one = T::one();
+        let behind = (self.ahead.abs() / T::lit(FAR)).min(one);
+        T::select(T::lit(AT_REST).lt(self.reference.velocity.abs()), one, behind)
+    }
+
+    /// Speed \[rev/s\] for a machine at `stroke` \[m\] that moves by `velocity` \[m/s\], of which feedback wants a `speed` \[rev/s\]. What leads it
+    /// takes `feedforward` \[rev/s\], or what the reference does, whichever is farther that way, of a motor that has `limit` \[rev/s\].
+    #[inline(always)]
+    pub(crate) fn not_braked(
+        &self,
+        speed: T,
+        feedforward: T,
+        limit: T,
+        [stroke, velocity]: [T; 2],
+    ) -> T {
+        let Self { reference, ahead, motor_speed } = *self;
+        let (zero, one) = (T::zero(), T::one());
+        let behind = reference.position - stroke;
+        let closing = velocity - reference.velocity;
+        let direction = T::select(behind.lt(zero), -one, one);
+        let still_behind = behind.abs() - T::lit(COMES_UP) * (direction * closing).max(zero);
+        let leading = (direction * feedforward).max(direction * motor_speed);
+        let far = still_behind.min(direction * ahead).max(zero) / T::lit(FAR);
+        let near = (leading / limit - T::lit(NEAR)) / T::lit(1.0 - NEAR);
+        let braked = leading.clamp(-limit, limit) - direction * speed;
+        speed + direction * near.clamp(zero, one) * far.min(one) * braked.max(zero)
+    }
 }
 
 #[cfg(test)]
@@ -41,13 +65,21 @@ mod tests {
 
     const LIMIT: f64 = 50.0;
 
+    /// Of a machine that is behind, and comes up with a reference at rest.
+    fn told(speed: f64, leading: [f64; 2], behind: f64, closing: f64, ahead: f64) -> f64 {
+        let [feedforward, motor_speed] = leading;
+        let reference = Reference { position: behind, velocity: 0.0 };
+        let led = Led { reference, ahead, motor_speed };
+        led.not_braked(speed, feedforward, LIMIT, [0.0, closing])
+    }
+
     #[test]
     fn at_the_limit_a_machine_that_is_behind_the_reference_is_not_braked() {
         for side in [1.0, -1.0] {
             let told = |speed: f64, leading: f64, behind: f64, ahead: f64| {
                 let [speed, leading, behind, ahead] =
                     [speed, leading, behind, ahead].map(|value| side * value);
-                side * not_braked(speed, [0.0, leading], LIMIT, behind, -side * 0.1, ahead)
+                side * told(speed, [0.0, leading], behind, -side * 0.1, ahead)
             };
             assert_eq!(told(30.0, 51.0, 5e-3, 8e-3), LIMIT);
             // what drives it on is feedback's
@@ -64,18 +96,31 @@ mod tests {
     #[test]
     fn a_machine_that_comes_up_with_the_reference_is_braked_in_time() {
         let (behind, fast) = (20e-3, 20e-3 / COMES_UP);
-        let told = |closing| not_braked(30.0, [LIMIT, LIMIT], LIMIT, behind, closing, 1.0);
+        let told = |closing| told(30.0, [LIMIT, LIMIT], behind, closing, 1.0);
         assert_eq!((told(fast), told(0.5 * fast), told(-fast)), (30.0, LIMIT, LIMIT));
     }
 
     #[test]
     fn it_is_let_go_of_without_a_jump() {
-        let told = |leading, behind| not_braked(30.0, [leading, 0.0], LIMIT, behind, 0.0, 1.0);
+        let told = |leading, behind| told(30.0, [leading, 0.0], behind, 0.0, 1.0);
         for k in 0..1000 {
             let share = f64::from(k) * 1e-3;
             let (leading, behind) = (LIMIT * share, FAR * share);
             assert!((told(leading + 0.05, FAR) - told(leading, FAR)).abs() < 0.2);
             assert!((told(LIMIT, behind + 1e-3 * FAR) - told(LIMIT, behind)).abs() < 0.03);
         }
+    }
+
+    #[test]
+    fn it_is_on_the_way_while_it_moves_or_is_far_behind() {
+        let on_the_way = |velocity, ahead| {
+            let reference = Reference { position: 0.2, velocity };
+            Led { reference, ahead, motor_speed: 0.0 }.on_the_way()
+        };
+        assert_eq!(
+            [on_the_way(0.0, 0.0), on_the_way(0.0, -FAR), on_the_way(0.01, 0.0)],
+            [0.0, 1.0, 1.0]
+        );
+        assert!((on_the_way(0.0, 0.25 * FAR) - 0.25).abs() < 1e-12);
     }
 }

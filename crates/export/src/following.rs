@@ -5,8 +5,9 @@ use crate::block::{Block, Entry, Target, Variable};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::given::{motor_speed, noded, of_machine, parameters, remembered, variable};
+use crate::graph::Node;
 use hydroboom_control::{
-    DeviationMemory, FollowingMemory, ModelFollowing, Reference, Seen, Watched,
+    DeviationMemory, FollowingMemory, Led, ModelFollowing, Reference, Seen, Watched,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -16,6 +17,12 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 type E = Expression;
+
+/// What state feedback tells the feedback of the machine: by how much the reference runs ahead, and what it takes of a motor.
+const AHEAD: [&str; 2] =
+    ["reference_ahead", "By how much the reference runs ahead of what a crane can follow"];
+const TAKES: [&str; 2] =
+    ["reference_motor_speed", "Motor speed that takes what can be followed of the reference"];
 
 /// A law as designed for the crane of a description, with its other numbers from outside.
 pub(crate) fn recorded_law(
@@ -64,7 +71,16 @@ pub fn state_feedback(description: &Description) -> Result<Block, ExportError> {
             [position, velocity].into_iter().chain(inputs).collect(),
             states,
             [&law.start().to_array()[..], &memory.to_array()[..]],
-            (("simulated_motor_speed", "Motor speed of the simulated crane"), speed),
+            vec![
+                output(
+                    "simulated_motor_speed",
+                    "rev/s",
+                    "Motor speed of the simulated crane",
+                    speed,
+                ),
+                output(AHEAD[0], "m", AHEAD[1], memory.ahead),
+                output(TAKES[0], "rev/s", TAKES[1], memory.reference_speed),
+            ],
         )
     });
     Ok(Block { graph: Rc::new(graph), ..block })
@@ -80,46 +96,63 @@ pub fn following_controller(description: &Description) -> Result<Block, ExportEr
     let (graph, block) = record(|| {
         let (parameters, given) = parameters(description);
         let law = designed(&given);
-        let [_, _, stroke, load] = of_machine();
+        let [position, velocity, stroke, load] = of_machine();
         let read = motor_speed();
         let speed = variable("simulated_speed", "rev/s", "Motor speed of the simulated crane", 0.0);
         let (inputs, seen) = simulated();
+        let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
+        let ahead = input(AHEAD[0], "m", AHEAD[1]);
+        let takes = input(TAKES[0], "rev/s", TAKES[1]);
+        let led = Led {
+            reference: Reference { position: position.1, velocity: velocity.1 },
+            ahead: ahead.1,
+            motor_speed: takes.1,
+        };
         let machine = Watched { stroke: stroke.1, load_pressure: load.1, motor_speed: read.1 };
         let [names, units, meanings] =
             [DeviationMemory::NAMES, DeviationMemory::UNITS, DeviationMemory::MEANINGS];
         let states = remembered("deviation_", &names, &units, &meanings);
         let mut memory = DeviationMemory::from_array(std::array::from_fn(|k| states[k].1));
         let begun = law.begin(&machine, &seen);
-        let asked = law.feedback(&mut memory, &machine, &seen, speed.1);
+        let asked = law.steer(&mut memory, &machine, &seen, speed.1, &led);
         block(
             [
                 "following_controller",
                 "Feedback of what the machine differs from the simulated crane",
             ],
             parameters,
-            [stroke, load, read, speed].into_iter().chain(inputs).collect(),
+            [position, velocity, ahead, takes, stroke, load, read, speed]
+                .into_iter()
+                .chain(inputs)
+                .collect(),
             states,
             [&begun.to_array()[..], &memory.to_array()[..]],
-            (("motor_speed", "Motor speed, n_ref"), asked),
+            vec![output("motor_speed", "rev/s", "Motor speed, n_ref", asked)],
         )
     });
     Ok(Block { graph: Rc::new(graph), ..block })
 }
 
+/// A quantity that is shown.
+fn output(name: &str, unit: &str, meaning: &str, value: E) -> (Variable, Node) {
+    let (name, unit, meaning) = (name.into(), unit.into(), meaning.into());
+    (Variable { name, unit, meaning, initial: 0.0 }, value.node())
+}
+
 /// A block that begins, and finds a motor speed each period.
 fn block(
     [name, meaning]: [&str; 2],
-    parameters: Vec<(Variable, crate::graph::Node)>,
+    parameters: Vec<(Variable, Node)>,
     inputs: Vec<(Variable, E)>,
     states: Vec<(Variable, E)>,
     [begun, next]: [&[E]; 2],
-    ((shown, says), speed): ((&str, &str), E),
+    outputs: Vec<(Variable, Node)>,
 ) -> Block {
     let kept = |values: &[E]| -> Vec<_> {
         values.iter().enumerate().map(|(k, v)| (Target::State(k), v.node())).collect()
     };
     let mut updated = kept(next);
-    updated.push((Target::Output(0), speed.node()));
+    updated.extend(outputs.iter().enumerate().map(|(k, (_, node))| (Target::Output(k), *node)));
     let entry = |name: &str, meaning: &str, results| Entry {
         name: name.into(),
         meaning: meaning.into(),
@@ -132,7 +165,7 @@ fn block(
         parameters,
         inputs: inputs.into_iter().map(noded).collect(),
         states: states.into_iter().map(noded).collect(),
-        outputs: vec![variable(shown, "rev/s", says, 0.0).0],
+        outputs: outputs.into_iter().map(|(shown, _)| shown).collect(),
         entries: vec![
             entry("begin", "begins without a bump at what is seen", kept(begun)),
             entry("update", "the motor speed of a control period", updated),

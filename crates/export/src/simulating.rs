@@ -126,7 +126,8 @@ fn following(at: &Period, law: &ModelFollowing<E>) -> Done {
     let machine = Watched { stroke, load_pressure, motor_speed: read.1 };
     let begun = (law.start(), law.begin(&machine, seen));
     let turns = law.update(&mut following, reference, seen);
-    let speed = law.feedback(&mut deviation, &machine, seen, turns);
+    let led = following.led(reference, E::one());
+    let speed = law.steer(&mut deviation, &machine, seen, turns, &led);
     let of =
         |a: FollowingMemory<E>, b: DeviationMemory<E>| [&a.to_array()[..], &b.to_array()].concat();
     let motor = FollowingMemory::NAMES.iter().position(|name| *name == "motor_speed");

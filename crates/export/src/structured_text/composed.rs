@@ -146,7 +146,8 @@ pub(super) fn model_following(steps: u32, step: &str) -> Unit {
         begins: "",
         acts: "    fbStateFeedback(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xSim := fbBoom.xCyl,
         vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);
-    fbController(bReset := bBegins, bPrepare := bPrepare, xCyl := xCyl, pL := pL, nRead := nRead,
+    fbController(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xAhead := fbStateFeedback.xAhead,
+        nAhead := fbStateFeedback.nAhead, xCyl := xCyl, pL := pL, nRead := nRead,
         nSim := fbStateFeedback.nMotor, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);\n",
         motor: "fbStateFeedback",
         shows: "nRef := fbController.nRef;\nnSim := fbStateFeedback.nMotor;\n",

@@ -113,7 +113,7 @@ const RESERVED: [&str; 78] = [
 ];
 
 /// Names that people know from the paper, for what stands at a block's edge.
-const KNOWN: [(&str, &str); 36] = [
+const KNOWN: [(&str, &str); 38] = [
     ("stroke", "xCyl"),
     ("velocity", "vCyl"),
     ("pressure_pump_a", "pPA"),
@@ -148,6 +148,8 @@ const KNOWN: [(&str, &str); 36] = [
     ("motor_speed", "nRef"),
     ("wanted_speed", "nWanted"),
     ("simulated_motor_speed", "nMotor"),
+    ("reference_ahead", "xAhead"),
+    ("reference_motor_speed", "nAhead"),
     ("integral", "vInt"),
     ("low_passed", "pLow"),
 ];

@@ -73,7 +73,8 @@ impl Steered {
         match &self.law {
             Some(law) => {
                 self.motor = law.update(&mut self.following, &reference, &seen);
-                law.feedback(&mut self.deviation, &machine, &seen, self.motor)
+                let led = self.following.led(&reference, 1.0);
+                law.steer(&mut self.deviation, &machine, &seen, self.motor, &led)
             }
             None => {
                 let own = benchmark.velocity_feedforward(&reference);
