@@ -37,6 +37,9 @@ impl<T: Copy> Watched<T> {
 /// Of what feedback may ask for at once, what a position may: the rest is left to damping.
 const POSITION: f64 = 0.8;
 
+/// A piston of whose way back so much is left is far off \[m\].
+const FAR: f64 = 5e-3;
+
 /// How a deviation is watched and made good for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviationDesign<T> {
@@ -142,13 +145,14 @@ impl<T: Real> DeviationFeedback<T> {
         let bandwidth = share * stiff * least / raised.sqrt();
         let gains = spring.proportional_gains(stiff * raised.sqrt(), damping, bandwidth);
         let believes = (self.design.push * stiff).sqrt();
-        let sooner = self.design.sooner.times * believes;
+        let ring = stiff * oil.likely.sqrt();
+        let sooner = self.design.sooner.frequency(believes, ring);
         let keeps = [believes, sooner, self.design.rate * bandwidth]
             .map(|frequency| (-frequency * self.period).exp());
         let [velocity, push] = scatters(sooner, self.period);
         let held = gains.pressure / spring.acceleration_by_pressure;
         let speed_by_scatter = gains.velocity.abs() * velocity + held * push;
-        Reckoned { spring, gains, keeps, speed_by_scatter, ring: stiff * oil.likely.sqrt() }
+        Reckoned { spring, gains, keeps, speed_by_scatter, ring }
     }
 
     /// Memory to start with at rest: friction holds what the load pressures differ by. The motor speed is the machine's own.
@@ -234,15 +238,17 @@ impl<T: Real> DeviationFeedback<T> {
         self.design.way_back.on(&torn, now.way_back)
     }
 
-    /// What is asked for by what is believed sooner beyond that \[rev/s\].
+    /// What is asked for by what is believed sooner beyond that \[rev/s\]. A piston that was torn far off is led back: what is sooner there only
+    /// pushes where its swing is going anyway.
     #[inline(always)]
-    fn sooner(&self, with: &Reckoned<T>, now: &DeviationMemory<T>) -> T {
+    fn sooner(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>) -> T {
         let Reckoned { spring, gains, .. } = with;
         let [_, more] = now.pushed();
         let held = more.push / spring.acceleration_by_pressure;
         let asks =
             gains.position * more.stroke + gains.velocity * more.velocity + gains.pressure * held;
-        self.design.sooner.heard(asks, with.speed_by_scatter, now.scatter)
+        let near = T::one() - (way.left.abs() / T::lit(FAR)).min(T::one());
+        near * self.design.sooner.heard(asks, with.speed_by_scatter, now.scatter)
     }
 
     /// What feedback asks for \[rev/s\]. It may take back all that the way back takes, for what comes back faster has to be braked in time.
@@ -253,7 +259,7 @@ impl<T: Real> DeviationFeedback<T> {
         let position = gains.position * (now.stroke - way.left);
         let damping = gains.velocity * (now.velocity - way.velocity) + gains.pressure * unheld;
         let settled = way.motor_speed - position - now.rate / spring.pressure_by_speed - damping;
-        let whole = settled - self.sooner(with, now);
+        let whole = settled - self.sooner(with, now, way);
         let (most, zero) = (self.design.authority, T::zero());
         let braked = way.motor_speed - whole;
         let braked = T::select(way.left.lt(zero), braked.max(zero), braked.min(zero));

@@ -4,6 +4,9 @@
 //! is believed comes the square of what noise makes of it. So a push is believed twice, slowly, and some times as fast. What the second asks of the
 //! motor beyond the first is heard only where it is several times what noise would ask for, and then all of it. How far the position scatters is seen on the way: by as
 //! much as it is read to be elsewhere than was believed sooner.
+//!
+//! On soft oil nothing is believed sooner. What the motor is asked for is the more the softer the oil is, and comes later: an empty crane at rest
+//! was driven by 1.6 mm and 1000 rpm for its 0.1 mm and 600 rpm.
 
 use hydroboom_math::Real;
 
@@ -20,12 +23,21 @@ pub struct SoonerDesign<T> {
 
 /// All is heard from so many times where it begins to be.
 const ALL: f64 = 1.5;
+/// A push is believed no sooner than at so many times the frequency at which the crane rings on its oil.
+const RINGS: f64 = 6.0;
 /// How long what the position scatters by is remembered \[s\].
 const REMEMBERED: f64 = 1.0;
 /// A single reading counts for no more than so many times of what it has scattered by: a push is no noise.
 const COUNTS: f64 = 3.0;
 
 impl<T: Real> SoonerDesign<T> {
+    /// How fast a push is believed sooner that else is believed at `believes` \[rad/s\], of a crane that rings on its oil at `ring` \[rad/s\]. Soft oil
+    /// takes the motor so long to fill that what comes sooner only drives it from limit to limit.
+    #[inline(always)]
+    pub(crate) fn frequency(&self, believes: T, ring: T) -> T {
+        (self.times * believes).min(T::lit(RINGS) * ring).max(believes)
+    }
+
     /// Mean square \[m²\] of what the position scatters by, after a period \[s\] in which it is read to be `beyond` what was believed \[m\].
     #[inline(always)]
     pub(crate) fn scatter(&self, before: T, beyond: T, period: T) -> T {
@@ -65,6 +77,12 @@ mod tests {
             let asks = 1e-3 * f64::from(k);
             assert!((heard(asks + 1e-3) - heard(asks)).abs() < 8e-3);
         }
+    }
+
+    #[test]
+    fn on_soft_oil_a_push_is_believed_no_sooner() {
+        let frequency = |ring| DESIGN.frequency(60.0, ring);
+        assert_eq!((frequency(28.0), frequency(20.0), frequency(5.0)), (150.0, 120.0, 60.0));
     }
 
     #[test]
