@@ -417,6 +417,24 @@ mod tests {
         assert_eq!(after(&law, -0.02, 12), after(&slow, -0.02, 12));
     }
 
+    /// By how much it asks otherwise for a push that is believed sooner.
+    #[test]
+    fn a_piston_that_is_torn_far_off_hears_of_nothing_sooner() {
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
+        let sooner = |off: f64| {
+            let now = DeviationMemory { stroke: off, way_back: off, ..Default::default() };
+            let pushed = DeviationMemory { sooner_push: 0.5, ..now };
+            let [with_it, without] =
+                [pushed, now].map(|now| law.answer(&with, &now, &law.way_back(&with, &now)));
+            (with_it - without).abs()
+        };
+        let [near, between, far] = [0.0, 0.5 * FAR, FAR].map(sooner);
+        assert!(
+            near > 1.0 && (between / near - 0.5).abs() < 1e-9 && far == 0.0,
+            "{near} {between} {far}"
+        );
+    }
+
     #[test]
     fn a_pressure_that_friction_holds_asks_for_nothing() {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));

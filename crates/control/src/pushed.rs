@@ -97,6 +97,7 @@ mod tests {
             let [velocity, push] = scatters(frequency, PERIOD);
             let found = [scatter(frequency, [1.0, 0.0]), scatter(frequency, [0.0, 1.0])];
             let ratios = [found[0] / velocity, found[1] / push];
+            // what is reckoned is read all the time: readings a period apart make for a share ω T of it, 0.08 at most, otherwise
             assert!(ratios.iter().all(|ratio| (ratio - 1.0).abs() < 0.1), "{ratios:?}");
             // both at once, each for as much
             let both = scatter(frequency, [1.0 / velocity, 1.0 / push]);

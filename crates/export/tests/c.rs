@@ -439,14 +439,15 @@ int main(void)
                 [r.position, r.velocity, m.stroke, m.load_pressure, m.motor_speed]
             })
             .collect();
-        let mut rust = Steered::new(&description, follows);
+        let mut steers = Steered::new(&description, follows);
         let period = |k| {
-            let speed = rust.period(k);
-            (0..20).for_each(|_| rust.step());
+            let speed = steers.period(k);
+            (0..20).for_each(|_| steers.step());
             vec![speed]
         };
         let rust: Vec<Vec<f64>> = (0..500).map(period).collect();
         let off = apart(&rust, &answered(&program, &numbers));
         assert_eq!(off, 0.0, "{}", block.name);
+        assert_eq!(steers.steered > 1.0, follows, "this course is no test: {}", steers.steered);
     }
 }

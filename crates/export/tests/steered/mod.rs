@@ -8,13 +8,22 @@ use hydroboom_description::Description;
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input};
 
-/// What is wanted, and measured of the machine, in a period.
+/// What is wanted, and measured of the machine, in a period. For a while the machine is torn off to both sides, and the reference faster than the motor.
 pub fn shown(k: usize) -> (Reference<f64>, Watched<f64>) {
     let time = 1e-3 * k as f64;
     let moved = 0.02 * (1.0 - (1.5 * time).cos());
-    let reference = Reference { position: 0.05 + moved, velocity: 0.03 * (1.5 * time).sin() };
+    let (fast, dash) = (0.35, |begun: f64| (time - begun).clamp(0.0, 0.15));
+    let dashed = fast * (dash(0.2) - dash(0.35));
+    let dashes = match time {
+        t if (0.2..0.35).contains(&t) => fast,
+        t if (0.35..0.5).contains(&t) => -fast,
+        _ => 0.0,
+    };
+    let position = 0.05 + moved + dashed;
+    let reference = Reference { position, velocity: 0.03 * (1.5 * time).sin() + dashes };
     let ringing = (15.0 * time).sin();
-    let stroke = 0.0495 + 0.97 * moved + 2e-4 * ringing;
+    let torn = 0.03 * (40.0 * (time - 0.2).clamp(0.0, 0.3)).sin();
+    let stroke = 0.0495 + 0.97 * moved + torn + 2e-4 * ringing;
     let motor_speed = 9.0 * (1.5 * time).sin() + 0.3 * ringing;
     (reference, Watched { stroke, load_pressure: 62e5 + 3e5 * ringing, motor_speed })
 }
@@ -30,6 +39,8 @@ pub struct Steered {
     memory: BenchmarkMemory<f64>,
     deviation: DeviationMemory<f64>,
     pub motor: f64,
+    /// By how much the machine was told otherwise at most, for being led to a reference \[rev/s\].
+    pub steered: f64,
 }
 
 impl Steered {
@@ -50,6 +61,7 @@ impl Steered {
             memory: benchmark.start(&of(&machine)),
             deviation: DeviationMemory::default(),
             motor: 0.0,
+            steered: 0.0,
         };
         let seen = new.seen();
         new.simulated = benchmark.start(&seen.measured());
@@ -74,7 +86,11 @@ impl Steered {
             Some(law) => {
                 self.motor = law.update(&mut self.following, &reference, &seen);
                 let led = self.following.led(&reference, 1.0);
-                law.steer(&mut self.deviation, &machine, &seen, self.motor, &led)
+                let fed_back =
+                    law.feedback(&mut self.deviation.clone(), &machine, &seen, self.motor);
+                let speed = law.steer(&mut self.deviation, &machine, &seen, self.motor, &led);
+                self.steered = self.steered.max((speed - fed_back).abs());
+                speed
             }
             None => {
                 let own = benchmark.velocity_feedforward(&reference);
