@@ -417,13 +417,13 @@ mod tests {
         assert_eq!(after(&law, -0.02, 12), after(&slow, -0.02, 12));
     }
 
-    /// By how much it asks otherwise for a push that is believed sooner.
+    /// By how much it asks otherwise for a push that is believed sooner, and leaves it within what feedback may ask for.
     #[test]
     fn a_piston_that_is_torn_far_off_hears_of_nothing_sooner() {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
         let sooner = |off: f64| {
             let now = DeviationMemory { stroke: off, way_back: off, ..Default::default() };
-            let pushed = DeviationMemory { sooner_push: 0.5, ..now };
+            let pushed = DeviationMemory { sooner_push: -0.1, ..now };
             let [with_it, without] =
                 [pushed, now].map(|now| law.answer(&with, &now, &law.way_back(&with, &now)));
             (with_it - without).abs()
