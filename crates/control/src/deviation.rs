@@ -5,10 +5,9 @@
 //! moved anything far. What was torn far off all the same is led back.
 
 use crate::deviation_memory::DeviationMemory;
-use crate::pushed::scatters;
 use crate::sooner::SoonerDesign;
 use crate::way_back::{REMEMBERED, Sides, Torn, WayBack, WayBackDesign};
-use crate::{Gains, Measured, OilSpring, Station};
+use crate::{Measured, OilSpring, Reckoned, StrokeByPressure};
 use hydroboom_math::{Real, record};
 
 record! {
@@ -54,7 +53,11 @@ pub struct DeviationDesign<T> {
     pub pressure: T,
     /// Time in which the drive follows, and is read \[s\].
     pub drive: T,
-    /// Damping ratio that the crane's ringing is to have.
+    /// How a position is read from the load pressure, too.
+    pub by_pressure: StrokeByPressure<T>,
+    /// How much faster than on its oil alone the crane is to ring.
+    pub quicker: T,
+    /// Damping ratio that its ringing is to have.
     pub damping: T,
     /// Bandwidth of the position, as a share of the frequency at which the crane rings; less where it is not known how stiff the oil is.
     pub share: T,
@@ -76,44 +79,11 @@ pub struct DeviationDesign<T> {
 /// `n = −r/b − k_x (x − z) − k_v (v − z') − k_p (p + d/a_p) − (c_v/b) z'`, z being the way back of a piston that was torn far off, else 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviationFeedback<T> {
-    design: DeviationDesign<T>,
+    pub(crate) design: DeviationDesign<T>,
     /// What of each is kept in a period, exp(−ω T): of a pressure, an expected speed, of where a piston was torn off to.
     keeps: [T; 3],
     /// Sample period \[s\].
-    period: T,
-}
-
-/// How stiff the oil may be at a station, as shares of stiff oil's bulk modulus.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MayBe<T> {
-    /// As the pressure dips in motion.
-    pub dipped: T,
-    /// No stiffer than this, most likely.
-    pub likely: T,
-    /// No stiffer than this, almost certainly.
-    pub possible: T,
-}
-
-impl<T: Copy> MayBe<T> {
-    /// The same, whatever happens.
-    pub fn known(share: T) -> Self {
-        Self { dipped: share, likely: share, possible: share }
-    }
-}
-
-/// What feedback reckons with at a piston position.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reckoned<T> {
-    /// The oil spring.
-    pub spring: OilSpring<T>,
-    /// Of a deviation; the integral is the observer's.
-    pub gains: Gains<T>,
-    /// What of a believed push, of one that is believed sooner, and of a believed rate is kept in a period.
-    pub keeps: [T; 3],
-    /// What a scatter of the position makes of the motor by what is believed sooner \[rev/(s m)\].
-    pub speed_by_scatter: T,
-    /// Frequency at which the crane most likely rings on its oil \[rad/s\]: a piston that was torn far off is brought back by that.
-    pub ring: T,
+    pub(crate) period: T,
 }
 
 impl<T: Real> DeviationFeedback<T> {
@@ -129,38 +99,13 @@ impl<T: Real> DeviationFeedback<T> {
         self.design.dip
     }
 
-    /// What feedback reckons with at a station.
-    ///
-    /// On oil that is softer than the softest the pump is to make up for it, and what it is asked for has to be right: too much of it rings in oil
-    /// that is stiffer. Such oil has to be so almost certainly; else damping is that of stiffer oil, and the position waits for it.
-    #[inline(always)]
-    pub fn reckons(&self, station: &Station<T>, oil: &MayBe<T>) -> Reckoned<T> {
-        let DeviationDesign { damping, share, softest, .. } = self.design;
-        let stiff = station.stiff.ring();
-        let most = oil.likely.max(oil.possible.min(softest));
-        let least = oil.dipped.max(softest * oil.likely / most);
-        let spring = station.spring(most);
-        let raised = most.max(softest);
-        // damping that is meant for stiffer oil is as much too weak: the position has to wait for it
-        let bandwidth = share * stiff * least / raised.sqrt();
-        let gains = spring.proportional_gains(stiff * raised.sqrt(), damping, bandwidth);
-        let believes = (self.design.push * stiff).sqrt();
-        let ring = stiff * oil.likely.sqrt();
-        let sooner = self.design.sooner.frequency(believes, ring);
-        let keeps = [believes, sooner, self.design.rate * bandwidth]
-            .map(|frequency| (-frequency * self.period).exp());
-        let [velocity, push] = scatters(sooner, self.period);
-        let held = gains.pressure / spring.acceleration_by_pressure;
-        let speed_by_scatter = gains.velocity.abs() * velocity + held * push;
-        Reckoned { spring, gains, keeps, speed_by_scatter, ring }
-    }
-
     /// Memory to start with at rest: friction holds what the load pressures differ by. The motor speed is the machine's own.
     pub fn start(&self, spring: &OilSpring<T>, off: &Watched<T>) -> DeviationMemory<T> {
         DeviationMemory {
             stroke: off.stroke,
             load_pressure: off.load_pressure,
             push: -spring.acceleration_by_pressure * off.load_pressure,
+            pumped: off.load_pressure - spring.pressure_by_velocity * off.stroke,
             expected_speed: off.motor_speed,
             ..DeviationMemory::from_array([T::zero(); DeviationMemory::NAMES.len()])
         }
@@ -176,7 +121,7 @@ impl<T: Real> DeviationFeedback<T> {
         feedforward: T,
     ) -> T {
         let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
-        let now = self.believed(memory, with.keeps, off);
+        let now = self.believed(memory, with, off);
         let period = self.period;
         let way = self.way_back(with, &now);
         let speed = feedforward + self.answer(with, &now, &way);
@@ -191,6 +136,7 @@ impl<T: Real> DeviationFeedback<T> {
         *memory = DeviationMemory {
             load_pressure: now.load_pressure
                 + period * (c_v * now.velocity + b * beyond + now.rate),
+            pumped: now.pumped + period * (b * beyond + now.rate),
             expected_speed: feedforward + self.keeps[1] * (now.expected_speed - feedforward),
             way_back: way.left + period * way.velocity,
             above,
@@ -205,12 +151,19 @@ impl<T: Real> DeviationFeedback<T> {
     fn believed(
         &self,
         memory: &DeviationMemory<T>,
-        [push, soon, rate]: [T; 3],
+        with: &Reckoned<T>,
         off: &Watched<T>,
     ) -> DeviationMemory<T> {
+        let Reckoned { spring, keeps: [push, soon, rate], by_pressure, scatter, .. } = *with;
         let (one, period) = (T::one(), self.period);
         let [pressure, ..] = self.keeps;
-        let (error, risen) = (off.stroke - memory.stroke, off.load_pressure - memory.load_pressure);
+        let [stroke, pumped] = self.design.by_pressure.read(
+            [off.stroke, off.load_pressure],
+            memory.pumped,
+            by_pressure,
+            spring.pressure_by_velocity,
+        );
+        let (error, risen) = (stroke - memory.stroke, off.load_pressure - memory.load_pressure);
         let [before, more] = memory.pushed();
         let now = before.seen(error, push, period);
         let beyond = error - more.stroke;
@@ -218,7 +171,8 @@ impl<T: Real> DeviationFeedback<T> {
         DeviationMemory {
             load_pressure: memory.load_pressure + (one - rate * pressure) * risen,
             rate: memory.rate + (one - rate) * (one - pressure) / period * risen,
-            scatter: self.design.sooner.scatter(memory.scatter, beyond, period),
+            scatter: self.design.sooner.scatter(memory.scatter.max(scatter), beyond, period),
+            pumped,
             ..memory.with_pushed([now, sooner.less(&now)])
         }
     }
@@ -248,7 +202,7 @@ impl<T: Real> DeviationFeedback<T> {
         let asks =
             gains.position * more.stroke + gains.velocity * more.velocity + gains.pressure * held;
         let near = T::one() - (way.left.abs() / T::lit(FAR)).min(T::one());
-        near * self.design.sooner.heard(asks, with.speed_by_scatter, now.scatter)
+        near * self.design.sooner.heard(asks, with.speed_by_scatter, now.scatter.max(with.scatter))
     }
 
     /// What feedback asks for \[rev/s\]. It may take back all that the way back takes, for what comes back faster has to be braked in time.
@@ -269,21 +223,27 @@ impl<T: Real> DeviationFeedback<T> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
-    use crate::{Pace, Rest};
+    use crate::{MayBe, OilSpring, Pace, Rest, Station};
     use hydroboom_math::Lanes;
 
     const PERIOD: f64 = 1e-3;
 
-    fn feedback<T: Real>() -> DeviationFeedback<T> {
+    pub(crate) fn feedback<T: Real>() -> DeviationFeedback<T> {
         let lit = T::lit;
         let design = DeviationDesign {
             push: lit(130.0),
-            sooner: SoonerDesign { times: lit(2.5), heard_from: lit(4.0), scatter: lit(1e-5) },
+            sooner: SoonerDesign { times: lit(2.5), heard_from: lit(4.0) },
             rate: lit(0.3),
             pressure: lit(500.0),
             drive: lit(5e-3),
+            by_pressure: StrokeByPressure {
+                stroke_scatter: lit(1e-5),
+                pressure_scatter: lit(1e4),
+                keeps: lit(0.99),
+            },
+            quicker: lit(1.2),
             damping: lit(0.5),
             share: lit(0.8),
             authority: lit(20.0),
@@ -298,7 +258,7 @@ mod tests {
         DeviationFeedback::new(design, lit(PERIOD))
     }
 
-    fn station<T: Real>() -> Station<T> {
+    pub(crate) fn station<T: Real>() -> Station<T> {
         Station {
             rest: Rest::from_array([65e5, -1e6, 0.11].map(T::lit)),
             stiff: OilSpring::from_array([0.0, -0.2, 2e-7, 0.0, -1.1e9, 0.0, 3.2e6].map(T::lit)),
@@ -444,70 +404,6 @@ mod tests {
             let speed = law.update(&mut memory, &with, &off, 0.3);
             assert!((speed - 0.3).abs() < 1e-9, "{speed}");
         }
-    }
-
-    #[test]
-    fn soft_oil_is_fed_back_to_gently() {
-        let law = feedback::<f64>();
-        let at = |stiffness: f64| law.reckons(&station(), &MayBe::known(stiffness)).gains;
-        // a deviation of the position asks for as much less as the crane rings slower
-        let ratio = at(0.25).position / at(1.0).position;
-        assert!((ratio - 0.5).abs() < 1e-12, "{ratio}");
-    }
-
-    /// The characteristic polynomial of what is fed back to is the same for all oil that is softer than the softest.
-    #[test]
-    fn softer_oil_than_the_softest_is_made_as_stiff_by_the_pump() {
-        let law = feedback::<f64>();
-        let polynomial = |stiffness: f64| {
-            let Reckoned { spring, gains, .. } = law.reckons(&station(), &MayBe::known(stiffness));
-            let [_, a_v, a_p, _, c_v, _, b] = spring.to_array();
-            let kept = b * gains.pressure;
-            let ringing = a_p * (b * gains.velocity - c_v) - kept * a_v;
-            [kept - a_v, ringing, a_p * b * gains.position]
-        };
-        let [softest, softer] = [0.1, 0.0125].map(polynomial);
-        for (a, b) in softest.iter().zip(softer) {
-            assert!((a / b - 1.0).abs() < 1e-12, "{softest:?} and {softer:?}");
-        }
-        assert!(polynomial(0.2)[1] > 1.5 * softest[1]);
-    }
-
-    #[test]
-    fn where_the_oil_is_not_known_it_is_damped_as_stiff_and_brought_back_as_soft() {
-        let law = feedback::<f64>();
-        let at = |dipped, likely| {
-            law.reckons(&station(), &MayBe { dipped, likely, possible: likely }).gains
-        };
-        let (known, unknown) = (at(1.0, 1.0), at(0.2, 1.0));
-        assert!((unknown.position / known.position - 0.2).abs() < 1e-12, "{unknown:?}");
-        // soft oil that is known to be soft is damped more
-        assert!(unknown.pressure < known.pressure && at(0.2, 0.2).pressure > known.pressure);
-    }
-
-    /// Where it may be stiffer the pump would be asked for too much: damping is that of oil as stiff as it may be, and the position waits as much longer.
-    #[test]
-    fn the_pump_makes_stiffer_only_what_is_soft_almost_certainly() {
-        let law = feedback::<f64>();
-        let (soft, softest) = (0.0125, 0.1);
-        let at = |possible| {
-            let oil = MayBe { dipped: soft, likely: soft, possible };
-            law.reckons(&station(), &oil).gains
-        };
-        let known = |share| law.reckons(&station(), &MayBe::known(share)).gains;
-        for doubted in [softest, 0.4, 1.0].map(at) {
-            // a slower position takes less damping
-            assert!(doubted.pressure < known(softest).pressure, "{doubted:?}");
-            let ratio = doubted.position / known(softest).position * softest / soft;
-            assert!((ratio - 1.0).abs() < 1e-12, "{doubted:?}");
-        }
-        assert_eq!(at(soft), known(soft));
-        // what is likely stiffer than that is in no doubt of this kind
-        let likely = |possible| {
-            let oil = MayBe { dipped: soft, likely: 0.3, possible };
-            law.reckons(&station(), &oil).gains
-        };
-        assert_eq!(likely(0.3), likely(1.0));
     }
 
     #[test]

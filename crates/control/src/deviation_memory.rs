@@ -46,6 +46,9 @@ record! {
         /// Mean square of what the position is read to be beyond what is believed sooner
         #[unit = "m²"]
         pub scatter: T,
+        /// Load pressure that no travel of the piston accounts for
+        #[unit = "Pa"]
+        pub pumped: T,
     }
 }
 

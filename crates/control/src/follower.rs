@@ -231,6 +231,7 @@ impl Follower {
             let rate = (load_pressure - before) / law.period;
             let apart = law.period * (own_rate(rate, gained) - rate);
             self.feedback.load_pressure += apart;
+            self.feedback.pumped += apart;
             self.feedback.push -= own.stiff.acceleration_by_pressure * apart;
         }
     }

@@ -367,7 +367,8 @@ impl<T: Real> ModelFollowing<T> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::{DeviationDesign, Pace, Rest, SoonerDesign, WayBackDesign};
+    use crate::Rest;
+    use crate::deviation::tests::feedback;
     use hydroboom_math::Lanes;
 
     fn oil<T: Real>() -> OilStiffness<T> {
@@ -399,30 +400,7 @@ pub(crate) mod tests {
             notches: ModelFollowing::notches([lit(314.0), lit(1100.0)], lit(1e-3)),
             smoothing: lit(0.15),
             lead: lit(5e-3),
-            deviation: DeviationFeedback::new(
-                DeviationDesign {
-                    push: lit(54.0),
-                    sooner: SoonerDesign {
-                        times: lit(2.5),
-                        heard_from: lit(4.0),
-                        scatter: lit(1e-5),
-                    },
-                    rate: lit(0.3),
-                    pressure: lit(380.0),
-                    drive: lit(5e-3),
-                    damping: lit(0.46),
-                    share: lit(0.6),
-                    authority: lit(20.0),
-                    way_back: WayBackDesign {
-                        rate: lit(4.0),
-                        eager: Pace { by_ring: lit(0.8), motor_speed: lit(60.0) },
-                        wary: Pace { by_ring: lit(0.4), motor_speed: lit(18.0) },
-                    },
-                    dip: lit(6e5),
-                    softest: lit(0.1),
-                },
-                lit(1e-3),
-            ),
+            deviation: feedback(),
             damping: lit(0.7),
             bandwidth: lit(12.6),
             limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },

@@ -3,7 +3,8 @@
 use crate::{DesignError, Lifting, oil_spring};
 use hydroboom_control::{
     BENDING, Conditions, DeviationDesign, DeviationFeedback, ModelFollowing, MotorLimits,
-    OilStiffness, PAYLOADS, Pace, Rest, STATIONS, Schedule, SoonerDesign, Station, WayBackDesign,
+    OilStiffness, PAYLOADS, Pace, Rest, STATIONS, Schedule, SoonerDesign, Station,
+    StrokeByPressure, WayBackDesign,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -21,8 +22,15 @@ const PRESSURE: f64 = TAU * 50.0;
 const DAMPING: f64 = 0.65;
 const SHARE: f64 = 0.62;
 /// A push is believed so many times as fast beside, and that is heard from so many times what noise would ask for: twice as fast for sure
-/// costs more of the motor at rest, five times as fast is nothing but noise. The position scatters by an encoder's 0.01 mm at least.
-const SOONER: SoonerDesign<f64> = SoonerDesign { times: 2.5, heard_from: 3.5, scatter: 1e-5 };
+/// costs more of the motor at rest, five times as fast is nothing but noise.
+const SOONER: SoonerDesign<f64> = SoonerDesign { times: 2.5, heard_from: 3.5 };
+/// An encoder's position scatters by so much \[m\], the load pressure by so much \[Pa\]: half of that is two sensors' noise, the rest oil that is a
+/// tenth or two softer or stiffer than thought. What no travel accounts for is followed that fast \[rad/s\].
+const STROKE_SCATTER: f64 = 1e-5;
+const PRESSURE_SCATTER: f64 = 1.2e4;
+const PUMPED: f64 = 10.0;
+/// The crane rings so much faster than on its oil alone. A third faster swings cranes whose load is other than thought.
+const QUICKER: f64 = 1.2;
 /// By so much the pressure dips below that of rest, or of the simulated crane if that is lower \[Pa\].
 const DIP: f64 = 2e5;
 /// Feedback is as fast on the softest oil as it were on oil of this share of stiff oil's bulk modulus.
@@ -175,11 +183,16 @@ pub fn law<T: Real>(
                 sooner: SoonerDesign {
                     times: lit(SOONER.times),
                     heard_from: lit(SOONER.heard_from),
-                    scatter: lit(SOONER.scatter),
                 },
                 rate: lit(RATE),
                 pressure: lit(PRESSURE),
                 drive: n.following_lead,
+                by_pressure: StrokeByPressure {
+                    stroke_scatter: lit(STROKE_SCATTER),
+                    pressure_scatter: lit(PRESSURE_SCATTER),
+                    keeps: (-lit(PUMPED) * n.control_period).exp(),
+                },
+                quicker: lit(QUICKER),
                 damping: lit(DAMPING),
                 share: lit(SHARE),
                 authority: n.following_effort * n.motor_speed,
