@@ -36,6 +36,9 @@ impl<T: Copy> Watched<T> {
 /// Of what feedback may ask for at once, what a position may: the rest is left to damping.
 const POSITION: f64 = 0.8;
 
+/// What feedback may ask for at once is no less than this share of what it may where nothing is fed forward: a motor at its limit can still brake.
+const AT_LEAST: f64 = 0.5;
+
 /// A piston of whose way back so much is left is far off \[m\].
 const FAR: f64 = 5e-3;
 
@@ -63,6 +66,8 @@ pub struct DeviationDesign<T> {
     pub share: T,
     /// Feedback asks for no more than this \[rev/s\] beside what a way back takes, so that it does not drive the machine from one limit to the other.
     pub authority: T,
+    /// The motor's limit \[rev/s\].
+    pub motor_speed: T,
     /// How a piston that was torn far off is brought back.
     pub way_back: WayBackDesign<T>,
     /// By how much the pressure may dip in motion \[Pa\]: the oil is taken to be as soft as there.
@@ -124,7 +129,7 @@ impl<T: Real> DeviationFeedback<T> {
         let now = self.believed(memory, with, off);
         let period = self.period;
         let way = self.way_back(with, &now);
-        let speed = feedforward + self.answer(with, &now, &way);
+        let speed = feedforward + self.answer(with, &now, &way, self.authority(feedforward));
         let [pushed, sooner] = now.pushed();
         let later = [
             pushed.later(a_v, a_p * now.load_pressure, period),
@@ -205,16 +210,26 @@ impl<T: Real> DeviationFeedback<T> {
         near * self.design.sooner.heard(asks, with.speed_by_scatter, now.scatter.max(with.scatter))
     }
 
-    /// What feedback asks for \[rev/s\]. It may take back all that the way back takes, for what comes back faster has to be braked in time.
+    /// The most that feedback asks for beside what a way back takes \[rev/s\], where so much is fed forward \[rev/s\]: no more than the motor has left, to
+    /// the other side either. What swings, and is braked harder than it can be driven, swings on from one limit to the other.
     #[inline(always)]
-    fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>) -> T {
+    fn authority(&self, feedforward: T) -> T {
+        let DeviationDesign { authority, motor_speed, .. } = self.design;
+        let left = motor_speed - feedforward.abs();
+        authority.min(left.max(T::lit(AT_LEAST) * authority))
+    }
+
+    /// What feedback asks for \[rev/s\], and at `most`. It may take back all that the way back takes, for what comes back faster has to be braked in
+    /// time.
+    #[inline(always)]
+    fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>, most: T) -> T {
         let Reckoned { spring, gains, .. } = with;
         let unheld = now.load_pressure + now.push / spring.acceleration_by_pressure;
         let position = gains.position * (now.stroke - way.left);
         let damping = gains.velocity * (now.velocity - way.velocity) + gains.pressure * unheld;
         let settled = way.motor_speed - position - now.rate / spring.pressure_by_speed - damping;
         let whole = settled - self.sooner(with, now, way);
-        let (most, zero) = (self.design.authority, T::zero());
+        let zero = T::zero();
         let braked = way.motor_speed - whole;
         let braked = T::select(way.left.lt(zero), braked.max(zero), braked.min(zero));
         let whole = whole + way.unbraked * braked;
@@ -247,6 +262,7 @@ pub(crate) mod tests {
             damping: lit(0.5),
             share: lit(0.8),
             authority: lit(20.0),
+            motor_speed: lit(50.0),
             way_back: WayBackDesign {
                 rate: lit(4.0),
                 eager: Pace { by_ring: lit(0.8), motor_speed: lit(60.0) },
@@ -334,7 +350,7 @@ pub(crate) mod tests {
         assert_eq!(way.motor_speed, law.design.way_back.eager.motor_speed);
         let answer = |velocity: f64| {
             let now = DeviationMemory { velocity, ..torn };
-            law.answer(&with, &now, &law.way_back(&with, &now))
+            law.answer(&with, &now, &law.way_back(&with, &now), law.authority(0.0))
         };
         assert!((answer(way.velocity) - way.motor_speed).abs() < 1e-9);
         // it would not come home by its swing, but by that of twice the speed
@@ -344,12 +360,15 @@ pub(crate) mod tests {
         assert!(answer(home) < way.motor_speed - 1.0);
         // having swung to the other side, it is braked at once
         let swings = DeviationMemory { above: 0.1, below: 0.1, velocity: 0.45 * home, ..torn };
-        let warily = law.answer(&with, &swings, &law.way_back(&with, &swings));
+        let warily = law.answer(&with, &swings, &law.way_back(&with, &swings), law.authority(0.0));
         assert!(warily < law.design.way_back.wary.motor_speed - 1.0, "{warily}");
         // or having been told to be wary, for a while
         let mut told = DeviationMemory { velocity: 0.45 * home, ..torn };
         told.be_wary(1.0);
-        assert_eq!(law.answer(&with, &told, &law.way_back(&with, &told)), warily);
+        assert_eq!(
+            law.answer(&with, &told, &law.way_back(&with, &told), law.authority(0.0)),
+            warily
+        );
         assert_eq!(answer(way.velocity + 10.0), -law.design.authority);
         assert_eq!(answer(way.velocity - 10.0), way.motor_speed + law.design.authority);
     }
@@ -384,8 +403,8 @@ pub(crate) mod tests {
         let sooner = |off: f64| {
             let now = DeviationMemory { stroke: off, way_back: off, ..Default::default() };
             let pushed = DeviationMemory { sooner_push: -0.1, ..now };
-            let [with_it, without] =
-                [pushed, now].map(|now| law.answer(&with, &now, &law.way_back(&with, &now)));
+            let [with_it, without] = [pushed, now]
+                .map(|now| law.answer(&with, &now, &law.way_back(&with, &now), law.authority(0.0)));
             (with_it - without).abs()
         };
         let [near, between, far] = [0.0, 0.5 * FAR, FAR].map(sooner);
@@ -412,6 +431,22 @@ pub(crate) mod tests {
         // it swings at 1 m/s, not far off
         let mut memory = DeviationMemory { velocity: 1.0, ..Default::default() };
         assert_eq!(law.update(&mut memory, &with, &Watched::default(), 7.0), 7.0 - 20.0);
+    }
+
+    /// Whichever way the motor is fed forward, what it has left beyond is all that it is braked by; but for half of what it may be at rest.
+    #[test]
+    fn it_is_braked_no_harder_than_it_can_be_driven() {
+        let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
+        let answered = |velocity: f64, feedforward: f64| {
+            let mut memory = DeviationMemory { velocity, ..Default::default() };
+            law.update(&mut memory, &with, &Watched::default(), feedforward) - feedforward
+        };
+        for side in [1.0, -1.0] {
+            let braked = |feedforward: f64| side * answered(side, side * feedforward);
+            assert_eq!([0.0, 30.0, 35.0, 45.0].map(braked), [-20.0, -20.0, -15.0, -10.0]);
+            let driven = |feedforward: f64| side * answered(-side, side * feedforward);
+            assert_eq!([0.0, 30.0, 35.0, 45.0].map(driven), [20.0, 20.0, 15.0, 10.0]);
+        }
     }
 
     #[test]

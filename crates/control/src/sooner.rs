@@ -21,7 +21,7 @@ pub struct SoonerDesign<T> {
 /// All is heard from so many times where it begins to be.
 const ALL: f64 = 1.5;
 /// A push is believed no sooner than at so many times the frequency at which the crane rings on its oil.
-const RINGS: f64 = 6.0;
+const RINGS: f64 = 8.0;
 /// How long what the position scatters by is remembered \[s\].
 const REMEMBERED: f64 = 1.0;
 /// A single reading counts for no more than so many times of what it has scattered by: a push is no noise.
@@ -74,7 +74,7 @@ mod tests {
     #[test]
     fn on_soft_oil_a_push_is_believed_no_sooner() {
         let frequency = |ring| DESIGN.frequency(60.0, ring);
-        assert_eq!((frequency(40.0), frequency(20.0), frequency(5.0)), (150.0, 120.0, 60.0));
+        assert_eq!((frequency(40.0), frequency(15.0), frequency(5.0)), (150.0, 120.0, 60.0));
     }
 
     #[test]

@@ -196,6 +196,7 @@ pub fn law<T: Real>(
                 damping: lit(DAMPING),
                 share: lit(SHARE),
                 authority: n.following_effort * n.motor_speed,
+                motor_speed: n.motor_speed,
                 way_back: WayBackDesign {
                     rate: lit(BACK),
                     eager: pace(&EAGER, n.motor_speed),
