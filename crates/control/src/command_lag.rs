@@ -64,6 +64,11 @@ impl CommandLagMemory {
         BelievedLag { lag: self.belief.estimate[0], variance: self.belief.covariance[0][0] }
     }
 
+    /// No longer than this, most likely \[s\].
+    pub fn likely(&self) -> f64 {
+        self.lag + Real::sqrt(self.belief.covariance[0][0])
+    }
+
     /// A window begins with a reading, after what tells nothing.
     pub fn begin_window(&mut self, reading: &Reading<f64>) {
         (self.missing, self.count) = (0.0, 0);
@@ -185,6 +190,14 @@ mod tests {
         let sagging = learned(course, |told| told - 0.05);
         // it follows at once: half a period, and a hundredth of the 5 ms that were thought before
         assert!((sagging.lag - 0.5e-3).abs() < 1e-4, "{sagging:?}");
+    }
+
+    #[test]
+    fn before_a_motor_was_told_another_speed_it_may_be_late() {
+        let lag = command_lag();
+        assert_eq!(lag.start(&reading(0.0)).likely(), lag.before + lag.uncertainty);
+        let known = learned(course, |told| told);
+        assert!((0.0..0.2 * lag.uncertainty).contains(&(known.likely() - known.lag)), "{known:?}");
     }
 
     #[test]

@@ -56,6 +56,8 @@ pub struct DeviationDesign<T> {
     pub pressure: T,
     /// Time in which the drive follows, and is read \[s\].
     pub drive: T,
+    /// How much later than the motor is told its speed it is read to have it \[s\].
+    pub lag: T,
     /// How a position is read from the load pressure, too.
     pub by_pressure: StrokeByPressure<T>,
     /// How much faster than on its oil alone the crane is to ring.
@@ -97,6 +99,13 @@ impl<T: Real> DeviationFeedback<T> {
         let drive = T::one() / design.drive.max(period);
         let frequencies = [design.pressure, drive, T::one() / T::lit(REMEMBERED)];
         Self { design, keeps: frequencies.map(|f| (-f * period).exp()), period }
+    }
+
+    /// The same where the motor is read to have its speed so much later than it is told \[s\].
+    #[must_use]
+    pub fn led_late(self, lag: T) -> Self {
+        let design = DeviationDesign { lag, ..self.design };
+        Self { design, ..self }
     }
 
     /// By how much the pressure may dip in motion \[Pa\].
@@ -253,6 +262,7 @@ pub(crate) mod tests {
             rate: lit(0.3),
             pressure: lit(500.0),
             drive: lit(5e-3),
+            lag: lit(5e-3),
             by_pressure: StrokeByPressure {
                 stroke_scatter: lit(1e-5),
                 pressure_scatter: lit(1e4),

@@ -167,6 +167,7 @@ impl Learner {
         let mut law = self.schedule.at(conditions.payload);
         law.stiffness.transition = conditions.transition;
         law.doubt = self.now.flow.doubt;
+        law.deviation = law.deviation.led_late(self.now.lag.likely());
         law.turns = self.correction();
         law
     }

@@ -62,7 +62,7 @@ impl<T: Real> DeviationFeedback<T> {
         let gains = spring.proportional_gains(quicker * stiff * raised.sqrt(), damping, bandwidth);
         let believes = (self.design.push * stiff).sqrt();
         let ring = stiff * oil.likely.sqrt();
-        let sooner = self.design.sooner.frequency(believes, ring);
+        let sooner = self.design.sooner.frequency(believes, ring, self.design.lag.max(self.period));
         let keeps = [believes, sooner, self.design.rate * bandwidth]
             .map(|frequency| (-frequency * self.period).exp());
         let [velocity, push] = scatters(sooner, self.period);

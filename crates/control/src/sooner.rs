@@ -5,7 +5,7 @@
 //! motor beyond the first is heard only where it is several times what noise would ask for, and then all of it. How far the position scatters is seen on the way: by as
 //! much as it is read to be elsewhere than was believed sooner.
 //!
-//! A crane that rings slowly is answered no sooner: what the motor is asked for comes too late there, and drives it from limit to limit.
+//! A crane that rings slowly is answered no sooner, nor one whose motor follows late: what the motor is asked for comes too late there, and swings it.
 
 use hydroboom_math::Real;
 
@@ -22,17 +22,20 @@ pub struct SoonerDesign<T> {
 const ALL: f64 = 1.5;
 /// A push is believed no sooner than at so many times the frequency at which the crane rings on its oil.
 const RINGS: f64 = 8.0;
+/// Nor sooner than in the time in which the motor follows, less a quarter: what comes sooner is answered too late.
+const LAGS: f64 = 1.3;
 /// How long what the position scatters by is remembered \[s\].
 const REMEMBERED: f64 = 1.0;
 /// A single reading counts for no more than so many times of what it has scattered by: a push is no noise.
 const COUNTS: f64 = 3.0;
 
 impl<T: Real> SoonerDesign<T> {
-    /// How fast a push is believed sooner that else is believed at `believes` \[rad/s\], of a crane that rings on its oil at `ring` \[rad/s\]. Soft oil
-    /// takes the motor so long to fill that what comes sooner only drives it from limit to limit.
+    /// How fast a push is believed sooner that else is believed at `believes` \[rad/s\], of a crane that rings on its oil at `ring` \[rad/s\] and whose
+    /// motor is so late \[s\]. Soft oil takes the motor so long to fill, and a slow drive takes it so long to follow, that what comes sooner only
+    /// swings it.
     #[inline(always)]
-    pub(crate) fn frequency(&self, believes: T, ring: T) -> T {
-        (self.times * believes).min(T::lit(RINGS) * ring).max(believes)
+    pub(crate) fn frequency(&self, believes: T, ring: T, lag: T) -> T {
+        (self.times * believes).min(T::lit(RINGS) * ring).min(T::lit(LAGS) / lag).max(believes)
     }
 
     /// Mean square \[m²\] of what the position scatters by, after a period \[s\] in which it is read to be `beyond` what was believed \[m\].
@@ -73,8 +76,15 @@ mod tests {
 
     #[test]
     fn on_soft_oil_a_push_is_believed_no_sooner() {
-        let frequency = |ring| DESIGN.frequency(60.0, ring);
+        let frequency = |ring| DESIGN.frequency(60.0, ring, 5e-3);
         assert_eq!((frequency(40.0), frequency(15.0), frequency(5.0)), (150.0, 120.0, 60.0));
+    }
+
+    #[test]
+    fn a_motor_that_follows_late_is_told_no_sooner() {
+        let frequency = |lag| DESIGN.frequency(60.0, 40.0, lag);
+        assert_eq!((frequency(5e-3), frequency(40e-3)), (150.0, 60.0));
+        assert!((frequency(13e-3) - 100.0).abs() < 1e-9);
     }
 
     #[test]

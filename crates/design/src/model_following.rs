@@ -187,6 +187,7 @@ pub fn law<T: Real>(
                 rate: lit(RATE),
                 pressure: lit(PRESSURE),
                 drive: n.following_lead,
+                lag: n.following_lead,
                 by_pressure: StrokeByPressure {
                     stroke_scatter: lit(STROKE_SCATTER),
                     pressure_scatter: lit(PRESSURE_SCATTER),

@@ -153,6 +153,15 @@ fn what_is_not_known_yet_of_soft_oil_does_not_swing_the_motor() {
     }
 }
 
+/// What is believed sooner than a slow drive (16 Hz) follows swings it by 500 rpm under a heavy load, at 18 Hz.
+#[test]
+fn a_slow_drive_is_not_swung_by_what_is_believed_sooner() {
+    let slow = member(&Description::uia_virtual().unwrap(), 1, 190).unwrap().crane;
+    let [benchmark, own] = both(&slow, &CourseChoice::Motion(slow.numbers.fast))
+        .map(|run| run.score().effort().motor_speed_rpm);
+    assert!(own < 1.05 * benchmark, "{own} rpm for {benchmark}");
+}
+
 /// Starts and stops so short that the pressure dips into soft oil: state feedback that may ask for all the motor has drives the simulated crane, full
 /// or half empty, into swings of decimetres, and the machine after it; one in which position drowns what damps swings on at rest. Of light ones on
 /// oil so soft that the pump needs the whole of a ramp for its pressure, one that is to follow the ramp as it is comes 25 mm too far at each stop; one
