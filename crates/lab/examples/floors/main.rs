@@ -28,6 +28,15 @@ struct Case {
     following: Run,
 }
 
+impl Case {
+    fn loads_change(&self) -> bool {
+        !self.course.loads().is_empty()
+    }
+}
+
+/// A motor that turns no faster than so many times the benchmark's is as good as that.
+const TWENTIETH: f64 = 1.05;
+
 /// An error \[m\]: root of its mean square, and the farthest.
 #[derive(Clone, Copy)]
 struct Left {
@@ -44,9 +53,55 @@ impl From<&Run> for Left {
 /// What is left at best, and by what that is reckoned: a scenario in which loads change, one that is faster than the motor, or another.
 fn floor(case: &Case, scenario: &str) -> Result<Left, Failure> {
     match scenario {
-        _ if !case.course.loads().is_empty() => pull::left(case),
+        _ if case.loads_change() => pull::left(case, case.crane.numbers.motor_speed),
         "saturation" => full_speed::left(case),
         _ => spring::left(case),
+    }
+}
+
+/// What a crane of the family has along a course.
+struct Row {
+    best: Left,
+    /// With the motor within a twentieth of the benchmark's; where loads change.
+    within: Option<Left>,
+    benchmark: Left,
+    following: Left,
+    /// Its largest motor speed under model following over that under the benchmark.
+    motor: f64,
+}
+
+impl Row {
+    fn of(model: &Description, crane: Description, scenario: &str) -> Result<Self, Failure> {
+        let course = CourseChoice::Scenario(scenario.into()).of(&crane)?;
+        let along =
+            |strategy| -> Result<Run, LabError> { run(model, &crane, strategy, course.as_ref()) };
+        let benchmark = along(Strategy::BenchmarkClosedLoop)?;
+        let following = along(Strategy::ModelFollowing)?;
+        let [most, own] =
+            [&benchmark, &following].map(|run| run.score().effort().motor_speed_rpm / 60.0);
+        let [benchmark, left] = [&benchmark, &following].map(Left::from);
+        let case = Case { model: model.clone(), crane, course, following };
+        let best = floor(&case, scenario)?;
+        let limit = (TWENTIETH * most).min(case.crane.numbers.motor_speed);
+        let within = case.loads_change().then(|| pull::left(&case, limit)).transpose()?;
+        Ok(Self { best, within, benchmark, following: left, motor: own / most })
+    }
+
+    /// Names of what is left, and what is.
+    fn columns(&self) -> Vec<(&'static str, Left)> {
+        let within = self.within.map(|left| ("so within 1.05", left));
+        let beside = [("model following", self.following), ("benchmark", self.benchmark)];
+        std::iter::once(("at best", self.best)).chain(within).chain(beside).collect()
+    }
+}
+
+/// Prints RMS over the benchmark's, of each column.
+fn print_spreads<'a>(rows: impl Iterator<Item = &'a Row> + Clone) {
+    let Some(first) = rows.clone().next() else { return };
+    for (k, (name, _)) in first.columns().into_iter().enumerate() {
+        let over = |row: &Row| row.columns()[k].1.rms / row.benchmark.rms;
+        let Spread { median, p95, worst, .. } = Spread::of(rows.clone().map(over));
+        println!("{name:>15}  {median:.2} {p95:.2} {worst:.2}");
     }
 }
 
@@ -61,30 +116,28 @@ fn main() -> Result<(), Failure> {
     };
     let model = Description::uia_single_boom()?;
     let nominal = Description::uia_virtual()?;
-    let choice = CourseChoice::Scenario(scenario.clone());
-    let one = |number: u64| -> Result<[Left; 3], Failure> {
-        let crane = member(&nominal, SEED, number)?.crane;
-        let course = choice.of(&crane)?;
-        let of =
-            |strategy| -> Result<Run, LabError> { run(&model, &crane, strategy, course.as_ref()) };
-        let benchmark = Left::from(&of(Strategy::BenchmarkClosedLoop)?);
-        let following = of(Strategy::ModelFollowing)?;
-        let own = Left::from(&following);
-        let best = floor(&Case { model: model.clone(), crane, course, following }, &scenario)?;
-        Ok([best, benchmark, own])
-    };
+    let one = |number| Row::of(&model, member(&nominal, SEED, number)?.crane, &scenario);
     let rows: Vec<_> = (0..count).into_par_iter().map(one).collect::<Result<_, _>>()?;
-    println!("RMS, farthest [mm] {:>15} {:>15} {:>15}", "at best", "benchmark", "model following");
+    let Some(first) = rows.first() else { return Ok(()) };
+    let names: String = first.columns().iter().map(|(name, _)| format!(" {name:>15}")).collect();
+    println!("RMS, farthest [mm] {names}   motor over the benchmark's");
     for (number, row) in rows.iter().enumerate() {
-        let [best, benchmark, own] =
-            row.map(|left| format!("{:>7.2} {:>7.1}", 1e3 * left.rms, 1e3 * left.farthest));
-        println!("crane {number:<12} {best:>15} {benchmark:>15} {own:>15}");
+        let left = |(_, Left { rms, farthest }): &(_, Left)| {
+            format!(" {:>7.2} {:>7.1}", 1e3 * rms, 1e3 * farthest)
+        };
+        let left: String = row.columns().iter().map(left).collect();
+        println!("crane {number:<12} {left}   {:.3}", row.motor);
     }
     println!("RMS over the benchmark's in the median, at the 95th percentile, at most:");
-    for (name, of) in [("at best", 0), ("model following", 2)] {
-        let Spread { median, p95, worst, .. } =
-            Spread::of(rows.iter().map(|row| row[of].rms / row[1].rms));
-        println!("{name:>15}  {median:.2} {p95:.2} {worst:.2}");
+    print_spreads(rows.iter());
+    let beyond = rows.iter().filter(|row| row.within.is_some() && row.motor > TWENTIETH);
+    let behind = |row: &&Row| row.within.is_some_and(|left| left.rms > row.following.rms);
+    let (beyond_count, behind) = (beyond.clone().count(), beyond.clone().filter(behind).count());
+    if beyond_count > 0 {
+        println!(
+            "on the {beyond_count} whose motor turns beyond 1.05 of the benchmark's, which on {behind} nobody equals within it:"
+        );
+        print_spreads(beyond);
     }
     Ok(())
 }

@@ -12,8 +12,8 @@ const PULLED: f64 = 1e-3;
 const LONGEST: f64 = 2.0;
 
 /// Sum of squares \[m²\] over the samples in which the piston is pulled off by the change of the given number, and how far it is \[m\]; led until then as in
-/// the run.
-fn pull(case: &Case, number: usize) -> Result<[f64; 2], Failure> {
+/// the run, and from then on with a motor that turns so fast \[rev/s\].
+fn pull(case: &Case, number: usize, motor_speed: f64) -> Result<[f64; 2], Failure> {
     let Case { crane, course, following, .. } = case;
     let change = course.loads()[number];
     let mut machine = VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?;
@@ -31,7 +31,7 @@ fn pull(case: &Case, number: usize) -> Result<[f64; 2], Failure> {
         }
         let mut command = sample.command;
         if sample.time >= change.time {
-            command.motor_speed = against * crane.numbers.motor_speed;
+            command.motor_speed = against * motor_speed;
             let pulled: f64 = against * (error - begins);
             let home = farthest > PULLED && pulled <= 0.0;
             if home || sample.time > change.time + LONGEST {
@@ -45,11 +45,11 @@ fn pull(case: &Case, number: usize) -> Result<[f64; 2], Failure> {
     Ok([square, farthest])
 }
 
-/// What the changes of a course leave at best.
-pub fn left(case: &Case) -> Result<Left, Failure> {
+/// What the changes of a course leave at best, with a motor that turns no faster than this \[rev/s\].
+pub fn left(case: &Case, motor_speed: f64) -> Result<Left, Failure> {
     let [mut square, mut farthest] = [0.0, 0.0_f64];
     for number in 0..case.course.loads().len() {
-        let [more, far] = pull(case, number)?;
+        let [more, far] = pull(case, number, motor_speed)?;
         square += more;
         farthest = farthest.max(far);
     }
