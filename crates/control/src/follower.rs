@@ -101,10 +101,10 @@ impl Follower {
         (self.unlike, self.led, self.leads_to) = (0.0, [None; 2], None);
     }
 
-    /// Reference of a path that is known ahead, as it suits the machine: `path` is where it is so many seconds \[s\] from now. It may be shown in the
-    /// place of the path itself.
-    pub fn foreseen(&self, path: impl Fn(f64) -> Reference<f64>) -> Reference<f64> {
-        self.law.foreseen(path)
+    /// Reference of a path that is known ahead, as it suits the machine: `path` is where it is so many seconds \[s\] from now, `speed` its largest
+    /// \[m/s\]. It may be shown in the place of the path itself.
+    pub fn foreseen(&self, path: impl Fn(f64) -> Reference<f64>, speed: f64) -> Reference<f64> {
+        self.law.foreseen(path, speed)
     }
 
     /// A period, at whose beginning the machine's motor was told a speed \[rev/s\]: motor speed \[rev/s\] of the simulated crane, and of the

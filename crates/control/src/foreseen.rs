@@ -1,8 +1,8 @@
 //! A path that is known ahead, as it suits the crane.
 //!
 //! A step of acceleration, and friction that changes its sign, take a step of the load pressure. On soft oil that is a third of a second late, whoever
-//! steers. A path that is planned is known before: what steps is spread evenly over some time around the step, the longer the softer the oil. And where it
-//! will soon be faster than the motor can, it is begun sooner.
+//! steers. A path that is planned is known before: what steps is spread evenly over some time around the step, the longer the softer the oil and
+//! the slower the path. And where it will soon be faster than the motor can, it is begun sooner.
 
 use crate::attainable::{evenly, reachable};
 use crate::{ModelFollowing, Reference};
@@ -14,13 +14,15 @@ const AHEAD: f64 = 0.5;
 const LOOKS: usize = 20;
 /// Looks to either side of a step.
 const SIDE: usize = 10;
-/// A step of pressure is spread to either side by what the whole motor takes for so much of it \[Pa\], where the oil is that much below what
-/// holds the crane.
+/// A step of pressure is spread to either side by what filling so much of it \[Pa\] takes, where the oil is that much below what holds the crane.
 const STEP: f64 = 10e5;
+/// It is filled by a motor that turns at this share of what the path takes at most: filling shall not make it peak beyond what travel does.
+const FILLS: f64 = 0.8;
 /// And by so much at least and at most \[s\].
 const SPREAD: [f64; 2] = [0.02, 0.15];
-/// Of friction's change, what is spread: a crane at rest is held by any part of it.
-const FRICTION_SPREAD: f64 = 0.5;
+/// Of friction's change, what is spread: a crane at rest is held by any part of it, and more of it drives the motors of nearly empty cranes, whose
+/// oil is soft, faster than any travel.
+const FRICTION_SPREAD: f64 = 1.0 / 6.0;
 
 /// Weights of looks to one side, in steps of 1/SIDE: of a mean, and of one in which a constant acceleration shifts nothing.
 const WEIGHTS: [[f64; 2]; SIDE + 1] = weights();
@@ -51,11 +53,13 @@ const fn weights() -> [[f64; 2]; SIDE + 1] {
 }
 
 impl<T: Real> ModelFollowing<T> {
-    /// Reference \[m, m/s\] of a path that is known ahead, and behind: `path` is where it is so many seconds \[s\] from now.
-    pub fn foreseen(&self, path: impl Fn(T) -> Reference<T>) -> Reference<T> {
+    /// Reference \[m, m/s\] of a path that is known ahead, and behind: `path` is where it is so many seconds \[s\] from now, `speed` its
+    /// largest \[m/s\].
+    pub fn foreseen(&self, path: impl Fn(T) -> Reference<T>, speed: T) -> Reference<T> {
         let (at, rest, speed_per_velocity) = evenly(self, path(T::zero()).position);
         let below = at.spring(self.stiffness_at(at.rest.load_pressure - T::lit(STEP)));
-        let filled = T::lit(STEP) / (below.pressure_by_speed * self.fastest());
+        let turns = (T::lit(FILLS) * speed_per_velocity * speed).min(self.fastest());
+        let filled = T::lit(STEP) / (below.pressure_by_speed * turns);
         let spread = filled.clamp(T::lit(SPREAD[0]), T::lit(SPREAD[1]));
         let friction =
             T::lit(FRICTION_SPREAD) * rest.acceleration_by_pressure * self.friction_pressure;
@@ -127,7 +131,7 @@ mod tests {
     fn foreseen(law: &ModelFollowing<f64>, motion: &Motion<f64>) -> Vec<[Reference<f64>; 2]> {
         let each = |k: u32| {
             let time = f64::from(k) * 5e-4;
-            let suits = law.foreseen(|after| motion.reference(time + after));
+            let suits = law.foreseen(|after| motion.reference(time + after), motion.speed);
             [motion.reference(time), suits]
         };
         (0..(motion.duration() * 2e3) as u32).map(each).collect()
@@ -169,8 +173,10 @@ mod tests {
             let motion = motion(0.1, 0.3);
             let time = motion.rest + 0.5 * motion.travel_time();
             for (time, near) in [(0.0, 1e-9), (time, 1e-9), (motion.duration() + 1.0, 1e-9)] {
-                let [own, suits] =
-                    [motion.reference(time), law.foreseen(|after| motion.reference(time + after))];
+                let [own, suits] = [
+                    motion.reference(time),
+                    law.foreseen(|after| motion.reference(time + after), motion.speed),
+                ];
                 let apart = [suits.position - own.position, suits.velocity - own.velocity];
                 assert!(apart.iter().all(|d| d.abs() < near), "{time} {apart:?}");
             }
@@ -200,6 +206,19 @@ mod tests {
         let [own, suits] = [0, 1].map(steepest);
         // in 10 ms, a thirtieth of what it is spread over
         assert!(suits < 0.2 * own, "{suits} Pa for {own} Pa");
+    }
+
+    /// Of the same acceleration: what fills the oil shall be little beside what travels.
+    #[test]
+    fn a_slower_path_is_spread_longer() {
+        let law = law::<f64>();
+        let furthest = |speed: f64| {
+            let all = foreseen(&law, &motion(speed, 3.0 * speed));
+            let shifts = all.iter().map(|[own, suits]| (own.position - suits.position).abs());
+            shifts.fold(0.0, f64::max)
+        };
+        let [slow, fast] = [0.025, 0.1].map(furthest);
+        assert!(slow > 2.0 * fast, "{slow} m for {fast} m");
     }
 
     #[test]

@@ -61,15 +61,17 @@ impl Following {
         self.follower.known()
     }
 
-    /// The command for the coming period; the simulated crane moves on with it. `ahead` is where the reference is so many seconds from now.
+    /// The command for the coming period; the simulated crane moves on with it. `ahead` is where the reference is so many seconds from now, `speed`
+    /// its largest \[m/s\].
     pub(crate) fn command(
         &mut self,
         ahead: &dyn Fn(f64) -> Reference<f64>,
+        speed: f64,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) -> Result<Command<f64>, LabError> {
         let seen = seen(self.simulated.as_ref());
-        let reference = self.follower.foreseen(ahead);
+        let reference = self.follower.foreseen(ahead, speed);
         let [simulated, speed] =
             self.follower.period(self.told, &reference, &seen, reading, measured);
         self.told = speed;

@@ -32,7 +32,8 @@ impl Cycle {
         let mut told = Vec::with_capacity(periods as usize);
         for k in 0..periods {
             let ahead = |after: f64| course.reference(k as f64 * period + after);
-            let command = following.command(&ahead, &machine.reading(), &machine.measured())?;
+            let (reading, measured) = (machine.reading(), machine.measured());
+            let command = following.command(&ahead, course.speed(), &reading, &measured)?;
             machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
             told.push(command);
         }

@@ -62,7 +62,7 @@ impl OpenLoop {
         for k in 0..=periods {
             let ahead = |after: f64| course.reference(k as f64 * period + after);
             errors.push(machine.reading().stroke - ahead(0.0).position);
-            let motor_speed = simulated.speed(&ahead)?;
+            let motor_speed = simulated.speed(&ahead, course.speed())?;
             let command = Command { motor_speed, holding_valve: 1.0 };
             machine.advance(&command).map_err(LabError::during("open loop"))?;
         }
@@ -91,9 +91,14 @@ impl Simulated {
         Ok(Self { law: *law, memory: law.start(), plant })
     }
 
-    /// Motor speed \[rev/s\] for the coming period, in which it moves on. `ahead` is where the reference is so many seconds from now.
-    fn speed(&mut self, ahead: &dyn Fn(f64) -> Reference<f64>) -> Result<f64, LabError> {
-        let reference = self.law.foreseen(ahead);
+    /// Motor speed \[rev/s\] for the coming period, in which it moves on. `ahead` is where the reference is so many seconds from now,
+    /// `fastest` its largest velocity \[m/s\].
+    fn speed(
+        &mut self,
+        ahead: &dyn Fn(f64) -> Reference<f64>,
+        fastest: f64,
+    ) -> Result<f64, LabError> {
+        let reference = self.law.foreseen(ahead, fastest);
         let pump_speed = self.law.update(&mut self.memory, &reference, &seen(self.plant.as_ref()));
         let input = Input { pump_speed, holding_valve: 1.0 };
         self.plant.advance(&input, 1).map_err(LabError::during("the simulated crane"))?;

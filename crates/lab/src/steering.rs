@@ -133,9 +133,9 @@ impl Controller {
 
     /// The command for the coming period.
     fn command(&mut self, shown: &Shown<'_>) -> Result<Command<f64>, LabError> {
-        let Shown { reference, ahead, reading, measured } = shown;
+        let Shown { reference, ahead, speed, reading, measured } = shown;
         match self {
-            Self::Following(following) => following.command(ahead, reading, measured),
+            Self::Following(following) => following.command(ahead, *speed, reading, measured),
             Self::Rival(rival) => {
                 Ok(Command { motor_speed: rival.speed(shown), holding_valve: 1.0 })
             }
@@ -182,7 +182,8 @@ pub fn steer(
         let reference = course.reference(time);
         let ahead = |after: f64| course.reference(time + after);
         let (reading, measured) = (crane.reading(), crane.measured());
-        let shown = Shown { reference, ahead: &ahead, reading, measured };
+        let speed = course.speed();
+        let shown = Shown { reference, ahead: &ahead, speed, reading, measured };
         let command = controller.command(&shown)?;
         let truth = crane.truth();
         observe(&Sample { time, reference, reading, truth, command })?;
@@ -290,7 +291,8 @@ fn side_by_side(
             let command = match goes_on {
                 true => {
                     let ahead = |after: f64| course.reference(time + after);
-                    let shown = Shown { reference, ahead: &ahead, reading, measured };
+                    let speed = course.speed();
+                    let shown = Shown { reference, ahead: &ahead, speed, reading, measured };
                     controllers[lane].command(&shown).unwrap_or_else(|error| {
                         ends[lane] = Err(error);
                         still

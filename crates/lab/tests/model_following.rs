@@ -189,6 +189,19 @@ fn a_reversal_is_foreseen() {
     }
 }
 
+/// Nearly empty cranes on soft oil: friction that is spread as acceleration is, as fast as the whole motor fills the oil, turns their motors 1.3 to 1.5
+/// times as fast as the benchmark does.
+#[test]
+fn small_moves_of_nearly_empty_cranes_take_no_more_of_the_motor() {
+    for number in [75, 93] {
+        let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
+        let runs = both(&crane, &CourseChoice::Scenario("small-moves".into()));
+        let [benchmark, own] = runs.each_ref().map(|run| run.score().effort().motor_speed_rpm);
+        assert!(own < 1.05 * benchmark, "crane {number}: {own} rpm for {benchmark} rpm");
+        assert!(runs[1].rms() < 0.5 * runs[0].rms(), "crane {number}");
+    }
+}
+
 /// A load that is picked up in motion pulls the machine off: feedback that may ask for half the motor at once drives these cranes from one limit to
 /// the other.
 #[test]

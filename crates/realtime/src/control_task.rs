@@ -60,6 +60,8 @@ pub struct Record {
     /// Time since the course began \[s\], negative on the way to its beginning; none while the load is
     /// not the controller's.
     pub course_time: Option<f64>,
+    /// Largest speed of the course \[m/s\].
+    pub course_speed: f64,
     /// Where the piston should be.
     pub reference: Reference<f64>,
     /// What was read.
@@ -319,6 +321,7 @@ impl ControlTask {
         let record = Record {
             time: self.time,
             course_time: controls.then_some(self.course_time),
+            course_speed: self.course.speed(),
             reference,
             reading: self.reading,
             sequence: self.sequence,
@@ -350,7 +353,8 @@ impl ControlTask {
     fn foreseen(&self, reference: &Reference<f64>) -> Reference<f64> {
         match &self.follower {
             Some(follower) if self.decision.controls => {
-                follower.foreseen(|after| self.course.reference(self.course_time + after))
+                let path = |after| self.course.reference(self.course_time + after);
+                follower.foreseen(path, self.course.speed())
             }
             _ => *reference,
         }

@@ -60,9 +60,10 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 32] = [
+const NUMBERS: [Number; 33] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
+    ("course_speed_mm_s", |r| r.course_time.map(|_| r.course_speed * 1e3)),
     ("reading_number", |r| Some(r.sequence as f64)),
     ("reference_position_mm", |r| Some(r.reference.position * 1e3)),
     ("reference_velocity_mm_s", |r| Some(r.reference.velocity * 1e3)),
@@ -218,6 +219,8 @@ pub struct Row {
     pub reading: Option<Reading<f64>>,
     /// Time of the course \[s\]; none while the load was not the controller's.
     pub course_time: Option<f64>,
+    /// Largest speed of the course \[m/s\]; none while there was no time of it, and in logs from before it was logged.
+    pub course_speed: Option<f64>,
     /// Where the piston should have been.
     pub reference: Reference<f64>,
     /// What was sent.
@@ -316,6 +319,7 @@ fn row(value: &Value) -> Result<Row, String> {
         sequence,
         reading: (sequence > 0).then_some(reading),
         course_time: value["course_time_s"].as_f64(),
+        course_speed: value["course_speed_mm_s"].as_f64().map(|speed| speed * 1e-3),
         reference: Reference {
             position: needed("reference_position_mm")? * 1e-3,
             velocity: needed("reference_velocity_mm_s")? * 1e-3,

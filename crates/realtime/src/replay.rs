@@ -156,12 +156,9 @@ fn recorded(model: &Description, rows: &[Row]) -> Course {
     let references: Vec<Reference<f64>> = course.iter().map(|row| row.reference).collect();
     let fastest = references.iter().map(|r| r.velocity.abs()).fold(0.0, f64::max);
     let from = course.first().and_then(|row| row.course_time).unwrap_or(0.0);
-    let path = Recorded {
-        from,
-        period: model.numbers.control_period,
-        references,
-        // a log that was cut off may not have its largest speed
-        speed: fastest.max(model.numbers.fast),
-    };
+    // an older log does not tell it, and one that was cut off may not have come to it
+    let told = course.first().and_then(|row| row.course_speed);
+    let speed = told.unwrap_or(fastest.max(model.numbers.fast));
+    let path = Recorded { from, period: model.numbers.control_period, references, speed };
     Course::with_approach(Arc::new(path), -from)
 }

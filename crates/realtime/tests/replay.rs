@@ -2,12 +2,12 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Cause, State, Strategy};
+use hydroboom_control::{Cause, Motion, State, Strategy};
 use hydroboom_description::Description;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::fault::{Fault, Sensor};
 use hydroboom_realtime::lockstep::Lockstep;
-use hydroboom_realtime::log::{LogWriter, rows};
+use hydroboom_realtime::log::{LogWriter, Row, rows};
 use hydroboom_realtime::operator::Operator;
 use hydroboom_realtime::replay::replay;
 use hydroboom_realtime::trouble::{Tampering, Trouble};
@@ -30,9 +30,21 @@ fn logged_with(
     wrong: Option<(Fault, f64)>,
     stop: f64,
 ) -> (Description, Vec<Record>, std::path::PathBuf) {
+    let crane = Description::uia_virtual().unwrap();
+    let motion = crane.motion(crane.numbers.fast);
+    logged_along(name, motion, strategy, learns, wrong, stop)
+}
+
+fn logged_along(
+    name: &str,
+    motion: Motion<f64>,
+    strategy: Strategy,
+    learns: bool,
+    wrong: Option<(Fault, f64)>,
+    stop: f64,
+) -> (Description, Vec<Record>, std::path::PathBuf) {
     let model = Description::uia_single_boom().unwrap();
     let crane = Description::uia_virtual().unwrap();
-    let motion = crane.motion(model.numbers.fast);
     let run = Lockstep::new(&model, &crane, motion, strategy).unwrap();
     let mut run = if learns { run.learning(None) } else { run };
     let (mut operator, mut trouble) = (Operator::new(true), Trouble::new(&crane));
@@ -84,6 +96,29 @@ fn replayed_readings_lead_to_the_same_commands() {
         (a.decision.command.motor_speed - b.decision.command.motor_speed).abs() > 0.1
     };
     assert!(again.iter().zip(&other).any(differ));
+}
+
+/// How a path is looked along hangs on its largest speed, which a part of the path does not tell.
+#[test]
+fn a_replayed_slow_motion_is_looked_along_as_it_was() {
+    let crane = Description::uia_virtual().unwrap();
+    let motion = Motion { rest: 0.5, ..crane.motion(crane.numbers.slow) };
+    let (model, records, path) =
+        logged_along("slow", motion, Strategy::ModelFollowing, false, None, 7.0);
+    let mut rows = rows(&path).unwrap();
+    std::fs::remove_file(path).unwrap();
+    let apart = |rows: &[Row]| {
+        let again = replay(&model, rows, None, None).unwrap();
+        let both = records.iter().zip(&again);
+        let apart = both
+            .map(|(a, b)| a.decision.command.motor_speed - b.decision.command.motor_speed)
+            .map(f64::abs);
+        apart.fold(0.0, f64::max)
+    };
+    let as_it_was = apart(&rows);
+    assert!(as_it_was < 0.2, "{as_it_was} rev/s");
+    rows.iter_mut().for_each(|row| row.course_speed = row.course_speed.map(|_| 0.12));
+    assert!(apart(&rows) > 2.0 * as_it_was, "{} rev/s for {as_it_was}", apart(&rows));
 }
 
 /// Learned from the same readings, the same is known.

@@ -95,6 +95,8 @@ pub(crate) struct Shown<'a> {
     pub reference: Reference<f64>,
     /// Where it should be so long after now \[s\].
     pub ahead: &'a dyn Fn(f64) -> Reference<f64>,
+    /// Its largest speed \[m/s\].
+    pub speed: f64,
     /// What is read of the machine.
     pub reading: Reading<f64>,
     /// Position and load pressure of that.

@@ -120,8 +120,13 @@ mod tests {
         mpc.observer.state.fixed_rows_mut::<MOVES>(0).copy_from(&at);
         let measured = Measured { stroke: at[0], load_pressure: at[2] };
         let ahead = |_: f64| still;
-        let shown =
-            Shown { reference: still, ahead: &ahead, reading: Reading::default(), measured };
+        let shown = Shown {
+            reference: still,
+            ahead: &ahead,
+            speed: 0.0,
+            reading: Reading::default(),
+            measured,
+        };
         // the observer, which the motor's reading moves on, is set back each time; the solver goes on where it was
         let believed = mpc.observer.state;
         for _ in 0..200 {
