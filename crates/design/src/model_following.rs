@@ -35,11 +35,13 @@ const QUICKER: f64 = 1.2;
 const DIP: f64 = 2e5;
 /// Feedback is as fast on the softest oil as it were on oil of this share of stiff oil's bulk modulus.
 const SOFTEST: f64 = 0.1;
-/// A piston that was torn far off is brought back at this velocity over distance \[1/s\], slower by the frequency at which the crane rings. More
-/// than the motor's speed is asked for, for that leaves it at its limit until the piston is near; one that swings is led by less, lest it swing on.
+/// A piston that was torn far off is brought back at this velocity over distance \[1/s\], slower by the frequency at which the crane rings.
 const BACK: f64 = 4.0;
+/// With this share of the motor's speed: more than all of it is asked for, for that leaves it at its limit until the piston is near.
 const EAGER: Pace<f64> = Pace { by_ring: 0.8, motor_speed: 1.2 };
-const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 0.36 };
+/// One that swings, with this share of what feedback may ask for: with nine tenths of it, what turns in phase with the position is more than what
+/// brakes, and nearly empty cranes bounce between soft oil and stiff by 5 cm.
+const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 2.0 / 3.0 };
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
 
@@ -150,9 +152,9 @@ pub fn bending(description: &Description) -> Result<[f64; BENDING], DesignError>
     Ok(std::array::from_fn(|_| next()))
 }
 
-/// What is a share of the motor's speed, as a speed.
-fn pace<T: Real>(share: &Pace<f64>, motor_speed: T) -> Pace<T> {
-    Pace { by_ring: T::lit(share.by_ring), motor_speed: T::lit(share.motor_speed) * motor_speed }
+/// What is a share of a motor speed, as a speed.
+fn pace<T: Real>(share: &Pace<f64>, whole: T) -> Pace<T> {
+    Pace { by_ring: T::lit(share.by_ring), motor_speed: T::lit(share.motor_speed) * whole }
 }
 
 /// State feedback from the numbers of a description and what is known of its crane over the stroke.
@@ -164,6 +166,7 @@ pub fn law<T: Real>(
     let lit = T::lit;
     let cylinder =
         Cylinder::from_diameters(n.piston, n.rod, n.stroke, n.dead_volume_a, n.dead_volume_b);
+    let authority = n.following_effort * n.motor_speed;
     ModelFollowing {
         stations,
         first: lit(MARGIN),
@@ -196,12 +199,12 @@ pub fn law<T: Real>(
                 quicker: lit(QUICKER),
                 damping: lit(DAMPING),
                 share: lit(SHARE),
-                authority: n.following_effort * n.motor_speed,
+                authority,
                 motor_speed: n.motor_speed,
                 way_back: WayBackDesign {
                     rate: lit(BACK),
                     eager: pace(&EAGER, n.motor_speed),
-                    wary: pace(&WARY, n.motor_speed),
+                    wary: pace(&WARY, authority),
                 },
                 dip: lit(DIP),
                 softest: lit(SOFTEST),

@@ -78,13 +78,13 @@ fn a_payload_that_changes_is_borne() {
     assert!(most < 0.5e-3, "{most} m while it is weighed");
 }
 
-/// Cranes of seed 1 are led closer through a scenario than by the benchmark, and none swings on.
-fn led_closer_and_at_rest_in_the_end(numbers: &[u64], scenario: &str) {
+/// Cranes of a seed are led closer through a scenario than by the benchmark, and none swings on.
+fn led_closer_and_at_rest_in_the_end(seed: u64, numbers: &[u64], scenario: &str) {
     for number in numbers {
-        let crane = member(&Description::uia_virtual().unwrap(), 1, *number).unwrap().crane;
+        let crane = member(&Description::uia_virtual().unwrap(), seed, *number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario(scenario.into()));
         assert!(own.rms() < benchmark.rms(), "{number}: {} for {}", own.rms(), benchmark.rms());
-        assert!(!own.score().is_unstable(), "crane {number}");
+        assert!(!own.score().is_unstable(), "crane {number} of seed {seed}");
     }
 }
 
@@ -92,14 +92,14 @@ fn led_closer_and_at_rest_in_the_end(numbers: &[u64], scenario: &str) {
 /// on, as does feedback that takes them for empty.
 #[test]
 fn a_piston_that_is_torn_far_off_is_led_back() {
-    led_closer_and_at_rest_in_the_end(&[3, 23, 42, 44, 50, 171], "payload-change");
+    led_closer_and_at_rest_in_the_end(1, &[3, 23, 42, 44, 50, 171], "payload-change");
 }
 
 /// Half of the load is lost in motion and leaves these cranes on soft oil: they swing, and are never weighed, if feedback goes on reckoning with what
 /// was there.
 #[test]
 fn a_load_that_is_lost_in_motion_is_missed() {
-    led_closer_and_at_rest_in_the_end(&[21, 107, 110], "load-in-motion");
+    led_closer_and_at_rest_in_the_end(1, &[21, 107, 110], "load-in-motion");
 }
 
 /// A reference that is faster than the motor: it is begun sooner, what is lacking still is made good for afterwards, with any load, and nothing rings
@@ -138,7 +138,15 @@ fn a_reference_out_of_reach_takes_the_whole_motor() {
 /// a load that was hung on, these swing on.
 #[test]
 fn what_was_out_of_reach_is_come_back_to_at_rest() {
-    led_closer_and_at_rest_in_the_end(&[23, 80, 145], "saturation");
+    led_closer_and_at_rest_in_the_end(1, &[23, 80, 145], "saturation");
+}
+
+/// Nearly empty, they bounce from soft oil to stiff and back by 5 cm, where a way back takes more of the motor than feedback has to brake with: what it
+/// turns is in phase with the position, and damps nothing.
+#[test]
+fn what_swings_between_soft_oil_and_stiff_is_led_back_by_less_than_what_brakes() {
+    led_closer_and_at_rest_in_the_end(5, &[37], "saturation");
+    led_closer_and_at_rest_in_the_end(3, &[33], "saturation");
 }
 
 /// Nearly empty cranes, whose oil is soft but less so than is thought at first: feedback that is meant for the softer oil swings the motor, at rest or
