@@ -39,8 +39,8 @@ const SOFTEST: f64 = 0.1;
 const BACK: f64 = 4.0;
 /// With this share of the motor's speed: more than all of it is asked for, for that leaves it at its limit until the piston is near.
 const EAGER: Pace<f64> = Pace { by_ring: 0.8, motor_speed: 1.2 };
-/// One that swings, with this share of what feedback may ask for: with nine tenths of it, what turns in phase with the position is more than what
-/// brakes, and nearly empty cranes bounce between soft oil and stiff by 5 cm.
+/// One that swings, with this share of what feedback may ask for: from nine tenths of it on, what turns in phase with the position drowns what brakes,
+/// and half-loaded cranes may bounce between soft oil and stiff by 5 cm.
 const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 2.0 / 3.0 };
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;

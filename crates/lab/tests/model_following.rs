@@ -141,8 +141,8 @@ fn what_was_out_of_reach_is_come_back_to_at_rest() {
     led_closer_and_at_rest_in_the_end(1, &[23, 80, 145], "saturation");
 }
 
-/// Nearly empty, they bounce from soft oil to stiff and back by 5 cm, where a way back takes more of the motor than feedback has to brake with: what it
-/// turns is in phase with the position, and damps nothing.
+/// Half-loaded cranes bounce from soft oil to stiff and back by 5 cm where a way back takes more of the motor than feedback has to brake with: what it turns is
+/// in phase with the position, and damps nothing.
 #[test]
 fn what_swings_between_soft_oil_and_stiff_is_led_back_by_less_than_what_brakes() {
     led_closer_and_at_rest_in_the_end(5, &[37], "saturation");
