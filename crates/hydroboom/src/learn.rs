@@ -13,11 +13,12 @@ use serde_json::json;
 use std::path::PathBuf;
 
 /// What one cycle under model following teaches of a virtual crane: payload, friction, oil, pump flow, slip, leakage and how late its motor is, and what open loop is worth with it:
-/// the machine is told the motor speed of the simulated crane under state feedback, and not looked at. Once from the rest that the cycle began from, and once straight on from
-/// where it ended; there, too, with the very motor speed that led it through the cycle, which tells what a perfect model would come to that does not know in what state the cycle left the oil.
+/// the machine is told the motor speed of the simulated crane under state feedback, and not looked at. From the rest that the cycle began from, by what was learned on the way,
+/// and by that fitted to the whole cycle in hindsight; and straight on from where it ended; there, too, with the very motor speed that led it through the cycle, which tells what a perfect model would come to that does not know in what state the cycle left the oil.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  \
-    What was learned is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it")]
+    What is known in hindsight is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it.\n  \
+    --json has what was learned on the way, too")]
 pub struct Learn {
     #[command(flatten)]
     crane: CraneFile,
@@ -66,9 +67,10 @@ impl Learn {
                     t.course.clone(),
                     output::optional(t.before_mm, 2),
                     output::optional(t.after_mm, 2),
+                    output::optional(t.in_hindsight_mm, 2),
                     output::optional(t.straight_on_mm, 2),
                     output::optional(t.told_again_mm, 2),
-                    t.set.join(" "),
+                    t.set_in_hindsight.join(" "),
                 ]
             })
             .collect();
@@ -76,10 +78,11 @@ impl Learn {
             "crane",
             "course",
             "open loop before [mm]",
-            "after a cycle [mm]",
+            "learned on the way [mm]",
+            "in hindsight [mm]",
             "straight on [mm]",
             "told again [mm]",
-            "learned, as overrides of the model",
+            "known in hindsight, as overrides of the model",
         ];
         output::text(&format!("{}{}", output::table(&header, &rows), summed_up(&all)))
     }
@@ -96,10 +99,11 @@ fn summed_up(all: &[Taught]) -> String {
         format!("{:.2} mm, below 1 mm on {below}", Spread::of(errors.into_iter()).median)
     };
     format!(
-        "\n\nin the median of {}: {} before, {} after a cycle, {} straight on from where it ended, {} told the cycle's own motor speed again there",
+        "\n\nin the median of {}: {} before, {} by what was learned on the way, {} in hindsight, {} straight on from where the cycle ended, {} told its own motor speed again there",
         all.len(),
         sum(|t| t.before_mm),
         sum(|t| t.after_mm),
+        sum(|t| t.in_hindsight_mm),
         sum(|t| t.straight_on_mm),
         sum(|t| t.told_again_mm),
     )

@@ -333,14 +333,25 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let page = std::fs::read_to_string(folder.join("trials.html")).unwrap();
     assert!(page.contains("S-curve") && page.contains("model-following"), "{page}");
     let learned = parsed(&["learn", "--json"]);
-    let row =
-        ["crane", "course", "before_mm", "after_mm", "straight_on_mm", "told_again_mm", "set"];
+    let row = [
+        "crane",
+        "course",
+        "before_mm",
+        "after_mm",
+        "in_hindsight_mm",
+        "straight_on_mm",
+        "told_again_mm",
+        "set",
+        "set_in_hindsight",
+    ];
     keys(&learned["learned"][0], &row);
     // what was learned is what any command takes
-    let set = learned["learned"][0]["set"].as_array().unwrap();
-    let mut arguments = vec!["show", "--json"];
-    set.iter().for_each(|assignment| arguments.extend(["--set", assignment.as_str().unwrap()]));
-    assert!(!set.is_empty() && hydroboom(&arguments).status.success(), "{arguments:?}");
+    for set in ["set", "set_in_hindsight"] {
+        let set = learned["learned"][0][set].as_array().unwrap();
+        let mut arguments = vec!["show", "--json"];
+        set.iter().for_each(|assignment| arguments.extend(["--set", assignment.as_str().unwrap()]));
+        assert!(!set.is_empty() && hydroboom(&arguments).status.success(), "{arguments:?}");
+    }
     says(&hydroboom(&["trials", "luck"]), "robustness");
     says(&hydroboom(&["motion", "--rivals"]), "--family");
 }

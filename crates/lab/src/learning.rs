@@ -2,6 +2,7 @@
 
 use crate::LabError;
 use crate::following::Following;
+use crate::hindsight::{Log, fitted};
 use crate::open_loop::{OpenLoop, at_rest};
 use crate::scenario::{Course, CourseChoice};
 use hydroboom_control::{Balances, Command, Known};
@@ -17,6 +18,8 @@ struct Cycle {
     known: Known,
     /// What the machine was told, each control period.
     told: Vec<Command<f64>>,
+    /// Where its piston was read to be at the beginning of each \[m\].
+    read: Vec<f64>,
     /// The machine, where the cycle has left it.
     machine: VirtualCrane,
 }
@@ -30,14 +33,16 @@ impl Cycle {
         let period = model.numbers.control_period;
         let periods = (course.duration() / period).round() as u64;
         let mut told = Vec::with_capacity(periods as usize);
+        let mut read = Vec::with_capacity(periods as usize);
         for k in 0..periods {
             let ahead = |after: f64| course.reference(k as f64 * period + after);
             let (reading, measured) = (machine.reading(), machine.measured());
             let command = following.command(&ahead, course.speed(), &reading, &measured)?;
             machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
             told.push(command);
+            read.push(reading.stroke);
         }
-        Ok(Self { known: following.known(), told, machine })
+        Ok(Self { known: following.known(), told, read, machine })
     }
 }
 
@@ -66,15 +71,19 @@ pub struct Taught {
     pub course: String,
     /// RMS error in open loop, the model as it is; none where it could not be run.
     pub before_mm: Option<f64>,
-    /// The same with what was learned.
+    /// The same with what was learned on the way.
     pub after_mm: Option<f64>,
+    /// The same with that fitted in hindsight, until the model goes through the cycle as the machine went.
+    pub in_hindsight_mm: Option<f64>,
     /// The same straight on: from where the cycle has left the machine, in place of the rest that it began from.
     pub straight_on_mm: Option<f64>,
     /// What comes of it, straight on, if the machine is told the very motor speed once more that led it through the cycle: as a model that
     /// knows the machine perfectly, but not in what state the cycle has left it.
     pub told_again_mm: Option<f64>,
-    /// What was learned, as overrides of the model's crane file.
+    /// What was learned on the way, as overrides of the model's crane file.
     pub set: Vec<String>,
+    /// The same in hindsight: it suits the course of the cycle.
+    pub set_in_hindsight: Vec<String>,
 }
 
 /// One cycle of each course on each crane, then the same in open loop, on all cores; `progress` is told of each.
@@ -110,18 +119,24 @@ fn cycle(
         course: course.name(),
         before_mm: rms_mm(before.errors(crane, course)),
         after_mm: None,
+        in_hindsight_mm: None,
         straight_on_mm: None,
         told_again_mm: None,
         set: Vec::new(),
+        set_in_hindsight: Vec::new(),
     };
-    if let Ok(Cycle { known, told, mut machine }) = Cycle::of(model, crane, course) {
-        let after = OpenLoop::new(model, &known)?;
-        taught.after_mm = rms_mm(after.errors(crane, course));
-        taught.set = overrides(model, after.informed());
+    if let Ok(Cycle { known, told, read, mut machine }) = Cycle::of(model, crane, course) {
+        let learned = OpenLoop::new(model, &known)?;
+        taught.after_mm = rms_mm(learned.errors(crane, course));
+        taught.set = overrides(model, learned.informed());
+        let fitted = fitted(model, &known, &Log { told: &told, read: &read })?;
+        let in_hindsight = OpenLoop::new(model, &fitted)?;
+        taught.in_hindsight_mm = rms_mm(in_hindsight.errors(crane, course));
+        taught.set_in_hindsight = overrides(model, in_hindsight.informed());
         // told the same from the same rest, another is left in the same state
         let mut another = at_rest(crane, course)?;
         if errors_of_told(&told, &mut another, course).is_ok() {
-            taught.straight_on_mm = rms_mm(after.errors_from(&mut another, course));
+            taught.straight_on_mm = rms_mm(in_hindsight.errors_from(&mut another, course));
         }
         taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
     }
@@ -136,7 +151,7 @@ fn rms_mm(errors: Result<Vec<f64>, LabError>) -> Option<f64> {
 }
 
 /// What the model has before anything is learned.
-fn believed(model: &Description) -> Result<Known, LabError> {
+pub(crate) fn believed(model: &Description) -> Result<Known, LabError> {
     let Balances { flow, lag, .. } = balances(model, &schedule(model)?);
     let payload = model.numbers.payload;
     let (balance, lag) = (flow.before, lag.before);

@@ -12,6 +12,7 @@ pub mod energy_audit;
 mod error;
 pub mod family;
 mod following;
+mod hindsight;
 pub mod learning;
 pub mod log;
 pub mod mat_file;
