@@ -48,7 +48,8 @@ impl<T: Real> ModelFollowing<T> {
         let with = self.reckons(seen, machine.load_pressure);
         let off = self.off(machine, seen);
         let wanted = self.deviation.update(memory, &with, &off, feedforward);
-        wanted.clamp(-self.limits.speed, self.limits.speed)
+        let most = self.reserve.most(self.limits.speed, feedforward, memory.stroke, with.stiff);
+        wanted.clamp(-most, most)
     }
 
     /// What feedback reckons with where the simulated crane is, the machine's load pressure being \[Pa\]. Too fast a bandwidth rings in oil that

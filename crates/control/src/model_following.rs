@@ -13,7 +13,7 @@
 use crate::attainable::{Attainable, ReferenceMemory};
 use crate::{
     DeviationFeedback, Gains, Measured, MotorLimits, Notch, NotchMemory, OilSpring, OilStiffness,
-    Reference, Station,
+    Reference, Reserve, Station,
 };
 use hydroboom_math::{Real, record};
 
@@ -153,6 +153,8 @@ pub struct ModelFollowing<T> {
     pub lead: T,
     /// Feedback of what the machine differs.
     pub deviation: DeviationFeedback<T>,
+    /// What of the motor that does not get while the piston is near.
+    pub reserve: Reserve<T>,
     /// Damping ratio that the simulated crane's ringing is to have.
     pub damping: T,
     /// Bandwidth of its position \[rad/s\], where the oil is stiff enough for it.
@@ -401,6 +403,7 @@ pub(crate) mod tests {
             smoothing: lit(0.15),
             lead: lit(5e-3),
             deviation: feedback(),
+            reserve: Reserve { share: lit(0.1), near: lit(4e-3), far: lit(6e-3) },
             damping: lit(0.7),
             bandwidth: lit(12.6),
             limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },

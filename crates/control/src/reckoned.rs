@@ -39,6 +39,8 @@ pub struct Reckoned<T> {
     pub by_pressure: T,
     /// Mean square by which such a position scatters at least \[m²\].
     pub scatter: T,
+    /// How stiff the oil may possibly be, as a share of stiff oil's bulk modulus.
+    pub stiff: T,
     /// Frequency at which the crane most likely rings on its oil \[rad/s\]: a piston that was torn far off is brought back by that.
     pub ring: T,
 }
@@ -70,7 +72,8 @@ impl<T: Real> DeviationFeedback<T> {
         let speed_by_scatter = gains.velocity.abs() * velocity + held * push;
         let by_pressure = reads.share(spring.pressure_by_velocity);
         let scatter = reads.scatter(by_pressure);
-        Reckoned { spring, gains, keeps, speed_by_scatter, by_pressure, scatter, ring }
+        let stiff = oil.possible;
+        Reckoned { spring, gains, keeps, speed_by_scatter, by_pressure, scatter, stiff, ring }
     }
 }
 

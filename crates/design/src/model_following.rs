@@ -3,7 +3,7 @@
 use crate::{DesignError, Lifting, oil_spring};
 use hydroboom_control::{
     BENDING, Conditions, DeviationDesign, DeviationFeedback, ModelFollowing, MotorLimits,
-    OilStiffness, PAYLOADS, Pace, Rest, STATIONS, Schedule, SoonerDesign, Station,
+    OilStiffness, PAYLOADS, Pace, Reserve, Rest, STATIONS, Schedule, SoonerDesign, Station,
     StrokeByPressure, WayBackDesign,
 };
 use hydroboom_description::Description;
@@ -42,6 +42,9 @@ const EAGER: Pace<f64> = Pace { by_ring: 0.8, motor_speed: 1.2 };
 /// One that swings, with this share of what feedback may ask for: from nine tenths of it on, what turns in phase with the position drowns what brakes,
 /// and half-loaded cranes may bounce between soft oil and stiff by 5 cm.
 const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 2.0 / 3.0 };
+/// This share of the motor is kept for a piston that is farther off than stiff oil lets a lost load throw it. With less, stiff cranes turn it
+/// faster than the benchmark does by more than a twentieth; with more, all others come back later.
+const RESERVE: Reserve<f64> = Reserve { share: 0.08, near: 3.5e-3, far: 5.5e-3 };
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
 
@@ -211,6 +214,11 @@ pub fn law<T: Real>(
             },
             n.control_period,
         ),
+        reserve: Reserve {
+            share: lit(RESERVE.share),
+            near: lit(RESERVE.near),
+            far: lit(RESERVE.far),
+        },
         damping: n.following_damping,
         bandwidth: lit(TAU) * n.following_bandwidth,
         limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },

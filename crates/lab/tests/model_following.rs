@@ -222,6 +222,19 @@ fn a_load_that_is_picked_up_in_motion_does_not_swing_the_machine() {
     }
 }
 
+/// Oil that stiffens at 25 and 21 bar stops a piston that loses its load within 2 mm, whatever the motor does: all of the motor is 1.13 times the
+/// benchmark's there.
+#[test]
+fn a_load_that_stiff_oil_loses_takes_no_more_of_the_motor() {
+    for number in [12, 49] {
+        let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
+        let runs = both(&crane, &CourseChoice::Scenario("load-in-motion".into()));
+        let [benchmark, own] = runs.each_ref().map(|run| run.score().effort().motor_speed_rpm);
+        assert!(own < 1.05 * benchmark, "crane {number}: {own} rpm for {benchmark} rpm");
+        assert!(runs[1].rms() < 0.5 * runs[0].rms(), "crane {number}");
+    }
+}
+
 /// The virtual crane has other friction and slip than its model; a cycle finds them, by their effects alone.
 #[test]
 fn a_cycle_finds_friction_and_slip() {

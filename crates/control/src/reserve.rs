@@ -1,0 +1,67 @@
+//! What the motor keeps in reserve for a piston that is torn far off.
+//!
+//! A load that is lost while it is lowered tears the piston off, and whoever answers it soon is limited by nothing but the motor. On stiff oil
+//! that is more than it takes: the oil itself stops the piston within millimetres. On soft oil it is not, and each of the last revolutions counts, but
+//! for a quarter of its swing a load on soft oil moves no otherwise than on stiff. So the last of the motor waits until the piston is farther off than stiff
+//! oil lets it go, unless the oil is known to be soft.
+
+use hydroboom_math::Real;
+
+/// On oil that is certainly softer than this share of stiff oil the less waits the softer it is.
+const STIFF: f64 = 0.3;
+
+/// A share of the motor that is withheld from pistons that are near where they should be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reserve<T> {
+    /// Of the motor's speed.
+    pub share: T,
+    /// A piston is near that is off by no more than this \[m\].
+    pub near: T,
+    /// Nothing is withheld from one that is off by this \[m\].
+    pub far: T,
+}
+
+impl<T: Real> Reserve<T> {
+    /// The most that a motor of such a speed \[rev/s\] may turn, to either side, for a piston that is off \[m\] on oil that may be so stiff, 0 to 1.
+    /// What is fed forward \[rev/s\] is not withheld.
+    #[inline(always)]
+    pub fn most(&self, speed: T, feedforward: T, off: T, stiff: T) -> T {
+        let Self { share, near, far } = *self;
+        let (zero, one) = (T::zero(), T::one());
+        let is_near = ((far - off.abs()) / (far - near)).clamp(zero, one);
+        let waits = share * is_near * (stiff / T::lit(STIFF)).min(one);
+        (speed * (one - waits)).max(feedforward.abs()).min(speed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RESERVE: Reserve<f64> = Reserve { share: 0.1, near: 4e-3, far: 6e-3 };
+
+    #[test]
+    fn the_last_of_the_motor_is_for_what_is_far_off() {
+        for side in [1.0, -1.0] {
+            let most = |off: f64| RESERVE.most(50.0, 30.0 * side, off * side, 1.0);
+            assert_eq!([0.0, 4e-3, 6e-3, 0.1].map(most), [45.0, 45.0, 50.0, 50.0]);
+            assert!((most(5e-3) - 47.5).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn where_the_oil_is_known_to_be_soft_nothing_waits() {
+        let most =
+            [0.0, 0.5 * STIFF, STIFF, 1.0].map(|stiff: f64| RESERVE.most(50.0, 30.0, 0.0, stiff));
+        assert_eq!(most, [50.0, 47.5, 45.0, 45.0]);
+    }
+
+    /// A reference that takes the whole motor gets it.
+    #[test]
+    fn what_is_fed_forward_is_not_withheld() {
+        for side in [1.0, -1.0] {
+            let most = [47.0, 50.0, 60.0].map(|fed: f64| RESERVE.most(50.0, fed * side, 0.0, 1.0));
+            assert_eq!(most, [47.0, 50.0, 50.0]);
+        }
+    }
+}
