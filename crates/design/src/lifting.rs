@@ -4,6 +4,7 @@
 use crate::DesignError;
 use crate::linear::{Mode, modes, transfer};
 use hydroboom_description::Description;
+use hydroboom_description::schema::FrictionChoice;
 use hydroboom_model::{Input, Outputs, Scheme};
 use hydroboom_plant::plant;
 use nalgebra::{Complex, DMatrix};
@@ -47,11 +48,11 @@ impl Lifting {
         let mut sliding = description.clone();
         let n = &mut sliding.numbers;
         (n.coulomb, n.stiction) = (1e-6 * n.coulomb, 1e-6 * n.stiction);
-        // bristles that do not slide are a spring, which holds the piston as the load holds it
-        n.bristle_stiffness *= 1e-6;
         (n.holding_cracking, n.holding_opening) = (-2.0 * n.holding_opening, -n.holding_opening);
         // open valves leave no difference of pressure between pump and cylinder
         n.preload = 1.0;
+        // bristles that slide are neither a spring nor a damper
+        sliding.choices.friction = FrictionChoice::Stribeck;
         let crane = plant(&sliding, &sliding.start(stroke), Scheme::Implicit, 1e-3)?;
         let (a, b) = crane.jacobian(&Input { pump_speed: 0.0, holding_valve: 1.0 });
         let c = crane.output_jacobian();

@@ -50,6 +50,18 @@ fn a_crane_that_lifts_goes_where_the_pumps_flow_sends_it() {
     }
 }
 
+/// Once they slide, bristles are neither a spring nor a damper: where friction holds at rest, the crane in motion is the same.
+#[test]
+fn bristles_that_slide_change_nothing_of_the_design() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    let smooth = schedule(&crane).unwrap();
+    crane.set("friction.law=lugre").unwrap();
+    let bristles = schedule(&crane).unwrap();
+    for (smooth, bristles) in smooth.laws.iter().zip(&bristles.laws) {
+        assert_eq!(smooth, bristles);
+    }
+}
+
 /// What is believed at once is believed with all the delay that it was read with.
 #[test]
 fn an_observer_that_believes_faster_leaves_less_margin() {
