@@ -2,7 +2,7 @@
 
 use crate::{LabError, Plant, plant};
 use hydroboom_control::{
-    Command, Conditions, Follower, Known, Measured, Reading, Reference, Seen, Watched,
+    Command, Conditions, Follower, Learner, Measured, Reading, Reference, Seen, Watched,
 };
 use hydroboom_description::Description;
 use hydroboom_design::{balances, schedule, under};
@@ -36,7 +36,28 @@ impl Following {
     ) -> Result<Self, LabError> {
         let schedule = schedule(model)?;
         let balances = balances(model, &schedule);
-        let mut follower = Follower::start(&schedule, &balances, reading, measured);
+        let follower = Follower::start(&schedule, &balances, reading, measured);
+        Self::begun(model, follower, reading, measured, start)
+    }
+
+    /// The same with what was learned before.
+    pub(crate) fn resumed(
+        model: &Description,
+        learner: &Learner,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+        start: f64,
+    ) -> Result<Self, LabError> {
+        Self::begun(model, Follower::new(*learner), reading, measured, start)
+    }
+
+    fn begun(
+        model: &Description,
+        mut follower: Follower,
+        reading: &Reading<f64>,
+        measured: &Measured<f64>,
+        start: f64,
+    ) -> Result<Self, LabError> {
         let taken = follower.known().conditions();
         let mut description = model.clone();
         description.numbers = under(&taken, &model.numbers);
@@ -56,9 +77,9 @@ impl Following {
         })
     }
 
-    /// What is known of the machine by now.
-    pub(crate) fn known(&self) -> Known {
-        self.follower.known()
+    /// All that was learned, to go on with.
+    pub(crate) fn learner(&self) -> &Learner {
+        self.follower.learner()
     }
 
     /// The command for the coming period; the simulated crane moves on with it. `ahead` is where the reference is so many seconds from now, `speed`

@@ -5,7 +5,7 @@ use crate::following::Following;
 use crate::hindsight::{Log, fitted};
 use crate::open_loop::{OpenLoop, at_rest};
 use crate::scenario::{Course, CourseChoice};
-use hydroboom_control::{Balances, Command, Known};
+use hydroboom_control::{Balances, Command, Known, Learner, Reading};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, overrides, schedule};
 use hydroboom_virtual_crane::VirtualCrane;
@@ -15,11 +15,11 @@ use serde::Serialize;
 /// A cycle under model following.
 struct Cycle {
     /// What it has taught.
-    known: Known,
+    learner: Learner,
     /// What the machine was told, each control period.
     told: Vec<Command<f64>>,
-    /// Where its piston was read to be at the beginning of each \[m\].
-    read: Vec<f64>,
+    /// What was read of it at the beginning of each.
+    read: Vec<Reading<f64>>,
     /// The machine, where the cycle has left it.
     machine: VirtualCrane,
 }
@@ -40,9 +40,9 @@ impl Cycle {
             let command = following.command(&ahead, course.speed(), &reading, &measured)?;
             machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
             told.push(command);
-            read.push(reading.stroke);
+            read.push(reading);
         }
-        Ok(Self { known: following.known(), told, read, machine })
+        Ok(Self { learner: *following.learner(), told, read, machine })
     }
 }
 
@@ -125,21 +125,21 @@ fn cycle(
         set: Vec::new(),
         set_in_hindsight: Vec::new(),
     };
-    if let Ok(Cycle { known, told, read, mut machine }) = Cycle::of(model, crane, course) {
+    if let Ok(Cycle { learner, told, read, mut machine }) = Cycle::of(model, crane, course) {
+        let known = learner.known();
         // a crane for which no state feedback can be designed has nothing to show, and the others have
         if let Ok(learned) = OpenLoop::new(model, &known) {
             taught.after_mm = rms_mm(learned.errors(crane, course));
             taught.set = overrides(model, learned.informed());
         }
         let fitted = fitted(model, &known, &Log { told: &told, read: &read })?;
-        if let Ok(in_hindsight) = OpenLoop::new(model, &fitted) {
-            taught.in_hindsight_mm = rms_mm(in_hindsight.errors(crane, course));
-            taught.set_in_hindsight = overrides(model, in_hindsight.informed());
-            // told the same from the same rest, another is left in the same state
-            let mut another = at_rest(crane, course)?;
-            if errors_of_told(&told, &mut another, course).is_ok() {
-                taught.straight_on_mm = rms_mm(in_hindsight.errors_from(&mut another, course));
-            }
+        taught.set_in_hindsight = overrides(model, &fitted);
+        let in_hindsight = OpenLoop::rehearsed(model, &learner, fitted);
+        taught.in_hindsight_mm = rms_mm(in_hindsight.errors(crane, course));
+        // told the same from the same rest, another is left in the same state
+        let mut another = at_rest(crane, course)?;
+        if errors_of_told(&told, &mut another, course).is_ok() {
+            taught.straight_on_mm = rms_mm(in_hindsight.errors_from(&mut another, course));
         }
         taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
     }

@@ -1,9 +1,10 @@
-//! Simulation feedforward in open loop: state feedback moves the simulated crane, and the machine is told its motor speed and not looked at.
+//! Simulation feedforward in open loop: a simulated crane is led along, and the machine is told its motor speed and not looked at.
 
 use crate::following::seen;
+use crate::rehearsal::Rehearsal;
 use crate::scenario::Course;
 use crate::{LabError, Plant, plant};
-use hydroboom_control::{FollowingMemory, Known, ModelFollowing, Reference};
+use hydroboom_control::{FollowingMemory, Known, Learner, ModelFollowing, Reference};
 use hydroboom_description::Description;
 use hydroboom_design::{informed, model_following, schedule};
 use hydroboom_model::{Input, Scheme};
@@ -13,19 +14,33 @@ use hydroboom_virtual_crane::{Command, VirtualCrane};
 pub struct OpenLoop {
     /// The model with that in it.
     informed: Description,
-    law: ModelFollowing<f64>,
+    leads: Leads,
+}
+
+/// What leads the simulated crane.
+enum Leads {
+    StateFeedback(Box<ModelFollowing<f64>>),
+    /// All of model following, by a model and what was learned.
+    Rehearsal(Box<(Description, Learner)>),
 }
 
 impl OpenLoop {
-    /// State feedback is designed for the model as it is known by now: one that reckons with other friction than the simulated crane has leads it
-    /// astray on soft oil, by millimetres.
+    /// State feedback leads the simulated crane. It is designed for the model as it is known by now: one that reckons with other friction than the simulated
+    /// crane has leads it astray on soft oil, by millimetres.
     ///
     /// # Errors
     ///
     /// [`LabError`] when none can be designed for the model.
     pub fn new(model: &Description, known: &Known) -> Result<Self, LabError> {
         let informed = informed(model, &schedule(model)?, known);
-        Ok(Self { law: model_following(&informed)?, informed })
+        let leads = Leads::StateFeedback(Box::new(model_following(&informed)?));
+        Ok(Self { informed, leads })
+    }
+
+    /// All of model following leads a model of the machine, with what it has learned of the machine itself.
+    pub(crate) fn rehearsed(model: &Description, learner: &Learner, machine: Description) -> Self {
+        let leads = Leads::Rehearsal(Box::new((model.clone(), *learner)));
+        Self { informed: machine, leads }
     }
 
     /// The model with what is known of the machine in it: payload, friction, oil, the pump's flow, slip and leakage, how late its motor is.
@@ -52,7 +67,7 @@ impl OpenLoop {
         machine: &mut VirtualCrane,
         course: &dyn Course,
     ) -> Result<Vec<f64>, LabError> {
-        let mut simulated = Simulated::new(self, course.reference(0.0).position)?;
+        let mut simulated = self.simulated(course.reference(0.0).position)?;
         let period = self.informed.numbers.control_period;
         let periods = (course.duration() / period).round() as u64;
         let mut errors = Vec::with_capacity(periods as usize + 1);
@@ -65,6 +80,20 @@ impl OpenLoop {
         }
         Ok(errors)
     }
+
+    /// The simulated crane at rest at the start of a course \[m\].
+    fn simulated(&self, start: f64) -> Result<Simulated, LabError> {
+        match &self.leads {
+            Leads::StateFeedback(law) => {
+                Ok(Simulated::Led(Box::new(Led::new(&self.informed, law, start)?)))
+            }
+            Leads::Rehearsal(follower) => {
+                let (model, learner) = follower.as_ref();
+                let rehearsal = Rehearsal::new(model, learner, &self.informed, start)?;
+                Ok(Simulated::Rehearsed(Box::new(rehearsal)))
+            }
+        }
+    }
 }
 
 /// A crane that has long been at rest where a course begins.
@@ -73,15 +102,39 @@ pub(crate) fn at_rest(crane: &Description, course: &dyn Course) -> Result<Virtua
 }
 
 /// The simulated crane in motion.
-struct Simulated {
+enum Simulated {
+    Led(Box<Led>),
+    Rehearsed(Box<Rehearsal>),
+}
+
+impl Simulated {
+    /// Motor speed \[rev/s\] for the coming period, in which it moves on. `ahead` is where the reference is so many seconds from now,
+    /// `fastest` its largest velocity \[m/s\].
+    fn speed(
+        &mut self,
+        ahead: &dyn Fn(f64) -> Reference<f64>,
+        fastest: f64,
+    ) -> Result<f64, LabError> {
+        match self {
+            Self::Led(led) => led.speed(ahead, fastest),
+            Self::Rehearsed(rehearsal) => rehearsal.speed(ahead, fastest),
+        }
+    }
+}
+
+/// Led by state feedback.
+struct Led {
     law: ModelFollowing<f64>,
     memory: FollowingMemory<f64>,
     plant: Box<dyn Plant>,
 }
 
-impl Simulated {
-    fn new(open: &OpenLoop, start: f64) -> Result<Self, LabError> {
-        let OpenLoop { informed, law } = open;
+impl Led {
+    fn new(
+        informed: &Description,
+        law: &ModelFollowing<f64>,
+        start: f64,
+    ) -> Result<Self, LabError> {
         // the published scheme chatters at the load-holding valves and loses oil by it where that is soft: up to 0.7 % of what is pumped
         let step = informed.numbers.control_period;
         let plant = plant(informed, &informed.start(start), Scheme::Implicit, step)?;

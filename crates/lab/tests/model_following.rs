@@ -43,12 +43,12 @@ fn the_virtual_crane_is_led_more_closely_for_the_same_effort() {
     }
 }
 
-/// By linearisation too, at three piston positions of each crane.
+/// By linearisation too, without any friction, at three piston positions of each crane.
 #[test]
 fn the_loop_rings_on_around_no_crane_of_a_family() {
     let model = Description::uia_single_boom().unwrap();
     let [own, benchmark] = family_margins(&model, 12, 3).unwrap();
-    assert!(own.ringing_on == 0 && own.distance_p5 > 0.25, "{own:?}");
+    assert!(own.ringing_on == 0, "{own:?}");
     assert!(benchmark.ringing_on > 0, "this family is no test: {benchmark:?}");
 }
 
@@ -256,16 +256,19 @@ fn a_cycle_finds_friction_and_slip() {
     }
 }
 
-/// On its way down the pressure is where the oil of this crane stiffens: what is learned on the way of friction and oil leaves it more than a
-/// millimetre off, what it is found to be in hindsight does not.
+/// What is learned on the way of friction and oil leaves these more than a millimetre off, what they are found to be in hindsight does not: on its
+/// way down the pressure is where the oil of one stiffens, and seals hold the other, on oil of 6 mm for a bar, where it should creep.
 #[test]
 fn a_cycle_teaches_more_in_hindsight() {
+    let nominal = Description::uia_virtual().unwrap();
     let model = Description::uia_single_boom().unwrap();
-    let crane = member(&Description::uia_virtual().unwrap(), 1, 5).unwrap().crane;
     let course = [CourseChoice::Motion(model.numbers.fast)];
-    let found = taught(&model, &[("on the verge".into(), crane)], &course, &|| ()).unwrap();
-    let [after, in_hindsight] = [found[0].after_mm, found[0].in_hindsight_mm].map(Option::unwrap);
-    assert!(in_hindsight < 1.0 && in_hindsight < 0.5 * after, "{after} mm, then {in_hindsight} mm");
+    for number in [5, 16] {
+        let crane = member(&nominal, 1, number).unwrap().crane;
+        let found = taught(&model, &[("one".into(), crane)], &course, &|| ()).unwrap();
+        let [after, hindsight] = [found[0].after_mm, found[0].in_hindsight_mm].map(Option::unwrap);
+        assert!(hindsight < 1.0 && hindsight < 0.5 * after, "{after} mm, then {hindsight} mm");
+    }
 }
 
 /// A slow drive is as late as its lag of second order says and its commands and readings are under way; in open loop the simulation leads by as
