@@ -75,7 +75,8 @@ pub struct Taught {
     pub after_mm: Option<f64>,
     /// The same with that fitted in hindsight, until the model goes through the cycle as the machine went.
     pub in_hindsight_mm: Option<f64>,
-    /// The same straight on: from where the cycle has left the machine, in place of the rest that it began from.
+    /// The same straight on: from where the cycle has left the machine, in place of the rest that it began from. The model goes on from where the cycle
+    /// has left the model.
     pub straight_on_mm: Option<f64>,
     /// What comes of it, straight on, if the machine is told the very motor speed once more that led it through the cycle: as a model that
     /// knows the machine perfectly, but not in what state the cycle has left it.
@@ -139,7 +140,8 @@ fn cycle(
         // told the same from the same rest, another is left in the same state
         let mut another = at_rest(crane, course)?;
         if errors_of_told(&told, &mut another, course).is_ok() {
-            taught.straight_on_mm = rms_mm(in_hindsight.errors_from(&mut another, course));
+            let straight_on = in_hindsight.straight_on(&told);
+            taught.straight_on_mm = rms_mm(straight_on.errors_from(&mut another, course));
         }
         taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
     }

@@ -1,7 +1,7 @@
 //! Simulation feedforward in open loop: a simulated crane is led along, and the machine is told its motor speed and not looked at.
 
 use crate::following::seen;
-use crate::rehearsal::Rehearsal;
+use crate::rehearsal::{Beginning, Rehearsal};
 use crate::scenario::Course;
 use crate::{LabError, Plant, plant};
 use hydroboom_control::{FollowingMemory, Known, Learner, ModelFollowing, Reference};
@@ -20,8 +20,8 @@ pub struct OpenLoop {
 /// What leads the simulated crane.
 enum Leads {
     StateFeedback(Box<ModelFollowing<f64>>),
-    /// All of model following, by a model and what was learned.
-    Rehearsal(Box<(Description, Learner)>),
+    /// All of model following.
+    Rehearsal(Box<Beginning>),
 }
 
 impl OpenLoop {
@@ -39,8 +39,16 @@ impl OpenLoop {
 
     /// All of model following leads a model of the machine, with what it has learned of the machine itself.
     pub(crate) fn rehearsed(model: &Description, learner: &Learner, machine: Description) -> Self {
-        let leads = Leads::Rehearsal(Box::new((model.clone(), *learner)));
-        Self { informed: machine, leads }
+        let beginning = Beginning { model: model.clone(), learner: *learner, told: Vec::new() };
+        Self { informed: machine, leads: Leads::Rehearsal(Box::new(beginning)) }
+    }
+
+    /// The same straight on, for a machine that has been told as much since it rested where the course begins.
+    pub(crate) fn straight_on(mut self, told: &[Command<f64>]) -> Self {
+        if let Leads::Rehearsal(beginning) = &mut self.leads {
+            beginning.told = told.to_vec();
+        }
+        self
     }
 
     /// The model with what is known of the machine in it: payload, friction, oil, the pump's flow, slip and leakage, how late its motor is.
@@ -67,7 +75,8 @@ impl OpenLoop {
         machine: &mut VirtualCrane,
         course: &dyn Course,
     ) -> Result<Vec<f64>, LabError> {
-        let mut simulated = self.simulated(course.reference(0.0).position)?;
+        let (start, stroke) = (course.reference(0.0).position, machine.reading().stroke);
+        let mut simulated = self.simulated(start, stroke)?;
         let period = self.informed.numbers.control_period;
         let periods = (course.duration() / period).round() as u64;
         let mut errors = Vec::with_capacity(periods as usize + 1);
@@ -81,18 +90,17 @@ impl OpenLoop {
         Ok(errors)
     }
 
-    /// The simulated crane at rest at the start of a course \[m\].
-    fn simulated(&self, start: f64) -> Result<Simulated, LabError> {
-        match &self.leads {
+    /// The simulated crane of a machine that is read to be at `stroke` \[m\], for a course that begins at `start` \[m\].
+    fn simulated(&self, start: f64, stroke: f64) -> Result<Simulated, LabError> {
+        Ok(match &self.leads {
             Leads::StateFeedback(law) => {
-                Ok(Simulated::Led(Box::new(Led::new(&self.informed, law, start)?)))
+                Simulated::Led(Box::new(Led::new(&self.informed, law, start)?))
             }
-            Leads::Rehearsal(follower) => {
-                let (model, learner) = follower.as_ref();
-                let rehearsal = Rehearsal::new(model, learner, &self.informed, start)?;
-                Ok(Simulated::Rehearsed(Box::new(rehearsal)))
+            Leads::Rehearsal(beginning) => {
+                let rehearsal = Rehearsal::new(beginning, &self.informed, start, stroke)?;
+                Simulated::Rehearsed(Box::new(rehearsal))
             }
-        }
+        })
     }
 }
 

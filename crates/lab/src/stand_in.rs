@@ -8,6 +8,8 @@ use hydroboom_model::{Input, Scheme, SimulationError};
 /// A model that stands in for a machine, without noise.
 pub(crate) struct StandIn {
     plant: Box<dyn Plant>,
+    /// Control period \[s\].
+    period: f64,
     /// Motor speeds that it was told \[rev/s\], before the first period for as long as it is late, too.
     told: Vec<f64>,
     /// How late its motor is, in whole control periods and a part of one.
@@ -25,10 +27,18 @@ impl StandIn {
     /// [`LabError`] when it has no rest there.
     pub(crate) fn new(model: &Description, stroke: f64) -> Result<Self, LabError> {
         let period = model.numbers.control_period;
-        let late = model.numbers.following_lead / period;
-        let late = (late as usize, late.fract());
         let plant = plant(model, &model.start(stroke), Scheme::Implicit, period)?;
-        Ok(Self { plant, told: vec![0.0; late.0 + 2], late })
+        let prompt = Self { plant, period, told: Vec::new(), late: (0, 0.0) };
+        Ok(prompt.late_by(model.numbers.following_lead))
+    }
+
+    /// The same with a motor that from now on is late by so much \[s\].
+    pub(crate) fn late_by(mut self, late: f64) -> Self {
+        let late = late / self.period;
+        self.late = (late as usize, late.fract());
+        let missing = (self.late.0 + 2).saturating_sub(self.told.len());
+        self.told.splice(0..0, std::iter::repeat_n(0.0, missing));
+        self
     }
 
     /// Motor speed \[rev/s\] by now.
@@ -89,5 +99,10 @@ mod tests {
             let expected = (k as f64 - 2.25).max(0.0);
             assert!((turned - expected).abs() < 1e-12, "period {k}: {turned} for {expected}");
         }
+        // told 9 last: what it turns at is what it was told then, whether that was by a later motor or not
+        let later = stand_in.late_by(4.0 * model.numbers.control_period);
+        assert!((later.reading().motor_speed - 5.0).abs() < 1e-12);
+        let prompt = later.late_by(0.5 * model.numbers.control_period);
+        assert!((prompt.reading().motor_speed - 8.5).abs() < 1e-12);
     }
 }
