@@ -163,11 +163,19 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
         gh: T,
         boom: &Eliminated<T, N>,
     ) -> (T, CraneState<T, N, C::State>) {
-        let (first, left) = self.stage(crane, state, state, input, gh, boom);
-        let base = beyond(crane, state, &first);
-        let (second, left_again) = self.stage(crane, &base, &first, input, gh, boom);
-        *state = second;
-        (left.max(left_again), first)
+        let (mut first, mut base, mut largest) = (*state, *state, T::zero());
+        // one loop, for written out the stages are twice the code, in every kind of number
+        for stage in 0..2 {
+            let (solved, left) = self.stage(crane, &base, &first, input, gh, boom);
+            largest = left.max(largest);
+            if stage == 0 {
+                base = beyond(crane, state, &solved);
+                first = solved;
+            } else {
+                *state = solved;
+            }
+        }
+        (largest, first)
     }
 
     /// The boom of Newton's matrix at a state.
