@@ -7,7 +7,7 @@ use hydroboom_control::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::report::document;
 use hydroboom_realtime::fault::Fault;
-use hydroboom_realtime::faults::{Outcome, inject, moments};
+use hydroboom_realtime::faults::{Outcome, Underway, moments};
 use indicatif::ProgressBar;
 use maud::html;
 use miette::{IntoDiagnostic, Result};
@@ -47,25 +47,31 @@ impl Faults {
         if faults.is_empty() {
             miette::bail!("no fault's name contains \"{wanted}\"");
         }
-        let cases: Vec<_> = faults
-            .iter()
-            .flat_map(|fault| {
-                Strategy::ALL.into_iter().flat_map(move |strategy| {
-                    moments(&motion).map(|moment| (*fault, strategy, moment))
-                })
-            })
+        let ways: Vec<_> = Strategy::ALL
+            .into_iter()
+            .flat_map(|strategy| moments(&motion).map(|moment| (strategy, moment)))
             .collect();
-        let bar = ProgressBar::new(cases.len() as u64);
-        let outcomes = cases
-            .par_iter()
-            .map(|(fault, strategy, moment)| {
-                let outcome = inject(&model, &machine, motion, *strategy, *fault, moment);
+        let bar = ProgressBar::new((ways.len() * (1 + faults.len())) as u64);
+        let ways = ways
+            .into_par_iter()
+            .map(|(strategy, moment)| {
+                let way = Underway::until(&model, &machine, motion, strategy, moment);
+                bar.inc(1);
+                way
+            })
+            .collect::<Result<Vec<Underway>, _>>()
+            .into_diagnostic()?;
+        let cases: Vec<_> =
+            faults.iter().flat_map(|fault| ways.iter().map(move |way| (way, *fault))).collect();
+        let outcomes: Vec<Outcome> = cases
+            .into_par_iter()
+            .map(|(way, fault)| {
+                let outcome = way.inject(fault);
                 bar.inc(1);
                 outcome
             })
-            .collect::<Result<Vec<Outcome>, _>>();
+            .collect();
         bar.finish_and_clear();
-        let outcomes = outcomes.into_diagnostic()?;
         if let Some(path) = &self.report {
             output::file(path, page(&faults, &outcomes).as_bytes())?;
         }

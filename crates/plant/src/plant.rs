@@ -36,7 +36,9 @@ pub enum PlantError {
 }
 
 /// A simulated crane. Its segments are hidden; all else can be seen.
-pub trait Plant {
+pub trait Plant: Send + Sync {
+    /// Another one in the same state, which goes its own way from here.
+    fn copied(&self) -> Box<dyn Plant>;
     /// Moves on by `count` steps under a constant input.
     ///
     /// # Errors
@@ -167,6 +169,9 @@ fn flatten_rates<T: Copy, const N: usize>(
 }
 
 impl<const N: usize> Plant for Simulation<N> {
+    fn copied(&self) -> Box<dyn Plant> {
+        Box::new(self.clone())
+    }
     fn advance(&mut self, input: &Input<f64>, count: u32) -> Result<(), SimulationError> {
         Simulation::advance(self, input, count)
     }

@@ -109,6 +109,7 @@ impl Record {
 }
 
 /// The control task, called once a period; it allocates nothing.
+#[derive(Clone)]
 pub struct ControlTask {
     benchmark: Benchmark<f64>,
     /// For its areas.

@@ -56,83 +56,118 @@ pub struct Outcome {
 /// A case takes no longer than its course and this \[s\]: pre-loading, stopping, and two seconds more.
 const LONGEST: f64 = 12.0;
 
-/// One fault, under one strategy, at one moment, in simulated time.
-///
-/// # Errors
-///
-/// [`PlantError`] when the cranes cannot be built.
-pub fn inject(
-    model: &Description,
-    machine: &Description,
+/// A course on its way, in simulated time, up to the moment at which something is to go wrong: what
+/// is the same for every fault, and is run once.
+pub struct Underway {
+    run: Lockstep,
+    operator: Operator,
+    trouble: Trouble,
     motion: Motion<f64>,
     strategy: Strategy,
-    fault: Fault,
-    moment: &Moment,
-) -> Result<Outcome, PlantError> {
-    let mut run = Lockstep::new(model, machine, motion, strategy)?.learning(None);
-    let mut operator = Operator::new(true);
-    let mut trouble = Trouble::new(machine);
-    // periods since it went wrong
-    let mut wrong_for: Option<u32> = None;
-    let mut outcome = Outcome {
-        fault,
-        strategy,
-        moment: moment.name,
-        cause: None,
-        safe_after: None,
-        fallback: false,
-        strayed: 0.0,
-        moved_after: 0.0,
-        broke: None,
-    };
-    let period = model.numbers.control_period;
-    let (mut error_before, mut safe_at, mut course_time) = (None, None, None);
-    let mut after_safe = 0;
-    let longest = motion.duration() + LONGEST;
-    for _ in 0..(longest / period) as u32 {
-        if after_safe >= (2.0 / period) as u32 {
-            break;
-        }
-        let is_due = course_time.is_some_and(|time| time >= moment.time);
-        match wrong_for {
-            Some(periods) => {
-                trouble.pass();
-                wrong_for = Some(periods + 1);
-            }
-            None if is_due => {
-                trouble.tamper(Tampering::Fault(fault));
-                operator.emergency |= fault == Fault::EmergencyStop;
-                wrong_for = Some(0);
-            }
-            None => {}
-        }
-        let record = match run.disturbed_period(&mut operator, strategy, &mut trouble) {
-            Ok(record) => record,
-            Err(error) => {
-                outcome.broke = Some(error);
-                return Ok(outcome);
-            }
+    moment: Moment,
+    /// Control period \[s\].
+    period: f64,
+    /// Periods that are left at most.
+    left: u32,
+    course_time: Option<f64>,
+    /// Why the machine broke before anything went wrong, if it did.
+    broke: Option<SimulationError>,
+}
+
+impl Underway {
+    /// Runs the course up to the moment.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when the cranes cannot be built.
+    pub fn until(
+        model: &Description,
+        machine: &Description,
+        motion: Motion<f64>,
+        strategy: Strategy,
+        moment: Moment,
+    ) -> Result<Self, PlantError> {
+        let period = model.numbers.control_period;
+        let mut way = Self {
+            run: Lockstep::new(model, machine, motion, strategy)?.learning(None),
+            operator: Operator::new(true),
+            trouble: Trouble::new(machine),
+            motion,
+            strategy,
+            moment,
+            period,
+            left: ((motion.duration() + LONGEST) / period) as u32,
+            course_time: None,
+            broke: None,
         };
-        course_time = record.course_time.or(course_time);
-        let stroke = run.truth().outputs.stroke;
-        let Some(since) = wrong_for else { continue };
-        outcome.fallback |= record.fallback;
-        let reference = motion.reference(course_time.unwrap_or(0.0)).position;
-        let error = stroke - reference;
-        let before = *error_before.get_or_insert(error);
-        let command = &record.decision.command;
-        let at_rest = command.motor_speed == 0.0 && command.holding_valve == 0.0;
-        match (record.decision.state, safe_at) {
-            (State::Fault, None) if at_rest => {
-                outcome.cause = record.decision.cause;
-                outcome.safe_after = Some(f64::from(since) * period);
-                safe_at = Some(stroke);
+        while way.left > 0 && way.course_time.is_none_or(|time| time < moment.time) {
+            way.left -= 1;
+            match way.run.disturbed_period(&mut way.operator, strategy, &mut way.trouble) {
+                Ok(record) => way.course_time = record.course_time.or(way.course_time),
+                Err(error) => {
+                    way.broke = Some(error);
+                    break;
+                }
             }
-            (State::Holding, None) if operator.is_done() && at_rest => safe_at = Some(stroke),
-            (_, Some(at)) => outcome.moved_after = outcome.moved_after.max((stroke - at).abs()),
-            (_, None) => outcome.strayed = outcome.strayed.max((error - before).abs()),
         }
-        after_safe += u32::from(safe_at.is_some());
+        Ok(way)
     }
-    Ok(outcome)
+
+    /// What comes of a fault, from here to the end of the course or two seconds of safety.
+    pub fn inject(&self, fault: Fault) -> Outcome {
+        let Self { strategy, motion, moment, period, mut course_time, .. } = *self;
+        let (mut run, mut operator) = (self.run.clone(), self.operator);
+        let mut trouble = self.trouble.clone();
+        let mut outcome = Outcome {
+            fault,
+            strategy,
+            moment: moment.name,
+            cause: None,
+            safe_after: None,
+            fallback: false,
+            strayed: 0.0,
+            moved_after: 0.0,
+            broke: self.broke,
+        };
+        if outcome.broke.is_some() {
+            return outcome;
+        }
+        trouble.tamper(Tampering::Fault(fault));
+        operator.emergency |= fault == Fault::EmergencyStop;
+        let (mut error_before, mut safe_at) = (None, None);
+        let mut after_safe = 0;
+        for since in 0..self.left {
+            if after_safe >= (2.0 / period) as u32 {
+                break;
+            }
+            let record = match run.disturbed_period(&mut operator, strategy, &mut trouble) {
+                Ok(record) => record,
+                Err(error) => {
+                    outcome.broke = Some(error);
+                    return outcome;
+                }
+            };
+            trouble.pass();
+            course_time = record.course_time.or(course_time);
+            let stroke = run.truth().outputs.stroke;
+            outcome.fallback |= record.fallback;
+            let reference = motion.reference(course_time.unwrap_or(0.0)).position;
+            let error = stroke - reference;
+            let before = *error_before.get_or_insert(error);
+            let command = &record.decision.command;
+            let at_rest = command.motor_speed == 0.0 && command.holding_valve == 0.0;
+            match (record.decision.state, safe_at) {
+                (State::Fault, None) if at_rest => {
+                    outcome.cause = record.decision.cause;
+                    outcome.safe_after = Some(f64::from(since) * period);
+                    safe_at = Some(stroke);
+                }
+                (State::Holding, None) if operator.is_done() && at_rest => safe_at = Some(stroke),
+                (_, Some(at)) => outcome.moved_after = outcome.moved_after.max((stroke - at).abs()),
+                (_, None) => outcome.strayed = outcome.strayed.max((error - before).abs()),
+            }
+            after_safe += u32::from(safe_at.is_some());
+        }
+        outcome
+    }
 }

@@ -61,7 +61,8 @@ impl Disturbance for Undisturbed {}
 /// Without a command for so many periods the machine's own watchdog shuts it down, as a drive does.
 const WATCHDOG: u32 = 20;
 
-/// A run in simulated time.
+/// A run in simulated time. A copy goes on from the same moment.
+#[derive(Clone)]
 pub struct Lockstep {
     control: ControlTask,
     simulation: SimulationTask,

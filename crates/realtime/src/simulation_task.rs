@@ -48,6 +48,7 @@ pub struct Simulated {
 }
 
 /// The simulated crane, three segments, published scheme.
+#[derive(Clone)]
 pub struct SimulationTask {
     model: Description,
     /// Under what it is simulated, and is to be.

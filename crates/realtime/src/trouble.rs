@@ -45,6 +45,7 @@ impl Tampering {
 }
 
 /// A fault at work, if any.
+#[derive(Clone)]
 pub struct Trouble {
     fault: Option<Fault>,
     /// Periods since it began.

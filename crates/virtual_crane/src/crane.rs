@@ -7,7 +7,7 @@ use hydroboom_description::Description;
 use hydroboom_model::{Outputs, SimulationError, Start};
 use hydroboom_plant::{Plant, PlantError, plant};
 
-/// A crane with all that stands between it and a controller.
+/// A crane with all that stands between it and a controller. A copy goes on from the same moment.
 pub struct VirtualCrane {
     plant: Box<dyn Plant>,
     /// Of the plant, now.
@@ -15,6 +15,17 @@ pub struct VirtualCrane {
     /// Steps in a control period.
     steps: u32,
     equipment: Equipment,
+}
+
+impl Clone for VirtualCrane {
+    fn clone(&self) -> Self {
+        Self {
+            plant: self.plant.copied(),
+            outputs: self.outputs,
+            steps: self.steps,
+            equipment: self.equipment.clone(),
+        }
+    }
 }
 
 impl VirtualCrane {

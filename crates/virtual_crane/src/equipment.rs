@@ -48,6 +48,7 @@ impl Stepping {
 }
 
 /// The equipment of one crane. It is told what the plant shows and says what acts on it.
+#[derive(Clone)]
 pub(crate) struct Equipment {
     period: f64,
     /// None: the motor follows at once, within its limits, as the model's does.
