@@ -2,6 +2,7 @@
 
 use crate::LabError;
 use crate::motion_test::Strategy;
+use crate::rings_on::rings_on;
 use crate::rivals::Contender;
 use crate::scenario::CourseChoice;
 use crate::score::{Effort, Score};
@@ -203,7 +204,13 @@ fn together(
             rms_mm: scores[lane].rms() * 1e3,
             peak_mm: scores[lane].peak() * 1e3,
             effort: scores[lane].effort(),
-            unstable: scores[lane].is_unstable(),
+            unstable: rings_on(
+                model,
+                lanes[lane].crane,
+                contender,
+                lanes[lane].course,
+                &scores[lane],
+            ),
         },
         Err(_) => Outcome {
             rms_mm: f64::NAN,

@@ -112,8 +112,8 @@ impl Score {
         self.peak
     }
 
-    /// Whether the course, which ends at rest, ended in an oscillation that does not die out.
-    pub fn is_unstable(&self) -> bool {
+    /// Whether the course, which ends at rest, ended in an oscillation that did not die out in its last two seconds.
+    pub fn still_swings(&self) -> bool {
         let [before, last] = self.extents.map(|(low, high)| [high - low, high.max(-low)]);
         let [extent, farthest] = core::array::from_fn(|k| last[k] > SUSTAINED * before[k]);
         last[0] > SWINGING && extent && farthest
@@ -140,7 +140,7 @@ mod tests {
             let command = Command { motor_speed: 0.0, holding_valve: 1.0 };
             score.add(&Sample { time, reference, reading, truth, command });
         }
-        score.is_unstable()
+        score.still_swings()
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::LabError;
 use crate::eigenfrequency::locked_mode;
+use crate::rings_on::rings_on;
 use crate::rivals::Contender;
 use crate::scenario::{Course, CourseChoice};
 use crate::score::{Effort, Score};
@@ -195,6 +196,6 @@ fn one(model: &Description, trial: &Trial, contender: Contender) -> Outcome {
         peak_mm: done.then(|| score.peak() * 1e3),
         motor_ripple_rpm: variance.sqrt(),
         effort: score.effort(),
-        unstable: !done || score.is_unstable(),
+        unstable: !done || rings_on(model, &trial.crane, contender, course, &score),
     }
 }

@@ -62,7 +62,7 @@ fn a_light_load_on_soft_oil_does_not_ring_on() {
     let [benchmark, own] = both(&soft, &CourseChoice::Motion(soft.numbers.fast));
     assert!(benchmark.rms() > 10e-3, "this crane is no test: {}", benchmark.rms());
     assert!(own.rms() < 0.5 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
-    assert!(!own.score().is_unstable());
+    assert!(!own.score().still_swings());
 }
 
 /// A payload that is hung on falls until the oil carries it, whoever controls. Nothing rings on, and while it is weighed then,
@@ -72,7 +72,7 @@ fn a_payload_that_changes_is_borne() {
     let crane = Description::uia_virtual().unwrap();
     let [benchmark, own] = both(&crane, &CourseChoice::Scenario("payload-change".into()));
     assert!(own.rms() < 1.005 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
-    assert!(!own.score().is_unstable());
+    assert!(!own.score().still_swings());
     let moved = own.samples[own.samples.len() - 500..].iter().map(|s| s.error().abs());
     let most = moved.fold(0.0, f64::max);
     assert!(most < 0.5e-3, "{most} m while it is weighed");
@@ -84,7 +84,7 @@ fn led_closer_and_at_rest_in_the_end(seed: u64, numbers: &[u64], scenario: &str)
         let crane = member(&Description::uia_virtual().unwrap(), seed, *number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario(scenario.into()));
         assert!(own.rms() < benchmark.rms(), "{number}: {} for {}", own.rms(), benchmark.rms());
-        assert!(!own.score().is_unstable(), "crane {number} of seed {seed}");
+        assert!(!own.score().still_swings(), "crane {number} of seed {seed}");
     }
 }
 
@@ -117,7 +117,7 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         // told of no more than where the reference is, the heavier one has what the benchmark has: nothing but the motor counts then
         assert!(own.rms() < 0.85 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let end = own.samples.last().unwrap().error();
-        assert!(end.abs() < 0.5e-3 && !own.score().is_unstable(), "{end} m are left");
+        assert!(end.abs() < 0.5e-3 && !own.score().still_swings(), "{end} m are left");
     }
 }
 
@@ -130,7 +130,7 @@ fn a_reference_out_of_reach_takes_the_whole_motor() {
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("saturation".into()));
         let [most, rms] = [0.75 * benchmark.rms(), own.rms()];
         assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
-        assert!(!own.score().is_unstable(), "crane {number}");
+        assert!(!own.score().still_swings(), "crane {number}");
     }
 }
 
@@ -181,7 +181,7 @@ fn starts_and_stops_do_not_throw_the_simulated_crane() {
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("start-stop".into()));
         let [most, own_rms] = [share * benchmark.rms(), own.rms()];
         assert!(own_rms < most, "crane {number}: {own_rms} for {}", benchmark.rms());
-        assert!(!own.score().is_unstable(), "crane {number}");
+        assert!(!own.score().still_swings(), "crane {number}");
     }
 }
 
@@ -193,7 +193,7 @@ fn a_reversal_is_foreseen() {
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("reversal".into()));
         let [most, rms] = [0.65 * benchmark.rms(), own.rms()];
         assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
-        assert!(!own.score().is_unstable(), "crane {number}");
+        assert!(!own.score().still_swings(), "crane {number}");
     }
 }
 
