@@ -304,7 +304,7 @@ fn what_comes_again_hangs_on_how_soft_the_oil_is_where_it_rests() {
     let model = Description::uia_single_boom().unwrap();
     let [soft, stiff] = [16, 20].map(|number| {
         let crane = member(&nominal, 1, number).unwrap().crane;
-        let course = [CourseChoice::Motion(model.numbers.slow)];
+        let course = [CourseChoice::Motion(model.numbers.fast)];
         let all = taught(&model, &[("one".into(), crane)], &course, &|| ()).unwrap();
         [all[0].told_again_mm, all[0].straight_on_mm].map(Option::unwrap)
     });
@@ -322,7 +322,7 @@ fn what_comes_again_hangs_on_how_soft_the_oil_is_where_it_rests() {
 fn a_cycle_teaches_what_open_loop_lacks() {
     let nominal = Description::uia_virtual().unwrap();
     let model = Description::uia_single_boom().unwrap();
-    let courses = [CourseChoice::Motion(model.numbers.slow)];
+    let courses = [CourseChoice::Motion(model.numbers.fast)];
     // its pump leaks six times as much, and it errs by centimetres
     let crane = member(&nominal, 7, 10).unwrap().crane;
     let teach = |model: &Description| {
