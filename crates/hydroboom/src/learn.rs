@@ -68,6 +68,7 @@ impl Learn {
                     output::optional(t.before_mm, 2),
                     output::optional(t.after_mm, 2),
                     output::optional(t.in_hindsight_mm, 2),
+                    output::optional(t.amended_mm, 2),
                     output::optional(t.straight_on_mm, 2),
                     output::optional(t.told_again_mm, 2),
                     t.set_in_hindsight.join(" "),
@@ -80,6 +81,7 @@ impl Learn {
             "open loop before [mm]",
             "learned on the way [mm]",
             "in hindsight [mm]",
+            "cycle amended [mm]",
             "straight on [mm]",
             "told again [mm]",
             "known in hindsight, as overrides of the model",
@@ -99,11 +101,12 @@ fn summed_up(all: &[Taught]) -> String {
         format!("{:.2} mm, below 1 mm on {below}", Spread::of(errors.into_iter()).median)
     };
     format!(
-        "\n\nin the median of {}: {} before, {} by what was learned on the way, {} in hindsight, {} straight on from where the cycle ended, {} told its own motor speed again there",
+        "\n\nin the median of {}: {} before, {} by what was learned on the way, {} in hindsight, {} told the cycle amended, {} straight on from where the cycle ended, {} told its own motor speed again there",
         all.len(),
         sum(|t| t.before_mm),
         sum(|t| t.after_mm),
         sum(|t| t.in_hindsight_mm),
+        sum(|t| t.amended_mm),
         sum(|t| t.straight_on_mm),
         sum(|t| t.told_again_mm),
     )

@@ -339,6 +339,7 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
         "before_mm",
         "after_mm",
         "in_hindsight_mm",
+        "amended_mm",
         "straight_on_mm",
         "told_again_mm",
         "set",

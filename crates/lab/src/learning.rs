@@ -1,6 +1,7 @@
 //! What a cycle teaches of a machine, and what open loop is worth with it.
 
 use crate::LabError;
+use crate::amended::amended;
 use crate::following::Following;
 use crate::hindsight::{Log, fitted};
 use crate::open_loop::{OpenLoop, at_rest};
@@ -75,7 +76,10 @@ pub struct Taught {
     pub after_mm: Option<f64>,
     /// The same with that fitted in hindsight, until the model goes through the cycle as the machine went.
     pub in_hindsight_mm: Option<f64>,
-    /// The same straight on: from where the cycle has left the machine, in place of the rest that it began from. The model goes on from where the cycle
+    /// A machine that rests as it did and is told what led it through the cycle, amended by what that model says it takes to be where the reference is. Of all
+    /// in open loop it hangs least on the model, and most on the rest.
+    pub amended_mm: Option<f64>,
+    /// The same as in hindsight straight on: from where the cycle has left the machine, in place of the rest that it began from. The model goes on from where the cycle
     /// has left the model.
     pub straight_on_mm: Option<f64>,
     /// What comes of it, straight on, if the machine is told the very motor speed once more that led it through the cycle: as a model that
@@ -121,6 +125,7 @@ fn cycle(
         before_mm: rms_mm(before.errors(crane, course)),
         after_mm: None,
         in_hindsight_mm: None,
+        amended_mm: None,
         straight_on_mm: None,
         told_again_mm: None,
         set: Vec::new(),
@@ -133,7 +138,12 @@ fn cycle(
             taught.after_mm = rms_mm(learned.errors(crane, course));
             taught.set = overrides(model, learned.informed());
         }
-        let fitted = fitted(model, &known, &Log { told: &told, read: &read })?;
+        let log = Log { told: &told, read: &read };
+        let fitted = fitted(model, &known, &log)?;
+        if let Ok(amended) = amended(&fitted, &log, course) {
+            let errors = errors_of_told(&amended, &mut at_rest(crane, course)?, course);
+            taught.amended_mm = rms_mm(errors);
+        }
         taught.set_in_hindsight = overrides(model, &fitted);
         let in_hindsight = OpenLoop::rehearsed(model, &learner, fitted);
         taught.in_hindsight_mm = rms_mm(in_hindsight.errors(crane, course));

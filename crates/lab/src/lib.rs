@@ -3,6 +3,7 @@
 //! Everything here works on a [`Description`](hydroboom_description::Description) and hides the
 //! number of segments behind a [`Plant`].
 
+mod amended;
 pub mod benchmark;
 pub mod calibrate;
 pub mod dataset;
