@@ -40,12 +40,7 @@ pub(crate) fn amended(
     let cycle = Cycle::new(machine, log, course);
     let count = cycle.log.told.len() / cycle.apart + 2;
     let before = cycle.went(&DVector::zeros(count))?;
-    let slope = |k: usize| -> Result<DVector<f64>, LabError> {
-        let mut varied = DVector::zeros(count);
-        varied[k] = VARIED;
-        Ok((cycle.went(&varied)? - &before) / VARIED)
-    };
-    let slopes = (0..count).into_par_iter().map(slope).collect::<Result<Vec<_>, _>>()?;
+    let slopes = cycle.slopes(&before, count)?;
     let weight = WEIGHT * (before.len() as f64).sqrt();
     let columns: Vec<_> = slopes
         .into_iter()
@@ -115,20 +110,57 @@ impl<'a> Cycle<'a> {
         self.log.told.iter().enumerate().map(more).collect()
     }
 
+    /// The model at rest where the machine was.
+    fn at_rest(&self) -> Result<StandIn, LabError> {
+        StandIn::new(self.machine, self.log.read.first().map_or(0.0, |reading| reading.stroke))
+    }
+
     /// Where the model is that is told so \[m\].
     fn went(&self, by: &DVector<f64>) -> Result<DVector<f64>, LabError> {
-        let rest = self.log.read.first().map_or(0.0, |reading| reading.stroke);
-        let mut model = StandIn::new(self.machine, rest)?;
-        let told = self.told(by);
-        let mut went = Vec::with_capacity(told.len() / EVERY + 1);
-        for (k, command) in told.iter().enumerate() {
-            if k.is_multiple_of(EVERY) {
-                went.push(model.reading().stroke);
-            }
-            model.advance(command).map_err(LabError::during("the cycle amended"))?;
-        }
-        Ok(DVector::from_vec(went))
+        let mut went = DVector::zeros(self.log.told.len().div_ceil(EVERY));
+        onward(self.at_rest()?, &self.told(by), 0, &mut went)?;
+        Ok(went)
     }
+
+    /// By how much each of the values moves the model, which is at `before` \[m\] without them. Up to where one begins to count, it is the same model.
+    fn slopes(&self, before: &DVector<f64>, count: usize) -> Result<Vec<DVector<f64>>, LabError> {
+        let (mut model, mut period) = (self.at_rest()?, 0);
+        let begun = (0..count).map(|k| {
+            let from = (k.saturating_sub(1) * self.apart).min(self.log.told.len());
+            for command in &self.log.told[period..from] {
+                model.advance(command).map_err(LabError::during("the cycle amended"))?;
+            }
+            period = from;
+            Ok((k, from, model.clone()))
+        });
+        let slope = |begun: Result<(usize, usize, StandIn), LabError>| {
+            let (k, from, model) = begun?;
+            let mut varied = DVector::zeros(count);
+            varied[k] = VARIED;
+            let mut went = before.clone();
+            onward(model, &self.told(&varied), from, &mut went)?;
+            Ok((k, (went - before) / VARIED))
+        };
+        let mut slopes = begun.par_bridge().map(slope).collect::<Result<Vec<_>, LabError>>()?;
+        slopes.sort_by_key(|(k, _)| *k);
+        Ok(slopes.into_iter().map(|(_, slope)| slope).collect())
+    }
+}
+
+/// Where a model goes that is told so from a control period on \[m\].
+fn onward(
+    mut model: StandIn,
+    told: &[Command<f64>],
+    from: usize,
+    went: &mut DVector<f64>,
+) -> Result<(), LabError> {
+    for (k, command) in told.iter().enumerate().skip(from) {
+        if k.is_multiple_of(EVERY) {
+            went[k / EVERY] = model.reading().stroke;
+        }
+        model.advance(command).map_err(LabError::during("the cycle amended"))?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

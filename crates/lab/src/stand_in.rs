@@ -16,6 +16,12 @@ pub(crate) struct StandIn {
     late: (usize, f64),
 }
 
+impl Clone for StandIn {
+    fn clone(&self) -> Self {
+        Self { plant: self.plant.copied(), told: self.told.clone(), ..*self }
+    }
+}
+
 impl StandIn {
     /// The model as late as its `following.lead_ms`, at rest with the piston at `stroke` \[m\].
     ///
