@@ -12,7 +12,8 @@ use hydroboom_description::Description;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// The motor is told more or less by what goes straight from one value to the next within this time \[s\]: longer than light cranes on soft oil ring.
+/// The motor is told more or less by what goes straight from one value to the next within this time \[s\]. With 0.1 and 0.05 s crane 14 of seed 5 has 0.50
+/// and 0.49 mm for 0.51, and crane 9 of seed 7 1.19 and 1.25 for 1.38, for two and four times as many slopes.
 const APART: f64 = 0.2;
 /// Each of them is varied by as much for its slope \[rev/s\].
 const VARIED: f64 = 0.1;

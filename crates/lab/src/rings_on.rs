@@ -61,30 +61,20 @@ mod tests {
     use super::*;
     use crate::family::member;
     use crate::motion_test::Strategy;
-    use hydroboom_virtual_crane::{Command, VirtualCrane};
+    use crate::score::tests::score;
 
     /// One score that ends in a swing of 3 mm, for two cranes: the one on soft oil, that the benchmark does swing on, and one that it does not.
     #[test]
     fn what_swings_at_the_end_rings_on_only_where_it_never_comes_to_rest() {
         let model = Description::uia_single_boom().unwrap();
-        let calm = Description::uia_virtual().unwrap();
         let course = model.motion(model.numbers.fast);
-        let machine = VirtualCrane::new(&calm, &calm.start(course.start)).unwrap();
-        let (reading, mut truth) = (machine.reading(), machine.truth());
-        let mut score = Score::new(course.duration());
-        let period = model.numbers.control_period;
-        for k in 0..(course.duration() / period) as u32 {
-            let time = f64::from(k) * period;
-            let reference = course.reference(time);
-            truth.outputs.stroke = reference.position + 3e-3 * (8.0 * time).sin();
-            let command = Command { motor_speed: 0.0, holding_valve: 1.0 };
-            score.add(&Sample { time, reference, reading, truth, command });
-        }
-        assert!(score.still_swings());
+        let swinging = score(|time| 3e-3 * (8.0 * time).sin());
+        assert!(swinging.still_swings());
+        let calm = Description::uia_virtual().unwrap();
         let soft = member(&calm, 1, 145).unwrap().crane;
         let benchmark = Contender::from(Strategy::BenchmarkClosedLoop);
         let [soft, calm] =
-            [soft, calm].map(|crane| rings_on(&model, &crane, benchmark, &course, &score));
+            [soft, calm].map(|crane| rings_on(&model, &crane, benchmark, &course, &swinging));
         assert!(soft && !calm, "{soft}, {calm}");
     }
 }

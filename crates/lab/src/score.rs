@@ -121,14 +121,14 @@ impl Score {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use hydroboom_control::Reference;
     use hydroboom_description::Description;
     use hydroboom_virtual_crane::{Command, VirtualCrane};
 
     /// Of a crane that ends a course of three seconds so far \[m\] from where it should be.
-    fn swings(off: impl Fn(f64) -> f64) -> bool {
+    pub(crate) fn score(off: impl Fn(f64) -> f64) -> Score {
         let description = Description::uia_virtual().unwrap();
         let crane = VirtualCrane::new(&description, &description.start(0.25)).unwrap();
         let (reading, mut truth) = (crane.reading(), crane.truth());
@@ -140,7 +140,11 @@ mod tests {
             let command = Command { motor_speed: 0.0, holding_valve: 1.0 };
             score.add(&Sample { time, reference, reading, truth, command });
         }
-        score.still_swings()
+        score
+    }
+
+    fn swings(off: impl Fn(f64) -> f64) -> bool {
+        score(off).still_swings()
     }
 
     #[test]

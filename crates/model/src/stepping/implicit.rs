@@ -167,6 +167,7 @@ impl<T: Real, C: Circuit<T>> Implicit<T, C> {
         // one loop, for written out the stages are twice the code, in every kind of number
         for stage in 0..2 {
             let (solved, left) = self.stage(crane, &base, &first, input, gh, boom);
+            // in this order, for it is NaN if `left` is
             largest = left.max(largest);
             if stage == 0 {
                 base = beyond(crane, state, &solved);
