@@ -1,5 +1,6 @@
 //! `hydroboom motion --family`
 
+use crate::interruptible::{Interruptible, of_asked};
 use crate::output;
 use hydroboom_description::Description;
 use hydroboom_lab::family::{Row, Spread, VARIATIONS, family, rows};
@@ -7,8 +8,7 @@ use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::report;
 use hydroboom_lab::rivals::Contender;
 use hydroboom_lab::scenario::CourseChoice;
-use indicatif::{ProgressBar, ProgressStyle};
-use miette::{IntoDiagnostic, Result};
+use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 use std::path::Path;
 
@@ -28,14 +28,14 @@ pub fn run(
         .map(|course| course.of(nominal).map(|course| course.name()))
         .collect::<Result<Vec<_>, _>>()
         .into_diagnostic()?;
-    let bar = ProgressBar::new(1000).with_style(
-        ProgressStyle::with_template("{bar:40} {percent} % of the family, {eta} left")
-            .into_diagnostic()?,
-    );
-    let share = |share: f64| bar.set_position((share * 1000.0) as u64);
-    let results = family(model, nominal, contenders, courses, count, seed, &share);
-    bar.finish_and_clear();
+    let work = Interruptible::new(count, "cranes")?;
+    let go_on = |share: f64| work.done(share);
+    let results = family(model, nominal, contenders, courses, count, seed, &go_on);
+    drop(work);
     let results = results.into_diagnostic()?;
+    if results.is_empty() {
+        bail!("none of {count} cranes had gone all the way when it was interrupted");
+    }
     let rows = rows(contenders, &names, &results);
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).into_diagnostic()?;
@@ -49,12 +49,13 @@ pub fn run(
             .collect();
         let strategies: Vec<_> = contenders.iter().map(|c| c.name()).collect();
         return output::json(&json!({
-            "family": rows, "seed": seed, "variations": VARIATIONS,
+            "asked": count, "family": rows, "seed": seed, "variations": VARIATIONS,
             "strategies": strategies, "courses": names, "cranes": cranes,
         }));
     }
     output::text(&format!(
-        "{count} virtual cranes around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}",
+        "{} virtual cranes around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}",
+        of_asked(results.len(), count as usize),
         nominal.name,
         table(&rows)
     ))

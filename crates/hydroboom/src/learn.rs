@@ -1,14 +1,14 @@
 //! `hydroboom learn`
 
 use crate::crane_file::{CraneFile, text};
+use crate::interruptible::{Interruptible, of_asked};
 use crate::output;
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_lab::family::{Spread, member};
 use hydroboom_lab::learning::{Taught, taught};
 use hydroboom_lab::scenario::CourseChoice;
-use indicatif::ProgressBar;
-use miette::{IntoDiagnostic, Result};
+use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -52,12 +52,15 @@ impl Learn {
                 .into_diagnostic()?,
         };
         let courses = [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion);
-        let bar = ProgressBar::new((cranes.len() * courses.len()) as u64);
-        let all = taught(&model, &cranes, &courses, &|| bar.inc(1));
-        bar.finish_and_clear();
-        let all = all.into_diagnostic()?;
+        let asked = cranes.len() * courses.len();
+        let work = Interruptible::new(asked as u64, "cycles")?;
+        let all = taught(&model, &cranes, &courses, &|| work.one_more()).into_diagnostic()?;
+        drop(work);
+        if all.is_empty() {
+            bail!("none of {asked} cycles had been run when it was interrupted");
+        }
         if self.json {
-            return output::json(&json!({ "learned": all }));
+            return output::json(&json!({ "asked": asked, "learned": all }));
         }
         let rows: Vec<Vec<String>> = all
             .iter()
@@ -86,14 +89,17 @@ impl Learn {
             "told again [mm]",
             "known in hindsight, as overrides of the model",
         ];
-        output::text(&format!("{}{}", output::table(&header, &rows), summed_up(&all)))
+        output::text(&format!("{}{}", output::table(&header, &rows), summed_up(&all, asked)))
     }
 }
 
 /// What a family comes to.
-fn summed_up(all: &[Taught]) -> String {
+fn summed_up(all: &[Taught], asked: usize) -> String {
     if all.len() < 8 {
-        return String::new();
+        return match all.len() == asked {
+            true => String::new(),
+            false => format!("\n\n{} cycles", of_asked(all.len(), asked)),
+        };
     }
     let sum = |of: fn(&Taught) -> Option<f64>| {
         let errors: Vec<f64> = all.iter().filter_map(of).collect();
@@ -102,7 +108,7 @@ fn summed_up(all: &[Taught]) -> String {
     };
     format!(
         "\n\nin the median of {}: {} before, {} by what was learned on the way, {} in hindsight, {} told the cycle amended, {} straight on from where the cycle ended, {} told its own motor speed again there",
-        all.len(),
+        of_asked(all.len(), asked),
         sum(|t| t.before_mm),
         sum(|t| t.after_mm),
         sum(|t| t.in_hindsight_mm),

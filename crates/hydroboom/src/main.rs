@@ -11,6 +11,7 @@ mod energy;
 mod export;
 mod family;
 mod faults;
+mod interruptible;
 mod learn;
 mod linearise;
 mod log;

@@ -1,6 +1,7 @@
 //! `hydroboom sensitivity`
 
 use crate::crane_file::CraneFile;
+use crate::interruptible::Interruptible;
 use crate::output;
 use clap::Args;
 use hydroboom_description::Description;
@@ -14,8 +15,6 @@ use maud::html;
 use miette::{IntoDiagnostic, Result, miette};
 use serde_json::json;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rank a crane's parameters by their effect on tracking errors, pressures and the eigenfrequency: locally by exact
 /// slopes, and globally by Sobol indices.
@@ -65,8 +64,10 @@ impl Sensitivity {
         let crane = self.crane.read()?;
         let case = Case::new(&crane, self.speed(&crane)?, &self.chosen()?).into_diagnostic()?;
         let free = self.free(&crane)?;
-        let bar = ProgressBar::new(free.len().div_ceil(4) as u64);
-        bar.set_style(style("slopes")?);
+        let bar = ProgressBar::new(free.len().div_ceil(4) as u64).with_style(
+            ProgressStyle::with_template("{bar:40} {pos} of {len} slopes, {eta} left")
+                .into_diagnostic()?,
+        );
         let (values, slopes) = local(&case, &free, &|| bar.inc(1)).into_diagnostic()?;
         bar.finish_and_clear();
         let global = match self.rows {
@@ -133,23 +134,10 @@ impl Sensitivity {
     }
 
     fn global(&self, case: &Case, free: &[Free], rows: usize) -> Result<(Vec<Sobol>, usize)> {
-        let stop = Arc::new(AtomicBool::new(false));
-        let told = Arc::clone(&stop);
-        ctrlc::set_handler(move || told.store(true, Ordering::Relaxed)).into_diagnostic()?;
-        let bar = ProgressBar::new(rows as u64);
-        bar.set_style(style("rows; Ctrl-C ends with what is done")?);
-        let found = sobol(case, free, Study { rows, seed: self.seed }, &|| {
-            bar.inc(1);
-            !stop.load(Ordering::Relaxed)
-        });
-        bar.finish_and_clear();
-        found.into_diagnostic()
+        let work = Interruptible::new(rows as u64, "rows")?;
+        let study = Study { rows, seed: self.seed };
+        sobol(case, free, study, &|| work.one_more()).into_diagnostic()
     }
-}
-
-fn style(what: &str) -> Result<ProgressStyle> {
-    ProgressStyle::with_template(&format!("{{bar:40}} {{pos}} of {{len}} {what}, {{eta}} left"))
-        .into_diagnostic()
 }
 
 /// Keys in the order of their effect on an output, the largest first.

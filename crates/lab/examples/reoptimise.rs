@@ -57,7 +57,7 @@ fn main() -> Result<(), LabError> {
     let n = &model.numbers;
     let courses = [n.slow, n.fast].map(CourseChoice::Motion);
     let run = |contender: Contender| -> Result<Vec<Outcome>, LabError> {
-        let all = family(&model, &nominal, &[contender], &courses, CRANES, SEED, &|_| ())?;
+        let all = family(&model, &nominal, &[contender], &courses, CRANES, SEED, &|_| true)?;
         Ok(all.into_iter().flat_map(|(_, outcomes)| outcomes).flatten().collect())
     };
     let benchmark = run(Strategy::BenchmarkClosedLoop.into())?;

@@ -14,7 +14,7 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// What varies from crane to crane, evenly within its range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -130,7 +130,8 @@ pub struct Outcome {
 pub type Outcomes = Vec<Vec<Outcome>>;
 
 /// Runs all contenders along all courses on cranes 0 to `count` - 1, side by side in lanes and on all
-/// cores; `progress` is told the share done.
+/// cores. `go_on` is told the share done and says whether to: if not, those cranes that have gone all the way by then are all
+/// there is.
 ///
 /// # Errors
 ///
@@ -142,7 +143,7 @@ pub fn family(
     courses: &[CourseChoice],
     count: u64,
     seed: u64,
-    progress: &(dyn Fn(f64) + Sync),
+    go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<Vec<(Member, Outcomes)>, LabError> {
     let members =
         (0..count).map(|number| member(nominal, seed, number)).collect::<Result<Vec<_>, _>>()?;
@@ -156,25 +157,32 @@ pub fn family(
         })
         .collect();
     let done = AtomicUsize::new(0);
+    let ended = AtomicBool::new(false);
     let outcomes = jobs
         .par_iter()
         .map(|(group, contender, course)| {
+            if ended.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
             let outcomes = together(model, group, *contender, course)?;
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            progress(done as f64 / jobs.len() as f64);
-            Ok(outcomes)
+            if !go_on(done as f64 / jobs.len() as f64) {
+                ended.store(true, Ordering::Relaxed);
+            }
+            Ok(Some(outcomes))
         })
         .collect::<Result<Vec<_>, LabError>>()?;
     let of = |number: usize, s: usize, c: usize| {
         let job = (number / WIDTH * contenders.len() + s) * courses.len() + c;
-        outcomes[job][number % WIDTH]
+        outcomes[job].map(|lanes| lanes[number % WIDTH])
     };
     Ok(members
         .into_iter()
         .enumerate()
-        .map(|(number, member)| {
+        .filter_map(|(number, member)| {
             let along = |s| (0..courses.len()).map(|c| of(number, s, c)).collect();
-            (member, (0..contenders.len()).map(along).collect())
+            let all = (0..contenders.len()).map(along).collect::<Option<Outcomes>>()?;
+            Some((member, all))
         })
         .collect())
 }
@@ -426,6 +434,33 @@ mod tests {
             for (value, range) in values(3, number).iter().zip(VARIATIONS) {
                 assert!((range.low..=range.high).contains(value), "{}: {value}", range.name);
             }
+        }
+    }
+
+    /// On one core a group goes along all courses before the next one begins.
+    #[test]
+    fn cranes_of_an_interrupted_family_have_gone_all_the_way() {
+        let model = Description::uia_single_boom().unwrap();
+        let nominal = Description::uia_virtual().unwrap();
+        let contenders = [Contender::Strategy(Strategy::BenchmarkClosedLoop)];
+        let courses = [1, 2, 3].map(|_| CourseChoice::Motion(nominal.numbers.fast));
+        let count = 3 * WIDTH;
+        let interrupted = |after: usize| {
+            let done = AtomicUsize::new(0);
+            let go_on = |_| done.fetch_add(1, Ordering::Relaxed) + 1 < after;
+            let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+            one_thread
+                .install(|| {
+                    family(&model, &nominal, &contenders, &courses, count as u64, 1, &go_on)
+                })
+                .unwrap()
+        };
+        assert!(interrupted(2).is_empty());
+        let left = interrupted(4);
+        assert_eq!(left.len(), WIDTH);
+        for (number, (left, outcomes)) in left.iter().enumerate() {
+            assert_eq!(left.values, member(&nominal, 1, number as u64).unwrap().values);
+            assert!(outcomes[0].len() == courses.len() && outcomes[0].iter().all(|o| !o.unstable));
         }
     }
 

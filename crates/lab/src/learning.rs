@@ -12,6 +12,7 @@ use hydroboom_design::{balances, overrides, schedule};
 use hydroboom_virtual_crane::VirtualCrane;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A cycle under model following.
 struct Cycle {
@@ -91,7 +92,8 @@ pub struct Taught {
     pub set_in_hindsight: Vec<String>,
 }
 
-/// One cycle of each course on each crane, then the same in open loop, on all cores; `progress` is told of each.
+/// One cycle of each course on each crane, then the same in open loop, on all cores. `go_on` is told of each and says whether to: if not, what
+/// is done by then is all there is.
 ///
 /// # Errors
 ///
@@ -100,16 +102,22 @@ pub fn taught(
     model: &Description,
     cranes: &[(String, Description)],
     courses: &[CourseChoice],
-    progress: &(dyn Fn() + Sync),
+    go_on: &(dyn Fn() -> bool + Sync),
 ) -> Result<Vec<Taught>, LabError> {
     let jobs: Vec<_> =
         cranes.iter().flat_map(|crane| courses.iter().map(move |course| (crane, course))).collect();
+    let ended = AtomicBool::new(false);
     let one = |((name, crane), choice): &(&(String, Description), &CourseChoice)| {
-        let taught = cycle(model, crane, name, choice.of(crane)?.as_ref());
-        progress();
-        taught
+        if ended.load(Ordering::Relaxed) {
+            return None;
+        }
+        let one = choice.of(crane).and_then(|course| cycle(model, crane, name, course.as_ref()));
+        if !go_on() {
+            ended.store(true, Ordering::Relaxed);
+        }
+        Some(one)
     };
-    jobs.par_iter().map(one).collect()
+    jobs.par_iter().filter_map(one).collect()
 }
 
 fn cycle(

@@ -242,7 +242,7 @@ fn a_cycle_finds_friction_and_slip() {
     let model = Description::uia_single_boom().unwrap();
     let speed = model.numbers.fast;
     let cranes = [("virtual".into(), crane.clone())];
-    let all = taught(&model, &cranes, &[CourseChoice::Motion(speed)], &|| ()).unwrap();
+    let all = taught(&model, &cranes, &[CourseChoice::Motion(speed)], &|| true).unwrap();
     let mut informed = model.clone();
     all[0].set.iter().for_each(|assignment| informed.set(assignment).unwrap());
     let [before, found, there] = [&model, &informed, &crane].map(|d| {
@@ -265,7 +265,7 @@ fn a_cycle_teaches_more_in_hindsight() {
     let course = [CourseChoice::Motion(model.numbers.fast)];
     for number in [5, 16] {
         let crane = member(&nominal, 1, number).unwrap().crane;
-        let found = taught(&model, &[("one".into(), crane)], &course, &|| ()).unwrap();
+        let found = taught(&model, &[("one".into(), crane)], &course, &|| true).unwrap();
         let [after, hindsight] = [found[0].after_mm, found[0].in_hindsight_mm].map(Option::unwrap);
         assert!(hindsight < 1.0 && hindsight < 0.5 * after, "{after} mm, then {hindsight} mm");
     }
@@ -280,7 +280,7 @@ fn a_cycle_is_amended_by_what_it_was_off_itself() {
     let course = [CourseChoice::Motion(model.numbers.fast)];
     let led = run(&model, &crane, Strategy::ModelFollowing, course[0].of(&crane).unwrap().as_ref());
     let led_mm = led.unwrap().rms() * 1e3;
-    let found = taught(&model, &[("one".into(), crane)], &course, &|| ()).unwrap();
+    let found = taught(&model, &[("one".into(), crane)], &course, &|| true).unwrap();
     let [hindsight, amended] = [found[0].in_hindsight_mm, found[0].amended_mm].map(Option::unwrap);
     let told = format!("{amended} mm, in hindsight {hindsight}, in closed loop {led_mm}");
     assert!(amended < 0.5 * led_mm && amended < 0.5 * hindsight, "{told}");
@@ -297,7 +297,7 @@ fn a_cycle_tells_how_late_a_slow_drive_is() {
     let drive = 2.0 * n.drive_damping / (std::f64::consts::TAU * n.drive_bandwidth);
     let late = drive + 2.0 * n.fieldbus_delay * n.control_period;
     let cranes = [("slow".into(), crane.clone())];
-    let all = taught(&model, &cranes, &[CourseChoice::Motion(n.fast)], &|| ()).unwrap();
+    let all = taught(&model, &cranes, &[CourseChoice::Motion(n.fast)], &|| true).unwrap();
     let mut informed = model.clone();
     all[0].set.iter().for_each(|assignment| informed.set(assignment).unwrap());
     let found = informed.numbers.following_lead;
@@ -320,7 +320,7 @@ fn what_comes_again_hangs_on_how_soft_the_oil_is_where_it_rests() {
     let [soft, stiff] = [16, 20].map(|number| {
         let crane = member(&nominal, 1, number).unwrap().crane;
         let course = [CourseChoice::Motion(model.numbers.fast)];
-        let all = taught(&model, &[("one".into(), crane)], &course, &|| ()).unwrap();
+        let all = taught(&model, &[("one".into(), crane)], &course, &|| true).unwrap();
         [all[0].told_again_mm, all[0].straight_on_mm].map(Option::unwrap)
     });
     let [again, straight_on] = soft;
@@ -341,7 +341,7 @@ fn a_cycle_teaches_what_open_loop_lacks() {
     // its pump leaks six times as much, and it errs by centimetres
     let crane = member(&nominal, 7, 10).unwrap().crane;
     let teach = |model: &Description| {
-        let mut all = taught(model, &[("one".into(), crane.clone())], &courses, &|| ()).unwrap();
+        let mut all = taught(model, &[("one".into(), crane.clone())], &courses, &|| true).unwrap();
         all.remove(0)
     };
     let found = teach(&model);
