@@ -3,6 +3,9 @@
 //!
 //! Without arguments on the cranes that `hydroboom learn --family 12 --seed 7` has; else on those of a seed: `open_loop_floor -- 5 3 7 14`.
 
+mod asked;
+
+use asked::{asked, jobs};
 use hydroboom_control::{Balance, Known};
 use hydroboom_description::Description;
 use hydroboom_design::{leakage, schedule};
@@ -13,7 +16,6 @@ use hydroboom_lab::scenario::CourseChoice;
 use nalgebra::{DMatrix, DVector, SVector};
 use rayon::prelude::*;
 use std::error::Error;
-use std::num::ParseIntError;
 
 /// How many numbers are fitted.
 const FITTED: usize = 7;
@@ -91,23 +93,12 @@ impl Case<'_> {
     }
 }
 
-/// A seed, and the cranes of its family to look at.
-fn asked() -> Result<(u64, Vec<u64>), ParseIntError> {
-    let numbers = std::env::args().skip(1).map(|n| n.parse()).collect::<Result<Vec<u64>, _>>()?;
-    Ok(match numbers.as_slice() {
-        [] => (7, (0..12).collect()),
-        [seed] => (*seed, (0..12).collect()),
-        [seed, cranes @ ..] => (*seed, cranes.to_vec()),
-    })
-}
-
 fn main() -> Result<(), Box<dyn Error>> {
-    let (seed, cranes) = asked()?;
+    let (seed, cranes) = asked(7, 12)?;
     let model = Description::uia_single_boom()?;
     let nominal = Description::uia_virtual()?;
     let speeds = [model.numbers.slow, model.numbers.fast];
-    let jobs: Vec<(u64, f64)> =
-        cranes.iter().flat_map(|k| speeds.map(|speed| (*k, speed))).collect();
+    let jobs = jobs(&cranes, speeds);
     let laws = schedule(&model)?;
     let fits = jobs.par_iter().map(|(number, speed)| {
         let crane = member(&nominal, seed, *number)?.crane;

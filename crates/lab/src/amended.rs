@@ -209,43 +209,72 @@ fn onward(
 mod tests {
     use super::*;
 
+    /// The paper's crane, all that its pump lacks this many times over.
+    fn machine(lacks: f64) -> Description {
+        let mut machine = Description::uia_single_boom().unwrap();
+        machine.set("friction.law=lugre").unwrap();
+        machine.numbers.flow_gain -= 0.03 * lacks;
+        machine.numbers.internal_leakage *= 1.0 + 0.5 * lacks;
+        machine
+    }
+
+    /// What the velocity of the reference takes, as the paper's crane has it.
+    fn fed_forward(course: &dyn Course) -> Vec<Command<f64>> {
+        let model = Description::uia_single_boom().unwrap();
+        let (law, period) = (model.benchmark(), model.numbers.control_period);
+        let told = |k: usize| {
+            let reference = course.reference(k as f64 * period);
+            Command { motor_speed: law.velocity_feedforward(&reference), holding_valve: 1.0 }
+        };
+        (0..(course.duration() / period) as usize).map(told).collect()
+    }
+
+    /// Root of the mean square of how far a machine is off that is told so \[m\], and what is read of it.
+    fn run(
+        machine: &Description,
+        course: &dyn Course,
+        told: &[Command<f64>],
+    ) -> (f64, Vec<Reading<f64>>) {
+        let reference = |k: usize| course.reference(k as f64 * machine.numbers.control_period);
+        let mut machine = StandIn::new(machine, reference(0).position).unwrap();
+        let mut read = Vec::new();
+        for command in told {
+            read.push(machine.reading());
+            machine.advance(command).unwrap();
+        }
+        let off = |(k, at): (usize, &Reading<f64>)| (at.stroke - reference(k).position).powi(2);
+        let square: f64 = read.iter().enumerate().map(off).sum();
+        ((square / read.len() as f64).sqrt(), read)
+    }
+
+    fn course() -> impl Course {
+        let model = Description::uia_single_boom().unwrap();
+        model.motion(model.numbers.fast)
+    }
+
     /// A machine that delivers less and leaks more than its model, told what the model's pump would take: a model that is a third as wrong
     /// brings it ten times nearer.
     #[test]
     fn a_model_that_is_wrong_itself_amends_by_what_it_is_right_in() {
-        let model = Description::uia_single_boom().unwrap();
-        let course = model.motion(model.numbers.fast);
-        let machine = |share: f64| {
-            let mut machine = model.clone();
-            machine.set("friction.law=lugre").unwrap();
-            machine.numbers.flow_gain -= 0.03 * share;
-            machine.numbers.internal_leakage *= 1.0 + 0.5 * share;
-            machine
-        };
-        let period = model.numbers.control_period;
-        let reference = |k: usize| course.reference(k as f64 * period);
-        let periods = (course.duration() / period) as usize;
-        let law = model.benchmark();
-        let told: Vec<_> = (0..periods)
-            .map(|k| Command {
-                motor_speed: law.velocity_feedforward(&reference(k)),
-                holding_valve: 1.0,
-            })
-            .collect();
-        let run = |told: &[Command<f64>]| {
-            let mut machine = StandIn::new(&machine(1.0), reference(0).position).unwrap();
-            let mut read = Vec::new();
-            for command in told {
-                read.push(machine.reading());
-                machine.advance(command).unwrap();
-            }
-            let off = |(k, at): (usize, &Reading<f64>)| (at.stroke - reference(k).position).powi(2);
-            let square: f64 = read.iter().enumerate().map(off).sum();
-            ((square / read.len() as f64).sqrt(), read)
-        };
-        let (before, read) = run(&told);
+        let course = course();
+        let told = fed_forward(&course);
+        let (before, read) = run(&machine(1.0), &course, &told);
         let log = Log { told: &told, read: &read };
-        let (after, _) = run(&amended(&machine(0.7), &log, &course).unwrap());
+        let (after, _) =
+            run(&machine(1.0), &course, &amended(&machine(0.7), &log, &course).unwrap());
         assert!(before > 2e-3 && after < 0.1 * before, "{before} m, then {after} m");
+    }
+
+    /// All that there is to gain is less than half of what such a model strays by.
+    #[test]
+    fn a_machine_is_told_the_same_again_where_its_model_knows_no_better() {
+        let course = course();
+        let told = fed_forward(&course);
+        let (off, read) = run(&machine(0.0), &course, &told);
+        let (wrong, _) = run(&machine(8.0), &course, &told);
+        // it strays by twice as much, then, as the machine is off
+        assert!(wrong > 3.0 * off, "{off} m for {wrong} m");
+        let log = Log { told: &told, read: &read };
+        assert_eq!(amended(&machine(8.0), &log, &course).unwrap(), told);
     }
 }

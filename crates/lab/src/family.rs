@@ -1,6 +1,7 @@
 //! Many virtual cranes: no two machines are alike, and none stays as it was.
 
 use crate::LabError;
+use crate::interruptible::as_long_as;
 use crate::motion_test::Strategy;
 use crate::rings_on::rings_on;
 use crate::rivals::Contender;
@@ -14,7 +15,6 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// What varies from crane to crane, evenly within its range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -156,21 +156,13 @@ pub fn family(
             })
         })
         .collect();
-    let done = AtomicUsize::new(0);
-    let ended = AtomicBool::new(false);
-    let outcomes = jobs
-        .par_iter()
-        .map(|(group, contender, course)| {
-            if ended.load(Ordering::Relaxed) {
-                return Ok(None);
-            }
-            let outcomes = together(model, group, *contender, course)?;
-            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            if !go_on(done as f64 / jobs.len() as f64) {
-                ended.store(true, Ordering::Relaxed);
-            }
-            Ok(Some(outcomes))
-        })
+    let share = |done: usize| go_on(done as f64 / jobs.len() as f64);
+    let one = |(group, contender, course): &(&[Member], Contender, &CourseChoice)| {
+        together(model, group, *contender, course)
+    };
+    let outcomes = as_long_as(&jobs, &share, one)
+        .into_iter()
+        .map(Option::transpose)
         .collect::<Result<Vec<_>, LabError>>()?;
     let of = |number: usize, s: usize, c: usize| {
         let job = (number / WIDTH * contenders.len() + s) * courses.len() + c;
@@ -422,6 +414,7 @@ pub fn rows(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
     fn a_member_depends_on_seed_and_number_alone() {

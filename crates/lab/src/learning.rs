@@ -4,35 +4,34 @@ use crate::LabError;
 use crate::amended::amended;
 use crate::following::Following;
 use crate::hindsight::{Log, fitted};
+use crate::interruptible::as_long_as;
 use crate::open_loop::{OpenLoop, at_rest};
 use crate::scenario::{Course, CourseChoice};
 use hydroboom_control::{Balances, Command, Known, Learner, Reading};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, overrides, schedule};
 use hydroboom_virtual_crane::VirtualCrane;
-use rayon::prelude::*;
 use serde::Serialize;
-use std::sync::atomic::{AtomicBool, Ordering};
-
-/// So much more is a machine told that is to stray \[rev/s\], for so long \[s\].
-const ASTRAY_BY: f64 = 1.0 / 60.0;
-const ASTRAY_FOR: f64 = 0.1;
 
 /// A cycle under model following.
-struct Cycle {
+pub(crate) struct Cycle {
     /// What it has taught.
-    learner: Learner,
+    pub learner: Learner,
     /// What the machine was told, each control period.
-    told: Vec<Command<f64>>,
+    pub told: Vec<Command<f64>>,
     /// What was read of it at the beginning of each.
-    read: Vec<Reading<f64>>,
+    pub read: Vec<Reading<f64>>,
     /// The machine, where the cycle has left it.
-    machine: VirtualCrane,
+    pub machine: VirtualCrane,
 }
 
 impl Cycle {
     /// Model following leads a crane along a course.
-    fn of(model: &Description, crane: &Description, course: &dyn Course) -> Result<Self, LabError> {
+    pub(crate) fn of(
+        model: &Description,
+        crane: &Description,
+        course: &dyn Course,
+    ) -> Result<Self, LabError> {
         let start = course.reference(0.0).position;
         let mut machine = at_rest(crane, course)?;
         let mut following = Following::new(model, &machine.reading(), &machine.measured(), start)?;
@@ -110,18 +109,10 @@ pub fn taught(
 ) -> Result<Vec<Taught>, LabError> {
     let jobs: Vec<_> =
         cranes.iter().flat_map(|crane| courses.iter().map(move |course| (crane, course))).collect();
-    let ended = AtomicBool::new(false);
     let one = |((name, crane), choice): &(&(String, Description), &CourseChoice)| {
-        if ended.load(Ordering::Relaxed) {
-            return None;
-        }
-        let one = choice.of(crane).and_then(|course| cycle(model, crane, name, course.as_ref()));
-        if !go_on() {
-            ended.store(true, Ordering::Relaxed);
-        }
-        Some(one)
+        cycle(model, crane, name, choice.of(crane)?.as_ref())
     };
-    jobs.par_iter().filter_map(one).collect()
+    as_long_as(&jobs, &|_| go_on(), one).into_iter().flatten().collect()
 }
 
 fn cycle(
@@ -168,34 +159,6 @@ fn cycle(
         taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
     }
     Ok(taught)
-}
-
-/// How far a machine strays \[m\] from where a cycle under model following has led it, at the beginning of each control period: told the same from the same
-/// rest, but for 1 rpm more over the first tenth of a second of the motion. What a machine makes of that, all that nobody knows of it makes, too.
-///
-/// # Errors
-///
-/// [`LabError`] when the crane cannot be steered along the course.
-pub fn astray(
-    model: &Description,
-    crane: &Description,
-    course: &dyn Course,
-) -> Result<Vec<f64>, LabError> {
-    let Cycle { told, .. } = Cycle::of(model, crane, course)?;
-    let period = crane.numbers.control_period;
-    let moves = |k: &usize| course.reference(*k as f64 * period).velocity != 0.0;
-    let from = (0..told.len()).find(moves).unwrap_or(0);
-    let to = (from + (ASTRAY_FOR / period).round() as usize).min(told.len());
-    let mut more = told.clone();
-    more[from..to].iter_mut().for_each(|command| command.motor_speed += ASTRAY_BY);
-    // where they are: the last digit of what is read hides what grows
-    let [mut led, mut other] = [at_rest(crane, course)?, at_rest(crane, course)?];
-    let apart = |(told, more): (&Command<f64>, &Command<f64>)| {
-        let apart = other.truth().outputs.stroke - led.truth().outputs.stroke;
-        led.advance(told).and_then(|()| other.advance(more)).map(|()| apart)
-    };
-    let apart: Result<Vec<f64>, _> = told.iter().zip(&more).map(apart).collect();
-    apart.map_err(LabError::during("the cycle once more"))
 }
 
 /// Root of the mean square \[mm\]; a crane that cannot be steered so has no error to show.

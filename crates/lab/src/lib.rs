@@ -4,6 +4,7 @@
 //! number of segments behind a [`Plant`].
 
 mod amended;
+pub mod astray;
 pub mod benchmark;
 pub mod calibrate;
 pub mod dataset;
@@ -14,6 +15,7 @@ mod error;
 pub mod family;
 mod following;
 mod hindsight;
+mod interruptible;
 pub mod learning;
 pub mod log;
 pub mod mat_file;
