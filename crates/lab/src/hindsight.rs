@@ -14,14 +14,16 @@ use hydroboom_design::{informed, schedule};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, storage::Owned};
 
-/// Numbers that are fitted: pump flow gain, leakage, where the oil stiffens, slip, Coulomb, viscous and static friction, where the check valves open, the
-/// cylinder's dead volumes; and what the start was, beyond what was read: rod side, accumulator, how far the pump's lines were loaded.
-const FITTED: usize = 12;
+/// Numbers that are fitted: pump flow gain, leakage, where the oil stiffens, slip, Coulomb, viscous and static friction, where the check valves open and
+/// how wide, the cylinder's dead volumes; and what the start was, beyond what was read: rod side, accumulator, how far the pump's lines were loaded.
+const FITTED: usize = 13;
 /// What each is moved by for its slope, and counted in: of the flow gain, \[m³/s\], \[Pa\], \[m³/(rev Pa)\], shares of the model's friction, of what
-/// static friction has become, \[Pa\], a share; \[Pa\], \[Pa\], a share.
-const STEPS: [f64; FITTED] = [1e-3, 5e-8, 5e4, 5e-16, 0.03, 0.03, 0.1, 5e3, 0.03, 1e4, 1e4, 0.01];
+/// static friction has become, \[Pa\], a share of the pressure that the valves take, a share; \[Pa\], \[Pa\], a share.
+const STEPS: [f64; FITTED] =
+    [1e-3, 5e-8, 5e4, 5e-16, 0.03, 0.03, 0.1, 5e3, 1.0, 0.03, 1e4, 1e4, 0.01];
 /// So many such steps it may be off by what was learned on the way.
-const DOUBTS: [f64; FITTED] = [5.0, 10.0, 30.0, 10.0, 10.0, 17.0, 10.0, 6.0, 10.0, 1.0, 1.0, 1.0];
+const DOUBTS: [f64; FITTED] =
+    [5.0, 10.0, 30.0, 10.0, 10.0, 17.0, 10.0, 6.0, 20.0, 10.0, 1.0, 1.0, 1.0];
 /// A number that is moved by as much weighs as one position that is off by this \[m\]: it decides only what the cycle leaves open, as how much of
 /// friction is viscous at a single speed.
 const WEIGHT: f64 = 1e-3;
@@ -101,12 +103,14 @@ impl<'a> Hindsight<'a> {
         let n = &mut machine.numbers;
         n.stiction *= (1.0 + by(6)).max(0.0);
         n.check_cracking = (n.check_cracking + by(7)).max(0.0);
-        let volumes = (1.0 + by(8)).max(share);
+        // by the pressure that they take, in which the piston is near linear
+        n.check_coefficient /= (1.0 + by(8)).max(share).sqrt();
+        let volumes = (1.0 + by(9)).max(share);
         n.dead_volume_a *= volumes;
         n.dead_volume_b *= volumes;
-        n.rod_side += by(9);
-        n.working_pressure += by(10);
-        n.preload = (n.preload + by(11)).clamp(0.0, 1.0);
+        n.rod_side += by(10);
+        n.working_pressure += by(11);
+        n.preload = (n.preload + by(12)).clamp(0.0, 1.0);
         machine
     }
 
