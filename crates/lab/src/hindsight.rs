@@ -29,7 +29,9 @@ const DOUBTS: [f64; FITTED] =
 const WEIGHT: f64 = 1e-3;
 /// No pressure at which oil stiffens is lower \[Pa\], and no friction is less than this share of the model's.
 const LOWEST: [f64; 2] = [1e5, 0.05];
-/// Positions are compared once in so many control periods.
+/// The rod side's pressure weighs so much \[m/Pa\]: it tells what the check valves take, which moves the piston of a light crane.
+const ROD_SIDE: f64 = 1e-8;
+/// Positions and that pressure are compared once in so many control periods.
 const EVERY: usize = 10;
 /// A model that cannot go on is off by this \[m\].
 const FAILED: f64 = 1.0;
@@ -119,7 +121,7 @@ impl<'a> Hindsight<'a> {
         (0..self.log.read.len()).step_by(EVERY)
     }
 
-    /// How far the model has gone by each of them less how far the machine was read to have \[m\].
+    /// How far the model has gone by each of them less how far the machine was read to have \[m\], and how much more it has on its rod side, so weighed.
     fn off(&self, moved: &DVector<f64>) -> Result<DVector<f64>, LabError> {
         let Log { told, read } = self.log;
         let begun = read.first().map_or(0.0, |rest| rest.stroke);
@@ -127,16 +129,18 @@ impl<'a> Hindsight<'a> {
         let start = stand_in.reading().stroke;
         let mut went = Vec::with_capacity(told.len());
         for command in *told {
-            went.push(stand_in.reading().stroke - start);
+            let Reading { stroke, pressure_b, .. } = stand_in.reading();
+            went.push([stroke - start, pressure_b]);
             stand_in.advance(command).map_err(LabError::during("the cycle in hindsight"))?;
         }
-        let compared = self.compared().map(|k| went[k] - (read[k].stroke - begun));
-        Ok(DVector::from_iterator(compared.len(), compared))
+        let positions = self.compared().map(|k| went[k][0] - (read[k].stroke - begun));
+        let rod_side = self.compared().map(|k| ROD_SIDE * (went[k][1] - read[k].pressure_b));
+        Ok(DVector::from_iterator(2 * positions.len(), positions.chain(rod_side)))
     }
 
     /// That, and how far the numbers are moved.
     fn missed(&self, moved: &DVector<f64>) -> DVector<f64> {
-        let failed = |_| DVector::repeat(self.compared().len(), FAILED);
+        let failed = |_| DVector::repeat(2 * self.compared().len(), FAILED);
         let off = self.off(moved).unwrap_or_else(failed);
         let doubted = moved.iter().zip(DOUBTS).map(|(moved, doubt)| WEIGHT * moved / doubt);
         let all = off.iter().copied().chain(doubted);
