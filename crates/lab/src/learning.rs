@@ -7,6 +7,7 @@ use crate::hindsight::{Log, fitted};
 use crate::interruptible::as_long_as;
 use crate::open_loop::{OpenLoop, at_rest};
 use crate::scenario::{Course, CourseChoice};
+use crate::stand_in::StandIn;
 use hydroboom_control::{Balances, Command, Known, Learner, Reading};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, overrides, schedule};
@@ -143,7 +144,9 @@ fn cycle(
         }
         let log = Log { told: &told, read: &read };
         let fitted = fitted(model, &known, &log)?;
-        if let Ok(amended) = amended(&fitted, &log, course) {
+        let begun = read.first().map_or(0.0, |reading| reading.stroke);
+        let amended = StandIn::new(&fitted, begun).and_then(|begun| amended(&begun, &log, course));
+        if let Ok(amended) = amended {
             let errors = errors_of_told(&amended, &mut at_rest(crane, course)?, course);
             taught.amended_mm = rms_mm(errors);
         }

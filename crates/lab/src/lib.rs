@@ -16,6 +16,7 @@ pub mod family;
 mod following;
 mod hindsight;
 mod interruptible;
+mod late_motor;
 pub mod learning;
 pub mod log;
 pub mod mat_file;

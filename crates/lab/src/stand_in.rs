@@ -1,24 +1,22 @@
 //! A model in a machine's place: told what the machine is told, as late as the machine hears it, and read as the machine is.
 
+use crate::late_motor::LateMotor;
 use crate::{LabError, Plant, plant};
 use hydroboom_control::{Command, Measured, Reading};
 use hydroboom_description::Description;
-use hydroboom_model::{Input, Scheme, SimulationError};
+use hydroboom_model::{Input, Outputs, Scheme, SimulationError};
+use hydroboom_plant::SideBySide;
 
 /// A model that stands in for a machine, without noise.
 pub(crate) struct StandIn {
+    model: Description,
     plant: Box<dyn Plant>,
-    /// Control period \[s\].
-    period: f64,
-    /// Motor speeds that it was told \[rev/s\], before the first period for as long as it is late, too.
-    told: Vec<f64>,
-    /// How late its motor is, in whole control periods and a part of one.
-    late: (usize, f64),
+    motor: LateMotor,
 }
 
 impl Clone for StandIn {
     fn clone(&self) -> Self {
-        Self { plant: self.plant.copied(), told: self.told.clone(), ..*self }
+        Self { model: self.model.clone(), plant: self.plant.copied(), motor: self.motor.clone() }
     }
 }
 
@@ -32,27 +30,19 @@ impl StandIn {
     ///
     /// [`LabError`] when it has no rest there.
     pub(crate) fn new(model: &Description, stroke: f64) -> Result<Self, LabError> {
-        let period = model.numbers.control_period;
-        let plant = plant(model, &model.start(stroke), Scheme::Implicit, period)?;
-        let prompt = Self { plant, period, told: Vec::new(), late: (0, 0.0) };
-        Ok(prompt.late_by(model.numbers.following_lead))
+        let motor = LateMotor::new(&model.numbers);
+        let plant = plant(model, &model.start(stroke), Scheme::Implicit, motor.period())?;
+        Ok(Self { model: model.clone(), plant, motor })
     }
 
     /// The same with a motor that from now on is late by so much \[s\].
-    pub(crate) fn late_by(mut self, late: f64) -> Self {
-        let late = late / self.period;
-        self.late = (late as usize, late.fract());
-        let missing = (self.late.0 + 2).saturating_sub(self.told.len());
-        self.told.splice(0..0, std::iter::repeat_n(0.0, missing));
-        self
+    pub(crate) fn late_by(self, late: f64) -> Self {
+        Self { motor: self.motor.late_by(late), ..self }
     }
 
-    /// Motor speed \[rev/s\] by now.
-    fn motor_speed(&self) -> f64 {
-        let (whole, part) = self.late;
-        let last = self.told.len() - 1 - whole;
-        let [after, before] = [self.told[last], self.told[last - 1]];
-        after + part * (before - after)
+    /// Its motor.
+    pub(crate) fn motor(&self) -> &LateMotor {
+        &self.motor
     }
 
     /// What would be read of it.
@@ -65,7 +55,7 @@ impl StandIn {
             pressure_b: outputs.pressure_b,
             pressure_pump_b: outputs.pressure_pump_b,
             pressure_accumulator: outputs.pressure_accumulator,
-            motor_speed: self.motor_speed(),
+            motor_speed: self.motor.speed(),
         }
     }
 
@@ -80,9 +70,60 @@ impl StandIn {
     ///
     /// [`SimulationError`] when it leaves what the model holds for.
     pub(crate) fn advance(&mut self, command: &Command<f64>) -> Result<(), SimulationError> {
-        self.told.push(command.motor_speed);
-        let input = Input { pump_speed: self.motor_speed(), holding_valve: command.holding_valve };
-        self.plant.advance(&input, 1)
+        let pump_speed = self.motor.told(command.motor_speed);
+        self.plant.advance(&Input { pump_speed, holding_valve: command.holding_valve }, 1)
+    }
+}
+
+/// Several of them side by side in SIMD lanes: each goes where it would alone.
+pub(crate) struct StandIns<const W: usize> {
+    plants: SideBySide<W>,
+    motors: [LateMotor; W],
+}
+
+impl<const W: usize> StandIns<W> {
+    /// All at rest with the piston at `stroke` \[m\]. None where they differ in more than numbers, or are too finely divided: then they can only go one by
+    /// one.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] when one of them has no rest there.
+    pub(crate) fn new(models: &[Description; W], stroke: f64) -> Result<Option<Self>, LabError> {
+        let motors = models.each_ref().map(|model| LateMotor::new(&model.numbers));
+        let starts = models.each_ref().map(|model| model.start(stroke));
+        let plants = SideBySide::new(models, &starts, motors[0].period())?;
+        Ok(plants.map(|plants| Self { plants, motors }))
+    }
+
+    /// All of them copies of one. None where it is too finely divided.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] when there is no such model.
+    pub(crate) fn copies(one: &StandIn) -> Result<Option<Self>, LabError> {
+        let plants = SideBySide::copies(&one.model, one.plant.as_ref())?;
+        let motors = std::array::from_fn(|_| one.motor.clone());
+        Ok(plants.map(|plants| Self { plants, motors }))
+    }
+
+    /// What can be seen of each.
+    pub(crate) fn outputs(&self) -> [Outputs<f64>; W] {
+        self.plants.outputs()
+    }
+
+    /// Why one of them could not go on: it stays where it was.
+    pub(crate) fn stopped(&self, lane: usize) -> Option<SimulationError> {
+        self.plants.stopped(lane)
+    }
+
+    /// A control period, each under its own command.
+    pub(crate) fn advance(&mut self, commands: &[Command<f64>; W]) {
+        let input = |lane: usize| Input {
+            pump_speed: self.motors[lane].told(commands[lane].motor_speed),
+            holding_valve: commands[lane].holding_valve,
+        };
+        let inputs = std::array::from_fn(input);
+        self.plants.advance(&inputs);
     }
 }
 
@@ -90,25 +131,48 @@ impl StandIn {
 mod tests {
     use super::*;
 
+    /// Up and down in turn, with leaps that no motor follows.
+    fn command(k: usize, speed: f64) -> Command<f64> {
+        let motor_speed = if k % 200 < 100 { speed } else { -speed };
+        Command { motor_speed, holding_valve: 1.0 }
+    }
+
+    /// To the last digit.
+    fn assert_together<const W: usize>(
+        mut together: StandIns<W>,
+        mut alone: [StandIn; W],
+        speeds: [f64; W],
+    ) {
+        for k in 0..400 {
+            let commands = speeds.map(|speed| command(k, speed));
+            together.advance(&commands);
+            let each = alone.iter_mut().zip(&commands);
+            each.for_each(|(one, command)| one.advance(command).unwrap());
+            let seen = alone.each_ref().map(|one| one.plant.outputs());
+            assert_eq!(together.outputs(), seen, "period {k}");
+        }
+        assert!(alone[0].reading().stroke != alone[1].reading().stroke);
+    }
+
     #[test]
-    fn it_turns_as_late_as_it_is_said_to_be() {
-        let mut model = Description::uia_single_boom().unwrap();
-        model.numbers.following_lead = 2.25 * model.numbers.control_period;
-        let mut stand_in = StandIn::new(&model, 0.2).unwrap();
-        let mut turned = Vec::new();
-        for k in 0..10 {
-            let command = Command { motor_speed: f64::from(k), holding_valve: 1.0 };
-            stand_in.advance(&command).unwrap();
-            turned.push(stand_in.reading().motor_speed);
-        }
-        for (k, turned) in turned.into_iter().enumerate() {
-            let expected = (k as f64 - 2.25).max(0.0);
-            assert!((turned - expected).abs() < 1e-12, "period {k}: {turned} for {expected}");
-        }
-        // told 9 last: what it turns at is what it was told then, whether that was by a later motor or not
-        let later = stand_in.late_by(4.0 * model.numbers.control_period);
-        assert!((later.reading().motor_speed - 5.0).abs() < 1e-12);
-        let prompt = later.late_by(0.5 * model.numbers.control_period);
-        assert!((prompt.reading().motor_speed - 8.5).abs() < 1e-12);
+    fn models_go_side_by_side_where_each_goes_alone() {
+        let models = [0.9, 1.0].map(|flow_gain| {
+            let mut model = Description::uia_single_boom().unwrap();
+            model.numbers.flow_gain = flow_gain;
+            model.numbers.following_lead *= flow_gain;
+            model
+        });
+        let together = StandIns::new(&models, 0.2).unwrap().unwrap();
+        let alone = models.each_ref().map(|model| StandIn::new(model, 0.2).unwrap());
+        assert_together(together, alone, [20.0, 20.0]);
+    }
+
+    #[test]
+    fn copies_of_a_model_in_motion_go_on_as_it_does() {
+        let model = Description::uia_single_boom().unwrap();
+        let mut one = StandIn::new(&model, 0.2).unwrap();
+        (0..150).for_each(|k| one.advance(&command(k, 30.0)).unwrap());
+        let together = StandIns::copies(&one).unwrap().unwrap();
+        assert_together(together, [one.clone(), one], [20.0, 19.0]);
     }
 }

@@ -1,6 +1,6 @@
 //! Several cranes moving together, one in each SIMD lane.
 
-use crate::PlantError;
+use crate::{Plant, PlantError, unflatten};
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::Lanes;
 use hydroboom_model::stepping::{Implicit, has_settled};
@@ -50,16 +50,47 @@ impl<const W: usize> SideBySide<W> {
         let (Ok(cranes), Ok(states)) = (cranes.try_into(), states.try_into()) else {
             return Ok(None);
         };
-        let Some(wide) = together(&cranes) else { return Ok(None) };
-        Ok(Some(Self {
+        Ok(Self::begun(cranes, &states, step, 0))
+    }
+
+    /// `W` times the crane of a description, in the state and in steps of a plant that was built of it. None where it is too finely divided.
+    ///
+    /// # Errors
+    ///
+    /// [`PlantError`] when the description gives no model.
+    pub fn copies(
+        description: &Description,
+        plant: &dyn Plant,
+    ) -> Result<Option<Self>, PlantError> {
+        let n = description.coordinates();
+        if n > ROOM {
+            return Ok(None);
+        }
+        let boom = BoomState { angle: [0.0; ROOM], angular_velocity: [0.0; ROOM] };
+        let circuit = CircuitState { nodes: Nodes::default(), gas_volume: 0.0 };
+        let nothing = CraneState { boom, bristle: 0.0, circuit };
+        let state = unflatten(&nothing, &plant.state_vector(), n);
+        let count = (plant.time() / plant.step()).round() as u64;
+        let cranes = [description.crane::<ROOM>()?; W];
+        Ok(Self::begun(cranes, &[state; W], plant.step(), count))
+    }
+
+    fn begun(
+        cranes: [Crane<f64, ROOM>; W],
+        states: &[CraneState<f64, ROOM>; W],
+        step: f64,
+        count: u64,
+    ) -> Option<Self> {
+        let wide = together(&cranes)?;
+        Some(Self {
             stepper: Implicit::new(&wide),
             wide,
             cranes,
-            state: states_together(&states),
+            state: states_together(states),
             step,
-            count: 0,
+            count,
             stopped: [None; W],
-        }))
+        })
     }
 
     /// Moves every crane on by one step, each under its own input.
