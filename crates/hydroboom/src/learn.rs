@@ -14,7 +14,7 @@ use std::path::PathBuf;
 
 /// What one cycle under model following teaches of a virtual crane: payload, friction, oil, pump flow, slip, leakage and how late its motor is, and what open loop is worth with it:
 /// the machine is told the motor speed of a simulated crane, and not looked at. From the rest that the cycle began from, of one under state feedback by what was learned on the way,
-/// and of a model fitted to the whole cycle in hindsight, on which model following rehearses; and straight on from where it ended; there, too, with the very motor speed that led it through the cycle, which tells what a perfect model would come to that does not know in what state the cycle left the oil.
+/// and of a model fitted to the whole cycle in hindsight, on which model following rehearses, what that is off being known and amended; and straight on from where it ended; there, too, with the very motor speed that led it through the cycle, which tells what a perfect model would come to that does not know in what state the cycle left the oil.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  \
     What is known in hindsight is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it.\n  \

@@ -6,6 +6,7 @@ use crate::following::Following;
 use crate::hindsight::{Log, fitted};
 use crate::interruptible::as_long_as;
 use crate::open_loop::{OpenLoop, at_rest};
+use crate::rehearsal::Rehearsal;
 use crate::scenario::{Course, CourseChoice};
 use crate::stand_in::StandIn;
 use hydroboom_control::{Balances, Command, Known, Learner, Reading};
@@ -144,20 +145,18 @@ fn cycle(
         }
         let log = Log { told: &told, read: &read };
         let fitted = fitted(model, &known, &log)?;
+        taught.set_in_hindsight = overrides(model, &fitted);
         let begun = read.first().map_or(0.0, |reading| reading.stroke);
         let amended = StandIn::new(&fitted, begun).and_then(|begun| amended(&begun, &log, course));
-        if let Ok(amended) = amended {
-            let errors = errors_of_told(&amended, &mut at_rest(crane, course)?, course);
-            taught.amended_mm = rms_mm(errors);
-        }
-        taught.set_in_hindsight = overrides(model, &fitted);
-        let in_hindsight = OpenLoop::rehearsed(model, &learner, fitted);
-        taught.in_hindsight_mm = rms_mm(in_hindsight.errors(crane, course));
+        taught.amended_mm = told_rms_mm(amended, &mut at_rest(crane, course)?, course);
+        let rehearsal = Rehearsal { model, learner: &learner, machine: &fitted };
+        let in_hindsight = rehearsal.told(course, &[], begun);
+        taught.in_hindsight_mm = told_rms_mm(in_hindsight, &mut at_rest(crane, course)?, course);
         // told the same from the same rest, another is left in the same state
         let mut another = at_rest(crane, course)?;
         if errors_of_told(&told, &mut another, course).is_ok() {
-            let straight_on = in_hindsight.straight_on(&told);
-            taught.straight_on_mm = rms_mm(straight_on.errors_from(&mut another, course));
+            let straight_on = rehearsal.told(course, &told, another.reading().stroke);
+            taught.straight_on_mm = told_rms_mm(straight_on, &mut another, course);
         }
         taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
     }
@@ -169,6 +168,15 @@ fn rms_mm(errors: Result<Vec<f64>, LabError>) -> Option<f64> {
     let errors = errors.ok()?;
     let square: f64 = errors.iter().map(|error| error * error).sum();
     Some(1e3 * (square / errors.len() as f64).sqrt())
+}
+
+/// The same of a machine that is told so and not looked at.
+fn told_rms_mm(
+    told: Result<Vec<Command<f64>>, LabError>,
+    machine: &mut VirtualCrane,
+    course: &dyn Course,
+) -> Option<f64> {
+    rms_mm(told.and_then(|told| errors_of_told(&told, machine, course)))
 }
 
 /// What the model has before anything is learned.

@@ -1,10 +1,9 @@
 //! Simulation feedforward in open loop: a simulated crane is led along, and the machine is told its motor speed and not looked at.
 
 use crate::following::seen;
-use crate::rehearsal::{Beginning, Rehearsal};
 use crate::scenario::Course;
 use crate::{LabError, Plant, plant};
-use hydroboom_control::{FollowingMemory, Known, Learner, ModelFollowing, Reference};
+use hydroboom_control::{FollowingMemory, Known, ModelFollowing, Reference};
 use hydroboom_description::Description;
 use hydroboom_design::{informed, model_following, schedule};
 use hydroboom_model::{Input, Scheme};
@@ -14,14 +13,7 @@ use hydroboom_virtual_crane::{Command, VirtualCrane};
 pub struct OpenLoop {
     /// The model with that in it.
     informed: Description,
-    leads: Leads,
-}
-
-/// What leads the simulated crane.
-enum Leads {
-    StateFeedback(Box<ModelFollowing<f64>>),
-    /// All of model following.
-    Rehearsal(Box<Beginning>),
+    law: ModelFollowing<f64>,
 }
 
 impl OpenLoop {
@@ -33,22 +25,8 @@ impl OpenLoop {
     /// [`LabError`] when none can be designed for the model.
     pub fn new(model: &Description, known: &Known) -> Result<Self, LabError> {
         let informed = informed(model, &schedule(model)?, known);
-        let leads = Leads::StateFeedback(Box::new(model_following(&informed)?));
-        Ok(Self { informed, leads })
-    }
-
-    /// All of model following leads a model of the machine, with what it has learned of the machine itself.
-    pub(crate) fn rehearsed(model: &Description, learner: &Learner, machine: Description) -> Self {
-        let beginning = Beginning { model: model.clone(), learner: *learner, told: Vec::new() };
-        Self { informed: machine, leads: Leads::Rehearsal(Box::new(beginning)) }
-    }
-
-    /// The same straight on, for a machine that has been told as much since it rested where the course begins.
-    pub(crate) fn straight_on(mut self, told: &[Command<f64>]) -> Self {
-        if let Leads::Rehearsal(beginning) = &mut self.leads {
-            beginning.told = told.to_vec();
-        }
-        self
+        let law = model_following(&informed)?;
+        Ok(Self { informed, law })
     }
 
     /// The model with what is known of the machine in it: payload, friction, oil, the pump's flow, slip and leakage, how late its motor is.
@@ -62,45 +40,19 @@ impl OpenLoop {
     ///
     /// [`LabError`] when either crane cannot be built or leaves what the model holds for.
     pub fn errors(&self, crane: &Description, course: &dyn Course) -> Result<Vec<f64>, LabError> {
-        self.errors_from(&mut at_rest(crane, course)?, course)
-    }
-
-    /// The same of a machine in whatever state it is.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError`] when the simulated crane cannot be built, or either leaves what the model holds for.
-    pub fn errors_from(
-        &self,
-        machine: &mut VirtualCrane,
-        course: &dyn Course,
-    ) -> Result<Vec<f64>, LabError> {
-        let (start, stroke) = (course.reference(0.0).position, machine.reading().stroke);
-        let mut simulated = self.simulated(start, stroke)?;
+        let mut machine = at_rest(crane, course)?;
+        let mut led = Led::new(&self.informed, &self.law, course.reference(0.0).position)?;
         let period = self.informed.numbers.control_period;
         let periods = (course.duration() / period).round() as u64;
         let mut errors = Vec::with_capacity(periods as usize + 1);
         for k in 0..=periods {
             let ahead = |after: f64| course.reference(k as f64 * period + after);
             errors.push(machine.reading().stroke - ahead(0.0).position);
-            let motor_speed = simulated.speed(&ahead, course.speed())?;
+            let motor_speed = led.speed(&ahead, course.speed())?;
             let command = Command { motor_speed, holding_valve: 1.0 };
             machine.advance(&command).map_err(LabError::during("open loop"))?;
         }
         Ok(errors)
-    }
-
-    /// The simulated crane of a machine that is read to be at `stroke` \[m\], for a course that begins at `start` \[m\].
-    fn simulated(&self, start: f64, stroke: f64) -> Result<Simulated, LabError> {
-        Ok(match &self.leads {
-            Leads::StateFeedback(law) => {
-                Simulated::Led(Box::new(Led::new(&self.informed, law, start)?))
-            }
-            Leads::Rehearsal(beginning) => {
-                let rehearsal = Rehearsal::new(beginning, &self.informed, start, stroke)?;
-                Simulated::Rehearsed(Box::new(rehearsal))
-            }
-        })
     }
 }
 
@@ -109,28 +61,7 @@ pub(crate) fn at_rest(crane: &Description, course: &dyn Course) -> Result<Virtua
     Ok(VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?)
 }
 
-/// The simulated crane in motion.
-enum Simulated {
-    Led(Box<Led>),
-    Rehearsed(Box<Rehearsal>),
-}
-
-impl Simulated {
-    /// Motor speed \[rev/s\] for the coming period, in which it moves on. `ahead` is where the reference is so many seconds from now,
-    /// `fastest` its largest velocity \[m/s\].
-    fn speed(
-        &mut self,
-        ahead: &dyn Fn(f64) -> Reference<f64>,
-        fastest: f64,
-    ) -> Result<f64, LabError> {
-        match self {
-            Self::Led(led) => led.speed(ahead, fastest),
-            Self::Rehearsed(rehearsal) => rehearsal.speed(ahead, fastest),
-        }
-    }
-}
-
-/// Led by state feedback.
+/// The simulated crane, led by state feedback.
 struct Led {
     law: ModelFollowing<f64>,
     memory: FollowingMemory<f64>,

@@ -1,77 +1,86 @@
-//! Open loop by rehearsal: model following leads a model that stands in for the machine, and what that is told the machine is told, too.
+//! Open loop by rehearsal: model following leads a model that stands in for the machine, and what that is told, amended, the machine is told, too.
 
 use crate::LabError;
+use crate::amended::amended;
 use crate::following::Following;
+use crate::hindsight::Log;
+use crate::scenario::Course;
 use crate::stand_in::StandIn;
-use hydroboom_control::{Command, Learner, Measured, Reading, Reference};
+use hydroboom_control::{Command, Learner, Measured, Reading};
 use hydroboom_description::Description;
 
-/// What a rehearsal begins with.
-pub(crate) struct Beginning {
+/// What is known of a machine once a cycle is over.
+pub(crate) struct Rehearsal<'a> {
     /// The model that is followed.
-    pub model: Description,
+    pub model: &'a Description,
     /// What model following has learned of the machine.
-    pub learner: Learner,
-    /// What the machine has been told since it rested at the start of the course, each control period: it goes straight on.
-    pub told: Vec<Command<f64>>,
+    pub learner: &'a Learner,
+    /// The model of the machine that stands in for it.
+    pub machine: &'a Description,
 }
 
-/// Model following beside a model of the machine.
-pub(crate) struct Rehearsal {
-    following: Following,
-    machine: StandIn,
-    /// By how much the machine's motor is later than the stand-in's \[s\]: so much sooner it is told.
-    sooner: f64,
-    /// By how much the machine is farther out than the stand-in \[m\].
-    farther: f64,
-}
-
-impl Rehearsal {
-    /// With a model of a machine that is read to be at `stroke` \[m\], and rested at `start` \[m\] before it was told anything.
+impl Rehearsal<'_> {
+    /// What to tell the machine along a course, each control period. It is read to be at `stroke` \[m\], and has been told as much since it
+    /// rested where the course begins.
+    ///
+    /// The loop on the model is as good as the loop on the machine, and no better: what it is off there is known, and amended.
     ///
     /// # Errors
     ///
-    /// [`LabError`] when either model has no rest there, or the machine's cannot go the way it came.
-    pub(crate) fn new(
-        beginning: &Beginning,
-        machine: &Description,
-        start: f64,
+    /// [`LabError`] when either model has no rest there, or cannot go the way.
+    pub(crate) fn told(
+        &self,
+        course: &dyn Course,
+        came: &[Command<f64>],
         stroke: f64,
-    ) -> Result<Self, LabError> {
-        let Beginning { model, learner, told } = beginning;
-        let mut stand_in = StandIn::new(machine, start)?;
-        // what friction holds, and the oil with it, hangs on how the machine came here
-        for command in told {
-            stand_in
-                .advance(command)
-                .map_err(LabError::during("what came before the rehearsal"))?;
+    ) -> Result<Vec<Command<f64>>, LabError> {
+        let here = self.here(came, course.reference(0.0).position)?;
+        // by how much the machine is farther out than what stands in for it
+        let farther = stroke - here.reading().stroke;
+        let told = self.led(here.clone(), farther, course)?;
+        let mut read = Vec::with_capacity(told.len());
+        let mut stand_in = here.clone();
+        for command in &told {
+            read.push(read_of(&stand_in, farther).0);
+            stand_in.advance(command).map_err(LabError::during("the rehearsal once more"))?;
         }
-        // drive and sensors are late, but not by a dead time all of it: the loop around one that is 16 ms late rings on at rest
-        let lead = model.numbers.following_lead;
-        let sooner = machine.numbers.following_lead - lead;
-        let machine = stand_in.late_by(lead);
-        let farther = stroke - machine.reading().stroke;
-        let (reading, measured) = read_of(&machine, farther);
-        let following = Following::resumed(model, learner, &reading, &measured, start)?;
-        Ok(Self { following, machine, sooner, farther })
+        amended(&here, &Log { told: &told, read: &read }, course)
     }
 
-    /// Motor speed \[rev/s\] for the coming period, in which the rehearsal moves on. `ahead` is where the reference is so many seconds from now, `fastest`
-    /// its largest velocity \[m/s\].
-    ///
-    /// # Errors
-    ///
-    /// [`LabError`] when either model leaves what it holds for.
-    pub(crate) fn speed(
-        &mut self,
-        ahead: &dyn Fn(f64) -> Reference<f64>,
-        fastest: f64,
-    ) -> Result<f64, LabError> {
-        let (reading, measured) = read_of(&self.machine, self.farther);
-        let sooner = |after: f64| ahead(after + self.sooner);
-        let command = self.following.command(&sooner, fastest, &reading, &measured)?;
-        self.machine.advance(&command).map_err(LabError::during("the rehearsal"))?;
-        Ok(command.motor_speed)
+    /// What stands in for the machine, where it has come to from its rest at `start` \[m\]: what friction holds, and the oil with it, hangs on how it
+    /// came there.
+    fn here(&self, came: &[Command<f64>], start: f64) -> Result<StandIn, LabError> {
+        let mut stand_in = StandIn::new(self.machine, start)?;
+        let during = LabError::during("what came before the rehearsal");
+        came.iter().try_for_each(|command| stand_in.advance(command)).map_err(during)?;
+        Ok(stand_in)
+    }
+
+    /// What leads it along the course.
+    fn led(
+        &self,
+        stand_in: StandIn,
+        farther: f64,
+        course: &dyn Course,
+    ) -> Result<Vec<Command<f64>>, LabError> {
+        // drive and sensors are late, but not by a dead time all of it: the loop around one that is 16 ms late rings on at rest
+        let lead = self.model.numbers.following_lead;
+        let sooner = self.machine.numbers.following_lead - lead;
+        let mut machine = stand_in.late_by(lead);
+        let start = course.reference(0.0).position;
+        let (reading, measured) = read_of(&machine, farther);
+        let mut following =
+            Following::resumed(self.model, self.learner, &reading, &measured, start)?;
+        let period = machine.motor().period();
+        let periods = (course.duration() / period).round() as u64;
+        let command = |k: u64| {
+            let ahead = |after: f64| course.reference(k as f64 * period + after + sooner);
+            let (reading, measured) = read_of(&machine, farther);
+            let command = following.command(&ahead, course.speed(), &reading, &measured)?;
+            machine.advance(&command).map_err(LabError::during("the rehearsal"))?;
+            Ok(Command { holding_valve: 1.0, ..command })
+        };
+        (0..periods).map(command).collect()
     }
 }
 

@@ -271,10 +271,10 @@ fn a_cycle_teaches_more_in_hindsight() {
     }
 }
 
-/// This crane is 1.4 mm off in closed loop, and 3.9 in open loop by a model in its place, which does not know all that the machine was told for. What the
-/// model says of a little more or less of that is right.
+/// This crane is 1.4 mm off in closed loop, and so is a loop on a model of it. What the model says of a little more or less motor speed makes good most of
+/// that, be it what led the machine or what led the model.
 #[test]
-fn a_cycle_is_amended_by_what_it_was_off_itself() {
+fn what_led_through_a_cycle_is_amended_by_what_it_was_off() {
     let model = Description::uia_single_boom().unwrap();
     let crane = member(&Description::uia_virtual().unwrap(), 5, 14).unwrap().crane;
     let course = [CourseChoice::Motion(model.numbers.fast)];
@@ -283,7 +283,7 @@ fn a_cycle_is_amended_by_what_it_was_off_itself() {
     let found = taught(&model, &[("one".into(), crane)], &course, &|| true).unwrap();
     let [hindsight, amended] = [found[0].in_hindsight_mm, found[0].amended_mm].map(Option::unwrap);
     let told = format!("{amended} mm, in hindsight {hindsight}, in closed loop {led_mm}");
-    assert!(amended < 0.5 * led_mm && amended < 0.5 * hindsight, "{told}");
+    assert!(amended < 0.5 * led_mm && hindsight < 0.5 * led_mm, "{told}");
 }
 
 /// A slow drive is as late as its lag of second order says and its commands and readings are under way; in open loop the simulation leads by as
