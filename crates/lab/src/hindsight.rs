@@ -282,6 +282,7 @@ mod tests {
         n.coulomb *= 1.3;
         n.viscous *= 1.6;
         n.stiction *= 2.0;
+        n.check_coefficient *= 0.25;
         n.rod_side += 1e5;
         n.working_pressure += 3e4;
         let told = told();
@@ -306,6 +307,10 @@ mod tests {
         assert!(after < 0.02 * before, "{before} {after}");
         let off = |of: &Description| (of.numbers.flow_gain - machine.numbers.flow_gain).abs();
         assert!(off(&fitted) < 0.2 * off(&model), "{:?}", fitted.numbers.flow_gain);
+        // 1.6 in place of 1 where the rod side is not compared: a heavy load hardly moves by what they take
+        let wider =
+            |of: &Description| of.numbers.check_coefficient / machine.numbers.check_coefficient;
+        assert!((wider(&fitted) - 1.0).abs() < 0.1, "{} for {}", wider(&fitted), wider(&model));
     }
 
     /// A model that already goes there is left as it is, but for the law of its friction, and starts from what was read.
