@@ -5,6 +5,7 @@ use crate::interruptible::{Interruptible, of_asked};
 use crate::output;
 use clap::Args;
 use hydroboom_description::Description;
+use hydroboom_lab::LabError;
 use hydroboom_lab::family::{Spread, member};
 use hydroboom_lab::learning::{Taught, taught};
 use hydroboom_lab::scenario::CourseChoice;
@@ -16,9 +17,11 @@ use std::path::PathBuf;
 /// the machine is told the motor speed of a simulated crane, and not looked at. From the rest that the cycle began from, of one under state feedback by what was learned on the way,
 /// and of a model fitted to the whole cycle in hindsight, on which model following rehearses, what that is off being known and amended; and straight on from where it ended; there, too, with the very motor speed that led it through the cycle, which tells what a perfect model would come to that does not know in what state the cycle left the oil.
 #[derive(Args)]
-#[command(after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  \
+#[command(
+    after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  hydroboom learn --member 134 --set following.effort_percent=90\n  \
     What is known in hindsight is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it.\n  \
-    --json has what was learned on the way, too")]
+    --json has what was learned on the way, too"
+)]
 pub struct Learn {
     #[command(flatten)]
     crane: CraneFile,
@@ -28,6 +31,9 @@ pub struct Learn {
     /// So many virtual cranes in its place.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     family: Option<u64>,
+    /// One of them alone, by its number; can be repeated.
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u64).range(0..10_000), conflicts_with_all = ["plant", "family"])]
+    member: Vec<u64>,
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -44,13 +50,13 @@ impl Learn {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
             None => Description::uia_virtual()?,
         };
-        let cranes = match self.family {
-            None => vec![(nominal.name.clone(), nominal)],
-            Some(count) => (0..count)
-                .map(|k| Ok((format!("crane {k}"), member(&nominal, self.seed, k)?.crane)))
-                .collect::<Result<Vec<_>, hydroboom_lab::LabError>>()
-                .into_diagnostic()?,
-        };
+        let members = self.family.map_or(self.member, |count| (0..count).collect());
+        let one = |k: &u64| Ok((format!("crane {k}"), member(&nominal, self.seed, *k)?.crane));
+        let mut cranes: Vec<_> =
+            members.iter().map(one).collect::<Result<_, LabError>>().into_diagnostic()?;
+        if cranes.is_empty() {
+            cranes.push((nominal.name.clone(), nominal));
+        }
         let courses = [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion);
         let asked = cranes.len() * courses.len();
         let work = Interruptible::new(asked as u64, "cycles")?;
@@ -68,6 +74,7 @@ impl Learn {
                 vec![
                     t.crane.clone(),
                     t.course.clone(),
+                    output::optional(t.closed_loop_mm, 2),
                     output::optional(t.before_mm, 2),
                     output::optional(t.after_mm, 2),
                     output::optional(t.in_hindsight_mm, 2),
@@ -81,6 +88,7 @@ impl Learn {
         let header = [
             "crane",
             "course",
+            "closed loop [mm]",
             "open loop before [mm]",
             "learned on the way [mm]",
             "in hindsight [mm]",

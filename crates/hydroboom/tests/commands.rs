@@ -336,6 +336,7 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let row = [
         "crane",
         "course",
+        "closed_loop_mm",
         "before_mm",
         "after_mm",
         "in_hindsight_mm",
@@ -355,4 +356,5 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     }
     says(&hydroboom(&["trials", "luck"]), "robustness");
     says(&hydroboom(&["motion", "--rivals"]), "--family");
+    says(&hydroboom(&["learn", "--member", "3", "--family", "2"]), "cannot be used with");
 }
