@@ -149,6 +149,14 @@ pub(crate) fn evenly<T: Real>(
     (at, spring, rate / spring.pressure_by_speed)
 }
 
+impl<T: Real> ModelFollowing<T> {
+    /// Motor speed \[rev/s\] of the simulated crane that even motion takes at a position \[m\] with a velocity \[m/s\], beside what holds it there.
+    pub(crate) fn travels(&self, position: T, velocity: T) -> T {
+        let (_, _, speed_per_velocity) = evenly(self, position);
+        speed_per_velocity * velocity
+    }
+}
+
 /// A velocity \[m/s\], where it is no faster than the motor can, or what that can.
 #[inline(always)]
 pub(crate) fn reachable<T: Real>(

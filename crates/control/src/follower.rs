@@ -3,7 +3,7 @@
 use crate::carried_load::CarriedLoad;
 use crate::out_of_reach::AT_REST;
 use crate::{
-    Balances, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Measured,
+    Balances, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Led, Measured,
     ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
 };
 
@@ -26,6 +26,8 @@ pub struct Follower {
     led: [Option<[f64; 2]>; 2],
     /// Where state feedback leads to in the period; nowhere where something else does.
     leads_to: Option<Reference<f64>>,
+    /// How fast it will lead at most \[m/s\]: 0 where no path is known ahead.
+    path_speed: f64,
     /// What the motor has to turn for each revolution of the simulated one: now, and when it was last told its speed.
     correction: [f64; 2],
 }
@@ -55,6 +57,7 @@ impl Follower {
             unlike: 0.0,
             led: [None; 2],
             leads_to: None,
+            path_speed: 0.0,
             correction: [learner.correction(); 2],
         }
     }
@@ -99,11 +102,13 @@ impl Follower {
     /// Nothing is known of where state feedback led the simulated crane.
     fn lead_nowhere(&mut self) {
         (self.unlike, self.led, self.leads_to) = (0.0, [None; 2], None);
+        self.path_speed = 0.0;
     }
 
     /// Reference of a path that is known ahead, as it suits the machine: `path` is where it is so many seconds \[s\] from now, `speed` its largest
-    /// \[m/s\]. It may be shown in the place of the path itself.
-    pub fn foreseen(&self, path: impl Fn(f64) -> Reference<f64>, speed: f64) -> Reference<f64> {
+    /// \[m/s\]. It may be shown in the place of the path itself. What the path takes of the motor, feedback may on soft oil ask for, too.
+    pub fn foreseen(&mut self, path: impl Fn(f64) -> Reference<f64>, speed: f64) -> Reference<f64> {
+        self.path_speed = speed;
         self.law.foreseen(path, speed)
     }
 
@@ -259,10 +264,11 @@ impl Follower {
         let (feedback, feedforward) = (&mut self.feedback, correction * simulated_speed);
         match &self.leads_to {
             Some(reference) => {
-                let led = self.following.led(reference, correction);
+                let travels = correction * self.law.travels(reference.position, self.path_speed);
+                let led = Led { travels, ..self.following.led(reference, correction) };
                 self.law.steer(feedback, machine, simulated, feedforward, &led)
             }
-            None => self.law.feedback(feedback, machine, simulated, feedforward),
+            None => self.law.feedback(feedback, machine, simulated, feedforward, 0.0),
         }
     }
 }

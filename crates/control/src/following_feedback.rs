@@ -31,12 +31,13 @@ impl<T: Real> ModelFollowing<T> {
         led: &Led<T>,
     ) -> T {
         memory.be_wary(led.on_the_way());
-        let speed = self.feedback(memory, machine, seen, feedforward);
+        let speed = self.feedback(memory, machine, seen, feedforward, led.travels);
         let moves = [machine.stroke, seen.velocity + memory.velocity];
         led.not_braked(speed, feedforward, self.limits.speed, moves)
     }
 
-    /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being the feedforward \[rev/s\], wherever that is led.
+    /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being the feedforward \[rev/s\], wherever that is led. Travel takes so
+    /// much of the motor at most \[rev/s\], 0 where nothing is known of that.
     #[inline(always)]
     pub fn feedback(
         &self,
@@ -44,10 +45,11 @@ impl<T: Real> ModelFollowing<T> {
         machine: &Watched<T>,
         seen: &Seen<T>,
         feedforward: T,
+        travels: T,
     ) -> T {
         let with = self.reckons(seen, machine.load_pressure);
         let off = self.off(machine, seen);
-        let wanted = self.deviation.update(memory, &with, &off, feedforward);
+        let wanted = self.deviation.update(memory, &with, &off, feedforward, travels);
         let most = self.reserve.most(self.limits.speed, feedforward, memory.stroke, with.stiff);
         wanted.clamp(-most, most)
     }
@@ -87,10 +89,11 @@ impl<T: Real> ModelFollowing<T> {
 }
 
 impl<T: Real> FollowingMemory<T> {
-    /// What leads the machine to a reference that state feedback was shown, its motor having to turn so much for each revolution of the simulated one.
+    /// What leads the machine to a reference that state feedback was shown, its motor having to turn so much for each revolution of the simulated one. Of how
+    /// fast it will yet be led nothing is known.
     #[inline(always)]
     pub fn led(&self, reference: &Reference<T>, turns: T) -> Led<T> {
         let motor_speed = turns * self.reference_speed;
-        Led { reference: *reference, ahead: self.ahead, motor_speed }
+        Led { reference: *reference, ahead: self.ahead, motor_speed, travels: T::zero() }
     }
 }

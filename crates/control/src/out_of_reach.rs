@@ -24,6 +24,8 @@ pub struct Led<T> {
     pub ahead: T,
     /// What a motor turns for what can be followed \[rev/s\].
     pub motor_speed: T,
+    /// What it turns at most for travel along all of the course \[rev/s\]; 0 where a course is not known ahead.
+    pub travels: T,
 }
 
 impl<T: Real> Led<T> {
@@ -45,7 +47,7 @@ impl<T: Real> Led<T> {
         limit: T,
         [stroke, velocity]: [T; 2],
     ) -> T {
-        let Self { reference, ahead, motor_speed } = *self;
+        let Self { reference, ahead, motor_speed, .. } = *self;
         let (zero, one) = (T::zero(), T::one());
         let behind = reference.position - stroke;
         let closing = velocity - reference.velocity;
@@ -69,7 +71,7 @@ mod tests {
     fn told(speed: f64, leading: [f64; 2], behind: f64, closing: f64, ahead: f64) -> f64 {
         let [feedforward, motor_speed] = leading;
         let reference = Reference { position: behind, velocity: 0.0 };
-        let led = Led { reference, ahead, motor_speed };
+        let led = Led { reference, ahead, motor_speed, travels: 0.0 };
         led.not_braked(speed, feedforward, LIMIT, [0.0, closing])
     }
 
@@ -115,7 +117,7 @@ mod tests {
     fn it_is_on_the_way_while_it_moves_or_is_far_behind() {
         let on_the_way = |velocity, ahead| {
             let reference = Reference { position: 0.2, velocity };
-            Led { reference, ahead, motor_speed: 0.0 }.on_the_way()
+            Led { reference, ahead, motor_speed: 0.0, travels: 0.0 }.on_the_way()
         };
         assert_eq!(
             [on_the_way(0.0, 0.0), on_the_way(0.0, -FAR), on_the_way(0.01, 0.0)],

@@ -38,7 +38,7 @@ impl LinearFeedback {
         };
         let call = |memory: SVector<f64, MEMORY>, read: SVector<f64, READ>| {
             let mut memory = DeviationMemory::from_array(memory.into());
-            let speed = law.update(&mut memory, with, &Watched::from_array(read.into()), 0.0);
+            let speed = law.update(&mut memory, with, &Watched::from_array(read.into()), 0.0, 0.0);
             (SVector::from(memory.to_array()), speed)
         };
         for k in 0..MEMORY {
@@ -112,7 +112,7 @@ mod tests {
                 let mut read = [0.0; READ];
                 read[which] = sizes[which] * (turn * f64::from(k)).cos();
                 let read = Watched::from_array(read);
-                let speed = law.deviation.update(&mut memory, &with, &read, 0.0);
+                let speed = law.deviation.update(&mut memory, &with, &read, 0.0, 0.0);
                 if k >= settle {
                     sum += Complex::new(0.0, -turn * f64::from(k)).exp() * speed;
                 }

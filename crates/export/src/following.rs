@@ -107,6 +107,8 @@ pub fn following_controller(description: &Description) -> Result<Block, ExportEr
             reference: Reference { position: position.1, velocity: velocity.1 },
             ahead: ahead.1,
             motor_speed: takes.1,
+            // what is exported is told where to be now, and of no path ahead
+            travels: E::zero(),
         };
         let machine = Watched { stroke: stroke.1, load_pressure: load.1, motor_speed: read.1 };
         let [names, units, meanings] =

@@ -351,8 +351,8 @@ impl ControlTask {
     }
 
     /// The reference, as it suits the crane: the course is known ahead.
-    fn foreseen(&self, reference: &Reference<f64>) -> Reference<f64> {
-        match &self.follower {
+    fn foreseen(&mut self, reference: &Reference<f64>) -> Reference<f64> {
+        match &mut self.follower {
             Some(follower) if self.decision.controls => {
                 let path = |after| self.course.reference(self.course_time + after);
                 follower.foreseen(path, self.course.speed())

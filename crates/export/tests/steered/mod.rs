@@ -87,7 +87,7 @@ impl Steered {
                 self.motor = law.update(&mut self.following, &reference, &seen);
                 let led = self.following.led(&reference, 1.0);
                 let fed_back =
-                    law.feedback(&mut self.deviation.clone(), &machine, &seen, self.motor);
+                    law.feedback(&mut self.deviation.clone(), &machine, &seen, self.motor, 0.0);
                 let speed = law.steer(&mut self.deviation, &machine, &seen, self.motor, &led);
                 self.steered = self.steered.max((speed - fed_back).abs());
                 speed
