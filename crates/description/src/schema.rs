@@ -190,7 +190,7 @@ keys! {
     following_damping: "following" "damping_ratio" ["-" = 1.0] 0.1..=5.0 or 0.7, "Model following: damping ratio that the simulated crane's ringing is given";
     following_lead: "following" "lead_ms" ["ms" = 1e-3] 0.0..=500.0 or 5.0, "Model following: time from a command to what is read of it, drive, fieldbus and sensors together";
     following_observer: "following" "observer_hz" ["Hz" = 1.0] 1.0..=200.0 or 22.0, "Model following: how fast feedback believes what pushes the machine off the simulated crane, for a crane that rings as fast; with the root of its ringing";
-    following_effort: "following" "effort_percent" ["%" = PERCENT] 1.0..=100.0 or 30.0, "Model following: what feedback from the machine may ask for at once, of the motor's largest speed";
+    following_effort: "following" "effort_percent" ["%" = PERCENT] 1.0..=100.0 or 30.0, "Model following: what feedback from the machine may ask for at once, of the motor's largest speed; on soft oil up to three times as much, as far as travel takes it";
 
     motion_start: "motion" "start_mm" ["mm" = MM] 0.0..=2e4, "First piston position";
     motion_end: "motion" "end_mm" ["mm" = MM] 0.0..=2e4, "Far piston position";
