@@ -26,7 +26,7 @@ pub mod open_loop;
 pub mod paper;
 mod rehearsal;
 pub mod report;
-mod rings_on;
+pub mod rings_on;
 pub mod rivals;
 pub mod scenario;
 pub mod score;

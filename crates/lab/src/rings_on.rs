@@ -37,7 +37,7 @@ impl Course for WithRest<'_> {
 
 /// Whether a crane that was steered along a course with the given score rings on. Where it still swings when the course ends, it is
 /// steered along it once more and held for five seconds longer: what dies out by then does not ring on.
-pub(crate) fn rings_on(
+pub fn rings_on(
     model: &Description,
     crane: &Description,
     contender: Contender,
