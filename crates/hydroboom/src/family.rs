@@ -3,7 +3,7 @@
 use crate::interruptible::{Interruptible, of_asked};
 use crate::output;
 use hydroboom_description::Description;
-use hydroboom_lab::family::{Row, Spread, VARIATIONS, family, rows};
+use hydroboom_lab::family::{Row, VARIATIONS, family, rows};
 use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::report;
 use hydroboom_lab::rivals::Contender;
@@ -54,42 +54,55 @@ pub fn run(
         }));
     }
     output::text(&format!(
-        "{} virtual cranes around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}",
+        "{} virtual cranes around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}\n\nover the benchmark's on the same crane\n{}",
         of_asked(results.len(), count as usize),
         nominal.name,
-        table(&rows)
+        table(&rows),
+        beside_the_benchmark(&rows)
     ))
 }
 
 fn table(rows: &[Row]) -> String {
-    let spread =
-        |s: &Spread| format!("{:.2} ({:.2} .. {:.2}), {:.2}", s.median, s.p5, s.p95, s.worst);
     let cells: Vec<Vec<String>> = rows
         .iter()
         .map(|r| {
-            let (over, share) = match r.contender {
-                Contender::Strategy(Strategy::BenchmarkClosedLoop) => ("-".into(), "-".into()),
-                _ => (spread(&r.rms_over_benchmark), format!("{:.0}", r.better_percent)),
-            };
             vec![
                 r.contender.name().into(),
                 r.course.clone(),
-                spread(&r.rms_mm),
-                spread(&r.peak_mm),
+                r.rms_mm.text(2),
+                r.peak_mm.text(2),
                 format!("{:.1}", r.unstable_percent),
-                over,
-                share,
             ]
         })
         .collect();
-    let header = [
-        "strategy",
-        "course",
-        "RMS [mm]",
-        "peak [mm]",
-        "unstable [%]",
-        "RMS over benchmark's",
-        "better on [%]",
-    ];
+    output::table(&["strategy", "course", "RMS [mm]", "peak [mm]", "unstable [%]"], &cells)
+}
+
+/// What each has over the benchmark on the same crane; the re-optimised benchmark only where it is one of them.
+fn beside_the_benchmark(rows: &[Row]) -> String {
+    let others: Vec<&Row> =
+        rows.iter().filter(|r| r.contender != Strategy::BenchmarkClosedLoop.into()).collect();
+    let mut header =
+        vec!["strategy", "course", "RMS", "less RMS on [%]", "largest motor speed", "energy"];
+    let mut cells: Vec<Vec<String>> = others
+        .iter()
+        .map(|r| {
+            vec![
+                r.contender.name().into(),
+                r.course.clone(),
+                r.rms_over_benchmark.text(2),
+                format!("{:.0}", r.better_percent),
+                r.motor_speed_over_benchmark.text(3),
+                r.energy_over_benchmark.text(3),
+            ]
+        })
+        .collect();
+    if others.iter().any(|r| r.rms_over_reoptimised_benchmark.is_some()) {
+        header.push("RMS over the re-optimised");
+        for (row, cells) in others.iter().zip(&mut cells) {
+            let over = row.rms_over_reoptimised_benchmark;
+            cells.push(over.map_or_else(|| "-".into(), |s| s.text(2)));
+        }
+    }
     output::table(&header, &cells)
 }

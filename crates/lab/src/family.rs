@@ -4,7 +4,7 @@ use crate::LabError;
 use crate::interruptible::as_long_as;
 use crate::motion_test::Strategy;
 use crate::rings_on::rings_on;
-use crate::rivals::Contender;
+use crate::rivals::{Contender, Rival};
 use crate::scenario::CourseChoice;
 use crate::score::{Effort, Score};
 use crate::steering::{Lane, WIDTH, steer_together};
@@ -342,6 +342,12 @@ impl Spread {
             worst,
         }
     }
+
+    /// As text, with so many digits: median (5 .. 95 %), worst.
+    pub fn text(&self, digits: usize) -> String {
+        let Self { p5, median, p95, worst, .. } = self;
+        format!("{median:.digits$} ({p5:.digits$} .. {p95:.digits$}), {worst:.digits$}")
+    }
 }
 
 /// One contender along one course over the whole family.
@@ -360,6 +366,8 @@ pub struct Row {
     pub unstable_percent: f64,
     /// Its RMS over the benchmark's on the same crane: below 1 where it is better.
     pub rms_over_benchmark: Spread,
+    /// Its RMS over that of the re-optimised benchmark on the same crane, where that is one of the contenders.
+    pub rms_over_reoptimised_benchmark: Option<Spread>,
     /// Its peak over the benchmark's on the same crane.
     pub peak_over_benchmark: Spread,
     /// Its energy over the benchmark's on the same crane.
@@ -380,6 +388,9 @@ pub fn rows(
 ) -> Vec<Row> {
     let is_benchmark = |c: &Contender| *c == Strategy::BenchmarkClosedLoop.into();
     let Some(benchmark) = contenders.iter().position(is_benchmark) else { return Vec::new() };
+    let is_reoptimised =
+        |c: &Contender| matches!(c, Contender::Rival(Rival::ReoptimisedBenchmark(_)));
+    let reoptimised = contenders.iter().position(is_reoptimised);
     let count = results.len().max(1) as f64;
     let mut rows = Vec::new();
     for (s, contender) in contenders.iter().enumerate() {
@@ -387,9 +398,10 @@ pub fn rows(
             let spread = |of: &dyn Fn(&Outcome) -> f64| {
                 Spread::of(results.iter().map(|(_, o)| of(&o[s][c])))
             };
-            let over = |of: &dyn Fn(&Outcome) -> f64| {
-                Spread::of(results.iter().map(|(_, o)| of(&o[s][c]) / of(&o[benchmark][c])))
+            let over_that_of = |other: usize, of: &dyn Fn(&Outcome) -> f64| {
+                Spread::of(results.iter().map(|(_, o)| of(&o[s][c]) / of(&o[other][c])))
             };
+            let over = |of: &dyn Fn(&Outcome) -> f64| over_that_of(benchmark, of);
             let share = |holds: &dyn Fn(&Outcomes) -> bool| {
                 results.iter().filter(|(_, o)| holds(o)).count() as f64 / count * 100.0
             };
@@ -400,6 +412,8 @@ pub fn rows(
                 peak_mm: spread(&|o| o.peak_mm.abs()),
                 unstable_percent: share(&|o| o[s][c].unstable),
                 rms_over_benchmark: over(&|o| o.rms_mm),
+                rms_over_reoptimised_benchmark: reoptimised
+                    .map(|other| over_that_of(other, &|o| o.rms_mm)),
                 peak_over_benchmark: over(&|o| o.peak_mm.abs()),
                 energy_over_benchmark: over(&|o| o.effort.energy_kj),
                 motor_speed_over_benchmark: over(&|o| o.effort.motor_speed_rpm),
@@ -454,6 +468,37 @@ mod tests {
         for (number, (left, outcomes)) in left.iter().enumerate() {
             assert_eq!(left.values, member(&nominal, 1, number as u64).unwrap().values);
             assert!(outcomes[0].len() == courses.len() && outcomes[0].iter().all(|o| !o.unstable));
+        }
+    }
+
+    #[test]
+    fn errors_are_told_over_those_of_both_benchmarks_on_the_same_crane() {
+        let reoptimised = Contender::Rival(Rival::ALL[0]);
+        let contenders =
+            [Strategy::BenchmarkClosedLoop.into(), Strategy::ModelFollowing.into(), reoptimised];
+        let outcome = |rms_mm| Outcome {
+            rms_mm,
+            peak_mm: rms_mm,
+            effort: Effort::default(),
+            unstable: false,
+        };
+        let nominal = Description::uia_virtual().unwrap();
+        // the second crane is ten times as hard for all of them
+        let results: Vec<_> = [1.0, 10.0]
+            .iter()
+            .enumerate()
+            .map(|(k, hard)| {
+                let of = |rms_mm: f64| vec![outcome(rms_mm * hard)];
+                (member(&nominal, 1, k as u64).unwrap(), vec![of(0.8), of(0.1), of(0.4)])
+            })
+            .collect();
+        let rows = rows(&contenders, &["there".into()], &results);
+        for (row, (over, over_reoptimised)) in
+            rows.iter().zip([(1.0, 2.0), (0.125, 0.25), (0.5, 1.0)])
+        {
+            assert_eq!((row.rms_over_benchmark.p5, row.rms_over_benchmark.worst), (over, over));
+            let spread = row.rms_over_reoptimised_benchmark.unwrap();
+            assert_eq!((spread.p5, spread.worst), (over_reoptimised, over_reoptimised));
         }
     }
 

@@ -40,6 +40,7 @@ pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String
                 &boxes("times the benchmark's", &of(course).iter()
                     .map(|r| (name(r), r.rms_over_benchmark)).collect::<Vec<_>>())))
             (table(&of(course)))
+            (beside_the_benchmark(&of(course)))
         }
         (explanation())
     };
@@ -51,25 +52,39 @@ fn name(row: &Row) -> &'static str {
 }
 
 fn table(rows: &[&Row]) -> Markup {
-    let three =
-        |s: &Spread| format!("{:.2} ({:.2} .. {:.2}), {:.2}", s.median, s.p5, s.p95, s.worst);
     html! {
         div.wide { table {
             thead { tr {
                 th { "strategy" } th { "RMS [mm]: median (5 .. 95 %), worst" }
                 th { "peak [mm]: median (5 .. 95 %), worst" } th { "unstable [%]" }
-                th { "RMS over the benchmark's: median (5 .. 95 %), worst" } th { "better on [%]" }
             } }
             tbody { @for r in rows {
                 tr {
-                    td { (name(r)) } td { (three(&r.rms_mm)) } td { (three(&r.peak_mm)) }
+                    td { (name(r)) } td { (r.rms_mm.text(2)) } td { (r.peak_mm.text(2)) }
                     td { (format!("{:.1}", r.unstable_percent)) }
-                    @if r.contender == Strategy::BenchmarkClosedLoop.into() {
-                        td { "-" } td { "-" }
-                    } @else {
-                        td { (three(&r.rms_over_benchmark)) }
-                        td { (format!("{:.0}", r.better_percent)) }
-                    }
+                }
+            } }
+        } }
+    }
+}
+
+/// What each has over the benchmark on the same crane: error, largest motor speed, energy.
+fn beside_the_benchmark(rows: &[&Row]) -> Markup {
+    let reoptimised = rows.iter().any(|r| r.rms_over_reoptimised_benchmark.is_some());
+    html! {
+        p { "Over the benchmark's on the same crane, median (5 .. 95 %), most:" }
+        div.wide { table {
+            thead { tr {
+                th { "strategy" } th { "RMS" } th { "less RMS on [%]" }
+                @if reoptimised { th { "RMS over the re-optimised benchmark's" } }
+                th { "largest motor speed" } th { "energy" }
+            } }
+            tbody { @for r in rows.iter().filter(|r| r.contender != Strategy::BenchmarkClosedLoop.into()) {
+                tr {
+                    td { (name(r)) } td { (r.rms_over_benchmark.text(2)) }
+                    td { (format!("{:.0}", r.better_percent)) }
+                    @if reoptimised { td { (r.rms_over_reoptimised_benchmark.map_or("-".into(), |s| s.text(2))) } }
+                    td { (r.motor_speed_over_benchmark.text(3)) } td { (r.energy_over_benchmark.text(3)) }
                 }
             } }
         } }
