@@ -81,7 +81,6 @@ impl Learn {
                     output::optional(t.amended_mm, 2),
                     output::optional(t.straight_on_mm, 2),
                     output::optional(t.told_again_mm, 2),
-                    t.set_in_hindsight.join(" "),
                 ]
             })
             .collect();
@@ -95,10 +94,36 @@ impl Learn {
             "cycle amended [mm]",
             "straight on [mm]",
             "told again [mm]",
-            "known in hindsight, as overrides of the model",
         ];
-        output::text(&format!("{}{}", output::table(&header, &rows), summed_up(&all, asked)))
+        output::text(&format!(
+            "{}{}{}",
+            output::table(&header, &rows),
+            summed_up(&all, asked),
+            known_in_hindsight(&all)
+        ))
     }
+}
+
+/// The overrides of each cycle, in lines that a shell takes; of many cycles where they are to be had.
+fn known_in_hindsight(all: &[Taught]) -> String {
+    if all.len() > 4 {
+        return "\n\nwhat is known of each in hindsight: set_in_hindsight in --json".into();
+    }
+    let of_one = |t: &Taught| {
+        let options: Vec<String> = t
+            .set_in_hindsight
+            .iter()
+            .map(|key_and_value| format!("--set {key_and_value}"))
+            .collect();
+        let lines: Vec<String> = options.chunks(3).map(|three| three.join(" ")).collect();
+        format!(
+            "\n\nof {} at {} known in hindsight, as overrides of the model for any command:\n  {}",
+            t.crane,
+            t.course.trim(),
+            lines.join(" \\\n  ")
+        )
+    };
+    all.iter().map(of_one).collect()
 }
 
 /// What a family comes to.
