@@ -332,6 +332,16 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     keys(&made["trials"][0], &row);
     let page = std::fs::read_to_string(folder.join("trials.html")).unwrap();
     assert!(page.contains("S-curve") && page.contains("model-following"), "{page}");
+    // one row has who steers beside each other
+    for both in made["trials"].as_array().unwrap().chunks(2) {
+        let errors = both.iter().map(|o| format!("<td>{:.3}</td>", o["rms_mm"].as_f64().unwrap()));
+        let row = format!(
+            "<td>{}</td>{}",
+            both[0]["trial"].as_str().unwrap(),
+            errors.collect::<String>()
+        );
+        assert!(page.contains(&row), "{row} is not in {page}");
+    }
     let learned = parsed(&["learn", "--json"]);
     let row = [
         "crane",

@@ -2,6 +2,7 @@
 
 use super::document::{document, figure};
 use super::{Bar, Bars};
+use crate::rivals::Contender;
 use crate::trials::Outcome;
 use maud::{Markup, html};
 
@@ -18,6 +19,8 @@ pub fn trials_page(crane: &str, outcomes: &[Outcome]) -> String {
             "On \"" (crane) "\". The controllers and the simulation beside the machine know the published model only. "
             "Nothing here is a measurement."
         }
+        h2 { "All trials" }
+        (overview(&names, outcomes))
         @for name in &names {
             @let of: Vec<&Outcome> = outcomes.iter().filter(|o| o.trial == *name).collect();
             h2 { (name) }
@@ -30,6 +33,34 @@ pub fn trials_page(crane: &str, outcomes: &[Outcome]) -> String {
     document(&format!("Trials: {crane}"), &body)
 }
 
+/// Error and vibration of all trials beside each other, a column for each contender.
+fn overview(trials: &[&str], outcomes: &[Outcome]) -> Markup {
+    let mut contenders: Vec<Contender> = Vec::new();
+    for outcome in outcomes {
+        if !contenders.contains(&outcome.contender) {
+            contenders.push(outcome.contender);
+        }
+    }
+    let cell = |trial: &str, contender: Contender, value: Drawn| {
+        let of = outcomes.iter().find(|o| o.trial == trial && o.contender == contender);
+        match of {
+            Some(o) if o.unstable => "swings on".to_string(),
+            of => millimetres(of.and_then(value)),
+        }
+    };
+    html! {
+        @for (title, _, value) in FIGURES {
+            h3 { (title) }
+            div.wide { table {
+                thead { tr { th { "trial" } @for c in &contenders { th { (c.name()) } } } }
+                tbody { @for trial in trials {
+                    tr { td { (trial) } @for c in &contenders { td { (cell(trial, *c, value)) } } }
+                } }
+            } }
+        }
+    }
+}
+
 /// A number that may be drawn.
 type Drawn = fn(&Outcome) -> Option<f64>;
 
@@ -40,9 +71,11 @@ const FIGURES: [(&str, &str, Drawn); 2] = [
         "How closely the reference was followed; who swung on is left out.",
         |o| o.rms_mm.filter(|_| !o.unstable),
     ),
-    ("RMS [mm]", "What was left of the tip's vibration while the reference rested.", |o| {
-        (!o.unstable).then_some(o.effort.residual_vibration_mm)
-    }),
+    (
+        "RMS of the tip's vibration at rest [mm]",
+        "What was left of the tip's vibration while the reference rested.",
+        |o| (!o.unstable).then_some(o.effort.residual_vibration_mm),
+    ),
 ];
 
 /// Those that can be compared, as bars; none where there is nothing to draw.
@@ -55,8 +88,11 @@ fn bars(axis: &str, value: Drawn, of: &[&Outcome]) -> Option<String> {
     Bars { x: axis, bars }.svg().ok()
 }
 
+fn millimetres(value: Option<f64>) -> String {
+    value.map_or("-".into(), |mm| format!("{mm:.3}"))
+}
+
 fn table(rows: &[&Outcome]) -> Markup {
-    let millimetres = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{v:.3}"));
     html! {
         div.wide { table {
             thead { tr {
