@@ -13,6 +13,7 @@ pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
 pub mod family;
+pub mod family_margins;
 mod following;
 mod hindsight;
 mod interruptible;

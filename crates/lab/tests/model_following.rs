@@ -3,7 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_description::Description;
-use hydroboom_lab::family::{family_margins, member};
+use hydroboom_lab::family::member;
+use hydroboom_lab::family_margins::family_margins;
 use hydroboom_lab::learning::taught;
 use hydroboom_lab::motion_test::{Run, Strategy, run};
 use hydroboom_lab::rings_on::rings_on;
