@@ -312,6 +312,16 @@ pub(crate) mod tests {
         }
     }
 
+    /// What feedback asks for where nothing is fed forward, nor known of what travel takes.
+    fn asked(
+        law: &DeviationFeedback<f64>,
+        with: &Reckoned<f64>,
+        now: &DeviationMemory<f64>,
+    ) -> f64 {
+        let most = law.design.authority;
+        law.answer(with, now, &law.way_back(with, now, most), law.authority(most, 0.0))
+    }
+
     #[test]
     fn what_pushes_is_found_and_made_good_for() {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
@@ -381,12 +391,7 @@ pub(crate) mod tests {
         assert_eq!(way.motor_speed, law.design.way_back.eager.motor_speed);
         let answer = |velocity: f64| {
             let now = DeviationMemory { velocity, ..torn };
-            law.answer(
-                &with,
-                &now,
-                &law.way_back(&with, &now, law.design.authority),
-                law.authority(law.design.authority, 0.0),
-            )
+            asked(&law, &with, &now)
         };
         assert!((answer(way.velocity) - way.motor_speed).abs() < 1e-9);
         // it would not come home by its swing, but by that of twice the speed
@@ -396,25 +401,12 @@ pub(crate) mod tests {
         assert!(answer(home) < way.motor_speed - 1.0);
         // having swung to the other side, it is braked at once
         let swings = DeviationMemory { above: 0.1, below: 0.1, velocity: 0.45 * home, ..torn };
-        let warily = law.answer(
-            &with,
-            &swings,
-            &law.way_back(&with, &swings, law.design.authority),
-            law.authority(law.design.authority, 0.0),
-        );
+        let warily = asked(&law, &with, &swings);
         assert!(warily < law.design.way_back.wary.motor_speed - 1.0, "{warily}");
         // or having been told to be wary, for a while
         let mut told = DeviationMemory { velocity: 0.45 * home, ..torn };
         told.be_wary(1.0);
-        assert_eq!(
-            law.answer(
-                &with,
-                &told,
-                &law.way_back(&with, &told, law.design.authority),
-                law.authority(law.design.authority, 0.0)
-            ),
-            warily
-        );
+        assert_eq!(asked(&law, &with, &told), warily);
         assert_eq!(answer(way.velocity + 10.0), -law.design.authority);
         assert_eq!(answer(way.velocity - 10.0), way.motor_speed + law.design.authority);
     }
@@ -449,14 +441,7 @@ pub(crate) mod tests {
         let sooner = |off: f64| {
             let now = DeviationMemory { stroke: off, way_back: off, ..Default::default() };
             let pushed = DeviationMemory { sooner_push: -0.1, ..now };
-            let [with_it, without] = [pushed, now].map(|now| {
-                law.answer(
-                    &with,
-                    &now,
-                    &law.way_back(&with, &now, law.design.authority),
-                    law.authority(law.design.authority, 0.0),
-                )
-            });
+            let [with_it, without] = [pushed, now].map(|now| asked(&law, &with, &now));
             (with_it - without).abs()
         };
         let [near, between, far] = [0.0, 0.5 * FAR, FAR].map(sooner);
