@@ -36,6 +36,10 @@ impl Case {
 
 /// A motor that turns no faster than so many times the benchmark's is as good as that.
 const TWENTIETH: f64 = 1.05;
+/// What is left with such a motor.
+const WITHIN: &str = "so within 1.05";
+const FOLLOWING: &str = "model following";
+const BENCHMARK: &str = "benchmark";
 
 /// An error \[m\]: root of its mean square, and the farthest.
 #[derive(Clone, Copy)]
@@ -50,22 +54,27 @@ impl From<&Run> for Left {
     }
 }
 
-/// What is left at best, and by what that is reckoned: a scenario in which loads change, one that is faster than the motor, or another.
-fn floor(case: &Case, scenario: &str) -> Result<Left, Failure> {
-    match scenario {
-        _ if case.loads_change() => pull::left(case, case.crane.numbers.motor_speed),
-        "saturation" => full_speed::left(case),
-        _ => spring::left(case),
-    }
+/// What is left at best, by name, of a crane whose motor turns at `most` \[rev/s\] under the benchmark: by what that is reckoned hangs on whether loads change, the
+/// scenario is faster than the motor, or neither.
+fn floors(case: &Case, scenario: &str, most: f64) -> Result<Vec<(&'static str, Left)>, Failure> {
+    let speed = case.crane.numbers.motor_speed;
+    Ok(match scenario {
+        _ if case.loads_change() => vec![
+            ("at best", pull::left(case, speed)?),
+            (WITHIN, pull::left(case, speed.min(TWENTIETH * most))?),
+        ],
+        "saturation" => {
+            let [told, untold] = full_speed::left(case)?;
+            vec![("at best", told), ("so untold", untold)]
+        }
+        _ => vec![("at best", spring::left(case)?)],
+    })
 }
 
 /// What a crane of the family has along a course.
 struct Row {
-    best: Left,
-    /// With the motor within a twentieth of the benchmark's; where loads change.
-    within: Option<Left>,
-    benchmark: Left,
-    following: Left,
+    /// Names of what is left, by whom, and what is.
+    columns: Vec<(&'static str, Left)>,
     /// Its largest motor speed under model following over that under the benchmark.
     motor: f64,
 }
@@ -81,26 +90,25 @@ impl Row {
             [&benchmark, &following].map(|run| run.score().effort().motor_speed_rpm / 60.0);
         let [benchmark, left] = [&benchmark, &following].map(Left::from);
         let case = Case { model: model.clone(), crane, course, following };
-        let best = floor(&case, scenario)?;
-        let limit = (TWENTIETH * most).min(case.crane.numbers.motor_speed);
-        let within = case.loads_change().then(|| pull::left(&case, limit)).transpose()?;
-        Ok(Self { best, within, benchmark, following: left, motor: own / most })
+        let mut columns = floors(&case, scenario, most)?;
+        columns.extend([(FOLLOWING, left), (BENCHMARK, benchmark)]);
+        Ok(Self { columns, motor: own / most })
     }
 
-    /// Names of what is left, and what is.
-    fn columns(&self) -> Vec<(&'static str, Left)> {
-        let within = self.within.map(|left| ("so within 1.05", left));
-        let beside = [("model following", self.following), ("benchmark", self.benchmark)];
-        std::iter::once(("at best", self.best)).chain(within).chain(beside).collect()
+    /// RMS of what is left under that name over the benchmark's; none where there is none of it.
+    fn over_benchmark(&self, name: &str) -> Option<f64> {
+        let rms =
+            |name| self.columns.iter().find(|(own, _)| *own == name).map(|(_, left)| left.rms);
+        Some(rms(name)? / rms(BENCHMARK)?)
     }
 }
 
 /// Prints RMS over the benchmark's, of each column.
 fn print_spreads<'a>(rows: impl Iterator<Item = &'a Row> + Clone) {
     let Some(first) = rows.clone().next() else { return };
-    for (k, (name, _)) in first.columns().into_iter().enumerate() {
-        let over = |row: &Row| row.columns()[k].1.rms / row.benchmark.rms;
-        let Spread { median, p95, worst, .. } = Spread::of(rows.clone().map(over));
+    for (name, _) in &first.columns {
+        let over = rows.clone().filter_map(|row| row.over_benchmark(name));
+        let Spread { median, p95, worst, .. } = Spread::of(over);
         println!("{name:>15}  {median:.2} {p95:.2} {worst:.2}");
     }
 }
@@ -119,19 +127,20 @@ fn main() -> Result<(), Failure> {
     let one = |number| Row::of(&model, member(&nominal, SEED, number)?.crane, &scenario);
     let rows: Vec<_> = (0..count).into_par_iter().map(one).collect::<Result<_, _>>()?;
     let Some(first) = rows.first() else { return Ok(()) };
-    let names: String = first.columns().iter().map(|(name, _)| format!(" {name:>15}")).collect();
+    let names: String = first.columns.iter().map(|(name, _)| format!(" {name:>15}")).collect();
     println!("RMS, farthest [mm] {names}   motor over the benchmark's");
     for (number, row) in rows.iter().enumerate() {
         let left = |(_, Left { rms, farthest }): &(_, Left)| {
             format!(" {:>7.2} {:>7.1}", 1e3 * rms, 1e3 * farthest)
         };
-        let left: String = row.columns().iter().map(left).collect();
+        let left: String = row.columns.iter().map(left).collect();
         println!("crane {number:<12} {left}   {:.3}", row.motor);
     }
     println!("RMS over the benchmark's in the median, at the 95th percentile, at most:");
     print_spreads(rows.iter());
-    let beyond = rows.iter().filter(|row| row.within.is_some() && row.motor > TWENTIETH);
-    let behind = |row: &&Row| row.within.is_some_and(|left| left.rms > row.following.rms);
+    let within = |row: &Row| row.over_benchmark(WITHIN);
+    let beyond = rows.iter().filter(|row| within(row).is_some() && row.motor > TWENTIETH);
+    let behind = |row: &&Row| within(row) > row.over_benchmark(FOLLOWING);
     let (beyond_count, behind) = (beyond.clone().count(), beyond.clone().filter(behind).count());
     if beyond_count > 0 {
         println!(
