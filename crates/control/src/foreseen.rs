@@ -2,16 +2,16 @@
 //!
 //! A step of acceleration, and friction that changes its sign, take a step of the load pressure. On soft oil that is a third of a second late, whoever
 //! steers. A path that is planned is known before: what steps is spread evenly over some time around the step, the longer the softer the oil and
-//! the slower the path. And where it will soon be faster than the motor can, it is begun sooner.
+//! the slower the path. And where it will be faster than the motor can, it is begun sooner.
 
 use crate::attainable::{evenly, reachable};
 use crate::{ModelFollowing, Reference};
 use hydroboom_math::Real;
 
 /// So far is looked ahead for what is faster than the motor \[s\].
-const AHEAD: f64 = 0.5;
+const AHEAD: f64 = 2.5;
 /// Looks for that.
-const LOOKS: usize = 20;
+const LOOKS: usize = 100;
 /// Looks to either side of a step.
 const SIDE: usize = 10;
 /// A step of pressure is spread to either side by what filling so much of it \[Pa\] takes, where the oil is that much below what holds the crane.
@@ -63,16 +63,14 @@ impl<T: Real> ModelFollowing<T> {
         let spread = filled.clamp(T::lit(SPREAD[0]), T::lit(SPREAD[1]));
         let friction =
             T::lit(FRICTION_SPREAD) * rest.acceleration_by_pressure * self.friction_pressure;
-        let rounded = self.rounded(&path, spread, friction);
         let beyond = |after: T| {
             let velocity = path(after).velocity;
             velocity - reachable(self, &at, speed_per_velocity, velocity)
         };
-        let sooner = sooner(beyond);
-        Reference {
-            position: rounded.position + sooner.position,
-            velocity: rounded.velocity + sooner.velocity,
-        }
+        let [sooner, grows] = sooner(beyond, self.fastest() / speed_per_velocity);
+        let path = |after: T| path(sooner + after);
+        let Reference { position, velocity } = self.rounded(&path, spread, friction);
+        Reference { position, velocity: velocity * (T::one() + grows) }
     }
 
     /// The path whose pressure is the mean of what it was, over a time \[s\] to either side: of what accelerates, and of what friction takes, which
@@ -106,13 +104,26 @@ impl<T: Real> ModelFollowing<T> {
     }
 }
 
-/// By how much a path is begun sooner of which a velocity `beyond` \[m/s\] what the motor can comes so many seconds later: by all that is lacking soon.
-fn sooner<T: Real>(beyond: impl Fn(T) -> T) -> Reference<T> {
+/// How much sooner a path is begun \[s\], and by how much that grows in a second, of which a velocity `beyond` \[m/s\] what the motor can comes so many seconds
+/// later: by half of what a motor that moves the piston at `fastest` \[m/s\] will be late by at most. So it is ahead by as much, at first, as it is behind in the end;
+/// nothing that is no faster is nearer to it on the whole.
+fn sooner<T: Real>(beyond: impl Fn(T) -> T, fastest: T) -> [T; 2] {
+    let (zero, half) = (T::zero(), T::lit(0.5));
     let step = T::lit(AHEAD / LOOKS as f64);
-    let [now, then] = [0, LOOKS].map(|k| beyond(step * T::lit(k as f64)));
-    let ends = T::lit(0.5) * (now + then);
-    let lacking = (1..LOOKS).fold(ends, |sum, k| sum + beyond(step * T::lit(k as f64)));
-    Reference { position: step * lacking, velocity: then - now }
+    let now = beyond(zero);
+    // what will be lacking by each look, and the most of it; a way back makes good for a way there
+    let (mut lacking, mut before) = (zero, now);
+    let [mut most, mut grows] = [zero; 2];
+    for k in 1..=LOOKS {
+        let then = beyond(step * T::lit(k as f64));
+        lacking = lacking + half * step * (before + then);
+        let more = most.lt(lacking.abs());
+        let outwards = T::select(lacking.lt(zero), -T::one(), T::one());
+        most = T::select(more, lacking.abs(), most);
+        grows = T::select(more, outwards * (then - now), grows);
+        before = then;
+    }
+    [most, grows].map(|late| half * late / fastest)
 }
 
 #[cfg(test)]
@@ -221,23 +232,41 @@ mod tests {
         assert!(slow > 2.0 * fast, "{slow} m for {fast} m");
     }
 
+    /// How far a piston without mass, which moves as the motor can, is ahead and behind at most \[m\] where it follows what becomes of a motion, and where the motion itself;
+    /// and the root of the mean square of that.
+    fn off(law: &ModelFollowing<f64>, motion: &Motion<f64>, which: usize) -> [f64; 3] {
+        let all = foreseen(law, motion);
+        let (at, _, per) = evenly(law, motion.start);
+        let mut piston = motion.start;
+        let [mut ahead, mut behind, mut square] = [0.0_f64; 3];
+        for pair in &all {
+            let wanted = (pair[which].position - piston) / 5e-4;
+            piston += 5e-4 * reachable(law, &at, per, wanted);
+            let off = piston - pair[0].position;
+            // the way down is the way up in a mirror, but for what holds the load
+            ahead = ahead.max(off);
+            behind = behind.max(-off);
+            square += off * off;
+        }
+        [ahead, behind, (square / all.len() as f64).sqrt()]
+    }
+
+    /// Half of what would be lacking in the end is made good for at the beginning, however long the way: that leaves half of the error, and nothing could leave
+    /// less. A way back that follows at once takes nothing from it.
     #[test]
     fn what_the_motor_cannot_do_is_begun_sooner() {
         let law = soft();
-        let fast = motion(0.25, 0.3);
-        let all = foreseen(&law, &fast);
-        let furthest = |far: fn(f64) -> f64| {
-            let ahead = all.iter().map(|[own, suits]| far(suits.position - own.position));
-            ahead.fold(0.0, f64::max)
-        };
-        let (at, _, per) = evenly(&law, 0.2);
-        let lacking = |v: f64| AHEAD * (v - reachable(&law, &at, per, v)).abs();
-        // all that is lacking in the coming half of a second, on the way up and on the way down
-        for (furthest, lacking) in
-            [(furthest(|d| d), lacking(0.25)), (furthest(|d| -d), lacking(-0.25))]
-        {
-            assert!(lacking > 5e-3 && (furthest / lacking - 1.0).abs() < 0.1, "{furthest}");
+        for (end, dwell) in [(0.2, 1.5), (0.3, 1.5), (0.35, 1.5), (0.3, 0.3)] {
+            let fast = Motion { end, dwell, rest: 1.0, ..motion(0.25, 0.3) };
+            let [[ahead, behind, left], [_, untold_behind, untold]] =
+                [1, 0].map(|which| off(&law, &fast, which));
+            let even = ahead / behind;
+            assert!((even - 1.0).abs() < 0.02, "{ahead} m ahead, {behind} m behind");
+            assert!(
+                left < 0.65 * untold && behind < 0.65 * untold_behind,
+                "{left} m for {untold} m"
+            );
         }
-        assert_eq!(sooner(|_| 0.0), Reference { position: 0.0, velocity: 0.0 });
+        assert_eq!(sooner(|_| 0.0, 1.0), [0.0; 2]);
     }
 }

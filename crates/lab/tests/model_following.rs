@@ -116,8 +116,9 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         let [benchmark, own] = both(&crane, &choice);
         let top = own.samples.iter().map(|s| s.command.motor_speed).fold(0.0, f64::max);
         assert!(top > 0.95 * crane.numbers.motor_speed, "{top} rev/s is no limit");
-        // told of no more than where the reference is, the heavier one has what the benchmark has: nothing but the motor counts then
-        assert!(own.rms() < 0.85 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
+        // told of no more than where the reference is, the heavier one has what the benchmark has, and told of all of it nobody has less than half of that: nothing but
+        // the motor counts
+        assert!(own.rms() < 0.62 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let end = own.samples.last().unwrap().error();
         assert!(end.abs() < 0.5e-3 && !own.score().still_swings(), "{end} m are left");
     }
@@ -130,7 +131,7 @@ fn a_reference_out_of_reach_takes_the_whole_motor() {
     for number in [16, 161] {
         let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("saturation".into()));
-        let [most, rms] = [0.75 * benchmark.rms(), own.rms()];
+        let [most, rms] = [0.5 * benchmark.rms(), own.rms()];
         assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
         assert!(!own.score().still_swings(), "crane {number}");
     }
