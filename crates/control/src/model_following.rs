@@ -212,7 +212,13 @@ impl<T: Real> ModelFollowing<T> {
         let bending = core::array::from_fn(|k| {
             share.mul_add(other.bending[k] - self.bending[k], self.bending[k])
         });
-        let mut new = Self { bending, notches: Self::notches(bending, self.period), ..*self };
+        let waits = share.mul_add(other.reserve.share - self.reserve.share, self.reserve.share);
+        let mut new = Self {
+            bending,
+            notches: Self::notches(bending, self.period),
+            reserve: Reserve { share: waits, ..self.reserve },
+            ..*self
+        };
         for (station, other) in new.stations.iter_mut().zip(&other.stations) {
             *station = station.with(other, |a, b| share.mul_add(b - a, a));
         }

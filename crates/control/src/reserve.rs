@@ -21,6 +21,13 @@ pub struct Reserve<T> {
     pub far: T,
 }
 
+impl<T: Copy> Reserve<T> {
+    /// The same in another scalar.
+    pub fn map<U>(&self, to: impl Fn(T) -> U) -> Reserve<U> {
+        Reserve { share: to(self.share), near: to(self.near), far: to(self.far) }
+    }
+}
+
 impl<T: Real> Reserve<T> {
     /// The most that a motor of such a speed \[rev/s\] may turn, to either side, for a piston that is off \[m\] on oil that may be so stiff, 0 to 1.
     /// What is fed forward \[rev/s\] is not withheld.

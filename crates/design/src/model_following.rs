@@ -42,9 +42,14 @@ const EAGER: Pace<f64> = Pace { by_ring: 0.8, motor_speed: 1.2 };
 /// One that swings, with this share of what feedback may ask for: from nine tenths of it on, what turns in phase with the position drowns what brakes,
 /// and half-loaded cranes may bounce between soft oil and stiff by 5 cm.
 const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 2.0 / 3.0 };
-/// This share of the motor is kept for a piston that is farther off than stiff oil lets a lost load throw it. With less, stiff cranes turn it
-/// faster than the benchmark does by more than a twentieth; with more, all others come back later.
-const RESERVE: Reserve<f64> = Reserve { share: 0.08, near: 3.5e-3, far: 5.5e-3 };
+/// Of the motor, what waits until a piston is farther off than stiff oil lets a lost load throw it. With less, stiff cranes turn it faster than the benchmark does by
+/// more than a twentieth; with more, all others come back later. What a lost load asks of either grows with its weight: the share is that of a payload
+/// next to nothing, and falls evenly
+const RESERVE: Reserve<f64> = Reserve { share: 0.152, near: 3.5e-3, far: 5.5e-3 };
+/// to nothing for this share of the largest payload;
+const NOTHING_WAITS: f64 = 0.96;
+/// but no more waits than this, for a payload is weighed to a tenth of the largest.
+const MOST_WAITS: f64 = 0.12;
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
 
@@ -71,9 +76,16 @@ pub fn schedule(description: &Description) -> Result<Schedule, DesignError> {
     for payload in payloads {
         let mut loaded = description.clone();
         loaded.numbers.payload = payload;
-        laws.push(model_following(&loaded)?);
+        let law = model_following(&loaded)?;
+        laws.push(ModelFollowing { reserve: reserve(payload / largest), ..law });
     }
     Ok(Schedule { payloads, laws: std::array::from_fn(|k| laws[k]) })
+}
+
+/// What of the motor waits of a crane that carries so much of the largest payload.
+fn reserve(loaded: f64) -> Reserve<f64> {
+    let share = RESERVE.share * (1.0 - loaded / NOTHING_WAITS);
+    Reserve { share: share.clamp(0.0, MOST_WAITS), ..RESERVE }
 }
 
 /// Conditions under which a crane is described.
@@ -214,11 +226,7 @@ pub fn law<T: Real>(
             },
             n.control_period,
         ),
-        reserve: Reserve {
-            share: lit(RESERVE.share),
-            near: lit(RESERVE.near),
-            far: lit(RESERVE.far),
-        },
+        reserve: reserve(1.0 / LARGEST).map(lit),
         damping: n.following_damping,
         bandwidth: lit(TAU) * n.following_bandwidth,
         limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },

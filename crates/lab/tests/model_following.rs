@@ -231,11 +231,11 @@ fn a_load_that_is_picked_up_in_motion_does_not_swing_the_machine() {
     }
 }
 
-/// Oil that stiffens at 25 and 21 bar stops a piston that loses its load within 2 mm, whatever the motor does: all of the motor is 1.13 times the
-/// benchmark's there.
+/// Oil that stiffens at 20 to 25 bar stops a piston that loses its load within 3 mm, whatever the motor does: all of the motor is 1.09 to 1.18 times the
+/// benchmark's there. The loads are 137, 191, 96 and 282 kg: of light ones the benchmark turns the least.
 #[test]
 fn a_load_that_stiff_oil_loses_takes_no_more_of_the_motor() {
-    for number in [12, 49] {
+    for number in [12, 49, 156, 60] {
         let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let runs = both(&crane, &CourseChoice::Scenario("load-in-motion".into()));
         let [benchmark, own] = runs.each_ref().map(|run| run.score().effort().motor_speed_rpm);
