@@ -43,12 +43,12 @@ const EAGER: Pace<f64> = Pace { by_ring: 0.8, motor_speed: 1.2 };
 /// and half-loaded cranes may bounce between soft oil and stiff by 5 cm.
 const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 2.0 / 3.0 };
 /// Of the motor, what waits until a piston is farther off than stiff oil lets a lost load throw it. With less, stiff cranes turn it faster than the benchmark does by
-/// more than a twentieth; with more, all others come back later. What a lost load asks of either grows with its weight: the share is that of a payload
-/// next to nothing, and falls evenly
+/// more than a twentieth; with more, all others come back later. What a lost load asks of either grows with its weight, so the share falls with the payload.
+/// This is where it falls from.
 const RESERVE: Reserve<f64> = Reserve { share: 0.152, near: 3.5e-3, far: 5.5e-3 };
-/// to nothing for this share of the largest payload;
+/// With this share of the largest payload nothing waits.
 const NOTHING_WAITS: f64 = 0.96;
-/// but no more waits than this, for a payload is weighed to a tenth of the largest.
+/// No more waits than this however light the load, for that is weighed to a tenth of the largest.
 const MOST_WAITS: f64 = 0.12;
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;

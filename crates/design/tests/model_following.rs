@@ -244,7 +244,6 @@ fn feedback_of_the_pressure_asks_for_less_where_the_oil_has_stiffened() {
     assert_eq!(at(-10.0), at(0.0));
 }
 
-/// What is known of a crane goes into its description, out of it as overrides, and is what the description then says.
 /// What a lost load asks of the motor grows with its weight: under the heaviest nothing of the motor waits, and on the way there it falls evenly, between the
 /// payloads for which state feedback is designed, too. A controller that is exported knows of no other payload than the crane file's.
 #[test]
@@ -264,6 +263,7 @@ fn less_of_the_motor_waits_the_heavier_the_load_that_may_be_lost() {
     assert!((own - scheduled).abs() < 0.1 * own, "{own} {scheduled}");
 }
 
+/// What is known of a crane goes into its description, out of it as overrides, and is what the description then says.
 #[test]
 fn what_was_learned_makes_a_description_that_says_it() {
     let mut crane = Description::uia_single_boom().unwrap();
