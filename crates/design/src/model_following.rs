@@ -48,8 +48,8 @@ const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 2.0 / 3.0 };
 const RESERVE: Reserve<f64> = Reserve { share: 0.152, near: 3.5e-3, far: 5.5e-3 };
 /// With this share of the largest payload nothing waits.
 const NOTHING_WAITS: f64 = 0.96;
-/// No more waits than this however light the load, for that is weighed to a tenth of the largest.
-const MOST_WAITS: f64 = 0.12;
+/// And a boom loses no more than it carries: no more waits than so many times what it carries of the largest payload.
+const LOSES: f64 = 1.2;
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
 
@@ -85,7 +85,7 @@ pub fn schedule(description: &Description) -> Result<Schedule, DesignError> {
 /// What of the motor waits of a crane that carries so much of the largest payload.
 fn reserve(loaded: f64) -> Reserve<f64> {
     let share = RESERVE.share * (1.0 - loaded / NOTHING_WAITS);
-    Reserve { share: share.clamp(0.0, MOST_WAITS), ..RESERVE }
+    Reserve { share: share.min(LOSES * loaded).max(0.0), ..RESERVE }
 }
 
 /// Conditions under which a crane is described.
