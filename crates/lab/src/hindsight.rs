@@ -6,7 +6,7 @@
 //! with friction that holds at rest; and its numbers are moved until it is where the machine was read to be.
 
 use crate::LabError;
-use crate::late_motor::LateMotor;
+use crate::motor_as_read::motor_as_read;
 use crate::stand_in::{StandIn, StandIns};
 use crate::steering::WIDTH;
 use hydroboom_control::{Balance, Command, Known, Reading, Schedule};
@@ -74,8 +74,8 @@ struct Hindsight<'a> {
     /// What was learned on the way.
     before: Known,
     log: &'a Log<'a>,
-    /// Bandwidth of the machine's drive, by the motor speeds that were read \[Hz\].
-    bandwidth: f64,
+    /// The motor that comes nearest to the speeds that were read.
+    motor: Numbers<f64>,
     /// By how many steps each number is moved from that.
     moved: DVector<f64>,
 }
@@ -84,9 +84,9 @@ impl<'a> Hindsight<'a> {
     fn new(model: &'a Description, known: &Known, log: &'a Log) -> Result<Self, LabError> {
         let schedule = schedule(model)?;
         let late = Numbers { following_lead: known.lag, ..model.numbers };
-        let bandwidth = LateMotor::bandwidth(&late, log.told, log.read);
+        let motor = motor_as_read(&late, log.told, log.read);
         let moved = DVector::zeros(FITTED);
-        Ok(Self { model, schedule, before: *known, log, bandwidth, moved })
+        Ok(Self { model, schedule, before: *known, log, motor, moved })
     }
 
     /// With its numbers moved to where the model goes as the machine went.
@@ -112,12 +112,14 @@ impl<'a> Hindsight<'a> {
             ..self.before
         };
         let mut machine = informed(self.model, &self.schedule, &known);
-        machine.numbers.drive_bandwidth = self.bandwidth;
         machine.choices.friction = FrictionChoice::LuGre;
         if let Some(rest) = self.log.read.first() {
             machine = resting(&machine, rest);
         }
         let n = &mut machine.numbers;
+        n.following_lead = self.motor.following_lead;
+        n.drive_bandwidth = self.motor.drive_bandwidth;
+        n.drive_damping = self.motor.drive_damping;
         n.stiction *= (1.0 + by(6)).max(0.0);
         n.check_cracking = (n.check_cracking + by(7)).max(0.0);
         // by the pressure that they take, in which the piston is near linear

@@ -22,6 +22,7 @@ pub mod learning;
 pub mod log;
 pub mod mat_file;
 pub mod motion_test;
+mod motor_as_read;
 pub mod numerical_damping;
 pub mod open_loop;
 pub mod paper;

@@ -8,7 +8,7 @@ use hydroboom_control::MotorLimits;
 /// n'' = ω² (n_ref − n) − 2ζω n',   |n| ≤ n_max,   |n'| ≤ slew,   |2π J n' + T_load| ≤ T_max
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Drive {
+pub struct Drive {
     /// Undamped angular frequency ω \[rad/s\].
     pub frequency: f64,
     /// Damping ratio ζ.
@@ -26,7 +26,7 @@ const FINEST: f64 = 0.01;
 
 /// What a drive remembers.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct DriveState {
+pub struct DriveState {
     /// Speed n \[rev/s\].
     pub speed: f64,
     /// n' \[rev/s²\].
@@ -47,7 +47,7 @@ impl Drive {
     /// Moves the motor on by `step` \[s\], asked for `wanted` \[rev/s\] against a load torque
     /// \[N·m\] that is positive where it brakes positive speed. Returns its mean speed \[rev/s\]
     /// over the step.
-    pub(crate) fn advance(&self, state: &mut DriveState, wanted: f64, load: f64, step: f64) -> f64 {
+    pub fn advance(&self, state: &mut DriveState, wanted: f64, load: f64, step: f64) -> f64 {
         // first order, but in parts so short that it does not show
         let parts = (self.frequency * step / FINEST).ceil().clamp(1.0, 20.0);
         let mut sum = 0.0;

@@ -25,6 +25,7 @@ mod temperature;
 mod valve;
 
 pub use crane::VirtualCrane;
+pub use drive::{Drive, DriveState};
 pub use effect::Effect;
 pub use fleet::Fleet;
 pub use hydroboom_control::{Command, Reading};
