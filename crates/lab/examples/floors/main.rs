@@ -11,6 +11,7 @@ use hydroboom_lab::LabError;
 use hydroboom_lab::family::{Spread, member};
 use hydroboom_lab::motion_test::{Run, Strategy, run};
 use hydroboom_lab::scenario::{Course, CourseChoice};
+use pull::Knows;
 use rayon::prelude::*;
 use std::error::Error;
 
@@ -38,6 +39,7 @@ impl Case {
 const TWENTIETH: f64 = 1.05;
 /// What is left with such a motor.
 const WITHIN: &str = "so within 1.05";
+const SHOWN_WITHIN: &str = "both";
 const FOLLOWING: &str = "model following";
 const BENCHMARK: &str = "benchmark";
 
@@ -59,10 +61,15 @@ impl From<&Run> for Left {
 fn floors(case: &Case, scenario: &str, most: f64) -> Result<Vec<(&'static str, Left)>, Failure> {
     let speed = case.crane.numbers.motor_speed;
     Ok(match scenario {
-        _ if case.loads_change() => vec![
-            ("at best", pull::left(case, speed)?),
-            (WITHIN, pull::left(case, speed.min(TWENTIETH * most))?),
-        ],
+        _ if case.loads_change() => {
+            let within = speed.min(TWENTIETH * most);
+            vec![
+                ("at best", pull::left(case, speed, Knows::AtOnce)?),
+                (WITHIN, pull::left(case, within, Knows::AtOnce)?),
+                ("once it shows", pull::left(case, speed, Knows::OnceItShows)?),
+                (SHOWN_WITHIN, pull::left(case, within, Knows::OnceItShows)?),
+            ]
+        }
         "saturation" => {
             let [told, untold] = full_speed::left(case)?;
             vec![("at best", told), ("so untold", untold)]
