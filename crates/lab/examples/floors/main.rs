@@ -39,7 +39,8 @@ impl Case {
 const TWENTIETH: f64 = 1.05;
 /// What is left with such a motor.
 const WITHIN: &str = "so within 1.05";
-const SHOWN_WITHIN: &str = "both";
+/// The same once the change shows.
+const SHOWN_WITHIN: &str = "shown, in 1.05";
 const FOLLOWING: &str = "model following";
 const BENCHMARK: &str = "benchmark";
 
