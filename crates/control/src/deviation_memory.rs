@@ -1,7 +1,6 @@
 //! What feedback of a deviation remembers.
 
 use crate::pushed::Pushed;
-use crate::way_back::Sides;
 use hydroboom_math::{Real, record};
 
 record! {
@@ -34,6 +33,9 @@ record! {
         /// How much was left of late of one that was torn off below
         #[unit = "m"]
         pub below: T,
+        /// What is remembered of having been on the way, from 0 to 1: a way back is as wary, unless a load was lost
+        #[unit = "1"]
+        pub on_the_way: T,
         /// By how much what is believed sooner differs from that: piston position
         #[unit = "m"]
         pub sooner_stroke: T,
@@ -82,10 +84,9 @@ impl<T: Real> DeviationMemory<T> {
         (self.push, self.sooner_push) = (self.push * times, self.sooner_push * times);
     }
 
-    /// A piston that is torn off now, or soon, is led back as one that swings, by a share from 0 to 1.
+    /// A piston that is torn off now, or soon, is led back as one that swings, by a share from 0 to 1, unless it is a load that tears it off.
     #[inline(always)]
     pub fn be_wary(&mut self, share: T) {
-        let Sides { above, below } = Sides { above: self.above, below: self.below }.at_least(share);
-        (self.above, self.below) = (above, below);
+        self.on_the_way = self.on_the_way.max(share);
     }
 }

@@ -169,6 +169,8 @@ impl Learner {
         law.doubt = self.now.flow.doubt;
         law.deviation = law.deviation.led_late(self.now.lag.likely());
         law.turns = self.correction();
+        // what a load that is lost asks of the motor hangs on the one that was there
+        law.reserve.beyond = self.schedule.beyond(self.known().weighed);
         law
     }
 

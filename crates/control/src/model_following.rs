@@ -212,15 +212,20 @@ impl<T: Real> ModelFollowing<T> {
         let bending = core::array::from_fn(|k| {
             share.mul_add(other.bending[k] - self.bending[k], self.bending[k])
         });
-        let waits = share.mul_add(other.reserve.share - self.reserve.share, self.reserve.share);
+        let between = |a: T, b: T| share.mul_add(b - a, a);
+        let (own, others) = (self.reserve, other.reserve);
         let mut new = Self {
             bending,
             notches: Self::notches(bending, self.period),
-            reserve: Reserve { share: waits, ..self.reserve },
+            reserve: Reserve {
+                share: between(own.share, others.share),
+                beyond: between(own.beyond, others.beyond),
+                ..own
+            },
             ..*self
         };
         for (station, other) in new.stations.iter_mut().zip(&other.stations) {
-            *station = station.with(other, |a, b| share.mul_add(b - a, a));
+            *station = station.with(other, between);
         }
         new
     }
@@ -409,7 +414,7 @@ pub(crate) mod tests {
             smoothing: lit(0.15),
             lead: lit(5e-3),
             deviation: feedback(),
-            reserve: Reserve { share: lit(0.1), near: lit(4e-3), far: lit(6e-3) },
+            reserve: Reserve { share: lit(0.1), beyond: lit(0.2), near: lit(4e-3), far: lit(6e-3) },
             damping: lit(0.7),
             bandwidth: lit(12.6),
             limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },

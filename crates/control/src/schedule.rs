@@ -17,11 +17,23 @@ pub struct Schedule {
 impl Schedule {
     /// State feedback for a payload \[kg\].
     pub fn at(&self, payload: f64) -> ModelFollowing<f64> {
+        let (k, share) = self.around(payload);
+        self.laws[k].between(&self.laws[k + 1], share)
+    }
+
+    /// What is not withheld of the motor beyond what is fed forward with a payload \[kg\], as a share of its speed.
+    pub(crate) fn beyond(&self, payload: f64) -> f64 {
+        let (k, share) = self.around(payload);
+        let [below, above] = [k, k + 1].map(|k| self.laws[k].reserve.beyond);
+        below + share * (above - below)
+    }
+
+    /// The number of the payload below one \[kg\], and by which share of the way to the next that is above it.
+    fn around(&self, payload: f64) -> (usize, f64) {
         let last = PAYLOADS - 2;
         let k = self.payloads.partition_point(|p| *p <= payload).saturating_sub(1).min(last);
         let [below, above] = [self.payloads[k], self.payloads[k + 1]];
-        let share = ((payload - below) / (above - below)).clamp(0.0, 1.0);
-        self.laws[k].between(&self.laws[k + 1], share)
+        (k, ((payload - below) / (above - below)).clamp(0.0, 1.0))
     }
 
     /// The payload \[kg\] with which the crane rests at a load pressure \[Pa\], piston at `stroke` \[m\].

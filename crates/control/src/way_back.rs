@@ -84,13 +84,6 @@ impl<T: Real> Sides<T> {
         Self { above: (keeps * self.above).max(left), below: (keeps * self.below).max(-left) }
     }
 
-    /// What is remembered of a piston that swings, by a share from 0 to 1.
-    #[inline(always)]
-    pub(crate) fn at_least(&self, swinging: T) -> Self {
-        let off = T::lit(SWINGS) * swinging;
-        Self { above: self.above.max(off), below: self.below.max(off) }
-    }
-
     /// From 0, torn off to one side, to 1, swinging.
     #[inline(always)]
     pub(crate) fn wary(&self) -> T {

@@ -45,11 +45,14 @@ const WARY: Pace<f64> = Pace { by_ring: 0.4, motor_speed: 2.0 / 3.0 };
 /// Of the motor, what waits until a piston is farther off than stiff oil lets a lost load throw it. With less, stiff cranes turn it faster than the benchmark does by
 /// more than a twentieth; with more, all others come back later. What a lost load asks of either grows with its weight, so the share falls with the payload.
 /// This is where it falls from.
-const RESERVE: Reserve<f64> = Reserve { share: 0.152, near: 3.5e-3, far: 5.5e-3 };
+const RESERVE: Reserve<f64> = Reserve { share: 0.152, beyond: 0.0, near: 3.5e-3, far: 5.5e-3 };
 /// With this share of the largest payload nothing waits.
 const NOTHING_WAITS: f64 = 0.96;
 /// And a boom loses no more than it carries: no more waits than so many times what it carries of the largest payload.
 const LOSES: f64 = 1.2;
+/// Beyond what motion takes the benchmark turns at least so much of the motor's speed for a load that is lost, without payload and with the largest: that line, and a
+/// twentieth of all that it turns, are not withheld.
+const BEYOND: [f64; 2] = [0.0265, 0.2323];
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
 
@@ -85,7 +88,9 @@ pub fn schedule(description: &Description) -> Result<Schedule, DesignError> {
 /// What of the motor waits of a crane that carries so much of the largest payload.
 fn reserve(loaded: f64) -> Reserve<f64> {
     let share = RESERVE.share * (1.0 - loaded / NOTHING_WAITS);
-    Reserve { share: share.min(LOSES * loaded).max(0.0), ..RESERVE }
+    let [empty, full] = BEYOND;
+    let beyond = empty + (full - empty) * loaded;
+    Reserve { share: share.min(LOSES * loaded).max(0.0), beyond, ..RESERVE }
 }
 
 /// Conditions under which a crane is described.

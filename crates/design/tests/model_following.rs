@@ -2,7 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Benchmark, Follower, Learned, Learner, Reading, Reference, Seen, Watched};
+use hydroboom_control::{
+    Benchmark, Conditions, Follower, Learned, Learner, Reading, Reference, Seen, Watched,
+};
 use hydroboom_description::Description;
 use hydroboom_design::{
     Lifting, Loop, balances, informed, leakage, look, margins, model_following, oil_spring,
@@ -186,6 +188,18 @@ fn a_pump_that_is_found_to_deliver_more_gives_no_bump() {
     });
     let last = corrected.last().unwrap();
     assert!((last * 1.03 / simulated - 1.0).abs() < 1e-3, "{last}");
+}
+
+/// What a load that is lost asks of the motor hangs on the one that was there, whatever is believed of what is left; and the heavier that was, the more.
+#[test]
+fn what_waits_of_the_motor_goes_by_the_load_that_was_weighed() {
+    let (follower, mut learned, ..) = in_motion();
+    let learner = *follower.learner();
+    let known = learner.known().conditions();
+    let beyond = |payload: f64| learner.law_under(&Conditions { payload, ..known }).reserve.beyond;
+    assert_eq!(beyond(0.3 * known.payload), beyond(known.payload));
+    learned.weighed *= 0.5;
+    assert!(learner.with(learned).law().reserve.beyond < 0.8 * beyond(known.payload));
 }
 
 /// A machine that is known to carry more than the simulated crane has taken on yet takes another motor speed for the same motion, but only while that
