@@ -11,7 +11,7 @@ use hydroboom_lab::LabError;
 use hydroboom_lab::family::{Spread, member};
 use hydroboom_lab::motion_test::{Run, Strategy, run};
 use hydroboom_lab::scenario::{Course, CourseChoice};
-use pull::Knows;
+use pull::{Home, Knows};
 use rayon::prelude::*;
 use std::error::Error;
 
@@ -41,6 +41,8 @@ const TWENTIETH: f64 = 1.05;
 const WITHIN: &str = "so within 1.05";
 /// The same once the change shows.
 const SHOWN_WITHIN: &str = "shown, in 1.05";
+/// And braked by that motor, too.
+const BRAKED: &str = "and braked";
 const FOLLOWING: &str = "model following";
 const BENCHMARK: &str = "benchmark";
 
@@ -65,10 +67,11 @@ fn floors(case: &Case, scenario: &str, most: f64) -> Result<Vec<(&'static str, L
         _ if case.loads_change() => {
             let within = speed.min(TWENTIETH * most);
             vec![
-                ("at best", pull::left(case, speed, Knows::AtOnce)?),
-                (WITHIN, pull::left(case, within, Knows::AtOnce)?),
-                ("once it shows", pull::left(case, speed, Knows::OnceItShows)?),
-                (SHOWN_WITHIN, pull::left(case, within, Knows::OnceItShows)?),
+                ("at best", pull::left(case, speed, Knows::AtOnce, Home::Stopped)?),
+                (WITHIN, pull::left(case, within, Knows::AtOnce, Home::Stopped)?),
+                ("once it shows", pull::left(case, speed, Knows::OnceItShows, Home::Stopped)?),
+                (SHOWN_WITHIN, pull::left(case, within, Knows::OnceItShows, Home::Stopped)?),
+                (BRAKED, pull::left(case, within, Knows::OnceItShows, Home::Braked)?),
             ]
         }
         "saturation" => {

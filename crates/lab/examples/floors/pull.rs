@@ -4,11 +4,12 @@
 //! way before a full swing is over, however the oil stiffens; so more of it leaves less of the pull until the piston is home.
 //!
 //! Or told so not before the change shows: in what is read of the piston or of the load pressure, beside the same crane without the change, by more than noise
-//! makes of them.
+//! makes of them. Or told so, and in time all its speed the other way, so that the piston is at rest when it is home.
 
 use super::{Case, Failure, Left};
+use hydroboom_control::Reference;
 use hydroboom_description::Description;
-use hydroboom_virtual_crane::VirtualCrane;
+use hydroboom_virtual_crane::{Command, VirtualCrane};
 
 /// A piston that was never pulled so far is home \[m\].
 const PULLED: f64 = 1e-3;
@@ -26,6 +27,15 @@ pub enum Knows {
     OnceItShows,
 }
 
+/// How a piston is when it is home.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Home {
+    /// At rest from then on, however fast it came.
+    Stopped,
+    /// At rest by its motor.
+    Braked,
+}
+
 /// Whether what is read of a crane is another than of its twin by more than noise, which is the same for both.
 fn shows(crane: &Description, machine: &VirtualCrane, twin: &VirtualCrane) -> bool {
     let n = &crane.numbers;
@@ -37,59 +47,130 @@ fn shows(crane: &Description, machine: &VirtualCrane, twin: &VirtualCrane) -> bo
         || (here.load_pressure - there.load_pressure).abs() > SHOWS * load_pressure
 }
 
-/// Sum of squares \[m²\] over the samples in which the piston is pulled off by the change of the given number, and how far it is \[m\]; led until then as in
-/// the run, and from then on with a motor that turns so fast \[rev/s\].
-fn pull(case: &Case, number: usize, motor_speed: f64, knows: Knows) -> Result<[f64; 2], Failure> {
-    let Case { crane, course, following, .. } = case;
-    let change = course.loads()[number];
-    let mut machine = VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?;
-    let mut loads = course.loads()[..=number].iter().peekable();
-    let mut mass = crane.numbers.payload;
-    let mut against = 0.0;
-    let [mut square, mut farthest, mut begins] = [0.0; 3];
-    // goes on without the change
-    let mut twin = None;
-    for sample in &following.samples {
-        let error = sample.reference.position - machine.truth().outputs.stroke;
-        while let Some(load) = loads.next_if(|load| load.time <= sample.time) {
-            against = if load.mass > mass { 1.0 } else { -1.0 };
-            mass = load.mass;
-            twin =
-                (load.time == change.time && knows == Knows::OnceItShows).then(|| machine.clone());
-            machine.set_payload(mass)?;
-            (begins, farthest) = (error, 0.0);
+/// A crane whose load has changed, and what it is told in each period from then on.
+struct Pull {
+    machine: VirtualCrane,
+    periods: Vec<(Reference<f64>, Command<f64>)>,
+    /// Where the piston was off before \[m\].
+    begins: f64,
+    /// Motor speed against the pull \[rev/s\].
+    against: f64,
+    /// So many periods after the change it is known.
+    known: usize,
+}
+
+/// How a pull ended.
+#[derive(Clone, Copy)]
+struct Pulled {
+    /// Sum of squares \[m²\] over the samples in which the piston was pulled off.
+    square: f64,
+    /// How far it was \[m\].
+    farthest: f64,
+    /// Whether it was home before it was at rest again.
+    home: bool,
+}
+
+impl Pull {
+    /// By the change of the given number, of a crane led until then as in the run, and then with a motor that turns so fast \[rev/s\].
+    fn by(case: &Case, number: usize, motor_speed: f64, knows: Knows) -> Result<Self, Failure> {
+        let Case { crane, course, following, .. } = case;
+        let change = &course.loads()[number];
+        let mut machine = VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?;
+        let mut loads = course.loads()[..number].iter().peekable();
+        let mut mass = crane.numbers.payload;
+        let mut samples = following.samples.iter();
+        for sample in samples.by_ref().take_while(|sample| sample.time < change.time) {
+            while let Some(load) = loads.next_if(|load| load.time <= sample.time) {
+                mass = load.mass;
+                machine.set_payload(mass)?;
+            }
+            machine.advance(&sample.command)?;
         }
-        let mut command = sample.command;
-        if sample.time >= change.time {
-            match &mut twin {
-                Some(unchanged) if !shows(crane, &machine, unchanged) => {
-                    unchanged.advance(&command)?;
+        let begun = following.samples.partition_point(|sample| sample.time < change.time);
+        let after = &following.samples[begun..];
+        let until = after.partition_point(|sample| sample.time <= change.time + LONGEST);
+        let periods: Vec<_> =
+            after[..until].iter().map(|sample| (sample.reference, sample.command)).collect();
+        let first = periods.first().ok_or("the course ends where its load changes")?;
+        let begins = first.0.position - machine.truth().outputs.stroke;
+        let mut twin = machine.clone();
+        machine.set_payload(change.mass)?;
+        let known = match knows {
+            Knows::AtOnce => 0,
+            Knows::OnceItShows => {
+                let mut untold = machine.clone();
+                let mut known = 0;
+                for (_, command) in &periods {
+                    if shows(crane, &untold, &twin) {
+                        break;
+                    }
+                    untold.advance(command)?;
+                    twin.advance(command)?;
+                    known += 1;
                 }
-                _ => {
-                    twin = None;
-                    command.motor_speed = against * motor_speed;
-                }
+                known
             }
-            let pulled: f64 = against * (error - begins);
-            let home = farthest > PULLED && pulled <= 0.0;
-            if home || sample.time > change.time + LONGEST {
-                break;
+        };
+        let against = if change.mass > mass { motor_speed } else { -motor_speed };
+        Ok(Self { machine, periods, begins, against, known })
+    }
+
+    /// With all of the motor against it, and the other way from the given period on, until the piston is home or at rest on its way there.
+    fn braked_from(&self, period: usize) -> Result<Pulled, Failure> {
+        let mut machine = self.machine.clone();
+        let (mut square, mut farthest) = (0.0, 0.0_f64);
+        let mut before = 0.0;
+        for (k, (reference, command)) in self.periods.iter().enumerate() {
+            let error = reference.position - machine.truth().outputs.stroke;
+            let pulled = self.against.signum() * (error - self.begins);
+            let was_pulled = farthest > PULLED;
+            if was_pulled && pulled <= 0.0 {
+                return Ok(Pulled { square, farthest, home: true });
             }
+            if was_pulled && k > period && pulled < farthest && pulled >= before {
+                return Ok(Pulled { square, farthest, home: false });
+            }
+            before = pulled;
             farthest = farthest.max(pulled);
             square += pulled.max(0.0).powi(2);
+            let mut command = *command;
+            if k >= self.known {
+                command.motor_speed = if k < period { self.against } else { -self.against };
+            }
+            machine.advance(&command)?;
         }
-        machine.advance(&command)?;
+        Ok(Pulled { square, farthest, home: farthest <= PULLED })
     }
-    Ok([square, farthest])
+
+    /// Braked as late as it may be, or not at all.
+    fn ends(&self, home: Home) -> Result<Pulled, Failure> {
+        let unbraked = self.braked_from(usize::MAX)?;
+        if home == Home::Stopped || unbraked.farthest <= PULLED {
+            return Ok(unbraked);
+        }
+        // the earliest that does not leave it at rest before it is home: it passes by less than it moves in a period
+        let (mut short, mut passes) = (self.known, self.periods.len());
+        let mut ends = unbraked;
+        while short + 1 < passes {
+            let middle = short.midpoint(passes);
+            let braked = self.braked_from(middle)?;
+            if braked.home {
+                (passes, ends) = (middle, braked);
+            } else {
+                short = middle;
+            }
+        }
+        Ok(ends)
+    }
 }
 
 /// What the changes of a course leave at best, with a motor that turns no faster than this \[rev/s\].
-pub fn left(case: &Case, motor_speed: f64, knows: Knows) -> Result<Left, Failure> {
+pub fn left(case: &Case, motor_speed: f64, knows: Knows, home: Home) -> Result<Left, Failure> {
     let [mut square, mut farthest] = [0.0, 0.0_f64];
     for number in 0..case.course.loads().len() {
-        let [more, far] = pull(case, number, motor_speed, knows)?;
-        square += more;
-        farthest = farthest.max(far);
+        let pulled = Pull::by(case, number, motor_speed, knows)?.ends(home)?;
+        square += pulled.square;
+        farthest = farthest.max(pulled.farthest);
     }
     let rms = (square / case.following.samples.len() as f64).sqrt();
     Ok(Left { rms, farthest })
