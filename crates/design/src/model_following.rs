@@ -50,8 +50,8 @@ const RESERVE: Reserve<f64> = Reserve { share: 0.152, beyond: 0.0, near: 3.5e-3,
 const NOTHING_WAITS: f64 = 0.96;
 /// And a boom loses no more than it carries: no more waits than so many times what it carries of the largest payload.
 const LOSES: f64 = 1.2;
-/// Beyond what motion takes the benchmark turns at least so much of the motor's speed for a load that is lost, without payload and with the largest: that line, and a
-/// twentieth of all that it turns, are not withheld.
+/// Beyond what is fed forward so much of the motor's speed is not withheld, without payload and with the largest: what the benchmark turns at least for a load that is
+/// lost, and a twentieth of all that it turns, is no less on any of 200 cranes.
 const BEYOND: [f64; 2] = [0.0265, 0.2323];
 /// Time constant in which the share of state feedback is smoothed \[s\]: bending above that which notches keep out.
 const SMOOTHING: f64 = 0.003;
