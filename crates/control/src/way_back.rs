@@ -8,7 +8,8 @@
 //! Oil that gives stores what the motor delivers, and swings: braked as soon as it is faster than its way, the piston takes several swings home.
 //! So nothing is braked that would not come home by the swing it is in. Where that was wrong the piston is torn off to the other side, and
 //! there again: then the way back is wary for a while, slow and braked at once. So it is in motion, and while a reference that was out of reach is
-//! caught up with: there it is soft oil that swings machine and simulated crane apart, each in its own time.
+//! caught up with: there it is soft oil that swings machine and simulated crane apart, each in its own time. Not so for what only a
+//! load can hold: one that was lost or picked up on the way is led back as one at rest is.
 
 use hydroboom_math::Real;
 
