@@ -5,9 +5,9 @@
 //! moved anything far. What was torn far off all the same is led back.
 
 use crate::deviation_memory::DeviationMemory;
-use crate::sooner::SoonerDesign;
+use crate::sooner::{Heard, SoonerDesign};
 use crate::way_back::{REMEMBERED, Sides, Torn, WayBack, WayBackDesign};
-use crate::{Measured, OilSpring, Reckoned, StrokeByPressure};
+use crate::{Measured, Reckoned, StrokeByPressure};
 use hydroboom_math::{Real, record};
 
 record! {
@@ -69,7 +69,9 @@ pub struct DeviationDesign<T> {
     pub lag: T,
     /// How a position is read from the load pressure, too.
     pub by_pressure: StrokeByPressure<T>,
-    /// How much faster than on its oil alone the crane is to ring.
+    /// Of what the boom gives, feedback reckons with such a share.
+    pub bends: T,
+    /// How much faster than on its oil and its boom alone the crane is to ring.
     pub quicker: T,
     /// Damping ratio that its ringing is to have.
     pub damping: T,
@@ -90,9 +92,10 @@ pub struct DeviationDesign<T> {
 
 /// Observer of a deviation, and feedback of it.
 ///
-/// `v' = a_v v + a_p p + d`, `p' = c_v v + b n + r`, d and r constant where nobody knows better. Three poles of position, velocity and d, and
-/// one each of pressure and r, are where they are wished, of the integrators alone. Feedback
-/// `n = −r/b − k_x (x − z) − k_v (v − z') − k_p (p + d/a_p) − (c_v/b) z'`, z being the way back of a piston that was torn far off, else 0.
+/// The load is at y = x − γ p, for the boom gives by γ: `y' = v`, `v' = a_v v + a_p p + d`, `p' = c_v v + b n + r`, c_v and b of oil and boom in series, d and r
+/// constant where nobody knows better. Three poles of position, velocity and d, and one each of pressure and r, are where they are wished, of the
+/// integrators alone. What holds d is p = −d/a_p, and the piston is home with the load at γ d/a_p. Feedback
+/// `n = −r/b − k_x (y − γ d/a_p − z) − k_v (v − z') − k_p (p + d/a_p) − (c_v/b) z'`, z being the way back of a piston that was torn far off, else 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviationFeedback<T> {
     pub(crate) design: DeviationDesign<T>,
@@ -123,12 +126,12 @@ impl<T: Real> DeviationFeedback<T> {
     }
 
     /// Memory to start with at rest: friction holds what the load pressures differ by. The motor speed is the machine's own.
-    pub fn start(&self, spring: &OilSpring<T>, off: &Watched<T>) -> DeviationMemory<T> {
+    pub fn start(&self, with: &Reckoned<T>, off: &Watched<T>) -> DeviationMemory<T> {
         DeviationMemory {
-            stroke: off.stroke,
+            stroke: off.stroke - with.give * off.load_pressure,
             load_pressure: off.load_pressure,
-            push: -spring.acceleration_by_pressure * off.load_pressure,
-            pumped: off.load_pressure - spring.pressure_by_velocity * off.stroke,
+            push: -with.spring.acceleration_by_pressure * off.load_pressure,
+            pumped: off.load_pressure - with.pressure_by_travel * off.stroke,
             expected_speed: off.motor_speed,
             ..DeviationMemory::from_array([T::zero(); DeviationMemory::NAMES.len()])
         }
@@ -150,24 +153,29 @@ impl<T: Real> DeviationFeedback<T> {
         let period = self.period;
         let most = self.most_on(with, travels);
         let way = self.way_back(with, &now, most);
-        let speed = feedforward + self.answer(with, &now, &way, self.authority(most, feedforward));
+        let heard = self.sooner(with, &now, &way);
+        let most = self.authority(most, feedforward);
+        let speed = feedforward + self.answer(with, &now, &way, heard.asks, most);
         let [pushed, sooner] = now.pushed();
         let later = [
             pushed.later(a_v, a_p * now.load_pressure, period),
             sooner.later(a_v, T::zero(), period),
         ];
         let beyond = off.motor_speed - now.expected_speed;
+        // a piston that is held takes all of what is pumped, for then no boom gives
+        let by_oil = with.pressure_by_travel / c_v;
         let Sides { above, below } =
             Sides { above: now.above, below: now.below }.later(way.left, self.keeps[2]);
         *memory = DeviationMemory {
             load_pressure: now.load_pressure
                 + period * (c_v * now.velocity + b * beyond + now.rate),
-            pumped: now.pumped + period * (b * beyond + now.rate),
+            pumped: now.pumped + period * by_oil * (b * beyond + now.rate),
             expected_speed: feedforward + self.keeps[1] * (now.expected_speed - feedforward),
             way_back: way.left + period * way.velocity,
             above,
             below,
             on_the_way: self.keeps[2] * now.on_the_way,
+            of_late: self.design.sooner.of_late(now.of_late, heard.beyond_doubt, period),
             ..now.with_pushed(later)
         };
         speed
@@ -181,16 +189,17 @@ impl<T: Real> DeviationFeedback<T> {
         with: &Reckoned<T>,
         off: &Watched<T>,
     ) -> DeviationMemory<T> {
-        let Reckoned { spring, keeps: [push, soon, rate], by_pressure, scatter, .. } = *with;
+        let Reckoned { keeps: [push, soon, rate], by_pressure, scatter, give, .. } = *with;
         let (one, period) = (T::one(), self.period);
         let [pressure, ..] = self.keeps;
         let [stroke, pumped] = self.design.by_pressure.read(
             [off.stroke, off.load_pressure],
             memory.pumped,
             by_pressure,
-            spring.pressure_by_velocity,
+            with.pressure_by_travel,
         );
-        let (error, risen) = (stroke - memory.stroke, off.load_pressure - memory.load_pressure);
+        let error = stroke - give * off.load_pressure - memory.stroke;
+        let risen = off.load_pressure - memory.load_pressure;
         let [before, more] = memory.pushed();
         let now = before.seen(error, push, period);
         let beyond = error - more.stroke;
@@ -212,7 +221,7 @@ impl<T: Real> DeviationFeedback<T> {
         let wary = self.wary(with, now);
         let answers = most + wary * (self.design.authority - most);
         let torn = Torn {
-            stroke: now.stroke,
+            stroke: with.piston(now),
             velocity: now.velocity,
             ring: *ring,
             reach: T::lit(POSITION) * answers / gains.position,
@@ -236,14 +245,17 @@ impl<T: Real> DeviationFeedback<T> {
     /// What is asked for by what is believed sooner beyond that \[rev/s\]. A piston that was torn far off is led back: what is sooner there only
     /// pushes where its swing is going anyway.
     #[inline(always)]
-    fn sooner(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>) -> T {
-        let Reckoned { spring, gains, .. } = with;
+    fn sooner(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>) -> Heard<T> {
+        let Reckoned { spring, gains, speed_by_scatter, .. } = with;
         let [_, more] = now.pushed();
         let held = more.push / spring.acceleration_by_pressure;
-        let asks =
-            gains.position * more.stroke + gains.velocity * more.velocity + gains.pressure * held;
+        let asks = gains.position * with.settles(&more)
+            + gains.velocity * more.velocity
+            + gains.pressure * held;
         let near = T::one() - (way.left.abs() / T::lit(FAR)).min(T::one());
-        near * self.design.sooner.heard(asks, with.speed_by_scatter, now.scatter.max(with.scatter))
+        let scatter = now.scatter.max(with.scatter);
+        let heard = self.design.sooner.heard(asks, *speed_by_scatter, scatter, now.of_late);
+        Heard { asks: near * heard.asks, ..heard }
     }
 
     /// What feedback may ask for \[rev/s\] where the motor has it: as much as travel takes anyway, on oil that is certainly softer than the softest, the more the
@@ -266,16 +278,24 @@ impl<T: Real> DeviationFeedback<T> {
         most.min(left.max(T::lit(AT_LEAST) * authority))
     }
 
-    /// What feedback asks for \[rev/s\], and at `most`. It may take back all that the way back takes, for what comes back faster has to be braked in
+    /// What feedback asks for \[rev/s\], so much of it for what is believed sooner, and at `most`. It may take back all that the way back takes, for what comes back faster has to be braked in
     /// time.
     #[inline(always)]
-    fn answer(&self, with: &Reckoned<T>, now: &DeviationMemory<T>, way: &WayBack<T>, most: T) -> T {
+    fn answer(
+        &self,
+        with: &Reckoned<T>,
+        now: &DeviationMemory<T>,
+        way: &WayBack<T>,
+        sooner: T,
+        most: T,
+    ) -> T {
         let Reckoned { spring, gains, .. } = with;
         let unheld = now.load_pressure + now.push / spring.acceleration_by_pressure;
-        let position = gains.position * (now.stroke - way.left);
+        let [pushed, _] = now.pushed();
+        let position = gains.position * (with.settles(&pushed) - way.left);
         let damping = gains.velocity * (now.velocity - way.velocity) + gains.pressure * unheld;
         let settled = way.motor_speed - position - now.rate / spring.pressure_by_speed - damping;
-        let whole = settled - self.sooner(with, now, way);
+        let whole = settled - sooner;
         let zero = T::zero();
         let braked = way.motor_speed - whole;
         let braked = T::select(way.left.lt(zero), braked.max(zero), braked.min(zero));
@@ -287,7 +307,7 @@ impl<T: Real> DeviationFeedback<T> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::{MayBe, OilSpring, Pace, Rest, Station};
+    use crate::{Boom, MayBe, OilSpring, Pace, Rest, Station};
     use hydroboom_math::Lanes;
 
     const PERIOD: f64 = 1e-3;
@@ -296,7 +316,7 @@ pub(crate) mod tests {
         let lit = T::lit;
         let design = DeviationDesign {
             push: lit(130.0),
-            sooner: SoonerDesign { times: lit(2.5), heard_from: lit(4.0) },
+            sooner: SoonerDesign { times: lit(2.5), heard_from: lit(4.0), begun: lit(0.5) },
             rate: lit(0.3),
             pressure: lit(500.0),
             drive: lit(5e-3),
@@ -306,6 +326,7 @@ pub(crate) mod tests {
                 pressure_scatter: lit(1e4),
                 keeps: lit(0.99),
             },
+            bends: lit(0.5),
             quicker: lit(1.2),
             damping: lit(0.5),
             share: lit(0.8),
@@ -326,6 +347,7 @@ pub(crate) mod tests {
         Station {
             rest: Rest::from_array([65e5, -1e6, 0.11].map(T::lit)),
             stiff: OilSpring::from_array([0.0, -0.2, 2e-7, 0.0, -1.1e9, 0.0, 3.2e6].map(T::lit)),
+            boom: Boom::from_array([2.4e-7, 2e-10].map(T::lit)),
         }
     }
 
@@ -336,7 +358,9 @@ pub(crate) mod tests {
         now: &DeviationMemory<f64>,
     ) -> f64 {
         let most = law.design.authority;
-        law.answer(with, now, &law.way_back(with, now, most), law.authority(most, 0.0))
+        let way = law.way_back(with, now, most);
+        let sooner = law.sooner(with, now, &way).asks;
+        law.answer(with, now, &way, sooner, law.authority(most, 0.0))
     }
 
     #[test]
@@ -346,10 +370,11 @@ pub(crate) mod tests {
         let (push, rate) = (0.05, 2e6);
         // stroke, velocity, load pressure
         let mut crane = [1e-3, 0.0, 0.0];
-        let mut memory = law.start(&with.spring, &Watched::default());
+        let mut memory = law.start(&with, &Watched::default());
         let mut speed = 0.0;
         for _ in 0..10_000 {
-            let [stroke, _, load_pressure] = crane;
+            let [load, _, load_pressure] = crane;
+            let stroke = load + with.give * load_pressure;
             let off = Watched { stroke, load_pressure, motor_speed: speed };
             speed = law.update(&mut memory, &with, &off, 0.0, 0.0);
             // ten steps of a period, so that the crane is not the observer's own sum
@@ -361,10 +386,50 @@ pub(crate) mod tests {
                 }
             }
         }
-        assert!(crane[0].abs() < 1e-6 && crane[1].abs() < 1e-6, "{crane:?}");
+        let piston = crane[0] + with.give * crane[2];
+        assert!(piston.abs() < 1e-6 && crane[1].abs() < 1e-6, "{crane:?}");
         assert!((memory.push / push - 1.0).abs() < 1e-3, "{memory:?}");
         assert!((memory.rate / rate - 1.0).abs() < 1e-3, "{memory:?}");
         assert!((speed + rate / b).abs() < 1e-3 && (crane[2] + push / a_p).abs() < 1.0);
+    }
+
+    /// The motor bends the boom, and so moves the piston before its load. Who takes the boom to be rigid takes that for a push, though nothing pushes.
+    #[test]
+    fn what_the_motor_bends_of_the_boom_is_no_push() {
+        let law = |bends: f64| {
+            let law = feedback::<f64>();
+            DeviationFeedback { design: DeviationDesign { bends, ..law.design }, ..law }
+        };
+        let is = law(1.0).reckons(&station(), &MayBe::known(1.0));
+        let [_, a_v, a_p, _, c_v, _, b] = is.spring.to_array();
+        // what load pressure is thought to hold a push, at most, while the motor turns up to 10 rev/s and back
+        let believed = |bends: f64| {
+            let law = law(bends);
+            let with = law.reckons(&station(), &MayBe::known(1.0));
+            let mut load = [0.0; 3];
+            let mut memory = law.start(&with, &Watched::default());
+            let mut most = 0.0_f64;
+            for k in 0..60 {
+                let motor_speed = 10.0 - f64::from(k - 20).abs().min(20.0) * 0.5;
+                let [y, _, load_pressure] = load;
+                let off =
+                    Watched { stroke: y + is.give * load_pressure, load_pressure, motor_speed };
+                law.update(&mut memory, &with, &off, 0.0, 0.0);
+                let push = memory.push + memory.sooner_push;
+                most = most.max((push / with.spring.acceleration_by_pressure).abs());
+                for _ in 0..10 {
+                    let [_, v, p] = load;
+                    let slopes = [v, a_v * v + a_p * p, c_v * v + b * motor_speed];
+                    for (state, slope) in load.iter_mut().zip(slopes) {
+                        *state += 0.1 * PERIOD * slope;
+                    }
+                }
+            }
+            most
+        };
+        let [rigid, half, whole] = [0.0, 0.5, 1.0].map(believed);
+        assert!(rigid > 2e5, "{rigid}");
+        assert!(whole < 0.1 * rigid && (whole..rigid).contains(&half), "{rigid} {half} {whole}");
     }
 
     /// Torn off by 0.15 m, it is nearer after a second and a half than by half of what the most that position may ask for would leave, and passes by
@@ -374,7 +439,7 @@ pub(crate) mod tests {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
         let [_, a_v, a_p, _, c_v, _, b] = with.spring.to_array();
         let mut crane = [-0.15, 0.0, 0.0];
-        let mut memory = law.start(&with.spring, &Watched { stroke: -0.15, ..Watched::default() });
+        let mut memory = law.start(&with, &Watched { stroke: -0.15, ..Watched::default() });
         let mut passed = 0.0_f64;
         let mut after = [0.0; 2];
         for k in 0..3000 {
@@ -437,7 +502,7 @@ pub(crate) mod tests {
         let slow =
             DeviationFeedback { design: DeviationDesign { sooner: deaf, ..law.design }, ..law };
         let after = |law: &DeviationFeedback<f64>, push: f64, periods: i32| {
-            let mut memory = law.start(&with.spring, &Watched::default());
+            let mut memory = law.start(&with, &Watched::default());
             let mut speed = 0.0;
             for k in 0..periods {
                 let time = PERIOD * f64::from(k);
@@ -472,7 +537,7 @@ pub(crate) mod tests {
     fn a_pressure_that_friction_holds_asks_for_nothing() {
         let (law, with) = (feedback::<f64>(), feedback().reckons(&station(), &MayBe::known(1.0)));
         let off = Watched { stroke: 0.0, load_pressure: 4e5, motor_speed: 0.3 };
-        let mut memory = law.start(&with.spring, &off);
+        let mut memory = law.start(&with, &off);
         for _ in 0..100 {
             let speed = law.update(&mut memory, &with, &off, 0.3, 0.0);
             assert!((speed - 0.3).abs() < 1e-9, "{speed}");

@@ -1,15 +1,16 @@
 //! What feedback of a deviation remembers.
 
+use crate::Boom;
 use crate::pushed::Pushed;
 use hydroboom_math::{Real, record};
 
 record! {
     /// By how much the machine is believed to differ at the coming sample.
     pub struct DeviationMemory<T> {
-        /// Piston position
+        /// Position of the load, in the piston's travel
         #[unit = "m"]
         pub stroke: T,
-        /// Piston velocity
+        /// Its velocity
         #[unit = "m/s"]
         pub velocity: T,
         /// Load pressure
@@ -36,15 +37,18 @@ record! {
         /// What is remembered of having been on the way, from 0 to 1: a way back is as wary, unless a load was lost
         #[unit = "1"]
         pub on_the_way: T,
-        /// By how much what is believed sooner differs from that: piston position
+        /// By how much what is believed sooner differs from that: position
         #[unit = "m"]
         pub sooner_stroke: T,
-        /// Piston velocity
+        /// Velocity
         #[unit = "m/s"]
         pub sooner_velocity: T,
         /// Push
         #[unit = "m/s²"]
         pub sooner_push: T,
+        /// Share of the time in which that was beyond doubt of late
+        #[unit = "1"]
+        pub of_late: T,
         /// Mean square of what the position is read to be beyond what is believed sooner
         #[unit = "m²"]
         pub scatter: T,
@@ -79,9 +83,11 @@ impl<T: Real> DeviationMemory<T> {
         }
     }
 
-    /// What pushes it pushes a mass that is so many times as light.
-    pub(crate) fn lighter(&mut self, times: T) {
-        (self.push, self.sooner_push) = (self.push * times, self.sooner_push * times);
+    /// What is on one boom is thought to be on another: as much load pressure holds what pushes, and the piston is where it was.
+    pub(crate) fn hangs_on(&mut self, boom: &Boom<T>, before: &Boom<T>) {
+        let lighter = boom.acceleration_by_pressure / before.acceleration_by_pressure;
+        (self.push, self.sooner_push) = (self.push * lighter, self.sooner_push * lighter);
+        self.stroke = self.stroke + (before.give - boom.give) * self.load_pressure;
     }
 
     /// A piston that is torn off now, or soon, is led back as one that swings, by a share from 0 to 1, unless it is a load that tears it off.

@@ -3,7 +3,7 @@
 use crate::carried_load::CarriedLoad;
 use crate::out_of_reach::AT_REST;
 use crate::{
-    Balances, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Led, Measured,
+    Balances, Boom, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Led, Measured,
     ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
 };
 
@@ -143,12 +143,12 @@ impl Follower {
         let weighed = self.learner.weighs(rests, measured.load_pressure, simulated);
         let carries_other = self.carries_other(simulated);
         if weighed || balanced || carries_other {
-            let before = lightness(&self.law, simulated);
+            let before = boom(&self.law, simulated);
             let conditions =
                 Conditions { payload: self.carried.believed, ..self.known().conditions() };
             self.law = self.learner.law_under(&conditions);
             // what a load pressure holds does not change by what moves with it
-            self.feedback.lighter(lightness(&self.law, simulated) / before);
+            self.feedback.hangs_on(&boom(&self.law, simulated), &before);
             self.correction[0] = self.learner.correction();
         }
     }
@@ -163,7 +163,8 @@ impl Follower {
         }
         let schedule = self.learner.schedule();
         let per_pressure = schedule.per_pressure(simulated.stroke);
-        let beyond = -self.feedback.push / lightness(&self.law, simulated);
+        let boom = boom(&self.law, simulated);
+        let beyond = -self.feedback.push / boom.acceleration_by_pressure;
         let seems = self.simulated.0.payload + per_pressure * beyond;
         let weighed = self.learner.known().weighed;
         let (heaviest, period) = (schedule.heaviest(), self.law.period);
@@ -237,7 +238,9 @@ impl Follower {
             let apart = law.period * (own_rate(rate, gained) - rate);
             self.feedback.load_pressure += apart;
             self.feedback.pumped += apart;
-            self.feedback.push -= own.stiff.acceleration_by_pressure * apart;
+            let boom = law.deviation.boom(&own);
+            self.feedback.push -= boom.acceleration_by_pressure * apart;
+            self.feedback.stroke -= boom.give * apart;
         }
     }
 
@@ -273,7 +276,7 @@ impl Follower {
     }
 }
 
-/// Acceleration by load pressure \[m/(s² Pa)\] where the simulated crane is.
-fn lightness(law: &ModelFollowing<f64>, simulated: &Seen<f64>) -> f64 {
-    law.station(simulated.stroke).stiff.acceleration_by_pressure
+/// The boom where the simulated crane is, as feedback reckons with it.
+fn boom(law: &ModelFollowing<f64>, simulated: &Seen<f64>) -> Boom<f64> {
+    law.deviation.boom(&law.station(simulated.stroke))
 }

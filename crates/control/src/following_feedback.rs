@@ -15,7 +15,7 @@ impl<T: Real> ModelFollowing<T> {
     /// Begins feedback from the machine where it and the simulated crane are, both at rest.
     pub fn begin(&self, machine: &Watched<T>, seen: &Seen<T>) -> DeviationMemory<T> {
         let with = self.reckons(seen, machine.load_pressure);
-        self.deviation.start(&with.spring, &self.off(machine, seen))
+        self.deviation.start(&with, &self.off(machine, seen))
     }
 
     /// Motor speed \[rev/s\] of the machine for the coming period, the simulated crane's being the feedforward \[rev/s\], and where both are led. On the
@@ -50,7 +50,8 @@ impl<T: Real> ModelFollowing<T> {
         let with = self.reckons(seen, machine.load_pressure);
         let off = self.off(machine, seen);
         let wanted = self.deviation.update(memory, &with, &off, feedforward, travels);
-        let most = self.reserve.most(self.limits.speed, feedforward, memory.stroke, with.stiff);
+        let off = with.piston(memory);
+        let most = self.reserve.most(self.limits.speed, feedforward, off, with.stiff);
         wanted.clamp(-most, most)
     }
 

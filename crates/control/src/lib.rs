@@ -8,6 +8,7 @@
 mod attainable;
 mod belief;
 mod benchmark;
+mod boom;
 mod carried_load;
 mod command_lag;
 mod deviation;
@@ -43,6 +44,7 @@ mod watch;
 mod way_back;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
+pub use boom::Boom;
 pub use command_lag::{BelievedLag, CommandLag, CommandLagMemory};
 pub use deviation::{DeviationDesign, DeviationFeedback, Watched};
 pub use deviation_memory::DeviationMemory;

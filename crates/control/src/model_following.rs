@@ -380,8 +380,8 @@ impl<T: Real> ModelFollowing<T> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::Rest;
     use crate::deviation::tests::feedback;
+    use crate::{Boom, Rest};
     use hydroboom_math::Lanes;
 
     fn oil<T: Real>() -> OilStiffness<T> {
@@ -399,6 +399,7 @@ pub(crate) mod tests {
         let station = Station {
             rest: Rest::from_array([65e5, -1e6, 0.11].map(T::lit)),
             stiff: OilSpring::from_array([-0.3, -0.2, 2e-7, 0.0, -1.1e9, 0.0, 3.2e6].map(T::lit)),
+            boom: Boom::from_array([2.4e-7, 2e-10].map(T::lit)),
         };
         ModelFollowing {
             stations: [station; STATIONS],

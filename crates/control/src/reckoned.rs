@@ -2,8 +2,9 @@
 //! that may be softer, or stiffer, than it is thought to be.
 
 use crate::deviation::{DeviationDesign, DeviationFeedback};
-use crate::pushed::scatters;
-use crate::{Gains, OilSpring, Station};
+use crate::deviation_memory::DeviationMemory;
+use crate::pushed::{Pushed, scatters};
+use crate::{Boom, Gains, OilSpring, Station};
 use hydroboom_math::Real;
 
 /// How stiff the oil may be at a station, as shares of stiff oil's bulk modulus.
@@ -27,8 +28,12 @@ impl<T: Copy> MayBe<T> {
 /// What feedback reckons with at a piston position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reckoned<T> {
-    /// The oil spring.
+    /// Oil and boom: what the load rings on.
     pub spring: OilSpring<T>,
+    /// How much farther out the piston is than the load for each load pressure \[m/Pa\].
+    pub give: T,
+    /// What the piston's travel makes of the load pressure by the oil alone \[Pa/m\].
+    pub pressure_by_travel: T,
     /// Of a deviation; the integral is the observer's.
     pub gains: Gains<T>,
     /// What of a believed push, of one that is believed sooner, and of a believed rate is kept in a period.
@@ -45,6 +50,20 @@ pub struct Reckoned<T> {
     pub ring: T,
 }
 
+impl<T: Real> Reckoned<T> {
+    /// By how much the piston is off \[m\].
+    #[inline(always)]
+    pub(crate) fn piston(&self, off: &DeviationMemory<T>) -> T {
+        self.give.mul_add(off.load_pressure, off.stroke)
+    }
+
+    /// By how much it will be once the boom has come to rest, and the load pressure holds what pushes \[m\].
+    #[inline(always)]
+    pub(crate) fn settles(&self, off: &Pushed<T>) -> T {
+        off.stroke - self.give * off.push / self.spring.acceleration_by_pressure
+    }
+}
+
 impl<T: Real> DeviationFeedback<T> {
     /// What feedback reckons with at a station.
     ///
@@ -54,26 +73,44 @@ impl<T: Real> DeviationFeedback<T> {
     pub fn reckons(&self, station: &Station<T>, oil: &MayBe<T>) -> Reckoned<T> {
         let DeviationDesign { quicker, damping, share, softest, by_pressure: reads, .. } =
             self.design;
-        let stiff = station.stiff.ring();
+        let boom = self.boom(station);
+        let rings = |stiffness: T| boom.in_series(&station.spring(stiffness)).ring();
         let most = oil.likely.max(oil.possible.min(softest));
         let least = oil.dipped.max(softest * oil.likely / most);
-        let spring = station.spring(most);
-        let raised = most.max(softest);
+        let pressure_by_travel = station.spring(most).pressure_by_velocity;
+        let spring = boom.in_series(&station.spring(most));
+        let raised = rings(most.max(softest));
         // damping that is meant for stiffer oil is as much too weak: the position has to wait for it
-        let bandwidth = share * stiff * least / raised.sqrt();
-        let gains = spring.proportional_gains(quicker * stiff * raised.sqrt(), damping, bandwidth);
-        let believes = (self.design.push * stiff).sqrt();
-        let ring = stiff * oil.likely.sqrt();
+        let bandwidth = share * rings(least).square() / raised;
+        let gains = spring.proportional_gains(quicker * raised, damping, bandwidth);
+        let believes = (self.design.push * rings(T::one())).sqrt();
+        let ring = rings(oil.likely);
         let sooner = self.design.sooner.frequency(believes, ring, self.design.lag.max(self.period));
         let keeps = [believes, sooner, self.design.rate * bandwidth]
             .map(|frequency| (-frequency * self.period).exp());
         let [velocity, push] = scatters(sooner, self.period);
-        let held = gains.pressure / spring.acceleration_by_pressure;
+        let held = (gains.pressure - boom.give * gains.position) / spring.acceleration_by_pressure;
         let speed_by_scatter = gains.velocity.abs() * velocity + held * push;
-        let by_pressure = reads.share(spring.pressure_by_velocity);
+        let by_pressure = reads.share(pressure_by_travel);
         let scatter = reads.scatter(by_pressure);
-        let stiff = oil.possible;
-        Reckoned { spring, gains, keeps, speed_by_scatter, by_pressure, scatter, stiff, ring }
+        Reckoned {
+            spring,
+            give: boom.give,
+            pressure_by_travel,
+            gains,
+            keeps,
+            speed_by_scatter,
+            by_pressure,
+            scatter,
+            stiff: oil.possible,
+            ring,
+        }
+    }
+
+    /// The boom at a station, as far as feedback reckons with its bending.
+    #[inline(always)]
+    pub(crate) fn boom(&self, station: &Station<T>) -> Boom<T> {
+        station.boom.share(self.design.bends, &Boom::rigid(&station.stiff))
     }
 }
 
@@ -82,13 +119,20 @@ mod tests {
     use super::*;
     use crate::deviation::tests::{feedback, station};
 
+    /// Frequency at which the load rings where the oil is so stiff \[rad/s\].
+    fn rings(stiffness: f64) -> f64 {
+        feedback().reckons(&station(), &MayBe::known(stiffness)).ring
+    }
+
     #[test]
     fn soft_oil_is_fed_back_to_gently() {
         let law = feedback::<f64>();
-        let at = |stiffness: f64| law.reckons(&station(), &MayBe::known(stiffness)).gains;
+        let at = |stiffness: f64| law.reckons(&station(), &MayBe::known(stiffness));
         // a deviation of the position asks for as much less as the crane rings slower
-        let ratio = at(0.25).position / at(1.0).position;
-        assert!((ratio - 0.5).abs() < 1e-12, "{ratio}");
+        let (soft, stiff) = (at(0.25), at(1.0));
+        let ratio = soft.gains.position / stiff.gains.position;
+        let slower = soft.ring / stiff.ring;
+        assert!((ratio / slower - 1.0).abs() < 1e-12 && slower < 0.6, "{ratio}");
     }
 
     /// The characteristic polynomial of what is fed back to is the same for all oil that is softer than the softest.
@@ -116,7 +160,9 @@ mod tests {
             law.reckons(&station(), &MayBe { dipped, likely, possible: likely }).gains
         };
         let (known, unknown) = (at(1.0, 1.0), at(0.2, 1.0));
-        assert!((unknown.position / known.position - 0.2).abs() < 1e-12, "{unknown:?}");
+        let slower = (rings(0.2) / rings(1.0)).powi(2);
+        let ratio = unknown.position / known.position / slower;
+        assert!((ratio - 1.0).abs() < 1e-12, "{unknown:?}");
         // soft oil that is known to be soft is damped more
         assert!(unknown.pressure < known.pressure && at(0.2, 0.2).pressure > known.pressure);
     }
@@ -134,7 +180,8 @@ mod tests {
         for doubted in [softest, 0.4, 1.0].map(at) {
             // a slower position takes less damping
             assert!(doubted.pressure < known(softest).pressure, "{doubted:?}");
-            let ratio = doubted.position / known(softest).position * softest / soft;
+            let slower = (rings(soft) / rings(softest)).powi(2);
+            let ratio = doubted.position / known(softest).position / slower;
             assert!((ratio - 1.0).abs() < 1e-12, "{doubted:?}");
         }
         assert_eq!(at(soft), known(soft));

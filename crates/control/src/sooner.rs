@@ -3,7 +3,8 @@
 //! A push shows in the position, and the sooner it is believed the less it has moved. But noise is believed as soon: of the fifth power of how fast a push
 //! is believed comes the square of what noise makes of it. So a push is believed twice, slowly, and some times as fast. What the second asks of the
 //! motor beyond the first is heard only where it is several times what noise would ask for, and then all of it. How far the position scatters is seen on the way: by as
-//! much as it is read to be elsewhere than was believed sooner.
+//! much as it is read to be elsewhere than was believed sooner. What is beyond doubt has but begun: what is believed of a push is behind it, and the
+//! motor is behind what it is told. So as it begins more is asked for than what is believed of it takes. Not so of what goes on, for that swings.
 //!
 //! A crane that rings slowly is answered no sooner, nor one whose motor follows late: what the motor is asked for comes too late there, and swings it.
 
@@ -16,18 +17,35 @@ pub struct SoonerDesign<T> {
     pub times: T,
     /// What it asks for is heard from so many times what noise would ask for, all of it from half more.
     pub heard_from: T,
+    /// Of what is beyond doubt so much more is asked for, as a share.
+    pub begun: T,
 }
 
 /// All is heard from so many times where it begins to be.
 const ALL: f64 = 1.5;
+/// And is beyond doubt from so many times.
+const BEYOND_DOUBT: f64 = 2.5;
 /// A push is believed no sooner than at so many times the frequency at which the crane rings on its oil.
 const RINGS: f64 = 8.0;
 /// Nor sooner than in the time in which the motor follows, less a quarter: what comes sooner is answered too late.
 const LAGS: f64 = 1.3;
+/// How long it is remembered that something was \[s\].
+const OF_LATE: f64 = 1.0;
+/// What is beyond doubt for such a share of that time does not begin: it swings.
+const SWINGS: f64 = 0.5;
 /// How long what the position scatters by is remembered \[s\].
 const REMEMBERED: f64 = 1.0;
 /// A single reading counts for no more than so many times of what it has scattered by: a push is no noise.
 const COUNTS: f64 = 3.0;
+
+/// What is heard of what is believed sooner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Heard<T> {
+    /// What it asks for \[rev/s\].
+    pub asks: T,
+    /// From 0 to 1, whether it is beyond doubt.
+    pub beyond_doubt: T,
+}
 
 impl<T: Real> SoonerDesign<T> {
     /// How fast a push is believed sooner that else is believed at `believes` \[rad/s\], of a crane that rings on its oil at `ring` \[rad/s\] and whose
@@ -45,12 +63,25 @@ impl<T: Real> SoonerDesign<T> {
         before + period / T::lit(REMEMBERED) * (beyond.square().min(most) - before)
     }
 
-    /// What is heard of what is asked for \[rev/s\], each metre of scatter making for so much \[rev/(s m)\], with that mean square \[m²\].
+    /// What is heard of what is asked for \[rev/s\], each metre of scatter making for so much \[rev/(s m)\], with that mean square \[m²\], and with
+    /// such a share of the time in which it was beyond doubt of late.
     #[inline(always)]
-    pub(crate) fn heard(&self, asks: T, speed_by_scatter: T, scatter: T) -> T {
+    pub(crate) fn heard(&self, asks: T, speed_by_scatter: T, scatter: T, of_late: T) -> Heard<T> {
         let from = self.heard_from * speed_by_scatter * scatter.sqrt();
-        let share = (asks.abs() / from - T::one()) / T::lit(ALL - 1.0);
-        asks * share.clamp(T::zero(), T::one())
+        let over = asks.abs() / from;
+        let share = |from: f64, to: f64| {
+            ((over - T::lit(from)) / T::lit(to - from)).clamp(T::zero(), T::one())
+        };
+        let beyond_doubt = share(ALL, BEYOND_DOUBT);
+        let begins = (T::one() - of_late / T::lit(SWINGS)).max(T::zero());
+        let more = (self.begun * begins).mul_add(beyond_doubt, T::one());
+        Heard { asks: asks * share(1.0, ALL) * more, beyond_doubt }
+    }
+
+    /// Share of the time in which something was beyond doubt of late, after a period \[s\] in which it was by such a share.
+    #[inline(always)]
+    pub(crate) fn of_late(&self, before: T, beyond_doubt: T, period: T) -> T {
+        before + period / T::lit(OF_LATE) * (beyond_doubt - before)
     }
 }
 
@@ -58,20 +89,37 @@ impl<T: Real> SoonerDesign<T> {
 mod tests {
     use super::*;
 
-    const DESIGN: SoonerDesign<f64> = SoonerDesign { times: 2.5, heard_from: 4.0 };
+    const DESIGN: SoonerDesign<f64> = SoonerDesign { times: 2.5, heard_from: 4.0, begun: 0.5 };
 
     #[test]
-    fn what_noise_asks_for_is_not_heard_and_a_push_is_heard_whole() {
+    fn what_noise_asks_for_is_not_heard_a_push_is_heard_whole_and_one_beyond_doubt_as_begun() {
         // an encoder's noise asks for 0.1 rev/s
-        let heard = |asks: f64| DESIGN.heard(asks, 1e4, 1e-10);
+        let heard = |asks: f64| DESIGN.heard(asks, 1e4, 1e-10, 0.0).asks;
         for side in [1.0, -1.0] {
-            assert_eq!((heard(0.39 * side), heard(0.61 * side)), (0.0, 0.61 * side));
+            assert_eq!(heard(0.39 * side), 0.0);
+            assert!((heard(0.6 * side) - 0.6 * side).abs() < 1e-12);
+            assert!((heard(1.0 * side) - 1.5 * side).abs() < 1e-12);
         }
         // and nothing jumps in between
         for k in 0..1000 {
             let asks = 1e-3 * f64::from(k);
             assert!((heard(asks + 1e-3) - heard(asks)).abs() < 8e-3);
         }
+    }
+
+    /// As a push begins it is asked more for than it takes, and no more once it has gone on, or swung, for half a second.
+    #[test]
+    fn what_goes_on_is_heard_as_it_is() {
+        let mut of_late = 0.0;
+        let mut asked = [0.0; 1000];
+        for asked in &mut asked {
+            let heard = DESIGN.heard(2.0, 1e4, 1e-10, of_late);
+            of_late = DESIGN.of_late(of_late, heard.beyond_doubt, 1e-3);
+            *asked = heard.asks;
+        }
+        assert!((asked[0] - 3.0).abs() < 1e-12 && asked[100] > 2.7, "{}", asked[100]);
+        assert!(asked.windows(2).all(|pair| pair[1] <= pair[0]));
+        assert_eq!(asked[999], 2.0);
     }
 
     #[test]
@@ -99,7 +147,7 @@ mod tests {
         let noisy = after(0.0, 5000, 4e-5);
         assert!((Real::sqrt(noisy) / 4e-5 - 1.0).abs() < 0.05, "{noisy}");
         // it asks for 0.4 rev/s: that is not heard any longer
-        assert_eq!(DESIGN.heard(1.5, 1e4, noisy), 0.0);
+        assert_eq!(DESIGN.heard(1.5, 1e4, noisy, 0.0).asks, 0.0);
         // a millimetre for 20 ms
         let pushed = after(1e-10, 20, 1e-3);
         assert!(Real::sqrt(pushed) < 1.1e-5, "{pushed}");

@@ -4,7 +4,7 @@ use hydroboom_control::{DeviationFeedback, DeviationMemory, Reckoned, Watched};
 use nalgebra::{Complex, SMatrix, SVector};
 
 /// Numbers of [`DeviationMemory`], and of [`Watched`].
-const MEMORY: usize = 15;
+const MEMORY: usize = 16;
 const READ: usize = 3;
 
 /// `m(k+1) = A m + B y`, `n = C m + D y`: memory m, readings y of position, load pressure and motor speed, and what is asked of the motor.
@@ -19,7 +19,7 @@ pub struct LinearFeedback {
 
 /// Sizes of memory that are alike, so that the matrix that is inverted is well conditioned; and of readings.
 const SIZES: [f64; MEMORY] =
-    [1e-3, 1e-2, 1e5, 0.1, 1e6, 1.0, 1.0, 1.0, 1.0, 1.0, 1e-3, 1e-2, 0.1, 1e-6, 1e5];
+    [1e-3, 1e-2, 1e5, 0.1, 1e6, 1.0, 1.0, 1.0, 1.0, 1.0, 1e-3, 1e-2, 0.1, 1.0, 1e-6, 1e5];
 const READ_SIZES: [f64; READ] = [1e-3, 1e5, 1.0];
 
 /// What the law is called with is so much smaller: it limits what it asks for. Readings that jump by as much as they move look like pushes.

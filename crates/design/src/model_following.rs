@@ -23,13 +23,15 @@ const DAMPING: f64 = 0.65;
 const SHARE: f64 = 0.62;
 /// A push is believed so many times as fast beside, and that is heard from so many times what noise would ask for: twice as fast for sure
 /// costs more of the motor at rest, five times as fast is nothing but noise.
-const SOONER: SoonerDesign<f64> = SoonerDesign { times: 2.5, heard_from: 3.5 };
+const SOONER: SoonerDesign<f64> = SoonerDesign { times: 2.5, heard_from: 3.5, begun: 0.8 };
 /// An encoder's position scatters by so much \[m\], the load pressure by so much \[Pa\]: half of that is two sensors' noise, the rest oil that is a
 /// tenth or two softer or stiffer than thought. What no travel accounts for is followed that fast \[rad/s\].
 const STROKE_SCATTER: f64 = 1e-5;
 const PRESSURE_SCATTER: f64 = 1.2e4;
 const PUMPED: f64 = 10.0;
-/// The crane rings so much faster than on its oil alone. A third faster swings cranes whose load is other than thought.
+/// Of what the boom gives. With none, what the pump bends of the boom is taken for what pushes; with all of it the load is led home, and the piston the later.
+const BENDS: f64 = 0.4;
+/// The crane rings so much faster than on its oil and boom alone. A third faster swings cranes whose load is other than thought.
 const QUICKER: f64 = 1.2;
 /// By so much the pressure dips below that of rest, or of the simulated crane if that is lower \[Pa\].
 const DIP: f64 = 2e5;
@@ -147,8 +149,8 @@ pub fn stations(description: &Description) -> Result<[Station<f64>; STATIONS], D
             load_pressure_slope: (above - below) / (2.0 * step),
             holding_speed: lost / (n.displacement * n.flow_gain),
         };
-        let spring = oil_spring(&Lifting::new(description, stroke)?)?;
-        *station = Station::new(rest, &spring, stiffness.share(crane.outputs().pressure_a));
+        let (spring, boom) = oil_spring(&Lifting::new(description, stroke)?)?;
+        *station = Station::new(rest, &spring, stiffness.share(crane.outputs().pressure_a), boom);
     }
     Ok(stations)
 }
@@ -206,6 +208,7 @@ pub fn law<T: Real>(
                 sooner: SoonerDesign {
                     times: lit(SOONER.times),
                     heard_from: lit(SOONER.heard_from),
+                    begun: lit(SOONER.begun),
                 },
                 rate: lit(RATE),
                 pressure: lit(PRESSURE),
@@ -216,6 +219,7 @@ pub fn law<T: Real>(
                     pressure_scatter: lit(PRESSURE_SCATTER),
                     keeps: (-lit(PUMPED) * n.control_period).exp(),
                 },
+                bends: lit(BENDS),
                 quicker: lit(QUICKER),
                 damping: lit(DAMPING),
                 share: lit(SHARE),

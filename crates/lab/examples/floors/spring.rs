@@ -95,7 +95,7 @@ impl Spring {
     fn on_reference(&self, at: usize) -> Vector4<f64> {
         let Step { reference, station } = &self.steps[at];
         let acceleration = if at == 0 { 0.0 } else { self.acceleration(at - 1) };
-        let Station { rest, stiff } = station;
+        let Station { rest, stiff, .. } = station;
         let drag = stiff.acceleration_by_velocity * reference.velocity;
         let rubs = (reference.velocity / self.law.friction_speed).tanh();
         let moving = (acceleration - drag) / stiff.acceleration_by_pressure;
@@ -106,7 +106,7 @@ impl Spring {
 
     /// `v' = a_v v + a_p (p − p_0 − p_fr(v))`, `p' = s(p) (c_v v + b (n − n_0))`.
     fn next(&self, at: &Step, state: &Vector4<f64>, slew: f64) -> Next {
-        let Station { rest, stiff } = &at.station;
+        let Station { rest, stiff, .. } = &at.station;
         let [x, v, p] = [state[0], state[1], state[2]];
         let speed = state[3] + STEP * slew;
         let (a_v, a_p) = (stiff.acceleration_by_velocity, stiff.acceleration_by_pressure);
