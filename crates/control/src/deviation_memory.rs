@@ -96,3 +96,32 @@ impl<T: Real> DeviationMemory<T> {
         self.on_the_way = self.on_the_way.max(share);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Another boom moves neither the piston nor the load pressure that holds what pushes.
+    #[test]
+    fn what_hangs_on_another_boom_leaves_the_piston_where_it_was() {
+        let boom = |acceleration_by_pressure, give| Boom { acceleration_by_pressure, give };
+        let (light, heavy) = (boom(1.5e-6, 3e-11), boom(2e-7, 2e-10));
+        let before = DeviationMemory {
+            stroke: 1e-3,
+            load_pressure: -30e5,
+            push: 6.0,
+            sooner_push: 0.6,
+            ..Default::default()
+        };
+        let mut now = before;
+        now.hangs_on(&heavy, &light);
+        let piston = |memory: &DeviationMemory<f64>, boom: &Boom<f64>| {
+            memory.stroke + boom.give * memory.load_pressure
+        };
+        assert!((piston(&now, &heavy) - piston(&before, &light)).abs() < 1e-12);
+        let held = |push: f64, boom: &Boom<f64>| push / boom.acceleration_by_pressure;
+        for [now, before] in [[now.push, before.push], [now.sooner_push, before.sooner_push]] {
+            assert!((held(now, &heavy) / held(before, &light) - 1.0).abs() < 1e-12);
+        }
+    }
+}

@@ -1,4 +1,4 @@
-//! A piston that something pushes: what is believed of it, by where it is read to be.
+//! A load that something pushes: what is believed of it, by where it is read to be.
 
 use hydroboom_math::Real;
 
