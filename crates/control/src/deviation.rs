@@ -162,7 +162,7 @@ impl<T: Real> DeviationFeedback<T> {
             sooner.later(a_v, T::zero(), period),
         ];
         let beyond = off.motor_speed - now.expected_speed;
-        // a piston that is held takes all of what is pumped, for then no boom gives
+        // a piston that stands still has all of what is pumped in its oil, none of it in the boom
         let by_oil = with.pressure_by_travel / c_v;
         let Sides { above, below } =
             Sides { above: now.above, below: now.below }.later(way.left, self.keeps[2]);
@@ -278,8 +278,8 @@ impl<T: Real> DeviationFeedback<T> {
         most.min(left.max(T::lit(AT_LEAST) * authority))
     }
 
-    /// What feedback asks for \[rev/s\], so much of it for what is believed sooner, and at `most`. It may take back all that the way back takes, for what comes back faster has to be braked in
-    /// time.
+    /// What feedback asks for \[rev/s\], so much of it for what is believed sooner, and at `most`. It may take back all that the way back takes, for what
+    /// comes back faster has to be braked in time.
     #[inline(always)]
     fn answer(
         &self,

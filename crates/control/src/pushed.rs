@@ -2,7 +2,7 @@
 
 use hydroboom_math::Real;
 
-/// Where a piston is, how fast it moves, and what pushes it that nobody knows of.
+/// Where a load is, how fast it moves, and what pushes it that nobody knows of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pushed<T> {
     /// Position \[m\].

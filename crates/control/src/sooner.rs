@@ -29,9 +29,9 @@ const BEYOND_DOUBT: f64 = 2.5;
 const RINGS: f64 = 8.0;
 /// Nor sooner than in the time in which the motor follows, less a quarter: what comes sooner is answered too late.
 const LAGS: f64 = 1.3;
-/// How long it is remembered that something was \[s\].
+/// How long it is remembered that something was beyond doubt \[s\].
 const OF_LATE: f64 = 1.0;
-/// What is beyond doubt for such a share of that time does not begin: it swings.
+/// What was so for such a share of that time does not begin: it swings. One that goes on is in 0.7 s.
 const SWINGS: f64 = 0.5;
 /// How long what the position scatters by is remembered \[s\].
 const REMEMBERED: f64 = 1.0;
@@ -107,7 +107,7 @@ mod tests {
         }
     }
 
-    /// As a push begins it is asked more for than it takes, and no more once it has gone on, or swung, for half a second.
+    /// As a push begins it is asked more for than it takes, and no more once it has gone on, or swung, for ln 2 of what is remembered, 0.7 s.
     #[test]
     fn what_goes_on_is_heard_as_it_is() {
         let mut of_late = 0.0;
