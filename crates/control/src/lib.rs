@@ -13,7 +13,6 @@ mod carried_load;
 mod command_lag;
 mod deviation;
 mod deviation_memory;
-mod fault;
 mod filter;
 mod flow_balance;
 mod follower;
@@ -39,8 +38,7 @@ mod sooner;
 mod station;
 mod strategy;
 mod stroke_by_pressure;
-mod supervisor;
-mod watch;
+mod supervision;
 mod way_back;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
@@ -48,7 +46,6 @@ pub use boom::Boom;
 pub use command_lag::{BelievedLag, CommandLag, CommandLagMemory};
 pub use deviation::{DeviationDesign, DeviationFeedback, Watched};
 pub use deviation_memory::DeviationMemory;
-pub use fault::Cause;
 pub use filter::{HighPass, Notch, NotchMemory};
 pub use flow_balance::{Balance, Believed, FlowBalance, FlowBalanceMemory, TRANSITIONS};
 pub use follower::Follower;
@@ -70,5 +67,7 @@ pub use sooner::SoonerDesign;
 pub use station::{Rest, Station};
 pub use strategy::Strategy;
 pub use stroke_by_pressure::StrokeByPressure;
-pub use supervisor::{Decision, Limits, Observation, Request, SOFT_STOP, State, Supervisor};
+pub use supervision::{
+    Cause, Decision, Limits, Observation, Request, SOFT_STOP, State, Supervisor,
+};
 pub use way_back::{Pace, WayBackDesign};

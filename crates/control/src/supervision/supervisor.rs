@@ -11,9 +11,10 @@
 //! It is no safety function in the sense of ISO 13849: it runs on an ordinary computer, by an
 //! ordinary program. A hardware emergency stop that cuts drive and valve stays where it is.
 
-use crate::fault::Cause;
-use crate::signals::{Command, Reading};
-use crate::watch::{RUNAWAY, Watch};
+use super::fault::Cause;
+use super::limits::{Limits, Observation};
+use super::plausibility::{Plausibility, RUNAWAY};
+use crate::signals::Command;
 
 /// What the machine is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,73 +76,6 @@ pub enum Request {
     Reset,
 }
 
-/// What is allowed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Control period \[s\].
-    pub period: f64,
-    /// Length of the stroke \[m\].
-    pub stroke: f64,
-    /// How near its ends the piston may come while moving towards them \[m\].
-    pub margin: f64,
-    /// Largest speed of the piston \[m/s\].
-    pub speed: f64,
-    /// Largest pressure \[Pa\].
-    pub pressure: f64,
-    /// Largest distance the load may creep while held \[m\].
-    pub creep: f64,
-    /// Largest motor speed \[rev/s\].
-    pub motor_speed: f64,
-    /// Largest motor slew \[rev/s²\].
-    pub motor_slew: f64,
-    /// Largest deviation of the motor from its command, and for how long \[rev/s, s\].
-    pub drive_deviation: (f64, f64),
-    /// Age of the newest reading \[s\] that is too old.
-    pub stale: f64,
-    /// A signal that repeats itself to the last bit for so long is stuck \[s\]; zero where sensors have
-    /// no noise.
-    pub stuck: f64,
-    /// Largest scatter from one reading to the next, RMS over 64 of them: of position \[m\], of a
-    /// pressure \[Pa\].
-    pub scatter: (f64, f64),
-    /// Largest step from one reading to the next of a pressure \[Pa\].
-    pub pressure_step: f64,
-    /// Missed deadlines in a row that are too many.
-    pub overruns: u32,
-    /// Pump pressure within this of the load's pressure counts as pre-loaded \[Pa\].
-    pub preload: f64,
-    /// Time that pre-loading may take \[s\].
-    pub preload_time: f64,
-    /// Time from the valve's command until it has opened \[s\].
-    pub valve_time: f64,
-}
-
-/// What the supervisor sees in a control period.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Observation {
-    /// Newest reading.
-    pub reading: Reading<f64>,
-    /// Its age \[s\].
-    pub age: f64,
-    /// Readings that were made since the one seen last: one in good times, none where nothing came, more
-    /// where some were missed.
-    pub new_readings: u32,
-    /// Where the piston should be \[m\]; the position of the start before the course begins.
-    pub reference: f64,
-    /// How far from it the piston may be under the strategy at work \[m\].
-    pub tracking: f64,
-    /// Motor speed that the controller asks for \[rev/s\].
-    pub wanted: f64,
-    /// Whether the course is over.
-    pub course_over: bool,
-    /// Deadlines missed in a row.
-    pub overruns: u32,
-    /// Whether somebody attends the machine.
-    pub attended: bool,
-    /// Whether the clock jumped since the last period.
-    pub clock_jumped: bool,
-}
-
 /// What is to be sent, and what the machine is doing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decision {
@@ -176,7 +110,7 @@ pub struct Supervisor {
     held_at: Option<f64>,
     /// Time that the drive has not followed \[s\].
     deviating: f64,
-    watch: Watch,
+    plausibility: Plausibility,
 }
 
 /// Motor speed per pressure that the pump side lacks while it is pre-loaded \[rev/s per Pa\].
@@ -208,7 +142,7 @@ impl Supervisor {
             stopping_from: 0.0,
             held_at: None,
             deviating: 0.0,
-            watch: Watch::default(),
+            plausibility: Plausibility::default(),
         }
     }
 
@@ -238,11 +172,11 @@ impl Supervisor {
         };
         if begins {
             // what was wrong before is judged by new readings only
-            self.watch = Watch::default();
+            self.plausibility = Plausibility::default();
             self.deviating = 0.0;
         }
         let wrong = self.what_is_wrong(seen, request);
-        self.watch.remember(seen, &self.limits);
+        self.plausibility.remember(seen, &self.limits);
         match (self.state, wrong) {
             (State::Fault | State::Idle, None) if begins => {
                 self.cause = None;
@@ -302,7 +236,7 @@ impl Supervisor {
         self.command.holding_valve = 0.0;
         self.ramp(0.0);
         // a load that still swings on its locked cylinder, after an emergency stop, would seem to creep
-        let is_still = self.since >= STILL_TIME && self.watch.swing() < STILL_SPEED;
+        let is_still = self.since >= STILL_TIME && self.plausibility.swing() < STILL_SPEED;
         if request == Request::Hold && seen.attended && is_still {
             self.enter(State::Holding);
         }
@@ -393,7 +327,7 @@ impl Supervisor {
         if request == Request::EmergencyStop {
             return Some(Cause::EmergencyStop);
         }
-        if let Some(cause) = self.watch.judge(seen, &self.limits) {
+        if let Some(cause) = self.plausibility.judge(seen, &self.limits) {
             return Some(cause);
         }
         let l = &self.limits;
@@ -412,7 +346,7 @@ impl Supervisor {
                 return Some(Cause::DriveNotFollowing);
             }
         }
-        if self.watch.velocity().abs() > RUNAWAY * l.speed {
+        if self.plausibility.velocity().abs() > RUNAWAY * l.speed {
             return Some(Cause::Runaway);
         }
         match self.state {

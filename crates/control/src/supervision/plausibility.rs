@@ -1,8 +1,8 @@
-//! What readings say about themselves: whether their sensors, and the way here, can be trusted.
+//! Plausibility of measurements: range, rate of change, stuck and noisy signals, age.
 
-use crate::fault::Cause;
+use super::fault::Cause;
+use super::limits::{Limits, Observation};
 use crate::signals::Reading;
-use crate::supervisor::{Limits, Observation};
 
 /// A piston faster than so many times the largest speed runs away.
 pub(crate) const RUNAWAY: f64 = 1.5;
@@ -19,9 +19,9 @@ const LOWEST_PRESSURE: f64 = -1.5e5;
 /// Signals that are watched one by one: position, then five pressures.
 const SIGNALS: usize = 6;
 
-/// What is known of the readings so far.
+/// State of the plausibility checks.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Watch {
+pub(crate) struct Plausibility {
     last: Option<Reading<f64>>,
     /// Time for which each signal has repeated itself \[s\].
     repeated: [f64; SIGNALS],
@@ -36,7 +36,7 @@ pub(crate) struct Watch {
     readings: u32,
 }
 
-impl Watch {
+impl Plausibility {
     /// Velocity of the piston, averaged \[m/s\].
     pub(crate) fn velocity(&self) -> f64 {
         self.velocity
