@@ -299,6 +299,16 @@ keys! {
 
     virtual_step: "virtual" "step_us" ["us" = 1e-6] 0.0..=5000.0 or 0.0, "Step of the implicit scheme for the virtual crane; 0 takes the published scheme at controller.simulation_period_us";
     seed: "virtual" "seed" ["-" = 1.0] 0.0..=9e15 or 0.0, "Seed of all that is drawn: noise, and the sensors' constant errors";
+
+    supervision_pressure: "supervision" "pressure_bar" ["bar" = BAR] 1.0..=1000.0 or 200.0, "Largest pressure before the machine is stopped";
+    supervision_stop: "supervision" "stop_s" ["s" = 1.0] 0.05..=5.0 or 0.4, "Duration of a controlled stop, stop category 1, from full speed";
+    supervision_watchdog: "supervision" "watchdog_ms" ["ms" = MS] 1.0..=1000.0 or 20.0, "Time without a command after which the drive stops by itself";
+    supervision_end_margin: "supervision" "end_margin_mm" ["mm" = MM] 0.0..=1000.0 or 10.0, "Distance from the end stops that a moving piston keeps";
+    supervision_creep: "supervision" "creep_mm" ["mm" = MM] 0.1..=100.0 or 3.0, "Largest movement of a held load";
+    proving_motion: "supervision" "proving_motion_mm" ["mm" = MM] 0.05..=5.0 or 0.2, "Piston motion by which the release is proven";
+    supervision_tracking: "supervision" "tracking_mm" ["mm" = MM] 0.1..=1000.0 or 30.0, "Largest tracking error with feedback";
+    supervision_tracking_open_loop: "supervision" "tracking_open_loop_mm" ["mm" = MM] 0.1..=1000.0 or 100.0, "Largest tracking error without feedback";
+    release_time: "supervision" "release_s" ["s" = 1.0] 1.0..=600.0 or 30.0, "Largest duration of a release";
 }
 
 macro_rules! choices {
@@ -424,11 +434,25 @@ choices! {
         /// One at each pump side.
         Fitted = "fitted",
     }
+    /// Whether load-holding valve 3, while shut, lets oil pass from the pump to the cylinder.
+    holding_check: HoldingCheckChoice = "holding_valve.check_function" or Check {
+        /// It does: a pilot-operated check valve, as published.
+        Check = "check",
+        /// It does not: a valve that blocks both ways.
+        None = "none",
+    }
+    /// Whether the state of the 3/2 switching valve can be read.
+    position_switch: PositionSwitchChoice = "switching_valve.position_switch" or None {
+        /// It cannot.
+        None = "none",
+        /// A position switch tells it.
+        Fitted = "fitted",
+    }
 }
 
 /// Sections that only a self-contained crane has: its pump and valves, its drive, and what the published tests do
 /// with them.
-const OF_SELF_CONTAINED: [&str; 20] = [
+const OF_SELF_CONTAINED: [&str; 21] = [
     "pump",
     "holding_valve",
     "return_valve",
@@ -448,6 +472,7 @@ const OF_SELF_CONTAINED: [&str; 20] = [
     "sensors",
     "fieldbus",
     "virtual",
+    "supervision",
     "base",
 ];
 /// Sections that only a valve-controlled crane has.
