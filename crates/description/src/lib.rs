@@ -5,8 +5,12 @@
 //! ```toml
 //! [boom]
 //! length_mm = { value = 3600.0, provenance = "printed", source = "section 2.1" }
-//! mass_kg = 86.0
+//! mass_kg = { value = 86.0, range = [80.0, 92.0] }
+//! damping_ratio = 0.001
 //! ```
+//!
+//! `range` has the values that the number may have, in the key's unit; [`Description::ranges`] has them
+//! for all keys, by default spreads where the file has none.
 //!
 //! [`Description::parse`] reads and checks a file, [`Description::set`] overrides single keys, and
 //! [`Description::crane`] builds the model. The keys are listed once, in [`schema`].
@@ -16,11 +20,14 @@ mod check;
 mod difference;
 mod error;
 mod parse;
+mod range;
 pub mod schema;
+mod spread;
 
 pub use build::BuildError;
 pub use difference::Difference;
 pub use error::{DescriptionError, Problem};
+pub use range::{RangeSource, Ranges, ValueRange};
 pub use schema::{Choices, Key, Numbers};
 
 /// Where a value comes from.
@@ -37,10 +44,13 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Of a key that the file does not have and need not have.
+    /// Provenance of a key that the file does not have and need not have.
+    const ABSENT: &str = "absent";
+
+    /// Of such a key.
     fn absent() -> Self {
         let source = "not in the file: a crane without this effect".into();
-        Self { provenance: "absent".into(), source, line: None }
+        Self { provenance: Self::ABSENT.into(), source, line: None }
     }
 }
 
@@ -64,6 +74,8 @@ pub struct Description {
     pub segment_shares: Vec<f64>,
     /// Origin of every number, in the order of [`schema::KEYS`].
     origins: Vec<Origin>,
+    /// Range of every number that the file gives one, in SI units, in the order of [`schema::KEYS`].
+    file_ranges: Vec<Option<[f64; 2]>>,
 }
 
 /// The paper's crane.
@@ -105,8 +117,18 @@ impl Description {
 
     /// Every key that a crane of this kind has, with its value and origin as in [`entries`](Self::entries).
     pub fn own_entries(&self) -> impl Iterator<Item = (&'static Key, f64, &Origin)> {
+        let values = self.numbers.to_array();
+        self.own_keys().map(move |index| {
+            let key = &schema::KEYS[index];
+            (key, key.to_unit(values[index]), &self.origins[index])
+        })
+    }
+
+    /// Places in [`schema::KEYS`] of the keys that a crane of this kind has.
+    fn own_keys(&self) -> impl Iterator<Item = usize> {
         let segments = self.segment_shares.len();
-        self.entries().filter(move |(key, ..)| {
+        (0..schema::KEYS.len()).filter(move |index| {
+            let key = &schema::KEYS[*index];
             self.choices.excludes(key.section, key.name, segments).is_none()
         })
     }

@@ -84,6 +84,8 @@ struct Reading<'a> {
     text: &'a str,
     values: [Option<f64>; KEYS.len()],
     origins: Vec<Origin>,
+    /// In SI units, as `file_ranges` of the description.
+    ranges: Vec<Option<[f64; 2]>>,
     texts: Vec<(String, String)>,
     shares: Option<Vec<f64>>,
     problems: Vec<Problem>,
@@ -106,10 +108,16 @@ impl Reading<'_> {
 
     /// One `key = value` of a section.
     fn entry(&mut self, path: &str, key_span: Range<usize>, value: &Spanned<DeValue<'_>>) {
-        let (inner, provenance, source) = self.unwrap_origin(value);
-        let Some(inner) = inner else { return };
+        let Stated { value, provenance, source, range } = self.unwrap_origin(value);
+        let Some(inner) = value else { return };
         let span = inner.span();
-        if let Some(index) = KEYS.iter().position(|key| key.path() == path) {
+        let place = KEYS.iter().position(|key| key.path() == path);
+        if let (Some(range), None) = (range, place) {
+            let help = "leave `range` out here".into();
+            let message = format!("`{path}` has no range: it is not a number of the machine");
+            self.problem(range.span(), message, "no range here", help);
+        }
+        if let Some(index) = place {
             let Some(number) = number(inner.get_ref()) else {
                 let (read, wanted) = (inner.get_ref().type_str(), KEYS[index].unit);
                 self.problem(
@@ -127,6 +135,7 @@ impl Reading<'_> {
             self.values[index] = Some(KEYS[index].to_si(number));
             let line = Some(self.line(span.start));
             self.origins[index] = Origin { provenance, source, line };
+            self.ranges[index] = range.and_then(|range| self.range(&KEYS[index], number, range));
         } else if path == SEGMENTS {
             let count = number(inner.get_ref()).unwrap_or(f64::NAN);
             match whole_segments(count) {
@@ -182,25 +191,24 @@ impl Reading<'_> {
         }
     }
 
-    /// The value behind `{ value = ..., provenance = ..., source = ... }`, or the plain value.
-    fn unwrap_origin<'v, 'i>(
-        &mut self,
-        value: &'v Spanned<DeValue<'i>>,
-    ) -> (Option<&'v Spanned<DeValue<'i>>>, String, String) {
+    /// What stands behind `{ value = ..., range = ..., provenance = ..., source = ... }`, or the plain
+    /// value.
+    fn unwrap_origin<'v, 'i>(&mut self, value: &'v Spanned<DeValue<'i>>) -> Stated<'v, 'i> {
         let Some(table) = value.get_ref().as_table() else {
-            return (Some(value), "given".into(), String::new());
+            let (provenance, source) = ("given".into(), String::new());
+            return Stated { value: Some(value), provenance, source, range: None };
         };
         let text = |name: &str| {
             table.get(name).and_then(|v| v.get_ref().as_str()).unwrap_or_default().to_string()
         };
         for (key, _) in table.iter() {
-            if !["value", "provenance", "source"].contains(&key.get_ref().as_ref()) {
+            if !["value", "range", "provenance", "source"].contains(&key.get_ref().as_ref()) {
                 self.problem(
                     key.span(),
                     format!("unknown entry `{}`", key.get_ref()),
                     "unknown",
-                    "a value with an origin is { value = ..., provenance = \"...\", \
-                     source = \"...\" }"
+                    "a value with an origin is { value = ..., range = [low, high], \
+                     provenance = \"...\", source = \"...\" }"
                         .into(),
                 );
             }
@@ -214,8 +222,51 @@ impl Reading<'_> {
                 "write { value = ..., provenance = \"...\", source = \"...\" }".into(),
             );
         }
-        (inner, text("provenance"), text("source"))
+        let (provenance, source) = (text("provenance"), text("source"));
+        Stated { value: inner, provenance, source, range: table.get("range") }
     }
+
+    /// The range of a key whose value is `value`, in SI units.
+    fn range(&mut self, key: &Key, value: f64, range: &Spanned<DeValue<'_>>) -> Option<[f64; 2]> {
+        let (path, unit, span) = (key.path(), key.unit, range.span());
+        let bounds: Option<Vec<f64>> = range
+            .get_ref()
+            .as_array()
+            .and_then(|items| items.iter().map(|item| number(item.get_ref())).collect());
+        let Some(&[low, high]) = bounds.as_deref() else {
+            let read = &self.text[span.clone()];
+            let message = format!("the range of `{path}` is two numbers [{unit}], not {read}");
+            let help = format!(
+                "write range = [low, high] within {} to {} {unit}, with {value} {unit} between them",
+                key.low, key.high
+            );
+            self.problem(span, message, "not a range", help);
+            return None;
+        };
+        if let Some((message, help)) = [low, high].iter().find_map(|b| number_problem(key, *b)) {
+            self.problem(span, format!("range: {message}"), "out of range", help);
+            return None;
+        }
+        if !(low..=high).contains(&value) {
+            let message =
+                format!("`{path}` is {value} {unit}, and its range is {low} to {high} {unit}");
+            let help = match low > high {
+                true => format!("the smaller number comes first: range = [{high}, {low}]"),
+                false => "the value lies within its range: correct the one or the other".into(),
+            };
+            self.problem(span, message, "value outside", help);
+            return None;
+        }
+        Some([low, high].map(|bound| key.to_si(bound)))
+    }
+}
+
+/// What a file says of a key.
+struct Stated<'v, 'i> {
+    value: Option<&'v Spanned<DeValue<'i>>>,
+    provenance: String,
+    source: String,
+    range: Option<&'v Spanned<DeValue<'i>>>,
 }
 
 fn number(value: &DeValue<'_>) -> Option<f64> {
@@ -258,6 +309,7 @@ impl Description {
                 Origin { provenance: String::new(), source: String::new(), line: None };
                 KEYS.len()
             ],
+            ranges: vec![None; KEYS.len()],
             texts: Vec::new(),
             shares: None,
             problems: Vec::new(),
@@ -361,7 +413,8 @@ impl Description {
 
 impl Reading<'_> {
     fn finish(mut self) -> Result<Description, DescriptionError> {
-        let failed = |problems| Err(DescriptionError { name: self.file.to_string(), problems });
+        let file = self.file;
+        let failed = |problems| Err(DescriptionError { name: file.to_string(), problems });
         if !self.problems.is_empty() {
             return failed(self.problems);
         }
@@ -435,6 +488,7 @@ impl Reading<'_> {
             choices,
             segment_shares,
             origins: self.origins.clone(),
+            file_ranges: self.ranges.clone(),
         };
         if let Some((path, message, help)) = description.impossible() {
             let line = KEYS
@@ -451,7 +505,27 @@ impl Reading<'_> {
             };
             return failed(vec![problem]);
         }
-        Ok(description)
+        self.check_ranges(&description);
+        match self.problems.is_empty() {
+            true => Ok(description),
+            false => failed(self.problems),
+        }
+    }
+
+    /// Whether the machine can exist at both ends of every range.
+    fn check_ranges(&mut self, description: &Description) {
+        for (index, key) in KEYS.iter().enumerate() {
+            for bound in self.ranges[index].into_iter().flatten() {
+                let there = description.with_number(index, bound).impossible();
+                let (Some((_, message, help)), Some(line)) = (there, self.origins[index].line)
+                else {
+                    continue;
+                };
+                let (path, bound, unit) = (key.path(), key.to_unit(bound), key.unit);
+                let message = format!("the range of `{path}` reaches {bound} {unit}: {message}");
+                self.problem(line_span(self.text, line), message, "this range", help);
+            }
+        }
     }
 }
 

@@ -86,7 +86,7 @@ fn impossible_machines_are_refused() {
             "before it begins to open",
         ),
         (
-            "working_bar         = { value = 2.5",
+            "working_bar         = { value = 2.5, range = [2.0, 3.0]",
             "working_bar         = { value = 0.2",
             "holds no oil",
         ),

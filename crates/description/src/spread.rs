@@ -1,0 +1,109 @@
+//! How far a value may be off or change where the crane file does not say: default spreads.
+//!
+//! Sources: what varies in the family of virtual cranes (`lab/src/family.rs`), and the plausible ranges
+//! that `cranes/uia-single-boom.toml` and `cranes/uia-virtual.toml` give for their estimates.
+
+/// Width of a default range about a key's value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Width {
+    /// From this to that many times the value.
+    Times(f64, f64),
+    /// The value plus this to that, in the key's unit.
+    Plus(f64, f64),
+    /// From this to that, in the key's unit, and as far as the value.
+    From(f64, f64),
+}
+
+impl Width {
+    /// Range about a value, both in the key's unit.
+    pub(crate) fn around(self, value: f64) -> [f64; 2] {
+        let [a, b] = match self {
+            Self::Times(low, high) => [low * value, high * value],
+            Self::Plus(low, high) => [value + low, value + high],
+            Self::From(low, high) => [low.min(value), high.max(value)],
+        };
+        [a.min(b), a.max(b)]
+    }
+}
+
+/// Default spread of one key.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Spread {
+    /// `section.key`.
+    pub path: &'static str,
+    /// How far.
+    pub width: Width,
+    /// Why so far.
+    pub source: &'static str,
+}
+
+const fn spread(path: &'static str, width: Width, source: &'static str) -> Spread {
+    Spread { path, width, source }
+}
+
+const LEAKAGE: &str = "from a new pump to a worn one, and with the oil's viscosity";
+const FRICTION: &str = "seals from crane to crane, with wear and temperature";
+const VALVE: &str = "15 to 50 ms of a solenoid seat valve, 5 to 30 ms of short pilot lines";
+
+/// All default spreads; a key that is not here has its value only.
+pub(crate) const SPREADS: [Spread; 19] = [
+    spread("payload.mass_kg", Width::Times(0.0, 1.2), "from the empty hook to an overload of 20 %"),
+    spread("friction.coulomb_n", Width::Times(0.5, 1.6), FRICTION),
+    spread("friction.stiction_n", Width::Times(0.5, 1.6), FRICTION),
+    spread("friction.viscous_ns_per_m", Width::Times(0.5, 1.6), FRICTION),
+    spread(
+        "oil.transition_bar",
+        Width::Plus(-15.0, 10.0),
+        "air in the oil: 20 to 45 bar about the paper's 35",
+    ),
+    spread("pump.displacement_cm3", Width::Times(0.97, 1.02), "tolerance of manufacture"),
+    spread(
+        "pump.flow_gain",
+        Width::Times(0.95, 1.05),
+        "0.88 to 0.98 about the paper's 0.91, as pressures vary",
+    ),
+    spread("pump.internal_leakage_m3_s_sqrtpa", Width::Times(0.5, 3.0), LEAKAGE),
+    spread("pump.case_leakage_a_m3_s_sqrtpa", Width::Times(0.5, 3.0), LEAKAGE),
+    spread("pump.case_leakage_b_m3_s_sqrtpa", Width::Times(0.5, 3.0), LEAKAGE),
+    spread("pump.slip_l_min_per_bar", Width::Times(0.5, 3.0), LEAKAGE),
+    spread("pump.slip_cm3_per_rev_bar", Width::Times(0.5, 3.0), LEAKAGE),
+    spread(
+        "accumulator.working_bar",
+        Width::Plus(-0.9, 0.3),
+        "2.0 to 3.2 bar about the virtual crane's 2.9: gas is lost, and it cools",
+    ),
+    spread(
+        "start.rod_side_bar",
+        Width::From(2.0, 60.0),
+        "from the accumulator's pressure to what a shut return valve traps (oscillation tests)",
+    ),
+    spread("start.preload_percent", Width::From(85.0, 100.0), "family of virtual cranes"),
+    spread("temperature.oil_c", Width::From(10.0, 60.0), "family of virtual cranes"),
+    spread(
+        "drive.bandwidth_hz",
+        Width::Times(0.2, 1.0),
+        "8 to 120 Hz are plausible for a servo drive; 15 to 80 in the family of virtual cranes",
+    ),
+    spread("switching_valve.delay_ms", Width::Times(0.5, 2.0), VALVE),
+    spread("switching_valve.pilot_line_ms", Width::Times(0.5, 2.0), VALVE),
+];
+
+/// The default spread of a key; none where it has none.
+pub(crate) fn of(path: &str) -> Option<&'static Spread> {
+    SPREADS.iter().find(|spread| spread.path == path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::schema::KEYS;
+
+    #[test]
+    fn every_spread_is_of_a_key_and_in_order() {
+        for spread in SPREADS {
+            assert!(KEYS.iter().any(|key| key.path() == spread.path), "{}", spread.path);
+            let [low, high] = spread.width.around(10.0);
+            assert!(low <= 10.0 && 10.0 <= high && low < high, "{}", spread.path);
+        }
+    }
+}
