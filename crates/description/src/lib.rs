@@ -18,6 +18,7 @@
 mod build;
 mod check;
 mod difference;
+mod digest;
 mod error;
 mod parse;
 mod range;
@@ -35,7 +36,7 @@ pub use schema::{Choices, Key, Numbers};
 pub struct Origin {
     /// `printed`, `derived`, `data sheet`, `estimate`, `calibrated`, `tuned`, `measured`, or
     /// `given` where the file does not say, `set` where the command line did, `absent` for an effect
-    /// that the file leaves out.
+    /// that the file leaves out, `typical` where [`Description::virtual_crane`] filled it in.
     pub provenance: String,
     /// Table, section, data sheet or reasoning behind it.
     pub source: String,

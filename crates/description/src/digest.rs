@@ -1,0 +1,45 @@
+//! A description in one short text: whether two are of the same machine.
+
+use crate::Description;
+use crate::schema::{Choices, KEYS};
+use sha2::{Digest, Sha256};
+use std::fmt::Write;
+
+impl Description {
+    /// SHA-256 of all numbers, choices and segment shares, as 64 hexadecimal digits.
+    ///
+    /// Names, comments, sources, ranges and the order of the file do not count; nor do keys and choices
+    /// at the value that they have where a file leaves them out, so that a program that knows more keys
+    /// gives an old file its old digest. Numbers count to their last bit, shares to 12 digits.
+    pub fn digest(&self) -> String {
+        let numbers = self.numbers.to_array();
+        let mut lines: Vec<String> = self
+            .own_keys()
+            .filter(|index| {
+                let key = &KEYS[*index];
+                key.absent.map(|value| key.to_si(value)) != Some(numbers[*index])
+            })
+            // adding zero takes the sign off a negative zero
+            .map(|index| {
+                format!("{}={:016x}", KEYS[index].path(), (numbers[index] + 0.0).to_bits())
+            })
+            .collect();
+        let (left_out, required) = Choices::read(|_| None);
+        let usual = left_out.list();
+        lines.extend(
+            self.own_choices()
+                .into_iter()
+                .filter(|choice| required.contains(&choice.0) || !usual.contains(choice))
+                .map(|(path, name)| format!("{path}={name}")),
+        );
+        lines.sort_unstable();
+        let whole: f64 = self.segment_shares.iter().sum();
+        lines.extend(self.segment_shares.iter().map(|share| format!("{:.12e}", share / whole)));
+        let mut text = String::new();
+        for byte in Sha256::digest(lines.join("\n").as_bytes()) {
+            // writing to a text cannot fail
+            let _ = write!(text, "{byte:02x}");
+        }
+        text
+    }
+}
