@@ -159,11 +159,7 @@ impl Description {
     /// Whether the load can be held over the whole stroke.
     fn unbalanced(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
-        // a rigid boom is enough to see it, and quick; links are few
-        let rigid = match self.choices.structure {
-            StructureChoice::Beam => self.divided(1),
-            StructureChoice::Links => self.clone(),
-        };
+        let rigid = self.with_rigid_boom();
         [0.0, 0.5, 1.0].into_iter().find_map(|share| {
             rigid.rest_error(share * n.stroke).map(|error| {
                 (
@@ -173,6 +169,32 @@ impl Description {
                 )
             })
         })
+    }
+
+    /// The crane with as few joints as statics need, which is quick; links are few.
+    fn with_rigid_boom(&self) -> Self {
+        match self.choices.structure {
+            StructureChoice::Beam => self.divided(1),
+            StructureChoice::Links => self.clone(),
+        }
+    }
+
+    /// Largest piston-side pressure \[Pa\] that holds the load, over the stroke; none where nothing does,
+    /// or the circuit is not self-contained.
+    pub(crate) fn holding_pressure(&self) -> Option<f64> {
+        let rigid = self.with_rigid_boom();
+        match rigid.segment_shares.len() {
+            1 => rigid.holding_pressure_of::<1>(),
+            2 => rigid.holding_pressure_of::<2>(),
+            _ => rigid.holding_pressure_of::<3>(),
+        }
+    }
+
+    fn holding_pressure_of<const N: usize>(&self) -> Option<f64> {
+        let crane = self.crane::<N>().ok()?;
+        let at = |share: f64| crane.at_rest(&self.start(share * self.numbers.stroke)).ok();
+        let pressures = [0.0, 0.5, 1.0].into_iter().filter_map(at).map(|s| s.circuit.nodes.a);
+        pressures.max_by(f64::total_cmp)
     }
 
     /// Why there is no state of rest at a stroke \[m\], if there is none.

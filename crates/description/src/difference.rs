@@ -1,7 +1,9 @@
 //! What differs between two descriptions.
 
 use crate::Description;
+use crate::equipment_defaults::is_equipment;
 use crate::parse::SEGMENT_LENGTHS;
+use crate::schema::KEYS;
 
 /// One key with two values.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,10 +19,42 @@ pub struct Difference {
 }
 
 impl Difference {
+    /// Whether it is of the equipment between a controller and the crane: drive, switching valve,
+    /// sensors, fieldbus, the virtual crane's time step and seed.
+    pub fn is_of_equipment(&self) -> bool {
+        self.key.split_once('.').is_some_and(|(section, _)| is_equipment(section))
+    }
+
+    /// How much it matters, larger for more: choices and the boom's division, then numbers by their
+    /// relative difference, at last those of an effect that one of both leaves out.
+    fn weight(&self) -> (u8, f64) {
+        let Some(key) = KEYS.iter().find(|key| key.path() == self.key) else {
+            return (2, 0.0);
+        };
+        let (Ok(here), Ok(there)) = (self.here.parse::<f64>(), self.there.parse::<f64>()) else {
+            return (2, 0.0);
+        };
+        let relative = (here - there).abs() / here.abs().max(there.abs()).max(f64::MIN_POSITIVE);
+        let is_left_out = [here, there].iter().any(|value| key.absent == Some(*value));
+        (u8::from(!is_left_out), relative)
+    }
+
     /// The override that makes this key here what it is there.
     pub fn assignment(&self) -> String {
         format!("{}={}", self.key, self.there)
     }
+}
+
+/// The differences in the order in which they matter.
+///
+/// Choices and the boom's division come first, then numbers by their relative difference, at last
+/// effects that one of both leaves out.
+pub fn by_weight(mut differences: Vec<Difference>) -> Vec<Difference> {
+    differences.sort_by(|a, b| {
+        let ((a, a_size), (b, b_size)) = (a.weight(), b.weight());
+        b.cmp(&a).then(b_size.total_cmp(&a_size))
+    });
+    differences
 }
 
 impl Description {

@@ -19,6 +19,7 @@ mod build;
 mod check;
 mod difference;
 mod digest;
+mod equipment_defaults;
 mod error;
 mod parse;
 mod range;
@@ -26,7 +27,8 @@ pub mod schema;
 mod spread;
 
 pub use build::BuildError;
-pub use difference::Difference;
+pub use difference::{Difference, by_weight};
+pub use equipment_defaults::FilledIn;
 pub use error::{DescriptionError, Problem};
 pub use range::{RangeSource, Ranges, ValueRange};
 pub use schema::{Choices, Key, Numbers};
