@@ -38,7 +38,7 @@ mod sooner;
 mod station;
 mod strategy;
 mod stroke_by_pressure;
-mod supervision;
+pub mod supervision;
 mod way_back;
 
 pub use benchmark::{Benchmark, BenchmarkMemory, Measured};
@@ -67,7 +67,5 @@ pub use sooner::SoonerDesign;
 pub use station::{Rest, Station};
 pub use strategy::Strategy;
 pub use stroke_by_pressure::StrokeByPressure;
-pub use supervision::{
-    Cause, Decision, Limits, Observation, Request, SOFT_STOP, State, Supervisor,
-};
+pub use supervision::{Cause, Decision, Limits, Observation, Request, State, Supervisor};
 pub use way_back::{Pace, WayBackDesign};

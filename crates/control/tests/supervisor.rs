@@ -1,79 +1,60 @@
 //! What the supervisor promises, whatever it is shown and asked.
 
-use hydroboom_control::{
-    Cause, Decision, Limits, Observation, Reading, Request, State, Supervisor,
-};
+mod machine;
+
+use hydroboom_control::supervision::{Severity, Waiting};
+use hydroboom_control::{Cause, Decision, Observation, Request, State, Supervisor};
+use machine::{Machine, limits};
 use proptest::prelude::*;
 
-const LIMITS: Limits = Limits {
-    period: 1e-3,
-    stroke: 0.5,
-    margin: 0.01,
-    speed: 0.12,
-    pressure: 200e5,
-    creep: 3e-3,
-    motor_speed: 50.0,
-    motor_slew: 500.0,
-    drive_deviation: (5.0, 0.1),
-    stale: 5e-3,
-    stuck: 0.2,
-    scatter: (1e-4, 2e5),
-    pressure_step: 30e5,
-    overruns: 5,
-    preload: 1e5,
-    preload_time: 10.0,
-    valve_time: 0.06,
-};
-
-/// A machine that is well, its drive turning as told, its signals alive; pre-loaded or not.
-fn well(now: &Decision, k: u32, preloaded: bool) -> Observation {
-    let alive = f64::from(k % 7) - 3.0;
-    Observation {
-        reading: Reading {
-            stroke: 0.2 + 1e-6 * alive,
-            pressure_pump_a: if preloaded { 68e5 } else { 5e5 } + 100.0 * alive,
-            pressure_a: 68e5 - 90.0 * alive,
-            pressure_b: 3e5 + 80.0 * alive,
-            pressure_pump_b: 3e5 - 70.0 * alive,
-            pressure_accumulator: 2.5e5 + 60.0 * alive,
-            motor_speed: now.command.motor_speed,
-        },
-        age: 1e-3,
-        new_readings: 1,
-        reference: 0.2,
-        tracking: 0.1,
-        wanted: 3.0,
-        course_over: false,
-        overruns: 0,
-        attended: true,
-        clock_jumped: false,
-    }
+/// A supervisor with its machine.
+struct Rig {
+    supervisor: Supervisor,
+    machine: Machine,
+    now: Decision,
 }
 
-/// A supervisor that has come as far as `state`, from what [`well`] shows.
-fn brought_to(state: State) -> (Supervisor, Decision) {
-    let mut supervisor = Supervisor::new(LIMITS);
-    let mut decision = supervisor.advance(&idle_sight(), Request::None);
-    for k in 0..2000 {
-        if decision.state == state && (state != State::Moving || decision.controls) {
-            return (supervisor, decision);
+impl Rig {
+    fn new() -> Self {
+        let supervisor = Supervisor::new(limits());
+        Self { supervisor, machine: Machine::at_rest(), now: Decision::IDLE }
+    }
+
+    /// One executed period after a time \[s\], with what is observed changed.
+    fn step(
+        &mut self,
+        elapsed: f64,
+        request: Request,
+        change: impl FnOnce(&mut Observation),
+    ) -> Observation {
+        self.machine.advance(&self.now.command, elapsed);
+        let mut seen = self.machine.observe(elapsed);
+        change(&mut seen);
+        self.now = self.supervisor.advance(&seen, request);
+        seen
+    }
+
+    fn well(&mut self, request: Request) {
+        self.step(limits().period, request, |_| {});
+    }
+
+    /// Comes as far as a state.
+    fn brought_to(state: State) -> Self {
+        let mut rig = Self::new();
+        for _ in 0..6000 {
+            if rig.now.state == state && (state != State::Moving || rig.now.controls) {
+                return rig;
+            }
+            rig.well(match rig.now.state {
+                State::Idle => Request::Enable,
+                State::Ready => Request::Hold,
+                State::Holding if !rig.now.releasing => Request::Start,
+                State::Moving if state == State::Stopping && rig.now.controls => Request::Stop,
+                _ => Request::None,
+            });
         }
-        let request = match decision.state {
-            State::Idle => Request::Enable,
-            State::Ready => Request::Hold,
-            State::Holding => Request::Start,
-            State::Moving if state == State::Stopping => Request::Stop,
-            _ => Request::None,
-        };
-        decision = supervisor.advance(&well(&decision, k, true), request);
+        panic!("never {state:?}, but {:?}", rig.now);
     }
-    panic!("never {state:?}, but {decision:?}");
-}
-
-fn idle_sight() -> Observation {
-    let nothing = hydroboom_control::Command { motor_speed: 0.0, holding_valve: 0.0 };
-    let decision = Decision { command: nothing, state: State::Idle, cause: None, controls: false };
-    well(&decision, 0, false)
 }
 
 /// What can be wrong with what is seen.
@@ -88,7 +69,7 @@ fn spoil(seen: &mut Observation, how: u8) {
         6 => seen.reading.pressure_pump_b = -10e5,
         7 => seen.wanted = f64::NAN,
         8 => seen.reference += 0.3,
-        9 => seen.overruns = 9,
+        9 => seen.missed = 200,
         10 => seen.attended = false,
         11 => seen.clock_jumped = true,
         12 => seen.reading.motor_speed += 30.0,
@@ -96,7 +77,11 @@ fn spoil(seen: &mut Observation, how: u8) {
         14 => seen.course_over = true,
         15 => seen.wanted = -200.0,
         16 => seen.new_readings = 0,
-        _ => seen.reading.pressure_pump_a = 3e5,
+        17 => seen.reading.motor_speed = f64::NAN,
+        18 => seen.elapsed = f64::NAN,
+        19 => seen.elapsed = -1.0,
+        20 => seen.valve = None,
+        _ => {}
     }
 }
 
@@ -111,160 +96,337 @@ const REQUESTS: [Request; 7] = [
 ];
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Stretches of anything: how long, what is asked, what is wrong.
+    /// Stretches of anything: how long, what is asked at first and then, what is wrong, how time passes.
     #[test]
-    fn whatever_happens_the_load_is_let_go_in_moving_only_and_a_fault_ends_by_reset_only(
-        stretches in prop::collection::vec((1_u32..400, 0_usize..7, 0_u8..40), 1..40)
+    fn the_load_is_released_by_proof_only_and_a_fault_ends_by_reset_of_an_operator_only(
+        stretches in prop::collection::vec(
+            (1_u32..900, 0_usize..7, prop::bool::weighted(0.7), 0_u8..60, 0_u8..12), 1..30)
     ) {
-        let mut supervisor = Supervisor::new(LIMITS);
-        let mut now = supervisor.advance(&idle_sight(), Request::None);
-        let mut k = 0;
+        let l = limits();
+        let mut rig = Rig::new();
         let mut faulty_for = 0.0;
-        for (length, request, wrong) in stretches {
-            for first in [true].into_iter().chain(std::iter::repeat(false)).take(length as usize) {
-                k += 1;
-                let mut seen = well(&now, k, true);
-                spoil_if(&mut seen, wrong);
-                let request = if first { REQUESTS[request] } else { Request::None };
-                let next = supervisor.advance(&seen, request);
-
-                let slew = (next.command.motor_speed - now.command.motor_speed).abs();
-                prop_assert!(slew <= LIMITS.motor_slew * LIMITS.period * (1.0 + 1e-9));
-                prop_assert!(next.command.motor_speed.abs() <= LIMITS.motor_speed);
-                let open = next.command.holding_valve > 0.0;
-                prop_assert!(next.state != State::Moving || open, "moving with a closed valve");
-                let may = matches!(next.state, State::Moving | State::Stopping | State::Fault);
-                prop_assert!(!open || may, "open in {:?}", next.state);
-                prop_assert!((next.state == State::Fault) == next.cause.is_some());
-                if now.state == State::Fault && next.state != State::Fault {
-                    prop_assert!(request == Request::Reset && next.state == State::Ready);
+        for (length, request, goes_on, wrong, pace) in stretches {
+            for k in 0..length {
+                let request = match k {
+                    0 => REQUESTS[request],
+                    // as an operator goes on
+                    _ if goes_on => match rig.now.state {
+                        State::Idle => Request::Enable,
+                        State::Ready => Request::Hold,
+                        State::Holding if !rig.now.releasing => Request::Start,
+                        State::Fault => Request::Reset,
+                        _ => Request::None,
+                    },
+                    _ => Request::None,
+                };
+                let elapsed = match pace {
+                    0 if k == 0 => 0.9,
+                    1 if k == 0 => 0.06,
+                    2 => 13.0 * l.period,
+                    _ => l.period,
+                };
+                let before = rig.now;
+                let seen = rig.step(elapsed, request, |seen| spoil(seen, wrong));
+                let now = rig.now;
+                let open = now.command.holding_valve > 0.0;
+                let was_open = before.command.holding_valve > 0.0;
+                prop_assert!(now.command.motor_speed.is_finite());
+                prop_assert!(now.command.motor_speed.abs() <= l.motor_speed);
+                prop_assert!((now.state == State::Fault) == now.cause.is_some());
+                // an emergency stop acts in the period in which it is seen, in every state
+                if request == Request::EmergencyStop {
+                    prop_assert!(now.state == State::Fault && !open && !now.releasing, "{now:?}");
+                    prop_assert_eq!(now.cause, Some(Cause::EmergencyStop));
                 }
-                if next.state == State::Fault && now.state != State::Fault {
-                    faulty_for = 0.0;
+                // released by a proof that was under way, and by nothing else
+                if open && !was_open {
+                    prop_assert!(before.releasing && now.state == State::Moving, "{before:?} {now:?}");
                 }
-                faulty_for += LIMITS.period;
-                if next.state == State::Fault && faulty_for > supervisor.bound() {
-                    prop_assert!(!open && next.command.motor_speed == 0.0, "{next:?}");
+                prop_assert!(now.state != State::Moving || open, "moving with a shut valve");
+                let may = matches!(now.state, State::Moving | State::Stopping | State::Fault);
+                prop_assert!(!open || may, "open in {:?}", now.state);
+                // a proof begins by a start of a present operator in Holding, and by nothing else
+                if now.releasing && !before.releasing {
+                    prop_assert!(request == Request::Start && seen.attended, "{request:?}");
+                    prop_assert!(before.state == State::Holding || before.state == State::Ready);
                 }
-                // nothing acts before it has been asked for
-                if matches!(next.state, State::Idle) {
-                    prop_assert!(next.command.motor_speed == 0.0 && !open);
+                prop_assert!(!now.releasing || now.state == State::Holding);
+                // behind a shut valve the motor turns for the proof, or brakes
+                if !open && !now.releasing && now.command.motor_speed != 0.0 {
+                    let most = before.command.motor_speed.abs().max(seen.reading.motor_speed.abs());
+                    prop_assert!(now.command.motor_speed.abs() <= most, "{before:?} {now:?}");
+                    prop_assert!(now.state == State::Fault || now.state == State::Holding);
                 }
-                now = next;
+                // after an interval in which the drive's watchdog has stopped it, the load stays held
+                if elapsed > l.watchdog && before.command != Decision::IDLE.command {
+                    prop_assert!(now.state == State::Fault && !open, "{now:?}");
+                }
+                if before.state == State::Fault && now.state != State::Fault {
+                    prop_assert!(request == Request::Reset && now.state == State::Ready);
+                    prop_assert!(seen.attended && now.is_at_rest());
+                }
+                if before.state == State::Fault && now.state == State::Fault {
+                    let severity = |d: &Decision| d.cause.map(Cause::severity);
+                    prop_assert!(severity(&now) >= severity(&before), "a milder fault hides it");
+                }
+                // a clock that tells no time counts as a period
+                let told = seen.elapsed.is_finite() && seen.elapsed >= 0.0;
+                faulty_for = match now.cause == before.cause {
+                    true => faulty_for + if told { seen.elapsed } else { l.period },
+                    false => 0.0,
+                };
+                if now.state == State::Fault && faulty_for > rig.supervisor.bound() + elapsed {
+                    prop_assert!(now.is_at_rest(), "{now:?}");
+                }
+                if now.state == State::Idle {
+                    prop_assert!(now.is_at_rest());
+                }
             }
         }
-    }
-}
-
-fn spoil_if(seen: &mut Observation, how: u8) {
-    if how < 18 {
-        spoil(seen, how);
     }
 }
 
 #[test]
 fn every_fault_has_a_cause_a_person_understands_and_reaches_the_safe_state_in_time() {
+    let l = limits();
     for state in [State::Ready, State::Holding, State::Moving, State::Stopping] {
-        for how in (0..7).chain([9, 10, 11, 12]) {
-            let (mut supervisor, mut now) = brought_to(state);
+        for how in (0..7).chain([9, 10, 11, 12, 17, 18, 19]) {
+            let mut rig = Rig::brought_to(state);
             let mut periods = 0;
-            let mut k = 1000;
-            while now.state != State::Fault && periods < 300 {
-                let mut seen = well(&now, k, true);
-                spoil(&mut seen, how);
-                now = supervisor.advance(&seen, Request::None);
-                (periods, k) = (periods + 1, k + 1);
+            while rig.now.state != State::Fault && periods < 300 {
+                rig.step(l.period, Request::None, |seen| spoil(seen, how));
+                periods += 1;
             }
-            let watched = match how {
-                // nobody is there, and nothing moves: the drive goes off, and that is all
-                10 => !matches!(state, State::Ready | State::Holding),
-                12 => state != State::Ready,
-                _ => true,
-            };
-            assert_eq!(now.state == State::Fault, watched, "{state:?} {how}");
-            let Some(cause) = now.cause else {
-                assert!(how != 10 || now.state == State::Ready);
+            // nobody is there, and nothing moves: the drive goes off, and that is all
+            let watched = how != 10 || !matches!(state, State::Ready | State::Holding);
+            assert_eq!(rig.now.state == State::Fault, watched, "{state:?} {how}");
+            let Some(cause) = rig.now.cause else {
+                assert_eq!(rig.now.state, State::Ready);
                 continue;
             };
             assert!(!cause.code().is_empty() && cause.advice().len() > 20);
-            let bound = (supervisor.bound() / LIMITS.period).ceil() as u32;
-            for _ in 0..bound {
-                k += 1;
-                now = supervisor.advance(&well(&now, k, true), Request::None);
-            }
-            assert_eq!(now.command.holding_valve, 0.0, "{cause:?}");
-            assert_eq!(now.command.motor_speed, 0.0, "{cause:?}");
-            assert_eq!(now.state, State::Fault, "{cause:?} went away by itself");
-            // asked to move it stays, reset it is ready
-            now = supervisor.advance(&well(&now, k + 1, true), Request::Start);
-            assert_eq!(now.state, State::Fault);
-            now = supervisor.advance(&well(&now, k + 2, true), Request::Reset);
-            assert_eq!(now.state, State::Ready, "{cause:?}");
+            let bound = (rig.supervisor.bound() / l.period).ceil() as u32;
+            (0..bound).for_each(|_| rig.well(Request::None));
+            assert!(rig.now.is_at_rest(), "{cause:?}");
+            assert_eq!(rig.now.state, State::Fault, "{cause:?} went away by itself");
+            // asked to move it stays; reset without an operator it stays; missed periods have to pass
+            rig.well(Request::Start);
+            assert_eq!(rig.now.state, State::Fault);
+            (0..300).for_each(|_| rig.well(Request::None));
+            rig.step(l.period, Request::Reset, |seen| seen.attended = false);
+            assert_eq!(rig.now.state, State::Fault, "{cause:?} reset by nobody");
+            rig.well(Request::Reset);
+            assert_eq!(rig.now.state, State::Ready, "{cause:?}");
+        }
+    }
+}
+
+/// A harder cause takes the place of a softer reaction, at any time of it.
+#[test]
+fn no_fault_hides_a_more_severe_one() {
+    let l = limits();
+    for delay in [1, 20, 200, 350, 800] {
+        for (how, request) in [(0, Request::None), (2, Request::None), (20, Request::EmergencyStop)]
+        {
+            let mut rig = Rig::brought_to(State::Moving);
+            rig.step(l.period, Request::None, |seen| seen.attended = false);
+            assert_eq!(rig.now.cause, Some(Cause::OperatorLost));
+            assert!(rig.now.command.holding_valve > 0.0, "stopped under control");
+            (0..delay).for_each(|_| rig.well(Request::None));
+            rig.step(l.period, request, |seen| spoil(seen, how));
+            let cause = rig.now.cause.unwrap();
+            assert!(cause.severity() > Severity::Stop, "{cause:?} after {delay} periods");
+            assert_eq!(rig.now.command.holding_valve, 0.0);
         }
     }
 }
 
 #[test]
-fn the_load_is_not_let_go_onto_an_empty_pump_side() {
-    let mut supervisor = Supervisor::new(LIMITS);
-    let mut now = supervisor.advance(&idle_sight(), Request::Enable);
-    for k in 0..400 {
-        now = supervisor.advance(&well(&now, k, false), Request::Hold);
+fn an_emergency_stop_is_latched_in_every_state_and_a_milder_fault_does_not_take_its_place() {
+    for state in State::ALL {
+        let mut rig = match state {
+            State::Idle => Rig::new(),
+            State::Fault => {
+                let mut rig = Rig::brought_to(State::Moving);
+                rig.step(1e-3, Request::None, |seen| seen.attended = false);
+                rig
+            }
+            _ => Rig::brought_to(state),
+        };
+        rig.well(Request::EmergencyStop);
+        for _ in 0..2000 {
+            rig.step(1e-3, Request::Start, |seen| seen.attended = false);
+            assert_eq!((rig.now.state, rig.now.cause), (State::Fault, Some(Cause::EmergencyStop)));
+        }
     }
-    for k in 400..9_400 {
-        now = supervisor.advance(&well(&now, k, false), Request::Start);
-        assert_eq!((now.state, now.command.holding_valve), (State::Holding, 0.0));
-        assert!(now.command.motor_speed > 0.0 || k == 400, "it pumps");
+}
+
+#[test]
+fn the_load_is_not_released_onto_an_empty_pump_side() {
+    let mut rig = Rig::brought_to(State::Holding);
+    rig.machine.lifts = false;
+    let held = rig.machine.stroke;
+    rig.well(Request::Start);
+    let mut waited = 0;
+    while rig.now.state == State::Holding {
+        assert!(rig.now.releasing && rig.now.command.holding_valve == 0.0);
+        rig.well(Request::None);
+        waited += 1;
     }
-    for k in 9_400..12_400 {
-        now = supervisor.advance(&well(&now, k, false), Request::Start);
+    assert_eq!(rig.now.cause, Some(Cause::NoLift));
+    assert!(f64::from(waited) * 1e-3 <= limits().release.largest_duration + 0.1);
+    assert_eq!(rig.machine.stroke, held);
+}
+
+/// With the load falling onto an empty pump side where it is released without proof, it does not fall.
+#[test]
+fn a_released_load_does_not_fall() {
+    let mut rig = Rig::brought_to(State::Holding);
+    let held = rig.machine.stroke;
+    rig.well(Request::Start);
+    let (mut lowest, mut highest) = (held, held);
+    while !rig.now.controls {
+        rig.well(Request::None);
+        (lowest, highest) = (lowest.min(rig.machine.stroke), highest.max(rig.machine.stroke));
     }
-    assert_eq!(now.cause, Some(Cause::NoPreload));
+    assert!(held - lowest < 1e-4, "fell by {} m", held - lowest);
+    assert!(highest - held < 1e-3, "lifted by {} m", highest - held);
+}
+
+/// The process stood still while it lowered: the drive's watchdog has held the load, and it stays held.
+#[test]
+fn after_a_lost_watchdog_interval_the_load_stays_held() {
+    for gap in [0.021, 0.06, 0.3, 0.9] {
+        let mut rig = Rig::brought_to(State::Moving);
+        for _ in 0..300 {
+            rig.step(1e-3, Request::None, |seen| seen.wanted = -20.0);
+        }
+        assert!(rig.now.command.motor_speed < -19.0, "{:?}", rig.now);
+        // the watchdog has shut the valve and stopped the motor
+        rig.now.command = Decision::IDLE.command;
+        for k in 0..600 {
+            let elapsed = if k == 0 { gap } else { 1e-3 };
+            rig.step(elapsed, Request::None, |seen| seen.wanted = -20.0);
+            assert!(rig.now.is_at_rest(), "acts after {gap} s: {:?}", rig.now);
+            assert_eq!(rig.now.cause, Some(Cause::WatchdogExpired));
+        }
+    }
+}
+
+#[test]
+fn periods_that_are_missed_again_and_again_are_a_fault_and_a_stop_keeps_its_time() {
+    let mut rig = Rig::brought_to(State::Moving);
+    let (mut time, mut found) = (0.0, None);
+    while time < 2.0 {
+        rig.step(13e-3, Request::None, |_| {});
+        time += 13e-3;
+        if rig.now.cause.is_some() {
+            found.get_or_insert(time);
+        }
+        if rig.now.state == State::Fault && rig.now.is_at_rest() {
+            break;
+        }
+    }
+    assert_eq!(rig.now.cause, Some(Cause::Overruns));
+    let stopped = time - found.unwrap();
+    assert!(stopped < limits().stop_time + 2.0 * 13e-3, "{stopped} s");
+}
+
+#[test]
+fn every_state_says_what_it_waits_for_and_gives_up() {
+    // a transducer below its range at rest: Idle is left by a fault that names it
+    let mut rig = Rig::new();
+    let mut time = 0.0;
+    while rig.now.state == State::Idle && time < 60.0 {
+        rig.step(1e-3, Request::Enable, |seen| seen.reading.pressure_b = -5e5);
+        if rig.now.state == State::Idle && time > 0.0 {
+            assert_eq!(rig.now.waiting, Waiting::Measurements(Cause::PressureImplausible));
+            assert!((rig.now.waited - time).abs() < 2e-3, "{} after {time}", rig.now.waited);
+        }
+        time += 1e-3;
+    }
+    assert_eq!(rig.now.cause, Some(Cause::PressureImplausible));
+    assert!((time - limits().wait_time).abs() < 0.01, "{time}");
+
+    // a load that never comes to rest
+    let mut rig = Rig::brought_to(State::Ready);
+    let mut time: f64 = 0.0;
+    while rig.now.state == State::Ready && time < 60.0 {
+        let swing = 2e-3 * (std::f64::consts::TAU * 3.0 * time).sin();
+        rig.step(1e-3, Request::Hold, |seen| seen.reading.stroke += swing);
+        time += 1e-3;
+    }
+    assert_eq!(rig.now.cause, Some(Cause::LoadNotStill));
+
+    // nobody there
+    let mut rig = Rig::brought_to(State::Ready);
+    rig.step(1e-3, Request::None, |seen| seen.attended = false);
+    assert_eq!(rig.now.waiting, Waiting::Operator);
+}
+
+#[test]
+fn a_valve_that_does_not_switch_is_found_where_it_can_be_read() {
+    use hydroboom_control::supervision::ValveState;
+    for (state, shown) in [(State::Holding, ValveState::Open), (State::Moving, ValveState::Shut)] {
+        let mut rig = Rig::brought_to(state);
+        let mut periods = 0;
+        while rig.now.state != State::Fault && periods < 200 {
+            rig.step(1e-3, Request::None, |seen| seen.valve = Some(shown));
+            periods += 1;
+        }
+        assert_eq!(rig.now.cause, Some(Cause::ValveNotFollowing));
+    }
+}
+
+#[test]
+fn a_drive_that_turns_by_itself_shuts_the_valve_within_50_ms_in_any_state() {
+    for state in [State::Ready, State::Holding, State::Moving, State::Stopping] {
+        let mut rig = Rig::brought_to(state);
+        for _ in 0..50 {
+            rig.step(1e-3, Request::None, |seen| {
+                seen.wanted = 0.0;
+                seen.reading.motor_speed = -10.0;
+            });
+        }
+        assert_eq!(rig.now.cause, Some(Cause::DriveUncommanded), "{state:?}");
+        assert_eq!(rig.now.command.holding_valve, 0.0);
+    }
 }
 
 #[test]
 fn a_signal_that_stands_still_or_scatters_is_noticed() {
-    let (mut supervisor, mut now) = brought_to(State::Moving);
-    for k in 0..150 {
-        let mut seen = well(&now, k, true);
-        seen.reading.pressure_a = 68e5;
-        now = supervisor.advance(&seen, Request::None);
-    }
-    assert_eq!(now.state, State::Moving);
-    for k in 150..300 {
-        let mut seen = well(&now, k, true);
-        seen.reading.pressure_a = 68e5;
-        now = supervisor.advance(&seen, Request::None);
-    }
-    assert_eq!(now.cause, Some(Cause::SensorStuck));
-
-    let (mut supervisor, mut now) = brought_to(State::Moving);
+    let mut rig = Rig::brought_to(State::Moving);
     for k in 0..300 {
-        let mut seen = well(&now, k, true);
-        seen.reading.pressure_a += 8e5 * (f64::from(k) * 2.3).sin();
-        now = supervisor.advance(&seen, Request::None);
+        rig.step(1e-3, Request::None, |seen| seen.reading.pressure_a = 68e5);
+        assert!(k > 150 || rig.now.state == State::Moving);
     }
-    assert_eq!(now.cause, Some(Cause::SensorNoisy));
+    assert_eq!(rig.now.cause, Some(Cause::SensorStuck));
+
+    let mut rig = Rig::brought_to(State::Moving);
+    for k in 0..300 {
+        rig.step(1e-3, Request::None, |seen| {
+            seen.reading.pressure_a += 8e5 * (f64::from(k) * 2.3).sin();
+        });
+    }
+    assert_eq!(rig.now.cause, Some(Cause::SensorNoisy));
 }
 
 #[test]
 fn a_load_that_still_swings_is_held_once_it_rests() {
-    let mut supervisor = Supervisor::new(LIMITS);
-    let mut now = supervisor.advance(&idle_sight(), Request::Enable);
+    let mut rig = Rig::new();
     // 3 Hz, 4 mm, as after an emergency stop; it dies out with 0.7 s
     let swing = |k: u32| {
-        let t = f64::from(k) * LIMITS.period;
+        let t = f64::from(k) * 1e-3;
         4e-3 * (-t / 0.7).exp() * (std::f64::consts::TAU * 3.0 * t).sin()
     };
     let mut held_from = None;
     for k in 0..5000 {
-        let mut seen = well(&now, k, false);
-        seen.reading.stroke += swing(k);
-        now = supervisor.advance(&seen, Request::Hold);
-        assert_eq!(now.cause, None, "after {k} periods");
-        if now.state == State::Holding {
+        let request = if rig.now.state == State::Idle { Request::Enable } else { Request::Hold };
+        rig.step(1e-3, request, |seen| seen.reading.stroke += swing(k));
+        assert_eq!(rig.now.cause, None, "after {k} periods");
+        if rig.now.state == State::Holding {
             held_from.get_or_insert(k);
         }
     }
@@ -273,19 +435,44 @@ fn a_load_that_still_swings_is_held_once_it_rests() {
 }
 
 #[test]
+fn a_position_that_drifts_or_exaggerates_disagrees_with_the_delivered_flow() {
+    // at rest 2 mm/s within 5 s; in motion a fifth too much
+    for (wanted, drift, gain) in [(0.0, 2e-3, 0.0), (5.0, 0.0, 0.2)] {
+        let mut rig = Rig::brought_to(State::Moving);
+        let from = rig.machine.stroke;
+        let mut time = 0.0;
+        while rig.now.state == State::Moving && time < 20.0 {
+            rig.step(1e-3, Request::None, |seen| {
+                seen.wanted = wanted;
+                let wrong = drift * time + gain * (seen.reading.stroke - from);
+                seen.reading.stroke += wrong;
+                seen.reference = seen.reading.stroke;
+            });
+            time += 1e-3;
+        }
+        assert_eq!(rig.now.cause, Some(Cause::PositionFlowDisagree));
+        assert!(time < 5.0, "{time} s");
+    }
+}
+
+#[test]
 fn readings_that_were_missed_make_no_piston_run_away() {
-    let (mut supervisor, mut now) = brought_to(State::Moving);
-    // the piston moves at its largest speed; of twelve readings eleven are missed, again and again
-    let (mut k, mut read) = (1000, 1000);
+    let mut rig = Rig::brought_to(State::Moving);
+    // of twelve readings eleven are missed, again and again
+    let (mut k, mut read) = (0_u32, 0_u32);
+    let mut last = None;
     for _ in 0..2000 {
         k += 1;
-        let mut seen = well(&now, k, true);
         let missed = k % 24 < 12 && k % 12 != 0;
-        seen.new_readings = if missed { 0 } else { k - read };
+        let new = if missed { 0 } else { k - read };
+        rig.step(1e-3, Request::None, |seen| {
+            seen.new_readings = new;
+            if missed && let Some(reading) = last {
+                seen.reading = reading;
+            }
+            last = Some(seen.reading);
+        });
         read = if missed { read } else { k };
-        seen.reading.stroke = 0.2 + LIMITS.speed * LIMITS.period * f64::from(read - 1000);
-        seen.reference = seen.reading.stroke;
-        now = supervisor.advance(&seen, Request::None);
-        assert_eq!(now.cause, None, "at {k}");
+        assert_eq!(rig.now.cause, None, "at {k}");
     }
 }

@@ -308,6 +308,7 @@ keys! {
     proving_motion: "supervision" "proving_motion_mm" ["mm" = MM] 0.05..=5.0 or 0.2, "Piston motion by which the release is proven";
     supervision_tracking: "supervision" "tracking_mm" ["mm" = MM] 0.1..=1000.0 or 30.0, "Largest tracking error with feedback";
     supervision_tracking_open_loop: "supervision" "tracking_open_loop_mm" ["mm" = MM] 0.1..=1000.0 or 100.0, "Largest tracking error without feedback";
+    supervision_wait: "supervision" "wait_s" ["s" = 1.0] 0.5..=3600.0 or 10.0, "Time for which a state waits for what it needs before it gives up";
     release_time: "supervision" "release_s" ["s" = 1.0] 1.0..=600.0 or 30.0, "Largest duration of a release";
 }
 

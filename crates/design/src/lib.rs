@@ -7,6 +7,7 @@
 //!             -> model_following (scheduled over stroke and payload), linear_feedback (what it makes of readings)
 //!             -> balances (by what is learned of the crane), informed (the description with what was learned)
 //!             -> growth (whether a closed loop rings on), margins (how far it is from that), look (all of a design)
+//!             -> supervision (limits, monitors and the release of the load)
 //! ```
 
 mod balances;
@@ -20,6 +21,7 @@ mod look;
 mod margins;
 mod model_following;
 mod oil_spring;
+mod supervision;
 
 pub use balances::{balances, leakage};
 pub use error::DesignError;
@@ -30,3 +32,4 @@ pub use look::{Look, look, machine_loops, step_response};
 pub use margins::{Loop, Margins, margins};
 pub use model_following::{bending, conditions, law, model_following, schedule, stations, under};
 pub use oil_spring::oil_spring;
+pub use supervision::{LoadPressure, limits, load_pressure};

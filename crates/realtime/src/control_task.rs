@@ -3,26 +3,26 @@
 use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
+use hydroboom_control::supervision::ValveState;
 use hydroboom_control::{
-    Benchmark, BenchmarkMemory, Command, Conditions, Decision, Follower, Known, Learned, Learner,
-    Limits, Measured, Observation, Reading, Reference, Request, State, Strategy, Supervisor,
-    Watched,
+    Benchmark, BenchmarkMemory, Conditions, Decision, Follower, Known, Learned, Learner, Limits,
+    Measured, Observation, Reading, Reference, Request, State, Strategy, Supervisor, Watched,
 };
 use hydroboom_description::Description;
 use hydroboom_design::{balances, conditions, schedule};
 use hydroboom_model::hydraulics::Cylinder;
 
-/// The simulation may be so far from the machine in closed loop before the benchmark takes over
-/// \[m\]; in open loop half of what the tracking error may be.
-const DRIFT: f64 = 0.02;
-/// How far the piston may be from its reference, with and without feedback \[m\].
-const TRACKING: f64 = 0.03;
-const OPEN_LOOP_TRACKING: f64 = 0.1;
+/// The simulation may be so far from the machine before the benchmark takes over, as a share of the
+/// largest tracking error: in closed loop, in open loop.
+const DRIFT: f64 = 2.0 / 3.0;
+const OPEN_LOOP_DRIFT: f64 = 0.5;
 /// Time constant in which the limit comes down after feedback has taken over from open loop \[s\].
 const RECOVERY: f64 = 2.0;
 /// Steps that the simulation may be behind: more than it makes up for after a delay that the control
 /// task bears.
 const BEHIND: f64 = 500.0;
+/// Travel over which the difference between the released piston and the course's beginning fades \[m\].
+const FADING: f64 = 0.01;
 /// A bump that a switch to open loop or to model following would make dies out with this time constant \[s\].
 const BUMP: f64 = 0.3;
 /// A reading that is older than so many periods teaches nothing.
@@ -34,6 +34,8 @@ const TRUSTED: f64 = 0.5;
 /// What a control period needs to know.
 #[derive(Clone, Copy, Debug)]
 pub struct Period {
+    /// Time since the last executed period, by the machine's clock \[s\].
+    pub elapsed: f64,
     /// Newest reading, if any has come.
     pub incoming: Option<Incoming>,
     /// What the simulation shows; none while there is none.
@@ -42,11 +44,11 @@ pub struct Period {
     pub request: Request,
     /// The strategy that is asked for.
     pub strategy: Strategy,
-    /// Deadlines missed in a row.
-    pub overruns: u32,
+    /// Periods missed since the last executed one.
+    pub missed: u32,
     /// Whether somebody attends the machine.
     pub attended: bool,
-    /// Whether the clock jumped.
+    /// Whether the clock went back, or far ahead.
     pub clock_jumped: bool,
     /// How the tasks were on time, for the record.
     pub deadlines: Option<Deadlines>,
@@ -116,8 +118,10 @@ pub struct ControlTask {
     cylinder: Cylinder<f64>,
     course: Course,
     supervisor: Supervisor,
-    /// How far the piston may be from its reference now \[m\].
+    /// Largest tracking error that is allowed now, with feedback, and without \[m\].
     tracking: f64,
+    closed_loop_tracking: f64,
+    open_loop_tracking: f64,
     /// Steps of the simulation that are due in a period.
     steps_due: f64,
     /// Steps it had taken when it was looked at last.
@@ -147,38 +151,15 @@ pub struct ControlTask {
     follows: bool,
     /// Speed of the simulated crane's motor \[rev/s\].
     simulated_motor: f64,
+    /// What is left of the difference between the released piston and the course's beginning \[m\].
+    start_offset: f64,
     /// What is still left of a bump \[rev/s\].
     offset: f64,
     wanted: f64,
     reading: Reading<f64>,
+    valve: Option<ValveState>,
     sequence: u64,
     age: f64,
-}
-
-/// Limits for a crane as described, and a course at a speed \[m/s\]: those of the machine from its
-/// description, the others ours. Twenty periods without a reading, or a deadline met, are what the
-/// watchdog of a drive bears.
-pub fn limits(model: &Description, speed: f64) -> Limits {
-    let n = &model.numbers;
-    Limits {
-        period: n.control_period,
-        stroke: n.stroke,
-        margin: 0.01,
-        speed,
-        pressure: 200e5,
-        creep: 3e-3,
-        motor_speed: n.motor_speed,
-        motor_slew: n.motor_slew,
-        drive_deviation: (5.0, 0.1),
-        stale: 20.0 * n.control_period,
-        stuck: 0.25,
-        scatter: (2e-4, 3e5),
-        pressure_step: 10e5,
-        overruns: 20,
-        preload: 1e5,
-        preload_time: 15.0,
-        valve_time: 0.08,
-    }
 }
 
 /// Model following for a crane whose payload is as described; none for a crane that has no such design.
@@ -206,7 +187,9 @@ impl ControlTask {
             benchmark,
             cylinder: model.cylinder(),
             course,
-            tracking: OPEN_LOOP_TRACKING,
+            tracking: n.supervision_tracking_open_loop,
+            closed_loop_tracking: n.supervision_tracking,
+            open_loop_tracking: n.supervision_tracking_open_loop,
             steps_due: (n.control_period / n.simulation_period).round(),
             steps: 0,
             behind: 0.0,
@@ -216,18 +199,15 @@ impl ControlTask {
             supervisor: Supervisor::new(limits),
             time: 0.0,
             course_time: 0.0,
-            decision: Decision {
-                command: Command { motor_speed: 0.0, holding_valve: 0.0 },
-                state: State::Idle,
-                cause: None,
-                controls: false,
-            },
+            decision: Decision::IDLE,
             strategy,
             fallback: false,
             simulated_motor: 0.0,
+            start_offset: 0.0,
             offset: 0.0,
             wanted: 0.0,
             reading: Reading::default(),
+            valve: None,
             sequence: 0,
             age: f64::INFINITY,
         }
@@ -280,9 +260,10 @@ impl ControlTask {
             Some(more) => u32::try_from(more).unwrap_or(1),
             None => 1,
         });
-        self.age += period;
+        self.age += now.elapsed;
         if let Some(incoming) = newest {
             self.reading = incoming.reading;
+            self.valve = incoming.valve;
             self.sequence = incoming.sequence;
             self.age = 0.0;
         }
@@ -295,7 +276,13 @@ impl ControlTask {
         if !controls {
             self.course_time = -self.course.approach();
         }
-        let reference = self.course.reference(self.course_time);
+        let mut reference = self.course.reference(self.course_time);
+        if controls {
+            // the course begins where the released piston is, and what that is off fades as it moves
+            let faded = reference.velocity.abs() * period / FADING;
+            self.start_offset *= 1.0 - faded.min(1.0);
+            reference.position += self.start_offset;
+        }
         let foreseen = self.foreseen(&reference);
         self.learn(&foreseen, &measured, now);
         if controls {
@@ -306,14 +293,16 @@ impl ControlTask {
             self.fallback = false;
         }
         let observation = Observation {
+            elapsed: now.elapsed,
             reading: self.reading,
+            valve: self.valve,
             age: self.age,
             new_readings,
             reference: reference.position,
             tracking: self.tracking,
             wanted: self.wanted,
             course_over: self.course_time >= self.course.duration(),
-            overruns: now.overruns,
+            missed: now.missed,
             attended: now.attended,
             clock_jumped: now.clock_jumped,
         };
@@ -333,7 +322,7 @@ impl ControlTask {
             known: self.learner().map(Learner::known),
             deadlines: now.deadlines,
         };
-        self.time += period;
+        self.time += now.elapsed;
         if let (Some(follower), true) = (&mut self.follower, self.learns)
             && self.decision.state == State::Fault
             && before.state != State::Fault
@@ -354,7 +343,11 @@ impl ControlTask {
     fn foreseen(&mut self, reference: &Reference<f64>) -> Reference<f64> {
         match &mut self.follower {
             Some(follower) if self.decision.controls => {
-                let path = |after| self.course.reference(self.course_time + after);
+                let path = |after| {
+                    let mut ahead = self.course.reference(self.course_time + after);
+                    ahead.position += self.start_offset;
+                    ahead
+                };
                 follower.foreseen(path, self.course.speed())
             }
             _ => *reference,
@@ -389,12 +382,17 @@ impl ControlTask {
     /// The load is the controller's from the next period on.
     fn begin(&mut self, measured: &Measured<f64>, now: &Period) {
         self.offset = 0.0;
+        let beginning = self.course.reference(-self.course.approach()).position;
+        self.start_offset = self.reading.stroke - beginning;
         // what follows a simulation takes over from the benchmark in the first period
         self.strategy = match self.asked(now) {
             asked if asked.follows() => Strategy::BenchmarkClosedLoop,
             asked => asked,
         };
-        self.tracking = if self.strategy.measures() { TRACKING } else { OPEN_LOOP_TRACKING };
+        self.tracking = match self.strategy.measures() {
+            true => self.closed_loop_tracking,
+            false => self.open_loop_tracking,
+        };
         self.simulated_motor = 0.0;
         self.behind = 0.0;
         self.steps = now.simulated.map_or(0, |s| s.steps);
@@ -407,7 +405,8 @@ impl ControlTask {
             }
         }
         // what keeps the pump pre-loaded now is what the leakage takes
-        let reference = self.course.reference(-self.course.approach());
+        let mut reference = self.course.reference(-self.course.approach());
+        reference.position += self.start_offset;
         let speed = self.decision.command.motor_speed;
         self.wanted = speed;
         self.benchmark.take_over(&mut self.memory, &reference, measured, 0.0, speed);
@@ -460,7 +459,10 @@ impl ControlTask {
             self.follows = follows;
         }
         // a strategy that needs a simulation that is not there, or not true, is not followed
-        let most = if asked.measures() { DRIFT } else { 0.5 * OPEN_LOOP_TRACKING };
+        let most = match asked.measures() {
+            true => DRIFT * self.closed_loop_tracking,
+            false => OPEN_LOOP_DRIFT * self.open_loop_tracking,
+        };
         if let Some(simulated) = now.simulated {
             let taken = simulated.steps.saturating_sub(self.steps) as f64;
             self.behind = (self.behind + self.steps_due - taken).max(0.0);
@@ -515,8 +517,10 @@ impl ControlTask {
         self.offset *= 1.0 - b.period / BUMP;
         // feedback that takes over from open loop has its time to make good what it finds
         self.tracking = match strategy.measures() {
-            true => self.tracking + (TRACKING - self.tracking) * b.period / RECOVERY,
-            false => OPEN_LOOP_TRACKING,
+            true => {
+                self.tracking + (self.closed_loop_tracking - self.tracking) * b.period / RECOVERY
+            }
+            false => self.open_loop_tracking,
         };
     }
 }

@@ -328,7 +328,7 @@ fn steer(
     let mut operator = Operator::new(false);
     let first = now();
     let mut release = first;
-    let mut overruns = 0_u32;
+    let mut last = first;
     let mut sequence = 0;
     let mut done_for = 0;
     let mut execution = 0;
@@ -338,10 +338,11 @@ fn steer(
         let late = now() - release;
         timing.released(late);
         let missed = late / timing.period;
-        overruns = if missed > 0 { overruns.saturating_add(missed as u32) } else { 0 };
         release += missed * timing.period;
 
         let clock = now();
+        let elapsed = clock.saturating_sub(last) as f64 * 1e-9;
+        last = clock;
         let before = thread_time();
         operator.listen(desk);
         if let Ok(course) = courses.pop() {
@@ -350,11 +351,12 @@ fn steer(
         let seen = between.simulated.read().map(|(_, words)| from_words(&words));
         let shown = seen.map_or(Shown::default(), |(_, shown)| shown);
         let record = task.period(&Period {
+            elapsed,
             incoming: machine.read(),
             simulated: seen.map(|(simulated, _)| simulated),
             request: operator.request(),
             strategy: desk.strategy(),
-            overruns,
+            missed: u32::try_from(missed).unwrap_or(u32::MAX),
             attended: desk.is_attended(),
             clock_jumped: late > CLOCK_JUMP,
             deadlines: Some(Deadlines {

@@ -3,11 +3,11 @@
 use crate::fault::Fault;
 use crate::lockstep::Lockstep;
 use crate::operator::Operator;
+use crate::setup::SetupError;
 use crate::trouble::{Tampering, Trouble};
 use hydroboom_control::{Cause, Motion, State, Strategy};
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
-use hydroboom_plant::PlantError;
 
 /// When it goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,14 +79,14 @@ impl Underway {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when the cranes cannot be built.
+    /// [`SetupError`] when the cranes cannot be built, or there are no limits for the model.
     pub fn until(
         model: &Description,
         machine: &Description,
         motion: Motion<f64>,
         strategy: Strategy,
         moment: Moment,
-    ) -> Result<Self, PlantError> {
+    ) -> Result<Self, SetupError> {
         let period = model.numbers.control_period;
         let mut way = Self {
             run: Lockstep::new(model, machine, motion, strategy)?.learning(None),

@@ -10,8 +10,6 @@ use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::VirtualCrane;
 
-/// Without a new command for so long the machine's own watchdog shuts it down \[s\], as a drive does.
-const WATCHDOG: f64 = 0.02;
 /// Without one for so long its process ends \[s\].
 const ABANDONED: f64 = 10.0;
 
@@ -44,9 +42,10 @@ pub fn host(
             done = order;
             trouble.tamper(what);
         }
-        let incoming = Incoming { sequence: number, reading: crane.reading() };
+        let incoming =
+            Incoming { sequence: number, reading: crane.reading(), valve: crane.valve() };
         if let Some(shown) = trouble.reading(incoming) {
-            shared.show(shown.sequence, &shown.reading);
+            shared.show(&shown);
         }
         release += period;
         wait_until(release, 0);
@@ -63,13 +62,13 @@ pub fn host(
                 abandoned += crane.period();
             }
         }
-        if age > WATCHDOG {
+        if age > description.numbers.supervision_watchdog {
             command = held;
         }
         // what was asked for cannot be built: then nothing is done to it
         let _ = trouble.machine(&mut crane);
         trouble.pass();
-        crane.advance(&command)?;
+        crane.advance(&trouble.drive(command))?;
         // a machine that fell far behind goes on from now, as after a pause
         let behind = now().saturating_sub(release);
         if behind > 100 * period {

@@ -25,6 +25,7 @@ pub mod operator;
 pub mod posix;
 pub mod replay;
 pub mod session;
+pub mod setup;
 pub mod shared;
 pub mod simulation_task;
 pub mod slot;

@@ -1,17 +1,19 @@
 //! The executive in simulated time: the same tasks in one thread, each in its turn, as fast as it
 //! goes and every time the same.
 
-use crate::control_task::{ControlTask, Period, Record, limits};
+use crate::control_task::{ControlTask, Period, Record};
 use crate::course::Course;
 use crate::desk::Desk;
 use crate::machine::Incoming;
 use crate::operator::Operator;
 use crate::posix::{now, wait_until};
 use crate::session::{Lookout, Order};
+use crate::setup::SetupError;
 use crate::simulation_task::SimulationTask;
 use crate::trouble::{Tampering, Trouble};
 use hydroboom_control::{Command, Decision, Learned, Path, Strategy};
 use hydroboom_description::Description;
+use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
 use hydroboom_virtual_crane::{Truth, VirtualCrane};
@@ -27,6 +29,10 @@ pub trait Disturbance {
     fn command(&mut self, command: Command<f64>) -> Option<Command<f64>> {
         Some(command)
     }
+    /// What drive and valve do of the command that acts on them.
+    fn drive(&mut self, command: Command<f64>) -> Command<f64> {
+        command
+    }
     /// How many of the simulation's steps are taken.
     fn steps(&mut self, due: u32) -> u32 {
         due
@@ -39,9 +45,9 @@ pub trait Disturbance {
     fn clock_jumped(&mut self) -> bool {
         false
     }
-    /// Deadlines that were missed in a row.
-    fn overruns(&mut self) -> u32 {
-        0
+    /// Whether the control task is held up in this period: it is not executed, and sends nothing.
+    fn control_is_held_up(&mut self) -> bool {
+        false
     }
     /// Does something to the machine itself.
     ///
@@ -58,9 +64,6 @@ pub struct Undisturbed;
 
 impl Disturbance for Undisturbed {}
 
-/// Without a command for so many periods the machine's own watchdog shuts it down, as a drive does.
-const WATCHDOG: u32 = 20;
-
 /// A run in simulated time. A copy goes on from the same moment.
 #[derive(Clone)]
 pub struct Lockstep {
@@ -69,8 +72,14 @@ pub struct Lockstep {
     machine: VirtualCrane,
     steps: u32,
     sequence: u64,
-    /// What the machine was told last, and for how many periods it has been told nothing.
-    told: (Command<f64>, u32),
+    /// The last command that arrived, and for how many periods none has.
+    arrived: (Command<f64>, u32),
+    /// Periods in which control was held up since its last one.
+    held_up: u32,
+    /// Periods without a command after which the machine's own watchdog shuts it down.
+    watchdog: u32,
+    /// The last record.
+    record: Option<Record>,
 }
 
 impl Lockstep {
@@ -79,25 +88,28 @@ impl Lockstep {
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when either crane cannot be built.
+    /// [`SetupError`] when either crane cannot be built, or there are no limits for the model.
     pub fn new(
         model: &Description,
         machine: &Description,
         path: impl Path + 'static,
         strategy: Strategy,
-    ) -> Result<Self, PlantError> {
+    ) -> Result<Self, SetupError> {
         let (begin, speed) = (path.reference(0.0).position, path.speed());
         let mut start = machine.start(begin);
         start.preload = 0.0;
         let n = &model.numbers;
         let course = Course::new(Arc::new(path));
         Ok(Self {
-            control: ControlTask::new(model, course, limits(model, speed), strategy),
+            control: ControlTask::new(model, course, limits(model, speed)?, strategy),
             simulation: SimulationTask::new(model, begin)?,
             machine: VirtualCrane::new(machine, &start)?,
             steps: (n.control_period / n.simulation_period).round() as u32,
             sequence: 0,
-            told: (HELD, 0),
+            arrived: (HELD, 0),
+            held_up: 0,
+            watchdog: (machine.numbers.supervision_watchdog / n.control_period).round() as u32,
+            record: None,
         })
     }
 
@@ -126,31 +138,54 @@ impl Lockstep {
         disturbance: &mut dyn Disturbance,
     ) -> Result<Record, SimulationError> {
         self.sequence += 1;
-        let incoming = Incoming { sequence: self.sequence, reading: self.machine.reading() };
+        let incoming = Incoming {
+            sequence: self.sequence,
+            reading: self.machine.reading(),
+            valve: self.machine.valve(),
+        };
+        let incoming = disturbance.reading(incoming);
+        let is_held_up = disturbance.control_is_held_up();
+        if let (true, Some(record)) = (is_held_up, self.record) {
+            self.held_up += 1;
+            self.move_machine(None, disturbance)?;
+            return Ok(record);
+        }
+        let missed = std::mem::take(&mut self.held_up);
         let record = self.control.period(&Period {
-            incoming: disturbance.reading(incoming),
+            elapsed: f64::from(missed + 1) * self.machine.period(),
+            incoming,
             simulated: Some(self.simulation.simulated()),
             request: operator.request(),
             strategy,
-            overruns: disturbance.overruns(),
+            missed,
             attended: disturbance.attended(),
             clock_jumped: disturbance.clock_jumped(),
             deadlines: None,
         });
         operator.see(&record.decision);
         self.simulation.set_conditions(&self.control.conditions());
+        self.record = Some(record);
+        self.move_machine(Some(record.decision.command), disturbance)?;
+        Ok(record)
+    }
+
+    /// A period of simulation and machine, with the command that was sent, if any.
+    fn move_machine(
+        &mut self,
+        sent: Option<Command<f64>>,
+        disturbance: &mut dyn Disturbance,
+    ) -> Result<(), SimulationError> {
         if let Some(speed) = self.control.simulated_motor() {
             (0..disturbance.steps(self.steps)).for_each(|_| self.simulation.step(speed));
         }
-        self.told = match disturbance.command(record.decision.command) {
+        self.arrived = match sent.and_then(|command| disturbance.command(command)) {
             Some(command) => (command, 0),
-            None if self.told.1 >= WATCHDOG => (HELD, self.told.1),
-            None => (self.told.0, self.told.1 + 1),
+            None if self.arrived.1 >= self.watchdog => (HELD, self.arrived.1),
+            None => (self.arrived.0, self.arrived.1 + 1),
         };
         // what was asked for cannot be built: then nothing is done to it
         let _ = disturbance.machine(&mut self.machine);
-        self.machine.advance(&self.told.0)?;
-        Ok(record)
+        self.machine.advance(&disturbance.drive(self.arrived.0))
     }
 
     /// Learns of the machine, beginning with what was learned before, if anything.
@@ -263,8 +298,11 @@ impl Disturbance for Watched<'_> {
     fn clock_jumped(&mut self) -> bool {
         self.trouble.clock_jumped()
     }
-    fn overruns(&mut self) -> u32 {
-        self.trouble.overruns()
+    fn control_is_held_up(&mut self) -> bool {
+        self.trouble.control_is_held_up()
+    }
+    fn drive(&mut self, command: Command<f64>) -> Command<f64> {
+        self.trouble.drive(command)
     }
     fn machine(&mut self, machine: &mut VirtualCrane) -> Result<(), PlantError> {
         self.trouble.machine(machine)

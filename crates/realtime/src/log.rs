@@ -60,7 +60,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 33] = [
+const NUMBERS: [Number; 35] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("course_speed_mm_s", |r| r.course_time.map(|_| r.course_speed * 1e3)),
@@ -79,6 +79,8 @@ const NUMBERS: [Number; 33] = [
     ("motor_speed_rpm", |r| Some(r.reading.motor_speed * 60.0)),
     ("command_motor_speed_rpm", |r| Some(r.decision.command.motor_speed * 60.0)),
     ("command_holding_valve", |r| Some(r.decision.command.holding_valve)),
+    ("releasing", |r| Some(f64::from(u8::from(r.decision.releasing)))),
+    ("waited_s", |r| Some(r.decision.waited)),
     ("controls", |r| Some(f64::from(u8::from(r.decision.controls)))),
     ("known_payload_kg", |r| r.known.map(|k| k.payload)),
     ("known_coulomb_friction", |r| r.known.map(|k| k.friction[0])),
@@ -227,6 +229,10 @@ pub struct Row {
     pub command: Command<f64>,
     /// What the machine did.
     pub state: State,
+    /// Whether a release was under way.
+    pub releasing: bool,
+    /// Time since the executive began \[s\].
+    pub time: f64,
     /// Code of the fault, or empty.
     pub cause: String,
     /// The strategy at work.
@@ -329,6 +335,8 @@ fn row(value: &Value) -> Result<Row, String> {
             holding_valve: needed("command_holding_valve")?,
         },
         state: State::from_name(state).ok_or_else(|| format!("no state \"{state}\""))?,
+        releasing: value["releasing"].as_f64().is_some_and(|is| is > 0.5),
+        time: needed("time_s")?,
         cause: text("cause")?.into(),
         strategy: Strategy::from_name(strategy)
             .ok_or_else(|| format!("no strategy \"{strategy}\""))?,

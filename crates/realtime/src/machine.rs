@@ -1,5 +1,6 @@
 //! The machine, as the executive sees it: what a fieldbus is attached to.
 
+use hydroboom_control::supervision::ValveState;
 use hydroboom_control::{Command, Reading};
 
 /// A reading and its number, which grows by one with each.
@@ -9,6 +10,8 @@ pub struct Incoming {
     pub sequence: u64,
     /// What the sensors show.
     pub reading: Reading<f64>,
+    /// State of the load-holding valve, where the machine can read it.
+    pub valve: Option<ValveState>,
 }
 
 /// Sensors and actuators of a machine. Both calls are made in the real-time cycle: they must not

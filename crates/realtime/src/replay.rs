@@ -1,13 +1,14 @@
 //! A log as a machine: its readings come again, and nobody hears the commands.
 
-use crate::control_task::{ControlTask, Period, Record, limits};
+use crate::control_task::{ControlTask, Period, Record};
 use crate::course::Course;
 use crate::log::Row;
 use crate::machine::{Incoming, Machine};
+use crate::setup::SetupError;
 use crate::simulation_task::{AtRest, SimulationTask};
 use hydroboom_control::{Command, Learned, Path, Reading, Reference, Request, State, Strategy};
 use hydroboom_description::Description;
-use hydroboom_plant::PlantError;
+use hydroboom_design::limits;
 use std::sync::Arc;
 
 /// The readings of a log, one with each look.
@@ -30,7 +31,7 @@ impl Machine for Replay {
         let row = self.readings.get(self.next).copied();
         self.next += 1;
         if let Some((sequence, Some(reading))) = row {
-            self.newest = Some(Incoming { sequence, reading });
+            self.newest = Some(Incoming { sequence, reading, valve: None });
         }
         self.newest
     }
@@ -70,13 +71,13 @@ impl Path for Recorded {
 ///
 /// # Errors
 ///
-/// [`PlantError`] when the model cannot be built.
+/// [`SetupError`] when the model cannot be built, or there are no limits for it.
 pub fn replay(
     model: &Description,
     rows: &[Row],
     strategy: Option<Strategy>,
     before: Option<&Learned>,
-) -> Result<Vec<Record>, PlantError> {
+) -> Result<Vec<Record>, SetupError> {
     let n = &model.numbers;
     let steps = (n.control_period / n.simulation_period).round() as u32;
     let first = rows.iter().find_map(|row| row.reading);
@@ -86,7 +87,7 @@ pub fn replay(
     let resting =
         Recorded { from: 0.0, period: n.control_period, references: vec![], speed: n.fast };
     let resting = Course::new(Arc::new(resting));
-    let mut control = ControlTask::new(model, resting, limits(model, n.fast), chosen);
+    let mut control = ControlTask::new(model, resting, limits(model, n.fast)?, chosen);
     if rows.iter().any(|row| row.learns) {
         control = control.learning(before);
     }
@@ -101,12 +102,16 @@ pub fn replay(
             simulation.synchronise(&AtRest::new(model, &control.conditions(), stroke)?);
             control.take(course);
         }
+        // time is logged in microseconds: a period is one unless more have passed
+        let since = rows.get(k.wrapping_sub(1)).map_or(n.control_period, |b| row.time - b.time);
+        let periods = (since / n.control_period).round().max(1.0);
         let record = control.period(&Period {
+            elapsed: periods * n.control_period,
             incoming: machine.read(),
             simulated: Some(simulation.simulated()),
             request: request(rows, k, state),
             strategy: strategy_of(row),
-            overruns: 0,
+            missed: 0,
             attended: true,
             clock_jumped: false,
             deadlines: None,
@@ -121,12 +126,9 @@ pub fn replay(
     Ok(records)
 }
 
-/// Whether a person wanted a course in this row: the motor turns while the load is held, and did not.
+/// Whether a person wanted a course in this row: a release begins.
 fn begins(rows: &[Row], k: usize) -> bool {
-    let turns = |row: &Row| row.state == State::Holding && row.command.motor_speed != 0.0;
-    turns(&rows[k])
-        && (k == 0 || !turns(&rows[k - 1]))
-        && rows[k.saturating_sub(1)].state == State::Holding
+    rows[k].releasing && !rows.get(k.wrapping_sub(1)).is_some_and(|before| before.releasing)
 }
 
 /// What was asked for in a row, as far as what came of it tells.

@@ -3,6 +3,7 @@
 use crate::machine::{Incoming, Machine};
 use crate::slot::Slot;
 use crate::trouble::Tampering;
+use hydroboom_control::supervision::ValveState;
 use hydroboom_control::{Command, Reading};
 use memmap2::MmapMut;
 use std::fs::OpenOptions;
@@ -16,8 +17,8 @@ const MAGIC: u64 = 0x6879_6472_6f62_6f6f;
 #[repr(C)]
 struct Layout {
     magic: Slot<1>,
-    /// Number, then the reading's fields.
-    reading: Slot<8>,
+    /// Number, state of the valve, then the reading's fields.
+    reading: Slot<9>,
     /// Number, then the command's fields.
     command: Slot<3>,
     /// Number, then what is done to the machine.
@@ -85,10 +86,11 @@ impl Shared {
         Some((sequence, Command { motor_speed, holding_valve }))
     }
 
-    /// For the machine's process: shows a reading with its number.
-    pub fn show(&self, sequence: u64, reading: &Reading<f64>) {
-        let [a, b, c, d, e, f, g] = reading.to_array().map(f64::to_bits);
-        self.layout().reading.publish([sequence, a, b, c, d, e, f, g]);
+    /// For the machine's process: shows a reading.
+    pub fn show(&self, incoming: &Incoming) {
+        let [a, b, c, d, e, f, g] = incoming.reading.to_array().map(f64::to_bits);
+        let valve = valve_word(incoming.valve);
+        self.layout().reading.publish([incoming.sequence, valve, a, b, c, d, e, f, g]);
     }
 
     /// For the machine's process: what was ordered to be done to it last, and its number.
@@ -104,10 +106,25 @@ impl Shared {
     }
 }
 
+/// The valve's state as a word: 0 where it is not read.
+fn valve_word(valve: Option<ValveState>) -> u64 {
+    match valve {
+        None => 0,
+        Some(ValveState::Shut) => 1,
+        Some(ValveState::Open) => 2,
+    }
+}
+
+/// Back again; a word that means nothing is no state.
+fn valve_state(word: u64) -> Option<ValveState> {
+    [ValveState::Shut, ValveState::Open].into_iter().find(|state| valve_word(Some(*state)) == word)
+}
+
 impl Machine for Shared {
     fn read(&mut self) -> Option<Incoming> {
-        let (_, [sequence, values @ ..]) = self.layout().reading.read()?;
-        Some(Incoming { sequence, reading: Reading::from_array(values.map(f64::from_bits)) })
+        let (_, [sequence, valve, values @ ..]) = self.layout().reading.read()?;
+        let reading = Reading::from_array(values.map(f64::from_bits));
+        Some(Incoming { sequence, reading, valve: valve_state(valve) })
     }
 
     fn write(&mut self, sequence: u64, command: &Command<f64>) {

@@ -1,6 +1,6 @@
 //! Faults at work on the way to a virtual machine, and in it.
 
-use crate::fault::{Fault, Sensor};
+use crate::fault::{Fault, Sensor, WrongPosition, WrongPressure};
 use crate::lockstep::Disturbance;
 use crate::machine::Incoming;
 use hydroboom_control::{Command, Reading};
@@ -44,24 +44,37 @@ impl Tampering {
     }
 }
 
-/// A fault at work, if any.
-#[derive(Clone)]
-pub struct Trouble {
-    fault: Option<Fault>,
+/// A fault at work.
+#[derive(Clone, Copy)]
+struct Active {
+    fault: Fault,
     /// Periods since it began.
     since: u32,
+    /// The first reading under it.
+    first: Option<Reading<f64>>,
+}
+
+/// Faults at work, if any: a first one, and one that came on top of it.
+#[derive(Clone)]
+pub struct Trouble {
+    active: [Option<Active>; 2],
     before: VecDeque<Reading<f64>>,
-    stuck: Option<Reading<f64>>,
     /// What is still to be done to the machine.
     due: Option<Tampering>,
     sound: Description,
     burst: Description,
+    /// Control period \[s\].
+    period: f64,
 }
 
 /// How many readings a delayed sensor is late.
 const LATE: usize = 50;
 /// Leakage of a burst line \[m³/s/Pa\]: oil runs out as through a hole of 3 mm, 50 L/min at 70 bar.
 const BURST: f64 = 3e-7;
+/// Speed of a drive that turns at zero command \[rev/s\].
+const UNCOMMANDED: f64 = 5.0;
+/// Noise of a transducer that shows something else \[Pa\].
+const NOISE: f64 = 5e3;
 
 impl Trouble {
     /// None yet, for a machine as described.
@@ -69,13 +82,12 @@ impl Trouble {
         let mut burst = machine.clone();
         burst.numbers.case_leakage_a = BURST;
         Self {
-            fault: None,
-            since: 0,
+            active: [None; 2],
             before: VecDeque::with_capacity(LATE + 1),
-            stuck: None,
             due: None,
             sound: machine.clone(),
             burst,
+            period: machine.numbers.control_period,
         }
     }
 
@@ -83,11 +95,11 @@ impl Trouble {
     pub fn tamper(&mut self, what: Tampering) {
         match what {
             Tampering::Fault(fault) => {
-                (self.fault, self.since, self.stuck) = (Some(fault), 0, None);
+                self.active = [Some(Active { fault, since: 0, first: None }), None];
                 self.due = Some(what);
             }
             Tampering::Mend => {
-                self.fault = None;
+                self.active = [None; 2];
                 self.due = Some(what);
             }
             Tampering::Payload(mass) => {
@@ -97,29 +109,40 @@ impl Trouble {
         }
     }
 
-    /// Counts a period as over.
-    pub fn pass(&mut self) {
-        self.since = self.since.saturating_add(1);
+    /// Lets another fault come on top of the first one.
+    pub fn add(&mut self, fault: Fault) {
+        self.active[1] = Some(Active { fault, since: 0, first: None });
     }
 
-    fn spoil(&mut self, sensor: usize, kind: Sensor, reading: &mut Reading<f64>) {
+    /// Counts a period as over.
+    pub fn pass(&mut self) {
+        for active in self.active.iter_mut().flatten() {
+            active.since = active.since.saturating_add(1);
+        }
+    }
+
+    fn faults(&self) -> impl Iterator<Item = (Fault, u32)> + '_ {
+        self.active.iter().flatten().map(|active| (active.fault, active.since))
+    }
+
+    fn has(&self, fault: Fault) -> bool {
+        self.faults().any(|(active, _)| active == fault)
+    }
+
+    fn spoil(&self, sensor: usize, kind: Sensor, active: &Active, reading: &mut Reading<f64>) {
         let mut values = reading.to_array();
-        let stuck = *self.stuck.get_or_insert(*reading);
-        let k = f64::from(self.since);
+        let first = active.first.unwrap_or(*reading);
         // a tenth of a range: position, pressures, motor speed
         let tenth = match sensor {
             0 => 0.05,
             6 => 10.0,
             _ => 25e5,
         };
-        // as if at random, the same every time
-        let scatter = (k * 12.9898).sin() * 43_758.547;
-        let scatter = 2.0 * (scatter - scatter.floor()) - 1.0;
+        let scatter = scatter(active.since);
+        let is_high = (active.since / 100).is_multiple_of(2);
         values[sensor] = match kind {
-            Sensor::Stuck => stuck.to_array()[sensor],
-            Sensor::Jumping => {
-                values[sensor] + tenth * f64::from(u8::from((k as u32 / 100).is_multiple_of(2)))
-            }
+            Sensor::Stuck => first.to_array()[sensor],
+            Sensor::Jumping => values[sensor] + tenth * f64::from(u8::from(is_high)),
             Sensor::Noisy => values[sensor] + 0.2 * tenth * scatter,
             Sensor::NotANumber => f64::NAN,
             Sensor::Delayed => match self.before.front() {
@@ -131,61 +154,112 @@ impl Trouble {
     }
 }
 
+/// As if at random between -1 and 1, the same every time.
+fn scatter(number: u32) -> f64 {
+    let scatter = (f64::from(number) * 12.9898).sin() * 43_758.547;
+    2.0 * (scatter - scatter.floor()) - 1.0
+}
+
+/// What transducers show that are plausible and wrong.
+fn mistake(wrong: WrongPressure, since: u32, r: &mut Reading<f64>) {
+    let noise = NOISE * scatter(since);
+    match wrong {
+        WrongPressure::LoadZero => r.pressure_a = noise,
+        WrongPressure::Load20Bar => r.pressure_a = 20e5 + noise,
+        WrongPressure::LoadCopiesPump => r.pressure_a = r.pressure_pump_a + noise,
+        WrongPressure::Exchanged => std::mem::swap(&mut r.pressure_a, &mut r.pressure_b),
+        WrongPressure::PumpCopiesLoad => r.pressure_pump_a = r.pressure_a + noise,
+        WrongPressure::PumpHigh => r.pressure_pump_a += 66e5,
+    }
+}
+
+/// Whether the machine's process answers, by time since its fault began in periods.
+fn is_silent(fault: Fault, since: u32) -> bool {
+    match fault {
+        Fault::MachineKilled => true,
+        Fault::MachinePaused => since < 100,
+        _ => false,
+    }
+}
+
 impl Disturbance for Trouble {
     fn reading(&mut self, mut incoming: Incoming) -> Option<Incoming> {
         self.before.push_back(incoming.reading);
         if self.before.len() > LATE {
             self.before.pop_front();
         }
-        match self.fault {
-            Some(Fault::Sensor(sensor, kind)) => self.spoil(sensor, kind, &mut incoming.reading),
-            Some(Fault::MachineKilled) => return None,
-            Some(Fault::MachinePaused) if self.since < 100 => return None,
-            Some(Fault::MachineRestarted) => incoming.sequence = u64::from(self.since) + 1,
-            _ => {}
+        for k in 0..self.active.len() {
+            let Some(active) = &mut self.active[k] else { continue };
+            let first = *active.first.get_or_insert(incoming.reading);
+            let (active, reading) = (*active, &mut incoming.reading);
+            let time = f64::from(active.since) * self.period;
+            match active.fault {
+                fault if is_silent(fault, active.since) => return None,
+                Fault::Sensor(sensor, kind) => self.spoil(sensor, kind, &active, reading),
+                Fault::Pressure(wrong) => mistake(wrong, active.since, reading),
+                Fault::Position(WrongPosition::Drift2) => reading.stroke += 2e-3 * time,
+                Fault::Position(WrongPosition::Drift20) => reading.stroke += 20e-3 * time,
+                Fault::Position(WrongPosition::Gain) => {
+                    reading.stroke += 0.2 * (reading.stroke - first.stroke);
+                }
+                Fault::MachineRestarted => incoming.sequence = u64::from(active.since) + 1,
+                _ => {}
+            }
         }
         Some(incoming)
     }
 
-    fn command(&mut self, mut command: Command<f64>) -> Option<Command<f64>> {
-        match self.fault {
-            Some(Fault::MachineKilled) => return None,
-            Some(Fault::MachinePaused) if self.since < 100 => return None,
-            // it comes up with its load held, and does not take commands at once
-            Some(Fault::MachineRestarted) if self.since < 500 => return None,
-            Some(Fault::DriveSaturated) => {
-                command.motor_speed = command.motor_speed.clamp(-5.0, 5.0);
+    fn command(&mut self, command: Command<f64>) -> Option<Command<f64>> {
+        let is_lost = self.faults().any(|(fault, since)| {
+            // a machine that begins anew does not take commands at once
+            is_silent(fault, since) || (fault == Fault::MachineRestarted && since < 500)
+        });
+        (!is_lost).then_some(command)
+    }
+
+    fn drive(&mut self, mut command: Command<f64>) -> Command<f64> {
+        for (fault, _) in self.faults() {
+            let stands = command.motor_speed == 0.0;
+            match fault {
+                Fault::DriveSaturated => {
+                    command.motor_speed = command.motor_speed.clamp(-5.0, 5.0);
+                }
+                Fault::DriveReversed => command.motor_speed = -command.motor_speed,
+                Fault::DriveDead => command.motor_speed = 0.0,
+                Fault::DriveLifts if stands => command.motor_speed = UNCOMMANDED,
+                Fault::DriveLowers if stands => command.motor_speed = -UNCOMMANDED,
+                Fault::ValveStuckShut => command.holding_valve = 0.0,
+                Fault::ValveStuckOpen => command.holding_valve = 1.0,
+                _ => {}
             }
-            Some(Fault::DriveReversed) => command.motor_speed = -command.motor_speed,
-            Some(Fault::DriveDead) => command.motor_speed = 0.0,
-            Some(Fault::ValveStuckShut) => command.holding_valve = 0.0,
-            Some(Fault::ValveStuckOpen) => command.holding_valve = 1.0,
-            _ => {}
         }
-        Some(command)
+        command
     }
 
     fn steps(&mut self, due: u32) -> u32 {
-        match self.fault {
-            Some(Fault::SimulationSlowed) => due / 2,
-            Some(Fault::SimulationKilled) => 0,
-            _ => due,
+        if self.has(Fault::SimulationKilled) {
+            0
+        } else if self.has(Fault::SimulationSlowed) {
+            due / 2
+        } else {
+            due
         }
     }
 
     fn attended(&mut self) -> bool {
-        self.fault != Some(Fault::OperatorGone)
+        !self.has(Fault::OperatorGone)
     }
 
     fn clock_jumped(&mut self) -> bool {
-        self.fault == Some(Fault::ClockJump) && self.since == 0
+        self.faults().any(|active| active == (Fault::ClockJump, 0))
     }
 
-    fn overruns(&mut self) -> u32 {
-        match self.fault {
-            Some(Fault::ControlLate) => self.since + 1,
-            _ => 0,
-        }
+    fn control_is_held_up(&mut self) -> bool {
+        self.faults().any(|(fault, since)| match fault {
+            Fault::ControlStopped(time) => f64::from(since) * self.period < f64::from(time) * 1e-3,
+            Fault::ControlStarved => !since.is_multiple_of(13),
+            _ => false,
+        })
     }
 
     fn machine(&mut self, machine: &mut VirtualCrane) -> Result<(), PlantError> {

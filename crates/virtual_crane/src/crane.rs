@@ -2,6 +2,7 @@
 
 use crate::equipment::{Equipment, Stepping};
 use crate::signals::Truth;
+use hydroboom_control::supervision::ValveState;
 use hydroboom_control::{Command, Measured, Reading};
 use hydroboom_description::Description;
 use hydroboom_model::{Outputs, SimulationError, Start};
@@ -49,6 +50,11 @@ impl VirtualCrane {
     /// What has arrived at the controller.
     pub fn reading(&self) -> Reading<f64> {
         self.equipment.reading()
+    }
+
+    /// State of the load-holding valve as its position switch shows it; none where there is no switch.
+    pub fn valve(&self) -> Option<ValveState> {
+        self.equipment.valve_state()
     }
 
     /// What the benchmark controller makes of it.

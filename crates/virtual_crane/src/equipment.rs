@@ -9,8 +9,10 @@ use crate::sensor::{Sensor, SensorData};
 use crate::signals::Truth;
 use crate::temperature::Temperature;
 use crate::valve::SwitchingValve;
+use hydroboom_control::supervision::ValveState;
 use hydroboom_control::{Command, Measured, MotorLimits, Reading};
 use hydroboom_description::Description;
+use hydroboom_description::schema::PositionSwitchChoice;
 use hydroboom_model::hydraulics::Cylinder;
 use hydroboom_model::{Input, Nodes, Outputs, Scheme, Start};
 use rand::{Rng, RngExt, SeedableRng};
@@ -59,6 +61,7 @@ pub(crate) struct Equipment {
     /// None: the valve switches at once.
     valve: Option<SwitchingValve>,
     pilot: f64,
+    has_position_switch: bool,
     temperature: Temperature,
     air: Option<Air>,
     /// Power that is lost as heat \[W\].
@@ -146,6 +149,8 @@ impl Equipment {
             },
             valve,
             pilot,
+            has_position_switch: description.choices.position_switch
+                == PositionSwitchChoice::Fitted,
             temperature: Temperature::new(description),
             air: Air::new(description, &pressures(outputs)),
             heat: 0.0,
@@ -168,6 +173,14 @@ impl Equipment {
     /// What has arrived at the controller.
     pub(crate) fn reading(&self) -> Reading<f64> {
         self.reading
+    }
+
+    /// State of the load-holding valve as its position switch shows it; none where there is no switch.
+    pub(crate) fn valve_state(&self) -> Option<ValveState> {
+        self.has_position_switch.then_some(match self.pilot > 0.5 {
+            true => ValveState::Open,
+            false => ValveState::Shut,
+        })
     }
 
     /// What the benchmark controller makes of it.

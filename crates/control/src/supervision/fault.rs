@@ -1,145 +1,168 @@
-//! What can be wrong with a machine, and what to do about it.
+//! Fault causes: code, advice, severity, and the reaction of the machine.
 
-/// Why the supervisor brought the machine to its safe state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cause {
+/// What the machine does about a fault (stop categories as in IEC 60204-1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Reaction {
+    /// Controlled stop: the motor is ramped to zero with the valve open, then the valve shuts
+    /// (stop category 1).
+    ControlledStop,
+    /// Immediate stop: the valve shuts at once, the motor is braked as fast as its slew rate allows
+    /// (as stop category 0, but that the drive keeps its power to brake).
+    ImmediateStop,
+}
+
+impl Reaction {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::ControlledStop, Self::ImmediateStop];
+
+    /// Name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ControlledStop => "controlled stop",
+            Self::ImmediateStop => "immediate stop",
+        }
+    }
+}
+
+/// How severe a fault is: a more severe one takes the place of a less severe one at any time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Measurements and drive can be trusted: the load is brought to rest before it is held.
+    Stop,
+    /// The load is held at once.
+    Hold,
+    /// A person pressed the emergency stop.
+    Emergency,
+}
+
+macro_rules! causes {
+    ($( $(#[doc = $doc:literal])* $Cause:ident: $severity:ident, $code:literal, $advice:literal; )+) => {
+        /// Why the supervisor brought the machine to its safe state.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Cause { $( $(#[doc = $doc])* $Cause, )+ }
+
+        impl Cause {
+            /// All of them.
+            pub const ALL: [Self; [$($code),+].len()] = [$(Self::$Cause),+];
+
+            /// Code in logs and messages.
+            pub fn code(self) -> &'static str {
+                match self { $( Self::$Cause => $code, )+ }
+            }
+
+            /// What a person should look at.
+            pub fn advice(self) -> &'static str {
+                match self { $( Self::$Cause => $advice, )+ }
+            }
+
+            /// How severe it is.
+            pub fn severity(self) -> Severity {
+                match self { $( Self::$Cause => Severity::$severity, )+ }
+            }
+        }
+    };
+}
+
+causes! {
     /// A reading is not a number.
-    NotANumber,
+    NotANumber: Hold, "not-a-number",
+        "a reading is not a number: look at the fieldbus mapping and the sensor";
     /// No new reading for too long: machine, fieldbus or its process.
-    MachineLost,
+    MachineLost: Hold, "machine-lost",
+        "no new readings: is the machine's process or its bus alive?";
     /// The piston position is outside what the cylinder has.
-    PositionImplausible,
+    PositionImplausible: Hold, "position-implausible",
+        "position outside the stroke: look at the encoder and its zero";
     /// The piston position changed faster than any piston can.
-    PositionJumped,
+    PositionJumped: Hold, "position-jumped",
+        "position jumped: look at the encoder's cable and supply";
     /// A signal has not changed at all for too long.
-    SensorStuck,
+    SensorStuck: Hold, "sensor-stuck",
+        "a signal stands still to the last digit: look at its cable and input";
     /// A signal scatters far more than its sensor does.
-    SensorNoisy,
+    SensorNoisy: Hold, "sensor-noisy",
+        "a signal scatters: look at its cable, shield and supply";
     /// A pressure is outside what its transducer or physics allow.
-    PressureImplausible,
+    PressureImplausible: Hold, "pressure-implausible",
+        "a pressure is outside its transducer's range: look at transducer, cable and input";
     /// A pressure changed faster than the oil allows.
-    PressureJumped,
+    PressureJumped: Hold, "pressure-jumped",
+        "a pressure jumped: look at transducer, hose and line";
+    /// Pressures that must agree do not: of pump side and cylinder behind an open valve, of the load
+    /// before a release, or with a lift.
+    PressureDisagrees: Hold, "pressure-disagrees",
+        "pressures disagree with each other or with the load: look at the transducers p_PA, p_A, p_B and p_PB, and whether cables are exchanged";
     /// A pressure is above the limit.
-    OverPressure,
+    OverPressure: Stop, "over-pressure",
+        "pressure above the limit: is the load too heavy, or a valve shut?";
     /// The piston is too near an end of its stroke, and moves towards it.
-    EndOfStroke,
-    /// The piston is too far from where it should be.
-    TrackingError,
-    /// The piston moves faster than it was ever asked to.
-    Runaway,
+    EndOfStroke: Stop, "end-of-stroke",
+        "piston near its stop: look at the course and the controller";
+    /// The piston is too far from its reference.
+    TrackingError: Stop, "tracking-error",
+        "piston far from its reference: look at pump, valves and load";
+    /// Piston travel and the pump's delivered volume do not agree.
+    PositionFlowDisagree: Stop, "position-and-flow-disagree",
+        "position and delivered flow disagree: one of them is wrong. Look at the encoder, at the pump's leakage and displacement, and at the motor speed";
+    /// The position moves although nothing moves the piston.
+    PositionNotSteady: Hold, "position-not-steady",
+        "the position changes although the load is held and the pump stands still: look at encoder and load-holding valves, or wait until the load is still";
+    /// The piston moves much faster than the course asks.
+    Runaway: Hold, "runaway",
+        "piston too fast: has a line burst, or the load fallen off?";
     /// The load moves although it is held.
-    LoadNotHeld,
-    /// The drive does not turn as it is told.
-    DriveNotFollowing,
-    /// The pump side does not reach the load's pressure.
-    NoPreload,
-    /// Too many deadlines were missed in a row.
-    Overruns,
-    /// Nobody has attended the machine for too long.
-    OperatorLost,
-    /// Somebody pressed the button.
-    EmergencyStop,
-    /// The controller asked for a speed that is not a number.
-    ControllerInvalid,
+    LoadNotHeld: Hold, "load-not-held",
+        "the load moves while held: look at the load-holding valves";
+    /// The load still swings, and does not come to rest.
+    LoadNotStill: Hold, "load-not-still",
+        "the load does not come to rest: wait, or look at what moves it";
+    /// The load sank as the load-holding valve opened.
+    LoadSank: Hold, "load-sank",
+        "the load sank when it was released: look at pump, lines and load-holding valves";
+    /// The valve's position switch does not show what was commanded.
+    ValveNotFollowing: Hold, "valve-not-following",
+        "the load-holding valve does not switch as commanded: look at the valve, its supply and its position switch";
+    /// The drive does not turn as commanded.
+    DriveNotFollowing: Hold, "drive-not-following",
+        "drive does not follow: look at its state and its limits";
+    /// The drive turns against its command, or although commanded to stand still.
+    DriveUncommanded: Hold, "drive-uncommanded",
+        "the drive turns without or against a command: cut its power; the supervisor cannot stop it";
+    /// The pump delivered all that can be needed, and did not lift the load.
+    NoLift: Hold, "no-lift",
+        "the pump does not lift the load: is it heavier than the crane file says? Look at pump, drive, lines and air in the oil";
+    /// Too many periods were missed.
+    Overruns: Stop, "overruns",
+        "deadlines missed: run `hydroboom doctor`";
+    /// Control was interrupted for longer than the drive's watchdog bears.
+    WatchdogExpired: Hold, "watchdog-expired",
+        "control was interrupted for longer than the drive's watchdog bears, and the drive has stopped by itself: run `hydroboom doctor`";
+    /// No operator has been present for too long.
+    OperatorLost: Stop, "operator-lost",
+        "nobody attends: connect again, then reset";
+    /// Somebody pressed the emergency stop.
+    EmergencyStop: Emergency, "emergency-stop",
+        "emergency stop: find out why, then reset";
+    /// The controller asked for a speed that is not a number, or failed.
+    ControllerInvalid: Hold, "controller-invalid",
+        "the controller failed: look at the log";
     /// The clock went back, or far ahead.
-    ClockJumped,
+    ClockJumped: Hold, "clock-jumped",
+        "the clock jumped: look at the machine's time source";
 }
 
 impl Cause {
-    /// All of them.
-    pub const ALL: [Self; 20] = [
-        Self::NotANumber,
-        Self::MachineLost,
-        Self::PositionImplausible,
-        Self::PositionJumped,
-        Self::SensorStuck,
-        Self::SensorNoisy,
-        Self::PressureImplausible,
-        Self::PressureJumped,
-        Self::OverPressure,
-        Self::EndOfStroke,
-        Self::TrackingError,
-        Self::Runaway,
-        Self::LoadNotHeld,
-        Self::DriveNotFollowing,
-        Self::NoPreload,
-        Self::Overruns,
-        Self::OperatorLost,
-        Self::EmergencyStop,
-        Self::ControllerInvalid,
-        Self::ClockJumped,
-    ];
-
-    /// Code in logs and messages.
-    pub fn code(self) -> &'static str {
-        match self {
-            Self::NotANumber => "not-a-number",
-            Self::MachineLost => "machine-lost",
-            Self::PositionImplausible => "position-implausible",
-            Self::PositionJumped => "position-jumped",
-            Self::SensorStuck => "sensor-stuck",
-            Self::SensorNoisy => "sensor-noisy",
-            Self::PressureImplausible => "pressure-implausible",
-            Self::PressureJumped => "pressure-jumped",
-            Self::OverPressure => "over-pressure",
-            Self::EndOfStroke => "end-of-stroke",
-            Self::TrackingError => "tracking-error",
-            Self::Runaway => "runaway",
-            Self::LoadNotHeld => "load-not-held",
-            Self::DriveNotFollowing => "drive-not-following",
-            Self::NoPreload => "no-preload",
-            Self::Overruns => "overruns",
-            Self::OperatorLost => "operator-lost",
-            Self::EmergencyStop => "emergency-stop",
-            Self::ControllerInvalid => "controller-invalid",
-            Self::ClockJumped => "clock-jumped",
+    /// What the machine does about it while its valve is open. Which reaction does less harm is
+    /// computed by `hydroboom supervision --reactions` and stands in the table of hazards.
+    pub fn reaction(self) -> Reaction {
+        match self.severity() {
+            Severity::Stop => Reaction::ControlledStop,
+            Severity::Hold | Severity::Emergency => Reaction::ImmediateStop,
         }
     }
 
-    /// What a person should look at.
-    pub fn advice(self) -> &'static str {
-        match self {
-            Self::NotANumber => {
-                "a reading is not a number: look at the fieldbus mapping and the sensor"
-            }
-            Self::MachineLost => "no new readings: is the machine's process or its bus alive?",
-            Self::PositionImplausible => {
-                "position outside the stroke: look at the encoder and its zero"
-            }
-            Self::PositionJumped => "position jumped: look at the encoder's cable and supply",
-            Self::SensorStuck => {
-                "a signal stands still to the last digit: look at its cable and input"
-            }
-            Self::SensorNoisy => "a signal scatters: look at its cable, shield and supply",
-            Self::PressureImplausible => "a pressure is outside its transducer's range: look at it",
-            Self::PressureJumped => "a pressure jumped: look at transducer, hose and line",
-            Self::OverPressure => {
-                "pressure above the limit: is the load too heavy, or a valve shut?"
-            }
-            Self::EndOfStroke => "piston near its stop: look at the course and the controller",
-            Self::TrackingError => "piston far from its reference: look at pump, valves and load",
-            Self::Runaway => "piston too fast: has a line burst, or the load fallen off?",
-            Self::LoadNotHeld => "the load creeps while held: look at the load-holding valves",
-            Self::DriveNotFollowing => "drive does not follow: look at its state and its limits",
-            Self::NoPreload => "no pressure on the pump side: look at pump, drive and lines",
-            Self::Overruns => "deadlines missed: run `hydroboom doctor`",
-            Self::OperatorLost => "nobody attends: connect again, then reset",
-            Self::EmergencyStop => "emergency stop: find out why, then reset",
-            Self::ControllerInvalid => "the controller failed: look at the log",
-            Self::ClockJumped => "the clock jumped: look at the machine's time source",
-        }
-    }
-
-    /// Whether position, pressures and drive can still be trusted, so that the load may be brought to
-    /// rest before it is held. If not it is held at once.
-    pub fn stops_softly(self) -> bool {
-        matches!(
-            self,
-            Self::TrackingError
-                | Self::EndOfStroke
-                | Self::Overruns
-                | Self::OperatorLost
-                | Self::OverPressure
-        )
+    /// The more severe of two; the first where they are alike.
+    pub fn worse(self, other: Self) -> Self {
+        if other.severity() > self.severity() { other } else { self }
     }
 }

@@ -1,28 +1,40 @@
 //! What a machine is allowed to do, and what is observed of it in a control period.
 
+use super::drive_monitor::DriveMonitor;
+use super::flow_monitor::FlowMonitor;
+use super::release::Release;
 use crate::signals::Reading;
 
-/// What is allowed.
+/// What is allowed, and the numbers of the monitors: all from a crane file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Control period \[s\].
     pub period: f64,
     /// Length of the stroke \[m\].
     pub stroke: f64,
-    /// How near its ends the piston may come while moving towards them \[m\].
+    /// Distance from the end stops that a moving piston keeps \[m\].
     pub margin: f64,
     /// Largest speed of the piston \[m/s\].
     pub speed: f64,
+    /// Piston speed for each motor speed \[m/rev\].
+    pub speed_per_motor_speed: f64,
     /// Largest pressure \[Pa\].
     pub pressure: f64,
-    /// Largest distance the load may creep while held \[m\].
+    /// Largest movement of a held load \[m\].
     pub creep: f64,
     /// Largest motor speed \[rev/s\].
     pub motor_speed: f64,
     /// Largest motor slew \[rev/s²\].
     pub motor_slew: f64,
-    /// Largest deviation of the motor from its command, and for how long \[rev/s, s\].
-    pub drive_deviation: (f64, f64),
+    /// Duration of a controlled stop \[s\].
+    pub stop_time: f64,
+    /// Time without a command after which the drive stops by itself and the valve shuts \[s\].
+    pub watchdog: f64,
+    /// A load is still once its piston has been slower than this \[m/s\] for so long \[s\], a period
+    /// of the load mode.
+    pub still: (f64, f64),
+    /// Time for which a state waits for what it needs before it gives up \[s\].
+    pub wait_time: f64,
     /// Age of the newest reading \[s\] that is too old.
     pub stale: f64,
     /// A signal that repeats itself to the last bit for so long is stuck \[s\]; zero where sensors have
@@ -33,38 +45,56 @@ pub struct Limits {
     pub scatter: (f64, f64),
     /// Largest step from one reading to the next of a pressure \[Pa\].
     pub pressure_step: f64,
-    /// Missed deadlines in a row that are too many.
-    pub overruns: u32,
-    /// Pump pressure within this of the load's pressure counts as pre-loaded \[Pa\].
-    pub preload: f64,
-    /// Time that pre-loading may take \[s\].
-    pub preload_time: f64,
-    /// Time from the valve's command until it has opened \[s\].
+    /// Largest disagreement of pump-side and cylinder pressure behind an open valve \[Pa\], and for
+    /// how long \[s\].
+    pub pressure_agreement: (f64, f64),
+    /// Missed periods within the deadline monitor's window that are too many.
+    pub missed: u32,
+    /// Time from the valve's command until it has switched at the latest \[s\].
     pub valve_time: f64,
+    /// The drive's monitor.
+    pub drive: DriveMonitor,
+    /// The monitor of position against delivered flow.
+    pub flow: FlowMonitor,
+    /// The release of the load.
+    pub release: Release<f64>,
 }
 
-/// What the supervisor sees in a control period.
+/// State of the load-holding valve, where a machine can read it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ValveState {
+    /// The load is held.
+    Shut,
+    /// The load is released.
+    Open,
+}
+
+/// What the supervisor observes in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observation {
+    /// Time since the last executed period, by the machine's clock \[s\].
+    pub elapsed: f64,
     /// Newest reading.
     pub reading: Reading<f64>,
-    /// Its age \[s\].
+    /// State of the load-holding valve, as read; none where the machine cannot read it.
+    pub valve: Option<ValveState>,
+    /// Age of the reading \[s\].
     pub age: f64,
     /// Readings that were made since the one seen last: one in good times, none where nothing came, more
     /// where some were missed.
     pub new_readings: u32,
-    /// Where the piston should be \[m\]; the position of the start before the course begins.
+    /// Reference position \[m\]; the position of the start before the course begins.
     pub reference: f64,
-    /// How far from it the piston may be under the strategy at work \[m\].
+    /// Largest tracking error under the strategy at work \[m\].
     pub tracking: f64,
     /// Motor speed that the controller asks for \[rev/s\].
     pub wanted: f64,
     /// Whether the course is over.
     pub course_over: bool,
-    /// Deadlines missed in a row.
-    pub overruns: u32,
-    /// Whether somebody attends the machine.
+    /// Periods missed since the last executed one.
+    pub missed: u32,
+    /// Whether an operator is present.
     pub attended: bool,
-    /// Whether the clock jumped since the last period.
+    /// Whether the clock went back, or far ahead.
     pub clock_jumped: bool,
 }

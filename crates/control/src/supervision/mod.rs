@@ -1,11 +1,23 @@
 //! Supervision: the state machine that releases, holds and stops the load, its limits, its fault
-//! causes, and the plausibility checks of the measurements.
+//! causes, and the monitors of measurements, drive, deadlines and delivered flow.
 
+mod deadline_monitor;
+mod drive_monitor;
 mod fault;
+mod flow_monitor;
 mod limits;
 mod plausibility;
+mod release;
 mod supervisor;
+mod waiting;
 
-pub use fault::Cause;
-pub use limits::{Limits, Observation};
-pub use supervisor::{Decision, Request, SOFT_STOP, State, Supervisor};
+pub use deadline_monitor::{DeadlineMonitor, WINDOW as DEADLINE_WINDOW};
+pub use drive_monitor::{DriveMonitor, DriveMonitorState, DriveVerdict};
+pub use fault::{Cause, Reaction, Severity};
+pub use flow_monitor::{
+    FlowMonitor, FlowMonitorState, FlowReading, Range, WINDOW_TIME as FLOW_WINDOW_TIME,
+};
+pub use limits::{Limits, Observation, ValveState};
+pub use release::{Refusal, Release, ReleaseInput, ReleaseState, phase as release_phase};
+pub use supervisor::{Decision, Request, State, Supervisor};
+pub use waiting::Waiting;

@@ -8,8 +8,6 @@ use crate::signals::Reading;
 pub(crate) const RUNAWAY: f64 = 1.5;
 /// Readings that the velocity is averaged over.
 const VELOCITY_WINDOW: f64 = 20.0;
-/// Time constant in which a swing is forgotten \[s\].
-const SWING_MEMORY: f64 = 0.5;
 /// Readings that the scatter of a signal is averaged over.
 const SCATTER_WINDOW: u32 = 64;
 /// How far beyond its stroke a piston may be read \[m\]: end stops give way, encoders have a zero.
@@ -47,20 +45,19 @@ impl Plausibility {
         self.swing
     }
 
-    /// What is wrong with the readings themselves.
-    pub(crate) fn judge(&self, seen: &Observation, l: &Limits) -> Option<Cause> {
+    /// What is wrong with the readings themselves. While the valve is switching pressures may step.
+    pub(crate) fn judge(
+        &self,
+        seen: &Observation,
+        l: &Limits,
+        is_switching: bool,
+    ) -> Option<Cause> {
         let values = signals(&seen.reading);
-        if seen.clock_jumped {
-            return Some(Cause::ClockJumped);
-        }
         if !(values.iter().all(|v| v.is_finite()) && seen.reading.motor_speed.is_finite()) {
             return Some(Cause::NotANumber);
         }
         if seen.age.is_nan() || seen.age > l.stale {
             return Some(Cause::MachineLost);
-        }
-        if seen.overruns >= l.overruns {
-            return Some(Cause::Overruns);
         }
         let [stroke, pressures @ ..] = values;
         if !(-STROKE_SLACK..=l.stroke + STROKE_SLACK).contains(&stroke) {
@@ -77,12 +74,11 @@ impl Plausibility {
                 return Some(Cause::PositionJumped);
             }
             let pairs = pressures.iter().zip(pressures_before);
-            if pairs.into_iter().any(|(now, before)| (now - before).abs() > l.pressure_step) {
+            let steps =
+                pairs.into_iter().any(|(now, before)| (now - before).abs() > l.pressure_step);
+            if steps && !is_switching {
                 return Some(Cause::PressureJumped);
             }
-        }
-        if pressures.iter().any(|p| *p > l.pressure) {
-            return Some(Cause::OverPressure);
         }
         if l.stuck > 0.0 && self.repeated.iter().any(|time| *time > l.stuck) {
             return Some(Cause::SensorStuck);
@@ -93,11 +89,15 @@ impl Plausibility {
         if self.readings > SCATTER_WINDOW && noisy {
             return Some(Cause::SensorNoisy);
         }
+        // last, because it is the mildest: what is worse is not hidden behind it
+        if pressures.iter().any(|p| *p > l.pressure) {
+            return Some(Cause::OverPressure);
+        }
         None
     }
 
     /// Takes a new reading into what is watched over time.
-    pub(crate) fn remember(&mut self, seen: &Observation, l: &Limits) {
+    pub(crate) fn remember(&mut self, seen: &Observation, l: &Limits, swing_memory: f64) {
         let values = signals(&seen.reading);
         if seen.new_readings == 0 || values.iter().any(|v| !v.is_finite()) {
             return;
@@ -109,7 +109,7 @@ impl Plausibility {
             let passed = readings * l.period;
             let velocity = (values[0] - before[0]) / passed;
             self.velocity += (velocity - self.velocity) * (readings / VELOCITY_WINDOW).min(1.0);
-            let forgotten = (self.swing * (1.0 - passed / SWING_MEMORY)).max(0.0);
+            let forgotten = (self.swing * (1.0 - passed / swing_memory)).max(0.0);
             self.swing = forgotten.max(self.velocity.abs());
             for k in 0..SIGNALS {
                 let difference = (values[k] - before[k]) / readings;
@@ -120,7 +120,7 @@ impl Plausibility {
                 // the second difference: a steady motion does not scatter
                 let most = 10.0 * if k == 0 { l.scatter.0 } else { l.scatter.1 };
                 // one jump, however large, is no noise
-                let second = (difference - self.differences[k]).clamp(-most, most);
+                let second = (difference - self.differences[k]).max(-most).min(most);
                 let share = 1.0 / f64::from(SCATTER_WINDOW);
                 self.scatter[k] += share * (second * second / 6.0 - self.scatter[k]);
                 self.differences[k] = difference;

@@ -1,20 +1,25 @@
 //! The supervisor: what the machine may do, and what brings it to rest.
 //!
-//! A pure state machine, called once a control period; it allocates nothing and knows no clock but
-//! the one it is given.
+//! A pure state machine, called once an executed control period; it allocates nothing and knows no
+//! clock but the time that each observation says has passed.
 //!
 //! ```text
-//! Idle -enable-> Ready -hold-> Holding -start, pre-loaded-> Moving -stop, course over-> Stopping -> Holding
-//!   any fault -> Fault -reset, all well-> Ready
+//! Idle -enable-> Ready -hold-> Holding -start, proof of balance-> Moving -stop, course over-> Stopping -> Holding
+//!   any fault -> Fault -reset by an operator, all well-> Ready
 //! ```
 //!
 //! It is no safety function in the sense of ISO 13849: it runs on an ordinary computer, by an
 //! ordinary program. A hardware emergency stop that cuts drive and valve stays where it is.
 
-use super::fault::Cause;
-use super::limits::{Limits, Observation};
+use super::deadline_monitor::DeadlineMonitor;
+use super::drive_monitor::{DriveMonitorState, DriveVerdict};
+use super::fault::{Cause, Reaction};
+use super::flow_monitor::{FlowMonitorState, FlowReading};
+use super::limits::{Limits, Observation, ValveState};
 use super::plausibility::{Plausibility, RUNAWAY};
-use crate::signals::Command;
+use super::release::{Refusal, ReleaseInput, ReleaseState, phase};
+use super::waiting::Waiting;
+use crate::signals::{Command, Reading};
 
 /// What the machine is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,6 +92,47 @@ pub struct Decision {
     pub cause: Option<Cause>,
     /// Whether the controller has the load: then its course runs.
     pub controls: bool,
+    /// Whether a release is under way: the pump proves that it carries the load.
+    pub releasing: bool,
+    /// What the state waits for.
+    pub waiting: Waiting,
+    /// For how long it has waited for that \[s\].
+    pub waited: f64,
+}
+
+impl Decision {
+    /// Of a machine that nothing has been asked of: valve shut, motor at zero.
+    pub const IDLE: Self = Self {
+        command: HELD,
+        state: State::Idle,
+        cause: None,
+        controls: false,
+        releasing: false,
+        waiting: Waiting::Enable,
+        waited: 0.0,
+    };
+
+    /// Whether motor and valve are commanded to rest.
+    pub fn is_at_rest(&self) -> bool {
+        self.command == HELD
+    }
+}
+
+/// Motor at zero, load held.
+const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
+
+/// Time constant in which the peak velocity of a swinging load is forgotten, in periods of the load
+/// mode: what counts is the last swing.
+const SWING_MEMORY: f64 = 1.5;
+
+/// A stop under way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stop {
+    reaction: Reaction,
+    /// Motor speed as read when it began \[rev/s\].
+    from: f64,
+    /// Time since then \[s\].
+    since: f64,
 }
 
 /// The supervisor at work.
@@ -98,34 +144,25 @@ pub struct Supervisor {
     command: Command<f64>,
     /// Time in this state \[s\].
     since: f64,
-    /// Whether the load has been asked to move.
-    starting: bool,
-    /// Time that the pump has been pre-loaded \[s\].
-    preloaded: f64,
-    /// Motor speed that the pump's leakage takes \[rev/s\].
-    leakage: f64,
-    /// Motor speed when stopping began \[rev/s\].
-    stopping_from: f64,
-    /// Position at which the load is held \[m\].
+    waiting: Waiting,
+    waited: f64,
+    /// The release under way.
+    release: Option<ReleaseState<f64>>,
+    /// The stop under way, in [`State::Stopping`] and [`State::Fault`].
+    stop: Stop,
+    /// Position at which the load is held, or was when the valve was energised \[m\].
     held_at: Option<f64>,
-    /// Time that the drive has not followed \[s\].
-    deviating: f64,
+    /// Time since the valve was last commanded to switch \[s\].
+    valve_since: f64,
+    /// Time for which pump side and cylinder have disagreed behind an open valve \[s\].
+    disagreeing: f64,
     plausibility: Plausibility,
+    deadlines: DeadlineMonitor,
+    drive: DriveMonitorState,
+    flow: FlowMonitorState,
+    /// Time since the reading that the flow monitor took in last \[s\].
+    unread: f64,
 }
-
-/// Motor speed per pressure that the pump side lacks while it is pre-loaded \[rev/s per Pa\].
-const PRELOAD_GAIN: f64 = 0.5e-5;
-/// Time in which the speed that the leakage takes is found \[s\].
-const PRELOAD_RESET: f64 = 0.5;
-/// Largest motor speed while pre-loading \[rev/s\].
-const PRELOAD_SPEED: f64 = 8.0;
-/// The pump side must stay pre-loaded for so long before the load is released \[s\].
-const PRELOADED: f64 = 0.1;
-/// A load is still once its piston has been slower than this \[m/s\] for so long \[s\], a swing.
-const STILL_SPEED: f64 = 0.015;
-const STILL_TIME: f64 = 0.35;
-/// A load is brought to rest within this time \[s\], if the cause allows for it.
-pub const SOFT_STOP: f64 = 0.4;
 
 impl Supervisor {
     /// A supervisor in [`State::Idle`].
@@ -134,15 +171,20 @@ impl Supervisor {
             limits,
             state: State::Idle,
             cause: None,
-            command: Command { motor_speed: 0.0, holding_valve: 0.0 },
+            command: HELD,
             since: 0.0,
-            starting: false,
-            preloaded: 0.0,
-            leakage: 0.0,
-            stopping_from: 0.0,
+            waiting: Waiting::Enable,
+            waited: 0.0,
+            release: None,
+            stop: Stop { reaction: Reaction::ImmediateStop, from: 0.0, since: 0.0 },
             held_at: None,
-            deviating: 0.0,
+            valve_since: f64::INFINITY,
+            disagreeing: 0.0,
             plausibility: Plausibility::default(),
+            deadlines: DeadlineMonitor::default(),
+            drive: DriveMonitorState::default(),
+            flow: FlowMonitorState::default(),
+            unread: 0.0,
         }
     }
 
@@ -156,54 +198,52 @@ impl Supervisor {
         self.state
     }
 
+    /// What is allowed.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
     /// Time within which every fault reaches the safe state: motor at zero, valve de-energised \[s\].
     pub fn bound(&self) -> f64 {
-        let ramp = self.limits.motor_speed / self.limits.motor_slew;
-        SOFT_STOP.max(ramp) + 2.0 * self.limits.period
+        let brake = self.limits.motor_speed / self.limits.motor_slew;
+        self.limits.stop_time.max(brake) + 2.0 * self.limits.period
     }
 
     /// One control period.
     pub fn advance(&mut self, seen: &Observation, request: Request) -> Decision {
-        self.since += self.limits.period;
-        let begins = match self.state {
-            State::Idle => request == Request::Enable,
-            State::Fault => request == Request::Reset && self.is_at_rest(),
-            _ => false,
+        let has_passed = seen.elapsed.is_finite() && seen.elapsed >= 0.0;
+        let elapsed = if has_passed { seen.elapsed } else { self.limits.period };
+        self.since += elapsed;
+        self.stop.since += elapsed;
+        self.valve_since += elapsed;
+        let wrong = self.judge(seen, elapsed, has_passed);
+        let wrong = match request {
+            Request::EmergencyStop => Some(Cause::EmergencyStop),
+            _ => wrong,
         };
-        if begins {
-            // what was wrong before is judged by new readings only
-            self.plausibility = Plausibility::default();
-            self.deviating = 0.0;
-        }
-        let wrong = self.what_is_wrong(seen, request);
-        self.plausibility.remember(seen, &self.limits);
-        match (self.state, wrong) {
-            (State::Fault | State::Idle, None) if begins => {
-                self.cause = None;
-                self.enter(State::Ready);
-            }
-            // a machine that is not watched yet has no faults
-            (State::Fault | State::Idle, _) => {}
-            (_, Some(cause)) => {
-                self.cause = Some(cause);
-                self.stopping_from = self.command.motor_speed;
-                self.enter(State::Fault);
-            }
-            (_, None) => {}
-        }
         match self.state {
-            State::Idle => {}
-            State::Ready => self.ready(seen, request),
-            State::Holding => self.holding(seen, request),
-            State::Moving => self.moving(seen, request),
-            State::Stopping => self.stopping(),
-            State::Fault => self.faulty(),
+            State::Idle => self.idle(request, wrong),
+            State::Fault => self.fault(seen, request, wrong),
+            _ => match wrong {
+                Some(cause) => self.fail(cause, seen),
+                None => match self.state {
+                    State::Ready => self.ready(seen, request),
+                    State::Holding => self.holding(seen, request, elapsed),
+                    State::Moving => self.moving(seen, request),
+                    State::Stopping => self.stopping(),
+                    State::Idle | State::Fault => {}
+                },
+            },
         }
+        self.waits(elapsed);
         Decision {
             command: self.command,
             state: self.state,
             cause: self.cause,
             controls: self.controls(),
+            releasing: self.release.is_some(),
+            waiting: self.waiting,
+            waited: self.waited,
         }
     }
 
@@ -212,168 +252,370 @@ impl Supervisor {
         self.state == State::Moving && self.since >= self.limits.valve_time
     }
 
-    fn is_at_rest(&self) -> bool {
-        self.command.motor_speed == 0.0 && self.command.holding_valve == 0.0
+    /// Whether anything acts on the load.
+    fn is_active(&self) -> bool {
+        self.command != HELD || self.release.is_some()
     }
 
     fn enter(&mut self, state: State) {
         self.state = state;
         self.since = 0.0;
-        self.starting = false;
-        self.preloaded = 0.0;
-        self.leakage = 0.0;
+        self.release = None;
         self.held_at = None;
+        self.disagreeing = 0.0;
     }
 
-    fn ramp(&mut self, wanted: f64) {
-        let reach = self.limits.motor_slew * self.limits.period;
-        let now = self.command.motor_speed;
-        let most = self.limits.motor_speed;
-        self.command.motor_speed = wanted.clamp(-most, most).clamp(now - reach, now + reach);
+    /// Nothing acts. What is wrong is no fault yet, unless a machine that is to be enabled stays so.
+    fn idle(&mut self, request: Request, wrong: Option<Cause>) {
+        match (request, wrong) {
+            (Request::EmergencyStop, _) => self.latch(Cause::EmergencyStop),
+            (Request::Enable, None) => self.enter(State::Ready),
+            (Request::Enable, Some(cause)) => {
+                self.waiting_for(Waiting::Measurements(cause));
+                if self.since >= self.limits.wait_time {
+                    self.latch(cause);
+                }
+            }
+            _ => self.since = 0.0,
+        }
+    }
+
+    /// A fault of a machine on which nothing acts.
+    fn latch(&mut self, cause: Cause) {
+        self.enter(State::Fault);
+        self.cause = Some(cause);
+        self.stop = Stop { reaction: Reaction::ImmediateStop, from: 0.0, since: 0.0 };
+        self.command = HELD;
     }
 
     fn ready(&mut self, seen: &Observation, request: Request) {
-        self.command.holding_valve = 0.0;
-        self.ramp(0.0);
+        self.switch(0.0);
+        self.command.motor_speed = 0.0;
         // a load that still swings on its locked cylinder, after an emergency stop, would seem to creep
-        let is_still = self.since >= STILL_TIME && self.plausibility.swing() < STILL_SPEED;
-        if request == Request::Hold && seen.attended && is_still {
+        let (speed, time) = self.limits.still;
+        let is_still = self.since >= time && self.plausibility.swing() < speed;
+        self.waiting_for(match (seen.attended, is_still) {
+            (false, _) => Waiting::Operator,
+            (true, false) => Waiting::StillLoad,
+            (true, true) => Waiting::Hold,
+        });
+        if request != Request::Hold || !seen.attended {
+            return;
+        }
+        if is_still {
             self.enter(State::Holding);
+        } else if self.waited >= self.limits.wait_time {
+            self.latch(Cause::LoadNotStill);
         }
     }
 
-    /// The load hangs on its valves. Asked to start, the pump side is brought to the load's pressure
-    /// first: released onto an empty one, the load would fall by centimetres.
-    fn holding(&mut self, seen: &Observation, request: Request) {
-        self.command.holding_valve = 0.0;
+    /// The load hangs on its valves. Asked to start, the pump proves first that it carries the load:
+    /// released onto an empty pump side, the load would fall by centimetres.
+    fn holding(&mut self, seen: &Observation, request: Request, elapsed: f64) {
+        self.switch(0.0);
+        self.held_at.get_or_insert(seen.reading.stroke);
         match request {
-            Request::Start if !self.starting => {
-                self.starting = true;
-                self.since = 0.0;
+            Request::Start if seen.attended && self.release.is_none() => {
+                self.release = Some(self.limits.release.begin());
+                self.held_at = Some(seen.reading.stroke);
             }
-            Request::Stop => self.starting = false,
+            Request::Stop => self.release = None,
             _ => {}
         }
-        self.held_at.get_or_insert(seen.reading.stroke);
-        if !self.starting {
+        let Some(before) = self.release else {
             self.ramp(0.0);
+            self.waiting_for(Waiting::Start);
             // nothing moves, nobody is there: that is no fault, but the drive goes off
-            if !seen.attended && self.is_at_rest() {
+            if !seen.attended && self.command == HELD {
                 self.enter(State::Ready);
             }
             return;
-        }
-        let lacking = seen.reading.pressure_a - seen.reading.pressure_pump_a;
-        // quickly up, slowly at the end: the line's air gives way first, and then no more
-        if lacking.abs() < 2.0 * self.limits.preload {
-            // what leaks is found out near the end only
-            self.leakage += PRELOAD_GAIN * lacking * self.limits.period / PRELOAD_RESET;
-        }
-        let speed = PRELOAD_GAIN * lacking + self.leakage;
-        self.ramp(speed.clamp(-PRELOAD_SPEED, PRELOAD_SPEED));
-        self.preloaded = match lacking.abs() < 0.5 * self.limits.preload {
-            true => self.preloaded + self.limits.period,
-            false => 0.0,
         };
-        if self.preloaded >= PRELOADED {
-            let speed = self.command.motor_speed;
+        let [pump, load] = self.load_side(&seen.reading);
+        let input = ReleaseInput {
+            stroke: seen.reading.stroke,
+            motor_speed: seen.reading.motor_speed,
+            pressure_pump: pump,
+            pressure_load: load,
+            is_new: f64::from(u8::from(seen.new_readings > 0)),
+        };
+        let now = self.limits.release.advance(&before, &input, elapsed);
+        self.release = Some(now);
+        self.command.motor_speed = now.motor_speed;
+        self.waiting_for(Waiting::of_release(now.phase));
+        if let Some(refusal) = Refusal::from_phase(now.phase) {
+            return self.fail(refusal.into(), seen);
+        }
+        if now.phase >= phase::PROVEN {
             self.enter(State::Moving);
-            self.command = Command { motor_speed: speed, holding_valve: 1.0 };
+            self.held_at = Some(seen.reading.stroke);
+            self.switch(1.0);
+            self.flow = FlowMonitorState::default();
+            self.unread = 0.0;
         }
     }
 
     fn moving(&mut self, seen: &Observation, request: Request) {
-        self.command.holding_valve = 1.0;
+        self.switch(1.0);
+        self.waiting_for(match self.controls() {
+            true => Waiting::CourseEnd,
+            false => Waiting::ValveOpening,
+        });
         if self.controls() {
             self.ramp(seen.wanted);
         }
         if request == Request::Stop || (self.controls() && seen.course_over) {
-            self.stopping_from = self.command.motor_speed;
+            self.begin_stop(Reaction::ControlledStop, &seen.reading, true);
             self.enter(State::Stopping);
         }
     }
 
     fn stopping(&mut self) {
-        if self.slow_down(SOFT_STOP) {
+        self.waiting_for(Waiting::Standstill);
+        if self.continue_stop() {
             self.enter(State::Holding);
         }
     }
 
-    fn faulty(&mut self) {
-        match self.cause.is_some_and(Cause::stops_softly) && self.command.holding_valve > 0.0 {
-            true => {
-                self.slow_down(SOFT_STOP);
-            }
-            false => {
-                self.command.holding_valve = 0.0;
-                self.ramp(0.0);
-            }
+    /// The machine is in its safe state or on the way there. A more severe fault takes the place of
+    /// the first one, with its harder reaction.
+    fn fault(&mut self, seen: &Observation, request: Request, wrong: Option<Cause>) {
+        if let (Some(before), Some(now)) = (self.cause, wrong)
+            && now.severity() > before.severity()
+        {
+            return self.fail(now, seen);
+        }
+        let has_stopped = self.continue_stop();
+        self.waiting_for(if has_stopped { Waiting::Reset } else { Waiting::Standstill });
+        let turns = seen.reading.motor_speed.abs() > self.limits.drive.uncommanded;
+        let is_well =
+            has_stopped && wrong.is_none() && !turns && seen.valve != Some(ValveState::Open);
+        if request == Request::Reset && seen.attended && is_well {
+            self.cause = None;
+            self.enter(State::Ready);
         }
     }
 
-    /// Takes the motor to zero within a time \[s\], then the valve; true once both are.
-    fn slow_down(&mut self, within: f64) -> bool {
-        let left = (1.0 - self.since / (0.75 * within)).max(0.0);
-        self.ramp(self.stopping_from * left);
-        if self.since >= within {
-            self.command.holding_valve = 0.0;
-            self.ramp(0.0);
+    /// Goes to [`State::Fault`] with the reaction that suits the cause and what the machine does now.
+    fn fail(&mut self, cause: Cause, seen: &Observation) {
+        // a controlled stop needs a machine that still obeys: its valve is open, and its watchdog has
+        // not stopped it meanwhile
+        let obeys = self.command.holding_valve > 0.0
+            && seen.valve != Some(ValveState::Shut)
+            && seen.elapsed <= self.limits.watchdog;
+        let reaction = match cause.reaction() {
+            Reaction::ControlledStop if obeys => Reaction::ControlledStop,
+            _ => Reaction::ImmediateStop,
+        };
+        let is_trusted = seen.age <= self.limits.stale && seen.elapsed <= self.limits.watchdog;
+        let goes_on = self.state == State::Fault && self.stop.reaction == reaction;
+        if !goes_on {
+            self.begin_stop(reaction, &seen.reading, is_trusted);
         }
-        self.is_at_rest()
+        self.enter(State::Fault);
+        self.cause = Some(cause);
+        self.continue_stop();
     }
 
-    /// The first thing that is wrong, if any.
-    fn what_is_wrong(&mut self, seen: &Observation, request: Request) -> Option<Cause> {
-        if request == Request::EmergencyStop {
-            return Some(Cause::EmergencyStop);
-        }
-        if let Some(cause) = self.plausibility.judge(seen, &self.limits) {
-            return Some(cause);
-        }
-        let l = &self.limits;
-        let reading = &seen.reading;
-        if matches!(self.state, State::Holding | State::Moving | State::Stopping) {
-            let is_resting = self.state == State::Holding && !self.starting && self.is_at_rest();
-            if !seen.attended && !is_resting {
-                return Some(Cause::OperatorLost);
+    /// Begins a stop from the motor's speed as read; a reading that is not trusted counts as a motor
+    /// at rest, which the drive's own slew limit brakes.
+    fn begin_stop(&mut self, reaction: Reaction, reading: &Reading<f64>, is_trusted: bool) {
+        let most = self.limits.motor_speed;
+        let from = match is_trusted && reading.motor_speed.is_finite() {
+            true => reading.motor_speed.max(-most).min(most),
+            false => 0.0,
+        };
+        self.stop = Stop { reaction, from, since: 0.0 };
+    }
+
+    /// Goes on with a stop; true once motor and valve are commanded to rest.
+    fn continue_stop(&mut self) -> bool {
+        let Stop { reaction, from, since } = self.stop;
+        match reaction {
+            Reaction::ControlledStop => {
+                // the last quarter of the time is the load's to come to rest before the valve shuts
+                let left = (1.0 - since / (0.75 * self.limits.stop_time)).max(0.0);
+                self.command.motor_speed = from * left;
+                if since >= self.limits.stop_time {
+                    self.switch(0.0);
+                }
             }
-            let deviation = (reading.motor_speed - self.command.motor_speed).abs();
-            self.deviating = match deviation > l.drive_deviation.0 {
-                true => self.deviating + l.period,
-                false => 0.0,
-            };
-            if self.deviating > l.drive_deviation.1 {
-                return Some(Cause::DriveNotFollowing);
+            Reaction::ImmediateStop => {
+                self.switch(0.0);
+                let braked = self.limits.motor_slew * since;
+                self.command.motor_speed = from.signum() * (from.abs() - braked).max(0.0);
             }
         }
-        if self.plausibility.velocity().abs() > RUNAWAY * l.speed {
-            return Some(Cause::Runaway);
+        if self.command.motor_speed == 0.0 {
+            // a negative zero is a zero
+            self.command.motor_speed = 0.0;
+        }
+        self.command == HELD
+    }
+
+    /// Commands the valve: 1 energised, 0 not.
+    fn switch(&mut self, valve: f64) {
+        if self.command.holding_valve != valve {
+            self.command.holding_valve = valve;
+            self.valve_since = 0.0;
+        }
+    }
+
+    /// Commands a motor speed \[rev/s\] within speed and slew rate.
+    fn ramp(&mut self, wanted: f64) {
+        let reach = self.limits.motor_slew * self.limits.period;
+        let now = self.command.motor_speed;
+        let most = self.limits.motor_speed;
+        self.command.motor_speed = wanted.max(-most).min(most).max(now - reach).min(now + reach);
+    }
+
+    fn waiting_for(&mut self, what: Waiting) {
+        if self.waiting != what {
+            self.waiting = what;
+            self.waited = 0.0;
+        }
+    }
+
+    /// Counts the time of waiting; states that say nothing else wait for what follows them.
+    fn waits(&mut self, elapsed: f64) {
+        match self.state {
+            State::Idle if !matches!(self.waiting, Waiting::Measurements(_)) => {
+                self.waiting_for(Waiting::Enable);
+            }
+            State::Fault if self.command != HELD => self.waiting_for(Waiting::Standstill),
+            State::Fault => self.waiting_for(Waiting::Reset),
+            _ => {}
+        }
+        self.waited += elapsed;
+    }
+
+    /// Pressures of the pump side and the cylinder chamber that carry the load.
+    fn load_side(&self, r: &Reading<f64>) -> [f64; 2] {
+        match self.limits.release.direction > 0.0 {
+            true => [r.pressure_pump_a, r.pressure_a],
+            false => [r.pressure_pump_b, r.pressure_b],
+        }
+    }
+
+    /// The most severe of all that is wrong, if anything. Every monitor takes in every period,
+    /// whatever the state.
+    fn judge(&mut self, seen: &Observation, elapsed: f64, has_passed: bool) -> Option<Cause> {
+        let l = self.limits;
+        let r = &seen.reading;
+        let mut wrong: Option<Cause> = None;
+        let mut found = |cause: Cause| wrong = Some(wrong.map_or(cause, |w| w.worse(cause)));
+
+        if seen.clock_jumped || !has_passed {
+            found(Cause::ClockJumped);
+        }
+        // pressures that were shut in step when the valve opens or shuts
+        let is_switching = self.valve_since < l.valve_time + l.stale;
+        if let Some(cause) = self.plausibility.judge(seen, &l, is_switching) {
+            found(cause);
+        }
+        self.plausibility.remember(seen, &l, SWING_MEMORY * l.still.1);
+        if self.deadlines.executed(seen.missed) > l.missed {
+            found(Cause::Overruns);
+        }
+        let is_active = self.is_active();
+        if is_active && elapsed > l.watchdog {
+            found(Cause::WatchdogExpired);
+        }
+        if self.state != State::Fault && is_active && !seen.attended {
+            found(Cause::OperatorLost);
+        }
+        if r.motor_speed.is_finite() && self.state != State::Idle {
+            let commanded = self.command.motor_speed;
+            match l.drive.judge(&mut self.drive, commanded, r.motor_speed, elapsed) {
+                DriveVerdict::Uncommanded => found(Cause::DriveUncommanded),
+                DriveVerdict::Deviates if is_active => found(Cause::DriveNotFollowing),
+                DriveVerdict::Deviates | DriveVerdict::Follows => {}
+            }
+        }
+        let commanded = match self.command.holding_valve > 0.0 {
+            true => ValveState::Open,
+            false => ValveState::Shut,
+        };
+        let has_switched = self.valve_since > l.valve_time + l.stale;
+        if self.state != State::Idle && has_switched && seen.valve.is_some_and(|v| v != commanded) {
+            found(Cause::ValveNotFollowing);
+        }
+        // faster than the course and the pump: the piston moves by itself
+        let of_pump = r.motor_speed.abs() * l.speed_per_motor_speed;
+        if self.plausibility.velocity().abs() > RUNAWAY * l.speed.max(of_pump) {
+            found(Cause::Runaway);
         }
         match self.state {
             State::Holding => {
-                let moved = self.held_at.map_or(0.0, |at| (reading.stroke - at).abs());
-                if moved > l.creep {
-                    return Some(Cause::LoadNotHeld);
-                }
-                if self.starting && self.since > l.preload_time {
-                    return Some(Cause::NoPreload);
+                // a release lifts the load, and never lowers it
+                let moved = self.held_at.map_or(0.0, |at| r.stroke - at);
+                let against = -l.release.direction * moved;
+                let releasing = self.release.is_some();
+                if (if releasing { against } else { moved.abs() }) > l.creep {
+                    found(Cause::LoadNotHeld);
                 }
             }
-            State::Moving if self.controls() => {
+            State::Moving if !self.controls() => {
+                let sank = self.held_at.map_or(0.0, |at| l.release.direction * (at - r.stroke));
+                if sank > l.creep {
+                    found(Cause::LoadSank);
+                }
+            }
+            State::Moving => {
                 if !seen.wanted.is_finite() {
-                    return Some(Cause::ControllerInvalid);
+                    found(Cause::ControllerInvalid);
                 }
-                if (reading.stroke - seen.reference).abs() > seen.tracking {
-                    return Some(Cause::TrackingError);
+                if (r.stroke - seen.reference).abs() > seen.tracking {
+                    found(Cause::TrackingError);
                 }
-                let towards_end = (reading.stroke < l.margin && self.command.motor_speed < 0.0)
-                    || (reading.stroke > l.stroke - l.margin && self.command.motor_speed > 0.0);
-                if towards_end {
-                    return Some(Cause::EndOfStroke);
+                // slower than this a piston may touch its stop
+                let touches = l.creep / l.still.1;
+                let velocity = self.plausibility.velocity();
+                let is_low = r.stroke < l.margin && velocity < -touches;
+                let is_high = r.stroke > l.stroke - l.margin && velocity > touches;
+                if is_low || is_high {
+                    found(Cause::EndOfStroke);
                 }
             }
             _ => {}
         }
-        None
+        let is_released = self.controls() || self.state == State::Stopping;
+        if is_released && self.command.holding_valve > 0.0 {
+            let [pump, load] = self.load_side(r);
+            let (most, time) = l.pressure_agreement;
+            let apart = (pump - load).abs() > most;
+            self.disagreeing = if apart { self.disagreeing + elapsed } else { 0.0 };
+            if self.disagreeing > time {
+                found(Cause::PressureDisagrees);
+            }
+            let other_pump = match l.release.direction > 0.0 {
+                true => r.pressure_pump_b,
+                false => r.pressure_pump_a,
+            };
+            let reading = FlowReading {
+                stroke: r.stroke,
+                motor_speed: r.motor_speed,
+                pressures: [pump, load, other_pump, r.pressure_accumulator],
+            };
+            // where readings were missed, the pump has delivered all the same
+            self.unread += elapsed;
+            if seen.new_readings > 0 {
+                let unread = core::mem::take(&mut self.unread);
+                if l.flow.advance(&mut self.flow, &reading, unread) > 0.0 {
+                    found(Cause::PositionFlowDisagree);
+                }
+            }
+        }
+        wrong
+    }
+}
+
+impl From<Refusal> for Cause {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::PositionNotSteady => Self::PositionNotSteady,
+            Refusal::NoLift => Self::NoLift,
+            Refusal::PressureDisagrees => Self::PressureDisagrees,
+        }
     }
 }

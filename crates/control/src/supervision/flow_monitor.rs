@@ -1,0 +1,175 @@
+//! Monitor of position against delivered flow: piston travel compared with the pump's delivered
+//! volume (analytical redundancy).
+//!
+//! With the load-holding valves open the oil between pump and piston obeys
+//!
+//! ```text
+//! A Δx + C + λ L − k V = 0
+//! C = V_PA ΔS(p_PA) + ∫ V_A(x) dS(p_A),   S(p) = ∫ dp/β      compression
+//! L = ∫ (K √(p_PA − p_PB) + K_ext √(p_PA − p_acc)) dt         leakage at its described value
+//! V = ∫ n D dt                                                displaced volume
+//! ```
+//!
+//! The gain k, the leakage factor λ and the oil lie in ranges of the crane file. Where no values in
+//! these ranges make the balance, position and delivered flow disagree; which of them is wrong the
+//! balance does not tell. The balance is taken over the whole motion and, because the range of k
+//! weighs less the less was delivered, over staggered short windows.
+
+use hydroboom_math::Real;
+use hydroboom_model::hydraulics::Oil;
+
+/// Windows that overlap, begun one after the other.
+const WINDOWS: usize = 6;
+
+/// A range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Smallest value.
+    pub low: f64,
+    /// Largest value.
+    pub high: f64,
+}
+
+/// Numbers of the monitor, from a crane file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlowMonitor {
+    /// Area of the piston on the balanced side, A \[m²\].
+    pub area: f64,
+    /// Displacement, D \[m³/rev\].
+    pub displacement: f64,
+    /// Range of the volume that arrives for each displaced one, k.
+    pub gain: Range,
+    /// Range of the leakage, as a factor of the described one, λ.
+    pub leakage: Range,
+    /// Leakage between the pump's sides, K \[m³/(s √Pa)\].
+    pub internal_leakage: f64,
+    /// Case drain of the pump side, K_ext \[m³/(s √Pa)\].
+    pub case_leakage: f64,
+    /// Volume of the pump side, V_PA \[m³\].
+    pub pump_volume: f64,
+    /// Volume of the cylinder chamber at its smallest, V_0A \[m³\].
+    pub dead_volume: f64,
+    /// The oil as it may be: stiffest and softest.
+    pub oils: [Oil<f64>; 2],
+    /// Length of the stroke \[m\].
+    pub stroke: f64,
+    /// +1 where the piston side is balanced, −1 where the rod side is: the side that carries the load.
+    pub direction: f64,
+    /// Disagreement that noise, ripple and delay explain \[m\].
+    pub tolerance: f64,
+}
+
+/// What has been summed up since a window began.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Balance {
+    /// Piston travel times area \[m³\].
+    swept: f64,
+    /// Compression with either oil \[m³\].
+    compressed: [f64; 2],
+    /// Leakage at its described value \[m³\].
+    leaked: f64,
+    /// Displaced volume, V \[m³\].
+    displaced: f64,
+    /// Age \[s\].
+    age: f64,
+}
+
+/// State of the monitor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FlowMonitorState {
+    whole: Balance,
+    windows: [Balance; WINDOWS],
+    /// The window to be begun anew next, and in how long \[s\].
+    next: usize,
+    due: f64,
+    last: Option<FlowReading>,
+}
+
+/// What the monitor is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlowReading {
+    /// Piston position \[m\].
+    pub stroke: f64,
+    /// Motor speed \[rev/s\].
+    pub motor_speed: f64,
+    /// Pressures of the pump side and the cylinder chamber that carry the load, of the other pump side
+    /// and of the accumulator \[Pa\].
+    pub pressures: [f64; 4],
+}
+
+/// Seconds that a window lasts.
+pub const WINDOW_TIME: f64 = 5.0;
+
+impl FlowMonitor {
+    /// Takes in a reading after `elapsed` \[s\]: by how much no values in their ranges explain it
+    /// \[m\] of piston travel, beyond the tolerance; zero where they do.
+    pub fn advance(&self, state: &mut FlowMonitorState, now: &FlowReading, elapsed: f64) -> f64 {
+        let Some(last) = state.last.replace(*now) else { return 0.0 };
+        let [pump, load, pump_b, accumulator] = now.pressures;
+        let mut change = Balance {
+            swept: self.direction * self.area * (now.stroke - last.stroke),
+            displaced: self.direction
+                * 0.5
+                * (now.motor_speed + last.motor_speed)
+                * self.displacement
+                * elapsed,
+            leaked: (self.internal_leakage * signed_root(pump - pump_b)
+                + self.case_leakage * signed_root(pump - accumulator))
+                * elapsed,
+            compressed: [0.0; 2],
+            age: elapsed,
+        };
+        let stroke = 0.5 * (now.stroke + last.stroke);
+        let travel = if self.direction > 0.0 { stroke } else { self.stroke - stroke };
+        let chamber = self.dead_volume + self.area * travel;
+        for (volume, oil) in change.compressed.iter_mut().zip(&self.oils) {
+            let of =
+                |pressure: f64, before: f64| oil.compression(pressure) - oil.compression(before);
+            *volume = self.pump_volume * of(pump, last.pressures[0])
+                + chamber * of(load, last.pressures[1]);
+        }
+        state.whole.add(&change);
+        state.windows.iter_mut().for_each(|window| window.add(&change));
+        state.due -= elapsed;
+        if state.due <= 0.0 {
+            state.due = WINDOW_TIME / WINDOWS as f64;
+            if let Some(window) = state.windows.get_mut(state.next) {
+                *window = Balance::default();
+            }
+            state.next = (state.next + 1) % WINDOWS;
+        }
+        let worst = state.windows.iter().chain([&state.whole]).map(|b| self.unexplained(b));
+        worst.fold(0.0, f64::max)
+    }
+
+    /// Distance of zero from all that the ranges allow for A Δx + C + λ L − k V \[m of travel\].
+    fn unexplained(&self, b: &Balance) -> f64 {
+        let product = |range: &Range, value: f64| {
+            let (one, other) = (range.low * value, range.high * value);
+            (one.min(other), one.max(other))
+        };
+        let (leak_low, leak_high) = product(&self.leakage, b.leaked);
+        let (flow_low, flow_high) = product(&self.gain, b.displaced);
+        let [one, other] = b.compressed;
+        let low = b.swept + one.min(other) + leak_low - flow_high;
+        let high = b.swept + one.max(other) + leak_high - flow_low;
+        (low.max(-high) / self.area - self.tolerance).max(0.0)
+    }
+}
+
+impl Balance {
+    fn add(&mut self, change: &Self) {
+        self.swept += change.swept;
+        self.displaced += change.displaced;
+        self.leaked += change.leaked;
+        self.age += change.age;
+        for (sum, volume) in self.compressed.iter_mut().zip(change.compressed) {
+            *sum += volume;
+        }
+    }
+}
+
+fn signed_root(pressure: f64) -> f64 {
+    let root = Real::sqrt(Real::abs(pressure));
+    if pressure < 0.0 { -root } else { root }
+}

@@ -1,0 +1,404 @@
+//! Release of the load: proof of balance by motion, then the load-holding valve is energised.
+//!
+//! A shut load-holding valve lets oil pass from pump to cylinder. So the pump is run, with the valve
+//! shut, until the piston moves against the load: then the pump side carries the load, whatever the
+//! pressure transducers show. Only after that may the valve be energised.
+//!
+//! ```text
+//! at rest:  mean x₀ and scatter σ of the position, drift |x̄₂ − x̄₁| of two half windows
+//! filling:  V = ∫ n k D dt,  lift s (x̄ − x₀), x̄ the mean of the newest window
+//! proof:    s (x̄ − x₀) ≥ max(x_p, 4 σ),  V ≥ V_PA (S(p_least) − S(p_PA)),  S(p) = ∫ dp/β
+//! settling: the pump only makes good its leakage; one period of the load mode later x̄ is the same
+//! ```
+//!
+//! Pressures are a cross-check, never the proof: readings that disagree with the motion refuse the
+//! release. At the upper end stop, where the piston cannot move, the answer of the cylinder's
+//! pressure to the delivered volume takes the place of the motion; a valve without check function is
+//! released on delivered volume and pressure.
+//!
+//! One period is [`Release::advance`], over any scalar: its phases are numbers and its branches
+//! `select`, so that exported blocks carry the same code.
+
+use hydroboom_math::{Real, record};
+
+record! {
+    /// Numbers of a release, derived from a crane file's values and ranges.
+    pub struct Release<T> {
+        /// Control period
+        #[unit = "s"]
+        pub period: T,
+        /// Direction that the load resists: +1 where the piston side carries it, −1 where the rod side does
+        #[unit = "1"]
+        pub direction: T,
+        /// Duration of an averaging window of the position
+        #[unit = "s"]
+        pub window: T,
+        /// Duration of observation at rest, and of the check that the piston has settled: a period of the load mode
+        #[unit = "s"]
+        pub observation: T,
+        /// Largest difference of the position's means at rest
+        #[unit = "m"]
+        pub rest_drift: T,
+        /// Motion that proves the balance, x_p
+        #[unit = "m"]
+        pub proving_motion: T,
+        /// Largest motion that may be asked for where the position scatters
+        #[unit = "m"]
+        pub largest_motion: T,
+        /// Length of the stroke
+        #[unit = "m"]
+        pub stroke: T,
+        /// Distance from an end stop within which the piston may rest on it
+        #[unit = "m"]
+        pub end_zone: T,
+        /// Delivered volume per revolution, k D
+        #[unit = "m³/rev"]
+        pub delivery: T,
+        /// Motor speed while the pump side is read below the load's pressure by more than `approach`
+        #[unit = "rev/s"]
+        pub fast: T,
+        /// Motor speed from then on
+        #[unit = "rev/s"]
+        pub slow: T,
+        /// Pressure below that of the load from which the pump fills slowly
+        #[unit = "Pa"]
+        pub approach: T,
+        /// Largest change of motor speed
+        #[unit = "rev/s²"]
+        pub slew: T,
+        /// Motor speed that makes good the pump's leakage at the nominal load pressure
+        #[unit = "rev/s"]
+        pub leakage: T,
+        /// Motor speed per pressure that the pump side has lost since the lift
+        #[unit = "rev/(s·Pa)"]
+        pub holding_gain: T,
+        /// Pressure by which the pump side may fall below that of the lift and still carry the load at
+        /// rest: the least friction, and the valve's opening pressure
+        #[unit = "Pa"]
+        pub holding_margin: T,
+        /// Nominal load pressure
+        #[unit = "Pa"]
+        pub nominal_pressure: T,
+        /// Smallest pressure that the load can need, p_least
+        #[unit = "Pa"]
+        pub least_pressure: T,
+        /// Largest pressure that the load can need
+        #[unit = "Pa"]
+        pub most_pressure: T,
+        /// Largest disagreement of pump-side and cylinder pressure once the piston moves
+        #[unit = "Pa"]
+        pub pressure_tolerance: T,
+        /// Rise of the cylinder's pressure that shows that oil has passed to it, at the upper end stop
+        #[unit = "Pa"]
+        pub pressure_response: T,
+        /// Compression ∫ dp/β of the stiffest oil up to p_least
+        #[unit = "1"]
+        pub least_compression: T,
+        /// Volume of the pump side
+        #[unit = "m³"]
+        pub pump_volume: T,
+        /// Largest volume that can be needed until the piston moves
+        #[unit = "m³"]
+        pub largest_volume: T,
+        /// Largest duration
+        #[unit = "s"]
+        pub largest_duration: T,
+        /// 1 where the shut valve lets oil pass from pump to cylinder, 0 where it does not
+        #[unit = "1"]
+        pub check_function: T,
+        /// Largest compliance of the oil, 1/β_min
+        #[unit = "1/Pa"]
+        pub largest_compliance: T,
+    }
+}
+
+record! {
+    /// What a release observes in a control period.
+    pub struct ReleaseInput<T> {
+        /// Piston position
+        #[unit = "m"]
+        pub stroke: T,
+        /// Motor speed, as read
+        #[unit = "rev/s"]
+        pub motor_speed: T,
+        /// Pressure of the pump side that carries the load
+        #[unit = "Pa"]
+        pub pressure_pump: T,
+        /// Pressure of the cylinder chamber that carries the load
+        #[unit = "Pa"]
+        pub pressure_load: T,
+        /// 1 with a new reading, 0 where the last one is shown again
+        #[unit = "1"]
+        pub is_new: T,
+    }
+}
+
+record! {
+    /// State of a release, all numbers.
+    pub struct ReleaseState<T> {
+        /// Phase: 0 at rest, 1 filling, 2 settling, 3 proven, negative refused (see [`Refusal`])
+        #[unit = "1"]
+        pub phase: T,
+        /// Time since the release began
+        #[unit = "s"]
+        pub time: T,
+        /// Time in this phase
+        #[unit = "s"]
+        pub phase_time: T,
+        /// Motor speed commanded
+        #[unit = "rev/s"]
+        pub motor_speed: T,
+        /// Position of the first reading, from which all positions count: sums stay small
+        #[unit = "m"]
+        pub origin: T,
+        /// Sum of positions in this window
+        #[unit = "m"]
+        pub sum: T,
+        /// Readings in this window
+        #[unit = "1"]
+        pub count: T,
+        /// Time in this window
+        #[unit = "s"]
+        pub window_time: T,
+        /// Mean position of the newest window
+        #[unit = "m"]
+        pub mean: T,
+        /// Sum of positions at rest
+        #[unit = "m"]
+        pub rest_sum: T,
+        /// Sum of squared positions at rest
+        #[unit = "m²"]
+        pub rest_squares: T,
+        /// Sum of positions in the first half at rest
+        #[unit = "m"]
+        pub half_sum: T,
+        /// Readings at rest
+        #[unit = "1"]
+        pub rest_count: T,
+        /// Readings in the first half at rest
+        #[unit = "1"]
+        pub half_count: T,
+        /// Mean position at rest, x₀
+        #[unit = "m"]
+        pub rest_mean: T,
+        /// Scatter of the position at rest, σ
+        #[unit = "m"]
+        pub scatter: T,
+        /// Mean cylinder pressure at rest
+        #[unit = "Pa"]
+        pub rest_pressure: T,
+        /// Delivered volume since the pump began to turn, V
+        #[unit = "m³"]
+        pub volume: T,
+        /// Volume that must have been delivered before motion can be believed
+        #[unit = "m³"]
+        pub least_volume: T,
+        /// Time for which pump side and cylinder have had the same pressure, for a valve without check function
+        #[unit = "s"]
+        pub balanced: T,
+        /// Pump-side pressure when the piston had moved
+        #[unit = "Pa"]
+        pub lift_pressure: T,
+        /// Time since the mean position was kept for comparison
+        #[unit = "s"]
+        pub settling_time: T,
+        /// Mean position that was kept
+        #[unit = "m"]
+        pub settled_mean: T,
+    }
+}
+
+/// Why a release was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// The position moved before the pump turned, before the delivered volume can have moved it, or
+    /// went on moving when the pump had stopped.
+    PositionNotSteady,
+    /// The pump delivered all that can be needed, and the piston did not move.
+    NoLift,
+    /// The piston moved, and the pressures do not agree with it; or the load pressure is outside
+    /// what any load can need.
+    PressureDisagrees,
+}
+
+impl Refusal {
+    /// The refusal with this phase number; none for a phase that is no refusal.
+    pub fn from_phase(phase: f64) -> Option<Self> {
+        [Self::PositionNotSteady, Self::NoLift, Self::PressureDisagrees]
+            .into_iter()
+            .find(|refusal| refusal.phase() == phase)
+    }
+
+    /// Its phase number.
+    pub fn phase(self) -> f64 {
+        match self {
+            Self::PositionNotSteady => -1.0,
+            Self::NoLift => -2.0,
+            Self::PressureDisagrees => -3.0,
+        }
+    }
+}
+
+/// Phases of a release that goes well.
+pub mod phase {
+    /// The position is observed at rest, the pump does not turn.
+    pub const AT_REST: f64 = 0.0;
+    /// The pump fills its side until the piston moves.
+    pub const FILLING: f64 = 1.0;
+    /// The pump makes good its leakage, and the piston must stay.
+    pub const SETTLING: f64 = 2.0;
+    /// The pump side carries the load.
+    pub const PROVEN: f64 = 3.0;
+}
+
+/// Standard deviations of the scatter at rest that a motion must exceed.
+const SIGNIFICANT: f64 = 4.0;
+/// Time for which pressures must agree where there is no check function \[s\].
+const BALANCED: f64 = 0.1;
+/// Periods of the load mode in which a lifted load has to come to rest.
+const SETTLING_PERIODS: f64 = 6.0;
+
+impl<T: Real> Release<T> {
+    /// A release that begins, with the motor at rest.
+    pub fn begin(&self) -> ReleaseState<T> {
+        ReleaseState::from_array([T::zero(); ReleaseState::NAMES.len()])
+    }
+
+    /// One control period: `elapsed` \[s\] have passed by the machine's clock.
+    #[inline(always)]
+    pub fn advance(
+        &self,
+        before: &ReleaseState<T>,
+        now: &ReleaseInput<T>,
+        elapsed: T,
+    ) -> ReleaseState<T> {
+        let (zero, one) = (T::zero(), T::one());
+        let is = |phase: f64| {
+            let lower = T::lit(phase - 0.5).lt(before.phase);
+            lower & before.phase.lt(T::lit(phase + 0.5))
+        };
+        let (at_rest, filling, settling) =
+            (is(phase::AT_REST), is(phase::FILLING), is(phase::SETTLING));
+        let is_new = T::lit(0.5).lt(now.is_new);
+
+        let mut s = *before;
+        s.time = before.time + elapsed;
+        s.phase_time = before.phase_time + elapsed;
+        let begins = before.time.lt(T::lit(1e-12));
+        s.origin = T::select(begins, now.stroke, before.origin);
+        let position = now.stroke - s.origin;
+
+        // mean of the newest window
+        s.sum = before.sum + T::select(is_new, position, zero);
+        s.count = before.count + T::select(is_new, one, zero);
+        s.window_time = before.window_time + elapsed;
+        let closes = self.window.lt(s.window_time + T::lit(0.5) * self.period) & zero.lt(s.count);
+        s.mean = T::select(closes, s.sum / s.count.max(one), before.mean);
+        s.sum = T::select(closes, zero, s.sum);
+        s.count = T::select(closes, zero, s.count);
+        s.window_time = T::select(closes, zero, s.window_time);
+
+        // at rest: mean, scatter and drift
+        let counted = T::select(at_rest & is_new, one, zero);
+        let in_first_half = s.phase_time.lt(T::lit(0.5) * self.observation);
+        let half = T::select(in_first_half, counted, zero);
+        s.rest_sum = before.rest_sum + counted * position;
+        s.rest_squares = before.rest_squares + counted * position.square();
+        s.rest_count = before.rest_count + counted;
+        s.half_sum = before.half_sum + half * position;
+        s.half_count = before.half_count + half;
+        let rest_pressure = before.rest_pressure
+            + (now.pressure_load - before.rest_pressure) / s.rest_count.max(one);
+        s.rest_pressure = T::select(at_rest & is_new, rest_pressure, before.rest_pressure);
+        let observed = at_rest & self.observation.lt(s.phase_time);
+        let mean = s.rest_sum / s.rest_count.max(one);
+        let first = s.half_sum / s.half_count.max(one);
+        let second = (s.rest_sum - s.half_sum) / (s.rest_count - s.half_count).max(one);
+        let variance = (s.rest_squares / s.rest_count.max(one) - mean.square()).max(zero);
+        s.rest_mean = T::select(observed, mean, before.rest_mean);
+        s.scatter = T::select(observed, variance.sqrt(), before.scatter);
+        let drifts = self.rest_drift.lt((second - first).abs());
+        let needed = (T::lit(SIGNIFICANT) * s.scatter).max(self.proving_motion);
+        let too_noisy = self.largest_motion.lt(needed);
+        // on the lower stop the stop carries the load; elsewhere some pressure must
+        let height = T::select(zero.lt(self.direction), now.stroke, self.stroke - now.stroke);
+        let hangs = self.end_zone.lt(height);
+        let low = s.rest_pressure.lt(self.least_pressure - self.pressure_tolerance);
+        let high = (self.most_pressure + self.pressure_tolerance).lt(s.rest_pressure);
+        let impossible = (hangs & low) | high;
+        let compressed = now.pressure_pump.max(zero) * self.largest_compliance;
+        let least_volume = self.pump_volume * (self.least_compression - compressed).max(zero);
+        s.least_volume = T::select(observed, least_volume, before.least_volume);
+
+        // delivered volume, against the load
+        let delivered = self.direction * now.motor_speed * self.delivery * elapsed;
+        s.volume = before.volume + T::select(filling | settling, delivered, zero);
+        let lift = self.direction * (s.mean - s.rest_mean);
+        let moved = filling & needed.lt(lift);
+        let too_soon = moved & s.volume.lt(s.least_volume);
+        // moved away from the load: a position that drifts the other way
+        let sank = filling & lift.lt(-needed);
+        let difference = now.pressure_pump - now.pressure_load;
+        let apart = self.pressure_tolerance.lt(difference.abs());
+
+        // at the upper end stop the piston cannot move: the cylinder's pressure answers instead
+        let has_check = T::lit(0.5).lt(self.check_function);
+        let at_upper_end = (self.stroke - self.end_zone).lt(height);
+        let rise = now.pressure_load - s.rest_pressure;
+        let enough = s.least_volume.lt(s.volume);
+        let answered = self.pressure_response.lt(rise) & enough & !apart;
+        // without check function nothing passes: delivered volume and pressure
+        let agrees = filling & !apart & enough;
+        s.balanced = T::select(agrees, before.balanced + elapsed, zero);
+        let balanced = T::lit(BALANCED).lt(s.balanced);
+        let by_pressure =
+            filling & ((!has_check & balanced) | (has_check & at_upper_end & answered));
+        let spent = filling & (self.largest_volume.lt(s.volume) | self.largest_duration.lt(s.time));
+
+        s.lift_pressure = T::select(moved | by_pressure, now.pressure_pump, before.lift_pressure);
+
+        // settling: over a period of the load mode the piston stays where it is; a swinging one gets
+        // a few periods, a position that drifts does not become steady
+        let over = settling & self.observation.lt(s.settling_time);
+        let stays = (s.mean - before.settled_mean).abs().lt(self.proving_motion);
+        let settled = over & stays;
+        s.settling_time = T::select(settling & !over, before.settling_time + elapsed, zero);
+        let restarts = !(before.settling_time.lt(T::lit(1e-12)));
+        s.settled_mean = T::select(restarts & !over, before.settled_mean, s.mean);
+        let patience = T::lit(SETTLING_PERIODS) * self.observation;
+        let still_moves = settling & !settled & patience.lt(s.phase_time);
+
+        // the next phase; a refusal counts more than progress
+        let number = |value: f64| T::lit(value);
+        let mut next = before.phase;
+        next = T::select(observed, number(phase::FILLING), next);
+        next = T::select(moved | by_pressure, number(phase::SETTLING), next);
+        next = T::select(settled, number(phase::PROVEN), next);
+        let not_steady = (observed & (drifts | too_noisy)) | too_soon | sank | still_moves;
+        let disagrees = (observed & impossible) | (moved & apart) | (settled & apart);
+        next = T::select(spent & !(moved | by_pressure), number(Refusal::NoLift.phase()), next);
+        next = T::select(disagrees, number(Refusal::PressureDisagrees.phase()), next);
+        next = T::select(not_steady, number(Refusal::PositionNotSteady.phase()), next);
+        let changes = (next - before.phase).abs();
+        s.phase_time = T::select(T::lit(0.5).lt(changes), zero, s.phase_time);
+        s.phase = next;
+
+        // motor speed: fast, slow, then what leaks
+        // readings only choose how fast the pump fills: if they are wrong, the lift is less gentle
+        let is_far = now.pressure_pump.lt(now.pressure_load - self.approach);
+        let filling_speed = T::select(is_far, self.fast, self.slow);
+        let share = (now.pressure_pump.max(zero) / self.nominal_pressure).min(T::lit(4.0)).sqrt();
+        // held at the pressure of the lift, the load would go on rising
+        let lost = s.lift_pressure - self.holding_margin - now.pressure_pump;
+        let holding_speed =
+            (self.leakage * share + self.holding_gain * lost).max(zero).min(self.slow);
+        let is_filling =
+            T::lit(phase::FILLING - 0.5).lt(next) & next.lt(T::lit(phase::FILLING + 0.5));
+        let is_held = T::lit(phase::FILLING + 0.5).lt(next);
+        let wanted = self.direction
+            * T::select(is_filling, filling_speed, T::select(is_held, holding_speed, zero));
+        let reach = self.slew * self.period;
+        s.motor_speed = wanted.clamp(before.motor_speed - reach, before.motor_speed + reach);
+        s
+    }
+}

@@ -1,0 +1,16 @@
+//! Why a session cannot be set up.
+
+use hydroboom_design::DesignError;
+use hydroboom_plant::PlantError;
+use thiserror::Error;
+
+/// Why a session cannot be set up.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SetupError {
+    /// A crane cannot be built.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// There are no limits for the crane.
+    #[error("supervision of this crane: {0}")]
+    Design(#[from] DesignError),
+}
