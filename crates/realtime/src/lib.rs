@@ -23,6 +23,7 @@ pub mod log;
 pub mod machine;
 pub mod operator;
 pub mod posix;
+pub mod readiness;
 pub mod replay;
 pub mod session;
 pub mod shared;

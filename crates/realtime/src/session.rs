@@ -5,9 +5,10 @@ use crate::control_task::Record;
 use crate::course::Course;
 use crate::desk::Desk;
 use crate::operator::Operator;
+use crate::readiness::start_waits_for;
 use crate::simulation_task::AtRest;
 use crate::trouble::Tampering;
-use hydroboom_control::{Cause, Conditions, Decision, Path, State};
+use hydroboom_control::{Cause, Conditions, Decision, Path};
 use hydroboom_description::Description;
 use hydroboom_design::conditions;
 use hydroboom_plant::PlantError;
@@ -156,9 +157,9 @@ impl Session {
         self.synchronised_in_all
     }
 
-    /// Whether a course can be begun now: nothing moves, and nothing is wrong.
+    /// Whether an operator who is present can begin a course now: the load is held, and not being released.
     pub fn is_ready(&self) -> bool {
-        self.last.is_some_and(|r| matches!(r.decision.state, State::Ready | State::Holding))
+        self.last.is_some_and(|record| start_waits_for(&record.decision, true).is_none())
     }
 
     /// What makes the machine ready for a path: the course there from where the piston is, and the

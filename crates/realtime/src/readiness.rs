@@ -1,0 +1,42 @@
+//! What a start waits for, in words.
+
+use hydroboom_control::{Decision, State};
+
+/// What has to come before a course can be started, to be read after "waits for"; none when it can be started now.
+/// `attended`: whether an operator is present.
+pub fn start_waits_for(decision: &Decision, attended: bool) -> Option<&'static str> {
+    match decision.state {
+        State::Idle => Some("plausible readings of the machine"),
+        State::Fault => Some("a reset"),
+        _ if !attended => Some("an operator"),
+        State::Ready => Some("the load to be still"),
+        State::Holding if decision.command.motor_speed != 0.0 => {
+            Some("the end of the release under way")
+        }
+        State::Holding => None,
+        State::Moving => Some("the end of the course"),
+        State::Stopping => Some("the load to come to rest"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_control::Command;
+
+    #[test]
+    fn a_course_can_be_started_by_an_operator_over_a_held_load_only() {
+        let decision = |state, motor_speed| Decision {
+            command: Command { motor_speed, holding_valve: 0.0 },
+            state,
+            cause: None,
+            controls: false,
+        };
+        for state in State::ALL {
+            let waits = start_waits_for(&decision(state, 0.0), true);
+            assert_eq!(waits.is_none(), state == State::Holding, "{state:?}: {waits:?}");
+            assert!(start_waits_for(&decision(state, 0.0), false).is_some(), "{state:?}");
+        }
+        assert!(start_waits_for(&decision(State::Holding, 1.0), true).is_some());
+    }
+}
