@@ -9,6 +9,16 @@
 //!             -> growth (whether a closed loop rings on), margins (how far it is from that), look (all of a design)
 //! ```
 
+// what runs in the control cycle cannot panic
+#![deny(
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unreachable
+)]
+
 mod balances;
 mod error;
 mod growth;

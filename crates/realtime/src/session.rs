@@ -10,6 +10,7 @@ use crate::trouble::Tampering;
 use hydroboom_control::{Cause, Conditions, Decision, Path, State};
 use hydroboom_description::Description;
 use hydroboom_design::conditions;
+use hydroboom_math::Real;
 use hydroboom_plant::PlantError;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -219,7 +220,7 @@ impl Session {
     /// Where the piston is \[m\].
     fn stroke(&self, otherwise: f64) -> f64 {
         let stroke = self.last.map(|r| r.reading.stroke).filter(|stroke| stroke.is_finite());
-        stroke.unwrap_or(otherwise).clamp(0.0, self.model.numbers.stroke)
+        Real::clamp(stroke.unwrap_or(otherwise), 0.0, self.model.numbers.stroke)
     }
 
     /// Rest at a position \[m\], under what is known by now.
