@@ -61,7 +61,7 @@ impl<const N: usize> Belief<N> {
     pub(crate) fn learn(&mut self, weights: &[f64; N], seen: f64, own: f64) -> Off {
         let Off { off, variance } = self.off(weights, seen, own);
         let most = FARTHEST * Real::sqrt(variance);
-        let off = off.clamp(-most, most);
+        let off = Real::clamp(off, -most, most);
         let lever = self.lever(weights);
         for i in 0..N {
             self.estimate[i] += lever[i] * off / variance;

@@ -5,6 +5,7 @@
 //! roughly, what it carries; feedback goes by it. The simulated crane does not, for what moves it moves the machine.
 
 use crate::load_balance::HELD_BY_FRICTION;
+use hydroboom_math::Real;
 
 /// Time constant in which it is believed \[s\], for it swings.
 const BELIEVED: f64 = 0.3;
@@ -39,11 +40,11 @@ impl CarriedLoad {
     ) -> bool {
         let seems = if seems.is_finite() { seems } else { weighed };
         // while it swings it seems to be less than nothing, and more than there can be
-        let seems = seems.clamp(-heaviest, 2.0 * heaviest);
+        let seems = Real::clamp(seems, -heaviest, 2.0 * heaviest);
         self.seems += (seems - self.seems) * period / BELIEVED;
         let off = (self.seems - weighed).min(HEAVIER * heaviest);
         let held = 0.5 * HELD_BY_FRICTION * per_pressure;
-        let share = (off.abs() / held - 1.0).clamp(0.0, 1.0);
+        let share = Real::clamp(off.abs() / held - 1.0, 0.0, 1.0);
         let believed = (weighed + share * off).max(0.0);
         let is_other = (believed - self.believed).abs() > 1.0;
         if is_other {

@@ -94,7 +94,7 @@ impl CommandLag {
 
     /// Nothing is read before it is told.
     fn bounded(&self, lag: f64) -> f64 {
-        lag.clamp(0.0, self.before + BOUND * self.uncertainty)
+        Real::clamp(lag, 0.0, self.before + BOUND * self.uncertainty)
     }
 
     /// A period at whose beginning the motor was told a speed \[rev/s\], and what was read at its end. A window with a number that is none is
@@ -149,7 +149,7 @@ mod tests {
 
     /// Up and down and at rest between, in ramps of a second.
     fn course(time: f64) -> f64 {
-        let ramp = |begins: f64| (time - begins).clamp(0.0, 1.0);
+        let ramp = |begins: f64| Real::clamp(time - begins, 0.0, 1.0);
         8.0 * (ramp(2.0) - ramp(6.0) - ramp(10.0) + ramp(14.0))
     }
 

@@ -445,7 +445,8 @@ pub(crate) mod tests {
         for k in 0..3000 {
             let [stroke, _, load_pressure] = crane;
             let off = Watched { stroke, load_pressure, motor_speed: 0.0 };
-            let speed = law.update(&mut memory, &with, &off, 0.0, 0.0).clamp(-50.0, 50.0);
+            let speed = law.update(&mut memory, &with, &off, 0.0, 0.0);
+            let speed = Real::clamp(speed, -50.0, 50.0);
             for _ in 0..10 {
                 let [_, v, p] = crane;
                 let slopes = [v, a_v * v + a_p * p, c_v * v + b * speed];

@@ -317,9 +317,10 @@ impl FlowBalance {
     fn bounded(&self, found: Balance<f64>) -> Balance<f64> {
         let (before, by) = (&self.before, &self.uncertainty);
         let far = BOUND * by.flow_gain;
-        let flow_gain = found.flow_gain.clamp(before.flow_gain - far, before.flow_gain + far);
-        let leakage = found.leakage.clamp(0.0, before.leakage + BOUND * by.leakage);
-        let slip = found.slip.clamp(0.0, before.slip + BOUND * by.slip);
+        let flow_gain =
+            Real::clamp(found.flow_gain, before.flow_gain - far, before.flow_gain + far);
+        let leakage = Real::clamp(found.leakage, 0.0, before.leakage + BOUND * by.leakage);
+        let slip = Real::clamp(found.slip, 0.0, before.slip + BOUND * by.slip);
         Balance { flow_gain, leakage, slip, ..found }
     }
 

@@ -6,6 +6,7 @@ use crate::{
     Balances, Boom, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Led, Measured,
     ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
 };
+use hydroboom_math::Real;
 
 /// The whole controller, but for the simulated crane itself.
 #[derive(Clone, Copy, Debug)]
@@ -200,7 +201,7 @@ impl Follower {
             gained = at.rest.load_pressure - before;
             // the oil that this takes is the simulated pump's alone: the machine has long had it
             let speed = gained / (law.period * spring.pressure_by_speed);
-            filling = speed.clamp(-law.limits.speed, law.limits.speed);
+            filling = Real::clamp(speed, -law.limits.speed, law.limits.speed);
         }
         law.turns = self.correction[0];
         let speed = law.update(&mut self.following, reference, simulated) + filling;

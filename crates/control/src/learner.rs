@@ -4,6 +4,7 @@ use crate::command_lag::{CommandLag, CommandLagMemory};
 use crate::flow_balance::{Balance, FlowBalance, FlowBalanceMemory};
 use crate::load_balance::{HELD_BY_FRICTION, LoadBalance, LoadBalanceMemory};
 use crate::{ModelFollowing, Reading, Schedule, Seen};
+use hydroboom_math::Real;
 
 /// What is known of the machine by now, beyond its description.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -235,7 +236,7 @@ impl Learner {
     }
 
     fn weigh(&mut self, stroke: f64, payload: f64) {
-        self.now.weighed = payload.clamp(0.0, self.schedule.heaviest());
+        self.now.weighed = Real::clamp(payload, 0.0, self.schedule.heaviest());
         let payload = self.now.weighed;
         self.balances.load.weighed(&self.schedule, &mut self.now.load, stroke, payload);
     }

@@ -95,7 +95,7 @@ impl LoadBalanceMemory {
     pub fn friction(&self) -> [f64; 2] {
         let [least, most] = FRICTION;
         let [_, coulomb, viscous] = self.belief.estimate;
-        [coulomb, viscous].map(|share| share.clamp(least, most))
+        [coulomb, viscous].map(|share| Real::clamp(share, least, most))
     }
 
     /// What is believed, to go on with later.
@@ -220,7 +220,7 @@ impl LoadBalance {
         memory.belief.forget(1.0 - self.memory, &before);
         memory.belief.learn(&weights, held, own);
         let payload = &mut memory.belief.estimate[0];
-        *payload = payload.clamp(0.0, schedule.heaviest());
+        *payload = Real::clamp(*payload, 0.0, schedule.heaviest());
     }
 
     /// Standard deviations of payload \[kg\], weighed at a piston position \[m\], and friction.
@@ -294,7 +294,8 @@ mod tests {
 
     /// Up for five seconds, rest for two, down for five, with ramps of half a second.
     fn cycle(time: f64) -> f64 {
-        let up = |t: f64| (2.0 * t).clamp(0.0, 1.0) * (2.0 * (5.0 - t)).clamp(0.0, 1.0);
+        let ramp = |t: f64| Real::clamp(2.0 * t, 0.0, 1.0);
+        let up = |t: f64| ramp(t) * ramp(5.0 - t);
         FASTEST * (up(time) - up(time - 7.0))
     }
 

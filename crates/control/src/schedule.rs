@@ -1,6 +1,7 @@
 //! State feedback scheduled over the payload.
 
 use crate::ModelFollowing;
+use hydroboom_math::Real;
 
 /// How many payloads state feedback is designed for.
 pub const PAYLOADS: usize = 6;
@@ -33,13 +34,13 @@ impl Schedule {
         let last = PAYLOADS - 2;
         let k = self.payloads.partition_point(|p| *p <= payload).saturating_sub(1).min(last);
         let [below, above] = [self.payloads[k], self.payloads[k + 1]];
-        (k, ((payload - below) / (above - below)).clamp(0.0, 1.0))
+        (k, Real::clamp((payload - below) / (above - below), 0.0, 1.0))
     }
 
     /// The payload \[kg\] with which the crane rests at a load pressure \[Pa\], piston at `stroke` \[m\].
     pub fn payload(&self, stroke: f64, load_pressure: f64) -> f64 {
         let share = (load_pressure - self.empty(stroke)) / self.span(stroke);
-        share.clamp(0.0, 1.0) * self.heaviest()
+        Real::clamp(share, 0.0, 1.0) * self.heaviest()
     }
 
     /// The heaviest payload that is thought of \[kg\].

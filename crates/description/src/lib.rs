@@ -15,6 +15,9 @@
 //! [`Description::parse`] reads and checks a file, [`Description::set`] overrides single keys, and
 //! [`Description::crane`] builds the model. The keys are listed once, in [`schema`].
 
+// its models are built in the control cycle, too, which cannot panic
+#![deny(clippy::disallowed_methods)]
+
 mod build;
 mod check;
 mod difference;

@@ -10,6 +10,16 @@
 //!             -> supervision (limits, monitors and the release of the load)
 //! ```
 
+// what runs in the control cycle cannot panic
+#![deny(
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unreachable
+)]
+
 mod balances;
 mod error;
 mod growth;

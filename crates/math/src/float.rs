@@ -88,8 +88,9 @@ impl Binary for f64 {
     #[inline(always)]
     fn split(self) -> (Self, Self) {
         let bits = self.to_bits() as i64;
-        let e = (bits - core::f64::consts::FRAC_1_SQRT_2.to_bits() as i64) >> 52;
-        let m = f64::from_bits((bits - (e << 52)) as u64);
+        // wrapping: what is not positive has bits far below, and leaves as NaN
+        let e = bits.wrapping_sub(core::f64::consts::FRAC_1_SQRT_2.to_bits() as i64) >> 52;
+        let m = f64::from_bits(bits.wrapping_sub(e << 52) as u64);
         // NaN, infinities and numbers that are not positive leave as NaN
         (if self > 0.0 && self < f64::INFINITY { m } else { f64::NAN }, e as f64)
     }
@@ -120,8 +121,8 @@ impl Binary for f32 {
     #[inline(always)]
     fn split(self) -> (Self, Self) {
         let bits = self.to_bits() as i32;
-        let e = (bits - core::f32::consts::FRAC_1_SQRT_2.to_bits() as i32) >> 23;
-        let m = f32::from_bits((bits - (e << 23)) as u32);
+        let e = bits.wrapping_sub(core::f32::consts::FRAC_1_SQRT_2.to_bits() as i32) >> 23;
+        let m = f32::from_bits(bits.wrapping_sub(e << 23) as u32);
         (if self > 0.0 && self < f32::INFINITY { m } else { f32::NAN }, e as f32)
     }
 }

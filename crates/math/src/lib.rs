@@ -24,6 +24,15 @@
 //! assert!((piston.slope[0] - std::f64::consts::FRAC_PI_2 * 0.065).abs() < 1e-15);
 //! ```
 #![cfg_attr(not(feature = "std"), no_std)]
+// what runs in the control cycle cannot panic
+#![deny(
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unreachable
+)]
 
 mod dual;
 pub mod elementary;

@@ -116,8 +116,27 @@ fn nan_passes_through_every_function() {
 
 #[test]
 fn logarithm_of_what_has_none_is_nan() {
-    for x in [0.0, -1.0, f64::INFINITY, f64::NAN] {
+    for x in [0.0, -0.0, -5e-324, -1e-300, -1.0, f64::MIN, f64::INFINITY, f64::NAN] {
         assert!(Real::ln(x).is_nan(), "ln {x}");
+        assert!(Real::ln(x as f32).is_nan(), "ln {x} in single precision");
+    }
+}
+
+/// The bits of the standard library's, which panics where the bounds are unordered or NaN.
+#[test]
+fn limits_are_those_of_the_standard_library_and_never_panic() {
+    let values =
+        [f64::NAN, f64::NEG_INFINITY, -2.5, -0.0, 0.0, 5e-324, 1.0, f64::MAX, f64::INFINITY];
+    for x in values {
+        for low in values {
+            for high in values {
+                let limited = Real::clamp(x, low, high);
+                if low <= high {
+                    assert_eq!(limited.to_bits(), x.clamp(low, high).to_bits(), "{low} {x} {high}");
+                }
+                assert!(limited.is_nan() == x.is_nan(), "{low} {x} {high}: {limited}");
+            }
+        }
     }
 }
 

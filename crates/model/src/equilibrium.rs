@@ -149,7 +149,7 @@ impl<const N: usize, C: Circuit<f64>> Crane<f64, N, C> {
                 .ok_or(EquilibriumError::NoBalance { stroke })?;
             for i in 0..n {
                 // a soft boom may overshoot: no more than a tenth of a turn at a time
-                angle[i] += step[i].clamp(-0.5, 0.5);
+                angle[i] += Real::clamp(step[i], -0.5, 0.5);
             }
             force += step[n];
             if done {

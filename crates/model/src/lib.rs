@@ -11,6 +11,15 @@
 //! counter-clockwise; the origin is the boom's bearing. Piston motion, force and velocity are
 //! positive outwards.
 #![no_std]
+// what runs in the control cycle cannot panic
+#![deny(
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unreachable
+)]
 
 pub mod boom;
 pub mod circuit;

@@ -325,7 +325,7 @@ fn steer(
     mut timing: Timing,
 ) -> (Timing, Decision, Option<Learned>) {
     let Steering { mut task, mut machine, desk, mut courses, mut records, ending, spin } = with;
-    let mut operator = Operator::new(false);
+    let mut operator = Operator::new(timing.period as f64 * 1e-9);
     let first = now();
     let mut release = first;
     let mut last = first;

@@ -90,7 +90,7 @@ impl Underway {
         let period = model.numbers.control_period;
         let mut way = Self {
             run: Lockstep::new(model, machine, motion, strategy)?.learning(None),
-            operator: Operator::new(true),
+            operator: Operator::automatic(period),
             trouble: Trouble::new(machine),
             motion,
             strategy,

@@ -9,6 +9,16 @@
 //! The tasks know no clock and no thread. [`executive`] runs them in real time, each on a core of its
 //! own; [`lockstep`] in simulated time, every time the same.
 
+// what runs in the control cycle cannot panic
+#![deny(
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::todo,
+    clippy::unimplemented,
+    clippy::unreachable
+)]
+
 pub mod control_task;
 pub mod course;
 pub mod desk;
@@ -23,6 +33,7 @@ pub mod log;
 pub mod machine;
 pub mod operator;
 pub mod posix;
+pub mod readiness;
 pub mod replay;
 pub mod session;
 pub mod setup;
@@ -30,4 +41,5 @@ pub mod shared;
 pub mod simulation_task;
 pub mod slot;
 pub mod timing;
+#[expect(clippy::disallowed_methods, reason = "between literals, on a virtual machine")]
 pub mod trouble;

@@ -244,7 +244,7 @@ pub fn run(
     pace: Pace,
 ) -> Result<(Decision, Option<Learned>), SimulationError> {
     let Lookout { desk, attendant, ending } = lookout;
-    let mut operator = Operator::new(false);
+    let mut operator = Operator::new(lockstep.machine.period());
     let mut watched = Watched { trouble: Trouble::new(machine), desk };
     let period = (lockstep.machine.period() * 1e9).round() as u64;
     let (mut release, mut rested, mut count) = (now(), 0, 0_u32);

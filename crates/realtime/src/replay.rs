@@ -9,6 +9,7 @@ use crate::simulation_task::{AtRest, SimulationTask};
 use hydroboom_control::{Command, Learned, Path, Reading, Reference, Request, State, Strategy};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
+use hydroboom_math::Real;
 use std::sync::Arc;
 
 /// The readings of a log, one with each look.
@@ -81,7 +82,7 @@ pub fn replay(
     let n = &model.numbers;
     let steps = (n.control_period / n.simulation_period).round() as u32;
     let first = rows.iter().find_map(|row| row.reading);
-    let begin = first.map_or(n.motion_start, |reading| reading.stroke.clamp(0.0, n.stroke));
+    let begin = first.map_or(n.motion_start, |reading| Real::clamp(reading.stroke, 0.0, n.stroke));
     let strategy_of = |row: &Row| strategy.unwrap_or(row.strategy);
     let chosen = rows.first().map_or(Strategy::BenchmarkClosedLoop, strategy_of);
     let resting =

@@ -5,11 +5,13 @@ use crate::control_task::Record;
 use crate::course::Course;
 use crate::desk::Desk;
 use crate::operator::Operator;
+use crate::readiness::start_waits_for;
 use crate::simulation_task::AtRest;
 use crate::trouble::Tampering;
-use hydroboom_control::{Cause, Conditions, Decision, Path, State};
+use hydroboom_control::{Cause, Conditions, Decision, Path};
 use hydroboom_description::Description;
 use hydroboom_design::conditions;
+use hydroboom_math::Real;
 use hydroboom_plant::PlantError;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -156,9 +158,9 @@ impl Session {
         self.synchronised_in_all
     }
 
-    /// Whether a course can be begun now: nothing moves, and nothing is wrong.
+    /// Whether an operator who is present can begin a course now: the load is held, and not being released.
     pub fn is_ready(&self) -> bool {
-        self.last.is_some_and(|r| matches!(r.decision.state, State::Ready | State::Holding))
+        self.last.is_some_and(|record| start_waits_for(&record.decision, true).is_none())
     }
 
     /// What makes the machine ready for a path: the course there from where the piston is, and the
@@ -219,7 +221,7 @@ impl Session {
     /// Where the piston is \[m\].
     fn stroke(&self, otherwise: f64) -> f64 {
         let stroke = self.last.map(|r| r.reading.stroke).filter(|stroke| stroke.is_finite());
-        stroke.unwrap_or(otherwise).clamp(0.0, self.model.numbers.stroke)
+        Real::clamp(stroke.unwrap_or(otherwise), 0.0, self.model.numbers.stroke)
     }
 
     /// Rest at a position \[m\], under what is known by now.

@@ -26,13 +26,14 @@ impl<const N: usize> Slot<N> {
     /// Makes `words` the newest value. There must be one writer only.
     pub fn publish(&self, words: [u64; N]) {
         let version = self.version.load(Ordering::Relaxed) & !1;
-        self.version.store(version + 1, Ordering::Relaxed);
+        self.version.store(version | 1, Ordering::Relaxed);
         // the odd version is seen before any of the words
         fence(Ordering::Release);
         for (word, value) in self.words.iter().zip(words) {
             word.store(value, Ordering::Relaxed);
         }
-        self.version.store(version + 2, Ordering::Release);
+        // another process may have left any number there
+        self.version.store(version.wrapping_add(2), Ordering::Release);
     }
 
     /// The newest value and its version, which grows by two with each; none before the first, or while
@@ -62,6 +63,17 @@ impl<const N: usize> Slot<N> {
 mod tests {
     use super::*;
     use std::sync::Arc;
+
+    #[test]
+    fn whatever_number_another_process_left_is_counted_on() {
+        let slot = Slot::<1>::default();
+        for left in [u64::MAX, u64::MAX - 1, 7] {
+            slot.version.store(left, Ordering::Relaxed);
+            slot.publish([1]);
+            slot.publish([2]);
+            assert_eq!(slot.read().map(|(_, words)| words), Some([2]));
+        }
+    }
 
     #[test]
     fn a_reader_never_sees_parts_of_two_values() {

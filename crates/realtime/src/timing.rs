@@ -28,11 +28,11 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Nothing counted yet, of a task with a period \[ns\]; none where there is no memory for it.
+    /// Nothing counted yet, of a task with a period \[ns\], of 1 ns at least; none where there is no memory for it.
     pub fn new(period: u64) -> Option<Self> {
         let empty = Histogram::new_with_bounds(1, LONGEST, 3).ok()?;
         Some(Self {
-            period,
+            period: period.max(1),
             lateness: empty.clone(),
             execution: empty,
             missed: 0,

@@ -33,7 +33,7 @@ fn course(case: &Case, first: Strategy, then: impl Fn(&Record) -> Strategy) -> V
 }
 
 fn led(mut run: Lockstep, first: Strategy, then: impl Fn(&Record) -> Strategy) -> Vec<Record> {
-    let mut operator = Operator::new(true);
+    let mut operator = Operator::automatic(1e-3);
     let mut records: Vec<Record> = Vec::new();
     while !operator.is_done() && records.len() < 60_000 {
         let now = records.last().map_or(first, &then);
@@ -139,7 +139,7 @@ fn stopped_while_the_pump_takes_the_load_over_it_is_not_released() {
     let case = case(&[]);
     let strategy = Strategy::BenchmarkClosedLoop;
     let mut run = Lockstep::new(&case.model, &case.crane, case.motion, strategy).unwrap();
-    let mut operator = Operator::new(true);
+    let mut operator = Operator::automatic(1e-3);
     for k in 0..5000 {
         // pre-loading takes almost three seconds
         operator.stop |= k == 1500;

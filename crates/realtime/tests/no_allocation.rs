@@ -5,8 +5,9 @@
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use hydroboom_control::{Path, Request, State, Strategy};
 use hydroboom_description::Description;
+use hydroboom_design::limits;
 use hydroboom_model::Start;
-use hydroboom_realtime::control_task::{ControlTask, Period, limits};
+use hydroboom_realtime::control_task::{ControlTask, Period};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::machine::{Incoming, Machine};
 use hydroboom_realtime::shared::Shared;
@@ -37,7 +38,7 @@ fn allocate_nothing(strategy: Strategy) {
     let mut machine = VirtualCrane::new(&crane, &start).unwrap();
     let path: Arc<dyn Path> = Arc::new(motion);
     let course = Course::new(Arc::clone(&path));
-    let control = ControlTask::new(&model, course, limits(&model, motion.speed), strategy);
+    let control = ControlTask::new(&model, course, limits(&model, motion.speed).unwrap(), strategy);
     let mut control = control.learning(None);
     let mut simulation = SimulationTask::new(&model, motion.start).unwrap();
     let mut timing = Timing::new(1_000_000).unwrap();
@@ -52,13 +53,13 @@ fn allocate_nothing(strategy: Strategy) {
     let mut state = State::Idle;
     for k in 0..8000_u64 {
         // the machine is another process
-        shared.show(k + 1, &machine.reading());
+        shared.show(&Incoming { sequence: k + 1, reading: machine.reading(), valve: None });
         let record = assert_no_alloc(|| {
             let incoming: Option<Incoming> = shared.read();
             let request = match state {
                 State::Idle => Request::Enable,
                 State::Ready => Request::Hold,
-                State::Holding => Request::Start,
+                State::Holding if k.is_multiple_of(1000) => Request::Start,
                 _ => Request::None,
             };
             let record = control.period(&Period {
@@ -66,7 +67,8 @@ fn allocate_nothing(strategy: Strategy) {
                 simulated: Some(simulation.simulated()),
                 request,
                 strategy,
-                overruns: 0,
+                elapsed: 1e-3,
+                missed: 0,
                 attended: true,
                 clock_jumped: false,
                 deadlines: None,

@@ -47,7 +47,7 @@ fn logged_along(
     let crane = Description::uia_virtual().unwrap();
     let run = Lockstep::new(&model, &crane, motion, strategy).unwrap();
     let mut run = if learns { run.learning(None) } else { run };
-    let (mut operator, mut trouble) = (Operator::new(true), Trouble::new(&crane));
+    let (mut operator, mut trouble) = (Operator::automatic(1e-3), Trouble::new(&crane));
     let path = std::env::temp_dir().join(format!("hydroboom-{}-{name}.mcap", std::process::id()));
     let mut log = LogWriter::begin(&path).unwrap();
     let mut records = Vec::new();

@@ -119,12 +119,12 @@ fn after_an_emergency_a_reset_and_an_approach_the_course_is_run_as_ever() {
         vec![
             (0.5, Act::Start(motion)),
             (9.0, Act::Emergency),
-            // in a fault it is not begun, nor afterwards by itself
+            // in a fault it is not begun, nor while the boom still swings on its locked cylinder, nor afterwards by itself
             (9.1, Act::Start(motion)),
-            // the boom swings on its locked cylinder; begun again at once, it waits for rest
             (9.2, Act::Reset),
             (9.3, Act::Start(motion)),
-            (55.0, Act::Close),
+            (20.0, Act::Start(motion)),
+            (65.0, Act::Close),
         ],
     );
     use State::{Fault, Holding, Idle, Moving, Ready, Stopping};
