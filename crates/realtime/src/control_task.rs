@@ -66,6 +66,8 @@ pub struct Record {
     pub course_speed: f64,
     /// Where the piston should be.
     pub reference: Reference<f64>,
+    /// What of it is the released piston's distance from the course's beginning, faded out \[m\].
+    pub start_offset: f64,
     /// What was read.
     pub reading: Reading<f64>,
     /// Its number.
@@ -313,6 +315,7 @@ impl ControlTask {
             course_time: controls.then_some(self.course_time),
             course_speed: self.course.speed(),
             reference,
+            start_offset: if controls { self.start_offset } else { 0.0 },
             reading: self.reading,
             sequence: self.sequence,
             simulated: now.simulated,

@@ -19,6 +19,7 @@
     clippy::unreachable
 )]
 
+pub mod campaign_cranes;
 pub mod control_task;
 pub mod course;
 pub mod desk;
@@ -33,6 +34,7 @@ pub mod log;
 pub mod machine;
 pub mod operator;
 pub mod posix;
+pub mod reactions;
 pub mod readiness;
 pub mod replay;
 pub mod session;

@@ -210,6 +210,11 @@ impl Lockstep {
         None
     }
 
+    /// The machine.
+    pub fn machine(&self) -> &VirtualCrane {
+        &self.machine
+    }
+
     /// What nobody sees of the machine.
     pub fn truth(&self) -> Truth {
         self.machine.truth()

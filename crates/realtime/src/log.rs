@@ -60,11 +60,12 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 35] = [
+const NUMBERS: [Number; 36] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("course_speed_mm_s", |r| r.course_time.map(|_| r.course_speed * 1e3)),
     ("reading_number", |r| Some(r.sequence as f64)),
+    ("start_offset_mm", |r| Some(r.start_offset * 1e3)),
     ("reference_position_mm", |r| Some(r.reference.position * 1e3)),
     ("reference_velocity_mm_s", |r| Some(r.reference.velocity * 1e3)),
     ("stroke_mm", |r| Some(r.reading.stroke * 1e3)),
@@ -225,6 +226,8 @@ pub struct Row {
     pub course_speed: Option<f64>,
     /// Where the piston should have been.
     pub reference: Reference<f64>,
+    /// What of it was the released piston's distance from the course's beginning \[m\].
+    pub start_offset: f64,
     /// What was sent.
     pub command: Command<f64>,
     /// What the machine did.
@@ -330,6 +333,7 @@ fn row(value: &Value) -> Result<Row, String> {
             position: needed("reference_position_mm")? * 1e-3,
             velocity: needed("reference_velocity_mm_s")? * 1e-3,
         },
+        start_offset: value["start_offset_mm"].as_f64().unwrap_or(0.0) * 1e-3,
         command: Command {
             motor_speed: needed("command_motor_speed_rpm")? / 60.0,
             holding_valve: needed("command_holding_valve")?,

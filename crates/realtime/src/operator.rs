@@ -333,14 +333,14 @@ mod tests {
         bench.desk.emergency_stop();
         assert_eq!(bench.period(State::Fault), Request::EmergencyStop);
         assert_eq!(bench.period(State::Fault), Request::None);
-        // before the machine is watched a fault cannot be entered: it is kept until then
+        // it is asked for until the machine is in its fault, also from Idle
         let mut bench = Bench::new(State::Idle);
         bench.desk.emergency_stop();
         for _ in 0..5000 {
-            assert_eq!(bench.period(State::Idle), Request::Enable);
+            assert_eq!(bench.period(State::Idle), Request::EmergencyStop);
         }
-        bench.period(State::Ready);
         assert_eq!(bench.period(State::Fault), Request::EmergencyStop);
+        assert_eq!(bench.period(State::Fault), Request::None);
         // nobody has to attend
         let mut bench = Bench::new(State::Holding);
         bench.desk.leave_role();

@@ -156,7 +156,13 @@ fn request(rows: &[Row], k: usize, state: State) -> Request {
 fn recorded(model: &Description, rows: &[Row]) -> Course {
     let running = rows.iter().skip_while(|row| row.course_time.is_none());
     let course: Vec<&Row> = running.take_while(|row| row.course_time.is_some()).collect();
-    let references: Vec<Reference<f64>> = course.iter().map(|row| row.reference).collect();
+    let references: Vec<Reference<f64>> = course
+        .iter()
+        .map(|row| Reference {
+            position: row.reference.position - row.start_offset,
+            ..row.reference
+        })
+        .collect();
     let fastest = references.iter().map(|r| r.velocity.abs()).fold(0.0, f64::max);
     let from = course.first().and_then(|row| row.course_time).unwrap_or(0.0);
     // an older log does not tell it, and one that was cut off may not have come to it

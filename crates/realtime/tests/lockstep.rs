@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_control::{Cause, Conditions, Motion, State, Strategy};
-use hydroboom_description::Description;
+use hydroboom_description::{Description, UIA_SINGLE_BOOM};
 use hydroboom_design::conditions;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::lockstep::Lockstep;
@@ -17,7 +17,19 @@ struct Case {
 }
 
 fn case(overrides: &[&str]) -> Case {
-    let model = Description::uia_single_boom().unwrap();
+    case_of(&Description::uia_single_boom().unwrap(), overrides)
+}
+
+/// The paper's crane with a pump of which little is known: what it delivers cannot contradict the position.
+fn wide_flow_gain() -> Description {
+    let text = UIA_SINGLE_BOOM
+        .replace("value = 0.91, range = [0.86, 0.98]", "value = 0.91, range = [0.7, 1.0]");
+    assert_ne!(text, UIA_SINGLE_BOOM);
+    Description::parse("wide", &text).unwrap()
+}
+
+fn case_of(model: &Description, overrides: &[&str]) -> Case {
+    let model = model.clone();
     let mut crane = Description::uia_virtual().unwrap();
     for assignment in overrides {
         crane.set(assignment).unwrap();
@@ -108,7 +120,7 @@ fn strategies_change_without_a_bump() {
 #[test]
 fn the_benchmark_takes_over_from_a_simulation_that_is_not_true() {
     // a pump that delivers a fifth less: in open loop the machine falls behind the simulation
-    let far = case(&["pump.flow_gain=0.75"]);
+    let far = case_of(&wide_flow_gain(), &["pump.flow_gain=0.75"]);
     let records = course(&far, Strategy::SimulationFeedforwardOpenLoop, |_| {
         Strategy::SimulationFeedforwardOpenLoop
     });
@@ -127,7 +139,11 @@ fn a_motor_too_weak_for_the_load_ends_in_a_fault_with_the_load_held() {
     let records = course(&weak, Strategy::BenchmarkClosedLoop, |r| r.strategy);
     let end = records[records.len() - 1].decision;
     assert!(
-        matches!(end.cause, Some(Cause::DriveNotFollowing | Cause::NoPreload)),
+        matches!(
+            end.cause,
+            // the load turns it backwards
+            Some(Cause::DriveNotFollowing | Cause::DriveUncommanded | Cause::NoLift)
+        ),
         "{:?}",
         end.cause
     );

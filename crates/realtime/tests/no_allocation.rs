@@ -51,7 +51,7 @@ fn allocate_nothing(strategy: Strategy) {
     let before = control.conditions();
     let mut moved = false;
     let mut state = State::Idle;
-    for k in 0..8000_u64 {
+    for k in 0..10_000_u64 {
         // the machine is another process
         shared.show(&Incoming { sequence: k + 1, reading: machine.reading(), valve: None });
         let record = assert_no_alloc(|| {

@@ -73,7 +73,7 @@ fn logged_along(
 
 #[test]
 fn replayed_readings_lead_to_the_same_commands() {
-    let (model, records, path) = logged("whole", None, 12.0);
+    let (model, records, path) = logged("whole", None, 13.2);
     let rows = rows(&path).unwrap();
     std::fs::remove_file(path).unwrap();
     let again = replay(&model, &rows, None, None).unwrap();

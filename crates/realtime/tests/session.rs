@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_control::{Cause, Learned, Motion, State, Strategy};
-use hydroboom_description::Description;
+use hydroboom_description::{Description, UIA_SINGLE_BOOM};
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::desk::Desk;
 use hydroboom_realtime::fault::{Fault, Sensor};
@@ -150,7 +150,12 @@ fn after_an_emergency_a_reset_and_an_approach_the_course_is_run_as_ever() {
 #[test]
 fn a_simulation_that_drifted_away_is_set_to_the_machine_and_followed_again() {
     // a pump that delivers a fifth less: in open loop the machine falls behind the simulation
-    let cranes = Cranes::new(&["pump.flow_gain=0.75"]);
+    let mut cranes = Cranes::new(&["pump.flow_gain=0.75"]);
+    // of a pump of which little is known: what it delivers cannot contradict the position
+    let wide = UIA_SINGLE_BOOM
+        .replace("value = 0.91, range = [0.86, 0.98]", "value = 0.91, range = [0.7, 1.0]");
+    assert_ne!(wide, UIA_SINGLE_BOOM);
+    cranes.model = Description::parse("wide", &wide).unwrap();
     let open = Strategy::SimulationFeedforwardOpenLoop;
     let acts = vec![(0.5, Act::Start(cranes.motion())), (30.0, Act::Close)];
     let script = cranes.play(open, acts);
@@ -218,7 +223,7 @@ fn what_is_learned_of_a_machine_is_simulated_and_kept() {
     let (again, _) = steered(Some(Some(&learned)));
     assert!(nothing.is_none() && told.records.iter().all(|r| r.known.is_none()));
     let [told, first, again] = [&told, &script, &again].map(|s| rms_mm(&s.records));
-    assert!(first < 0.5 * told && again < 0.5 * told, "{told}, then {first} and {again} mm");
+    assert!(first < 0.8 * told && again < 0.8 * told, "{told}, then {first} and {again} mm");
     let balance = learned.flow.balance;
     assert!((learned.load.payload() - 210.0).abs() < 30.0, "{} kg", learned.load.payload());
     assert!((balance.flow_gain - 0.95).abs() < 0.01, "{balance:?}");
@@ -248,14 +253,14 @@ fn a_broken_sensor_teaches_nothing() {
     for fault in wrong {
         let acts = vec![
             (0.5, Act::Start(motion)),
-            (9.0, Act::Tamper(Tampering::Fault(fault))),
-            (14.0, Act::Close),
+            (10.0, Act::Tamper(Tampering::Fault(fault))),
+            (15.0, Act::Close),
         ];
         let (script, learned) = cranes.learned(Strategy::ModelFollowing, acts, Some(None));
         let kept = learned.unwrap().flow.balance;
         let found = script.session.fault().unwrap_or_else(|| panic!("{fault:?} is not found")).time;
         let known = |r: &Record| r.known.unwrap().balance;
-        let sound = script.records.iter().filter(|r| (found - 1.1..9.0).contains(&r.time));
+        let sound = script.records.iter().filter(|r| (found - 1.1..10.0).contains(&r.time));
         assert!(sound.clone().any(|r| known(r) == kept), "{fault:?}: keeps {kept:?}");
         let meanwhile = script.records.iter().find(|r| r.time > found - 2e-3).unwrap();
         assert!(known(meanwhile) != kept, "{fault:?}: no test, for nothing was learned meanwhile");

@@ -15,7 +15,7 @@ use hydroboom_dashboard::{Dashboard, Setup};
 use hydroboom_description::Description;
 use hydroboom_lab::paper;
 use hydroboom_lab::scenario::{CourseChoice, scenarios};
-use hydroboom_realtime::control_task::{ControlTask, limits};
+use hydroboom_realtime::control_task::ControlTask;
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
 use hydroboom_realtime::executive::{self, Placement, RealTime, Tasks};
@@ -234,7 +234,8 @@ impl Run {
         let n = &model.numbers;
         let motion = cranes.machine.motion(n.fast);
         let course = Course::new(Arc::new(motion));
-        let control = ControlTask::new(model, course, limits(model, motion.speed), strategy);
+        let limits = hydroboom_design::limits(model, motion.speed).into_diagnostic()?;
+        let control = ControlTask::new(model, course, limits, strategy);
         let tasks = Tasks {
             control: match learning {
                 Learning::From(before) => control.learning(before.as_deref()),

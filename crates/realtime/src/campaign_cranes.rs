@@ -1,0 +1,48 @@
+//! The cranes of the fault campaign: the paper's, and others with another load, lever and bore.
+
+use hydroboom_description::{Description, DescriptionError};
+
+/// A crane of the campaign: the model that is controlled with, and the machine.
+#[derive(Clone, Debug)]
+pub struct CampaignCrane {
+    /// Name in tables.
+    pub name: &'static str,
+    /// The model.
+    pub model: Description,
+    /// The virtual crane that plays the machine.
+    pub machine: Description,
+}
+
+/// Overrides of the paper's crane, as in a `[set]` table.
+const OTHERS: [(&str, &str); 3] = [
+    ("half the mass", include_str!("../../../cranes/half-mass.toml")),
+    ("twice the mass", include_str!("../../../cranes/double-mass.toml")),
+    ("another lever and bore", include_str!("../../../cranes/other-lever.toml")),
+];
+
+/// All of them, the paper's crane first.
+///
+/// # Errors
+///
+/// [`DescriptionError`] when an override is wrong: none, as a test shows.
+pub fn campaign_cranes() -> Result<Vec<CampaignCrane>, DescriptionError> {
+    let (model, machine) = (Description::uia_single_boom()?, Description::uia_virtual()?);
+    let mut cranes =
+        vec![CampaignCrane { name: "the paper's", model: model.clone(), machine: machine.clone() }];
+    for (name, set) in OTHERS {
+        let model = model.overridden(name, set)?.0;
+        let machine = machine.overridden(name, set)?.0;
+        cranes.push(CampaignCrane { name, model, machine });
+    }
+    Ok(cranes)
+}
+
+/// The crane with its switching valve at an end of its range of time: fastest or slowest.
+pub fn at_valve_end(crane: &CampaignCrane, slowest: bool) -> CampaignCrane {
+    let mut changed = crane.clone();
+    let ranges = crane.machine.ranges();
+    let end = if slowest { &ranges.high } else { &ranges.low };
+    let n = &mut changed.machine.numbers;
+    (n.valve_delay, n.pilot_line) = (end.valve_delay, end.pilot_line);
+    changed
+}
