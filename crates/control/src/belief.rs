@@ -1,9 +1,16 @@
 //! Numbers of which every observation is a weighted sum: what is believed of them, by Bayes' rule.
 
+use crate::OutOfRange;
 use hydroboom_math::Real;
 
 /// What is off by more than so many standard deviations counts as that much: a model is never right to the last.
-const FARTHEST: f64 = 3.0;
+pub(crate) const FARTHEST: f64 = 3.0;
+
+/// What is read back has standard deviations within these limits, over those known before: forgetting ends at those,
+/// and is unstable far beyond; and what is certain to a millionth of them was not learned.
+const DEVIATIONS: [f64; 2] = [1e-6, 4.0];
+/// At least this share of a number's variance is its own, and not told by the numbers before it.
+const OWN: f64 = 1e-9;
 
 /// What is believed of `N` numbers: normally distributed about an estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,21 +101,52 @@ impl<const N: usize> Belief<N> {
         found
     }
 
-    /// Whether it can be believed: all numbers, and a covariance that is one, by Cholesky's decomposition.
-    pub(crate) fn is_sound(&self) -> bool {
+    /// Each estimate, brought back into its range.
+    pub(crate) fn keep_within(&mut self, ranges: &[[f64; 2]]) {
+        for (estimate, [lowest, highest]) in self.estimate.iter_mut().zip(ranges) {
+            *estimate = Real::clamp(*estimate, *lowest, *highest);
+        }
+    }
+
+    /// Refuses what cannot have been learned: an estimate beyond its range, a variance beyond what the standard deviations
+    /// known `before` allow, a covariance with which the matrix is not positive definite. Fields count the estimates, then
+    /// the upper triangle of the covariance, row by row.
+    ///
+    /// Covariances are checked by Cholesky's decomposition of the correlations, so that units do not matter: beside
+    /// those before it, each has a range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not within its range.
+    pub(crate) fn check(
+        &self,
+        ranges: &[[f64; 2]; N],
+        before: &[f64; N],
+    ) -> Result<(), OutOfRange> {
+        let field = |i: usize, j: usize| N + i * N - i * (i + 1) / 2 + j;
+        for k in 0..N {
+            OutOfRange::check(k, self.estimate[k], ranges[k])?;
+        }
+        for (k, before) in before.iter().enumerate() {
+            let range = DEVIATIONS.map(|deviations| (deviations * before).square());
+            OutOfRange::check(field(k, k), self.covariance[k][k], range)?;
+        }
+        let deviations: [f64; N] = core::array::from_fn(|k| Real::sqrt(self.covariance[k][k]));
         let mut root = [[0.0; N]; N];
         for i in 0..N {
-            for j in 0..=i {
-                let rest: f64 = (0..j).map(|k| root[i][k] * root[j][k]).sum();
-                let left = self.covariance[i][j] - rest;
-                root[i][j] = match i == j {
-                    true if left > 0.0 => Real::sqrt(left),
-                    true => return false,
-                    false => left / root[j][j],
-                };
+            let mut own = 1.0;
+            for j in 0..i {
+                let scale = deviations[i] * deviations[j];
+                let told: f64 = (0..j).map(|k| root[i][k] * root[j][k]).sum();
+                let most = root[j][j] * Real::sqrt((own - OWN).max(0.0));
+                let range = [told - most, told + most].map(|correlation| scale * correlation);
+                OutOfRange::check(field(j, i), self.covariance[j][i], range)?;
+                root[i][j] = (self.covariance[j][i] / scale - told) / root[j][j];
+                own -= root[i][j].square();
             }
+            root[i][i] = Real::sqrt(own.max(OWN));
         }
-        self.estimate.iter().chain(root.as_flattened()).all(|number| number.is_finite())
+        Ok(())
     }
 
     fn lever(&self, weights: &[f64; N]) -> [f64; N] {
@@ -209,7 +247,6 @@ mod tests {
         let [found, variance] = [belief.estimate[0], belief.covariance[0][0]];
         assert!((found - towards / certainty).abs() < 1e-12, "{found}");
         assert!((variance * certainty - 1.0).abs() < 1e-12, "{variance}");
-        assert!(belief.is_sound());
     }
 
     #[test]
@@ -219,8 +256,59 @@ mod tests {
         let other = belief.estimate[1];
         belief.replace(0, 7.0, 2.0);
         assert_eq!((belief.estimate, belief.covariance[0]), ([7.0, other], [4.0, 0.0]));
-        assert!(belief.is_sound());
-        belief.covariance[1][0] = f64::NAN;
-        assert!(!belief.is_sound());
+    }
+
+    const BEFORE: [f64; 3] = [2.0, 1e-6, 30.0];
+    const RANGES: [[f64; 2]; 3] = [[-1.0, 9.0], [0.0, 1e-5], [-100.0, 100.0]];
+
+    /// What has been learned of three numbers of very different units.
+    fn learned() -> Belief<3> {
+        let mut belief = Belief::new([1.0, 1e-6, 5.0], &BEFORE);
+        belief.learn(&[1.0, 1e6, 0.1], 3.0, 0.01);
+        belief.learn(&[1.0, -2e6, 0.2], 0.5, 0.1);
+        belief
+    }
+
+    fn refused(change: impl Fn(&mut Belief<3>)) -> Option<usize> {
+        let mut belief = learned();
+        change(&mut belief);
+        belief.check(&RANGES, &BEFORE).err().map(|wrong| wrong.field)
+    }
+
+    #[test]
+    fn what_cannot_have_been_learned_is_refused_by_its_field() {
+        assert_eq!(refused(|_| {}), None);
+        assert_eq!(refused(|b| b.estimate[2] = 101.0), Some(2));
+        assert_eq!(refused(|b| b.estimate[0] = f64::NAN), Some(0));
+        for (k, field) in [3, 6, 8].into_iter().enumerate() {
+            for value in [0.0, -1e-9, 5e-324, f64::MAX, f64::INFINITY, f64::NAN] {
+                assert_eq!(refused(|b| b.covariance[k][k] = value), Some(field), "{value}");
+            }
+        }
+        for (i, j, field) in [(0, 1, 4), (0, 2, 5), (1, 2, 7)] {
+            for times in [1.001, -1.001, 1e9, f64::INFINITY, f64::NAN] {
+                let wholly = |b: &Belief<3>| Real::sqrt(b.covariance[i][i] * b.covariance[j][j]);
+                let refused = refused(|b| b.covariance[i][j] = times * wholly(b));
+                assert_eq!(refused, Some(field), "{i} {j} {times}");
+            }
+        }
+    }
+
+    /// Within the range that is told the determinants of all leading blocks are above zero, and beyond it not.
+    #[test]
+    fn the_range_that_is_told_is_where_a_covariance_is_positive_definite() {
+        let mut belief = learned();
+        belief.covariance[1][2] = 1.0;
+        let OutOfRange { range, .. } = belief.check(&RANGES, &BEFORE).unwrap_err();
+        let determinant = |covariance: f64| {
+            let [[a, b, c], [_, d, _], [.., f]] = belief.covariance;
+            let e = covariance;
+            (a * (d * f - e * e) - b * (b * f - e * c) + c * (b * e - d * c)) / (a * d * f)
+        };
+        let width = range[1] - range[0];
+        for (end, inwards) in range.into_iter().zip([1.0, -1.0]) {
+            assert!(determinant(end + 1e-6 * inwards * width) > 0.0);
+            assert!(determinant(end - 1e-6 * inwards * width) < 0.0);
+        }
     }
 }

@@ -8,12 +8,15 @@
 //! and lags of higher order are so but for what their windows begin and end with. A drive that lets its speed sag under load is off by
 //! as much while it speeds up as while it slows down, and teaches nothing by that.
 
-use crate::Reading;
 use crate::belief::Belief;
+use crate::{OutOfRange, Reading};
 use hydroboom_math::{Real, record};
 
 /// What is learned stays within so many standard deviations of what was known before.
 const BOUND: f64 = 4.0;
+/// What is believed of the lag stays within these \[s\]. No machine is steered that is later; and what a drive sags by
+/// while it slows down looks like a lag below zero, until it speeds up again.
+const LAGS: [f64; 2] = [-0.5, 0.5];
 
 record! {
     /// What is believed of the lag.
@@ -84,12 +87,16 @@ impl CommandLag {
         CommandLagMemory { belief, missing: 0.0, begun: speed, speed, count: 0, lag: self.before }
     }
 
-    /// Goes on with what was believed before; none where that cannot be believed.
-    pub fn resume(&self, believed: &BelievedLag<f64>) -> Option<CommandLagMemory> {
+    /// Goes on with what was believed before.
+    ///
+    /// # Errors
+    ///
+    /// The first field that cannot have been learned.
+    pub fn resume(&self, believed: &BelievedLag<f64>) -> Result<CommandLagMemory, OutOfRange> {
         let belief = Belief { estimate: [believed.lag], covariance: [[believed.variance]] };
+        belief.check(&[LAGS], &[self.uncertainty])?;
         let lag = self.bounded(believed.lag);
-        let memory = CommandLagMemory { belief, lag, ..self.start(&Reading::default()) };
-        belief.is_sound().then_some(memory)
+        Ok(CommandLagMemory { belief, lag, ..self.start(&Reading::default()) })
     }
 
     /// Nothing is read before it is told.
@@ -112,6 +119,7 @@ impl CommandLag {
         if (gained + missing).is_finite() {
             memory.belief.forget(1.0 - self.memory, &[self.uncertainty]);
             memory.belief.learn(&[gained], missing, self.scatter.square());
+            memory.belief.keep_within(&[LAGS]);
             memory.lag = self.bounded(memory.belief.estimate[0]);
         }
     }
@@ -210,8 +218,11 @@ mod tests {
         // one that is ahead of what it is told
         assert!(learned(course, |told| 1.5 * told).lag >= 0.0);
         let believed = stuck.believed();
-        assert_eq!(lag.resume(&believed).map(|memory| memory.believed()), Some(believed));
-        assert!(lag.resume(&BelievedLag { variance: -1e-6, ..believed }).is_none());
-        assert!(lag.resume(&BelievedLag { lag: f64::NAN, ..believed }).is_none());
+        assert_eq!(lag.resume(&believed).map(|memory| memory.believed()), Ok(believed));
+        let refused = |believed| lag.resume(&believed).err().map(|wrong| wrong.field);
+        assert_eq!(refused(BelievedLag { variance: -1e-6, ..believed }), Some(1));
+        for other in [-0.6, 0.6, f64::NAN] {
+            assert_eq!(refused(BelievedLag { lag: other, ..believed }), Some(0));
+        }
     }
 }

@@ -14,9 +14,9 @@
 //! forgotten at the rate of its memory, down to what was known before and never below: slip takes from what goes up and adds to what comes
 //! down, so that a pump is known by what it does over a cycle.
 
-use crate::belief::{Belief, Off};
+use crate::belief::{Belief, FARTHEST, Off};
 use crate::likelihood::weights;
-use crate::{OilStiffness, Reading};
+use crate::{OilStiffness, OutOfRange, Reading};
 use hydroboom_math::{Real, record};
 
 /// How many pressures at which the oil may stiffen are weighed.
@@ -34,6 +34,8 @@ const SAME: f64 = 1.0;
 const UNREAD: f64 = 1.0;
 /// What is learned stays within so many standard deviations of what was known before.
 const BOUND: f64 = 4.0;
+/// Flow gains of pumps, worn and new, displacements being known to some percent.
+const FLOW_GAINS: [f64; 2] = [0.5, 1.2];
 
 record! {
     /// What is known of the flow balance.
@@ -99,6 +101,8 @@ pub struct FlowBalance {
     pub piston_area: f64,
     /// Pump displacement \[m³/rev\].
     pub displacement: f64,
+    /// What the pump delivers at its motor's highest speed \[m³/s\]: no more than that can leak.
+    pub delivery: f64,
     /// Oil volume with the piston at zero \[m³\].
     pub volume: f64,
     /// Pressure across the pump \[Pa\] at which leakage is stated, not zero.
@@ -235,11 +239,19 @@ impl FlowBalance {
         }
     }
 
-    /// Goes on with what was believed before; none where that is about another crane, or nothing that can be believed.
-    pub fn resume(&self, believed: &[Believed<f64>; TRANSITIONS]) -> Option<FlowBalanceMemory> {
+    /// Goes on with what was believed before.
+    ///
+    /// # Errors
+    ///
+    /// The first field that cannot have been learned, after the number of its hypothesis. Another transition is that of
+    /// another crane.
+    pub fn resume(
+        &self,
+        believed: &[Believed<f64>; TRANSITIONS],
+    ) -> Result<FlowBalanceMemory, (usize, OutOfRange)> {
         let mut memory = self.start(&Reading::default());
-        for (h, b) in memory.hypotheses.iter_mut().zip(believed) {
-            let same = (b.transition - h.oil.transition).abs() <= SAME;
+        for (k, (h, b)) in memory.hypotheses.iter_mut().zip(believed).enumerate() {
+            self.check(h, b).map_err(|wrong| (k, wrong))?;
             let covariance = [
                 [b.flow_gain_variance, b.flow_gain_leakage, b.flow_gain_slip, 0.0],
                 [b.flow_gain_leakage, b.leakage_variance, b.leakage_slip, 0.0],
@@ -247,14 +259,37 @@ impl FlowBalance {
                 [0.0, 0.0, 0.0, UNREAD.square()],
             ];
             h.belief = Belief { estimate: [b.flow_gain, b.leakage, b.slip, 0.0], covariance };
-            if !h.belief.is_sound() || !b.likelihood.is_finite() || !same {
-                return None;
-            }
             h.likelihood = b.likelihood;
         }
         let (found, doubt) = mean(&memory.hypotheses);
         (memory.balance, memory.doubt) = (self.bounded(found), doubt);
-        Some(memory)
+        Ok(memory)
+    }
+
+    /// Refuses what cannot be believed under a hypothesis.
+    fn check(&self, hypothesis: &Hypothesis, b: &Believed<f64>) -> Result<(), OutOfRange> {
+        let transition = hypothesis.oil.transition;
+        OutOfRange::check(0, b.transition, [transition - SAME, transition + SAME])?;
+        let belief = Belief {
+            estimate: [b.flow_gain, b.leakage, b.slip],
+            covariance: [
+                [b.flow_gain_variance, b.flow_gain_leakage, b.flow_gain_slip],
+                [b.flow_gain_leakage, b.leakage_variance, b.leakage_slip],
+                [b.flow_gain_slip, b.leakage_slip, b.slip_variance],
+            ],
+        };
+        let checked = belief.check(&self.possible(), &sought(&self.uncertainty));
+        checked.map_err(|wrong| OutOfRange { field: 1 + wrong.field, ..wrong })?;
+        // no window speaks against it by more, and each is forgotten
+        let against = 0.5 * FARTHEST.square() / (1.0 - self.memory);
+        OutOfRange::check(Believed::NAMES.len() - 1, b.likelihood, [-against, 0.0])
+    }
+
+    /// Ranges of g, l and c under each hypothesis: flow gains of pumps, and no more leakage and slip than the pump delivers.
+    /// Where a hypothesis is wrong, and by noise, both are estimated below zero, too; what is used of all is not.
+    fn possible(&self) -> [[f64; 2]; SOUGHT] {
+        let slip = self.displacement / self.stated_at;
+        [FLOW_GAINS, [-self.delivery, self.delivery], [-slip, slip]]
     }
 
     /// A period that ended with a reading. True where something was learned. A window with a reading that is no number is left out.
@@ -342,6 +377,7 @@ impl FlowBalance {
         h.belief.forget(1.0 - self.memory, &sought(&self.uncertainty));
         let seen = window.travelled + shrunk;
         let Off { off, variance } = h.belief.learn_between(&window.weights, seen, own, ended);
+        h.belief.keep_within(&self.possible());
         // what fits as well as it may speaks for nothing: where everything rests that is oil of any stiffness
         let against = 0.5 * (off * off / variance - FITS).max(0.0);
         h.likelihood = self.memory * h.likelihood - against;
@@ -381,6 +417,7 @@ mod tests {
         FlowBalance {
             piston_area: 3.3e-3,
             displacement: 10.6e-6,
+            delivery: 50.0 * 10.6e-6,
             volume: 4e-3,
             stiffness: oil(35e5),
             stated_at: 63e5,
@@ -572,20 +609,25 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_can_believe_is_not_gone_on_with() {
+    fn what_cannot_have_been_learned_is_not_gone_on_with() {
         let flow = balance();
         let believed = flow.start(&reading(0.0, 0.1, 30e5)).believed();
-        assert!(flow.resume(&believed).is_some());
-        let broken = |change: fn(&mut Believed<f64>)| {
+        assert_eq!(flow.resume(&believed).map(|memory| memory.believed()), Ok(believed));
+        let refused = |change: fn(&mut Believed<f64>)| {
             let mut believed = believed;
             change(&mut believed[3]);
-            flow.resume(&believed).is_none()
+            flow.resume(&believed).err().map(|(k, wrong)| (k, Believed::NAMES[wrong.field]))
         };
-        assert!(broken(|b| b.flow_gain_variance = -1e-4));
+        assert_eq!(refused(|b| b.flow_gain_variance = -1e-4), Some((3, "flow_gain_variance")));
         // correlated by more than wholly
-        assert!(broken(|b| b.flow_gain_leakage = 1.0));
-        assert!(broken(|b| b.likelihood = f64::NAN));
-        assert!(broken(|b| b.transition += 1e5));
+        assert_eq!(refused(|b| b.flow_gain_leakage = 1.0), Some((3, "flow_gain_leakage")));
+        assert_eq!(refused(|b| b.leakage_slip = -1e-6), Some((3, "leakage_slip")));
+        assert_eq!(refused(|b| b.flow_gain = 1.3), Some((3, "flow_gain")));
+        assert_eq!(refused(|b| b.leakage = 1e-3), Some((3, "leakage")));
+        assert_eq!(refused(|b| b.slip = 1e-11), Some((3, "slip")));
+        assert_eq!(refused(|b| b.likelihood = f64::NAN), Some((3, "likelihood")));
+        assert_eq!(refused(|b| b.likelihood = 1.0), Some((3, "likelihood")));
+        assert_eq!(refused(|b| b.transition += 1e5), Some((3, "transition")));
     }
 
     #[test]
@@ -595,6 +637,18 @@ mod tests {
         let found = learned(truth, 20, |t| 20.0 * (0.5 * t).sin(), |_| 65e5).balance;
         let most = balance().before.flow_gain + BOUND * balance().uncertainty.flow_gain;
         assert!(found.leakage >= 0.0 && found.flow_gain <= most, "{found:?}");
+    }
+
+    /// However wrong a machine is: what is learned of it can be read back.
+    #[test]
+    fn whatever_is_learned_can_be_gone_on_with() {
+        for (flow_gain, leakage) in [(3.0, 1e-4), (0.1, -1e-4), (-1.0, 2e-3)] {
+            let truth = Balance { flow_gain, leakage, slip: 1e-12, transition: 20e5 };
+            let swings = |t: f64| 30e5 + 20e5 * (6.0 * t).sin();
+            let memory = learned(truth, 20, |t| 20.0 * (0.5 * t).sin(), swings);
+            let back = balance().resume(&memory.believed());
+            assert_eq!(back.map(|back| back.balance), Ok(memory.balance));
+        }
     }
 
     #[test]

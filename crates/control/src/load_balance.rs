@@ -9,8 +9,8 @@
 //! Where the piston sticks friction may be anything within its limits, and nothing is learned; nor where the pressure is farther off than friction
 //! can be, for then another load hangs there.
 
-use crate::Schedule;
 use crate::belief::Belief;
+use crate::{OutOfRange, STATIONS, Schedule};
 use hydroboom_math::{Real, record};
 
 /// The piston slides at this speed \[m/s\].
@@ -19,6 +19,8 @@ const SLIDES: f64 = 5e-3;
 pub(crate) const HELD_BY_FRICTION: f64 = 6e5;
 /// Friction of each kind is within these limits, over what the crane file has of it.
 const FRICTION: [f64; 2] = [0.1, 6.0];
+/// What is believed of it, whatever sign noise and a load that swings give it, is within these.
+const BELIEVED_FRICTION: [f64; 2] = [-10.0 * FRICTION[1], 10.0 * FRICTION[1]];
 
 /// The cylinder under its load, and what is known of it before.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,22 +136,34 @@ impl LoadBalance {
         }
     }
 
-    /// Goes on with what was believed before; none where that cannot be believed.
+    /// Goes on with what was believed before.
+    ///
+    /// # Errors
+    ///
+    /// The first field that cannot have been learned.
     pub fn resume(
         &self,
         schedule: &Schedule,
         believed: &BelievedLoad<f64>,
-    ) -> Option<LoadBalanceMemory> {
+    ) -> Result<LoadBalanceMemory, OutOfRange> {
         let b = believed;
         let covariance = [
             [b.payload_variance, b.payload_coulomb, b.payload_viscous],
             [b.payload_coulomb, b.coulomb_variance, b.coulomb_viscous],
             [b.payload_viscous, b.coulomb_viscous, b.viscous_variance],
         ];
-        let payload = b.payload;
-        let belief = Belief { estimate: [payload, b.coulomb, b.viscous], covariance };
-        let is_sound = belief.is_sound() && (0.0..=schedule.heaviest()).contains(&payload);
-        is_sound.then_some(LoadBalanceMemory { belief, ..self.start(schedule, 0.0, payload) })
+        let belief = Belief { estimate: [b.payload, b.coulomb, b.viscous], covariance };
+        // a payload is known the worse, the less of the load pressure is its
+        let [_, coulomb, viscous] = self.before(schedule, 0.0);
+        let weighed = (0..STATIONS).map(|k| self.before(schedule, schedule.position(k))[0].abs());
+        let before = [weighed.fold(0.0, f64::max), coulomb, viscous];
+        belief.check(&Self::possible(schedule), &before)?;
+        Ok(LoadBalanceMemory { belief, ..self.start(schedule, 0.0, b.payload) })
+    }
+
+    /// Ranges of what is believed: payload \[kg\], Coulomb and viscous friction.
+    fn possible(schedule: &Schedule) -> [[f64; 2]; 3] {
+        [[0.0, schedule.heaviest()], BELIEVED_FRICTION, BELIEVED_FRICTION]
     }
 
     /// Another payload \[kg\], weighed at a piston position \[m\].
@@ -219,8 +233,7 @@ impl LoadBalance {
         let before = self.before(schedule, stroke);
         memory.belief.forget(1.0 - self.memory, &before);
         memory.belief.learn(&weights, held, own);
-        let payload = &mut memory.belief.estimate[0];
-        *payload = Real::clamp(*payload, 0.0, schedule.heaviest());
+        memory.belief.keep_within(&Self::possible(schedule));
     }
 
     /// Standard deviations of payload \[kg\], weighed at a piston position \[m\], and friction.
@@ -368,17 +381,18 @@ mod tests {
     }
 
     #[test]
-    fn what_was_learned_is_gone_on_with_unless_nobody_can_believe_it() {
+    fn what_was_learned_is_gone_on_with_unless_it_cannot_have_been() {
         let (schedule, load) = (schedule(), balance());
         let believed = learned(13, 210.0, [2.2; 2], cycle, |_| 0.0).believed();
         assert_eq!(load.resume(&schedule, &believed).unwrap().believed(), believed);
         let refused = |change: fn(&mut BelievedLoad<f64>)| {
             let mut other = believed;
             change(&mut other);
-            load.resume(&schedule, &other).is_none()
+            load.resume(&schedule, &other).err().map(|wrong| BelievedLoad::NAMES[wrong.field])
         };
-        assert!(refused(|b| b.payload = 2.0 * HEAVIEST));
-        assert!(refused(|b| b.viscous = f64::NAN));
-        assert!(refused(|b| b.coulomb_variance = -1.0));
+        assert_eq!(refused(|b| b.payload = 2.0 * HEAVIEST), Some("payload"));
+        assert_eq!(refused(|b| b.viscous = f64::NAN), Some("viscous"));
+        assert_eq!(refused(|b| b.coulomb_variance = -1.0), Some("coulomb_variance"));
+        assert_eq!(refused(|b| b.payload_viscous = 1e4), Some("payload_viscous"));
     }
 }

@@ -43,6 +43,12 @@ impl Schedule {
         Real::clamp(share, 0.0, 1.0) * self.heaviest()
     }
 
+    /// Where the crane is known, by the number of the station \[m\].
+    pub(crate) fn position(&self, station: usize) -> f64 {
+        let law = &self.laws[0];
+        law.first + station as f64 * law.spacing
+    }
+
     /// The heaviest payload that is thought of \[kg\].
     pub fn heaviest(&self) -> f64 {
         self.payloads[PAYLOADS - 1]

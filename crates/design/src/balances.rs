@@ -56,6 +56,7 @@ fn flow_balance(description: &Description, schedule: &Schedule) -> FlowBalance {
     FlowBalance {
         piston_area: description.cylinder().piston_area,
         displacement: n.displacement,
+        delivery: n.displacement * n.motor_speed,
         volume: n.volume_pump_a + n.dead_volume_a,
         stiffness: stiffness(n),
         stated_at,
