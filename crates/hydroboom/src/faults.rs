@@ -1,9 +1,11 @@
 //! `hydroboom faults`
 
 use crate::crane_file::CraneFile;
-use crate::output;
+use crate::virtual_crane::strategies;
+use crate::{healthy, output};
 use clap::Args;
 use hydroboom_control::Strategy;
+use hydroboom_description::Description;
 use hydroboom_lab::report::document;
 use hydroboom_realtime::campaign_cranes::{CampaignCrane, at_valve_end, campaign_cranes};
 use hydroboom_realtime::fault::Fault;
@@ -35,6 +37,17 @@ pub struct Faults {
     /// Pairs of faults too: every fault with operator loss, emergency stop and missed periods 20 ms later.
     #[arg(long)]
     pairs: bool,
+    /// In place of faults: healthy virtual cranes of the family, so many, along every course; nothing may
+    /// stop them.
+    #[arg(long, value_name = "COUNT", conflicts_with_all = ["only", "all", "pairs", "report"])]
+    healthy: Option<u64>,
+    /// Seed of the family.
+    #[arg(long, default_value_t = 1, requires = "healthy")]
+    seed: u64,
+    /// Strategies of the healthy cranes; the benchmark and simulation feedforward in closed loop where none
+    /// is named. Can be repeated.
+    #[arg(long, value_parser = strategies(), requires = "healthy")]
+    strategy: Vec<Strategy>,
     /// Report to write (HTML): every case.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -52,6 +65,14 @@ struct Case {
 impl Faults {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
+        if let Some(count) = self.healthy {
+            let crane = self.crane.read()?;
+            let nominal = match self.crane.is_embedded() && !self.crane.is_overridden() {
+                true => Description::uia_virtual()?,
+                false => crane.virtual_crane().0,
+            };
+            return healthy::run(&crane, &nominal, (count, self.seed), &self.strategy, self.json);
+        }
         let wanted = self.only.as_deref().unwrap_or("");
         let faults: Vec<Fault> =
             Fault::all().into_iter().filter(|fault| fault.name().contains(wanted)).collect();

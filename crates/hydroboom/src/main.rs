@@ -11,6 +11,7 @@ mod energy;
 mod export;
 mod family;
 mod faults;
+mod healthy;
 mod interruptible;
 mod learn;
 mod linearise;
@@ -27,6 +28,7 @@ mod sensitivity;
 mod show;
 mod simulate;
 mod study;
+mod supervision;
 mod trials;
 mod tune;
 mod validate;
@@ -68,6 +70,7 @@ enum Command {
     Run(run::Run),
     Log(log::Log),
     Faults(faults::Faults),
+    Supervision(supervision::Supervision),
     Doctor(doctor::Doctor),
     #[command(hide = true)]
     Machine(machine::Machine),
@@ -105,6 +108,7 @@ fn main() -> Result<()> {
         Command::Run(command) => command.run(),
         Command::Log(command) => command.run(),
         Command::Faults(command) => command.run(),
+        Command::Supervision(command) => command.run(),
         Command::Doctor(command) => command.run(),
         Command::Machine(command) => command.run(),
         Command::Bench(command) => command.run(),

@@ -27,6 +27,8 @@ pub mod doctor;
 pub mod executive;
 pub mod fault;
 pub mod faults;
+pub mod flow_baseline;
+pub mod healthy;
 pub mod host;
 pub mod learned_file;
 pub mod lockstep;

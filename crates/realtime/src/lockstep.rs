@@ -95,11 +95,25 @@ impl Lockstep {
         path: impl Path + 'static,
         strategy: Strategy,
     ) -> Result<Self, SetupError> {
+        Self::along(model, machine, Arc::new(path), strategy)
+    }
+
+    /// The same along a path that is shared.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn along(
+        model: &Description,
+        machine: &Description,
+        path: Arc<dyn Path>,
+        strategy: Strategy,
+    ) -> Result<Self, SetupError> {
         let (begin, speed) = (path.reference(0.0).position, path.speed());
         let mut start = machine.start(begin);
         start.preload = 0.0;
         let n = &model.numbers;
-        let course = Course::new(Arc::new(path));
+        let course = Course::new(path);
         Ok(Self {
             control: ControlTask::new(model, course, limits(model, speed)?, strategy),
             simulation: SimulationTask::new(model, begin)?,

@@ -142,6 +142,35 @@ impl FlowMonitor {
         worst.fold(0.0, f64::max)
     }
 
+    /// Smallest drift of the position at rest that is surely found within a time \[s\], wherever in its
+    /// range the leakage is, at a load pressure \[Pa\] \[m/s\].
+    pub fn smallest_drift(&self, within: f64, pressure: f64) -> f64 {
+        let leaked = (self.internal_leakage + self.case_leakage) * signed_root(pressure);
+        let unknown = (self.leakage.high - self.leakage.low) * leaked / self.area;
+        self.tolerance / within + unknown
+    }
+
+    /// Smallest relative error of the position's gain that is surely found over a travel \[m\], wherever
+    /// in its range the pump's gain is.
+    pub fn smallest_gain_error(&self, travel: f64) -> f64 {
+        let middle = 0.5 * (self.gain.high + self.gain.low);
+        (self.gain.high - self.gain.low) / middle + self.tolerance / travel
+    }
+
+    /// The same monitor against this machine's own delivered flow, as recorded in one good cycle.
+    #[must_use]
+    pub fn with_baseline(mut self, gain: Range, leakage: Range) -> Self {
+        (self.gain, self.leakage) = (gain, leakage);
+        self
+    }
+
+    /// Sums since the balance began: what the piston swept with the oil's compression, the displaced
+    /// volume V, and the leakage L at its described value \[m³\].
+    pub fn sums(state: &FlowMonitorState) -> [f64; 3] {
+        let Balance { swept, compressed: [one, other], displaced, leaked, .. } = state.whole;
+        [swept + 0.5 * (one + other), displaced, leaked]
+    }
+
     /// Distance of zero from all that the ranges allow for A Δx + C + λ L − k V \[m of travel\].
     fn unexplained(&self, b: &Balance) -> f64 {
         let product = |range: &Range, value: f64| {

@@ -1,0 +1,91 @@
+//! Healthy machines: a course from the held load to the held load, on which nothing may stop it.
+
+use crate::lockstep::Lockstep;
+use crate::operator::Operator;
+use crate::setup::SetupError;
+use crate::trouble::{Tampering, Trouble};
+use hydroboom_control::{Cause, Path, Strategy};
+use hydroboom_description::Description;
+use hydroboom_model::SimulationError;
+use std::sync::Arc;
+
+/// What a course on a healthy machine came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HealthyRun {
+    /// What stopped it, if anything.
+    pub cause: Option<Cause>,
+    /// Time of the course when it was stopped \[s\]; none before the load was released.
+    pub stopped_at: Option<f64>,
+    /// Duration of the release \[s\].
+    pub release_time: f64,
+    /// How far the release lifted the load, and how far it sank until the course began \[m\].
+    pub release_motion: (f64, f64),
+    /// Why the simulated machine broke, where it did.
+    pub broke: Option<SimulationError>,
+}
+
+/// A course takes no longer than its path and this \[s\].
+const LONGEST: f64 = 60.0;
+
+/// Runs a path on a machine whose payload changes at times of the course: (time \[s\], mass \[kg\]).
+///
+/// # Errors
+///
+/// [`SetupError`] when a crane cannot be set up.
+pub fn healthy_run(
+    model: &Description,
+    machine: &Description,
+    path: Arc<dyn Path>,
+    loads: &[(f64, f64)],
+    strategy: Strategy,
+) -> Result<HealthyRun, SetupError> {
+    let period = model.numbers.control_period;
+    let periods = ((path.duration() + LONGEST) / period) as u32;
+    let mut run = Lockstep::along(model, machine, path, strategy)?;
+    let mut operator = Operator::automatic(period);
+    let mut trouble = Trouble::new(machine);
+    let held = run.truth().outputs.stroke;
+    let mut healthy = HealthyRun {
+        cause: None,
+        stopped_at: None,
+        release_time: 0.0,
+        release_motion: (0.0, 0.0),
+        broke: None,
+    };
+    let mut loads = loads;
+    for _ in 0..periods {
+        let record = match run.disturbed_period(&mut operator, strategy, &mut trouble) {
+            Ok(record) => record,
+            Err(error) => {
+                healthy.broke = Some(error);
+                return Ok(healthy);
+            }
+        };
+        trouble.pass();
+        if record.decision.releasing {
+            healthy.release_time += period;
+        }
+        match record.course_time {
+            None if healthy.stopped_at.is_none() => {
+                let moved = run.truth().outputs.stroke - held;
+                let (lifted, sank) = healthy.release_motion;
+                healthy.release_motion = (lifted.max(moved), sank.max(-moved));
+            }
+            None => {}
+            Some(time) => {
+                healthy.stopped_at = Some(time);
+                while let Some(((at, mass), later)) = loads.split_first()
+                    && *at <= time
+                {
+                    trouble.tamper(Tampering::Payload(*mass));
+                    loads = later;
+                }
+            }
+        }
+        if operator.is_done() {
+            healthy.cause = record.decision.cause;
+            break;
+        }
+    }
+    Ok(healthy)
+}
