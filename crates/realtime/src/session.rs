@@ -4,6 +4,7 @@
 use crate::control_task::Record;
 use crate::course::Course;
 use crate::desk::Desk;
+use crate::failure::Failure;
 use crate::operator::Operator;
 use crate::simulation_task::AtRest;
 use crate::trouble::Tampering;
@@ -58,6 +59,10 @@ pub trait Attendant {
     fn see(&mut self, record: &Record);
     /// Asked now and then: what is to be handed over.
     fn orders(&mut self) -> Vec<Order>;
+    /// Told of a real-time task that failed. After the control task has, the session can only be ended.
+    fn failed(&mut self, failure: &Failure) {
+        eprintln!("{failure}");
+    }
 }
 
 /// A payload \[kg\] that is hung on at a time of the course \[s\].
