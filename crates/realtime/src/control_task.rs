@@ -247,6 +247,11 @@ impl ControlTask {
         }
     }
 
+    /// Time without a command after which the drive stops by itself \[s\].
+    pub fn watchdog(&self) -> f64 {
+        self.supervisor.limits().watchdog
+    }
+
     /// Speed of the simulated crane's motor \[rev/s\] until the next period; none while it rests.
     pub fn simulated_motor(&self) -> Option<f64> {
         self.decision.controls.then_some(self.simulated_motor)

@@ -4,10 +4,14 @@
 //! clock and the wait. Overruns are counted. The control task leaves out the periods it missed, and the
 //! supervisor faults after too many in a row; the simulation catches up within a bound, beyond which it is
 //! left behind and the benchmark takes over.
+//!
+//! Neither task can end unseen. Where the control task panics its thread holds the load at once, and keeps on until the
+//! session ends; where the simulation does, it is shown as failed, and the benchmark takes over.
 
 use crate::control_task::{ControlTask, Deadlines, Period, Record};
 use crate::course::Course;
 use crate::desk::Desk;
+use crate::failure::{Failure, guarded, hand_panics_on, unwind_once};
 use crate::machine::Machine;
 use crate::operator::Operator;
 use crate::posix::{
@@ -18,9 +22,12 @@ use crate::simulation_task::{AtRest, Simulated, SimulationTask};
 use crate::slot::Slot;
 use crate::timing::Timing;
 use crate::trouble::Tampering;
-use hydroboom_control::{Conditions, Decision, Learned, Seen};
+use hydroboom_control::{
+    Cause, Command, Conditions, Decision, Learned, Reading, Reference, Seen, State, Strategy,
+};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 use std::time::Duration;
 use thiserror::Error;
@@ -61,6 +68,9 @@ const SHOWN: u64 = 20;
 /// Periods for which the load has to rest before a run ends.
 const RESTED: u32 = 200;
 
+/// The safe command: motor at zero, load held by its valves.
+const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
+
 /// What a run in real time came to.
 #[derive(Clone, Debug)]
 pub struct RealTime {
@@ -75,9 +85,11 @@ pub struct RealTime {
     pub stolen: Option<[f64; 2]>,
     /// Records that the log was too slow for.
     pub dropped: u64,
+    /// Tasks that failed, in their order.
+    pub failures: Vec<Failure>,
     /// What was decided last.
     pub end: Decision,
-    /// What was learned; none where nothing was to be.
+    /// What was learned; none where nothing was to be, or the control task failed.
     pub learned: Option<Learned>,
 }
 
@@ -87,7 +99,7 @@ pub enum ExecutiveError {
     /// No memory for the histograms.
     #[error("no memory for the timing histograms")]
     Memory,
-    /// A thread ended by a panic, which is a bug.
+    /// A thread ended by a panic outside of its task, which is a bug.
     #[error("a real-time thread ended by itself")]
     Thread,
 }
@@ -143,6 +155,9 @@ pub fn run(
     let (records, to_observe) = RingBuffer::new(QUEUE);
     let (mut courses, courses_taken) = RingBuffer::new(ORDERS);
     let (mut states, states_taken) = RingBuffer::new(ORDERS);
+    let (simulation_fails, failures) = channel();
+    let control_fails = simulation_fails.clone();
+    hand_panics_on();
     let mut lost = Vec::new();
     if let Err(error) = lock_memory() {
         lost.push(format!("memory is not locked ({error}): a page may be missing in the cycle"));
@@ -157,8 +172,13 @@ pub fn run(
     thread::scope(|scope| {
         let simulation = scope.spawn(move || {
             let lost = prepare("the simulation", placement.simulation_core, SIMULATION_PRIORITY);
-            let spin = placement.simulation_spin;
-            (simulate(simulation, between, states_taken, simulation_timing, spin), lost)
+            let simulating = Simulating {
+                task: simulation,
+                states: states_taken,
+                timing: simulation_timing,
+                spin: placement.simulation_spin,
+            };
+            (simulate_guarded(simulating, between, &simulation_fails), lost)
         });
         let control = scope.spawn(move || {
             // also when it panics: nobody shall wait for it then
@@ -172,8 +192,11 @@ pub fn run(
                 records,
                 ending,
                 spin: placement.control_spin,
+                timing: control_timing,
+                sequence: 0,
+                last: None,
             };
-            (steer(steering, between, control_timing), lost)
+            (steer_guarded(steering, between, &control_fails), lost)
         });
         let mut hand_over = |order| match order {
             // a queue that is full has tasks that are not there any more
@@ -181,7 +204,8 @@ pub fn run(
             Order::Synchronise(at) => drop(states.push(*at)),
             Order::Tamper(what) => tamper(what),
         };
-        collect(to_observe, between, attendant, &mut hand_over);
+        let _closed = ClosesUnattended(desk);
+        let failures = collect(to_observe, between, &failures, attendant, &mut hand_over);
         let ended = |_| ExecutiveError::Thread;
         let ((control, end, learned), lost_by_control) = control.join().map_err(ended)?;
         let (simulation, lost_by_simulation) = simulation.join().map_err(ended)?;
@@ -190,7 +214,7 @@ pub fn run(
         let dropped = between.dropped.load(Ordering::Relaxed);
         let taken = |k: usize| Some(stolen(cores[k])? - stolen_before[k]?);
         let stolen = taken(0).zip(taken(1)).map(|(simulation, control)| [simulation, control]);
-        Ok(RealTime { simulation, control, lost, stolen, dropped, end, learned })
+        Ok(RealTime { simulation, control, lost, stolen, dropped, failures, end, learned })
     })
 }
 
@@ -203,8 +227,20 @@ impl Drop for EndsWithMe<'_> {
     }
 }
 
+/// Brings all to rest, and ends, where the attendant panics: nobody would.
+struct ClosesUnattended<'a>(&'a Desk);
+
+impl Drop for ClosesUnattended<'_> {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            self.0.close();
+        }
+    }
+}
+
 /// Makes the calling thread a real-time one as far as the system lets it; what it did not.
 fn prepare(task: &str, core: usize, priority: i32) -> Vec<String> {
+    unwind_once();
     let mut lost = Vec::new();
     if let Err(error) = pin_to(core) {
         lost.push(format!("{task} is not pinned to core {core} ({error}): it may wander"));
@@ -256,14 +292,28 @@ fn from_words(words: &[u64; SIMULATED]) -> (Simulated, Shown) {
     (simulated, Shown { late: words[9], execution: words[10], missed: words[11] })
 }
 
-/// The simulation's cycle.
-fn simulate(
-    mut task: SimulationTask,
-    between: &Between,
-    mut states: Consumer<AtRest>,
-    mut timing: Timing,
+/// What the simulation's thread has.
+struct Simulating {
+    task: SimulationTask,
+    states: Consumer<AtRest>,
+    timing: Timing,
     spin: u64,
-) -> Timing {
+}
+
+/// The simulation's cycle. Where it fails it is shown as failed, and stays where it was.
+fn simulate_guarded(mut with: Simulating, between: &Between, failures: &Sender<Failure>) -> Timing {
+    if let Err(why) = guarded(|| simulate(&mut with, between)) {
+        let failed = Simulated { failed: true, ..with.task.simulated() };
+        between.simulated.publish(words(&failed, &Shown::default()));
+        // who would read it has ended
+        let _ = failures.send(Failure::Simulation(why));
+    }
+    with.timing
+}
+
+/// The simulation's cycle.
+fn simulate(with: &mut Simulating, between: &Between) {
+    let Simulating { task, states, timing, spin } = with;
     let first = now();
     let mut release = first;
     let mut pump = None;
@@ -271,7 +321,7 @@ fn simulate(
     let (mut worst, mut shown) = (Shown::default(), Shown::default());
     while !between.ended.load(Ordering::Acquire) {
         release += timing.period;
-        wait_until(release, spin);
+        wait_until(release, *spin);
         let late = now() - release;
         timing.released(late);
         // what was missed is made up for
@@ -304,7 +354,6 @@ fn simulate(
             timing.executed(on_processor, now() - clock, clock - first);
         }
     }
-    timing
 }
 
 /// What the control task's thread has.
@@ -316,33 +365,118 @@ struct Steering<'a> {
     records: Producer<Record>,
     ending: Ending,
     spin: u64,
+    timing: Timing,
+    /// Number of the last command.
+    sequence: u64,
+    /// What was recorded last.
+    last: Option<Record>,
 }
 
-/// The control task's cycle, until the load is held and nothing more is to be done.
-fn steer(
-    with: Steering<'_>,
+/// The control task's cycle, until the load is held and nothing more is to be done. Where it fails the load is held from
+/// then on.
+fn steer_guarded(
+    mut with: Steering<'_>,
     between: &Between,
-    mut timing: Timing,
+    failures: &Sender<Failure>,
 ) -> (Timing, Decision, Option<Learned>) {
-    let Steering { mut task, mut machine, desk, mut courses, mut records, ending, spin } = with;
+    let (end, learned) = match guarded(|| steer(&mut with, between)) {
+        Ok(ended) => ended,
+        Err(why) => (hold(&mut with, between, why, failures), None),
+    };
+    (with.timing, end, learned)
+}
+
+/// Holds the load after the control task failed: at once, then in every period until the session ends.
+fn hold(
+    with: &mut Steering<'_>,
+    between: &Between,
+    why: String,
+    failures: &Sender<Failure>,
+) -> Decision {
+    let Steering { machine, desk, records, ending, spin, timing, sequence, last, .. } = with;
+    let mut shut = || {
+        *sequence += 1;
+        guarded(|| machine.write(*sequence, &HELD)).is_ok()
+    };
+    let mut is_heard = shut();
+    // the simulation rests
+    between.asked.publish([0; 4]);
+    // who would read it has ended
+    let _ = failures.send(Failure::Control(why));
+    let decision = Decision {
+        command: HELD,
+        state: State::Fault,
+        cause: Some(Cause::ControllerInvalid),
+        ..Decision::IDLE
+    };
+    let mut record = Record {
+        decision,
+        course_time: None,
+        deadlines: None,
+        ..last.unwrap_or_else(|| unrecorded(decision, desk.strategy()))
+    };
+    let period = timing.period as f64 * 1e-9;
+    let mut release = now();
+    let mut done_for = 0;
+    loop {
+        record.time += period;
+        if records.push(record).is_err() {
+            between.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+        done_for = match *ending == Ending::OnceDone || desk.is_closing() {
+            true => done_for + 1,
+            false => 0,
+        };
+        if done_for > RESTED {
+            return decision;
+        }
+        release = now().max(release + timing.period);
+        wait_until(release, *spin);
+        // a machine that fails as well is left to its own watchdog
+        is_heard = is_heard && shut();
+    }
+}
+
+/// The record of a control task that has recorded nothing yet.
+fn unrecorded(decision: Decision, strategy: Strategy) -> Record {
+    Record {
+        time: 0.0,
+        course_time: None,
+        course_speed: 0.0,
+        reference: Reference::default(),
+        start_offset: 0.0,
+        reading: Reading::default(),
+        sequence: 0,
+        simulated: None,
+        decision,
+        strategy,
+        fallback: false,
+        known: None,
+        deadlines: None,
+    }
+}
+
+/// The control task's cycle.
+fn steer(with: &mut Steering<'_>, between: &Between) -> (Decision, Option<Learned>) {
+    let Steering { task, machine, desk, courses, records, ending, spin, timing, sequence, last } =
+        with;
     let mut operator = Operator::new(timing.period as f64 * 1e-9);
     let first = now();
     let mut release = first;
-    let mut last = first;
-    let mut sequence = 0;
+    let mut executed = first;
     let mut done_for = 0;
     let mut execution = 0;
     loop {
         release += timing.period;
-        wait_until(release, spin);
+        wait_until(release, *spin);
         let late = now() - release;
         timing.released(late);
         let missed = late / timing.period;
         release += missed * timing.period;
 
         let clock = now();
-        let elapsed = clock.saturating_sub(last) as f64 * 1e-9;
-        last = clock;
+        let elapsed = clock.saturating_sub(executed) as f64 * 1e-9;
+        executed = clock;
         let before = thread_time();
         operator.listen(desk);
         if let Ok(course) = courses.pop() {
@@ -369,8 +503,11 @@ fn steer(
             }),
         });
         operator.see(&record.decision);
-        sequence += 1;
-        machine.write(sequence, &record.decision.command);
+        *sequence += 1;
+        // a command that was decided before a stop of this process is not sent after it
+        let is_late = (now() - clock) as f64 * 1e-9 > task.watchdog();
+        machine.write(*sequence, if is_late { &HELD } else { &record.decision.command });
+        *last = Some(record);
         let pump = task.simulated_motor();
         let Conditions { payload, transition } = task.conditions();
         let [speed, payload, transition] =
@@ -388,27 +525,62 @@ fn steer(
             false => 0,
         };
         if done_for > RESTED {
-            return (timing, record.decision, task.learned());
+            return (record.decision, task.learned());
         }
     }
 }
 
-/// Takes the records out of the queue, and hands orders over, until both tasks have ended.
+/// Takes the records out of the queue, and hands orders over, until both tasks have ended; which of them failed.
 fn collect(
     mut queue: Consumer<Record>,
     between: &Between,
+    failures: &Receiver<Failure>,
     attendant: &mut dyn Attendant,
     hand_over: &mut dyn FnMut(Order),
-) {
+) -> Vec<Failure> {
+    let mut failed = Vec::new();
     loop {
         let ended = between.ended.load(Ordering::Acquire);
         while let Ok(record) = queue.pop() {
             attendant.see(&record);
         }
+        for failure in failures.try_iter() {
+            attendant.failed(&failure);
+            failed.push(failure);
+        }
         if ended {
-            return;
+            return failed;
         }
         attendant.orders().into_iter().for_each(&mut *hand_over);
         thread::sleep(Duration::from_millis(10));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_description::Description;
+
+    #[test]
+    fn a_simulation_that_panics_is_shown_as_failed() {
+        let between = Between {
+            simulated: Slot::default(),
+            asked: Slot::default(),
+            ended: AtomicBool::new(false),
+            dropped: AtomicU64::new(0),
+        };
+        let task = SimulationTask::new(&Description::uia_single_boom().unwrap(), 0.2).unwrap();
+        let rested = task.simulated();
+        let mut timing = Timing::new(50_000).unwrap();
+        // what no other thread gives it: it is divided by
+        timing.period = 0;
+        let simulating = Simulating { task, states: RingBuffer::new(1).1, timing, spin: 0 };
+        let (fails, failures) = channel();
+        hand_panics_on();
+        simulate_guarded(simulating, &between, &fails);
+        let shown = between.simulated.read().map(|(_, words)| from_words(&words).0);
+        assert_eq!(shown, Some(Simulated { failed: true, ..rested }));
+        let Ok(Failure::Simulation(why)) = failures.try_recv() else { panic!("nobody was told") };
+        assert!(why.contains("divide by zero"), "{why}");
     }
 }

@@ -335,9 +335,11 @@ impl Underway {
             _ => 0.0,
         };
         let second_after = if second.is_some() { SECOND_AFTER } else { 0.0 };
+        // a machine that is not enabled yet waits for plausible readings before it gives up
+        let waits = if self.moment == Moment::BeforeStart { l.wait_time } else { 0.0 };
         let time = until_found
             .filter(|_| !takes_away)
-            .map(|found| found + second_after + stop + held_up + 0.1);
+            .map(|found| found + second_after + stop + held_up + waits + 0.1);
         Bounds { movement, time }
     }
 

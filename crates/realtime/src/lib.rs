@@ -25,6 +25,7 @@ pub mod course;
 pub mod desk;
 pub mod doctor;
 pub mod executive;
+pub mod failure;
 pub mod fault;
 pub mod faults;
 pub mod flow_baseline;

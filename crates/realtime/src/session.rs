@@ -4,6 +4,7 @@
 use crate::control_task::Record;
 use crate::course::Course;
 use crate::desk::Desk;
+use crate::failure::Failure;
 use crate::operator::Operator;
 use crate::readiness::start_waits_for;
 use crate::simulation_task::AtRest;
@@ -59,6 +60,10 @@ pub trait Attendant {
     fn see(&mut self, record: &Record);
     /// Asked now and then: what is to be handed over.
     fn orders(&mut self) -> Vec<Order>;
+    /// Told of a real-time task that failed. After the control task has, the session can only be ended.
+    fn failed(&mut self, failure: &Failure) {
+        eprintln!("{failure}");
+    }
 }
 
 /// A payload \[kg\] that is hung on at a time of the course \[s\].

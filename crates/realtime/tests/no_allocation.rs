@@ -9,6 +9,7 @@ use hydroboom_design::limits;
 use hydroboom_model::Start;
 use hydroboom_realtime::control_task::{ControlTask, Period};
 use hydroboom_realtime::course::Course;
+use hydroboom_realtime::failure::guarded;
 use hydroboom_realtime::machine::{Incoming, Machine};
 use hydroboom_realtime::shared::Shared;
 use hydroboom_realtime::simulation_task::SimulationTask;
@@ -54,6 +55,8 @@ fn allocate_nothing(strategy: Strategy) {
     for k in 0..10_000_u64 {
         // the machine is another process
         shared.show(&Incoming { sequence: k + 1, reading: machine.reading(), valve: None });
+        // as the executive guards its tasks
+        assert_eq!(assert_no_alloc(|| guarded(|| k)), Ok(k));
         let record = assert_no_alloc(|| {
             let incoming: Option<Incoming> = shared.read();
             let request = match state {

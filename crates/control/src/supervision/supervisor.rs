@@ -508,6 +508,11 @@ impl Supervisor {
         if seen.clock_jumped || !has_passed {
             found(Cause::ClockJumped);
         }
+        // first, because readings step over such an interval
+        let is_active = self.is_active();
+        if is_active && elapsed > l.watchdog {
+            found(Cause::WatchdogExpired);
+        }
         // pressures that were shut in step when the valve opens or shuts
         let is_switching = self.valve_since < l.valve_time + l.stale;
         if let Some(cause) = self.plausibility.judge(seen, &l, is_switching) {
@@ -516,10 +521,6 @@ impl Supervisor {
         self.plausibility.remember(seen, &l, SWING_MEMORY * l.still.1);
         if self.deadlines.executed(seen.missed) > l.missed {
             found(Cause::Overruns);
-        }
-        let is_active = self.is_active();
-        if is_active && elapsed > l.watchdog {
-            found(Cause::WatchdogExpired);
         }
         if self.state != State::Fault && is_active && !seen.attended {
             found(Cause::OperatorLost);

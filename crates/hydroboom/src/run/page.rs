@@ -121,6 +121,9 @@ fn deadlines(r: &RealTime, computer: &str) -> Result<Markup, LabError> {
     };
     Ok(html! {
         h2 { "Deadlines" }
+        @for failure in &r.failures {
+            p { strong { (failure.to_string()) } }
+        }
         p.soft { (computer) }
         div.wide { table {
             thead { tr {

@@ -39,6 +39,7 @@ impl Report<'_> {
             json!({
                 "simulation": timing_json(&r.simulation), "control": timing_json(&r.control),
                 "stolen_s": r.stolen, "lost": r.lost, "records_dropped": r.dropped,
+                "failures": r.failures.iter().map(ToString::to_string).collect::<Vec<_>>(),
             })
         });
         let last = self.results.last();
@@ -228,6 +229,9 @@ fn timing_table(model: &Description, r: &RealTime) -> String {
         model.numbers.simulation_period * 1e6,
         model.numbers.control_period * 1e6,
     );
+    for failure in &r.failures {
+        said += &format!("\n{failure}");
+    }
     for lost in &r.lost {
         said += &format!("\nnot granted: {lost}");
     }

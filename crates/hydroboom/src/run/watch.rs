@@ -4,6 +4,7 @@ use hydroboom_control::{Path, State, Strategy};
 use hydroboom_dashboard::{Dashboard, Demand};
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::desk::Desk;
+use hydroboom_realtime::failure::Failure;
 use hydroboom_realtime::log::LogWriter;
 use hydroboom_realtime::session::{Attendant, Hung, Order, Session};
 use hydroboom_realtime::trouble::Tampering;
@@ -235,6 +236,14 @@ impl Attendant for Watch {
         let mut orders = std::mem::take(&mut self.orders);
         orders.extend(self.session.orders());
         orders
+    }
+
+    fn failed(&mut self, failure: &Failure) {
+        self.say(&failure.to_string());
+        // no reset brings the control task back; who looks at a dashboard ends the session himself
+        if matches!(failure, Failure::Control(_)) && self.dashboard.is_none() {
+            self.desk.close();
+        }
     }
 }
 

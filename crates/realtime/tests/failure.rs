@@ -1,0 +1,238 @@
+//! Real-time tasks that panic: the load is held, somebody is told why, and nothing waits for them.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_control::{Cause, Command, Limits, State, Strategy};
+use hydroboom_description::Description;
+use hydroboom_design::limits;
+use hydroboom_model::Start;
+use hydroboom_realtime::control_task::{ControlTask, Record};
+use hydroboom_realtime::course::Course;
+use hydroboom_realtime::desk::Desk;
+use hydroboom_realtime::executive::{Placement, RealTime, Tasks, run};
+use hydroboom_realtime::failure::Failure;
+use hydroboom_realtime::machine::{Incoming, Machine};
+use hydroboom_realtime::session::{Attendant, Ending, Lookout, Order};
+use hydroboom_realtime::simulation_task::SimulationTask;
+use hydroboom_virtual_crane::VirtualCrane;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+const CLOSED: Strategy = Strategy::SimulationFeedforwardClosedLoop;
+const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
+
+/// What was asked of a machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Call {
+    Read,
+    Panic,
+    Write(u64, Command<f64>),
+}
+
+/// When a machine panics.
+#[derive(Clone, Copy)]
+enum Panics {
+    /// Never.
+    Never,
+    /// At the first look.
+    AtOnce,
+    /// Once its valve has been open for a tenth of a second.
+    InMotion,
+    /// Then, and at every call that comes after.
+    ForGood,
+}
+
+/// A virtual crane that moves on by a period with each look at it, and panics.
+struct Panicking {
+    crane: VirtualCrane,
+    command: Command<f64>,
+    sequence: u64,
+    open: u32,
+    panics: Panics,
+    has: bool,
+    calls: Arc<Mutex<Vec<Call>>>,
+}
+
+impl Panicking {
+    fn call(&self, call: Call) {
+        self.calls.lock().unwrap_or_else(|lock| lock.into_inner()).push(call);
+    }
+}
+
+impl Machine for Panicking {
+    fn read(&mut self) -> Option<Incoming> {
+        let panics = match self.panics {
+            Panics::Never => false,
+            Panics::AtOnce => true,
+            Panics::InMotion | Panics::ForGood => self.open > 100,
+        };
+        if panics {
+            self.has = true;
+            self.call(Call::Panic);
+            panic!("the bus has {} frames too many", self.open);
+        }
+        self.call(Call::Read);
+        self.crane.advance(&self.command).unwrap();
+        self.sequence += 1;
+        Some(Incoming { sequence: self.sequence, reading: self.crane.reading(), valve: None })
+    }
+
+    fn write(&mut self, sequence: u64, command: &Command<f64>) {
+        self.call(Call::Write(sequence, *command));
+        assert!(!(self.has && matches!(self.panics, Panics::ForGood)), "no bus any more");
+        self.command = *command;
+        self.open += u32::from(command.holding_valve > 0.0);
+    }
+}
+
+/// Keeps what it is shown and told.
+#[derive(Default)]
+struct Keeper {
+    records: Vec<Record>,
+    failures: Vec<Failure>,
+    /// Whether it panics itself once the load moves.
+    panics: bool,
+}
+
+impl Attendant for Keeper {
+    fn see(&mut self, record: &Record) {
+        self.records.push(*record);
+        let moves = record.course_time.is_some_and(|time| time > 0.1);
+        assert!(!(self.panics && moves), "the screen is gone");
+    }
+    fn orders(&mut self) -> Vec<Order> {
+        vec![]
+    }
+    fn failed(&mut self, failure: &Failure) {
+        self.failures.push(failure.clone());
+    }
+}
+
+/// One session at a time: their threads have the same two cores.
+static ALONE: Mutex<()> = Mutex::new(());
+
+struct Session {
+    keeper: Keeper,
+    calls: Vec<Call>,
+    /// None where the session itself panicked.
+    real_time: Option<RealTime>,
+    _alone: MutexGuard<'static, ()>,
+}
+
+/// A session in real time in which a course is begun.
+fn session(panics: Panics, keeper: Keeper) -> Session {
+    let alone = ALONE.lock().unwrap_or_else(|lock| lock.into_inner());
+    let model = Description::uia_single_boom().unwrap();
+    let mut machine = Description::uia_virtual().unwrap();
+    machine.set("virtual.step_us=1000").unwrap();
+    let motion = machine.motion(model.numbers.fast);
+    let mut start: Start = machine.start(motion.start);
+    start.preload = 0.0;
+    let calls = Arc::new(Mutex::new(vec![]));
+    let machine = Panicking {
+        crane: VirtualCrane::new(&machine, &start).unwrap(),
+        command: HELD,
+        sequence: 0,
+        open: 0,
+        panics,
+        has: false,
+        calls: Arc::clone(&calls),
+    };
+    let n = &model.numbers;
+    // a computer that is busy otherwise misses deadlines, and this machine waits for it
+    let limits = Limits {
+        missed: u32::MAX,
+        watchdog: f64::INFINITY,
+        ..limits(&model, motion.speed).unwrap()
+    };
+    let tasks = Tasks {
+        control: ControlTask::new(&model, Course::new(Arc::new(motion)), limits, CLOSED)
+            .learning(None),
+        simulation: SimulationTask::new(&model, motion.start).unwrap(),
+        machine: Box::new(machine),
+        periods: (n.simulation_period, n.control_period),
+        placement: Placement::default(),
+    };
+    let desk = Desk::new(CLOSED);
+    desk.start();
+    let mut keeper = keeper;
+    let lookout = Lookout { desk: &desk, attendant: &mut keeper, ending: Ending::OnceDone };
+    let ran = catch_unwind(AssertUnwindSafe(|| run(tasks, lookout, &mut |_| {}).unwrap()));
+    let calls = calls.lock().unwrap_or_else(|lock| lock.into_inner()).clone();
+    Session { keeper, calls, real_time: ran.ok(), _alone: alone }
+}
+
+/// What was asked of the machine before it panicked, and after.
+fn around_the_panic(calls: &[Call]) -> (&[Call], &[Call]) {
+    let at = calls.iter().position(|call| *call == Call::Panic).unwrap();
+    (&calls[..at], &calls[at + 1..])
+}
+
+/// The reason why the control task failed, of which everybody was told once.
+fn reason(session: &Session) -> &str {
+    let real_time = session.real_time.as_ref().unwrap();
+    assert_eq!(real_time.failures, session.keeper.failures);
+    let [Failure::Control(why)] = &real_time.failures[..] else {
+        panic!("{:?}", real_time.failures)
+    };
+    why
+}
+
+#[test]
+fn a_control_task_that_panics_in_motion_holds_the_load_within_the_period() {
+    let session = session(Panics::InMotion, Keeper::default());
+    let (before, after) = around_the_panic(&session.calls);
+    let Some(Call::Write(last, moving)) = before.last() else { panic!("{:?}", before.last()) };
+    assert_eq!(moving.holding_valve, 1.0);
+    // the next call of all, then in every period, and nothing else any more
+    for (k, call) in after.iter().enumerate() {
+        assert_eq!(*call, Call::Write(last + 1 + k as u64, HELD));
+    }
+    assert!(after.len() > 200, "for {} periods", after.len());
+
+    let why = reason(&session);
+    assert!(why.contains("the bus has 101 frames too many"), "{why}");
+    assert!(why.contains("failure.rs"), "where? {why}");
+    let real_time = session.real_time.as_ref().unwrap();
+    assert_eq!(real_time.end.state, State::Fault);
+    assert_eq!(real_time.end.cause, Some(Cause::ControllerInvalid));
+    assert_eq!(real_time.end.command, HELD);
+    // what was half learned is not kept
+    assert!(real_time.learned.is_none());
+
+    let records = &session.keeper.records;
+    let begun = records.iter().position(|r| r.decision.state == State::Fault).unwrap();
+    assert_eq!(records[begun - 1].decision.state, State::Moving);
+    assert!(records.windows(2).all(|r| r[0].time < r[1].time));
+    assert!(records[begun..].iter().all(|r| r.decision == real_time.end));
+    assert_eq!(records.len() - begun + real_time.dropped as usize, after.len());
+}
+
+#[test]
+fn a_control_task_that_panics_before_anything_was_recorded_ends_the_session_too() {
+    let session = session(Panics::AtOnce, Keeper::default());
+    let (before, after) = around_the_panic(&session.calls);
+    assert!(before.is_empty() && after.len() > 200);
+    assert_eq!(after[0], Call::Write(1, HELD));
+    assert!(reason(&session).contains("frames too many"));
+    assert_eq!(session.keeper.records[0].decision.state, State::Fault);
+}
+
+#[test]
+fn a_machine_that_takes_no_command_any_more_is_left_to_its_own_watchdog() {
+    let session = session(Panics::ForGood, Keeper::default());
+    let (_, after) = around_the_panic(&session.calls);
+    assert!(matches!(after, [Call::Write(_, HELD)]), "{after:?}");
+    assert!(reason(&session).contains("frames too many"));
+    assert_eq!(session.real_time.unwrap().end.state, State::Fault);
+}
+
+#[test]
+fn a_load_whose_attendant_panics_is_brought_to_rest_and_held() {
+    let session = session(Panics::Never, Keeper { panics: true, ..Keeper::default() });
+    assert!(session.real_time.is_none(), "the panic was swallowed");
+    let opened =
+        session.calls.iter().any(|c| matches!(c, Call::Write(_, c) if c.holding_valve > 0.0));
+    let held = session.calls.iter().rev().find(|call| **call != Call::Read);
+    assert!(opened && matches!(held, Some(Call::Write(_, HELD))), "{held:?}");
+}

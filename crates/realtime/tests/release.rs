@@ -1,0 +1,163 @@
+//! The release of the load, judged on the simulated machine: no load drops, whatever pressures show.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_control::{Cause, State, Strategy};
+use hydroboom_description::Description;
+use hydroboom_realtime::fault::{Fault, WrongPosition, WrongPressure};
+use hydroboom_realtime::lockstep::Lockstep;
+use hydroboom_realtime::operator::Operator;
+use hydroboom_realtime::trouble::{Tampering, Trouble};
+use rayon::prelude::*;
+
+const STRATEGY: Strategy = Strategy::BenchmarkClosedLoop;
+/// Largest drop of a held load \[m\].
+const DROP: f64 = 3e-3;
+
+/// A crane that is to be released.
+#[derive(Clone, Debug)]
+struct Crane {
+    /// Share of the nominal payload.
+    payload: f64,
+    /// Pressure at which the oil stiffens \[bar\].
+    transition: f64,
+    /// Pressure shut in on the rod side \[bar\].
+    rod_side: f64,
+    /// Where the piston is held \[mm\].
+    stroke: f64,
+    /// Further overrides.
+    others: &'static [&'static str],
+}
+
+const NOMINAL: Crane =
+    Crane { payload: 1.0, transition: 35.0, rod_side: 3.36, stroke: 50.0, others: &[] };
+
+/// What came of a release.
+#[derive(Debug)]
+struct Released {
+    cause: Option<Cause>,
+    /// Whether the load was released.
+    released: bool,
+    /// How far it sank below where it was held, until a second after the release or for the whole time
+    /// \[m\].
+    dropped: f64,
+    /// How far it was lifted \[m\].
+    lifted: f64,
+    /// Duration of the release \[s\].
+    time: f64,
+}
+
+fn release(crane: &Crane, wrong: Option<Fault>) -> Released {
+    let model = Description::uia_single_boom().unwrap();
+    let mut machine = Description::uia_virtual().unwrap();
+    for other in crane.others {
+        machine.set(other).unwrap();
+    }
+    let n = &mut machine.numbers;
+    n.payload *= crane.payload;
+    n.transition = crane.transition * 1e5;
+    n.rod_side = crane.rod_side * 1e5;
+    (n.motion_start, n.motion_end) = (crane.stroke * 1e-3, 0.25);
+    let motion = machine.motion(model.numbers.slow);
+    let mut run = Lockstep::new(&model, &machine, motion, STRATEGY).unwrap();
+    let (mut operator, mut trouble) = (Operator::automatic(1e-3), Trouble::new(&machine));
+    if let Some(wrong) = wrong {
+        trouble.tamper(Tampering::Fault(wrong));
+    }
+    let held = run.truth().outputs.stroke;
+    let mut result =
+        Released { cause: None, released: false, dropped: 0.0, lifted: 0.0, time: 0.0 };
+    let mut since = 0;
+    for _ in 0..60_000 {
+        let record = run.disturbed_period(&mut operator, STRATEGY, &mut trouble).unwrap();
+        trouble.pass();
+        let moved = run.truth().outputs.stroke - held;
+        result.dropped = result.dropped.max(-moved);
+        if record.decision.releasing {
+            result.time += 1e-3;
+            result.lifted = result.lifted.max(moved);
+        }
+        result.released |= record.decision.state == State::Moving;
+        result.cause = record.decision.cause;
+        since += u32::from(result.released || result.cause.is_some());
+        if since > 1000 {
+            break;
+        }
+    }
+    result
+}
+
+/// Every plausible load, oil and rod side is released without a drop, within the time that the crane
+/// file's ranges give.
+#[test]
+fn healthy_cranes_are_released_and_do_not_drop() {
+    let mut cranes = Vec::new();
+    for payload in [0.0, 0.3, 0.65, 1.0, 1.2] {
+        for transition in [20.0, 32.0, 45.0] {
+            for rod_side in [3.0, 25.0, 60.0] {
+                cranes.push(Crane { payload, transition, rod_side, ..NOMINAL });
+            }
+        }
+    }
+    for stroke in [0.5, 200.0, 499.0] {
+        cranes.push(Crane { stroke, ..NOMINAL });
+    }
+    let worn = &["pump.internal_leakage_m3_s_sqrtpa=1.7e-9", "drive.bandwidth_hz=15"];
+    cranes.push(Crane { others: worn, ..NOMINAL });
+    cranes.push(Crane { others: worn, payload: 0.0, ..NOMINAL });
+    let limits = hydroboom_design::limits(&Description::uia_single_boom().unwrap(), 0.025).unwrap();
+    let longest = limits.release.largest_duration;
+    cranes.into_par_iter().for_each(|crane| {
+        let released = release(&crane, None);
+        assert!(released.released && released.cause.is_none(), "{crane:?}: {released:?}");
+        assert!(released.dropped < DROP, "{crane:?}: {released:?}");
+        assert!(released.lifted < DROP, "{crane:?}: {released:?}");
+        assert!(released.time < longest, "{crane:?}: {released:?}");
+    });
+}
+
+/// Wrong from before the start: released by motion, or refused; the load does not drop.
+#[test]
+fn wrong_pressures_do_not_drop_the_load() {
+    let wrong = [
+        WrongPressure::LoadZero,
+        WrongPressure::Load20Bar,
+        WrongPressure::LoadCopiesPump,
+        WrongPressure::Exchanged,
+        WrongPressure::PumpCopiesLoad,
+        WrongPressure::PumpHigh,
+    ];
+    let mut cases = Vec::new();
+    for wrong in wrong {
+        for payload in [0.0, 0.5, 1.0, 1.2] {
+            for (transition, rod_side) in [(20.0, 3.0), (35.0, 3.4), (45.0, 3.0), (35.0, 60.0)] {
+                cases.push((wrong, Crane { payload, transition, rod_side, ..NOMINAL }));
+            }
+        }
+    }
+    cases.into_par_iter().for_each(|(wrong, crane)| {
+        let released = release(&crane, Some(Fault::Pressure(wrong)));
+        assert!(released.dropped < DROP, "{wrong:?} {crane:?}: {released:?}");
+        assert!(released.released || released.cause.is_some(), "{wrong:?} {crane:?}: silent");
+    });
+}
+
+/// A position that moves by itself proves nothing.
+#[test]
+fn a_drifting_position_is_refused() {
+    for drift in [WrongPosition::Drift2, WrongPosition::Drift20] {
+        let released = release(&NOMINAL, Some(Fault::Position(drift)));
+        assert!(!released.released && released.dropped < 1e-4, "{drift:?}: {released:?}");
+        let expected = [Some(Cause::PositionNotSteady), Some(Cause::LoadNotHeld)];
+        assert!(expected.contains(&released.cause), "{drift:?}: {released:?}");
+    }
+}
+
+/// A load beyond what the pump may lift is refused, and says so.
+#[test]
+fn a_load_that_cannot_be_lifted_is_refused() {
+    let heavy = Crane { payload: 2.2, ..NOMINAL };
+    let released = release(&heavy, None);
+    assert!(!released.released && released.cause.is_some(), "{released:?}");
+    assert!(released.dropped < 1e-3, "{released:?}");
+}
