@@ -2,7 +2,10 @@
 "use strict";
 
 const $ = (id) => document.getElementById(id);
-const token = location.hash.slice(1);
+// anything else cannot be one
+const token = location.hash.slice(1).match(/^[0-9a-f]{32}$/)?.[0] ?? "";
+// how a connection is closed whose place another viewer got
+const DISPLACED = 4001;
 const picture = new CranePicture($("crane"));
 const page = { socket: null, viewer: null, charts: null, frame: null, setup: null, isOperator: false, frames: 0 };
 
@@ -20,14 +23,17 @@ function refuse(reason) {
 }
 
 function connect() {
-  const socket = new WebSocket(`ws://${location.host}/live`);
+  // the token beside the protocol's name: with it there is always a place
+  const socket = new WebSocket(`ws://${location.host}/live`, token ? ["hydroboom", token] : ["hydroboom"]);
   page.socket = socket;
   socket.onmessage = (event) => receive(JSON.parse(event.data));
-  socket.onclose = () => {
+  socket.onclose = (event) => {
     page.isOperator = false;
     badge("no connection", "off");
+    $("waits").textContent = "";
     enable();
-    setTimeout(connect, 1000);
+    if (event.code === DISPLACED) refuse("too many viewers: another one has this page's place; reload it to come back");
+    else setTimeout(connect, 1000);
   };
 }
 
@@ -55,21 +61,39 @@ function option(value, text = value) {
 }
 
 function setUp(setup) {
-  const again = page.setup !== null;
   page.setup = setup;
   page.viewer = setup.viewer;
   picture.setup(setup);
   $("crane-name").textContent = `${setup.crane_name}${setup.virtual ? ", virtual" : ""}${setup.real_time ? "" : ", simulated time"}`;
-  if (again) return;
   $("strategy").replaceChildren(...setup.strategies.map((name) => option(name)));
-  $("strategy").value = "simulation-feedforward-closed-loop";
   $("motion").replaceChildren(option("", "out and back"), ...setup.scenarios.map((name) => option(name)));
+  $("speed").min = setup.least_speed_mm_s;
   $("speed").max = setup.most_speed_mm_s;
-  $("speed").value = Math.max(...setup.speeds_mm_s);
+  $("speed").value = setup.speed_mm_s;
   $("faults").hidden = setup.faults.length === 0;
   $("fault").replaceChildren(...setup.faults.map((name) => option(name)));
   $("chart-execution").hidden = $("chart-late").hidden = !setup.real_time;
-  $("no-token").hidden = token !== "";
+  $("no-token").hidden = setup.has_token;
+  choose(setup.chosen);
+}
+
+// What is chosen, in the controls and in words.
+function choose(chosen) {
+  $("strategy").value = chosen.strategy;
+  $("motion").value = chosen.scenario ?? "";
+  if (chosen.speed_mm_s != null) $("speed").value = chosen.speed_mm_s;
+  $("speed-label").hidden = chosen.scenario != null;
+}
+
+function inWords(chosen) {
+  return `${chosen.strategy}, ${chosen.scenario ?? `out and back at ${+chosen.speed_mm_s.toFixed(3)} mm/s`}`;
+}
+
+// What the machine waits for, or that it waits for nothing but a start.
+function waits(frame) {
+  if (frame.waiting != null) return `waits for ${frame.waiting}, since ${(frame.waiting_s ?? 0).toFixed(1)} s`;
+  if (frame.start_waits_for != null) return `a start waits for ${frame.start_waits_for}`;
+  return page.isOperator ? "a course can be started" : "a course can be started by the operator";
 }
 
 function cell(text, className) {
@@ -113,10 +137,11 @@ function enable() {
   const state = page.frame?.state;
   const connected = page.socket?.readyState === WebSocket.OPEN;
   const operates = connected && page.isOperator;
+  const hasToken = page.setup?.has_token === true;
   $("commands").disabled = !operates;
-  $("emergency").disabled = !connected || token === "";
-  $("role").disabled = !connected || token === "" || (!page.isOperator && page.frame?.operator != null);
-  $("start").disabled = !(state === "Holding" || state === "Ready");
+  $("emergency").disabled = !connected || !hasToken;
+  $("role").disabled = !connected || !hasToken || (!page.isOperator && page.frame?.operator != null);
+  $("start").disabled = !(operates && state === "Holding" && page.frame.start_waits_for == null);
   $("stop").disabled = state === "Fault" || state === "Idle";
   $("reset").disabled = state !== "Fault";
 }
@@ -128,6 +153,9 @@ function draw() {
   draw.last = frame;
   page.isOperator = frame.operator === page.viewer;
   badge(frame.state, frame.state);
+  if (!page.isOperator) choose(frame.chosen);
+  if ($("waits").textContent !== waits(frame)) $("waits").textContent = waits(frame);
+  $("chosen").textContent = `chosen: ${inWords(frame.chosen)}`;
   $("clock").textContent = `${frame.time_s.toFixed(1)} s` + (frame.course_s == null ? "" : `, course ${frame.course_s.toFixed(1)} s`);
   $("strategy-now").textContent = frame.state === "Moving"
     ? frame.strategy + (frame.fallback ? " (took over: the simulation is not true)" : "") : "";
@@ -156,15 +184,19 @@ function draw() {
 
 $("emergency").onclick = () => send("emergency-stop");
 $("role").onclick = () => send(page.isOperator ? "leave-role" : "take-role");
+
+// The course in the controls; none, and it is said why, where there is none.
+function course() {
+  if ($("motion").value !== "") return { scenario: $("motion").value };
+  const speed = Number($("speed").value);
+  if (speed > 0) return { speed_mm_s: speed };
+  refuse("the speed is a positive number");
+  return null;
+}
+
 $("start").onclick = () => {
-  const scenario = $("motion").value;
-  const rest = { strategy: $("strategy").value };
-  if (scenario) rest.scenario = scenario;
-  else {
-    rest.speed_mm_s = Number($("speed").value);
-    if (!(rest.speed_mm_s > 0)) return refuse("the speed is a positive number");
-  }
-  send("start", rest);
+  const wanted = course();
+  if (wanted) send("start", { strategy: $("strategy").value, ...wanted });
 };
 $("stop").onclick = () => send("stop");
 $("reset").onclick = () => {
@@ -174,7 +206,11 @@ $("reset").onclick = () => {
   }, 1200);
 };
 $("strategy").onchange = () => send("strategy", { strategy: $("strategy").value });
-$("motion").onchange = () => { $("speed-label").hidden = $("motion").value !== ""; };
+$("motion").onchange = $("speed").onchange = () => {
+  $("speed-label").hidden = $("motion").value !== "";
+  const wanted = course();
+  if (wanted) send("course", wanted);
+};
 $("inject").onclick = () => send("fault", { fault: $("fault").value });
 $("mend").onclick = () => send("mend");
 $("magnify").oninput = () => {

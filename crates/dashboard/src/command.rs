@@ -1,18 +1,23 @@
 //! What viewers may send.
 
+use crate::choice::{Choice, shortened};
 use hydroboom_control::Strategy;
+use hydroboom_realtime::desk::Generation;
 use hydroboom_realtime::fault::Fault;
 use serde::Deserialize;
+use std::time::Instant;
 
 /// What is asked of the session, not of the desk.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Demand {
-    /// Run a course: at a speed, or a scenario.
+    /// Run a course.
     Start {
-        /// Speed of the motion \[mm/s\].
-        speed_mm_s: Option<f64>,
-        /// Name of a scenario.
-        scenario: Option<String>,
+        /// Which, and how.
+        choice: Choice,
+        /// The generation of the operator who asked.
+        generation: Generation,
+        /// When it was asked for.
+        asked: Instant,
     },
     /// Let this go wrong.
     Fault(Fault),
@@ -30,7 +35,7 @@ pub(crate) enum Message {
     TakeRole { token: String },
     /// To operate no more.
     LeaveRole { token: String },
-    /// To move.
+    /// To move: along the course chosen last where none is named.
     Start {
         token: String,
         #[serde(default)]
@@ -38,6 +43,14 @@ pub(crate) enum Message {
         #[serde(default)]
         scenario: Option<String>,
         strategy: String,
+    },
+    /// To choose the course that a start shall run.
+    Course {
+        token: String,
+        #[serde(default)]
+        speed_mm_s: Option<f64>,
+        #[serde(default)]
+        scenario: Option<String>,
     },
     /// To change the strategy, also on the way.
     Strategy { token: String, strategy: String },
@@ -69,6 +82,7 @@ impl Message {
             Self::TakeRole { token }
             | Self::LeaveRole { token }
             | Self::Start { token, .. }
+            | Self::Course { token, .. }
             | Self::Strategy { token, .. }
             | Self::Stop { token }
             | Self::EmergencyStop { token }
@@ -76,17 +90,6 @@ impl Message {
             | Self::Fault { token, .. }
             | Self::Mend { token } => Some(token),
         }
-    }
-
-    /// Whether only the operator may.
-    pub(crate) fn needs_role(&self) -> bool {
-        !matches!(
-            self,
-            Self::Alive
-                | Self::TakeRole { .. }
-                | Self::LeaveRole { .. }
-                | Self::EmergencyStop { .. }
-        )
     }
 }
 
@@ -99,10 +102,6 @@ pub(crate) fn strategy(name: &str) -> Result<Strategy, String> {
 pub(crate) fn fault(name: &str) -> Result<Fault, String> {
     let mut all = Fault::of_machine().into_iter();
     all.find(|f| f.name() == name).ok_or_else(|| format!("no fault \"{}\"", shortened(name)))
-}
-
-fn shortened(text: &str) -> String {
-    text.chars().take(40).collect()
 }
 
 #[cfg(test)]

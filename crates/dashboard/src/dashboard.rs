@@ -1,11 +1,15 @@
 //! The dashboard as a session sees it.
 
+use crate::choice::Offered;
 use crate::command::Demand;
 use crate::feed::Feed;
+use crate::limits::Limits;
 use crate::operator_role::OperatorRole;
 use crate::scene::{Scene, Setup};
-use crate::server::{Hall, serve};
+use crate::server::serve;
+use crate::server_state::ServerState;
 use crate::token::Token;
+use crate::viewers::Viewers;
 use hydroboom_description::BuildError;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::desk::Desk;
@@ -13,7 +17,7 @@ use hydroboom_realtime::session::FaultData;
 use serde_json::Value;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::mpsc::{Receiver, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread;
 use thiserror::Error;
 
@@ -47,7 +51,7 @@ pub enum DashboardError {
 
 /// A page that is served, and the people on it.
 pub struct Dashboard {
-    hall: Arc<Hall>,
+    state: Arc<ServerState>,
     demands: Receiver<Demand>,
     address: String,
 }
@@ -76,17 +80,23 @@ impl Dashboard {
         // after the hash it is sent to nobody, and stands in no server's log
         let address = format!("http://{bound}/#{}", token.text());
         let (sender, demands) = channel();
-        let hall = Arc::new(Hall {
-            feed: Mutex::new(Feed::new()),
+        let limits = Limits::default();
+        let state = Arc::new(ServerState {
+            feed: Mutex::new(Feed::new(setup.first.clone())),
             scene: Scene::new(setup)?,
+            offered: Offered {
+                scenarios: setup.scenarios.clone(),
+                speeds_mm_s: setup.speeds_mm_s.clone(),
+            },
             role: OperatorRole::new(Arc::clone(&desk)),
             desk,
             token,
             demands: sender,
             bound,
-            viewers: Mutex::new(Default::default()),
+            viewers: Viewers::new(&limits),
+            limits,
         });
-        let served = Arc::clone(&hall);
+        let served = Arc::clone(&state);
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_io()
             .enable_time()
@@ -100,7 +110,7 @@ impl Dashboard {
                 }
             })
             .map_err(DashboardError::Thread)?;
-        Ok(Self { hall, demands, address })
+        Ok(Self { state, demands, address })
     }
 
     /// Where it is, with the token.
@@ -139,14 +149,6 @@ impl Dashboard {
     }
 
     fn feed(&self) -> MutexGuard<'_, Feed> {
-        self.hall.feed()
-    }
-}
-
-impl Hall {
-    /// What viewers are shown.
-    pub(crate) fn feed(&self) -> MutexGuard<'_, Feed> {
-        // a feed is whole whatever happened to the thread that had it: only lists are added to
-        self.feed.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.feed()
     }
 }

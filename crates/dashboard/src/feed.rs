@@ -1,8 +1,10 @@
 //! What viewers are shown: kept here by the session's thread, sent from here thirty times a second.
 
+use crate::choice::Choice;
 use crate::scene::{Scene, shorter};
 use hydroboom_realtime::control_task::{Deadlines, Record};
 use hydroboom_realtime::log;
+use hydroboom_realtime::readiness::start_waits_for;
 use hydroboom_realtime::session::FaultData;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
@@ -50,6 +52,8 @@ pub(crate) struct Feed {
     /// Grows with each alarm, result and notice, so that only news are sent.
     news: u64,
     sent: u64,
+    /// What was chosen last: at first when the program was started, then by operators.
+    pub(crate) chosen: Choice,
     /// Report of the last course.
     pub(crate) report: Option<String>,
     /// The last second before the last fault.
@@ -57,7 +61,7 @@ pub(crate) struct Feed {
 }
 
 impl Feed {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(chosen: Choice) -> Self {
         Self {
             last: None,
             worst: Deadlines::default(),
@@ -69,6 +73,7 @@ impl Feed {
             notices: VecDeque::new(),
             news: 0,
             sent: 0,
+            chosen,
             report: None,
             fault_data: None,
         }
@@ -153,7 +158,9 @@ impl Feed {
         let mut frame = json!({
             "type": "frame", "time_s": self.time(), "state": r.decision.state.name(),
             "cause": cause.map(|c| c.code()), "advice": cause.map(|c| c.advice()),
-            "strategy": r.strategy.name(), "fallback": r.fallback,
+            "start_waits_for": start_waits_for(&r.decision, operator.is_some()),
+            "waiting": Value::Null, "waiting_s": Value::Null,
+            "chosen": self.chosen.json(), "strategy": r.strategy.name(), "fallback": r.fallback,
             "course_s": r.course_time.map(shorter), "valve": r.decision.command.holding_valve,
             "known": r.known.map(|k| [k.payload, k.balance.transition * 1e-5, k.balance.flow_gain]),
             "missed": r.deadlines.map(|d| [d.simulation_missed, d.control_missed]),

@@ -1,10 +1,12 @@
 //! What does not change during a run: the crane to be drawn, and what can be chosen.
 
+use crate::choice::Choice;
 use hydroboom_control::Strategy;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_model::Crane;
 use hydroboom_realtime::fault::Fault;
 use serde_json::{Value, json};
+use std::ops::RangeInclusive;
 
 /// What a dashboard is to show.
 pub struct Setup<'a> {
@@ -12,6 +14,10 @@ pub struct Setup<'a> {
     pub model: &'a Description,
     /// Names of the scenarios that can be run.
     pub scenarios: Vec<String>,
+    /// Speeds at which a motion can be run \[mm/s\].
+    pub speeds_mm_s: RangeInclusive<f64>,
+    /// What is chosen at first.
+    pub first: Choice,
     /// Whether the machine is virtual, so that faults may be injected.
     pub is_virtual: bool,
     /// Whether time is real.
@@ -36,7 +42,8 @@ impl Scene {
             "real_time": setup.in_real_time,
             "base_m": [n.base_x, n.base_y], "shortest_m": n.shortest, "stroke_mm": n.stroke * 1e3,
             "boom_m": n.boom_length, "payload_kg": n.payload,
-            "speeds_mm_s": [n.slow * 1e3, n.fast * 1e3], "most_speed_mm_s": 2e3 * n.fast,
+            "speed_mm_s": n.fast * 1e3,
+            "least_speed_mm_s": setup.speeds_mm_s.start(), "most_speed_mm_s": setup.speeds_mm_s.end(),
             "strategies": Strategy::ALL.map(Strategy::name), "scenarios": setup.scenarios,
             "faults": faults, "period_us": [n.simulation_period * 1e6, n.control_period * 1e6],
         });
@@ -86,12 +93,22 @@ pub(crate) fn shorter(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::choice::Course;
 
     #[test]
     fn the_crane_is_drawn_where_its_piston_is() {
         let model = Description::uia_single_boom().unwrap();
-        let setup =
-            Setup { model: &model, scenarios: vec![], is_virtual: true, in_real_time: false };
+        let setup = Setup {
+            model: &model,
+            scenarios: vec![],
+            speeds_mm_s: 0.1..=240.0,
+            first: Choice {
+                strategy: Strategy::BenchmarkClosedLoop,
+                course: Course::Motion { speed_mm_s: 120.0 },
+            },
+            is_virtual: true,
+            in_real_time: false,
+        };
         let scene = Scene::new(&setup).unwrap();
         for stroke in [0.05, 0.2, 0.45] {
             let drawn = scene.drawn(&[0.1, 0.09, 0.08], stroke);

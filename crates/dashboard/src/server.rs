@@ -1,75 +1,49 @@
-//! Pages and viewers' connections.
+//! Pages, and where a connection becomes a viewer's.
 
-use crate::command::{self, Demand, LONGEST, Message};
-use crate::feed::Feed;
-use crate::operator_role::OperatorRole;
-use crate::scene::Scene;
-use crate::token::Token;
+use crate::command::LONGEST;
+use crate::connections::accept;
+use crate::server_state::ServerState;
+use crate::viewer::attend;
 use axum::Router;
 use axum::body::Body;
-use axum::extract::ws::{Message as Frame, Utf8Bytes, WebSocket, WebSocketUpgrade};
+use axum::extract::ws::{Utf8Bytes, WebSocketUpgrade};
 use axum::extract::{Request, State};
 use axum::http::header::{
-    CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderMap,
-    ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+    CACHE_CONTROL, CONNECTION, CONTENT_DISPOSITION, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST,
+    HeaderMap, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
 };
 use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use hydroboom_realtime::desk::Desk;
-use serde_json::{Value, json};
 use std::net::SocketAddr;
-use std::sync::mpsc::Sender;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 use tokio::sync::broadcast;
 
 /// Time from frame to frame.
 const FRAME: Duration = Duration::from_millis(33);
 /// Frames that a viewer may be behind; older ones are left out.
 const BEHIND: usize = 8;
-/// A viewer that takes longer for a message is gone.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// More viewers are not let in.
-const MOST_VIEWERS: usize = 32;
-/// Messages of one viewer in a second, at most.
-const MOST_MESSAGES: u32 = 100;
-/// Wrong tokens of one viewer, at most.
-const MOST_WRONG: u32 = 5;
-
-/// What all connections share.
-pub(crate) struct Hall {
-    pub(crate) feed: Mutex<Feed>,
-    pub(crate) scene: Scene,
-    pub(crate) role: OperatorRole,
-    pub(crate) desk: Arc<Desk>,
-    pub(crate) token: Token,
-    pub(crate) demands: Sender<Demand>,
-    pub(crate) bound: SocketAddr,
-    pub(crate) viewers: Mutex<Viewers>,
-}
-
-/// Who is there.
-#[derive(Default)]
-pub(crate) struct Viewers {
-    count: usize,
-    /// Number of the newest.
-    last: u64,
-}
+/// Name of what is spoken on a viewer's connection. The token may stand beside it, as a second name: a browser can
+/// put it nowhere else but into the address, which servers between log.
+const PROTOCOL: &str = "hydroboom";
 
 #[derive(Clone)]
 struct Served {
-    hall: Arc<Hall>,
+    state: Arc<ServerState>,
     frames: broadcast::Sender<Utf8Bytes>,
 }
 
 /// Serves until the program ends.
-pub(crate) async fn serve(listener: std::net::TcpListener, hall: Arc<Hall>) -> std::io::Result<()> {
+pub(crate) async fn serve(
+    listener: std::net::TcpListener,
+    state: Arc<ServerState>,
+) -> std::io::Result<()> {
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let (frames, _) = broadcast::channel(BEHIND);
-    tokio::spawn(send_frames(Arc::clone(&hall), frames.clone()));
-    let served = Served { hall, frames };
+    tokio::spawn(send_frames(Arc::clone(&state), frames.clone()));
+    let served = Served { state: Arc::clone(&state), frames };
     let page = |kind: &'static str, text: &'static str| {
         get(move || async move { ([(CONTENT_TYPE, kind)], text) })
     };
@@ -88,14 +62,15 @@ pub(crate) async fn serve(listener: std::net::TcpListener, hall: Arc<Hall>) -> s
         .route("/live", get(live))
         .layer(from_fn_with_state(served.clone(), guard))
         .with_state(served);
-    axum::serve(listener, router).await
+    accept(listener, router, &state.limits).await;
+    Ok(())
 }
 
 /// Refuses what comes from another page, or under another name than ours, and tells browsers what
 /// our pages may do.
 async fn guard(State(served): State<Served>, request: Request, next: Next) -> Response {
-    if let Err(reason) = is_ours(request.headers(), &served.hall.bound) {
-        return (StatusCode::FORBIDDEN, reason).into_response();
+    if let Err(reason) = is_ours(request.headers(), &served.state.bound) {
+        return only_one((StatusCode::FORBIDDEN, reason).into_response());
     }
     let is_report = request.uri().path() == "/report";
     let mut response = next.run(request).await;
@@ -113,6 +88,14 @@ async fn guard(State(served): State<Served>, request: Request, next: Next) -> Re
     headers.insert(X_FRAME_OPTIONS, HeaderValue::from_static("DENY"));
     headers.insert(REFERRER_POLICY, HeaderValue::from_static("no-referrer"));
     headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    only_one(response)
+}
+
+/// Closes the connection after an answer, unless it becomes a viewer's.
+fn only_one(mut response: Response) -> Response {
+    if response.status() != StatusCode::SWITCHING_PROTOCOLS {
+        response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
+    }
     response
 }
 
@@ -133,7 +116,7 @@ fn is_ours(headers: &HeaderMap, bound: &SocketAddr) -> Result<(), &'static str> 
 }
 
 async fn report(State(served): State<Served>) -> Response {
-    match served.hall.feed().report.clone() {
+    match served.state.feed().report.clone() {
         Some(page) => ([(CONTENT_TYPE, "text/html; charset=utf-8")], page).into_response(),
         None => (StatusCode::NOT_FOUND, "no course is over yet").into_response(),
     }
@@ -144,24 +127,25 @@ async fn fault_data(State(served): State<Served>) -> Response {
         (CONTENT_TYPE, "text/csv; charset=utf-8"),
         (CONTENT_DISPOSITION, "attachment; filename=\"fault.csv\""),
     ];
-    match served.hall.feed().fault_data.clone() {
+    match served.state.feed().fault_data.clone() {
         Some(data) => (headers, Body::from(data)).into_response(),
         None => (StatusCode::NOT_FOUND, "there was no fault").into_response(),
     }
 }
 
 /// Makes frames, and sends them to all viewers.
-async fn send_frames(hall: Arc<Hall>, frames: broadcast::Sender<Utf8Bytes>) {
+async fn send_frames(state: Arc<ServerState>, frames: broadcast::Sender<Utf8Bytes>) {
     let mut ticks = tokio::time::interval(FRAME);
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     loop {
         ticks.tick().await;
-        let viewers = hall.viewers().count;
+        // also where nobody looks on: an operator who is lost is noticed
+        let operator = state.role.viewer();
+        let viewers = state.viewers.count();
         if viewers == 0 {
             continue;
         }
-        let operator = hall.role.viewer();
-        let frame = hall.feed().frame(&hall.scene, operator, viewers);
+        let frame = state.feed().frame(&state.scene, operator, viewers);
         if let Some(frame) = frame {
             // that all viewers have just gone is no error
             let _ = frames.send(frame.to_string().into());
@@ -169,156 +153,19 @@ async fn send_frames(hall: Arc<Hall>, frames: broadcast::Sender<Utf8Bytes>) {
     }
 }
 
+/// Makes a viewer of whoever asks, if there is a place: it is reserved before, and nobody gets in beside it.
 async fn live(State(served): State<Served>, upgrade: WebSocketUpgrade) -> Response {
-    if served.hall.viewers().count >= MOST_VIEWERS {
+    let state = &served.state;
+    let is_token = |name: &HeaderValue| name.to_str().is_ok_and(|name| state.token.is(name));
+    let has_token = upgrade.requested_protocols().any(is_token);
+    let Some(place) = state.viewers.reserve(has_token, state.role.viewer()) else {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many viewers").into_response();
-    }
-    upgrade
-        .max_message_size(LONGEST)
-        .max_frame_size(LONGEST)
-        .on_upgrade(move |socket| view(served, socket))
-}
-
-/// A viewer's connection, from its beginning to its end.
-async fn view(served: Served, mut socket: WebSocket) {
-    let hall = &served.hall;
-    let viewer = {
-        let mut viewers = hall.viewers();
-        viewers.count += 1;
-        viewers.last += 1;
-        viewers.last
     };
-    let mut frames = served.frames.subscribe();
-    let mut setup = hall.scene.setup().clone();
-    setup["viewer"] = json!(viewer);
-    let past = hall.feed().past();
-    let mut conduct = Conduct::new();
-    let mut is_there = send(&mut socket, &setup).await && send(&mut socket, &past).await;
-    while is_there {
-        is_there = tokio::select! {
-            frame = frames.recv() => match frame {
-                Ok(text) => send_text(&mut socket, text).await,
-                Err(broadcast::error::RecvError::Lagged(_)) => true,
-                Err(broadcast::error::RecvError::Closed) => false,
-            },
-            message = socket.recv() => match message {
-                Some(Ok(Frame::Text(text))) => match conduct.heed(hall, viewer, text.as_str()) {
-                    Heeded::Done => true,
-                    Heeded::Refused(reason) => send(&mut socket, &refusal(&reason)).await,
-                    Heeded::Expelled(reason) => {
-                        send(&mut socket, &refusal(&reason)).await;
-                        false
-                    }
-                },
-                Some(Ok(Frame::Ping(_) | Frame::Pong(_))) => conduct.is_bearable(),
-                // binary, too long, closed, broken
-                _ => false,
-            },
-        };
-    }
-    // a viewer that is gone stops nothing, unless it operated
-    hall.role.leave(viewer);
-    hall.viewers().count -= 1;
-}
-
-fn refusal(reason: &str) -> Value {
-    json!({ "type": "refused", "reason": reason })
-}
-
-async fn send(socket: &mut WebSocket, value: &Value) -> bool {
-    send_text(socket, value.to_string().into()).await
-}
-
-async fn send_text(socket: &mut WebSocket, text: Utf8Bytes) -> bool {
-    matches!(tokio::time::timeout(PATIENCE, socket.send(Frame::Text(text))).await, Ok(Ok(())))
-}
-
-/// What became of a message.
-enum Heeded {
-    Done,
-    /// Not done, and why.
-    Refused(String),
-    /// Not done, and the viewer has to go.
-    Expelled(String),
-}
-
-/// How a viewer behaves.
-struct Conduct {
-    since: Instant,
-    messages: u32,
-    wrong: u32,
-}
-
-impl Conduct {
-    fn new() -> Self {
-        Self { since: Instant::now(), messages: 0, wrong: 0 }
-    }
-
-    /// Whether it has not sent too much.
-    fn is_bearable(&mut self) -> bool {
-        if self.since.elapsed() >= Duration::from_secs(1) {
-            (self.since, self.messages) = (Instant::now(), 0);
-        }
-        self.messages += 1;
-        self.messages <= MOST_MESSAGES
-    }
-
-    fn heed(&mut self, hall: &Hall, viewer: u64, text: &str) -> Heeded {
-        if !self.is_bearable() {
-            return Heeded::Expelled("too many messages".into());
-        }
-        let message = match Message::parse(text) {
-            Ok(message) => message,
-            Err(reason) => return Heeded::Expelled(reason),
-        };
-        if message.token().is_some_and(|token| !hall.token.is(token)) {
-            self.wrong += 1;
-            let reason = "a wrong token: open the address that the program printed".to_string();
-            return match self.wrong >= MOST_WRONG {
-                true => Heeded::Expelled(reason),
-                false => Heeded::Refused(reason),
-            };
-        }
-        if message.needs_role() && hall.role.viewer() != Some(viewer) {
-            return Heeded::Refused("only the operator may: take the role first".into());
-        }
-        match hall.carry_out(viewer, message) {
-            Ok(()) => Heeded::Done,
-            Err(reason) => Heeded::Refused(reason),
-        }
-    }
-}
-
-impl Hall {
-    pub(crate) fn viewers(&self) -> std::sync::MutexGuard<'_, Viewers> {
-        // two numbers are whole whatever happened to the thread that had them
-        self.viewers.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn carry_out(&self, viewer: u64, message: Message) -> Result<(), String> {
-        let ended = |_| "the session has ended".to_string();
-        match message {
-            Message::Alive => self.role.hear(viewer),
-            Message::TakeRole { .. } if !self.role.take(viewer) => {
-                return Err("somebody else operates".into());
-            }
-            Message::TakeRole { .. } => {}
-            Message::LeaveRole { .. } => self.role.leave(viewer),
-            Message::Start { speed_mm_s, scenario, strategy, .. } => {
-                self.desk.choose(command::strategy(&strategy)?);
-                self.demands.send(Demand::Start { speed_mm_s, scenario }).map_err(ended)?;
-            }
-            Message::Strategy { strategy, .. } => self.desk.choose(command::strategy(&strategy)?),
-            Message::Stop { .. } => self.desk.stop(),
-            Message::EmergencyStop { .. } => self.desk.emergency_stop(),
-            Message::Reset { .. } => self.desk.reset(),
-            Message::Fault { fault, .. } => {
-                self.demands.send(Demand::Fault(command::fault(&fault)?)).map_err(ended)?;
-            }
-            Message::Mend { .. } => self.demands.send(Demand::Mend).map_err(ended)?,
-        }
-        Ok(())
-    }
+    upgrade.protocols([PROTOCOL]).max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(
+        async move |socket| {
+            attend(&served.state, served.frames.subscribe(), socket, place).await;
+        },
+    )
 }
 
 #[cfg(test)]

@@ -5,10 +5,14 @@
 mod support;
 
 use serde_json::{Value, json};
+use std::collections::VecDeque;
+use std::io::Write;
+use std::net::TcpStream;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use support::browser::Browser;
-use support::run::Run;
+use support::run::{PATIENCE, Run};
 use tungstenite::Message;
 
 /// Where pictures go: beside the tests' other products.
@@ -154,6 +158,154 @@ fn anybody_with_the_token_may_stop_in_an_emergency_and_nobody_else() {
 }
 
 #[test]
+fn a_start_of_somebody_who_is_gone_moves_nothing() {
+    let run = Run::start();
+    let mut first = run.viewer();
+    first.operate();
+    first.wait_for_state("Holding");
+    first.command("emergency-stop", Value::Null);
+    first.wait_for_state("Fault");
+    // in a fault, and while the machine is not held yet
+    first.command("start", json!({ "strategy": FAST }));
+    let notice = |m: &Value| m["news"]["notices"].to_string();
+    first.wait_for(|m| {
+        notice(m).contains("no start: the machine is in Fault and waits for a reset")
+    });
+    first.command("reset", Value::Null);
+    first.wait_for_state("Ready");
+    first.command("start", json!({ "strategy": FAST }));
+    first.wait_for(|m| notice(m).contains("no start: the machine is in Ready and waits for"));
+    drop(first);
+    let mut second = run.viewer();
+    second.operate();
+    second.wait_for_state("Holding");
+    let begun = Instant::now();
+    second.wait_for(|m| {
+        assert!(m["type"] != "frame" || m["state"] == "Holding", "{}", m["state"]);
+        for sample in m["samples"].as_array().into_iter().flatten() {
+            // the eleventh is the commanded speed
+            assert!(m["type"] != "frame" || sample[10] == 0.0, "{sample}");
+        }
+        begun.elapsed() > Duration::from_secs(4)
+    });
+    // and what the second one asks for is done
+    second.command("start", json!({ "strategy": FAST }));
+    second.wait_for_state("Moving");
+}
+
+/// Connections that ask for nothing, or for half of something.
+struct HalfOpen<'a> {
+    host: &'a str,
+    count: usize,
+    open: VecDeque<TcpStream>,
+}
+
+impl<'a> HalfOpen<'a> {
+    fn new(host: &'a str) -> Self {
+        Self { host, count: 0, open: VecDeque::new() }
+    }
+
+    fn add(&mut self) {
+        let mut stream = TcpStream::connect(self.host).unwrap();
+        self.count += 1;
+        if self.count.is_multiple_of(2) {
+            // it may have been closed already
+            let _ = write!(stream, "GET /live HTTP/1.1\r\nHost: {}\r\n", self.host);
+        }
+        self.open.push_back(stream);
+        // also a test has only so many descriptors
+        if self.open.len() > 900 {
+            self.open.pop_front();
+        }
+    }
+}
+
+#[test]
+fn half_open_connections_shut_nobody_out() {
+    // what a process has is used up by less than they are
+    let run = Run::start_with_descriptors(512);
+    let mut operator = run.viewer();
+    operator.operate();
+    operator.wait_for_state("Holding");
+    let mut half_open = HalfOpen::new(&run.host);
+    (0..1100).for_each(|_| half_open.add());
+    // 128 that ask for nothing, the operator, and what the process has anyway
+    let descriptors = run.descriptors();
+    assert!(descriptors < 200, "{descriptors} descriptors");
+    // and they keep coming
+    let (is_over, begun) = (AtomicBool::new(false), Instant::now());
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !is_over.load(Ordering::Relaxed) && begun.elapsed() < PATIENCE {
+                half_open.add();
+            }
+        });
+        let mut other = run.viewer();
+        other.command("emergency-stop", Value::Null);
+        let fault = other.wait_for_state("Fault");
+        is_over.store(true, Ordering::Relaxed);
+        assert_eq!(fault["cause"], "emergency-stop");
+        assert!(begun.elapsed() < Duration::from_secs(2), "after {:?}", begun.elapsed());
+    });
+    // who was there before is there still, and pages are served
+    assert_eq!(operator.wait_for_state("Fault")["cause"], "emergency-stop");
+    assert!(run.get("/", "").0.starts_with("HTTP/1.1 200"));
+    assert!(!run.said.lock().unwrap().contains("the dashboard ends"));
+}
+
+#[test]
+fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_last() {
+    let run = Run::start_with(&["--strategy", "model-following", "--scenario", "reversal"]);
+    let mut page = Browser::open(&run.address(), (1280, 1000), false, false);
+    page.wait_for("document.getElementById('chosen').textContent !== ''");
+    let controls = "[document.getElementById('strategy').value, document.getElementById('motion').value].join()";
+    assert_eq!(page.value(controls), "model-following,reversal");
+    assert_eq!(page.text("chosen"), "chosen: model-following, reversal");
+    // without a role nothing can be started, and it is said what for
+    assert!(page.value("document.getElementById('start').disabled").as_bool().unwrap());
+    page.wait_for(
+        "document.getElementById('waits').textContent === 'a start waits for an operator'",
+    );
+    // somebody else chooses: it is seen here
+    let mut operator = run.viewer();
+    operator.operate();
+    operator.wait_for_state("Holding");
+    operator.command("strategy", json!({ "strategy": "benchmark-closed-loop" }));
+    operator.command("course", json!({ "speed_mm_s": 33.0 }));
+    operator.command("course", json!({ "scenario": "none" }));
+    assert!(
+        operator.wait_for(|m| m["type"] == "refused")["reason"].to_string().contains("reversal")
+    );
+    page.wait_for(
+        "document.getElementById('chosen').textContent.endsWith('out and back at 33 mm/s')",
+    );
+    assert_eq!(page.value(controls), "benchmark-closed-loop,");
+    assert_eq!(page.value("document.getElementById('speed').value"), "33");
+    assert!(page.value("document.getElementById('start').disabled").as_bool().unwrap());
+    drop(operator);
+    // who takes the role then goes on with that; and who comes later sees it, too
+    page.wait_for("!document.getElementById('role').disabled");
+    page.click("role");
+    page.wait_for("!document.getElementById('start').disabled");
+    assert_eq!(page.text("waits"), "a course can be started");
+    assert_eq!(page.value("page.frame.waiting === null && page.frame.waiting_s === null"), true);
+    let mut late = run.viewer_from(None).unwrap();
+    let seen = late.wait_for(|m| m["type"] == "frame");
+    assert_eq!(
+        seen["chosen"],
+        json!({ "strategy": "benchmark-closed-loop", "speed_mm_s": 33.0, "scenario": null })
+    );
+    page.screenshot(&pictures().join("ready-light.png"), true);
+    page.click("start");
+    page.wait_for("page.frame.state === 'Moving'");
+    assert_eq!(page.value("page.frame.strategy"), "benchmark-closed-loop");
+    // what a frame says is drawn a moment later
+    page.wait_for(
+        "document.getElementById('waits').textContent === 'a start waits for the end of the course'",
+    );
+}
+
+#[test]
 fn faults_are_injected_found_and_mended() {
     let run = Run::start();
     let mut operator = run.viewer();
@@ -212,8 +364,8 @@ fn strangers_pages_and_what_is_no_message_are_refused() {
     // wrong speeds and names are answered, and nothing moves
     for (rest, reason) in [
         (json!({ "strategy": "magic" }), "no strategy"),
-        (json!({ "strategy": FAST, "scenario": "none" }), "no start"),
-        (json!({ "strategy": FAST, "speed_mm_s": 1e9 }), "no start"),
+        (json!({ "strategy": FAST, "scenario": "none" }), "no scenario"),
+        (json!({ "strategy": FAST, "speed_mm_s": 1e9 }), "mm/s: it is"),
     ] {
         good.command("start", rest);
         let answer =

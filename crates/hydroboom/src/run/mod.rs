@@ -11,7 +11,7 @@ use crate::output;
 use crate::virtual_crane::strategies;
 use clap::Args;
 use hydroboom_control::{Learned, Path, Strategy};
-use hydroboom_dashboard::{Dashboard, Setup};
+use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Setup};
 use hydroboom_description::Description;
 use hydroboom_lab::paper;
 use hydroboom_lab::scenario::{CourseChoice, scenarios};
@@ -29,6 +29,7 @@ use miette::{IntoDiagnostic, Result, WrapErr, miette};
 use process::{Host, Memory};
 use report::{Report, processor};
 use std::net::SocketAddr;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::Arc;
 use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
@@ -51,7 +52,7 @@ pub struct Run {
     #[arg(long, value_parser = strategies(), default_value = "simulation-feedforward-closed-loop")]
     strategy: Strategy,
     /// Change to this strategy in the middle of the motion, without a bump.
-    #[arg(long, value_parser = strategies(), value_name = "STRATEGY")]
+    #[arg(long, value_parser = strategies(), value_name = "STRATEGY", conflicts_with = "dashboard")]
     then: Option<Strategy>,
     /// Speed of the motion; the model's fast one when not given.
     #[arg(long)]
@@ -206,6 +207,8 @@ impl Run {
         let setup = Setup {
             model: &cranes.model,
             scenarios: scenarios(&cranes.machine).iter().map(|s| s.name.to_string()).collect(),
+            speeds_mm_s: cranes.speeds_mm_s(),
+            first: Choice { strategy: self.strategy, course: self.chosen_course(cranes) },
             is_virtual: true,
             in_real_time: !self.simulated_time,
         };
@@ -213,6 +216,17 @@ impl Run {
             .into_diagnostic()?;
         eprintln!("dashboard: {}", dashboard.address());
         Ok(watch.with_dashboard(dashboard, cranes.courses()))
+    }
+
+    /// The course that the dashboard begins with.
+    fn chosen_course(&self, cranes: &Cranes) -> dashboard::Course {
+        match &self.scenario {
+            Some(name) => dashboard::Course::Scenario { name: name.clone() },
+            None => {
+                let speed_mm_s = self.speed_mm_s.unwrap_or(cranes.model.numbers.fast * 1e3);
+                dashboard::Course::Motion { speed_mm_s }
+            }
+        }
     }
 
     fn in_real_time(
@@ -329,12 +343,13 @@ impl Cranes {
     /// The course at a speed \[mm/s\] or of a scenario.
     fn course(&self, speed_mm_s: Option<f64>, scenario: Option<&str>) -> Result<Wanted> {
         let speed = speed_mm_s.map_or(self.model.numbers.fast, |mm_s| mm_s * 1e-3);
-        let fastest = 2.0 * self.model.numbers.fast;
-        if !(speed > 1e-4 && speed <= fastest) {
+        let speeds = self.speeds_mm_s();
+        if speed_mm_s.is_some_and(|mm_s| !speeds.contains(&mm_s)) {
             miette::bail!(
-                "a speed of {:.3} mm/s: it is 0.1 to {:.0} mm/s",
+                "a speed of {:.3} mm/s: it is {:.1} to {:.0} mm/s",
                 speed * 1e3,
-                fastest * 1e3
+                speeds.start(),
+                speeds.end()
             );
         }
         let choice = match scenario {
@@ -346,10 +361,18 @@ impl Cranes {
         Ok(Wanted { name: course.name(), path: Arc::from(course as Box<dyn Path>), hung })
     }
 
+    /// Speeds at which a motion can be run \[mm/s\].
+    fn speeds_mm_s(&self) -> RangeInclusive<f64> {
+        0.1..=2e3 * self.model.numbers.fast
+    }
+
     /// What finds the courses wanted at a dashboard.
     fn courses(&self) -> Courses {
         let cranes = Cranes { model: self.model.clone(), machine: self.machine.clone() };
-        Box::new(move |speed_mm_s, scenario| cranes.course(speed_mm_s, scenario))
+        Box::new(move |course| match course {
+            dashboard::Course::Motion { speed_mm_s } => cranes.course(Some(*speed_mm_s), None),
+            dashboard::Course::Scenario { name } => cranes.course(None, Some(name)),
+        })
     }
 
     fn lockstep(&self, strategy: Strategy, learning: &Learning) -> Result<Lockstep> {

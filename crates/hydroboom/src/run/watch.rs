@@ -1,11 +1,12 @@
 //! Who looks on while a machine runs: writes the log, sums the courses up, asks for the next one.
 
 use hydroboom_control::{Path, State, Strategy};
-use hydroboom_dashboard::{Dashboard, Demand};
+use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
 use hydroboom_realtime::control_task::Record;
-use hydroboom_realtime::desk::Desk;
+use hydroboom_realtime::desk::{Desk, Generation};
 use hydroboom_realtime::failure::Failure;
 use hydroboom_realtime::log::LogWriter;
+use hydroboom_realtime::readiness::start_waits_for;
 use hydroboom_realtime::session::{Attendant, Hung, Order, Session};
 use hydroboom_realtime::trouble::Tampering;
 use miette::{IntoDiagnostic, Result};
@@ -13,6 +14,7 @@ use serde::Serialize;
 use serde_json::json;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 /// What a course came to.
 #[derive(Clone, Debug, Serialize)]
@@ -106,14 +108,27 @@ pub struct Watch {
     resting: Option<f64>,
     /// What is to be handed over.
     orders: Vec<Order>,
+    /// A start that is asked for once these orders are handed over.
+    start: Option<Start>,
+    /// Since when a start is asked for that has not been taken up \[s\].
+    asked: Option<f64>,
     dashboard: Option<(Dashboard, Courses)>,
     /// Whether somebody has let the plan begin.
     started: Arc<AtomicBool>,
 }
 
-/// Finds the path that somebody at the dashboard wants: at a speed \[mm/s\], or a scenario's.
-pub type Courses = Box<dyn Fn(Option<f64>, Option<&str>) -> Result<Wanted>>;
+/// Finds the path of a course that somebody at the dashboard wants.
+pub type Courses = Box<dyn Fn(&dashboard::Course) -> Result<Wanted>>;
 
+/// A start that somebody asked for.
+struct Start {
+    generation: Generation,
+    asked: Instant,
+    strategy: Strategy,
+}
+
+/// A start that is not taken up within this time and a moment more was dropped \[s\].
+const TAKEN_UP: f64 = Desk::START_WITHIN + 0.1;
 /// After a course, or a fault, so long until the next one \[s\].
 const PAUSE: f64 = 1.0;
 /// More records of one course are not kept: twenty minutes.
@@ -136,6 +151,8 @@ impl Watch {
             results: Vec::new(),
             resting: None,
             orders: Vec::new(),
+            start: None,
+            asked: None,
             dashboard: None,
             started: Arc::new(AtomicBool::new(false)),
         }
@@ -231,6 +248,7 @@ impl Attendant for Watch {
     }
 
     fn orders(&mut self) -> Vec<Order> {
+        self.ask();
         self.follow_plan();
         self.follow_demands();
         let mut orders = std::mem::take(&mut self.orders);
@@ -281,6 +299,10 @@ impl Watch {
     }
 
     fn begin(&mut self, record: &Record) {
+        self.asked = None;
+        if let Some(plan) = &mut self.plan {
+            plan.left = plan.left.saturating_sub(1);
+        }
         self.records.clear();
         self.running = Some(Running {
             strategy: record.strategy,
@@ -344,10 +366,11 @@ impl Watch {
 
     /// Begins the next course of the plan, or ends it.
     fn follow_plan(&mut self) {
-        let (Some(mut plan), Some(since)) = (self.plan, self.resting) else { return };
+        let (Some(plan), Some(since)) = (self.plan, self.resting) else { return };
         let Some(last) = self.session.last().copied() else { return };
         let is_due = last.time - since >= PAUSE || self.results.is_empty();
-        if !is_due || (plan.waits && !self.started.load(Ordering::Relaxed)) {
+        let is_asked = self.start.is_some() || self.asked.is_some();
+        if !is_due || is_asked || (plan.waits && !self.started.load(Ordering::Relaxed)) {
             return;
         }
         let is_fault = last.decision.state == State::Fault;
@@ -359,45 +382,77 @@ impl Watch {
             self.resting = None;
         } else if plan.left == 0 {
             self.desk.close();
-        } else {
-            plan.left -= 1;
-            self.plan = Some(plan);
-            self.resting = None;
-            self.start();
+        } else if self.session.is_ready() {
+            self.prepare_start(Start {
+                generation: self.desk.generation(),
+                asked: Instant::now(),
+                strategy: self.desk.strategy(),
+            });
         }
     }
 
-    /// Starts what is wanted.
-    fn start(&mut self) {
+    /// Prepares what is wanted, to be started once it is handed over.
+    fn prepare_start(&mut self, start: Start) {
         match self.prepare() {
-            Ok(()) => self.desk.start(),
+            Ok(()) => self.start = Some(start),
             Err(error) => self.say(&format!("no start: {error}")),
         }
     }
 
+    /// Asks for the start whose course has been handed over, and says what became of the last one.
+    fn ask(&mut self) {
+        let Some(last) = self.session.last() else { return };
+        let (now, state) = (last.time, last.decision.state);
+        if let Some(start) = self.start.take() {
+            let within = Desk::START_WITHIN - start.asked.elapsed().as_secs_f64();
+            if within <= 0.0 {
+                self.say("no start: it took longer than a second to prepare; ask for it again");
+            } else if self.desk.start_in(start.generation, within) {
+                self.desk.choose(start.strategy);
+                self.asked = Some(now);
+            } else {
+                self.say("no start: since it was asked for the operator changed, or an emergency stop came");
+            }
+        }
+        if self.asked.is_some_and(|since| now - since > TAKEN_UP) {
+            self.asked = None;
+            let name = state.name();
+            self.say(&format!("no start: in {name} it was not taken up within a second"));
+        }
+    }
+
     fn follow_demands(&mut self) {
-        let Some((dashboard, courses)) = &mut self.dashboard else { return };
-        let mut wanted = None;
-        let mut refused = Vec::new();
+        let Some((dashboard, _)) = &mut self.dashboard else { return };
         for demand in dashboard.demands() {
             match demand {
-                Demand::Start { speed_mm_s, scenario } => {
-                    match courses(speed_mm_s, scenario.as_deref()) {
-                        Ok(course) => wanted = Some(course),
-                        Err(error) => refused.push(format!("no start: {error}")),
-                    }
+                Demand::Start { choice, generation, asked } => {
+                    self.start_as_chosen(&choice, generation, asked);
                 }
                 Demand::Fault(fault) => self.orders.push(Order::Tamper(Tampering::Fault(fault))),
                 Demand::Mend => self.orders.push(Order::Tamper(Tampering::Mend)),
             }
         }
-        refused.iter().for_each(|text| self.say(text));
-        let Some(wanted) = wanted else { return };
-        if !self.session.is_ready() {
-            return self.say("no start: the machine moves, or is in a fault");
+    }
+
+    /// Prepares what an operator has asked for, if a course can be begun now.
+    fn start_as_chosen(&mut self, choice: &Choice, generation: Generation, asked: Instant) {
+        let Some((_, courses)) = &self.dashboard else { return };
+        let Some(last) = self.session.last() else {
+            return self.say("no start: nothing has been read of the machine yet");
+        };
+        if !self.session.is_ready() || self.start.is_some() || self.asked.is_some() {
+            let waits = start_waits_for(&last.decision, self.desk.is_attended());
+            let waits = waits.unwrap_or("a start that was asked for before");
+            let state = last.decision.state.name();
+            return self.say(&format!("no start: the machine is in {state} and waits for {waits}"));
         }
-        self.wanted = wanted;
-        self.start();
+        match courses(&choice.course) {
+            Ok(wanted) => {
+                self.wanted = wanted;
+                self.prepare_start(Start { generation, asked, strategy: choice.strategy });
+            }
+            Err(error) => self.say(&format!("no start: {error}")),
+        }
     }
 }
 

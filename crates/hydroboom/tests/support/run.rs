@@ -12,6 +12,8 @@ use tungstenite::{Message, WebSocket};
 /// Longer than this nothing takes.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 
+const ARGUMENTS: [&str; 4] = ["run", "--dashboard", "127.0.0.1:0", "--simulated-time"];
+
 /// A process with a dashboard on a port of its own; ended when dropped.
 pub struct Run {
     process: Child,
@@ -27,12 +29,23 @@ impl Run {
     /// Starts `hydroboom run --dashboard` in simulated time that keeps pace with the clock: whatever the
     /// computer is busy with, no deadline is missed.
     pub fn start() -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_hydroboom"))
-            .args(["run", "--dashboard", "127.0.0.1:0", "--simulated-time"])
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
+        Self::start_with(&[])
+    }
+
+    /// The same with more arguments.
+    pub fn start_with(arguments: &[&str]) -> Self {
+        Self::from(Command::new(env!("CARGO_BIN_EXE_hydroboom")).args(ARGUMENTS).args(arguments))
+    }
+
+    /// The same, with so many file descriptors at most.
+    pub fn start_with_descriptors(most: u32) -> Self {
+        let limited = format!("ulimit -n {most} && exec \"$0\" \"$@\"");
+        let program = env!("CARGO_BIN_EXE_hydroboom");
+        Self::from(Command::new("sh").args(["-c", &limited, program]).args(ARGUMENTS))
+    }
+
+    fn from(command: &mut Command) -> Self {
+        let mut process = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
         let line = lines.next().unwrap().unwrap();
         let rest = line.strip_prefix("dashboard: http://").expect("the address comes first");
@@ -49,6 +62,11 @@ impl Run {
     /// The address of the page, with the token.
     pub fn address(&self) -> String {
         format!("http://{}/#{}", self.host, self.token)
+    }
+
+    /// File descriptors that the process has open.
+    pub fn descriptors(&self) -> usize {
+        std::fs::read_dir(format!("/proc/{}/fd", self.process.id())).unwrap().count()
     }
 
     /// A viewer with an origin, if it is let in.
