@@ -6,7 +6,8 @@ mod replay;
 mod report;
 mod watch;
 
-use crate::crane_file::{CraneFile, text};
+use crate::crane_file::CraneFile;
+use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::virtual_crane::strategies;
 use clap::Args;
@@ -44,7 +45,8 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 pub struct Run {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the virtual crane that plays the machine; the embedded one when not given.
+    /// Crane file of the virtual crane that plays the machine; when not given, that of the crane file (typical
+    /// drive, valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
     /// How the motor's speed is found.
@@ -108,10 +110,7 @@ enum Learning {
 }
 
 /// What runs, and with what.
-struct Cranes {
-    model: Description,
-    machine: Description,
-}
+type Cranes = MachineChoice;
 
 impl Run {
     /// Runs the command.
@@ -120,11 +119,7 @@ impl Run {
         if let Some(log) = &self.replay {
             return replay::replay(&model, log, self.before(&model)?.as_ref(), self.json);
         }
-        let machine = match &self.machine {
-            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
-            None => Description::uia_virtual()?,
-        };
-        let cranes = Cranes { model, machine };
+        let cranes = Cranes::of(model, &self.crane, self.machine.as_deref())?;
         let wanted = cranes.course(self.speed_mm_s, self.scenario.as_deref())?;
         let strategy = self.strategy;
         let then = self.then.unwrap_or(strategy);
@@ -229,7 +224,7 @@ impl Run {
         };
         let shared = open(Shared::create(&memory.path))?;
         let tampering = open(Shared::open(&memory.path))?;
-        let mut host = Host::start(&memory.path, self.machine.as_deref())?;
+        let mut host = Host::start(&memory.path, cranes.arguments())?;
         let model = &cranes.model;
         let n = &model.numbers;
         let motion = cranes.machine.motion(n.fast);
@@ -267,7 +262,7 @@ impl Run {
     ) -> Result<()> {
         let results = &watch.results;
         let report = Report {
-            model: &cranes.model,
+            cranes,
             results,
             simulated: simulated.filter(|_| real_time.is_some()),
             paper: self.paper(cranes, results),
@@ -276,8 +271,14 @@ impl Run {
             real_time,
         };
         if let Some(path) = &self.report {
-            let page =
-                page::run_page(results, report.paper, &watch.records, real_time, &processor());
+            let page = page::run_page(
+                cranes,
+                results,
+                report.paper,
+                &watch.records,
+                real_time,
+                &processor(),
+            );
             output::file(path, page.into_diagnostic()?.as_bytes())?;
         }
         match self.json {
@@ -347,7 +348,7 @@ impl Cranes {
 
     /// What finds the courses wanted at a dashboard.
     fn courses(&self) -> Courses {
-        let cranes = Cranes { model: self.model.clone(), machine: self.machine.clone() };
+        let cranes = self.clone();
         Box::new(move |speed_mm_s, scenario| cranes.course(speed_mm_s, scenario))
     }
 
