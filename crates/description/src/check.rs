@@ -222,7 +222,7 @@ impl Description {
     /// What is possible but looks wrong.
     pub fn warnings(&self) -> Vec<String> {
         let n = &self.numbers;
-        let mut warnings = Vec::new();
+        let mut warnings = self.impossible_ranges();
         if self.choices.friction == FrictionChoice::Stribeck {
             let law = Stribeck {
                 viscous: n.viscous,

@@ -5,6 +5,9 @@ use crate::equipment_defaults::is_equipment;
 use crate::parse::SEGMENT_LENGTHS;
 use crate::schema::KEYS;
 
+/// Sections that are no part of a machine: its controllers, its supervision, its tests.
+const AROUND: [&str; 5] = ["controller", "following", "motion", "oscillation", "supervision"];
+
 /// One key with two values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
@@ -25,18 +28,21 @@ impl Difference {
         self.key.split_once('.').is_some_and(|(section, _)| is_equipment(section))
     }
 
-    /// How much it matters, larger for more: choices and the boom's division, then numbers by their
-    /// relative difference, at last those of an effect that one of both leaves out.
+    /// How much it matters, larger for more: as [`by_weight`] says, then by size.
     fn weight(&self) -> (u8, f64) {
         let Some(key) = KEYS.iter().find(|key| key.path() == self.key) else {
-            return (2, 0.0);
+            return (3, 0.0);
         };
         let (Ok(here), Ok(there)) = (self.here.parse::<f64>(), self.there.parse::<f64>()) else {
-            return (2, 0.0);
+            return (3, 0.0);
         };
         let relative = (here - there).abs() / here.abs().max(there.abs()).max(f64::MIN_POSITIVE);
         let is_left_out = [here, there].iter().any(|value| key.absent == Some(*value));
-        (u8::from(!is_left_out), relative)
+        match (AROUND.contains(&key.section), is_left_out) {
+            (true, _) => (0, relative),
+            (false, true) => (1, relative),
+            (false, false) => (2, relative),
+        }
     }
 
     /// The override that makes this key here what it is there.
@@ -47,8 +53,8 @@ impl Difference {
 
 /// The differences in the order in which they matter.
 ///
-/// Choices and the boom's division come first, then numbers by their relative difference, at last
-/// effects that one of both leaves out.
+/// Choices and the boom's division come first, then numbers of the machine by their relative difference,
+/// then effects that one of both leaves out, at last what is no part of the machine.
 pub fn by_weight(mut differences: Vec<Difference>) -> Vec<Difference> {
     differences.sort_by(|a, b| {
         let ((a, a_size), (b, b_size)) = (a.weight(), b.weight());

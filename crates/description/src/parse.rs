@@ -505,27 +505,7 @@ impl Reading<'_> {
             };
             return failed(vec![problem]);
         }
-        self.check_ranges(&description);
-        match self.problems.is_empty() {
-            true => Ok(description),
-            false => failed(self.problems),
-        }
-    }
-
-    /// Whether the machine can exist at both ends of every range.
-    fn check_ranges(&mut self, description: &Description) {
-        for (index, key) in KEYS.iter().enumerate() {
-            for bound in self.ranges[index].into_iter().flatten() {
-                let there = description.with_number(index, bound).impossible();
-                let (Some((_, message, help)), Some(line)) = (there, self.origins[index].line)
-                else {
-                    continue;
-                };
-                let (path, bound, unit) = (key.path(), key.to_unit(bound), key.unit);
-                let message = format!("the range of `{path}` reaches {bound} {unit}: {message}");
-                self.problem(line_span(self.text, line), message, "this range", help);
-            }
-        }
+        Ok(description)
     }
 }
 

@@ -51,7 +51,8 @@ impl Description {
     /// Range of the key with this path, in SI units; none where there is no such key.
     ///
     /// Of the crane file where it has one, else the key's default spread about its value. A default
-    /// spread goes no further than the key allows, and only to machines that can exist. A program that
+    /// spread goes no further than the key allows, and only to machines that can exist; a file's range
+    /// is as it stands there ([`warnings`](Self::warnings) has those that go too far). A program that
     /// moves a number beyond its file's range takes the range along.
     pub fn range(&self, path: &str) -> Option<ValueRange> {
         let index = KEYS.iter().position(|key| key.path() == path)?;
@@ -109,6 +110,20 @@ impl Description {
         ))
     }
 
+    /// Ranges of the file that reach machines that cannot exist.
+    pub(crate) fn impossible_ranges(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        for (key, (index, range)) in KEYS.iter().zip(self.file_ranges.iter().enumerate()) {
+            for bound in range.iter().flatten() {
+                if let Some((_, message, _)) = self.with_number(index, *bound).impossible() {
+                    let (path, bound, unit) = (key.path(), key.to_unit(*bound), key.unit);
+                    found.push(format!("the range of {path} reaches {bound} {unit}: {message}"));
+                }
+            }
+        }
+        found
+    }
+
     fn range_at(&self, index: usize) -> ValueRange {
         let key = &KEYS[index];
         let value = self.numbers.to_array()[index];
@@ -126,7 +141,10 @@ impl Description {
             let bound = key.to_si(bound.clamp(key.low, key.high));
             if self.with_number(index, bound).impossible().is_some() { value } else { bound }
         });
-        ValueRange { low: low.min(value), high: high.max(value), source: RangeSource::Default }
+        let (low, high) = (low.min(value), high.max(value));
+        // nothing spreads an effect that is off
+        let source = if low == high { RangeSource::Value } else { RangeSource::Default };
+        ValueRange { low, high, source }
     }
 
     /// The same machine with another number, in SI units.

@@ -15,14 +15,15 @@ pub(crate) enum Width {
 }
 
 impl Width {
-    /// Range about a value, both in the key's unit.
+    /// Range about a value, both in the key's unit, free of rounding noise.
     pub(crate) fn around(self, value: f64) -> [f64; 2] {
         let [a, b] = match self {
             Self::Times(low, high) => [low * value, high * value],
             Self::Plus(low, high) => [value + low, value + high],
             Self::From(low, high) => [low.min(value), high.max(value)],
         };
-        [a.min(b), a.max(b)]
+        let twelve_digits = |bound: f64| format!("{bound:.11e}").parse().unwrap_or(bound);
+        [a.min(b), a.max(b)].map(twelve_digits)
     }
 }
 

@@ -94,8 +94,11 @@ fn differences_that_matter_come_first() {
     machine.set("friction.law=lugre").unwrap();
     machine.set("payload.mass_kg=310").unwrap();
     machine.set("friction.coulomb_n=800").unwrap();
+    machine.set("controller.high_pass_s=9").unwrap();
     let sorted = by_weight(model.differences(&machine));
     let keys: Vec<&str> = sorted.iter().map(|difference| difference.key.as_str()).collect();
     assert_eq!(keys[..3], ["friction.law", "friction.coulomb_n", "payload.mass_kg"]);
-    assert!(sorted[3..].iter().all(|difference| difference.is_of_equipment()), "{keys:?}");
+    let (last, between) = sorted[3..].split_last().unwrap();
+    assert!(between.iter().all(|difference| difference.is_of_equipment()), "{keys:?}");
+    assert_eq!(last.key, "controller.high_pass_s");
 }

@@ -4,6 +4,7 @@ use clap::Args;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_description::{Description, DescriptionError, UIA_SINGLE_BOOM};
 use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// The options that choose a crane.
@@ -12,7 +13,7 @@ pub struct CraneFile {
     /// Crane file; an embedded one when not given: the paper's crane, or the virtual one.
     #[arg(long, value_name = "FILE")]
     crane: Option<PathBuf>,
-    /// Override a key, e.g. --set boom.segments=10; can be repeated.
+    /// Override a key, e.g. --set boom.segments=10, within its range where the file states one; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 }
@@ -21,6 +22,17 @@ impl CraneFile {
     /// Whether the crane is an embedded one, overrides or not.
     pub fn is_embedded(&self) -> bool {
         self.crane.is_none()
+    }
+
+    /// The crane file that is named, if one is.
+    pub fn path(&self) -> Option<&Path> {
+        self.crane.as_deref()
+    }
+
+    /// The options again, for another process.
+    pub fn arguments(&self) -> Vec<OsString> {
+        let crane = self.crane.iter().flat_map(|path| ["--crane".into(), path.into()]);
+        crane.chain(self.set.iter().flat_map(|set| ["--set".into(), set.into()])).collect()
     }
 
     /// The text of the crane file, the paper's where none is given.
@@ -44,15 +56,7 @@ impl CraneFile {
         &self,
         embedded: impl FnOnce() -> Result<Description, DescriptionError>,
     ) -> Result<Description> {
-        let description = self.read_any_or(embedded)?;
-        match description.choices.circuit {
-            CircuitChoice::SelfContained => Ok(description),
-            CircuitChoice::ValveControlled => Err(miette!(
-                help = "check, show, validate and tune know valve-controlled cranes",
-                "this command is for self-contained cranes, and circuit.type of \"{}\" is valve-controlled",
-                description.name
-            )),
-        }
+        self_contained(self.read_any_or(embedded)?)
     }
 
     /// Reads a crane of any circuit.
@@ -69,12 +73,24 @@ impl CraneFile {
             None => embedded()?,
         };
         for assignment in &self.set {
-            description.set(assignment)?;
+            description.set_within_range(assignment)?;
         }
         for warning in description.warnings() {
             eprintln!("warning: {warning}");
         }
         Ok(description)
+    }
+}
+
+/// The crane, if it has the paper's circuit.
+pub fn self_contained(description: Description) -> Result<Description> {
+    match description.choices.circuit {
+        CircuitChoice::SelfContained => Ok(description),
+        CircuitChoice::ValveControlled => Err(miette!(
+            help = "check, show, validate and tune know valve-controlled cranes",
+            "this command is for self-contained cranes, and circuit.type of \"{}\" is valve-controlled",
+            description.name
+        )),
     }
 }
 

@@ -1,8 +1,8 @@
 //! `hydroboom motion --family`
 
 use crate::interruptible::{Interruptible, of_asked};
+use crate::machine_choice::MachineChoice;
 use crate::output;
-use hydroboom_description::Description;
 use hydroboom_lab::family::{Row, VARIATIONS, family, rows};
 use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::report;
@@ -12,17 +12,17 @@ use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 use std::path::Path;
 
-/// Runs every contender along every course on `count` virtual cranes drawn around `nominal` with
-/// `seed`.
+/// Runs every contender along every course on `count` virtual cranes drawn around the chosen machine
+/// with `seed`.
 pub fn run(
-    model: &Description,
-    nominal: &Description,
+    choice: &MachineChoice,
     contenders: &[Contender],
     courses: &[CourseChoice],
     (count, seed): (u64, u64),
     out: Option<&Path>,
     as_json: bool,
 ) -> Result<()> {
+    let (model, nominal) = (&choice.model, &choice.machine);
     let names = courses
         .iter()
         .map(|course| course.of(nominal).map(|course| course.name()))
@@ -39,7 +39,7 @@ pub fn run(
     let rows = rows(contenders, &names, &results);
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).into_diagnostic()?;
-        let page = report::family_page(&nominal.name, results.len(), seed, &rows);
+        let page = report::family_page(&choice.name(), results.len(), seed, &rows);
         output::file(&folder.join("family.html"), page.as_bytes())?;
     }
     if as_json {
@@ -51,12 +51,13 @@ pub fn run(
         return output::json(&json!({
             "asked": count, "family": rows, "seed": seed, "variations": VARIATIONS,
             "strategies": strategies, "courses": names, "cranes": cranes,
+            "machine": choice.json(),
         }));
     }
     output::text(&format!(
         "{} virtual cranes around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}\n\nover the benchmark's on the same crane\n{}",
         of_asked(results.len(), count as usize),
-        nominal.name,
+        choice.name(),
         table(&rows),
         beside_the_benchmark(&rows)
     ))

@@ -1,10 +1,11 @@
 //! `hydroboom learn`
 
-use crate::crane_file::{CraneFile, text};
+use crate::crane_file::CraneFile;
 use crate::interruptible::{Interruptible, of_asked};
+use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::Args;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, RangeSource};
 use hydroboom_lab::LabError;
 use hydroboom_lab::family::{Spread, member};
 use hydroboom_lab::learning::{Taught, taught};
@@ -25,7 +26,8 @@ use std::path::PathBuf;
 pub struct Learn {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the machine; the virtual crane when not given.
+    /// Crane file of the machine; when not given, the virtual crane: that of the crane file (typical drive,
+    /// valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE", conflicts_with = "family")]
     plant: Option<PathBuf>,
     /// So many virtual cranes in its place.
@@ -45,28 +47,27 @@ pub struct Learn {
 impl Learn {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let model = self.crane.read()?;
-        let nominal = match &self.plant {
-            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
-            None => Description::uia_virtual()?,
-        };
+        let choice = MachineChoice::read(&self.crane, self.plant.as_deref())?;
+        let (model, nominal) = (&choice.model, &choice.machine);
         let members = self.family.map_or(self.member, |count| (0..count).collect());
-        let one = |k: &u64| Ok((format!("crane {k}"), member(&nominal, self.seed, *k)?.crane));
+        let one = |k: &u64| Ok((format!("crane {k}"), member(nominal, self.seed, *k)?.crane));
         let mut cranes: Vec<_> =
             members.iter().map(one).collect::<Result<_, LabError>>().into_diagnostic()?;
         if cranes.is_empty() {
-            cranes.push((nominal.name.clone(), nominal));
+            cranes.push((choice.name(), nominal.clone()));
         }
         let courses = [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion);
         let asked = cranes.len() * courses.len();
         let work = Interruptible::new(asked as u64, "cycles")?;
-        let all = taught(&model, &cranes, &courses, &|| work.one_more()).into_diagnostic()?;
+        let all = taught(model, &cranes, &courses, &|| work.one_more()).into_diagnostic()?;
         drop(work);
         if all.is_empty() {
             bail!("none of {asked} cycles had been run when it was interrupted");
         }
         if self.json {
-            return output::json(&json!({ "asked": asked, "learned": all }));
+            return output::json(
+                &json!({ "asked": asked, "learned": all, "machine": choice.json() }),
+            );
         }
         let rows: Vec<Vec<String>> = all
             .iter()
@@ -96,16 +97,17 @@ impl Learn {
             "told again [mm]",
         ];
         output::text(&format!(
-            "{}{}{}",
+            "{}{}{}{}",
             output::table(&header, &rows),
             summed_up(&all, asked),
-            known_in_hindsight(&all)
+            known_in_hindsight(&all, model),
+            choice.equality().map_or(String::new(), |equality| format!("\n\n{equality}"))
         ))
     }
 }
 
 /// The overrides of each cycle, in lines that a shell takes; of many cycles where they are to be had.
-fn known_in_hindsight(all: &[Taught]) -> String {
+fn known_in_hindsight(all: &[Taught], model: &Description) -> String {
     if all.len() > 4 {
         return "\n\nwhat is known of each in hindsight: set_in_hindsight in --json".into();
     }
@@ -116,14 +118,35 @@ fn known_in_hindsight(all: &[Taught]) -> String {
             .map(|key_and_value| format!("--set {key_and_value}"))
             .collect();
         let lines: Vec<String> = options.chunks(3).map(|three| three.join(" ")).collect();
-        format!(
+        let mut said = format!(
             "\n\nof {} at {} known in hindsight, as overrides of the model for any command:\n  {}",
             t.crane,
             t.course.trim(),
             lines.join(" \\\n  ")
-        )
+        );
+        let beyond = beyond_range(model, &t.set_in_hindsight);
+        if !beyond.is_empty() {
+            said += &format!(
+                "\noutside the crane file's range, to be widened there first: {}",
+                beyond.join(", ")
+            );
+        }
+        said
     };
     all.iter().map(of_one).collect()
+}
+
+/// Keys whose override is outside the crane file's range.
+fn beyond_range<'a>(model: &Description, set: &'a [String]) -> Vec<&'a str> {
+    let is_beyond = |path: &str, text: &str| {
+        let known = model.own_ranges().find(|(key, ..)| key.path() == path);
+        let value: Option<f64> = text.parse().ok();
+        known.zip(value).is_some_and(|((_, [low, high], from), value)| {
+            from == RangeSource::File && !(low..=high).contains(&value)
+        })
+    };
+    let pairs = set.iter().filter_map(|assignment| assignment.split_once('='));
+    pairs.filter(|(path, text)| is_beyond(path, text)).map(|(path, _)| path).collect()
 }
 
 /// What a family comes to.

@@ -14,6 +14,10 @@ use std::path::PathBuf;
 pub struct Machine {
     #[command(flatten)]
     crane: CraneFile,
+    /// Play the virtual crane of the crane file: typical drive, valve, sensors and fieldbus stand in for
+    /// what the file leaves out.
+    #[arg(long = "virtual")]
+    is_virtual: bool,
     /// Memory shared with the executive, which makes it.
     #[arg(long, value_name = "FILE")]
     shared: PathBuf,
@@ -22,7 +26,7 @@ pub struct Machine {
 impl Machine {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let crane = self.crane.read_or(Description::uia_virtual)?;
+        let crane = self.description()?;
         let shared = Shared::open(&self.shared)
             .into_diagnostic()
             .wrap_err_with(|| self.shared.display().to_string())?;
@@ -34,5 +38,49 @@ impl Machine {
         // who made it has gone without a word, or has removed it
         let _ = std::fs::remove_file(&self.shared);
         end
+    }
+
+    /// The crane that is played.
+    fn description(&self) -> Result<Description> {
+        let crane = self.crane.read_or(Description::uia_virtual)?;
+        Ok(if self.is_virtual { crane.virtual_crane().0 } else { crane })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::machine_choice::MachineChoice;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Chosen {
+        #[command(flatten)]
+        crane: CraneFile,
+        #[arg(long)]
+        machine: Option<PathBuf>,
+    }
+
+    #[derive(Parser)]
+    struct Played {
+        #[command(flatten)]
+        machine: Machine,
+    }
+
+    #[test]
+    fn the_process_plays_the_machine_that_was_chosen() {
+        let boom = "../../cranes/uia-single-boom.toml";
+        for arguments in [
+            vec![],
+            vec!["--crane", boom, "--set", "payload.mass_kg=250", "--set", "drive.bandwidth_hz=40"],
+            vec!["--machine", boom],
+        ] {
+            let chosen = Chosen::parse_from([&["run"], &arguments[..]].concat());
+            let choice = MachineChoice::read(&chosen.crane, chosen.machine.as_deref()).unwrap();
+            let mut options = vec!["machine".into(), "--shared".into(), "nowhere".into()];
+            options.extend(choice.arguments().iter().cloned());
+            let played = Played::parse_from(options).machine.description().unwrap();
+            assert_eq!(played.digest(), choice.machine.digest(), "{arguments:?}");
+        }
     }
 }

@@ -18,6 +18,7 @@ mod linearise;
 mod log;
 mod log_mapping;
 mod machine;
+mod machine_choice;
 mod motion;
 mod new;
 mod output;

@@ -1,6 +1,7 @@
 //! `hydroboom motion`
 
 use crate::crane_file::{CraneFile, text};
+use crate::machine_choice::{MachineChoice, Source};
 use crate::{family, output};
 use clap::Args;
 use hydroboom_description::{Description, Difference};
@@ -17,7 +18,7 @@ use serde::Serialize;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Name of the embedded virtual crane.
+/// Asks for the virtual crane, and names the embedded one.
 const VIRTUAL: &str = "virtual";
 
 /// Tests 1 to 3 and ours: five strategies at both speeds, on a plant that may differ from the model.
@@ -30,8 +31,9 @@ const VIRTUAL: &str = "virtual";
 pub struct MotionTests {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant, or a file with a `[set]` table of overrides, or `virtual` for the
-    /// embedded virtual crane; the model when not given.
+    /// Crane file of the plant, or a file with a `[set]` table of overrides, or `virtual` for the virtual
+    /// crane: that of the crane file (typical drive, valve, sensors and fieldbus stand in for what it leaves
+    /// out), the paper's without --crane; the model itself when not given.
     #[arg(long, value_name = "FILE")]
     plant: Option<PathBuf>,
     /// Run on so many virtual cranes around the plant (the virtual crane when not given) instead.
@@ -61,24 +63,14 @@ pub struct MotionTests {
 impl MotionTests {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let model = self.crane.read()?;
-        let mut name = NOMINAL.to_string();
-        let mut plant = model.clone();
-        let is_virtual = self.plant.as_deref() == Some(Path::new(VIRTUAL));
-        if is_virtual || (self.plant.is_none() && self.family.is_some()) {
-            name = VIRTUAL.into();
-            plant = Description::uia_virtual()?;
-        } else if let Some(path) = &self.plant {
-            name = path.display().to_string();
-            let content = text(path)?;
-            plant = match content.contains("[set]") {
-                true => model.overridden(&name, &content)?.0,
-                false => Description::parse(&name, &content)?,
-            };
+        let (mut choice, mut name) = self.choice()?;
+        if !self.plant_set.is_empty() {
+            let mut plant = choice.machine.clone();
+            self.plant_set.iter().try_for_each(|assignment| plant.set(assignment))?;
+            name = if choice.is_virtual() { format!("{name}, changed") } else { "changed".into() };
+            choice = choice.with_machine(plant);
         }
-        for assignment in &self.plant_set {
-            plant.set(assignment)?;
-        }
+        let (model, plant) = (&choice.model, &choice.machine);
         let courses = match &self.scenario {
             Some(name) => vec![CourseChoice::Scenario(name.clone())],
             None => [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion).to_vec(),
@@ -86,33 +78,26 @@ impl MotionTests {
         if let Some(count) = self.family {
             let out = self.out.as_deref();
             let contenders = if self.rivals { Contender::all() } else { Contender::strategies() };
-            return family::run(
-                &model,
-                &plant,
-                &contenders,
-                &courses,
-                (count, self.seed),
-                out,
-                self.json,
-            );
-        }
-        if !self.plant_set.is_empty() {
-            name = if is_virtual { format!("{VIRTUAL}, changed") } else { "changed".into() };
+            let family = (count, self.seed);
+            return family::run(&choice, &contenders, &courses, family, out, self.json);
         }
         // the virtual crane differs in all it has: `hydroboom show` lists that
-        let changes = if is_virtual { Vec::new() } else { model.differences(&plant) };
+        let (changes, more) = match choice.is_virtual() {
+            true => (Vec::new(), 0),
+            false => choice.most_important(),
+        };
         let bar = ProgressBar::new((courses.len() + changes.len()) as u64);
         let effects = changes
             .iter()
             .map(|difference| {
                 bar.inc(1);
-                effect(&model, difference).into_diagnostic()
+                effect(model, difference).into_diagnostic()
             })
             .collect::<Result<Vec<_>>>()?;
         let mut runs = Vec::new();
-        for choice in &courses {
-            let course = choice.of(&plant).into_diagnostic()?;
-            runs.extend(run_all(&model, &plant, course.as_ref()).into_diagnostic()?);
+        for course in &courses {
+            let course = course.of(plant).into_diagnostic()?;
+            runs.extend(run_all(model, plant, course.as_ref()).into_diagnostic()?);
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -121,37 +106,44 @@ impl MotionTests {
         let velocity_feedforward =
             runs.iter().rfind(|run| run.strategy == Strategy::VelocityFeedforward);
         let mut alongside = None;
-        if is_virtual && let Some(choice) = courses.last() {
-            let course = choice.of(&plant).into_diagnostic()?;
-            let simulated = run(&model, &model, Strategy::VelocityFeedforward, course.as_ref());
+        if choice.is_virtual()
+            && let Some(course) = courses.last()
+        {
+            let course = course.of(plant).into_diagnostic()?;
+            let published = model.without_equipment();
+            let simulated = run(model, &published, Strategy::VelocityFeedforward, course.as_ref());
             alongside = Some(simulated.into_diagnostic()?);
         }
+        // the paper's differences are those of the paper's crane
         let table_6 = alongside
             .as_ref()
             .zip(velocity_feedforward)
+            .filter(|_| choice.source == Source::Embedded)
             .map(|(simulated, crane)| signals(&differences(simulated, crane)));
         if let Some(folder) = &self.out {
             std::fs::create_dir_all(folder).into_diagnostic()?;
-            let plant = match is_virtual {
-                true => "virtual crane".to_string(),
-                false => format!("plant \"{name}\""),
+            let plant = match choice.source {
+                Source::Embedded => "virtual crane".to_string(),
+                Source::CraneFile => name.clone(),
+                Source::MachineFile | Source::Model => format!("plant \"{name}\""),
             };
             let page = report::motion_page(&report::MotionTests {
                 crane: &model.name,
                 plant: &plant,
                 runs: &runs,
                 alongside: alongside.as_ref(),
+                remark: choice.equality(),
             });
             output::file(&folder.join("motion.html"), page.into_diagnostic()?.as_bytes())?;
         }
         if self.json {
             return output::json(&json!({
-                "motion": rows, "plant_changes": effects, "differences": table_6,
+                "motion": rows, "plant_changes": effects, "differences": table_6, "machine": choice.json(),
             }));
         }
         let mut said = String::new();
         if let Some(signals) = &table_6 {
-            let count = model.differences(&plant).len();
+            let count = model.differences(plant).len();
             let cells: Vec<Vec<String>> = signals.iter().map(Signal::cells).collect();
             let header = ["signal", "unit", "RMS paper", "RMS here", "peak paper", "peak here"];
             said = format!(
@@ -179,7 +171,43 @@ impl MotionTests {
                 output::table(&header, &cells)
             );
         }
+        if more > 0 {
+            said =
+                format!("{}\nand {more} more differences: --json lists them\n\n", said.trim_end());
+        }
+        if let Some(equality) = choice.equality() {
+            said += &format!("{}: {equality}\n", choice.name());
+        }
         output::text(&format!("{said}{}", table(&rows)))
+    }
+
+    /// What is run on, and its name in tables.
+    fn choice(&self) -> Result<(MachineChoice, String)> {
+        let model = self.crane.read()?;
+        let path = match &self.plant {
+            None if self.family.is_none() => {
+                return Ok((MachineChoice::model_itself(&model), NOMINAL.into()));
+            }
+            Some(path) if path.as_path() != Path::new(VIRTUAL) => path,
+            _ => {
+                let choice = MachineChoice::of(model, &self.crane, None)?;
+                let name = match choice.source {
+                    Source::Embedded => VIRTUAL.into(),
+                    _ => choice.name(),
+                };
+                return Ok((choice, name));
+            }
+        };
+        let (name, content) = (path.display().to_string(), text(path)?);
+        let choice = match content.contains("[set]") {
+            true => {
+                let choice = MachineChoice::model_itself(&model);
+                let plant = choice.model.overridden(&name, &content)?.0;
+                choice.with_machine(plant)
+            }
+            false => MachineChoice::of(model, &self.crane, Some(path))?,
+        };
+        Ok((choice, name))
     }
 }
 

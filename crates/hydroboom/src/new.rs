@@ -3,7 +3,7 @@
 use crate::output;
 use clap::Args;
 use clap::ValueEnum;
-use hydroboom_description::{PATU_LIFT, UIA_SINGLE_BOOM};
+use hydroboom_description::{Description, PATU_LIFT, UIA_SINGLE_BOOM};
 use miette::Result;
 use std::path::PathBuf;
 
@@ -15,6 +15,13 @@ enum Circuit {
     /// A 4/3 valve on a supply, and a boom of links: the lift of a forestry crane.
     ValveControlled,
 }
+
+/// Head of the sections that the published crane leaves out.
+const EQUIPMENT: &str = "\
+# Drive, switching valve, sensors and fieldbus of the machine: not published, typical values. The model
+# has none of these; the machine that stands in for the real one (hydroboom run, motion --plant virtual)
+# has them all.
+";
 
 /// Write a complete crane file to start from: the paper's crane, or one on a proportional valve.
 #[derive(Args)]
@@ -43,8 +50,11 @@ impl New {
             );
         }
         let text = match self.circuit {
-            Circuit::SelfContained => UIA_SINGLE_BOOM,
-            Circuit::ValveControlled => PATU_LIFT,
+            Circuit::SelfContained => {
+                let equipment = Description::uia_single_boom()?.equipment_text();
+                format!("{UIA_SINGLE_BOOM}\n{EQUIPMENT}{equipment}")
+            }
+            Circuit::ValveControlled => PATU_LIFT.into(),
         };
         output::file(&self.file, text.as_bytes())?;
         let name = self.file.display().to_string();

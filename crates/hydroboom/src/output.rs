@@ -61,3 +61,11 @@ pub fn file(path: &Path, content: &[u8]) -> Result<()> {
 pub fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |v| format!("{v:.digits$}"))
 }
+
+/// A number with all its digits, small ones by their power of ten.
+pub fn number(value: f64) -> String {
+    match value != 0.0 && value.abs() < 1e-3 {
+        true => format!("{value:e}"),
+        false => value.to_string(),
+    }
+}

@@ -2,10 +2,13 @@
 
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
+use hydroboom_description::RangeSource;
 use miette::Result;
 use serde_json::json;
 
-/// Show every key of a crane with its value, unit and provenance.
+/// Show every key of a crane with its value, unit, range and provenance.
+///
+/// A range is the crane file's, or a default spread about the value where it says so; a key without one has its value only.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom show --set boom.segments=10")]
 pub struct Show {
@@ -24,10 +27,12 @@ impl Show {
         if self.json {
             let keys: Vec<_> = d
                 .own_entries()
-                .map(|(key, value, origin)| {
+                .zip(d.own_ranges())
+                .map(|((key, value, origin), (_, [low, high], from))| {
                     json!({
                         "key": key.path(), "value": value, "unit": key.unit,
                         "meaning": key.meaning, "low": key.low, "high": key.high,
+                        "range": { "low": low, "high": high, "from": from.name() },
                         "provenance": origin.provenance, "source": origin.source,
                     })
                 })
@@ -41,14 +46,22 @@ impl Show {
         }
         let mut rows: Vec<Vec<String>> = d
             .own_entries()
-            .map(|(key, value, origin)| {
-                let value = if value != 0.0 && value.abs() < 1e-3 {
-                    format!("{value:e}")
-                } else {
-                    value.to_string()
+            .zip(d.own_ranges())
+            .map(|((key, value, origin), (_, bounds, from))| {
+                let [low, high] = bounds.map(output::number);
+                let range = match from {
+                    RangeSource::File => format!("{low} to {high}"),
+                    RangeSource::Default => format!("{low} to {high} (default)"),
+                    RangeSource::Value => String::new(),
                 };
-                let source = origin.source.clone();
-                vec![key.path(), value, key.unit.into(), origin.provenance.clone(), source]
+                vec![
+                    key.path(),
+                    output::number(value),
+                    key.unit.into(),
+                    range,
+                    origin.provenance.clone(),
+                    origin.source.clone(),
+                ]
             })
             .collect();
         rows.push(vec!["boom.segments".into(), d.segment_shares.len().to_string()]);
@@ -56,7 +69,7 @@ impl Show {
         output::text(&format!(
             "{}\n{}",
             d.name,
-            output::table(&["key", "value", "unit", "provenance", "source"], &rows)
+            output::table(&["key", "value", "unit", "range", "provenance", "source"], &rows)
         ))
     }
 }

@@ -1,9 +1,9 @@
 //! `hydroboom trials`
 
 use crate::crane_file::CraneFile;
+use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::{Args, ValueEnum};
-use hydroboom_description::Description;
 use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::report;
 use hydroboom_lab::rivals::{Contender, Rival};
@@ -22,7 +22,7 @@ enum What {
     Shaping,
 }
 
-/// Trials on the virtual crane: what is hard for a controller, or what a smoother reference is worth.
+/// Trials on the virtual crane of the crane file, the paper's without --crane: what is hard for a controller, or what a smoother reference is worth.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom trials robustness --rivals --out trials\n  hydroboom trials shaping"
@@ -47,11 +47,11 @@ pub struct Trials {
 impl Trials {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let model = self.crane.read()?;
-        let crane = Description::uia_virtual()?;
+        let choice = MachineChoice::read(&self.crane, None)?;
+        let (model, crane) = (&choice.model, &choice.machine);
         let trials = match self.what {
-            What::Robustness => robustness(&model, &crane),
-            What::Shaping => shaping(&model, &crane),
+            What::Robustness => robustness(model, crane),
+            What::Shaping => shaping(model, crane),
         };
         let trials = trials.into_diagnostic()?;
         let mut contenders: Vec<Contender> =
@@ -60,15 +60,15 @@ impl Trials {
             contenders.extend(Rival::ALL.map(Contender::Rival));
         }
         let bar = ProgressBar::new((trials.len() * contenders.len()) as u64);
-        let outcomes = run(&model, &trials, &contenders, &|| bar.inc(1));
+        let outcomes = run(model, &trials, &contenders, &|| bar.inc(1));
         bar.finish_and_clear();
         if let Some(folder) = &self.out {
             std::fs::create_dir_all(folder).into_diagnostic()?;
-            let page = report::trials_page(&crane.name, &outcomes);
+            let page = report::trials_page(&choice.name(), choice.equality(), &outcomes);
             output::file(&folder.join("trials.html"), page.as_bytes())?;
         }
         if self.json {
-            return output::json(&json!({ "trials": outcomes }));
+            return output::json(&json!({ "trials": outcomes, "machine": choice.json() }));
         }
         let rows: Vec<Vec<String>> = outcomes.iter().map(row).collect();
         let header = [
@@ -83,9 +83,10 @@ impl Trials {
             "",
         ];
         output::text(&format!(
-            "on \"{}\"; the controllers know \"{}\" only\n{}",
-            crane.name,
+            "on \"{}\"; the controllers know \"{}\" only\n{}{}",
+            choice.name(),
             model.name,
+            choice.equality().map_or(String::new(), |equality| format!("{equality}\n")),
             output::table(&header, &rows)
         ))
     }

@@ -51,6 +51,139 @@ fn a_new_crane_file_is_checked_and_shown() {
 }
 
 #[test]
+fn a_new_crane_file_has_what_a_machine_has() {
+    let file = folder("complete").join("crane.toml");
+    let path = file.to_str().unwrap();
+    assert!(hydroboom(&["new", path]).status.success());
+    let shown = parsed(&["show", "--crane", path, "--json"]);
+    for section in ["sensors", "drive", "switching_valve", "fieldbus"] {
+        let mut keys = shown["keys"].as_array().unwrap().iter();
+        let is_of_it = |key: &&serde_json::Value| {
+            key["key"].as_str().unwrap().starts_with(&format!("{section}."))
+        };
+        let of_it: Vec<_> = keys.by_ref().filter(is_of_it).collect();
+        assert!(!of_it.is_empty() && of_it.iter().all(|key| key["provenance"] == "estimate"));
+    }
+    let payload = shown["keys"].as_array().unwrap().iter().find(|k| k["key"] == "payload.mass_kg");
+    let range = &payload.unwrap()["range"];
+    assert_eq!((&range["low"], &range["high"]), (&0.0.into(), &370.0.into()));
+    assert_eq!(range["from"], "file");
+    let table = hydroboom(&["show", "--crane", path]);
+    let table = String::from_utf8_lossy(&table.stdout).to_string();
+    assert!(table.contains("0 to 370") && table.contains("85 to 100 (default)"), "{table}");
+    // the model itself has none of it: strategies on it do as they do on the paper's
+    let errors = |crane: &[&str]| {
+        let base = ["motion", "--scenario", "small-moves", "--json"];
+        let motion = parsed(&[&base, crane].concat());
+        assert_eq!(motion["machine"]["equals_model"], true);
+        motion["motion"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|row| row["rms_mm"].clone())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(errors(&["--crane", path]), errors(&[]));
+    says(&hydroboom(&["check", "--crane", path, "--set", "payload.mass_kg=371"]), "0 to 370 kg");
+}
+
+/// The paper's crane with a short and gentle motion, and a name of its own.
+fn short_crane(folder: &std::path::Path) -> String {
+    let mut text = hydroboom_description::UIA_SINGLE_BOOM.to_string();
+    for (from, to) in [
+        ("name = \"UiA single boom\"", "name = \"short\""),
+        ("start_mm  = { value = 50.0", "start_mm  = { value = 200.0"),
+        ("end_mm    = { value = 450.0", "end_mm    = { value = 240.0"),
+        ("fast_mm_s = { value = 120.0", "fast_mm_s = { value = 60.0"),
+        ("ramp_s    = { value = 1.0", "ramp_s    = { value = 0.5"),
+        ("dwell_s   = { value = 5.0", "dwell_s   = { value = 0.5"),
+        ("rest_s    = { value = 2.0", "rest_s    = { value = 0.5"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
+    let file = folder.join("short.toml");
+    std::fs::write(&file, text).expect("a file");
+    file.display().to_string()
+}
+
+#[test]
+fn a_crane_file_that_is_named_is_the_machine() {
+    let folder = folder("named");
+    let crane = short_crane(&folder);
+    let run = |arguments: &[&str]| {
+        let all =
+            [arguments, &["--crane", &crane, "--set", "payload.mass_kg=250", "--json"]].concat();
+        let output = hydroboom(&all);
+        let said = String::from_utf8_lossy(&output.stderr).to_string();
+        assert!(said.contains("drive.bandwidth_hz = 97.725 Hz"), "{arguments:?}: {said}");
+        let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let machine = &value["machine"];
+        assert_eq!(machine["name"], "virtual crane of short", "{arguments:?}");
+        assert_eq!(machine["from"], "crane file");
+        assert_eq!(machine["equals_model"], true);
+        assert_eq!(machine["filled_in"].as_array().unwrap().len(), 16);
+        let of_equipment = ["drive.", "switching_valve.", "sensors.", "fieldbus.", "virtual."];
+        for difference in machine["differences"].as_array().unwrap() {
+            let key = difference["key"].as_str().unwrap();
+            assert!(of_equipment.iter().any(|section| key.starts_with(section)), "{key}");
+        }
+        value
+    };
+    let motion = run(&["motion", "--plant", "virtual"]);
+    for row in motion["motion"].as_array().unwrap() {
+        assert_eq!(row["plant"], "virtual crane of short");
+    }
+    // what was measured on the paper's crane says nothing of this one
+    assert!(motion["differences"].is_null());
+    let family = run(&["motion", "--family", "2"]);
+    assert_eq!(family["cranes"].as_array().unwrap().len(), 2);
+    let learned = run(&["learn"]);
+    for taught in learned["learned"].as_array().unwrap() {
+        assert_eq!(taught["crane"], "virtual crane of short");
+    }
+    run(&["trials", "shaping"]);
+    let courses = run(&["run", "--simulated-time", "--strategy", "model-following"]);
+    assert!(courses["fault"].is_null(), "{courses}");
+    let payload = courses["learned"]["payload_kg"].as_f64().unwrap();
+    assert!((payload - 250.0).abs() < 10.0, "{payload} kg");
+    // and it is said where people look
+    let report = folder.join("run.html");
+    let path = report.to_str().unwrap();
+    let said = hydroboom(&["run", "--simulated-time", "--crane", &crane, "--report", path]);
+    let equal = "the plant is equal to the model but for drive, valve, sensors and fieldbus";
+    assert!(String::from_utf8_lossy(&said.stdout).contains(equal));
+    assert!(std::fs::read_to_string(report).unwrap().contains(equal));
+}
+
+#[test]
+fn a_machine_of_its_own_is_named_with_what_differs_most() {
+    let folder = folder("machine");
+    let crane = short_crane(&folder);
+    let text = std::fs::read_to_string(&crane).unwrap();
+    let heavy = folder.join("heavy.toml");
+    std::fs::write(&heavy, text.replace("value = 307.0,", "value = 330.0,")).unwrap();
+    let base = ["run", "--simulated-time", "--no-learning", "--crane", &crane];
+    let output =
+        hydroboom(&[&base[..], &["--machine", heavy.to_str().unwrap(), "--json"]].concat());
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("payload.mass_kg: 307 in the model, 330 here"), "{said}");
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(value["machine"]["equals_model"], false);
+    assert_eq!(value["machine"]["differences"].as_array().unwrap().len(), 1);
+    let other = hydroboom(&[&base[..], &["--machine", "../../cranes/uia-virtual.toml"]].concat());
+    let said = String::from_utf8_lossy(&other.stderr);
+    assert!(said.contains("more: --json lists them"), "{said}");
+    let lift = hydroboom(&[&base[..], &["--machine", "../../cranes/patu-lift.toml"]].concat());
+    says(&lift, "valve-controlled");
+    // without a crane file it is the paper's virtual crane, and nothing is filled in
+    let usual = parsed(&["run", "--simulated-time", "--json"]);
+    assert_eq!(usual["machine"]["from"], "embedded");
+    assert_eq!(usual["machine"]["name"], "UiA single boom, virtual");
+    assert!(usual["machine"]["filled_in"].as_array().unwrap().is_empty());
+}
+
+#[test]
 fn wrong_crane_files_are_refused_with_a_reason() {
     let folder = folder("wrong");
     let write = |name: &str, content: &[u8]| {

@@ -7,6 +7,7 @@ mod amended;
 pub mod astray;
 pub mod benchmark;
 pub mod calibrate;
+pub mod crane_file_text;
 pub mod dataset;
 pub mod double_damping;
 pub mod eigenfrequency;

@@ -6,7 +6,8 @@ mod replay;
 mod report;
 mod watch;
 
-use crate::crane_file::{CraneFile, text};
+use crate::crane_file::CraneFile;
+use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::virtual_crane::strategies;
 use clap::Args;
@@ -45,7 +46,8 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 pub struct Run {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the virtual crane that plays the machine; the embedded one when not given.
+    /// Crane file of the virtual crane that plays the machine; when not given, that of the crane file (typical
+    /// drive, valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
     /// How the motor's speed is found.
@@ -109,10 +111,7 @@ enum Learning {
 }
 
 /// What runs, and with what.
-struct Cranes {
-    model: Description,
-    machine: Description,
-}
+type Cranes = MachineChoice;
 
 impl Run {
     /// Runs the command.
@@ -121,11 +120,7 @@ impl Run {
         if let Some(log) = &self.replay {
             return replay::replay(&model, log, self.before(&model)?.as_ref(), self.json);
         }
-        let machine = match &self.machine {
-            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
-            None => Description::uia_virtual()?,
-        };
-        let cranes = Cranes { model, machine };
+        let cranes = Cranes::of(model, &self.crane, self.machine.as_deref())?;
         let wanted = cranes.course(self.speed_mm_s, self.scenario.as_deref())?;
         let strategy = self.strategy;
         let then = self.then.unwrap_or(strategy);
@@ -243,7 +238,7 @@ impl Run {
         };
         let shared = open(Shared::create(&memory.path))?;
         let tampering = open(Shared::open(&memory.path))?;
-        let mut host = Host::start(&memory.path, self.machine.as_deref())?;
+        let mut host = Host::start(&memory.path, cranes.arguments())?;
         let model = &cranes.model;
         let n = &model.numbers;
         let motion = cranes.machine.motion(n.fast);
@@ -282,7 +277,7 @@ impl Run {
     ) -> Result<()> {
         let results = &watch.results;
         let report = Report {
-            model: &cranes.model,
+            cranes,
             results,
             simulated: simulated.filter(|_| real_time.is_some()),
             paper: self.paper(cranes, results),
@@ -291,8 +286,14 @@ impl Run {
             real_time,
         };
         if let Some(path) = &self.report {
-            let page =
-                page::run_page(results, report.paper, &watch.records, real_time, &processor());
+            let page = page::run_page(
+                cranes,
+                results,
+                report.paper,
+                &watch.records,
+                real_time,
+                &processor(),
+            );
             output::file(path, page.into_diagnostic()?.as_bytes())?;
         }
         match self.json {
@@ -368,7 +369,7 @@ impl Cranes {
 
     /// What finds the courses wanted at a dashboard.
     fn courses(&self) -> Courses {
-        let cranes = Cranes { model: self.model.clone(), machine: self.machine.clone() };
+        let cranes = self.clone();
         Box::new(move |course| match course {
             dashboard::Course::Motion { speed_mm_s } => cranes.course(Some(*speed_mm_s), None),
             dashboard::Course::Scenario { name } => cranes.course(None, Some(name)),

@@ -1,6 +1,7 @@
 //! What a run came to, as a page.
 
 use super::watch::CourseResult;
+use crate::machine_choice::MachineChoice;
 use hydroboom_lab::LabError;
 use hydroboom_lab::report::{Axes, Figure, Series, document, figure};
 use hydroboom_realtime::control_task::Record;
@@ -19,6 +20,7 @@ pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<String, 
 
 /// A whole run: all courses, the last one in figures, the deadlines.
 pub fn run_page(
+    cranes: &MachineChoice,
     list: &[CourseResult],
     paper: Option<[f64; 2]>,
     records: &[Record],
@@ -27,8 +29,10 @@ pub fn run_page(
 ) -> Result<String, LabError> {
     let body = html! {
         p.soft {
-            "The machine is the virtual crane, which stands in for a real one: nothing here is a measurement of "
-            "a real crane, but for the paper's numbers and the times of the tasks, which were taken on this computer."
+            "The machine is \"" (cranes.name()) "\", simulated, which stands in for a real one: nothing here is a "
+            "measurement of a real crane, but for the paper's numbers and the times of the tasks, which were taken on "
+            "this computer."
+            @if let Some(equality) = cranes.equality() { " " strong { (equality) } "." }
         }
         (results(list, paper))
         (course(records)?)

@@ -1,6 +1,7 @@
 //! The machine's process, and the memory shared with it.
 
 use miette::{IntoDiagnostic, Result, WrapErr};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -34,14 +35,11 @@ impl Drop for Memory {
 pub struct Host(Child);
 
 impl Host {
-    /// Starts it, to play a crane from a file or the embedded one.
-    pub fn start(shared: &Path, crane: Option<&Path>) -> Result<Self> {
+    /// Starts it, to play the crane that these options of `hydroboom machine` give.
+    pub fn start(shared: &Path, crane: &[OsString]) -> Result<Self> {
         let program = std::env::current_exe().into_diagnostic()?;
         let mut command = Command::new(program);
-        command.arg("machine").arg("--shared").arg(shared).stdin(Stdio::null());
-        if let Some(crane) = crane {
-            command.arg("--crane").arg(crane);
-        }
+        command.arg("machine").arg("--shared").arg(shared).args(crane).stdin(Stdio::null());
         // Ctrl-C is for us: the machine goes on, or nothing would be there to be stopped
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         Ok(Self(command.spawn().into_diagnostic().wrap_err("the machine's process")?))

@@ -1,6 +1,7 @@
 //! What a run came to, in text and JSON.
 
 use super::watch::CourseResult;
+use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_control::Learned;
 use hydroboom_description::Description;
@@ -10,8 +11,8 @@ use serde_json::{Value, json};
 
 /// What is said of a run.
 pub struct Report<'a> {
-    /// The model.
-    pub model: &'a Description,
+    /// Model and machine.
+    pub cranes: &'a MachineChoice,
     /// Courses that were run.
     pub results: &'a [CourseResult],
     /// The first of them in simulated time.
@@ -48,6 +49,7 @@ impl Report<'_> {
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| [s.rms_mm, s.peak_mm]),
             "synchronised": self.synchronised, "learned": self.learned.map(learned_json), "timing": timing, "processor": processor(),
+            "machine": self.cranes.json(),
         })
     }
 
@@ -83,9 +85,13 @@ impl Report<'_> {
         }
         let header = ["course", "RMS [mm]", "peak [mm]", "ended"];
         let mut said = format!(
-            "Tracking error x - x_ref on the virtual crane\n{}",
+            "Tracking error x - x_ref on \"{}\"\n{}",
+            self.cranes.name(),
             output::table(&header, &rows)
         );
+        if let Some(equality) = self.cranes.equality() {
+            said += &format!("\n{equality}");
+        }
         if let Some(drift) = self.drift() {
             said += &format!("\n{drift}");
         }
@@ -96,14 +102,14 @@ impl Report<'_> {
             said += &format!("\n{}", self.learned(learned));
         }
         if let Some(real_time) = self.real_time {
-            said += &timing_table(self.model, real_time);
+            said += &timing_table(&self.cranes.model, real_time);
         }
         said
     }
 
     /// What was learned, beside what the crane file says.
     fn learned(&self, learned: &Learned) -> String {
-        let (n, balance) = (&self.model.numbers, &learned.flow.balance);
+        let (n, balance) = (&self.cranes.model.numbers, &learned.flow.balance);
         let [coulomb, viscous] = learned.load.friction();
         format!(
             "learned: payload {:.0} kg (crane file {:.0}), friction {:.2} (Coulomb) and {:.2} times (viscous) the crane file's, oil stiffens at {:.1} +- {:.1} bar ({:.1}), pump delivers {:.3} of its displacement ({:.3}), leakage {:.3} L/min, slip {:.5} cm3/(rev bar) ({:.5}), motor {:.1} ms late ({:.1})",

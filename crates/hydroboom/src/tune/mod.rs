@@ -17,6 +17,7 @@ use hydroboom_identify::{
     COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Profile, Task, Tuned,
     experiment_for, fit, held_out, predict,
 };
+use hydroboom_lab::crane_file_text::{FoundValue, write_value};
 use hydroboom_measurement::{Signals, digest, digest_of};
 use indicatif::ProgressBar;
 use journal::Journal;
@@ -27,7 +28,7 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use toml_edit::{DocumentMut, InlineTable, Item, Value};
+use toml_edit::DocumentMut;
 
 /// Move keys of a crane file until the model shows what logs do, and say how sure that is.
 #[derive(Args)]
@@ -261,7 +262,8 @@ impl Tune {
         }
     }
 
-    /// The crane file with the keys that were moved; all else, comments too, as it was.
+    /// The crane file with the keys that were moved; all else, comments too, as it was, but for ranges
+    /// that do not reach their new values.
     fn written(&self, found: &Fit, digests: &[String]) -> Result<String> {
         let mut document: DocumentMut = self.crane.text()?.parse().into_diagnostic()?;
         let logs: Vec<String> = self
@@ -277,15 +279,17 @@ impl Tune {
         for t in &found.tuned {
             let key = &KEYS[t.key.place];
             let (low, high) = t.interval();
-            let mut entry = InlineTable::new();
-            entry.insert("value", five_digits(key.to_unit(t.value.1)).into());
-            entry.insert("provenance", "tuned".into());
             let how = match t.is_determined {
                 true => format!("95 %: {:.4e} to {:.4e}", key.to_unit(low), key.to_unit(high)),
                 false => "the logs do not determine it".into(),
             };
-            entry.insert("source", format!("to {}; {how}", logs.join(", ")).into());
-            document[key.section][key.name] = Item::Value(Value::InlineTable(entry));
+            let tuned = FoundValue {
+                path: &key.path(),
+                value: five_digits(key.to_unit(t.value.1)),
+                provenance: "tuned",
+                source: format!("to {}; {how}", logs.join(", ")),
+            };
+            write_value(&mut document, tuned);
         }
         Ok(document.to_string())
     }

@@ -4,8 +4,9 @@ use super::parameter::PARAMETERS;
 use super::published::published;
 use super::search::Found;
 use crate::LabError;
+use crate::crane_file_text::{FoundValue, write_value};
 use serde::Serialize;
-use toml_edit::{DocumentMut, InlineTable, Item, Value};
+use toml_edit::DocumentMut;
 
 /// Between these lines stands what the last calibration reached.
 const BEGIN: &str = "# --- calibration: written by `hydroboom calibrate` ---";
@@ -107,17 +108,14 @@ impl Found {
             reason: format!("{e}"),
         })?;
         for found in self.calibrated() {
-            let Some((section, name)) = found.key.split_once('.') else { continue };
-            let mut entry = InlineTable::new();
-            entry.insert("value", found.value.into());
-            entry.insert("provenance", "calibrated".into());
             let [low, high] = found.range;
-            let how_well = match found.determined {
+            let source = match found.determined {
                 true => format!("to Tables 5 to 8, within {low} to {high}"),
                 false => format!("within {low} to {high}; Tables 5 to 8 do not determine it"),
             };
-            entry.insert("source", how_well.into());
-            document[section][name] = Item::Value(Value::InlineTable(entry));
+            let (path, value) = (found.key, found.value);
+            let calibrated = FoundValue { path, value, provenance: "calibrated", source };
+            write_value(&mut document, calibrated);
         }
         let text = document.to_string();
         let without = match (text.find(BEGIN), text.find(END)) {

@@ -85,6 +85,8 @@ pub struct MotionTests<'a> {
     /// The published model along the same course as the fastest velocity feedforward run, for
     /// figures 18 to 23.
     pub alongside: Option<&'a Run>,
+    /// What is to be said of the plant, if anything.
+    pub remark: Option<&'a str>,
 }
 
 /// A page with the figures of every course that was run.
@@ -124,6 +126,7 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<String, LabError> {
             "Simulated: the model steers, the " (tests.plant) " follows, and is seen through its sensors. "
             "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement. "
             "Model following looks along the path, by up to 0.15 s, and by 2.5 s for what is faster than the motor; the published strategies are told no more than where it is."
+            @if let Some(remark) = tests.remark { " " strong { (remark) } "." }
         }
         @for (course, table, figures) in &sections {
             h2 { (course) }

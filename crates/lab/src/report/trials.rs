@@ -6,8 +6,8 @@ use crate::rivals::Contender;
 use crate::trials::Outcome;
 use maud::{Markup, html};
 
-/// The page of trials on a crane.
-pub fn trials_page(crane: &str, outcomes: &[Outcome]) -> String {
+/// The page of trials on a crane, with a remark on the crane if there is one.
+pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> String {
     let mut names: Vec<&str> = Vec::new();
     for outcome in outcomes {
         if !names.contains(&outcome.trial.as_str()) {
@@ -18,6 +18,7 @@ pub fn trials_page(crane: &str, outcomes: &[Outcome]) -> String {
         p.soft {
             "On \"" (crane) "\". The controllers and the simulation beside the machine know the published model only. "
             "Nothing here is a measurement."
+            @if let Some(remark) = remark { " " strong { (remark) } "." }
         }
         h2 { "All trials" }
         (overview(&names, outcomes))

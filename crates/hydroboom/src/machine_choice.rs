@@ -1,0 +1,219 @@
+//! The machine that stands in for the real one beside its model.
+
+use crate::crane_file::{CraneFile, self_contained, text};
+use crate::output;
+use hydroboom_description::{Description, Difference, FilledIn, by_weight};
+use miette::Result;
+use serde_json::{Value, json};
+use std::ffi::OsString;
+use std::path::Path;
+
+/// Differences that are printed; JSON has them all.
+const PRINTED: usize = 10;
+
+/// Where the machine comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The paper's virtual crane, embedded: no crane file is named.
+    Embedded,
+    /// The virtual crane of the crane file that is named.
+    CraneFile,
+    /// A crane file of its own.
+    MachineFile,
+    /// The model itself, or the model with overrides; its equipment is ideal.
+    Model,
+}
+
+impl Source {
+    /// Its name.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Embedded => "embedded",
+            Self::CraneFile => "crane file",
+            Self::MachineFile => "machine file",
+            Self::Model => "model",
+        }
+    }
+}
+
+/// A model, and the machine that it is held against.
+#[derive(Clone, Debug)]
+pub struct MachineChoice {
+    /// The model, which the controllers know.
+    pub model: Description,
+    /// The machine.
+    pub machine: Description,
+    /// Where the machine comes from.
+    pub source: Source,
+    /// What the crane file of the machine leaves out, filled in.
+    filled_in: Vec<FilledIn>,
+    /// In what the machine differs from the model, what matters most first.
+    differences: Vec<Difference>,
+    /// Options of `hydroboom machine` that give the same machine.
+    arguments: Vec<OsString>,
+}
+
+impl MachineChoice {
+    /// The model of `crane`, and its machine: the file `machine` where one is named, else the virtual crane
+    /// of the crane file that is named, else the paper's virtual crane.
+    ///
+    /// What was filled in, and how a machine that is named differs from the model, is said on standard
+    /// error.
+    pub fn read(crane: &CraneFile, machine: Option<&Path>) -> Result<Self> {
+        Self::of(crane.read()?, crane, machine)
+    }
+
+    /// The same of a model that was read from `crane`.
+    pub fn of(model: Description, crane: &CraneFile, machine: Option<&Path>) -> Result<Self> {
+        let nothing = Vec::new();
+        let (machine, source, filled_in, arguments) = match (machine, crane.path()) {
+            (Some(path), _) => {
+                let machine = Description::parse(&path.display().to_string(), &text(path)?)?;
+                let arguments = vec!["--crane".into(), path.into()];
+                (self_contained(machine)?, Source::MachineFile, nothing, arguments)
+            }
+            (None, Some(_)) => {
+                let (machine, filled_in) = model.virtual_crane();
+                let mut arguments = crane.arguments();
+                arguments.push("--virtual".into());
+                (machine, Source::CraneFile, filled_in, arguments)
+            }
+            (None, None) => (Description::uia_virtual()?, Source::Embedded, nothing, Vec::new()),
+        };
+        let differences = by_weight(model.differences(&machine));
+        let choice = Self { model, machine, source, filled_in, differences, arguments };
+        choice.notes().iter().for_each(|note| eprintln!("{note}"));
+        Ok(choice)
+    }
+
+    /// The model itself as the machine, with ideal equipment.
+    pub fn model_itself(model: &Description) -> Self {
+        let model = model.without_equipment();
+        Self {
+            machine: model.clone(),
+            model,
+            source: Source::Model,
+            filled_in: Vec::new(),
+            differences: Vec::new(),
+            arguments: Vec::new(),
+        }
+    }
+
+    /// The same with another machine: one that overrides have changed.
+    pub fn with_machine(self, machine: Description) -> Self {
+        let differences = by_weight(self.model.differences(&machine));
+        Self { machine, differences, ..self }
+    }
+
+    /// Whether the machine is a virtual crane, with its equipment.
+    pub fn is_virtual(&self) -> bool {
+        matches!(self.source, Source::Embedded | Source::CraneFile)
+    }
+
+    /// What the machine is called, in tables and messages.
+    pub fn name(&self) -> String {
+        match self.source {
+            Source::CraneFile => format!("virtual crane of {}", self.model.name),
+            Source::Embedded | Source::MachineFile | Source::Model => self.machine.name.clone(),
+        }
+    }
+
+    /// Options of `hydroboom machine` that give the same machine in another process.
+    pub fn arguments(&self) -> &[OsString] {
+        &self.arguments
+    }
+
+    /// The differences that matter most, in the order of the file, and how many more there are.
+    pub fn most_important(&self) -> (Vec<Difference>, usize) {
+        let printed = self.differences.len().min(PRINTED);
+        let mut important = self.model.differences(&self.machine);
+        important.retain(|difference| self.differences[..printed].contains(difference));
+        (important, self.differences.len() - printed)
+    }
+
+    /// What is to be said where the machine is the model itself, equipment aside: none where it differs.
+    pub fn equality(&self) -> Option<&'static str> {
+        if self.differences.is_empty() {
+            return Some(
+                "the plant is equal to the model: tracking errors are lower than on a real machine",
+            );
+        }
+        self.differences.iter().all(Difference::is_of_equipment).then_some(
+            "the plant is equal to the model but for drive, valve, sensors and fieldbus: tracking errors are \
+             lower than on a real machine",
+        )
+    }
+
+    /// For machines: name, source, what was filled in, and all differences.
+    pub fn json(&self) -> Value {
+        let filled_in = self.filled_in.iter().map(|f| {
+            json!({ "key": f.key.path(), "value": f.value, "unit": f.key.unit, "source": f.source })
+        });
+        let differences = self
+            .differences
+            .iter()
+            .map(|d| json!({ "key": d.key, "model": d.here, "machine": d.there, "unit": d.unit }));
+        json!({
+            "name": self.name(), "from": self.source.name(), "digest": self.machine.digest(),
+            "equals_model": self.equality().is_some(), "remark": self.equality(),
+            "filled_in": filled_in.collect::<Vec<_>>(),
+            "differences": differences.collect::<Vec<_>>(),
+        })
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if !self.filled_in.is_empty() {
+            let keys: Vec<String> = self.filled_in.iter().map(FilledIn::to_string).collect();
+            notes.push(format!(
+                "the machine is the {}. Typical values stand in for what its file leaves out:\n  {}",
+                self.name(),
+                keys.join("\n  ")
+            ));
+        }
+        if self.source == Source::MachineFile && !self.differences.is_empty() {
+            notes.push(format!(
+                "the machine \"{}\" differs from the model \"{}\" in\n  {}",
+                self.name(),
+                self.model.name,
+                shortened(&self.differences).join("\n  ")
+            ));
+        }
+        notes
+    }
+}
+
+/// The most important differences, a line each, and how many more there are.
+fn shortened(differences: &[Difference]) -> Vec<String> {
+    let printed = &differences[..differences.len().min(PRINTED)];
+    let short = |text: &str| text.parse().map_or_else(|_| text.to_string(), output::number);
+    let line = |d: &Difference| {
+        format!("{}: {} in the model, {} here", d.key, short(&d.here), short(&d.there))
+    };
+    let mut lines: Vec<String> = printed.iter().map(line).collect();
+    if differences.len() > PRINTED {
+        lines.push(format!("and {} more: --json lists them", differences.len() - PRINTED));
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_differences_are_cut_short_and_few_are_not() {
+        let model = Description::uia_single_boom().unwrap();
+        let of = |machine: &Description| shortened(&by_weight(model.differences(machine)));
+        let lines = of(&Description::uia_virtual().unwrap());
+        assert_eq!(lines.len(), PRINTED + 1);
+        assert!(
+            lines[PRINTED].starts_with("and ") && lines[PRINTED].contains("--json"),
+            "{lines:?}"
+        );
+        let mut heavy = model.clone();
+        heavy.set("payload.mass_kg=340").unwrap();
+        assert_eq!(of(&heavy), ["payload.mass_kg: 307 in the model, 340 here"]);
+        assert!(of(&model).is_empty());
+    }
+}
