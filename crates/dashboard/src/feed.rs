@@ -159,7 +159,7 @@ impl Feed {
             "type": "frame", "time_s": self.time(), "state": r.decision.state.name(),
             "cause": cause.map(|c| c.code()), "advice": cause.map(|c| c.advice()),
             "start_waits_for": start_waits_for(&r.decision, operator.is_some()),
-            "waiting": Value::Null, "waiting_s": Value::Null,
+            "waiting": r.decision.waiting.text(), "waiting_s": shorter(r.decision.waited),
             "chosen": self.chosen.json(), "strategy": r.strategy.name(), "fallback": r.fallback,
             "course_s": r.course_time.map(shorter), "valve": r.decision.command.holding_valve,
             "known": r.known.map(|k| [k.payload, k.balance.transition * 1e-5, k.balance.flow_gain]),

@@ -1,11 +1,11 @@
 //! `hydroboom faults`
 
 use crate::crane_file::CraneFile;
+use crate::machine_choice::MachineChoice;
 use crate::virtual_crane::strategies;
 use crate::{healthy, output};
 use clap::Args;
 use hydroboom_control::Strategy;
-use hydroboom_description::Description;
 use hydroboom_lab::report::document;
 use hydroboom_realtime::campaign_cranes::{CampaignCrane, at_valve_end, campaign_cranes};
 use hydroboom_realtime::fault::Fault;
@@ -66,12 +66,9 @@ impl Faults {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         if let Some(count) = self.healthy {
-            let crane = self.crane.read()?;
-            let nominal = match self.crane.is_embedded() && !self.crane.is_overridden() {
-                true => Description::uia_virtual()?,
-                false => crane.virtual_crane().0,
-            };
-            return healthy::run(&crane, &nominal, (count, self.seed), &self.strategy, self.json);
+            let choice = MachineChoice::read(&self.crane, None)?;
+            let asked = (count, self.seed);
+            return healthy::run(&choice.model, &choice.machine, asked, &self.strategy, self.json);
         }
         let wanted = self.only.as_deref().unwrap_or("");
         let faults: Vec<Fault> =
@@ -131,10 +128,9 @@ impl Faults {
 
     fn cranes(&self) -> Result<Vec<(String, CampaignCrane)>> {
         if !self.crane.is_embedded() || self.crane.is_overridden() {
-            let model = self.crane.read()?;
-            let (machine, _) = model.virtual_crane();
-            let crane = CampaignCrane { name: "given", model: model.clone(), machine };
-            return Ok(vec![(model.name, crane)]);
+            let MachineChoice { model, machine, .. } = MachineChoice::read(&self.crane, None)?;
+            let name = model.name.clone();
+            return Ok(vec![(name, CampaignCrane { name: "given", model, machine })]);
         }
         let all = campaign_cranes()?;
         if !self.all {

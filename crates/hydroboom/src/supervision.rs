@@ -1,11 +1,11 @@
 //! `hydroboom supervision`
 
 use crate::crane_file::CraneFile;
+use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::Args;
 use hydroboom_control::supervision::{FLOW_WINDOW_TIME, Limits};
 use hydroboom_control::{Cause, Strategy};
-use hydroboom_description::Description;
 use hydroboom_design::{LoadPressure, limits, load_pressure};
 use hydroboom_realtime::flow_baseline::FlowBaseline;
 use hydroboom_realtime::reactions::{ReactionEffect, ideal_second_line, reaction_effects};
@@ -59,10 +59,7 @@ impl Supervision {
         }
         let (mut effects, mut second_line) = (Vec::new(), None);
         if self.reactions {
-            let machine = match self.crane.is_embedded() && !self.crane.is_overridden() {
-                true => Description::uia_virtual()?,
-                false => model.virtual_crane().0,
-            };
+            let machine = MachineChoice::of(model.clone(), &self.crane, None)?.machine;
             let speeds = [model.numbers.slow, model.numbers.fast];
             effects = reaction_effects(&model, &machine, &speeds).into_diagnostic()?;
             second_line = Some(ideal_second_line(&machine).into_diagnostic()?);

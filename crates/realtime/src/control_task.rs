@@ -247,6 +247,13 @@ impl ControlTask {
         }
     }
 
+    /// Supervised within other limits; before anything has been asked for.
+    #[must_use]
+    pub fn within(mut self, limits: Limits) -> Self {
+        self.supervisor = Supervisor::new(limits);
+        self
+    }
+
     /// Time without a command after which the drive stops by itself \[s\].
     pub fn watchdog(&self) -> f64 {
         self.supervisor.limits().watchdog

@@ -11,7 +11,7 @@ use crate::session::{Lookout, Order};
 use crate::setup::SetupError;
 use crate::simulation_task::SimulationTask;
 use crate::trouble::{Tampering, Trouble};
-use hydroboom_control::{Command, Decision, Learned, Path, Strategy};
+use hydroboom_control::{Command, Decision, Learned, Limits, Path, Strategy};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
@@ -200,6 +200,13 @@ impl Lockstep {
         // what was asked for cannot be built: then nothing is done to it
         let _ = disturbance.machine(&mut self.machine);
         self.machine.advance(&disturbance.drive(self.arrived.0))
+    }
+
+    /// Supervised within other limits.
+    #[must_use]
+    pub fn within(mut self, limits: Limits) -> Self {
+        self.control = self.control.within(limits);
+        self
     }
 
     /// Learns of the machine, beginning with what was learned before, if anything.

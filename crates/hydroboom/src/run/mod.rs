@@ -11,15 +11,17 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::virtual_crane::strategies;
 use clap::Args;
-use hydroboom_control::{Learned, Path, Strategy};
+use hydroboom_control::{Learned, Limits, Path, Strategy};
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Setup};
 use hydroboom_description::Description;
+use hydroboom_design::limits;
 use hydroboom_lab::paper;
 use hydroboom_lab::scenario::{CourseChoice, scenarios};
 use hydroboom_realtime::control_task::ControlTask;
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
 use hydroboom_realtime::executive::{self, Placement, RealTime, Tasks};
+use hydroboom_realtime::flow_baseline::FlowBaseline;
 use hydroboom_realtime::learned_file;
 use hydroboom_realtime::lockstep::{self, Lockstep, Pace};
 use hydroboom_realtime::log::LogWriter;
@@ -84,6 +86,13 @@ pub struct Run {
     /// Learn nothing of the machine: its payload and oil are the crane file's.
     #[arg(long)]
     no_learning: bool,
+    /// Baseline of this machine's delivered flow, as recorded by --record-baseline: position is compared
+    /// with it in place of the crane file's ranges.
+    #[arg(long, value_name = "FILE")]
+    baseline: Option<PathBuf>,
+    /// Record this machine's delivered flow from the last course into a file, if it went well.
+    #[arg(long, value_name = "FILE")]
+    record_baseline: Option<PathBuf>,
     /// Log to write, MCAP: Foxglove and PlotJuggler open it, `hydroboom log to-csv` converts it.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -133,6 +142,7 @@ impl Run {
             true => Learning::Nothing,
             false => Learning::From(self.before(&cranes.model)?.map(Box::new)),
         };
+        let limits = self.limits(&cranes.model)?;
         let is_needless = self.simulated_time || self.dashboard.is_some();
         let alone = cranes.beforehand(&wanted, switch, &learning, is_needless)?;
         let desk = Arc::new(Desk::new(strategy));
@@ -143,7 +153,7 @@ impl Run {
                 if self.dashboard.is_some() {
                     attend(&desk)?;
                 }
-                let run = cranes.lockstep(strategy, &learning)?;
+                let run = cranes.lockstep(strategy, &learning)?.within(limits);
                 let lookout =
                     Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
                 let ended = lockstep::run(run, &cranes.machine, lookout, pace);
@@ -151,7 +161,8 @@ impl Run {
             }
             false => {
                 attend(&desk)?;
-                let ended = self.in_real_time(&cranes, strategy, &learning, &desk, &mut watch)?;
+                let supervised = (strategy, limits);
+                let ended = self.in_real_time(&cranes, supervised, &learning, &desk, &mut watch)?;
                 let learned = ended.learned;
                 (Some(ended), learned)
             }
@@ -161,8 +172,36 @@ impl Run {
             let text = learned_file::text(&cranes.model, learned).into_diagnostic()?;
             output::file(path, text.as_bytes())?;
         }
+        self.record(&cranes.model, &watch)?;
         let learned = learned.filter(|_| strategy.follows() || then.follows());
         self.conclude(&cranes, &watch, alone.as_ref(), learned.as_ref(), real_time.as_ref())
+    }
+
+    /// Limits of the crane, its delivered flow against the baseline where one is named.
+    fn limits(&self, model: &Description) -> Result<Limits> {
+        let mut limits = limits(model, model.numbers.fast).into_diagnostic()?;
+        if let Some(path) = &self.baseline {
+            let baseline = FlowBaseline::read(model, path).into_diagnostic()?;
+            limits.flow = baseline.narrowed(limits.flow);
+        }
+        Ok(limits)
+    }
+
+    /// Records the baseline of delivered flow from the last course.
+    fn record(&self, model: &Description, watch: &Watch) -> Result<()> {
+        let Some(path) = &self.record_baseline else { return Ok(()) };
+        let monitor = limits(model, model.numbers.fast).into_diagnostic()?.flow;
+        let baseline =
+            FlowBaseline::of_course(model, &monitor, &watch.records).into_diagnostic()?;
+        output::file(path, baseline.text().as_bytes())?;
+        eprintln!(
+            "baseline of delivered flow: gain {:.4}, leakage {:.2} times the described, residual {:.2} mm: {}",
+            baseline.gain,
+            baseline.leakage,
+            baseline.residual * 1e3,
+            path.display()
+        );
+        Ok(())
     }
 
     /// What was learned before.
@@ -227,7 +266,7 @@ impl Run {
     fn in_real_time(
         &self,
         cranes: &Cranes,
-        strategy: Strategy,
+        (strategy, limits): (Strategy, Limits),
         learning: &Learning,
         desk: &Arc<Desk>,
         watch: &mut Watch,
@@ -243,7 +282,6 @@ impl Run {
         let n = &model.numbers;
         let motion = cranes.machine.motion(n.fast);
         let course = Course::new(Arc::new(motion));
-        let limits = hydroboom_design::limits(model, motion.speed).into_diagnostic()?;
         let control = ControlTask::new(model, course, limits, strategy);
         let tasks = Tasks {
             control: match learning {

@@ -1,6 +1,7 @@
 //! Who looks on while a machine runs: writes the log, sums the courses up, asks for the next one.
 
-use hydroboom_control::{Path, State, Strategy};
+use hydroboom_control::supervision::Waiting;
+use hydroboom_control::{Decision, Path, State, Strategy};
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::desk::{Desk, Generation};
@@ -99,6 +100,8 @@ pub struct Watch {
     log: Option<LogWriter>,
     speaks: bool,
     state: Option<State>,
+    /// What it was said last that the machine waits for.
+    waiting: Option<Waiting>,
     running: Option<Running>,
     /// Records of the last course, from the request to the load held.
     pub records: Vec<Record>,
@@ -129,6 +132,8 @@ struct Start {
 
 /// A start that is not taken up within this time and a moment more was dropped \[s\].
 const TAKEN_UP: f64 = Desk::START_WITHIN + 0.1;
+/// A state that waits is silent for so long \[s\].
+const SILENT: f64 = 2.0;
 /// After a course, or a fault, so long until the next one \[s\].
 const PAUSE: f64 = 1.0;
 /// More records of one course are not kept: twenty minutes.
@@ -146,6 +151,7 @@ impl Watch {
             log: None,
             speaks: false,
             state: None,
+            waiting: None,
             running: None,
             records: Vec::with_capacity(40_000),
             results: Vec::new(),
@@ -228,8 +234,8 @@ impl Attendant for Watch {
         if let Some(switch) = &self.switch {
             self.desk.choose(switch.at_time(record.course_time));
         }
-        let begins = before == Some(State::Holding) && record.decision.command.motor_speed != 0.0;
-        if begins && now == State::Holding && self.running.is_none() {
+        self.say_waiting(&record.decision);
+        if record.decision.releasing && self.running.is_none() {
             self.begin(record);
         }
         if let (Some(running), Some(error)) = (&mut self.running, record.error()) {
@@ -239,8 +245,8 @@ impl Attendant for Watch {
             self.records.push(*record);
         }
         let rests = matches!(now, State::Holding | State::Fault)
-            && record.decision.command.motor_speed == 0.0
-            && record.decision.command.holding_valve == 0.0;
+            && record.decision.is_at_rest()
+            && !record.decision.releasing;
         self.resting = if rests { self.resting.or(Some(record.time)) } else { None };
         if let Some((dashboard, _)) = &mut self.dashboard {
             dashboard.see(record);
@@ -298,6 +304,24 @@ impl Watch {
         }
     }
 
+    /// Says what the machine waits for once it has waited for a while; a held load may wait for a start.
+    fn say_waiting(&mut self, decision: &Decision) {
+        let usual = matches!(
+            decision.waiting,
+            Waiting::Start | Waiting::CourseEnd | Waiting::Lift | Waiting::Enable | Waiting::Reset
+        );
+        if !self.speaks
+            || usual
+            || decision.waited < SILENT
+            || self.waiting == Some(decision.waiting)
+        {
+            return;
+        }
+        self.waiting = Some(decision.waiting);
+        let (state, text) = (decision.state.name(), decision.waiting.text());
+        self.say(&format!("{state} waits for {text}, since {:.0} s", decision.waited));
+    }
+
     fn begin(&mut self, record: &Record) {
         self.asked = None;
         if let Some(plan) = &mut self.plan {
@@ -318,6 +342,7 @@ impl Watch {
     fn changed(&mut self, before: Option<State>, record: &Record) {
         let now = record.decision.state;
         self.state = Some(now);
+        self.waiting = None;
         if self.speaks {
             match record.decision.cause {
                 Some(cause) if now == State::Fault => {
