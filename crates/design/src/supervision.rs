@@ -303,6 +303,13 @@ impl Derivation {
                 HoldingCheckChoice::None => 0.0,
             },
             largest_compliance: 1.0 / low.bulk_modulus_min,
+            bulk_modulus: n.bulk_modulus_max,
+            transition: high.transition,
+            transition_slope: 1.0 / n.transition_width,
+            area,
+            other_area: cylinder.piston_area + cylinder.rod_side_area - area,
+            dead_volume: dead,
+            largest_spring: n.supervision_spring,
         }
     }
 
@@ -321,6 +328,7 @@ impl Derivation {
             creep: n.supervision_creep,
             motor_speed: n.motor_speed,
             motor_slew: n.motor_slew,
+            spring: n.supervision_spring,
             stop_time: n.supervision_stop,
             watchdog: n.supervision_watchdog,
             still: (swing_speed, self.swing),

@@ -128,6 +128,9 @@ causes! {
     /// The drive turns against its command, or although commanded to stand still.
     DriveUncommanded: Hold, "drive-uncommanded",
         "the drive turns without or against a command: cut its power; the supervisor cannot stop it";
+    /// Pressure is shut in on the unloaded side of the cylinder.
+    TrappedPressure: Hold, "trapped-pressure",
+        "pressure is shut in on the unloaded side: released, the load would spring by more than supervision.spring_mm. Relieve it by hand";
     /// The pump delivered all that can be needed, and did not lift the load.
     NoLift: Hold, "no-lift",
         "the pump does not lift the load: is it heavier than the crane file says? Look at pump, drive, lines and air in the oil";

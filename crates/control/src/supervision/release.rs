@@ -20,6 +20,7 @@
 //! `select`, so that exported blocks carry the same code.
 
 use hydroboom_math::{Real, record};
+use hydroboom_model::hydraulics::Oil;
 
 record! {
     /// Numbers of a release, derived from a crane file's values and ranges.
@@ -109,6 +110,27 @@ record! {
         /// Largest compliance of the oil, 1/β_min
         #[unit = "1/Pa"]
         pub largest_compliance: T,
+        /// Largest bulk modulus of the oil, β_max
+        #[unit = "Pa"]
+        pub bulk_modulus: T,
+        /// Middle of the transition of the softest oil, p_c1
+        #[unit = "Pa"]
+        pub transition: T,
+        /// Reciprocal of the transition's width, 1/p_c2
+        #[unit = "1/Pa"]
+        pub transition_slope: T,
+        /// Area of the chamber that carries the load
+        #[unit = "m²"]
+        pub area: T,
+        /// Area of the other chamber
+        #[unit = "m²"]
+        pub other_area: T,
+        /// Volume of the chamber that carries the load, at its smallest
+        #[unit = "m³"]
+        pub dead_volume: T,
+        /// Largest movement of the load when pressure shut in on its unloaded side is released
+        #[unit = "m"]
+        pub largest_spring: T,
     }
 }
 
@@ -127,6 +149,12 @@ record! {
         /// Pressure of the cylinder chamber that carries the load
         #[unit = "Pa"]
         pub pressure_load: T,
+        /// Pressure of the other cylinder chamber
+        #[unit = "Pa"]
+        pub pressure_other: T,
+        /// Pressure of the other pump side
+        #[unit = "Pa"]
+        pub pressure_other_pump: T,
         /// 1 with a new reading, 0 where the last one is shown again
         #[unit = "1"]
         pub is_new: T,
@@ -216,6 +244,8 @@ pub enum Refusal {
     PositionNotSteady,
     /// The pump delivered all that can be needed, and the piston did not move.
     NoLift,
+    /// Pressure is shut in on the unloaded side: released, the load would spring.
+    TrappedPressure,
     /// The piston moved, and the pressures do not agree with it; or the load pressure is outside
     /// what any load can need.
     PressureDisagrees,
@@ -224,7 +254,7 @@ pub enum Refusal {
 impl Refusal {
     /// The refusal with this phase number; none for a phase that is no refusal.
     pub fn from_phase(phase: f64) -> Option<Self> {
-        [Self::PositionNotSteady, Self::NoLift, Self::PressureDisagrees]
+        [Self::PositionNotSteady, Self::NoLift, Self::PressureDisagrees, Self::TrappedPressure]
             .into_iter()
             .find(|refusal| refusal.phase() == phase)
     }
@@ -235,6 +265,7 @@ impl Refusal {
             Self::PositionNotSteady => -1.0,
             Self::NoLift => -2.0,
             Self::PressureDisagrees => -3.0,
+            Self::TrappedPressure => -4.0,
         }
     }
 }
@@ -262,6 +293,25 @@ impl<T: Real> Release<T> {
     /// A release that begins, with the motor at rest.
     pub fn begin(&self) -> ReleaseState<T> {
         ReleaseState::from_array([T::zero(); ReleaseState::NAMES.len()])
+    }
+
+    /// Movement \[m\] that the load springs by when the valve opens, with the piston so far \[m\] from the
+    /// end that the load pushes it to: the loaded side expands by what the other side no longer holds back.
+    ///
+    /// `(V_A + V_PA) (S(p_A) − S(p_A − (p_B − p_PB) A_B/A_A))/A_A`, with the softest oil.
+    #[inline(always)]
+    fn spring(&self, now: &ReleaseInput<T>, height: T) -> T {
+        let oil = Oil {
+            bulk_modulus_max: self.bulk_modulus,
+            bulk_modulus_min: T::one() / self.largest_compliance,
+            transition_pressure: self.transition,
+            transition_slope: self.transition_slope,
+            vapour_pressure: T::zero(),
+        };
+        let trapped = (now.pressure_other - now.pressure_other_pump).max(T::zero());
+        let after = (now.pressure_load - trapped * self.other_area / self.area).max(T::zero());
+        let volume = self.dead_volume + self.area * height + self.pump_volume;
+        volume * (oil.compression(now.pressure_load) - oil.compression(after)) / self.area
     }
 
     /// One control period: `elapsed` \[s\] have passed by the machine's clock.
@@ -330,6 +380,8 @@ impl<T: Real> Release<T> {
         let least_volume = self.pump_volume * (self.least_compression - compressed).max(zero);
         s.least_volume = T::select(observed, least_volume, before.least_volume);
 
+        let springs = observed & self.largest_spring.lt(self.spring(now, height));
+
         // delivered volume, against the load
         let delivered = self.direction * now.motor_speed * self.delivery * elapsed;
         s.volume = before.volume + T::select(filling | settling, delivered, zero);
@@ -378,6 +430,7 @@ impl<T: Real> Release<T> {
         let disagrees = (observed & impossible) | (moved & apart) | (settled & apart);
         next = T::select(spent & !(moved | by_pressure), number(Refusal::NoLift.phase()), next);
         next = T::select(disagrees, number(Refusal::PressureDisagrees.phase()), next);
+        next = T::select(springs, number(Refusal::TrappedPressure.phase()), next);
         next = T::select(not_steady, number(Refusal::PositionNotSteady.phase()), next);
         let changes = (next - before.phase).abs();
         s.phase_time = T::select(T::lit(0.5).lt(changes), zero, s.phase_time);

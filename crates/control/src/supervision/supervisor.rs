@@ -331,9 +331,11 @@ impl Supervisor {
             }
             return;
         };
-        let [pump, load] = self.load_side(&seen.reading);
+        let [pump, load, other_pump, other] = self.sides(&seen.reading);
         let input = ReleaseInput {
             stroke: seen.reading.stroke,
+            pressure_other: other,
+            pressure_other_pump: other_pump,
             motor_speed: seen.reading.motor_speed,
             pressure_pump: pump,
             pressure_load: load,
@@ -489,11 +491,12 @@ impl Supervisor {
         self.waited += elapsed;
     }
 
-    /// Pressures of the pump side and the cylinder chamber that carry the load.
-    fn load_side(&self, r: &Reading<f64>) -> [f64; 2] {
+    /// Pressures of the pump side and the cylinder chamber that carry the load, then of the others.
+    fn sides(&self, r: &Reading<f64>) -> [f64; 4] {
+        let (a, b) = ([r.pressure_pump_a, r.pressure_a], [r.pressure_pump_b, r.pressure_b]);
         match self.limits.release.direction > 0.0 {
-            true => [r.pressure_pump_a, r.pressure_a],
-            false => [r.pressure_pump_b, r.pressure_b],
+            true => [a[0], a[1], b[0], b[1]],
+            false => [b[0], b[1], a[0], a[1]],
         }
     }
 
@@ -543,7 +546,10 @@ impl Supervisor {
         }
         // faster than the course and the pump: the piston moves by itself
         let of_pump = r.motor_speed.abs() * l.speed_per_motor_speed;
-        if self.plausibility.velocity().abs() > RUNAWAY * l.speed.max(of_pump) {
+        // a load that has just been released may spring, within what the release allows
+        let is_new = self.state == State::Moving && self.since < l.valve_time + 2.0 * l.still.1;
+        let of_spring = if is_new { l.spring * core::f64::consts::TAU / l.still.1 } else { 0.0 };
+        if self.plausibility.velocity().abs() > RUNAWAY * l.speed.max(of_pump).max(of_spring) {
             found(Cause::Runaway);
         }
         match self.state {
@@ -582,17 +588,13 @@ impl Supervisor {
         }
         let is_released = self.controls() || self.state == State::Stopping;
         if is_released && self.command.holding_valve > 0.0 {
-            let [pump, load] = self.load_side(r);
+            let [pump, load, other_pump, _] = self.sides(r);
             let (most, time) = l.pressure_agreement;
             let apart = (pump - load).abs() > most;
             self.disagreeing = if apart { self.disagreeing + elapsed } else { 0.0 };
             if self.disagreeing > time {
                 found(Cause::PressureDisagrees);
             }
-            let other_pump = match l.release.direction > 0.0 {
-                true => r.pressure_pump_b,
-                false => r.pressure_pump_a,
-            };
             let reading = FlowReading {
                 stroke: r.stroke,
                 motor_speed: r.motor_speed,
@@ -617,6 +619,7 @@ impl From<Refusal> for Cause {
             Refusal::PositionNotSteady => Self::PositionNotSteady,
             Refusal::NoLift => Self::NoLift,
             Refusal::PressureDisagrees => Self::PressureDisagrees,
+            Refusal::TrappedPressure => Self::TrappedPressure,
         }
     }
 }

@@ -36,6 +36,7 @@ pub fn limits() -> Limits {
         creep: 3e-3,
         motor_speed: 50.0,
         motor_slew: 500.0,
+        spring: 1e-2,
         stop_time: 0.4,
         watchdog: 0.02,
         still: (0.011, 0.4),
@@ -97,6 +98,13 @@ pub fn limits() -> Limits {
             largest_duration: 10.0,
             check_function: 1.0,
             largest_compliance: 1.0 / 1.6e9,
+            bulk_modulus: 1.6e9,
+            transition: 0.0,
+            transition_slope: 1e-5,
+            area: AREA,
+            other_area: 0.7 * AREA,
+            dead_volume: 2e-3,
+            largest_spring: 1e-2,
         },
     }
 }
