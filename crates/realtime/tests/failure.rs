@@ -84,9 +84,10 @@ impl Machine for Panicking {
     }
 }
 
-/// Keeps what it is shown and told.
-#[derive(Default)]
+/// Starts the course once the load is held, and keeps what it is shown and told.
 struct Keeper {
+    desk: Arc<Desk>,
+    started: bool,
     records: Vec<Record>,
     failures: Vec<Failure>,
     /// Whether it panics itself once the load moves.
@@ -100,6 +101,11 @@ impl Attendant for Keeper {
         assert!(!(self.panics && moves), "the screen is gone");
     }
     fn orders(&mut self) -> Vec<Order> {
+        let is_held = self.records.last().is_some_and(|r| r.decision.state == State::Holding);
+        if is_held && !self.started {
+            self.started = true;
+            self.desk.start();
+        }
         vec![]
     }
     fn failed(&mut self, failure: &Failure) {
@@ -119,7 +125,7 @@ struct Session {
 }
 
 /// A session in real time in which a course is begun.
-fn session(panics: Panics, keeper: Keeper) -> Session {
+fn session(panics: Panics, attendant_panics: bool) -> Session {
     let alone = ALONE.lock().unwrap_or_else(|lock| lock.into_inner());
     let model = Description::uia_single_boom().unwrap();
     let mut machine = Description::uia_virtual().unwrap();
@@ -148,9 +154,14 @@ fn session(panics: Panics, keeper: Keeper) -> Session {
         periods: (n.simulation_period, n.control_period),
         placement: Placement::default(),
     };
-    let desk = Desk::new(CLOSED);
-    desk.start();
-    let mut keeper = keeper;
+    let desk = Arc::new(Desk::new(CLOSED));
+    let mut keeper = Keeper {
+        desk: Arc::clone(&desk),
+        started: false,
+        records: vec![],
+        failures: vec![],
+        panics: attendant_panics,
+    };
     let lookout = Lookout { desk: &desk, attendant: &mut keeper, ending: Ending::OnceDone };
     let ran = catch_unwind(AssertUnwindSafe(|| run(tasks, lookout, &mut |_| {}).unwrap()));
     let calls = calls.lock().unwrap_or_else(|lock| lock.into_inner()).clone();
@@ -175,7 +186,7 @@ fn reason(session: &Session) -> &str {
 
 #[test]
 fn a_control_task_that_panics_in_motion_holds_the_load_within_the_period() {
-    let session = session(Panics::InMotion, Keeper::default());
+    let session = session(Panics::InMotion, false);
     let (before, after) = around_the_panic(&session.calls);
     let Some(Call::Write(last, moving)) = before.last() else { panic!("{:?}", before.last()) };
     assert_eq!(moving.holding_valve, 1.0);
@@ -205,7 +216,7 @@ fn a_control_task_that_panics_in_motion_holds_the_load_within_the_period() {
 
 #[test]
 fn a_control_task_that_panics_before_anything_was_recorded_ends_the_session_too() {
-    let session = session(Panics::AtOnce, Keeper::default());
+    let session = session(Panics::AtOnce, false);
     let (before, after) = around_the_panic(&session.calls);
     assert!(before.is_empty() && after.len() > 200);
     assert_eq!(after[0], Call::Write(1, HELD));
@@ -215,7 +226,7 @@ fn a_control_task_that_panics_before_anything_was_recorded_ends_the_session_too(
 
 #[test]
 fn a_machine_that_takes_no_command_any_more_is_left_to_its_own_watchdog() {
-    let session = session(Panics::ForGood, Keeper::default());
+    let session = session(Panics::ForGood, false);
     let (_, after) = around_the_panic(&session.calls);
     assert!(matches!(after, [Call::Write(_, HELD)]), "{after:?}");
     assert!(reason(&session).contains("frames too many"));
@@ -224,7 +235,7 @@ fn a_machine_that_takes_no_command_any_more_is_left_to_its_own_watchdog() {
 
 #[test]
 fn a_load_whose_attendant_panics_is_brought_to_rest_and_held() {
-    let session = session(Panics::Never, Keeper { panics: true, ..Keeper::default() });
+    let session = session(Panics::Never, true);
     assert!(session.real_time.is_none(), "the panic was swallowed");
     let opened =
         session.calls.iter().any(|c| matches!(c, Call::Write(_, c) if c.holding_valve > 0.0));
