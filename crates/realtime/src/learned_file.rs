@@ -147,7 +147,7 @@ fn parsed(text: &str, schedule: &Schedule, balances: &Balances) -> Result<Learne
         let reason = refused(&rows[k], &COLUMNS, &row_key(k), wrong);
         match wrong.field {
             0 => format!(
-                "{reason}, by oil.transition_bar of the crane file: it was learned of \"{}\" with another one",
+                "{reason} by oil.transition_bar: it was learned with another crane file, of \"{}\"",
                 value["learned_of"].as_str().unwrap_or("?")
             ),
             _ => reason,
@@ -327,7 +327,7 @@ mod tests {
         assert!((a.flow_gain / b.flow_gain - 1.0).abs() < 1e-12, "{a:?} for {b:?}");
         assert!(heavy.contains("weighed_kg = 9000"), "{heavy}");
         let named = "under_each_transition[0].transition_bar = ";
-        assert!(refused.contains(named) && refused.contains("crane file"), "{refused}");
+        assert!(refused.contains(named) && refused.contains("another crane file"), "{refused}");
         assert!(cut.contains("under_each_transition"), "{cut}");
     }
 
