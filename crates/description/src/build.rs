@@ -2,8 +2,8 @@
 
 use crate::Description;
 use crate::schema::{
-    CircuitChoice, DeliveryChoice, FrictionChoice, Numbers, ProfileChoice, ReliefChoice,
-    StructureChoice,
+    CircuitChoice, DeliveryChoice, FrictionChoice, HoldingCheckChoice, Numbers, ProfileChoice,
+    ReliefChoice, StructureChoice,
 };
 use hydroboom_control::{Benchmark, HighPass, Motion, MotorLimits, Profile};
 use hydroboom_math::Real;
@@ -91,6 +91,7 @@ impl Description {
                 ),
                 pilot_ratio: n.holding_ratio,
             },
+            holding_valve_checks: self.choices.holding_check == HoldingCheckChoice::Check,
             return_valve: PilotCheckValve {
                 check: CheckValve::new(n.return_coefficient, n.return_cracking, n.return_opening),
                 pilot_ratio: n.return_ratio,

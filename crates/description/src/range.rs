@@ -138,7 +138,7 @@ impl Description {
         };
         let bounds = spread.width.around(key.to_unit(value));
         let [low, high] = bounds.map(|bound| {
-            let bound = key.to_si(bound.clamp(key.low, key.high));
+            let bound = key.to_si(bound.max(key.low).min(key.high));
             if self.with_number(index, bound).impossible().is_some() { value } else { bound }
         });
         let (low, high) = (low.min(value), high.max(value));

@@ -309,7 +309,7 @@ keys! {
     supervision_tracking: "supervision" "tracking_mm" ["mm" = MM] 0.1..=1000.0 or 30.0, "Largest tracking error with feedback";
     supervision_tracking_open_loop: "supervision" "tracking_open_loop_mm" ["mm" = MM] 0.1..=1000.0 or 100.0, "Largest tracking error without feedback";
     supervision_wait: "supervision" "wait_s" ["s" = 1.0] 0.5..=3600.0 or 10.0, "Time for which a state waits for what it needs before it gives up";
-    supervision_spring: "supervision" "spring_mm" ["mm" = MM] 0.1..=1000.0 or 10.0, "Largest movement of the load when pressure shut in on its unloaded side is released";
+    supervision_spring: "supervision" "spring_mm" ["mm" = MM] 0.1..=1000.0 or 20.0, "Largest movement of the load when pressure shut in on its unloaded side is released";
     release_time: "supervision" "release_s" ["s" = 1.0] 1.0..=600.0 or 30.0, "Largest duration of a release";
 }
 

@@ -54,8 +54,8 @@ pub(crate) const SPREADS: [Spread; 19] = [
     spread("friction.viscous_ns_per_m", Width::Times(0.5, 1.6), FRICTION),
     spread(
         "oil.transition_bar",
-        Width::Plus(-15.0, 10.0),
-        "air in the oil: 20 to 45 bar about the paper's 35",
+        Width::Plus(-21.0, 10.0),
+        "air in the oil: 20 to 45 bar about the paper's 35, and 6 less once it has dissolved",
     ),
     spread("pump.displacement_cm3", Width::Times(0.97, 1.02), "tolerance of manufacture"),
     spread(

@@ -199,6 +199,7 @@ impl Derivation {
             deviation: 0.1 * n.motor_speed,
             deviation_time: 0.1,
             uncommanded: 0.04 * n.motor_speed,
+            overshoot: 0.1,
             uncommanded_time: 0.01,
         }
     }
@@ -228,6 +229,7 @@ impl Derivation {
             displacement: n.displacement,
             gain: self.gain(),
             leakage: Range { low: of(&self.low), high: of(&self.high) },
+            slip: Range { low: self.low.slip_per_speed, high: self.high.slip_per_speed },
             internal_leakage: n.internal_leakage,
             case_leakage: if side_a { n.case_leakage_a } else { n.case_leakage_b },
             pump_volume: if side_a { n.volume_pump_a } else { n.volume_pump_b },
@@ -288,7 +290,6 @@ impl Derivation {
             slew: n.motor_slew,
             leakage: self.leakage(n, nominal) / (0.5 * (gain.low + gain.high) * n.displacement),
             holding_gain: HOLDING_RATE * pump / (n.bulk_modulus_max * delivery_low),
-            holding_margin: self.low.coulomb / area + high.holding_opening,
             nominal_pressure: nominal,
             least_pressure: least,
             most_pressure: most.min(n.supervision_pressure),
@@ -328,7 +329,6 @@ impl Derivation {
             creep: n.supervision_creep,
             motor_speed: n.motor_speed,
             motor_slew: n.motor_slew,
-            spring: n.supervision_spring,
             stop_time: n.supervision_stop,
             watchdog: n.supervision_watchdog,
             still: (swing_speed, self.swing),

@@ -111,7 +111,7 @@ impl Shown {
     }
 
     fn gain_error(&self) -> f64 {
-        self.limits.flow.smallest_gain_error(0.8 * self.limits.stroke)
+        self.limits.flow.smallest_gain_error(0.8 * self.limits.stroke, self.load.nominal)
     }
 
     fn text(&self) -> String {

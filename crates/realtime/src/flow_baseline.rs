@@ -4,6 +4,7 @@
 use crate::control_task::Record;
 use hydroboom_control::supervision::{FlowMonitor, FlowMonitorState, FlowReading, Range};
 use hydroboom_description::Description;
+use hydroboom_math::solve_pivoted;
 use serde_json::{Value, json};
 use std::path::Path;
 use thiserror::Error;
@@ -13,6 +14,10 @@ use thiserror::Error;
 const GAIN_CHANGE: f64 = 0.01;
 /// Factor by which its leakage may differ either way: viscosity halves within 20 degrees.
 const LEAKAGE_CHANGE: f64 = 2.0;
+/// m³/(rev Pa) in a cm³/(rev bar).
+const SLIP: f64 = 1e-11;
+/// Regularisation of the scaled normal equations.
+const RIDGE: f64 = 1e-9;
 /// A baseline needs so much travel to and fro \[m\].
 const LEAST_TRAVEL: f64 = 0.1;
 
@@ -23,7 +28,9 @@ pub struct FlowBaseline {
     pub gain: f64,
     /// Leakage over its described value, λ.
     pub leakage: f64,
-    /// What gain and leakage leave unexplained, RMS \[m\] of piston travel.
+    /// Slip that grows with speed, c \[m³/(rev Pa)\].
+    pub slip: f64,
+    /// What gain, leakage and slip leave unexplained, RMS \[m\] of piston travel.
     pub residual: f64,
     /// Seconds since 1970 when it was recorded.
     pub recorded_at: u64,
@@ -58,7 +65,7 @@ pub enum BaselineError {
 impl FlowBaseline {
     /// The baseline of a course that went well, from its records.
     ///
-    /// Least squares of the oil's balance, `A Δx + C = k V − λ L`, over all readings.
+    /// Least squares of the oil's balance, `A Δx + C = k V − λ L − c P`, over all readings.
     ///
     /// # Errors
     ///
@@ -74,7 +81,7 @@ impl FlowBaseline {
         }
         let side_a = monitor.direction > 0.0;
         let mut state = FlowMonitorState::default();
-        let (mut rows, mut last): (Vec<[f64; 3]>, Option<&Record>) = (Vec::new(), None);
+        let (mut rows, mut last): (Vec<[f64; 4]>, Option<&Record>) = (Vec::new(), None);
         for record in records.iter().filter(|r| r.course_time.is_some()) {
             let r = &record.reading;
             let (carrying, other) =
@@ -95,20 +102,35 @@ impl FlowBaseline {
         if swept < LEAST_TRAVEL * monitor.area {
             return cycle("the piston moved less than 100 mm");
         }
-        let sum = |of: &dyn Fn(&[f64; 3]) -> f64| rows.iter().map(of).sum::<f64>();
-        let (vv, vl, ll) = (sum(&|r| r[1] * r[1]), sum(&|r| r[1] * r[2]), sum(&|r| r[2] * r[2]));
-        let (yv, yl) = (sum(&|r| r[0] * r[1]), sum(&|r| r[0] * r[2]));
-        let determinant = vv * ll - vl * vl;
-        // a crane file without leakage has none to be found
-        let (gain, leakage) = match determinant > 1e-9 * vv * ll {
-            true => ((yv * ll - yl * vl) / determinant, (yv * vl - yl * vv) / determinant),
-            false => (yv / vv, 1.0),
-        };
-        let squares = sum(&|r| (r[0] - gain * r[1] + leakage * r[2]).powi(2));
+        // y = k V − λ L − c P, each column scaled to length one
+        let columns = |row: &[f64; 4]| [row[1], -row[2], -row[3]];
+        let length: [f64; 3] = std::array::from_fn(|i| {
+            let squares: f64 = rows.iter().map(|row| columns(row)[i].powi(2)).sum();
+            squares.sqrt().max(f64::MIN_POSITIVE)
+        });
+        // a crane file without leakage leaves a column of zeros: the ridge keeps its factor at zero
+        let mut matrix: [[f64; 3]; 3] =
+            std::array::from_fn(|i| std::array::from_fn(|j| if i == j { RIDGE } else { 0.0 }));
+        let mut factors = [0.0; 3];
+        for row in &rows {
+            let column: [f64; 3] = std::array::from_fn(|i| columns(row)[i] / length[i]);
+            for i in 0..3 {
+                factors[i] += column[i] * row[0];
+                for j in 0..3 {
+                    matrix[i][j] += column[i] * column[j];
+                }
+            }
+        }
+        if solve_pivoted(&mut matrix, &mut factors, 3).is_none() {
+            return cycle("the readings do not determine it");
+        }
+        let [gain, leakage, slip]: [f64; 3] = std::array::from_fn(|i| factors[i] / length[i]);
+        let off = |row: &[f64; 4]| row[0] - gain * row[1] + leakage * row[2] + slip * row[3];
+        let squares: f64 = rows.iter().map(|row| off(row).powi(2)).sum();
         let residual = (squares / rows.len() as f64).sqrt() / monitor.area;
         let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         let recorded_at = since.map_or(0, |time| time.as_secs());
-        let baseline = Self { gain, leakage, residual, recorded_at, digest: model.digest() };
+        let baseline = Self { gain, leakage, slip, residual, recorded_at, digest: model.digest() };
         match baseline.impossible() {
             Some(reason) => Err(BaselineError::Cycle(reason)),
             None => Ok(baseline),
@@ -119,16 +141,19 @@ impl FlowBaseline {
     pub fn narrowed(&self, monitor: FlowMonitor) -> FlowMonitor {
         let gain =
             Range { low: self.gain * (1.0 - GAIN_CHANGE), high: self.gain * (1.0 + GAIN_CHANGE) };
-        let leakage =
-            Range { low: self.leakage / LEAKAGE_CHANGE, high: self.leakage * LEAKAGE_CHANGE };
-        monitor.with_baseline(gain, leakage)
+        let leakage = [self.leakage / LEAKAGE_CHANGE, self.leakage * LEAKAGE_CHANGE];
+        let leakage = Range { low: leakage[0].min(leakage[1]), high: leakage[0].max(leakage[1]) };
+        let slip = [self.slip / LEAKAGE_CHANGE, self.slip * LEAKAGE_CHANGE];
+        let slip = Range { low: slip[0].min(slip[1]), high: slip[0].max(slip[1]) };
+        monitor.with_baseline(gain, leakage, slip)
     }
 
     /// What cannot be of the numbers, if anything.
     fn impossible(&self) -> Option<String> {
         let all = [
             ("flow_gain", self.gain, 0.3, 1.3),
-            ("leakage_factor", self.leakage, 0.0, 100.0),
+            ("leakage_factor", self.leakage, -1.0, 100.0),
+            ("slip_cm3_per_rev_bar", self.slip / SLIP, -1.0, 1.0),
             ("residual_mm", self.residual * 1e3, 0.0, 50.0),
         ];
         all.iter().find(|(_, value, low, high)| !(*low..=*high).contains(value)).map(
@@ -139,7 +164,8 @@ impl FlowBaseline {
     /// As JSON.
     pub fn text(&self) -> String {
         let value = json!({
-            "flow_gain": self.gain, "leakage_factor": self.leakage, "residual_mm": self.residual * 1e3,
+            "flow_gain": self.gain, "leakage_factor": self.leakage,
+            "slip_cm3_per_rev_bar": self.slip / SLIP, "residual_mm": self.residual * 1e3,
             "recorded_at_s": self.recorded_at, "crane_digest": self.digest,
         });
         format!("{value:#}\n")
@@ -165,6 +191,7 @@ impl FlowBaseline {
         let baseline = Self {
             gain: number("flow_gain")?,
             leakage: number("leakage_factor")?,
+            slip: number("slip_cm3_per_rev_bar")? * SLIP,
             residual: number("residual_mm")? * 1e-3,
             recorded_at: value["recorded_at_s"].as_u64().unwrap_or(0),
             digest: value["crane_digest"].as_str().unwrap_or_default().into(),

@@ -4,8 +4,10 @@ use crate::lockstep::Lockstep;
 use crate::operator::Operator;
 use crate::setup::SetupError;
 use crate::trouble::{Tampering, Trouble};
+use hydroboom_control::supervision::RUNAWAY;
 use hydroboom_control::{Cause, Path, Strategy};
 use hydroboom_description::Description;
+use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
 use std::sync::Arc;
 
@@ -16,6 +18,9 @@ pub struct HealthyRun {
     pub cause: Option<Cause>,
     /// Time of the course when it was stopped \[s\]; none before the load was released.
     pub stopped_at: Option<f64>,
+    /// Whether the piston itself had left its limits then: too far from its reference, or faster than its
+    /// pump can drive it. Such a stop is the controller's doing and no false alarm.
+    pub strayed: bool,
     /// Duration of the release \[s\].
     pub release_time: f64,
     /// How far the release lifted the load, and how far it sank until the course began \[m\].
@@ -26,6 +31,8 @@ pub struct HealthyRun {
 
 /// A course takes no longer than its path and this \[s\].
 const LONGEST: f64 = 60.0;
+/// Share of a limit that the piston itself reaches where its measured mean reaches the limit.
+const NEARLY: f64 = 0.9;
 
 /// Runs a path on a machine whose payload changes at times of the course: (time \[s\], mass \[kg\]).
 ///
@@ -44,10 +51,18 @@ pub fn healthy_run(
     let mut run = Lockstep::along(model, machine, path, strategy)?;
     let mut operator = Operator::automatic(period);
     let mut trouble = Trouble::new(machine);
+    let n = &model.numbers;
+    let tracking = match strategy.measures() {
+        true => n.supervision_tracking,
+        false => n.supervision_tracking_open_loop,
+    };
+    let limits = limits(model, n.fast)?;
+    let fastest = RUNAWAY * limits.motor_speed * limits.speed_per_motor_speed;
     let held = run.truth().outputs.stroke;
     let mut healthy = HealthyRun {
         cause: None,
         stopped_at: None,
+        strayed: false,
         release_time: 0.0,
         release_motion: (0.0, 0.0),
         broke: None,
@@ -84,6 +99,16 @@ pub fn healthy_run(
         }
         if operator.is_done() {
             healthy.cause = record.decision.cause;
+            healthy.strayed = record.decision.cause.is_some_and(|cause| {
+                let outputs = run.truth().outputs;
+                let apart = (outputs.stroke - record.reference.position).abs();
+                // the supervisor's velocity is a mean over twenty readings
+                match cause {
+                    Cause::TrackingError => apart > NEARLY * tracking,
+                    Cause::Runaway => outputs.velocity.abs() > NEARLY * fastest,
+                    _ => false,
+                }
+            });
             break;
         }
     }

@@ -46,5 +46,4 @@ pub mod shared;
 pub mod simulation_task;
 pub mod slot;
 pub mod timing;
-#[expect(clippy::disallowed_methods, reason = "between literals, on a virtual machine")]
 pub mod trouble;

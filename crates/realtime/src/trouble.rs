@@ -222,7 +222,7 @@ impl Disturbance for Trouble {
             let stands = command.motor_speed == 0.0;
             match fault {
                 Fault::DriveSaturated => {
-                    command.motor_speed = command.motor_speed.clamp(-5.0, 5.0);
+                    command.motor_speed = command.motor_speed.max(-5.0).min(5.0);
                 }
                 Fault::DriveReversed => command.motor_speed = -command.motor_speed,
                 Fault::DriveDead => command.motor_speed = 0.0,

@@ -60,9 +60,13 @@ fn release(crane: &Crane, wrong: Option<Fault>) -> Released {
     n.transition = crane.transition * 1e5;
     n.rod_side = crane.rod_side * 1e5;
     (n.motion_start, n.motion_end) = (crane.stroke * 1e-3, 0.25);
+    released_by(&model, &machine, wrong)
+}
+
+fn released_by(model: &Description, machine: &Description, wrong: Option<Fault>) -> Released {
     let motion = machine.motion(model.numbers.slow);
-    let mut run = Lockstep::new(&model, &machine, motion, STRATEGY).unwrap();
-    let (mut operator, mut trouble) = (Operator::automatic(1e-3), Trouble::new(&machine));
+    let mut run = Lockstep::new(model, machine, motion, STRATEGY).unwrap();
+    let (mut operator, mut trouble) = (Operator::automatic(1e-3), Trouble::new(machine));
     if let Some(wrong) = wrong {
         trouble.tamper(Tampering::Fault(wrong));
     }
@@ -195,4 +199,21 @@ fn a_load_with_pressure_on_its_rod_side_springs_no_further_than_allowed() {
         }
     }
     assert!(released_some);
+}
+
+/// A valve that blocks both ways cannot be passed by the pump: delivered volume and pressure release it.
+#[test]
+fn a_valve_without_check_function_is_released_on_volume_and_pressure() {
+    let mut model = Description::uia_single_boom().unwrap();
+    let mut machine = Description::uia_virtual().unwrap();
+    for crane in [&mut model, &mut machine] {
+        crane.set("holding_valve.check_function=none").unwrap();
+    }
+    for payload in [0.3, 1.0, 1.2] {
+        let mut machine = machine.clone();
+        machine.numbers.payload *= payload;
+        let released = released_by(&model, &machine, None);
+        assert!(released.released && released.cause.is_none(), "{payload}: {released:?}");
+        assert!(released.dropped < DROP && released.lifted < 1e-3, "{payload}: {released:?}");
+    }
 }

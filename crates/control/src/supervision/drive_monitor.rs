@@ -11,6 +11,8 @@ pub struct DriveMonitor {
     pub deviation_time: f64,
     /// Speed against the command, or beyond it, that counts as uncommanded \[rev/s\].
     pub uncommanded: f64,
+    /// Share of the commanded speed that a drive may overshoot besides, under an overhauling load.
+    pub overshoot: f64,
     /// Time for which it must last \[s\].
     pub uncommanded_time: f64,
 }
@@ -55,7 +57,8 @@ impl DriveMonitor {
         let uncommanded = (read - state.high.max(0.0)).max(state.low.min(0.0) - read).max(0.0);
         let lasts = |time: f64, is: bool| if is { time + elapsed } else { 0.0 };
         state.deviating = lasts(state.deviating, beyond > self.deviation);
-        state.uncommanded = lasts(state.uncommanded, uncommanded > self.uncommanded);
+        let allowed = self.uncommanded + self.overshoot * state.high.max(-state.low).max(0.0);
+        state.uncommanded = lasts(state.uncommanded, uncommanded > allowed);
         if state.uncommanded > self.uncommanded_time {
             return DriveVerdict::Uncommanded;
         }
@@ -75,6 +78,7 @@ mod tests {
         deviation: 5.0,
         deviation_time: 0.1,
         uncommanded: 2.0,
+        overshoot: 0.1,
         uncommanded_time: 0.01,
     };
 

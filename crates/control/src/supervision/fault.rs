@@ -107,7 +107,7 @@ causes! {
     /// The position moves although nothing moves the piston.
     PositionNotSteady: Hold, "position-not-steady",
         "the position changes although the load is held and the pump stands still: look at encoder and load-holding valves, or wait until the load is still";
-    /// The piston moves much faster than the course asks.
+    /// The piston moves faster than its pump can drive it.
     Runaway: Hold, "runaway",
         "piston too fast: has a line burst, or the load fallen off?";
     /// The load moves although it is held.

@@ -4,13 +4,14 @@
 //! With the load-holding valves open the oil between pump and piston obeys
 //!
 //! ```text
-//! A Δx + C + λ L − k V = 0
+//! A Δx + C + λ L + c P − k V = 0
 //! C = V_PA ΔS(p_PA) + ∫ V_A(x) dS(p_A),   S(p) = ∫ dp/β      compression
 //! L = ∫ (K √(p_PA − p_PB) + K_ext √(p_PA − p_acc)) dt         leakage at its described value
+//! P = ∫ |n| (p_PA − p_PB) dt                                      slip that grows with speed
 //! V = ∫ n D dt                                                displaced volume
 //! ```
 //!
-//! The gain k, the leakage factor λ and the oil lie in ranges of the crane file. Where no values in
+//! The gain k, the leakage factor λ, the slip c and the oil lie in ranges of the crane file. Where no values in
 //! these ranges make the balance, position and delivered flow disagree; which of them is wrong the
 //! balance does not tell. The balance is taken over the whole motion and, because the range of k
 //! weighs less the less was delivered, over staggered short windows.
@@ -41,6 +42,8 @@ pub struct FlowMonitor {
     pub gain: Range,
     /// Range of the leakage, as a factor of the described one, λ.
     pub leakage: Range,
+    /// Range of the slip that grows with speed, c \[m³/(rev Pa)\].
+    pub slip: Range,
     /// Leakage between the pump's sides, K \[m³/(s √Pa)\].
     pub internal_leakage: f64,
     /// Case drain of the pump side, K_ext \[m³/(s √Pa)\].
@@ -68,6 +71,8 @@ struct Balance {
     compressed: [f64; 2],
     /// Leakage at its described value \[m³\].
     leaked: f64,
+    /// Revolutions times pressure, P \[rev Pa\].
+    turned: f64,
     /// Displaced volume, V \[m³\].
     displaced: f64,
     /// Age \[s\].
@@ -116,6 +121,7 @@ impl FlowMonitor {
             leaked: (self.internal_leakage * signed_root(pump - pump_b)
                 + self.case_leakage * signed_root(pump - accumulator))
                 * elapsed,
+            turned: now.motor_speed.max(-now.motor_speed) * (pump - pump_b) * elapsed,
             compressed: [0.0; 2],
             age: elapsed,
         };
@@ -151,24 +157,26 @@ impl FlowMonitor {
     }
 
     /// Smallest relative error of the position's gain that is surely found over a travel \[m\], wherever
-    /// in its range the pump's gain is.
-    pub fn smallest_gain_error(&self, travel: f64) -> f64 {
+    /// in their ranges the pump's gain and slip are, at a load pressure \[Pa\].
+    pub fn smallest_gain_error(&self, travel: f64, pressure: f64) -> f64 {
         let middle = 0.5 * (self.gain.high + self.gain.low);
-        (self.gain.high - self.gain.low) / middle + self.tolerance / travel
+        let slip = (self.slip.high - self.slip.low) * pressure / self.displacement;
+        (self.gain.high - self.gain.low + slip) / middle + self.tolerance / travel
     }
 
     /// The same monitor against this machine's own delivered flow, as recorded in one good cycle.
     #[must_use]
-    pub fn with_baseline(mut self, gain: Range, leakage: Range) -> Self {
-        (self.gain, self.leakage) = (gain, leakage);
+    pub fn with_baseline(mut self, gain: Range, leakage: Range, slip: Range) -> Self {
+        (self.gain, self.leakage, self.slip) = (gain, leakage, slip);
         self
     }
 
     /// Sums since the balance began: what the piston swept with the oil's compression, the displaced
-    /// volume V, and the leakage L at its described value \[m³\].
-    pub fn sums(state: &FlowMonitorState) -> [f64; 3] {
-        let Balance { swept, compressed: [one, other], displaced, leaked, .. } = state.whole;
-        [swept + 0.5 * (one + other), displaced, leaked]
+    /// volume V, the leakage L at its described value \[m³\], and P \[rev Pa\].
+    pub fn sums(state: &FlowMonitorState) -> [f64; 4] {
+        let Balance { swept, compressed: [one, other], displaced, leaked, turned, .. } =
+            state.whole;
+        [swept + 0.5 * (one + other), displaced, leaked, turned]
     }
 
     /// Distance of zero from all that the ranges allow for A Δx + C + λ L − k V \[m of travel\].
@@ -178,10 +186,11 @@ impl FlowMonitor {
             (one.min(other), one.max(other))
         };
         let (leak_low, leak_high) = product(&self.leakage, b.leaked);
+        let (slip_low, slip_high) = product(&self.slip, b.turned);
         let (flow_low, flow_high) = product(&self.gain, b.displaced);
         let [one, other] = b.compressed;
-        let low = b.swept + one.min(other) + leak_low - flow_high;
-        let high = b.swept + one.max(other) + leak_high - flow_low;
+        let low = b.swept + one.min(other) + leak_low + slip_low - flow_high;
+        let high = b.swept + one.max(other) + leak_high + slip_high - flow_low;
         (low.max(-high) / self.area - self.tolerance).max(0.0)
     }
 }
@@ -191,6 +200,7 @@ impl Balance {
         self.swept += change.swept;
         self.displaced += change.displaced;
         self.leaked += change.leaked;
+        self.turned += change.turned;
         self.age += change.age;
         for (sum, volume) in self.compressed.iter_mut().zip(change.compressed) {
             *sum += volume;

@@ -28,8 +28,6 @@ pub struct Limits {
     pub motor_slew: f64,
     /// Duration of a controlled stop \[s\].
     pub stop_time: f64,
-    /// Largest movement of the load when pressure shut in on its unloaded side is released \[m\].
-    pub spring: f64,
     /// Time without a command after which the drive stops by itself and the valve shuts \[s\].
     pub watchdog: f64,
     /// A load is still once its piston has been slower than this \[m/s\] for so long \[s\], a period

@@ -18,6 +18,7 @@ pub use flow_monitor::{
     FlowMonitor, FlowMonitorState, FlowReading, Range, WINDOW_TIME as FLOW_WINDOW_TIME,
 };
 pub use limits::{Limits, Observation, ValveState};
+pub use plausibility::RUNAWAY;
 pub use release::{Refusal, Release, ReleaseInput, ReleaseState, phase as release_phase};
 pub use supervisor::{Decision, Request, State, Supervisor};
 pub use waiting::Waiting;

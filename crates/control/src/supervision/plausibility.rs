@@ -4,8 +4,8 @@ use super::fault::Cause;
 use super::limits::{Limits, Observation};
 use crate::signals::Reading;
 
-/// A piston faster than so many times the largest speed runs away.
-pub(crate) const RUNAWAY: f64 = 1.5;
+/// A piston that is so many times as fast as its pump can drive it runs away.
+pub const RUNAWAY: f64 = 1.5;
 /// Readings that the velocity is averaged over.
 const VELOCITY_WINDOW: f64 = 20.0;
 /// Readings that the scatter of a signal is averaged over.
@@ -69,7 +69,8 @@ impl Plausibility {
         if let Some(last) = self.last.filter(|_| seen.new_readings > 0) {
             let [before, pressures_before @ ..] = signals(&last);
             // what the piston can do until readings are too old, and the scatter of its encoder
-            let reach = (l.stale + l.period) * RUNAWAY * l.speed + 6.0 * l.scatter.0;
+            let fastest = l.speed.max(l.motor_speed * l.speed_per_motor_speed);
+            let reach = (l.stale + l.period) * RUNAWAY * fastest + 6.0 * l.scatter.0;
             if (stroke - before).abs() > reach {
                 return Some(Cause::PositionJumped);
             }

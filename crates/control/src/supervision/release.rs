@@ -70,13 +70,9 @@ record! {
         /// Motor speed that makes good the pump's leakage at the nominal load pressure
         #[unit = "rev/s"]
         pub leakage: T,
-        /// Motor speed per pressure that the pump side has lost since the lift
+        /// Motor speed per pressure that the pump side lacks to that of the load, after the lift
         #[unit = "rev/(s·Pa)"]
         pub holding_gain: T,
-        /// Pressure by which the pump side may fall below that of the lift and still carry the load at
-        /// rest: the least friction, and the valve's opening pressure
-        #[unit = "Pa"]
-        pub holding_margin: T,
         /// Nominal load pressure
         #[unit = "Pa"]
         pub nominal_pressure: T,
@@ -224,9 +220,6 @@ record! {
         /// Time for which pump side and cylinder have had the same pressure, for a valve without check function
         #[unit = "s"]
         pub balanced: T,
-        /// Pump-side pressure when the piston had moved
-        #[unit = "Pa"]
-        pub lift_pressure: T,
         /// Time since the mean position was kept for comparison
         #[unit = "s"]
         pub settling_time: T,
@@ -309,9 +302,12 @@ impl<T: Real> Release<T> {
             vapour_pressure: T::zero(),
         };
         let trapped = (now.pressure_other - now.pressure_other_pump).max(T::zero());
-        let after = (now.pressure_load - trapped * self.other_area / self.area).max(T::zero());
+        let held_back = trapped * self.other_area / self.area;
+        // the loaded side carries what is shut in and the smallest load at least, whatever it shows
+        let before = now.pressure_load.max(self.least_pressure + held_back);
+        let after = (before - held_back).max(T::zero());
         let volume = self.dead_volume + self.area * height + self.pump_volume;
-        volume * (oil.compression(now.pressure_load) - oil.compression(after)) / self.area
+        volume * (oil.compression(before) - oil.compression(after)) / self.area
     }
 
     /// One control period: `elapsed` \[s\] have passed by the machine's clock.
@@ -407,8 +403,6 @@ impl<T: Real> Release<T> {
             filling & ((!has_check & balanced) | (has_check & at_upper_end & answered));
         let spent = filling & (self.largest_volume.lt(s.volume) | self.largest_duration.lt(s.time));
 
-        s.lift_pressure = T::select(moved | by_pressure, now.pressure_pump, before.lift_pressure);
-
         // settling: over a period of the load mode the piston stays where it is; a swinging one gets
         // a few periods, a position that drifts does not become steady
         let over = settling & self.observation.lt(s.settling_time);
@@ -441,10 +435,14 @@ impl<T: Real> Release<T> {
         let is_far = now.pressure_pump.lt(now.pressure_load - self.approach);
         let filling_speed = T::select(is_far, self.fast, self.slow);
         let share = (now.pressure_pump.max(zero) / self.nominal_pressure).min(T::lit(4.0)).sqrt();
-        // held at the pressure of the lift, the load would go on rising
-        let lost = s.lift_pressure - self.holding_margin - now.pressure_pump;
+        // level with the load nothing passes the check valve, and nothing is lost when it opens
+        let lost = now.pressure_load - now.pressure_pump;
         let holding_speed =
             (self.leakage * share + self.holding_gain * lost).max(zero).min(self.slow);
+        // nothing passes a valve without check function: the pump side is brought level with the load
+        let levels =
+            !has_check & !(now.pressure_pump.lt(now.pressure_load - self.pressure_tolerance));
+        let filling_speed = T::select(levels, holding_speed, filling_speed);
         let is_filling =
             T::lit(phase::FILLING - 0.5).lt(next) & next.lt(T::lit(phase::FILLING + 0.5));
         let is_held = T::lit(phase::FILLING + 0.5).lt(next);

@@ -544,12 +544,9 @@ impl Supervisor {
         if self.state != State::Idle && has_switched && seen.valve.is_some_and(|v| v != commanded) {
             found(Cause::ValveNotFollowing);
         }
-        // faster than the course and the pump: the piston moves by itself
-        let of_pump = r.motor_speed.abs() * l.speed_per_motor_speed;
-        // a load that has just been released may spring, within what the release allows
-        let is_new = self.state == State::Moving && self.since < l.valve_time + 2.0 * l.still.1;
-        let of_spring = if is_new { l.spring * core::f64::consts::TAU / l.still.1 } else { 0.0 };
-        if self.plausibility.velocity().abs() > RUNAWAY * l.speed.max(of_pump).max(of_spring) {
+        // faster than the pump can drive it: the piston moves by itself
+        let fastest = l.motor_speed * l.speed_per_motor_speed;
+        if self.plausibility.velocity().abs() > RUNAWAY * fastest.max(l.speed) {
             found(Cause::Runaway);
         }
         match self.state {

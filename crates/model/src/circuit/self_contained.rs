@@ -109,6 +109,9 @@ pub struct SelfContained<T> {
     pub case_leakage_b: T,
     /// Load-holding valves (3), one in each line; port 1 towards the pump.
     pub holding_valve: PilotCheckValve<T>,
+    /// Whether the load-holding valves are check valves while shut, as published; if not they block both ways
+    /// and open with the 3/2 valve alone.
+    pub holding_valve_checks: bool,
     /// Return valves (7), one at each pump side, piloted by the other; port 1 at the accumulator.
     pub return_valve: PilotCheckValve<T>,
     /// Check valves (8), one passing to and one passing from the accumulator.
@@ -180,8 +183,12 @@ impl<T: Real> SelfContained<T> {
         // (A10), (A11): the 3/2 valve pilots both load-holding valves
         let higher = p.a.max(p.b);
         let pilot = p.accumulator + energised * (higher - p.accumulator);
-        let to_a = self.holding_valve.coefficient(p.pump_a, p.a, pilot) * into_a;
-        let from_b = self.holding_valve.coefficient(p.pump_b, p.b, pilot) * out_of_b;
+        let holding = |pump, cylinder| match self.holding_valve_checks {
+            true => self.holding_valve.coefficient(pump, cylinder, pilot),
+            false => energised * self.holding_valve.check.flow_coefficient,
+        };
+        let to_a = holding(p.pump_a, p.a) * into_a;
+        let from_b = holding(p.pump_b, p.b) * out_of_b;
 
         let (relief_a, relief_b) = match &self.relief {
             Some(valve) => (
@@ -294,6 +301,7 @@ impl<T> SelfContained<T> {
             case_leakage_a: f(self.case_leakage_a),
             case_leakage_b: f(self.case_leakage_b),
             holding_valve: self.holding_valve.map(f),
+            holding_valve_checks: self.holding_valve_checks,
             return_valve: self.return_valve.map(f),
             check_valve: self.check_valve.map(&mut *f),
             filter: f(self.filter),
