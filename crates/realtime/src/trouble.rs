@@ -5,6 +5,7 @@ use crate::lockstep::Disturbance;
 use crate::machine::Incoming;
 use hydroboom_control::{Command, Reading};
 use hydroboom_description::Description;
+use hydroboom_math::Real;
 use hydroboom_plant::PlantError;
 use hydroboom_virtual_crane::VirtualCrane;
 use std::collections::VecDeque;
@@ -222,7 +223,7 @@ impl Disturbance for Trouble {
             let stands = command.motor_speed == 0.0;
             match fault {
                 Fault::DriveSaturated => {
-                    command.motor_speed = command.motor_speed.max(-5.0).min(5.0);
+                    command.motor_speed = Real::clamp(command.motor_speed, -5.0, 5.0);
                 }
                 Fault::DriveReversed => command.motor_speed = -command.motor_speed,
                 Fault::DriveDead => command.motor_speed = 0.0,
