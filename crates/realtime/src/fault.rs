@@ -41,6 +41,8 @@ pub enum WrongPosition {
     Drift20,
     /// It shows 1.2 times the motion since the fault began.
     Gain,
+    /// It shows 1.05 times the motion since the fault began.
+    Gain5,
 }
 
 /// What can go wrong.
@@ -113,7 +115,12 @@ impl Fault {
             WrongPressure::PumpHigh,
         ];
         all.extend(pressures.map(Self::Pressure));
-        let positions = [WrongPosition::Drift2, WrongPosition::Drift20, WrongPosition::Gain];
+        let positions = [
+            WrongPosition::Drift2,
+            WrongPosition::Drift20,
+            WrongPosition::Gain,
+            WrongPosition::Gain5,
+        ];
         all.extend(positions.map(Self::Position));
         all.extend([
             Self::MachineKilled,
@@ -189,6 +196,7 @@ impl Fault {
                 WrongPosition::Drift2 => "position drifts by 2 mm/s",
                 WrongPosition::Drift20 => "position drifts by 20 mm/s",
                 WrongPosition::Gain => "position 20 % too large",
+                WrongPosition::Gain5 => "position 5 % too large",
             },
             Self::MachineKilled => "machine killed",
             Self::MachinePaused => "machine paused for 100 ms",

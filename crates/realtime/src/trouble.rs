@@ -203,6 +203,9 @@ impl Disturbance for Trouble {
                 Fault::Position(WrongPosition::Gain) => {
                     reading.stroke += 0.2 * (reading.stroke - first.stroke);
                 }
+                Fault::Position(WrongPosition::Gain5) => {
+                    reading.stroke += 0.05 * (reading.stroke - first.stroke);
+                }
                 Fault::MachineRestarted => incoming.sequence = u64::from(active.since) + 1,
                 _ => {}
             }
