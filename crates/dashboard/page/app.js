@@ -91,8 +91,11 @@ function inWords(chosen) {
 
 // What the machine waits for, or that it waits for nothing but a start.
 function waits(frame) {
-  if (frame.waiting != null) return `waits for ${frame.waiting}, since ${(frame.waiting_s ?? 0).toFixed(1)} s`;
-  if (frame.start_waits_for != null) return `a start waits for ${frame.start_waits_for}`;
+  const since = `since ${(frame.waiting_s ?? 0).toFixed(0)} s`;
+  if (frame.start_waits_for != null) {
+    const machine = frame.waiting != null ? `; the machine waits for ${frame.waiting}, ${since}` : "";
+    return `a start waits for ${frame.start_waits_for}${machine}`;
+  }
   return page.isOperator ? "a course can be started" : "a course can be started by the operator";
 }
 

@@ -162,10 +162,13 @@ impl Conduct {
     }
 
     fn heed(&mut self, state: &ServerState, place: &Place, text: &str) -> Heeded {
-        if !self.is_bearable(&state.limits) {
+        let message = Message::parse(text);
+        // an emergency stop counts however much came before it
+        let is_emergency = matches!(message, Ok(Message::EmergencyStop { .. }));
+        if !self.is_bearable(&state.limits) && !is_emergency {
             return Heeded::Expelled("too many messages".into());
         }
-        let message = match Message::parse(text) {
+        let message = match message {
             Ok(message) => message,
             Err(reason) => return Heeded::Expelled(reason),
         };

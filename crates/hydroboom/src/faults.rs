@@ -194,6 +194,7 @@ fn in_json(case: &Case) -> serde_json::Value {
         "fallback": o.fallback, "moved_mm": o.moved * 1e3, "dropped_mm": o.dropped * 1e3,
         "stop_force_kn": o.stop_force * 1e-3, "peak_pressure_bar": o.peak_pressure * 1e-5,
         "movement_bound_mm": o.movement_bound * 1e3, "time_bound_ms": o.time_bound.map(|s| s * 1e3),
+        "pressure_bound_bar": o.pressure_bound * 1e-5, "must_be_found": o.must_be_found,
         "within_bounds": o.is_within_bounds(), "broke": o.broke.map(|error| error.to_string()),
     })
 }
@@ -224,7 +225,7 @@ const DETAIL: [&str; 9] = [
 
 fn cause(o: &Outcome) -> String {
     match (&o.broke, o.cause) {
-        (Some(error), _) => format!("machine broken: {error}"),
+        (Some(error), _) => format!("simulation failed: {error}"),
         (None, Some(cause)) => cause.code().to_string(),
         (None, None) if o.fallback => "course finished, the benchmark took over".into(),
         (None, None) => "course finished".into(),
@@ -296,7 +297,7 @@ fn row(fault: Fault, cases: &[Case]) -> Vec<String> {
         causes.push("(benchmark took over)");
     }
     if cases.iter().any(|o| o.broke.is_some()) {
-        causes.push("MACHINE BROKEN");
+        causes.push("SIMULATION FAILED");
     }
     causes.sort_unstable();
     causes.dedup();

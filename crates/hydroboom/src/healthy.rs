@@ -131,7 +131,7 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
         } else {
             format!("{}, before release", said(run))
         };
-        let key = (course.clone(), job.strategy.name(), when, run.strayed);
+        let key = (course.clone(), job.strategy.name(), when, run.limit_exceeded);
         stops.entry(key).or_default().push(job.number);
     }
     let false_alarms: usize =
@@ -146,9 +146,9 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
     if json {
         let list: Vec<_> = stops
             .iter()
-            .map(|((course, strategy, cause, strayed), cranes)| {
+            .map(|((course, strategy, cause, limit_exceeded), cranes)| {
                 json!({
-                    "course": course, "strategy": strategy, "cause": cause, "piston_strayed": strayed,
+                    "course": course, "strategy": strategy, "cause": cause, "limit_exceeded": limit_exceeded,
                     "cranes": cranes
                 })
             })
@@ -160,11 +160,11 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
     }
     let rows: Vec<Vec<String>> = stops
         .iter()
-        .map(|((course, strategy, cause, strayed), cranes)| {
+        .map(|((course, strategy, cause, limit_exceeded), cranes)| {
             let some: Vec<String> = cranes.iter().take(8).map(u64::to_string).collect();
             let more = if cranes.len() > 8 { ", ..." } else { "" };
-            let expected = match (may_stop(course), *strayed) {
-                (_, true) => "the piston strayed",
+            let expected = match (may_stop(course), *limit_exceeded) {
+                (_, true) => "limit exceeded",
                 (true, false) => "may stop",
                 (false, false) => "FALSE ALARM",
             };

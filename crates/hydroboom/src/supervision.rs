@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::Args;
-use hydroboom_control::supervision::{FLOW_WINDOW_TIME, Limits};
+use hydroboom_control::supervision::{FLOW_LEAST_WINDOW, FLOW_WINDOW_TIME, Limits};
 use hydroboom_control::{Cause, Strategy};
 use hydroboom_design::{LoadPressure, limits, load_pressure};
 use hydroboom_realtime::flow_baseline::FlowBaseline;
@@ -107,7 +107,7 @@ impl Shown {
     }
 
     fn drift(&self) -> f64 {
-        self.limits.flow.smallest_drift(FLOW_WINDOW_TIME, self.load.nominal)
+        self.limits.flow.smallest_drift(FLOW_LEAST_WINDOW, self.load.nominal)
     }
 
     fn gain_error(&self) -> f64 {

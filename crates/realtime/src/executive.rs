@@ -2,7 +2,7 @@
 //!
 //! In the cycle nothing is allocated, locked or logged, and no system call is made but for the
 //! clock and the wait. Overruns are counted. The control task leaves out the periods it missed, and the
-//! supervisor faults after too many in a row; the simulation catches up within a bound, beyond which it is
+//! supervisor faults after too many in a sliding window; the simulation catches up within a bound, beyond which it is
 //! left behind and the benchmark takes over.
 //!
 //! Neither task can end unseen. Where the control task panics its thread holds the load at once, and keeps on until the

@@ -1,7 +1,7 @@
 //! The fault campaign: everything that can go wrong, at several moments, under every strategy, alone
 //! and with a second fault on top, judged on the simulated machine.
 
-use crate::fault::{Fault, Sensor};
+use crate::fault::{Fault, Sensor, WrongPosition, WrongPressure};
 use crate::lockstep::Lockstep;
 use crate::operator::Operator;
 use crate::setup::SetupError;
@@ -91,6 +91,10 @@ pub struct Outcome {
     pub stop_force: f64,
     /// Largest pressure of any chamber \[Pa\].
     pub peak_pressure: f64,
+    /// Largest pressure that is to be expected: the limit, and what shutting the valve at speed adds \[Pa\].
+    pub pressure_bound: f64,
+    /// Whether the supervisor must find it.
+    pub must_be_found: bool,
     /// Largest movement that is to be expected, computed from the limits \[m\].
     pub movement_bound: f64,
     /// Longest time until the machine is safe that is to be expected \[s\]; none for faults that are
@@ -101,13 +105,21 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Whether movement and time keep to their bounds.
+    /// Whether it was found where it must be, and movement, time, pressure and end stops keep to their bounds.
     pub fn is_within_bounds(&self) -> bool {
         let in_time = match (self.cause, self.time_bound) {
             (Some(_), Some(bound)) => self.safe_after.is_some_and(|time| time <= bound),
             _ => true,
         };
-        self.broke.is_none() && self.moved <= self.movement_bound && in_time
+        // a load that nothing holds may come to its end stop
+        let may_touch =
+            matches!(self.fault, Fault::ValveStuckOpen | Fault::PayloadDropped | Fault::LineBurst);
+        self.broke.is_none()
+            && (self.cause.is_some() || !self.must_be_found)
+            && self.moved <= self.movement_bound
+            && in_time
+            && self.peak_pressure <= self.pressure_bound
+            && (self.stop_force == 0.0 || may_touch)
     }
 }
 
@@ -220,6 +232,8 @@ impl Underway {
             dropped: 0.0,
             stop_force: 0.0,
             peak_pressure: 0.0,
+            pressure_bound: self.pressure_bound(),
+            must_be_found: must_be_found(fault, self.moment) && !self.is_unseen(fault, second),
             movement_bound: bounds.movement,
             time_bound: bounds.time,
             broke: self.broke,
@@ -301,7 +315,7 @@ impl Underway {
         };
         let until_found = detection_time(fault, l);
         let swing = speed * l.still.1 / std::f64::consts::TAU;
-        // one bus cycle each way, the valve, and the motor's way to zero
+        // the valve, and the motor's way to zero
         let stop = l.valve_time.max(l.motor_speed / l.motor_slew) + l.stop_time;
         // until it is found, the piston strays as far as tracking allows, or a course goes on
         let strays = match until_found {
@@ -341,6 +355,22 @@ impl Underway {
             .filter(|_| !takes_away)
             .map(|found| found + second_after + stop + held_up + waits + 0.1);
         Bounds { movement, time }
+    }
+
+    /// Whether the second fault keeps the first one from showing: without an operator a machine that has
+    /// not been started does nothing, and a control task that is starved twice is never executed.
+    fn is_unseen(&self, fault: Fault, second: Option<Fault>) -> bool {
+        let is_idle = self.moment == Moment::BeforeStart && second == Some(Fault::OperatorGone);
+        is_idle || second == Some(fault)
+    }
+
+    /// The limit, and what a load adds that is stopped at speed by trapped oil: it compresses the stiff
+    /// chamber by the way v/ω of its swing \[Pa\].
+    fn pressure_bound(&self) -> f64 {
+        let (l, n) = (&self.limits, &self.machine.numbers);
+        let way = self.motion.speed * l.still.1 / std::f64::consts::TAU;
+        let area = self.machine.cylinder().piston_area;
+        l.pressure + n.bulk_modulus_max * area * way / n.dead_volume_a
     }
 
     /// How far the piston springs up when its load falls off: the oil of both volumes expands to the
@@ -383,6 +413,42 @@ fn detection_time(fault: Fault, l: &Limits) -> Option<f64> {
         _ => None,
     }
 }
+
+/// Whether the supervisor must find a fault that begins at a moment.
+///
+/// Not to be found are signals that are late or, of the motor speed, noisy; what a copy of a pressure or a
+/// faulty part does not show while the machine does not need it; and interruptions that nothing has felt.
+fn must_be_found(fault: Fault, moment: Moment) -> bool {
+    let acts = moment != Moment::BeforeStart;
+    match fault {
+        Fault::Sensor(_, Sensor::Delayed) | Fault::Sensor(MOTOR_SPEED, Sensor::Noisy) => false,
+        Fault::Sensor(..) => true,
+        Fault::Pressure(wrong) => {
+            !matches!(wrong, WrongPressure::LoadCopiesPump | WrongPressure::PumpCopiesLoad)
+        }
+        Fault::Position(wrong) => wrong != WrongPosition::Gain5,
+        Fault::MachinePaused | Fault::OperatorGone | Fault::ClockJump => acts,
+        Fault::ControlStopped(time) => acts && time >= 60,
+        Fault::MachineRestarted
+        | Fault::SimulationSlowed
+        | Fault::SimulationKilled
+        | Fault::ValveStuckOpen => false,
+        Fault::MachineKilled
+        | Fault::ControlStarved
+        | Fault::DriveSaturated
+        | Fault::DriveReversed
+        | Fault::DriveDead
+        | Fault::DriveLifts
+        | Fault::DriveLowers
+        | Fault::ValveStuckShut
+        | Fault::PayloadDropped
+        | Fault::LineBurst
+        | Fault::EmergencyStop => true,
+    }
+}
+
+/// Place of the motor speed in a reading.
+const MOTOR_SPEED: usize = 6;
 
 /// Whether the machine is safe: its pilots without pressure, its motor at rest.
 fn is_safe(truth: &Truth) -> bool {

@@ -128,6 +128,13 @@ impl FlowBaseline {
         let off = |row: &[f64; 4]| row[0] - gain * row[1] + leakage * row[2] + slip * row[3];
         let squares: f64 = rows.iter().map(|row| off(row).powi(2)).sum();
         let residual = (squares / rows.len() as f64).sqrt() / monitor.area;
+        if residual > monitor.tolerance {
+            return cycle(&format!(
+                "{:.2} mm of the course are left unexplained, more than {:.2} mm",
+                residual * 1e3,
+                monitor.tolerance * 1e3
+            ));
+        }
         let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         let recorded_at = since.map_or(0, |time| time.as_secs());
         let baseline = Self { gain, leakage, slip, residual, recorded_at, digest: model.digest() };
@@ -145,7 +152,16 @@ impl FlowBaseline {
         let leakage = Range { low: leakage[0].min(leakage[1]), high: leakage[0].max(leakage[1]) };
         let slip = [self.slip / LEAKAGE_CHANGE, self.slip * LEAKAGE_CHANGE];
         let slip = Range { low: slip[0].min(slip[1]), high: slip[0].max(slip[1]) };
-        monitor.with_baseline(gain, leakage, slip)
+        // a baseline narrows the crane file's ranges, and never widens them
+        let within = |range: Range, of: Range| Range {
+            low: range.low.max(of.low).min(of.high),
+            high: range.high.min(of.high).max(of.low),
+        };
+        monitor.with_baseline(
+            within(gain, monitor.gain),
+            within(leakage, monitor.leakage),
+            within(slip, monitor.slip),
+        )
     }
 
     /// What cannot be of the numbers, if anything.

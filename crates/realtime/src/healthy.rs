@@ -20,7 +20,7 @@ pub struct HealthyRun {
     pub stopped_at: Option<f64>,
     /// Whether the piston itself had left its limits then: too far from its reference, or faster than its
     /// pump can drive it. Such a stop is the controller's doing and no false alarm.
-    pub strayed: bool,
+    pub limit_exceeded: bool,
     /// Duration of the release \[s\].
     pub release_time: f64,
     /// How far the release lifted the load, and how far it sank until the course began \[m\].
@@ -32,7 +32,7 @@ pub struct HealthyRun {
 /// A course takes no longer than its path and this \[s\].
 const LONGEST: f64 = 60.0;
 /// Share of a limit that the piston itself reaches where its measured mean reaches the limit.
-const NEARLY: f64 = 0.9;
+const LIMIT_FRACTION: f64 = 0.9;
 
 /// Runs a path on a machine whose payload changes at times of the course: (time \[s\], mass \[kg\]).
 ///
@@ -62,7 +62,7 @@ pub fn healthy_run(
     let mut healthy = HealthyRun {
         cause: None,
         stopped_at: None,
-        strayed: false,
+        limit_exceeded: false,
         release_time: 0.0,
         release_motion: (0.0, 0.0),
         broke: None,
@@ -99,13 +99,13 @@ pub fn healthy_run(
         }
         if operator.is_done() {
             healthy.cause = record.decision.cause;
-            healthy.strayed = record.decision.cause.is_some_and(|cause| {
+            healthy.limit_exceeded = record.decision.cause.is_some_and(|cause| {
                 let outputs = run.truth().outputs;
                 let apart = (outputs.stroke - record.reference.position).abs();
                 // the supervisor's velocity is a mean over twenty readings
                 match cause {
-                    Cause::TrackingError => apart > NEARLY * tracking,
-                    Cause::Runaway => outputs.velocity.abs() > NEARLY * fastest,
+                    Cause::TrackingError => apart > LIMIT_FRACTION * tracking,
+                    Cause::Runaway => outputs.velocity.abs() > LIMIT_FRACTION * fastest,
                     _ => false,
                 }
             });

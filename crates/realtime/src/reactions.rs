@@ -4,7 +4,7 @@
 use crate::lockstep::Lockstep;
 use crate::operator::Operator;
 use crate::setup::SetupError;
-use hydroboom_control::supervision::Reaction;
+use hydroboom_control::supervision::{CONTROLLED_RAMP, Reaction};
 use hydroboom_control::{Command, Motion, Strategy};
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
@@ -99,7 +99,7 @@ fn effect(
     let from = moving.truth();
     let cylinder = machine.cylinder();
     let ramp = match reaction {
-        Reaction::ControlledStop => 0.75 * n.supervision_stop,
+        Reaction::ControlledStop => CONTROLLED_RAMP * n.supervision_stop,
         Reaction::ImmediateStop => from.motor_speed.abs() / n.motor_slew,
     };
     let shut_after = match reaction {

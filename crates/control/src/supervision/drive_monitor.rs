@@ -39,6 +39,13 @@ pub struct DriveMonitorState {
     uncommanded: f64,
 }
 
+impl DriveMonitorState {
+    /// A motor speed \[rev/s\] as far as the drive can have it after what it was commanded.
+    pub fn plausible(&self, read: f64) -> f64 {
+        read.max(self.low.min(0.0)).min(self.high.max(0.0))
+    }
+}
+
 impl DriveMonitor {
     /// Judges the motor speed `read` \[rev/s\] under the speed `commanded` in the last period, after
     /// `elapsed` \[s\].

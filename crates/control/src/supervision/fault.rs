@@ -27,10 +27,10 @@ impl Reaction {
 /// How severe a fault is: a more severe one takes the place of a less severe one at any time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// Measurements and drive can be trusted: the load is brought to rest before it is held.
-    Stop,
+    /// Drive and valve obey: the load is brought to rest before it is held.
+    Controlled,
     /// The load is held at once.
-    Hold,
+    Immediate,
     /// A person pressed the emergency stop.
     Emergency,
 }
@@ -65,92 +65,92 @@ macro_rules! causes {
 
 causes! {
     /// A reading is not a number.
-    NotANumber: Hold, "not-a-number",
+    NotANumber: Immediate, "not-a-number",
         "a reading is not a number: look at the fieldbus mapping and the sensor";
     /// No new reading for too long: machine, fieldbus or its process.
-    MachineLost: Hold, "machine-lost",
+    MachineLost: Immediate, "machine-lost",
         "no new readings: is the machine's process or its bus alive?";
     /// The piston position is outside what the cylinder has.
-    PositionImplausible: Hold, "position-implausible",
+    PositionImplausible: Immediate, "position-implausible",
         "position outside the stroke: look at the encoder and its zero";
     /// The piston position changed faster than any piston can.
-    PositionJumped: Hold, "position-jumped",
+    PositionJumped: Immediate, "position-jumped",
         "position jumped: look at the encoder's cable and supply";
     /// A signal has not changed at all for too long.
-    SensorStuck: Hold, "sensor-stuck",
-        "a signal stands still to the last digit: look at its cable and input";
+    SensorStuck: Immediate, "sensor-stuck",
+        "a signal is frozen: look at its cable and input";
     /// A signal scatters far more than its sensor does.
-    SensorNoisy: Hold, "sensor-noisy",
+    SensorNoisy: Immediate, "sensor-noisy",
         "a signal scatters: look at its cable, shield and supply";
     /// A pressure is outside what its transducer or physics allow.
-    PressureImplausible: Hold, "pressure-implausible",
+    PressureImplausible: Immediate, "pressure-implausible",
         "a pressure is outside its transducer's range: look at transducer, cable and input";
     /// A pressure changed faster than the oil allows.
-    PressureJumped: Hold, "pressure-jumped",
+    PressureJumped: Immediate, "pressure-jumped",
         "a pressure jumped: look at transducer, hose and line";
     /// Pressures that must agree do not: of pump side and cylinder behind an open valve, of the load
     /// before a release, or with a lift.
-    PressureDisagrees: Hold, "pressure-disagrees",
+    PressureDisagrees: Immediate, "pressure-disagrees",
         "pressures disagree with each other or with the load: look at the transducers p_PA, p_A, p_B and p_PB, and whether cables are exchanged";
     /// A pressure is above the limit.
-    OverPressure: Stop, "over-pressure",
+    OverPressure: Controlled, "over-pressure",
         "pressure above the limit: is the load too heavy, or a valve shut?";
     /// The piston is too near an end of its stroke, and moves towards it.
-    EndOfStroke: Stop, "end-of-stroke",
+    EndOfStroke: Controlled, "end-of-stroke",
         "piston near its stop: look at the course and the controller";
     /// The piston is too far from its reference.
-    TrackingError: Stop, "tracking-error",
+    TrackingError: Controlled, "tracking-error",
         "piston far from its reference: look at pump, valves and load";
     /// Piston travel and the pump's delivered volume do not agree.
-    PositionFlowDisagree: Stop, "position-and-flow-disagree",
+    PositionFlowDisagree: Controlled, "position-and-flow-disagree",
         "position and delivered flow disagree: one of them is wrong. Look at the encoder, at the pump's leakage and displacement, and at the motor speed";
     /// The position moves although nothing moves the piston.
-    PositionNotSteady: Hold, "position-not-steady",
+    PositionNotSteady: Immediate, "position-not-steady",
         "the position changes although the load is held and the pump stands still: look at encoder and load-holding valves, or wait until the load is still";
     /// The piston moves faster than its pump can drive it.
-    Runaway: Hold, "runaway",
-        "piston too fast: has a line burst, or the load fallen off?";
+    Runaway: Immediate, "runaway",
+        "piston too fast: has a line burst, or is the load lost?";
     /// The load moves although it is held.
-    LoadNotHeld: Hold, "load-not-held",
+    LoadNotHeld: Immediate, "load-not-held",
         "the load moves while held: look at the load-holding valves";
     /// The load still swings, and does not come to rest.
-    LoadNotStill: Hold, "load-not-still",
+    LoadNotStill: Immediate, "load-not-still",
         "the load does not come to rest: wait, or look at what moves it";
     /// The load sank as the load-holding valve opened.
-    LoadSank: Hold, "load-sank",
+    LoadSank: Immediate, "load-sank",
         "the load sank when it was released: look at pump, lines and load-holding valves";
     /// The valve's position switch does not show what was commanded.
-    ValveNotFollowing: Hold, "valve-not-following",
+    ValveNotFollowing: Immediate, "valve-not-following",
         "the load-holding valve does not switch as commanded: look at the valve, its supply and its position switch";
     /// The drive does not turn as commanded.
-    DriveNotFollowing: Hold, "drive-not-following",
+    DriveNotFollowing: Immediate, "drive-not-following",
         "drive does not follow: look at its state and its limits";
     /// The drive turns against its command, or although commanded to stand still.
-    DriveUncommanded: Hold, "drive-uncommanded",
+    DriveUncommanded: Immediate, "drive-uncommanded",
         "the drive turns without or against a command: cut its power; the supervisor cannot stop it";
     /// Pressure is shut in on the unloaded side of the cylinder.
-    TrappedPressure: Hold, "trapped-pressure",
+    TrappedPressure: Immediate, "trapped-pressure",
         "pressure is shut in on the unloaded side: released, the load would spring by more than supervision.spring_mm. Relieve it by hand";
     /// The pump delivered all that can be needed, and did not lift the load.
-    NoLift: Hold, "no-lift",
+    NoLift: Immediate, "no-lift",
         "the pump does not lift the load: is it heavier than the crane file says? Look at pump, drive, lines and air in the oil";
     /// Too many periods were missed.
-    Overruns: Stop, "overruns",
+    Overruns: Controlled, "overruns",
         "deadlines missed: run `hydroboom doctor`";
     /// Control was interrupted for longer than the drive's watchdog bears.
-    WatchdogExpired: Hold, "watchdog-expired",
-        "control was interrupted for longer than the drive's watchdog bears, and the drive has stopped by itself: run `hydroboom doctor`";
+    WatchdogExpired: Immediate, "watchdog-expired",
+        "control was interrupted for longer than the drive's watchdog time, and the drive has stopped by itself: run `hydroboom doctor`";
     /// No operator has been present for too long.
-    OperatorLost: Stop, "operator-lost",
-        "nobody attends: connect again, then reset";
+    OperatorLost: Controlled, "operator-lost",
+        "no operator is present: connect again, then reset";
     /// Somebody pressed the emergency stop.
     EmergencyStop: Emergency, "emergency-stop",
         "emergency stop: find out why, then reset";
     /// The controller asked for a speed that is not a number, or failed.
-    ControllerInvalid: Hold, "controller-invalid",
+    ControllerInvalid: Immediate, "controller-invalid",
         "the controller failed: look at the log";
     /// The clock went back, or far ahead.
-    ClockJumped: Hold, "clock-jumped",
+    ClockJumped: Immediate, "clock-jumped",
         "the clock jumped: look at the machine's time source";
 }
 
@@ -159,8 +159,8 @@ impl Cause {
     /// computed by `hydroboom supervision --reactions` and stands in the table of hazards.
     pub fn reaction(self) -> Reaction {
         match self.severity() {
-            Severity::Stop => Reaction::ControlledStop,
-            Severity::Hold | Severity::Emergency => Reaction::ImmediateStop,
+            Severity::Controlled => Reaction::ControlledStop,
+            Severity::Immediate | Severity::Emergency => Reaction::ImmediateStop,
         }
     }
 

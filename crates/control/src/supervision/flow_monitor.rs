@@ -104,6 +104,8 @@ pub struct FlowReading {
 
 /// Seconds that a window lasts.
 pub const WINDOW_TIME: f64 = 5.0;
+/// Age that the oldest window has at least: windows begin one after the other \[s\].
+pub const LEAST_WINDOW: f64 = WINDOW_TIME * (WINDOWS as f64 - 1.0) / WINDOWS as f64;
 
 impl FlowMonitor {
     /// Takes in a reading after `elapsed` \[s\]: by how much no values in their ranges explain it
@@ -152,11 +154,13 @@ impl FlowMonitor {
     /// range the leakage is, at a load pressure \[Pa\] \[m/s\].
     pub fn smallest_drift(&self, within: f64, pressure: f64) -> f64 {
         let leaked = (self.internal_leakage + self.case_leakage) * signed_root(pressure);
-        let unknown = (self.leakage.high - self.leakage.low) * leaked / self.area;
-        self.tolerance / within + unknown
+        // what leaks, and what the pump delivers to make it good
+        let leaks = (self.leakage.high - self.leakage.low) * leaked;
+        let makes_good = (self.gain.high - self.gain.low) * self.leakage.high * leaked;
+        self.tolerance / within + (leaks + makes_good) / self.area
     }
 
-    /// Smallest relative error of the position's gain that is surely found over a travel \[m\], wherever
+    /// Smallest relative error of the position's gain that is found over a fast travel \[m\], wherever
     /// in their ranges the pump's gain and slip are, at a load pressure \[Pa\].
     pub fn smallest_gain_error(&self, travel: f64, pressure: f64) -> f64 {
         let middle = 0.5 * (self.gain.high + self.gain.low);
@@ -179,7 +183,7 @@ impl FlowMonitor {
         [swept + 0.5 * (one + other), displaced, leaked, turned]
     }
 
-    /// Distance of zero from all that the ranges allow for A Δx + C + λ L − k V \[m of travel\].
+    /// Distance of zero from all that the ranges allow for A Δx + C + λ L + c P − k V \[m of travel\].
     fn unexplained(&self, b: &Balance) -> f64 {
         let product = |range: &Range, value: f64| {
             let (one, other) = (range.low * value, range.high * value);

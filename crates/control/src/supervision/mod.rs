@@ -15,10 +15,11 @@ pub use deadline_monitor::{DeadlineMonitor, WINDOW as DEADLINE_WINDOW};
 pub use drive_monitor::{DriveMonitor, DriveMonitorState, DriveVerdict};
 pub use fault::{Cause, Reaction, Severity};
 pub use flow_monitor::{
-    FlowMonitor, FlowMonitorState, FlowReading, Range, WINDOW_TIME as FLOW_WINDOW_TIME,
+    FlowMonitor, FlowMonitorState, FlowReading, LEAST_WINDOW as FLOW_LEAST_WINDOW, Range,
+    WINDOW_TIME as FLOW_WINDOW_TIME,
 };
 pub use limits::{Limits, Observation, ValveState};
 pub use plausibility::RUNAWAY;
 pub use release::{Refusal, Release, ReleaseInput, ReleaseState, phase as release_phase};
-pub use supervisor::{Decision, Request, State, Supervisor};
+pub use supervisor::{CONTROLLED_RAMP, Decision, Request, State, Supervisor};
 pub use waiting::Waiting;

@@ -11,10 +11,10 @@
 //! settling: the pump only makes good its leakage; one period of the load mode later x̄ is the same
 //! ```
 //!
-//! Pressures are a cross-check, never the proof: readings that disagree with the motion refuse the
-//! release. At the upper end stop, where the piston cannot move, the answer of the cylinder's
-//! pressure to the delivered volume takes the place of the motion; a valve without check function is
-//! released on delivered volume and pressure.
+//! Pressures are a cross-check of the motion: readings that disagree with it refuse the release. In two
+//! cases nothing can move, and pressures are all there is: at the upper end stop, where the answer of the
+//! cylinder's pressure to the delivered volume takes the place of the motion, and behind a valve without
+//! check function, which is released on delivered volume and pressure from a drained pump side.
 //!
 //! One period is [`Release::advance`], over any scalar: its phases are numbers and its branches
 //! `select`, so that exported blocks carry the same code.
@@ -344,6 +344,7 @@ impl<T: Real> Release<T> {
         s.count = T::select(closes, zero, s.count);
         s.window_time = T::select(closes, zero, s.window_time);
 
+        let has_check = T::lit(0.5).lt(self.check_function);
         // at rest: mean, scatter and drift
         let counted = T::select(at_rest & is_new, one, zero);
         let in_first_half = s.phase_time.lt(T::lit(0.5) * self.observation);
@@ -361,7 +362,11 @@ impl<T: Real> Release<T> {
         let first = s.half_sum / s.half_count.max(one);
         let second = (s.rest_sum - s.half_sum) / (s.rest_count - s.half_count).max(one);
         let variance = (s.rest_squares / s.rest_count.max(one) - mean.square()).max(zero);
-        s.rest_mean = T::select(observed, mean, before.rest_mean);
+        // while the pump fills, the mean at rest follows slowly: a position that drifts is no lift
+        let follows =
+            before.rest_mean + (s.mean - before.rest_mean) * self.window / self.observation;
+        let rest_mean = T::select(filling & closes, follows, before.rest_mean);
+        s.rest_mean = T::select(observed, mean, rest_mean);
         s.scatter = T::select(observed, variance.sqrt(), before.scatter);
         let drifts = self.rest_drift.lt((second - first).abs());
         let needed = (T::lit(SIGNIFICANT) * s.scatter).max(self.proving_motion);
@@ -376,6 +381,12 @@ impl<T: Real> Release<T> {
         let least_volume = self.pump_volume * (self.least_compression - compressed).max(zero);
         s.least_volume = T::select(observed, least_volume, before.least_volume);
 
+        // without check function an empty pump side is to be filled: one that shows the load's pressure
+        // before the pump turned has not drained, or its transducer shows another pressure
+        let is_drained = now
+            .pressure_pump
+            .lt(now.pressure_load - self.pressure_tolerance - self.pressure_tolerance);
+        let undrained = observed & !has_check & !is_drained;
         let springs = observed & self.largest_spring.lt(self.spring(now, height));
 
         // delivered volume, against the load
@@ -390,7 +401,6 @@ impl<T: Real> Release<T> {
         let apart = self.pressure_tolerance.lt(difference.abs());
 
         // at the upper end stop the piston cannot move: the cylinder's pressure answers instead
-        let has_check = T::lit(0.5).lt(self.check_function);
         let at_upper_end = (self.stroke - self.end_zone).lt(height);
         let rise = now.pressure_load - s.rest_pressure;
         let enough = s.least_volume.lt(s.volume);
@@ -421,7 +431,7 @@ impl<T: Real> Release<T> {
         next = T::select(moved | by_pressure, number(phase::SETTLING), next);
         next = T::select(settled, number(phase::PROVEN), next);
         let not_steady = (observed & (drifts | too_noisy)) | too_soon | sank | still_moves;
-        let disagrees = (observed & impossible) | (moved & apart) | (settled & apart);
+        let disagrees = undrained | (observed & impossible) | (moved & apart) | (settled & apart);
         next = T::select(spent & !(moved | by_pressure), number(Refusal::NoLift.phase()), next);
         next = T::select(disagrees, number(Refusal::PressureDisagrees.phase()), next);
         next = T::select(springs, number(Refusal::TrappedPressure.phase()), next);

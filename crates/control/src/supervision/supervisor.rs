@@ -124,6 +124,8 @@ const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
 /// Time constant in which the peak velocity of a swinging load is forgotten, in periods of the load
 /// mode: what counts is the last swing.
 const SWING_MEMORY: f64 = 1.5;
+/// Share of a controlled stop in which the motor is ramped to zero; the rest is the load's to come to rest.
+pub const CONTROLLED_RAMP: f64 = 0.75;
 
 /// A stop under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -154,6 +156,8 @@ pub struct Supervisor {
     held_at: Option<f64>,
     /// Time since the valve was last commanded to switch \[s\].
     valve_since: f64,
+    /// Time for which everything has been well in [`State::Fault`] \[s\].
+    well_for: f64,
     /// Time for which pump side and cylinder have disagreed behind an open valve \[s\].
     disagreeing: f64,
     plausibility: Plausibility,
@@ -179,6 +183,7 @@ impl Supervisor {
             stop: Stop { reaction: Reaction::ImmediateStop, from: 0.0, since: 0.0 },
             held_at: None,
             valve_since: f64::INFINITY,
+            well_for: 0.0,
             disagreeing: 0.0,
             plausibility: Plausibility::default(),
             deadlines: DeadlineMonitor::default(),
@@ -211,7 +216,7 @@ impl Supervisor {
 
     /// One control period.
     pub fn advance(&mut self, seen: &Observation, request: Request) -> Decision {
-        let has_passed = seen.elapsed.is_finite() && seen.elapsed >= 0.0;
+        let has_passed = seen.elapsed.is_finite() && seen.elapsed > 0.0;
         let elapsed = if has_passed { seen.elapsed } else { self.limits.period };
         self.since += elapsed;
         self.stop.since += elapsed;
@@ -223,7 +228,7 @@ impl Supervisor {
         };
         match self.state {
             State::Idle => self.idle(request, wrong),
-            State::Fault => self.fault(seen, request, wrong),
+            State::Fault => self.fault(seen, request, wrong, elapsed),
             _ => match wrong {
                 Some(cause) => self.fail(cause, seen),
                 None => match self.state {
@@ -252,6 +257,16 @@ impl Supervisor {
         self.state == State::Moving && self.since >= self.limits.valve_time
     }
 
+    /// Whether the valve has been commanded open for as long as it takes.
+    fn has_opened(&self) -> bool {
+        self.command.holding_valve > 0.0 && self.valve_since >= self.limits.valve_time
+    }
+
+    /// Whether the piston has been slow of late.
+    fn is_still(&self) -> bool {
+        self.plausibility.swing() < self.limits.still.0
+    }
+
     /// Whether anything acts on the load.
     fn is_active(&self) -> bool {
         self.command != HELD || self.release.is_some()
@@ -262,6 +277,7 @@ impl Supervisor {
         self.since = 0.0;
         self.release = None;
         self.held_at = None;
+        self.well_for = 0.0;
         self.disagreeing = 0.0;
     }
 
@@ -292,8 +308,10 @@ impl Supervisor {
         self.switch(0.0);
         self.command.motor_speed = 0.0;
         // a load that still swings on its locked cylinder, after an emergency stop, would seem to creep
-        let (speed, time) = self.limits.still;
-        let is_still = self.since >= time && self.plausibility.swing() < speed;
+        let is_still = self.since >= self.limits.still.1 && self.is_still();
+        if is_still {
+            self.held_at.get_or_insert(seen.reading.stroke);
+        }
         self.waiting_for(match (seen.attended, is_still) {
             (false, _) => Waiting::Operator,
             (true, false) => Waiting::StillLoad,
@@ -381,18 +399,31 @@ impl Supervisor {
 
     /// The machine is in its safe state or on the way there. A more severe fault takes the place of
     /// the first one, with its harder reaction.
-    fn fault(&mut self, seen: &Observation, request: Request, wrong: Option<Cause>) {
+    fn fault(&mut self, seen: &Observation, request: Request, wrong: Option<Cause>, elapsed: f64) {
         if let (Some(before), Some(now)) = (self.cause, wrong)
             && now.severity() > before.severity()
         {
             return self.fail(now, seen);
         }
+        if seen.elapsed > self.limits.watchdog {
+            // the drive has stopped by itself meanwhile: nothing is left to be braked
+            self.begin_stop(Reaction::ImmediateStop, &seen.reading, false);
+        }
         let has_stopped = self.continue_stop();
         self.waiting_for(if has_stopped { Waiting::Reset } else { Waiting::Standstill });
         let turns = seen.reading.motor_speed.abs() > self.limits.drive.uncommanded;
-        let is_well =
-            has_stopped && wrong.is_none() && !turns && seen.valve != Some(ValveState::Open);
-        if request == Request::Reset && seen.attended && is_well {
+        // a valve that cannot be read has had its time to shut, and the load is still behind it
+        let is_shut = match seen.valve {
+            Some(valve) => valve == ValveState::Shut,
+            None => self.valve_since > self.limits.valve_time && self.is_still(),
+        };
+        let is_well = has_stopped && wrong.is_none() && !turns && is_shut;
+        self.well_for = if is_well { self.well_for + elapsed } else { 0.0 };
+        if has_stopped && self.is_still() {
+            self.held_at.get_or_insert(seen.reading.stroke);
+        }
+        // a signal that is well now and then is not well
+        if request == Request::Reset && seen.attended && self.well_for > self.limits.still.1 {
             self.cause = None;
             self.enter(State::Ready);
         }
@@ -400,17 +431,21 @@ impl Supervisor {
 
     /// Goes to [`State::Fault`] with the reaction that suits the cause and what the machine does now.
     fn fail(&mut self, cause: Cause, seen: &Observation) {
-        // a controlled stop needs a machine that still obeys: its valve is open, and its watchdog has
-        // not stopped it meanwhile
-        let obeys = self.command.holding_valve > 0.0
-            && seen.valve != Some(ValveState::Shut)
-            && seen.elapsed <= self.limits.watchdog;
+        // a controlled stop needs a machine that still obeys: its valve is open, as read or, where it
+        // cannot be read, as pump side and cylinder show that agree; and its watchdog has not stopped it
+        let is_open = match seen.valve {
+            Some(valve) => valve == ValveState::Open,
+            None => self.has_opened() && self.disagreeing == 0.0,
+        };
+        let obeys =
+            self.command.holding_valve > 0.0 && is_open && seen.elapsed <= self.limits.watchdog;
         let reaction = match cause.reaction() {
             Reaction::ControlledStop if obeys => Reaction::ControlledStop,
             _ => Reaction::ImmediateStop,
         };
         let is_trusted = seen.age <= self.limits.stale && seen.elapsed <= self.limits.watchdog;
-        let goes_on = self.state == State::Fault && self.stop.reaction == reaction;
+        let is_stopping = matches!(self.state, State::Fault | State::Stopping);
+        let goes_on = is_stopping && self.stop.reaction == reaction;
         if !goes_on {
             self.begin_stop(reaction, &seen.reading, is_trusted);
         }
@@ -424,7 +459,8 @@ impl Supervisor {
     fn begin_stop(&mut self, reaction: Reaction, reading: &Reading<f64>, is_trusted: bool) {
         let most = self.limits.motor_speed;
         let from = match is_trusted && reading.motor_speed.is_finite() {
-            true => reading.motor_speed.max(-most).min(most),
+            // no faster than the drive can be after what it was commanded
+            true => self.drive.plausible(reading.motor_speed).max(-most).min(most),
             false => 0.0,
         };
         self.stop = Stop { reaction, from, since: 0.0 };
@@ -435,8 +471,7 @@ impl Supervisor {
         let Stop { reaction, from, since } = self.stop;
         match reaction {
             Reaction::ControlledStop => {
-                // the last quarter of the time is the load's to come to rest before the valve shuts
-                let left = (1.0 - since / (0.75 * self.limits.stop_time)).max(0.0);
+                let left = (1.0 - since / (CONTROLLED_RAMP * self.limits.stop_time)).max(0.0);
                 self.command.motor_speed = from * left;
                 if since >= self.limits.stop_time {
                     self.switch(0.0);
@@ -550,7 +585,7 @@ impl Supervisor {
             found(Cause::Runaway);
         }
         match self.state {
-            State::Holding => {
+            State::Ready | State::Holding | State::Fault => {
                 // a release lifts the load, and never lowers it
                 let moved = self.held_at.map_or(0.0, |at| r.stroke - at);
                 let against = -l.release.direction * moved;
@@ -569,22 +604,26 @@ impl Supervisor {
                 if !seen.wanted.is_finite() {
                     found(Cause::ControllerInvalid);
                 }
-                if (r.stroke - seen.reference).abs() > seen.tracking {
+                // a reference that is not a number is no reference
+                let is_near = (r.stroke - seen.reference).abs() <= seen.tracking;
+                if !is_near {
                     found(Cause::TrackingError);
                 }
                 // slower than this a piston may touch its stop
                 let touches = l.creep / l.still.1;
                 let velocity = self.plausibility.velocity();
-                let is_low = r.stroke < l.margin && velocity < -touches;
-                let is_high = r.stroke > l.stroke - l.margin && velocity > touches;
+                // a controlled stop must end before the end stop
+                let stopping = velocity.abs() * (0.5 * CONTROLLED_RAMP * l.stop_time + l.watchdog);
+                let margin = l.margin.max(stopping);
+                let is_low = r.stroke < margin && velocity < -touches;
+                let is_high = r.stroke > l.stroke - margin && velocity > touches;
                 if is_low || is_high {
                     found(Cause::EndOfStroke);
                 }
             }
             _ => {}
         }
-        let is_released = self.controls() || self.state == State::Stopping;
-        if is_released && self.command.holding_valve > 0.0 {
+        if self.has_opened() {
             let [pump, load, other_pump, _] = self.sides(r);
             let (most, time) = l.pressure_agreement;
             let apart = (pump - load).abs() > most;
