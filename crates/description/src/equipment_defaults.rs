@@ -186,6 +186,20 @@ impl Description {
         text
     }
 
+    /// All keys of the supervision at their defaults, as a section of a crane file.
+    pub fn supervision_text(&self) -> String {
+        let mut text = String::from("\n[supervision]\n");
+        for key in KEYS.iter().filter(|key| key.section == "supervision") {
+            if let Some(value) = key.absent {
+                text += &format!(
+                    "{} = {{ value = {value:?}, provenance = \"estimate\", source = \"default: {}\" }}\n",
+                    key.name, key.meaning
+                );
+            }
+        }
+        text
+    }
+
     /// Keys that a crane of this kind has, with their typical values in the key's unit and sources.
     fn typical_values(&self) -> impl Iterator<Item = (usize, f64, &'static str)> {
         self.own_keys().filter_map(|index| {

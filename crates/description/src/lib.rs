@@ -55,7 +55,7 @@ impl Origin {
 
     /// Of such a key.
     fn absent() -> Self {
-        let source = "not in the file: a crane without this effect".into();
+        let source = "not in the file: its default".into();
         Self { provenance: Self::ABSENT.into(), source, line: None }
     }
 }

@@ -39,7 +39,7 @@ pub struct Faults {
     pairs: bool,
     /// In place of faults: healthy virtual cranes of the family, so many, along every course; nothing may
     /// stop them.
-    #[arg(long, value_name = "COUNT", conflicts_with_all = ["only", "all", "pairs", "report"])]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=100_000), conflicts_with_all = ["only", "all", "pairs", "report"])]
     healthy: Option<u64>,
     /// Seed of the family.
     #[arg(long, default_value_t = 1, requires = "healthy")]
@@ -74,7 +74,8 @@ impl Faults {
         let faults: Vec<Fault> =
             Fault::all().into_iter().filter(|fault| fault.name().contains(wanted)).collect();
         if faults.is_empty() {
-            miette::bail!("no fault's name contains \"{wanted}\"");
+            let names: Vec<String> = Fault::all().into_iter().map(Fault::name).collect();
+            miette::bail!(help = names.join(", "), "no fault's name contains \"{wanted}\"");
         }
         let cranes = self.cranes()?;
         let mut cases = Vec::new();
@@ -103,7 +104,9 @@ impl Faults {
         }
         let rows: Vec<Vec<String>> = faults.iter().map(|fault| row(*fault, &cases)).collect();
         let mut said = format!(
-            "{} faults, {} cases: the worst of each over cranes, strategies and moments\n{}\n",
+            "{} faults, {} cases: the worst of each over cranes, strategies and moments. Moved: off the course until the\n\
+             stop, and from there; safe: pilots without pressure, motor at rest (a machine that is not enabled yet waits\n\
+             supervision.wait_s before it gives up); dropped: below where the load was held\n{}\n",
             faults.len(),
             cases.len(),
             output::table(&HEADER, &rows)

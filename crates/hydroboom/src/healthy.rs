@@ -136,6 +136,10 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
     }
     let false_alarms: usize =
         stops.iter().filter(|(key, _)| !key.3 && !may_stop(&key.0)).map(|(_, c)| c.len()).sum();
+    let of = |is: &dyn Fn(bool, bool) -> bool| -> usize {
+        stops.iter().filter(|(key, _)| is(key.3, may_stop(&key.0))).map(|(_, c)| c.len()).sum()
+    };
+    let (beyond, expected) = (of(&|exceeded, _| exceeded), of(&|exceeded, may| !exceeded && may));
     let released = runs.iter().map(|(_, (_, run))| run);
     let most = |of: &dyn Fn(&HealthyRun) -> f64| released.clone().map(of).fold(0.0, f64::max);
     let (longest, lift, sank) = (
@@ -154,7 +158,8 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
             })
             .collect();
         return output::json(&json!({
-            "courses": runs.len(), "asked": asked, "false_alarms": false_alarms, "stops": list,
+            "courses": runs.len(), "asked": asked, "false_alarms": false_alarms,
+            "stops_beyond_limits": beyond, "stops_expected": expected, "stops": list,
             "longest_release_s": longest, "largest_lift_mm": lift, "largest_drop_mm": sank,
         }));
     }
@@ -179,7 +184,8 @@ fn report(runs: &[(&Job, (String, HealthyRun))], asked: usize, json: bool) -> Re
         })
         .collect();
     let mut text = format!(
-        "{}: {false_alarms} false alarms; release: {longest:.1} s at most, lifts by {lift:.2} mm and \
+        "{} courses of healthy virtual cranes: {false_alarms} false alarms, {beyond} stops of a piston that had left its \
+         limits itself, {expected} on courses that may stop; release: {longest:.1} s at most, lifts by {lift:.2} mm and \
          drops by {sank:.2} mm at most",
         of_asked(runs.len(), asked)
     );

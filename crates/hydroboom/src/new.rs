@@ -23,6 +23,13 @@ const EQUIPMENT: &str = "\
 # has them all.
 ";
 
+/// What stands above the limits that are written.
+const SUPERVISION: &str = "\
+# Limits of the supervision; `hydroboom supervision` shows what else follows from this file.
+# holding_valve.check_function = \"none\" says that a shut load-holding valve lets nothing pass,
+# switching_valve.position_switch = \"fitted\" that its state can be read.
+";
+
 /// Write a complete crane file to start from: the paper's crane, or one on a proportional valve.
 #[derive(Args)]
 #[command(
@@ -51,8 +58,9 @@ impl New {
         }
         let text = match self.circuit {
             Circuit::SelfContained => {
-                let equipment = Description::uia_single_boom()?.equipment_text();
-                format!("{UIA_SINGLE_BOOM}\n{EQUIPMENT}{equipment}")
+                let crane = Description::uia_single_boom()?;
+                let (equipment, supervision) = (crane.equipment_text(), crane.supervision_text());
+                format!("{UIA_SINGLE_BOOM}\n{EQUIPMENT}{equipment}\n{SUPERVISION}{supervision}")
             }
             Circuit::ValveControlled => PATU_LIFT.into(),
         };

@@ -37,6 +37,7 @@ pub struct Supervision {
 
 /// What is shown.
 struct Shown {
+    crane: String,
     limits: Limits,
     load: LoadPressure,
     baseline: Option<FlowBaseline>,
@@ -64,7 +65,8 @@ impl Supervision {
             effects = reaction_effects(&model, &machine, &speeds).into_diagnostic()?;
             second_line = Some(ideal_second_line(&machine).into_diagnostic()?);
         }
-        let shown = Shown { limits, load, baseline, effects, second_line };
+        let shown =
+            Shown { crane: model.name.clone(), limits, load, baseline, effects, second_line };
         match self.json {
             true => output::json(&shown.json()),
             false => output::text(&shown.text()),
@@ -77,6 +79,7 @@ impl Shown {
         let (l, r) = (&self.limits, &self.limits.release);
         let pressures = [self.load.least, self.load.nominal, self.load.most].map(|p| p * 1e-5);
         json!({
+            "crane": self.crane,
             "limits": {
                 "pressure_bar": l.pressure * 1e-5, "stop_s": l.stop_time, "watchdog_ms": l.watchdog * 1e3,
                 "valve_ms": l.valve_time * 1e3, "creep_mm": l.creep * 1e3,
@@ -118,6 +121,10 @@ impl Shown {
         let (l, r, load) = (&self.limits, &self.limits.release, &self.load);
         let bar = |pressure: f64| format!("{:.1} bar", pressure * 1e-5);
         let row = |name: &str, value: String, from: &str| vec![name.into(), value, from.into()];
+        let proof = match r.check_function == 1.0 {
+            true => "motion; at the upper end stop by pressure",
+            false => "delivered volume and pressure",
+        };
         let side = if load.direction > 0.0 { "piston side" } else { "rod side" };
         let rows = vec![
             row("largest pressure", bar(l.pressure), "supervision.pressure_bar"),
@@ -132,6 +139,12 @@ impl Shown {
                 format!("{:.0} ms", l.valve_time * 1e3),
                 "ranges of switching_valve, fieldbus",
             ),
+            row(
+                "distance from the end stops",
+                format!("{:.0} mm, or what a stop takes", l.margin * 1e3),
+                "supervision.end_margin_mm, stop_s",
+            ),
+            row("missed periods", format!("{} of 256 at most", l.missed), "a quarter"),
             row(
                 "held load moves at most",
                 format!("{:.1} mm", l.creep * 1e3),
@@ -168,6 +181,7 @@ impl Shown {
                 ),
                 "statics over the ranges of payload, friction, rod side",
             ),
+            row("release proven by", proof.into(), "holding_valve.check_function"),
             row(
                 "proving motion",
                 format!(
@@ -188,11 +202,20 @@ impl Shown {
                 "oil, volumes, leakage; supervision.release_s",
             ),
         ];
-        let mut said = output::table(&["limit", "value", "from"], &rows);
+        let mut said =
+            format!("{}\n{}", self.crane, output::table(&["limit", "value", "from"], &rows));
+        if load.most > l.pressure {
+            said += &format!(
+                "\n\nwarning: the heaviest load of the file's range needs {:.0} bar, more than supervision.pressure_bar",
+                load.most * 1e-5
+            );
+        }
         let against = match &self.baseline {
-            Some(baseline) => {
-                format!("this machine's baseline, residual {:.2} mm", baseline.residual * 1e3)
-            }
+            Some(baseline) => format!(
+                "this machine's baseline, {:.0} days old, residual {:.2} mm",
+                baseline.age_days(),
+                baseline.residual * 1e3
+            ),
             None => "the crane file's ranges; a baseline narrows them".into(),
         };
         said += &format!(

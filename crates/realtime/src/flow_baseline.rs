@@ -125,6 +125,8 @@ impl FlowBaseline {
             return cycle("the readings do not determine it");
         }
         let [gain, leakage, slip]: [f64; 3] = std::array::from_fn(|i| factors[i] / length[i]);
+        // noise can leave a leakage that is hardly there below zero
+        let leakage = leakage.max(0.0);
         let off = |row: &[f64; 4]| row[0] - gain * row[1] + leakage * row[2] + slip * row[3];
         let squares: f64 = rows.iter().map(|row| off(row).powi(2)).sum();
         let residual = (squares / rows.len() as f64).sqrt() / monitor.area;
@@ -135,8 +137,7 @@ impl FlowBaseline {
                 monitor.tolerance * 1e3
             ));
         }
-        let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-        let recorded_at = since.map_or(0, |time| time.as_secs());
+        let recorded_at = seconds_since_1970();
         let baseline = Self { gain, leakage, slip, residual, recorded_at, digest: model.digest() };
         match baseline.impossible() {
             Some(reason) => Err(BaselineError::Cycle(reason)),
@@ -164,11 +165,16 @@ impl FlowBaseline {
         )
     }
 
+    /// Age in days.
+    pub fn age_days(&self) -> f64 {
+        (seconds_since_1970().saturating_sub(self.recorded_at)) as f64 / 86_400.0
+    }
+
     /// What cannot be of the numbers, if anything.
     fn impossible(&self) -> Option<String> {
         let all = [
             ("flow_gain", self.gain, 0.3, 1.3),
-            ("leakage_factor", self.leakage, -1.0, 100.0),
+            ("leakage_factor", self.leakage, 0.0, 100.0),
             ("slip_cm3_per_rev_bar", self.slip / SLIP, -1.0, 1.0),
             ("residual_mm", self.residual * 1e3, 0.0, 50.0),
         ];
@@ -202,7 +208,10 @@ impl FlowBaseline {
         })?;
         let number = |key: &str| {
             let read = value[key].as_f64().filter(|number| number.is_finite());
-            read.ok_or_else(|| other(format!("{key} is not a number: {}", value[key])))
+            read.ok_or_else(|| match &value[key] {
+                Value::Null => other(format!("{key} is missing")),
+                read => other(format!("{key} is not a number: {read}")),
+            })
         };
         let baseline = Self {
             gain: number("flow_gain")?,
@@ -217,11 +226,16 @@ impl FlowBaseline {
         }
         if baseline.digest != model.digest() {
             return Err(other(format!(
-                "it was recorded with another crane file than \"{}\": record it anew with \
+                "it was recorded with another crane file than \"{}\", or other overrides: record it anew with \
                  `hydroboom run --record-baseline`",
                 model.name
             )));
         }
         Ok(baseline)
     }
+}
+
+fn seconds_since_1970() -> u64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    since.map_or(0, |time| time.as_secs())
 }

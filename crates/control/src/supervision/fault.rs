@@ -131,6 +131,9 @@ causes! {
     /// Pressure is shut in on the unloaded side of the cylinder.
     TrappedPressure: Immediate, "trapped-pressure",
         "pressure is shut in on the unloaded side: released, the load would spring by more than supervision.spring_mm. Relieve it by hand";
+    /// The load needs more pressure than the crane file's loads do.
+    LoadTooHeavy: Immediate, "load-too-heavy",
+        "the load needs more pressure than payload.mass_kg and its range in the crane file: set part of it down, or correct the file";
     /// The pump delivered all that can be needed, and did not lift the load.
     NoLift: Immediate, "no-lift",
         "the pump does not lift the load: is it heavier than the crane file says? Look at pump, drive, lines and air in the oil";

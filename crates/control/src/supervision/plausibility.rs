@@ -81,7 +81,12 @@ impl Plausibility {
                 return Some(Cause::PressureJumped);
             }
         }
-        if l.stuck > 0.0 && self.repeated.iter().any(|time| *time > l.stuck) {
+        // a transducer at the end of its range stands still because the pressure is too high
+        let repeats = self.repeated.iter().zip(values);
+        let is_stuck = repeats
+            .enumerate()
+            .any(|(k, (time, value))| *time > l.stuck && (k == 0 || value <= l.pressure));
+        if l.stuck > 0.0 && is_stuck {
             return Some(Cause::SensorStuck);
         }
         let [position_scatter, pressure_scatters @ ..] = self.scatter;

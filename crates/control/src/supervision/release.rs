@@ -239,17 +239,25 @@ pub enum Refusal {
     NoLift,
     /// Pressure is shut in on the unloaded side: released, the load would spring.
     TrappedPressure,
-    /// The piston moved, and the pressures do not agree with it; or the load pressure is outside
-    /// what any load can need.
+    /// The load needs more pressure than any load of the crane file.
+    LoadTooHeavy,
+    /// The piston moved, and the pressures do not agree with it; or the load pressure is below what any
+    /// load can need.
     PressureDisagrees,
 }
 
 impl Refusal {
     /// The refusal with this phase number; none for a phase that is no refusal.
     pub fn from_phase(phase: f64) -> Option<Self> {
-        [Self::PositionNotSteady, Self::NoLift, Self::PressureDisagrees, Self::TrappedPressure]
-            .into_iter()
-            .find(|refusal| refusal.phase() == phase)
+        [
+            Self::PositionNotSteady,
+            Self::NoLift,
+            Self::PressureDisagrees,
+            Self::TrappedPressure,
+            Self::LoadTooHeavy,
+        ]
+        .into_iter()
+        .find(|refusal| refusal.phase() == phase)
     }
 
     /// Its phase number.
@@ -259,6 +267,7 @@ impl Refusal {
             Self::NoLift => -2.0,
             Self::PressureDisagrees => -3.0,
             Self::TrappedPressure => -4.0,
+            Self::LoadTooHeavy => -5.0,
         }
     }
 }
@@ -376,7 +385,7 @@ impl<T: Real> Release<T> {
         let hangs = self.end_zone.lt(height);
         let low = s.rest_pressure.lt(self.least_pressure - self.pressure_tolerance);
         let high = (self.most_pressure + self.pressure_tolerance).lt(s.rest_pressure);
-        let impossible = (hangs & low) | high;
+        let impossible = hangs & low;
         let compressed = now.pressure_pump.max(zero) * self.largest_compliance;
         let least_volume = self.pump_volume * (self.least_compression - compressed).max(zero);
         s.least_volume = T::select(observed, least_volume, before.least_volume);
@@ -434,6 +443,7 @@ impl<T: Real> Release<T> {
         let disagrees = undrained | (observed & impossible) | (moved & apart) | (settled & apart);
         next = T::select(spent & !(moved | by_pressure), number(Refusal::NoLift.phase()), next);
         next = T::select(disagrees, number(Refusal::PressureDisagrees.phase()), next);
+        next = T::select(observed & high, number(Refusal::LoadTooHeavy.phase()), next);
         next = T::select(springs, number(Refusal::TrappedPressure.phase()), next);
         next = T::select(not_steady, number(Refusal::PositionNotSteady.phase()), next);
         let changes = (next - before.phase).abs();

@@ -656,6 +656,7 @@ impl From<Refusal> for Cause {
             Refusal::NoLift => Self::NoLift,
             Refusal::PressureDisagrees => Self::PressureDisagrees,
             Refusal::TrappedPressure => Self::TrappedPressure,
+            Refusal::LoadTooHeavy => Self::LoadTooHeavy,
         }
     }
 }

@@ -190,6 +190,13 @@ impl Run {
     /// Records the baseline of delivered flow from the last course.
     fn record(&self, model: &Description, watch: &Watch) -> Result<()> {
         let Some(path) = &self.record_baseline else { return Ok(()) };
+        let fault = watch.results.last().and_then(|result| result.fault);
+        if let (Some(fault), _) | (None, Some(fault)) =
+            (fault, watch.session().fault().map(|fault| fault.cause.code()))
+        {
+            eprintln!("no baseline: the course was stopped by {fault}");
+            return Ok(());
+        }
         let monitor = limits(model, model.numbers.fast).into_diagnostic()?.flow;
         let baseline =
             FlowBaseline::of_course(model, &monitor, &watch.records).into_diagnostic()?;
