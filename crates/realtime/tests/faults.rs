@@ -1,7 +1,5 @@
 //! A fixed share of the fault campaign, with every kind of fault: `hydroboom faults --all` runs the rest.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
-
 use hydroboom_control::{State, Strategy};
 use hydroboom_realtime::campaign_cranes::{at_valve_end, campaign_cranes};
 use hydroboom_realtime::fault::Fault;
