@@ -367,6 +367,34 @@ fn every_state_says_what_it_waits_for_and_gives_up() {
     assert_eq!(rig.now.waiting, Waiting::Operator);
 }
 
+/// A load that creeps in Fault keeps it from being reset until it stays, and then no longer.
+#[test]
+fn a_held_load_is_watched_in_fault_and_can_be_reset_once_it_stays() {
+    let mut rig = Rig::brought_to(State::Moving);
+    rig.well(Request::EmergencyStop);
+    (0..2000).for_each(|_| rig.well(Request::None));
+    // slower than a load that swings, 5 mm in a second, and asked to be reset all the time
+    for _ in 0..1000 {
+        rig.machine.stroke -= 5e-6;
+        rig.well(Request::Reset);
+        if rig.now.state != State::Fault {
+            break;
+        }
+    }
+    // it had been well before it crept
+    assert_eq!(rig.now.state, State::Ready);
+    let mut periods = 0;
+    while rig.now.state == State::Ready && periods < 5000 {
+        rig.machine.stroke -= 5e-6;
+        rig.well(Request::None);
+        periods += 1;
+    }
+    assert_eq!(rig.now.cause, Some(Cause::LoadNotHeld), "nobody says that it creeps");
+    (0..1000).for_each(|_| rig.well(Request::None));
+    rig.well(Request::Reset);
+    assert_eq!(rig.now.state, State::Ready);
+}
+
 #[test]
 fn a_valve_that_does_not_switch_is_found_where_it_can_be_read() {
     use hydroboom_control::supervision::ValveState;

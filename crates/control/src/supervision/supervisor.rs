@@ -419,6 +419,10 @@ impl Supervisor {
         };
         let is_well = has_stopped && wrong.is_none() && !turns && is_shut;
         self.well_for = if is_well { self.well_for + elapsed } else { 0.0 };
+        // a load that has crept is said to, and watched from where it is by then
+        if wrong == Some(Cause::LoadNotHeld) {
+            self.held_at = None;
+        }
         if has_stopped && self.is_still() {
             self.held_at.get_or_insert(seen.reading.stroke);
         }
@@ -535,8 +539,9 @@ impl Supervisor {
         }
     }
 
-    /// The most severe of all that is wrong, if anything. Every monitor takes in every period,
-    /// whatever the state.
+    /// The most severe of all that is wrong, if anything. Monitors of measurements, drive, valve and deadlines
+    /// take in every period in every state; position against flow, and pump side against cylinder, while the
+    /// valve is open; course and end stops while the controller moves the load.
     fn judge(&mut self, seen: &Observation, elapsed: f64, has_passed: bool) -> Option<Cause> {
         let l = self.limits;
         let r = &seen.reading;
