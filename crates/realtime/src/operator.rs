@@ -8,8 +8,8 @@
 use crate::desk::{Desk, Generation};
 use hydroboom_control::{Decision, Request, State};
 
-/// A reset waits so long for motor and valve to come to rest \[s\]; not for what is broken to be mended.
-const RESET_WITHIN: f64 = 0.6;
+/// A reset waits so long for motor, valve and load to come to rest \[s\]; not for what is broken to be mended.
+const RESET_WITHIN: f64 = 5.0;
 
 /// An operator who wants courses run, one request after the other.
 #[derive(Clone, Copy, Debug)]
@@ -351,7 +351,7 @@ mod tests {
     #[test]
     fn a_reset_is_one_of_a_present_operator_in_a_fault() {
         let resets = |bench: &mut Bench| {
-            (0..2000).filter(|_| bench.period(State::Fault) == Request::Reset).count()
+            (0..6000).filter(|_| bench.period(State::Fault) == Request::Reset).count()
         };
         let mut bench = Bench::new(State::Fault);
         bench.desk.reset();

@@ -68,9 +68,10 @@ impl Plausibility {
         }
         if let Some(last) = self.last.filter(|_| seen.new_readings > 0) {
             let [before, pressures_before @ ..] = signals(&last);
-            // what the piston can do until readings are too old, and the scatter of its encoder
+            // what the piston can do between both readings, and the scatter of its encoder
             let fastest = l.speed.max(l.motor_speed * l.speed_per_motor_speed);
-            let reach = (l.stale + l.period) * RUNAWAY * fastest + 6.0 * l.scatter.0;
+            let periods = f64::from(seen.new_readings) + 1.0;
+            let reach = periods * l.period * RUNAWAY * fastest + 6.0 * l.scatter.0;
             if (stroke - before).abs() > reach {
                 return Some(Cause::PositionJumped);
             }
