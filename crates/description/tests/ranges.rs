@@ -28,7 +28,7 @@ fn a_range_of_the_file_is_read_in_the_keys_unit() {
     let range = crane.range("payload.mass_kg").unwrap();
     assert_eq!((range.low, range.high, range.source), (0.0, 320.0, RangeSource::File));
     let transition = crane.range("oil.transition_bar").unwrap();
-    assert_eq!((transition.low, transition.high), (14e5, 45e5));
+    assert_eq!((transition.low, transition.high), (20e5, 45e5));
     let ranges = crane.ranges();
     assert_eq!((ranges.low.payload, ranges.high.payload), (0.0, 320.0));
     let place = KEYS.iter().position(|key| key.path() == "payload.mass_kg").unwrap();

@@ -194,6 +194,10 @@ impl Derivation {
         let n = &self.model.numbers;
         let bus = 2.0 * self.high.fieldbus_delay * n.control_period;
         DriveMonitor {
+            slew: n.motor_slew,
+            torque: self.low.drive_torque,
+            inertia: self.high.drive_inertia,
+            displacement: self.high.displacement,
             // a second-order lag stays behind longer than its first-order part
             response: 1.5 * self.drive_response() + bus + n.control_period,
             deviation: 0.1 * n.motor_speed,
@@ -236,6 +240,7 @@ impl Derivation {
             dead_volume: if side_a { n.dead_volume_a } else { n.dead_volume_b },
             stroke: n.stroke,
             oils: self.oils(),
+            air_shift: self.high.air_shift,
             tolerance: NOISE * n.position_noise
                 + n.position_resolution
                 + speed * delay

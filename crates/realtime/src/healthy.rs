@@ -18,8 +18,9 @@ pub struct HealthyRun {
     pub cause: Option<Cause>,
     /// Time of the course when it was stopped \[s\]; none before the load was released.
     pub stopped_at: Option<f64>,
-    /// Whether the piston itself had left its limits then: too far from its reference, or faster than its
-    /// pump can drive it. Such a stop is the controller's doing and no false alarm.
+    /// Whether the machine itself had left its limits then: the piston too far from its reference, faster
+    /// than its pump can drive it or too close to an end stop, or a pressure too high. Such a stop is the
+    /// controller's doing and no false alarm.
     pub limit_exceeded: bool,
     /// Duration of the release \[s\].
     pub release_time: f64,
@@ -31,7 +32,7 @@ pub struct HealthyRun {
 
 /// A course takes no longer than its path and this \[s\].
 const LONGEST: f64 = 60.0;
-/// Share of a limit that the piston itself reaches where its measured mean reaches the limit.
+/// Share of a limit that the machine itself reaches where what is read of it reaches the limit.
 const LIMIT_FRACTION: f64 = 0.9;
 
 /// Runs a path on a machine whose payload changes at times of the course: (time \[s\], mass \[kg\]).
@@ -106,6 +107,19 @@ pub fn healthy_run(
                 match cause {
                     Cause::TrackingError => apart > LIMIT_FRACTION * tracking,
                     Cause::Runaway => outputs.velocity.abs() > LIMIT_FRACTION * fastest,
+                    Cause::EndOfStroke => {
+                        let left = outputs.stroke.min(limits.stroke - outputs.stroke);
+                        LIMIT_FRACTION * left < limits.end_margin(outputs.velocity)
+                    }
+                    Cause::OverPressure => {
+                        let pressures = [
+                            outputs.pressure_pump_a,
+                            outputs.pressure_a,
+                            outputs.pressure_b,
+                            outputs.pressure_pump_b,
+                        ];
+                        pressures.into_iter().fold(0.0, f64::max) > LIMIT_FRACTION * limits.pressure
+                    }
                     _ => false,
                 }
             });

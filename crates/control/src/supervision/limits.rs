@@ -3,6 +3,7 @@
 use super::drive_monitor::DriveMonitor;
 use super::flow_monitor::FlowMonitor;
 use super::release::Release;
+use super::supervisor::CONTROLLED_RAMP;
 use crate::signals::Reading;
 
 /// What is allowed, and the numbers of the monitors: all from a crane file.
@@ -58,6 +59,15 @@ pub struct Limits {
     pub flow: FlowMonitor,
     /// The release of the load.
     pub release: Release<f64>,
+}
+
+impl Limits {
+    /// Distance from an end stop \[m\] at which a piston that moves towards it with `velocity` \[m/s\] has to
+    /// be stopped: a controlled stop ends before it.
+    pub fn end_margin(&self, velocity: f64) -> f64 {
+        let stopping = 0.5 * CONTROLLED_RAMP * self.stop_time + self.watchdog;
+        self.margin.max(velocity.abs() * stopping)
+    }
 }
 
 /// State of the load-holding valve, where a machine can read it.

@@ -570,7 +570,8 @@ impl Supervisor {
         }
         if r.motor_speed.is_finite() && self.state != State::Idle {
             let commanded = self.command.motor_speed;
-            match l.drive.judge(&mut self.drive, commanded, r.motor_speed, elapsed) {
+            let load = r.pressure_pump_a - r.pressure_pump_b;
+            match l.drive.judge(&mut self.drive, commanded, r.motor_speed, load, elapsed) {
                 DriveVerdict::Uncommanded => found(Cause::DriveUncommanded),
                 DriveVerdict::Deviates if is_active => found(Cause::DriveNotFollowing),
                 DriveVerdict::Deviates | DriveVerdict::Follows => {}
@@ -617,9 +618,7 @@ impl Supervisor {
                 // slower than this a piston may touch its stop
                 let touches = l.creep / l.still.1;
                 let velocity = self.plausibility.velocity();
-                // a controlled stop must end before the end stop
-                let stopping = velocity.abs() * (0.5 * CONTROLLED_RAMP * l.stop_time + l.watchdog);
-                let margin = l.margin.max(stopping);
+                let margin = l.end_margin(velocity);
                 let is_low = r.stroke < margin && velocity < -touches;
                 let is_high = r.stroke > l.stroke - margin && velocity > touches;
                 if is_low || is_high {

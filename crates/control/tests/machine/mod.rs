@@ -49,6 +49,10 @@ pub fn limits() -> Limits {
         valve_time: 0.06,
         drive: DriveMonitor {
             response: 0.02,
+            slew: 500.0,
+            torque: 32.0,
+            inertia: 0.01,
+            displacement: DISPLACEMENT,
             deviation: 5.0,
             deviation_time: 0.1,
             uncommanded: 2.0,
@@ -66,6 +70,7 @@ pub fn limits() -> Limits {
             pump_volume: 2e-3,
             dead_volume: 2e-3,
             oils: [OIL; 2],
+            air_shift: 0.0,
             stroke: 0.5,
             direction: 1.0,
             tolerance: 2e-3,
