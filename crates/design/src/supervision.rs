@@ -24,6 +24,17 @@ const LARGEST_MOTION: f64 = 5.0;
 const FAST: f64 = 4.0;
 /// Standard deviations of the encoder's noise that are no motion.
 const NOISE: f64 = 6.0;
+/// Deviation of the motor from the slowest drive's response that is not following, of the largest speed; its
+/// ripple is some hundredths.
+const DRIVE_DEVIATION: f64 = 0.1;
+/// Time for which it must last \[s\].
+const DRIVE_DEVIATION_TIME: f64 = 0.1;
+/// Speed beyond the command that is uncommanded, of the largest speed.
+const DRIVE_UNCOMMANDED: f64 = 0.04;
+/// Overshoot of a speed loop damped with 0.6 to 0.8, besides, of the commanded speed.
+const DRIVE_OVERSHOOT: f64 = 0.1;
+/// Time for which it must last \[s\]: with the valve's closing time far below 50 ms.
+const DRIVE_UNCOMMANDED_TIME: f64 = 0.01;
 /// Share of missed periods in the deadline monitor's window that is borne.
 const MISSED: f64 = 0.25;
 /// Largest constant error of a pressure transducer where the file states none, of span: data sheets,
@@ -200,11 +211,11 @@ impl Derivation {
             displacement: self.high.displacement,
             // a second-order lag stays behind longer than its first-order part
             response: 1.5 * self.drive_response() + bus + n.control_period,
-            deviation: 0.1 * n.motor_speed,
-            deviation_time: 0.1,
-            uncommanded: 0.04 * n.motor_speed,
-            overshoot: 0.1,
-            uncommanded_time: 0.01,
+            deviation: DRIVE_DEVIATION * n.motor_speed,
+            deviation_time: DRIVE_DEVIATION_TIME,
+            uncommanded: DRIVE_UNCOMMANDED * n.motor_speed,
+            overshoot: DRIVE_OVERSHOOT,
+            uncommanded_time: DRIVE_UNCOMMANDED_TIME,
         }
     }
 
@@ -257,6 +268,7 @@ impl Derivation {
             true => (cylinder.piston_area, n.dead_volume_a, n.volume_pump_a),
             false => (cylinder.rod_side_area, n.dead_volume_b, n.volume_pump_b),
         };
+        let other = cylinder.piston_area + cylinder.rod_side_area - area;
         let [stiff, soft] = self.oils();
         let gain = self.gain();
         // friction has to be turned round before the piston moves, and the valve to be cracked
@@ -297,7 +309,7 @@ impl Derivation {
             holding_gain: HOLDING_RATE * pump / (n.bulk_modulus_max * delivery_low),
             nominal_pressure: nominal,
             least_pressure: least,
-            most_pressure: most.min(n.supervision_pressure),
+            most_pressure: most - high.rod_side * other / area,
             pressure_tolerance: 2.0 * self.transducer_error() + 2.0 * high.holding_opening,
             pressure_response: 2.0 * self.transducer_error(),
             least_compression: compressed(&stiff, 0.0, least),
@@ -313,7 +325,7 @@ impl Derivation {
             transition: high.transition,
             transition_slope: 1.0 / n.transition_width,
             area,
-            other_area: cylinder.piston_area + cylinder.rod_side_area - area,
+            other_area: other,
             dead_volume: dead,
             largest_spring: n.supervision_spring,
         }
@@ -339,9 +351,9 @@ impl Derivation {
             still: (swing_speed, self.swing),
             wait_time: n.supervision_wait,
             stale: n.supervision_watchdog,
-            stuck: if self.model.has_sensor_noise() { 0.25 } else { 0.0 },
-            scatter: (2e-4, 3e5),
-            pressure_step: 10e5,
+            stuck: if self.model.has_sensor_noise() { n.supervision_stuck } else { 0.0 },
+            scatter: (n.supervision_position_scatter, n.supervision_pressure_scatter),
+            pressure_step: n.supervision_pressure_step,
             pressure_agreement: (2.0 * (drop + 2.0 * self.transducer_error()), 0.1),
             missed: (MISSED * f64::from(DEADLINE_WINDOW)) as u32,
             valve_time: self.valve_time(),

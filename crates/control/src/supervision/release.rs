@@ -79,7 +79,7 @@ record! {
         /// Smallest pressure that the load can need, p_least
         #[unit = "Pa"]
         pub least_pressure: T,
-        /// Largest pressure that the load can need
+        /// Largest pressure that the load can need, with no pressure on the other side
         #[unit = "Pa"]
         pub most_pressure: T,
         /// Largest disagreement of pump-side and cylinder pressure once the piston moves
@@ -384,7 +384,10 @@ impl<T: Real> Release<T> {
         let height = T::select(zero.lt(self.direction), now.stroke, self.stroke - now.stroke);
         let hangs = self.end_zone.lt(height);
         let low = s.rest_pressure.lt(self.least_pressure - self.pressure_tolerance);
-        let high = (self.most_pressure + self.pressure_tolerance).lt(s.rest_pressure);
+        // what is shut in on the other side is carried besides the load
+        let held_back = now.pressure_other.max(zero) * self.other_area / self.area;
+        let most = self.most_pressure + held_back + self.pressure_tolerance;
+        let high = most.lt(s.rest_pressure);
         let impossible = hangs & low;
         let compressed = now.pressure_pump.max(zero) * self.largest_compliance;
         let least_volume = self.pump_volume * (self.least_compression - compressed).max(zero);
