@@ -27,6 +27,7 @@ mod flow_balance;
 mod follower;
 mod following_feedback;
 mod foreseen;
+mod framed;
 mod learner;
 mod likelihood;
 mod load_balance;
@@ -59,6 +60,10 @@ pub use deviation_memory::DeviationMemory;
 pub use filter::{HighPass, Notch, NotchMemory};
 pub use flow_balance::{Balance, Believed, FlowBalance, FlowBalanceMemory, TRANSITIONS};
 pub use follower::Follower;
+pub use framed::{
+    Alignment, FramedBenchmark, FramedBenchmarkState, FramedMemory, FramedSimulationFeedforward,
+    FramedSimulationState, SimulatedCrane,
+};
 pub use learner::{Balances, Conditions, Known, Learned, Learner};
 pub use load_balance::{BelievedLoad, LoadBalance, LoadBalanceMemory};
 pub use model_following::{BENDING, FollowingMemory, ModelFollowing, STATIONS, Seen};

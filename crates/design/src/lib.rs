@@ -42,4 +42,6 @@ pub use look::{Look, look, machine_loops, step_response};
 pub use margins::{Loop, Margins, margins};
 pub use model_following::{bending, conditions, law, model_following, schedule, stations, under};
 pub use oil_spring::oil_spring;
-pub use supervision::{LoadPressure, limits, load_pressure};
+pub use supervision::{
+    LoadPressure, framed_benchmark, framed_simulation_feedforward, limits, load_pressure,
+};

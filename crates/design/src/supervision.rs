@@ -3,8 +3,9 @@
 use crate::DesignError;
 use crate::lifting::Lifting;
 use hydroboom_control::supervision::{
-    DEADLINE_WINDOW, DriveMonitor, FlowMonitor, Limits, Range, Release,
+    DEADLINE_WINDOW, DriveMonitor, FlowMonitor, Frame, Limits, Range, Release,
 };
+use hydroboom_control::{FramedBenchmark, FramedSimulationFeedforward};
 use hydroboom_description::schema::{DeliveryChoice, HoldingCheckChoice};
 use hydroboom_description::{Description, Numbers};
 use hydroboom_model::Scheme;
@@ -73,6 +74,33 @@ struct Derivation {
 /// [`DesignError`] when the crane cannot rest, or has no mode in which its load rings.
 pub fn limits(model: &Description, speed: f64) -> Result<Limits, DesignError> {
     Ok(Derivation::of(model)?.limits(speed))
+}
+
+/// The benchmark controller within the frame, for courses up to the crane file's fast speed.
+///
+/// # Errors
+///
+/// [`DesignError`] as [`limits`].
+pub fn framed_benchmark(model: &Description) -> Result<FramedBenchmark<f64>, DesignError> {
+    let n = &model.numbers;
+    let cylinder = model.cylinder();
+    Ok(FramedBenchmark {
+        frame: Frame::new(&limits(model, n.fast)?, n.supervision_tracking),
+        benchmark: model.benchmark(),
+        area_ratio: cylinder.rod_side_area / cylinder.piston_area,
+    })
+}
+
+/// The benchmark controller with simulation feedforward within the frame.
+///
+/// # Errors
+///
+/// [`DesignError`] as [`limits`].
+pub fn framed_simulation_feedforward(
+    model: &Description,
+) -> Result<FramedSimulationFeedforward<f64>, DesignError> {
+    let FramedBenchmark { frame, benchmark, area_ratio } = framed_benchmark(model)?;
+    Ok(FramedSimulationFeedforward { frame, benchmark, area_ratio })
 }
 
 /// What the load asks of the cylinder.
@@ -201,7 +229,7 @@ impl Derivation {
         (n.internal_leakage + case) * pressure.max(0.0).sqrt() + n.slip_at_rest * pressure
     }
 
-    fn drive(&self) -> DriveMonitor {
+    fn drive(&self) -> DriveMonitor<f64> {
         let n = &self.model.numbers;
         let bus = 2.0 * self.high.fieldbus_delay * n.control_period;
         DriveMonitor {

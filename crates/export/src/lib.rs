@@ -9,6 +9,7 @@
 
 mod block;
 pub mod c;
+pub mod closed_loop;
 mod controller;
 mod count;
 mod crane;

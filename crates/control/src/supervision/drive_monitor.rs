@@ -8,91 +8,113 @@
 //! ```
 
 use core::f64::consts::TAU;
+use hydroboom_math::{Real, record};
 
-/// Numbers of the monitor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DriveMonitor {
-    /// Slowest response of the speed loop, with the fieldbus: time constant \[s\].
-    pub response: f64,
-    /// Slew limit of the drive \[rev/s²\].
-    pub slew: f64,
-    /// Smallest torque that the motor has, T_max \[N·m\].
-    pub torque: f64,
-    /// Moment of inertia of motor and pump, J \[kg·m²\].
-    pub inertia: f64,
-    /// Displacement of the pump, D \[m³/rev\].
-    pub displacement: f64,
-    /// Deviation beyond what that response explains that counts as not following \[rev/s\].
-    pub deviation: f64,
-    /// Time for which it must last \[s\].
-    pub deviation_time: f64,
-    /// Speed against the command, or beyond it, that counts as uncommanded \[rev/s\].
-    pub uncommanded: f64,
-    /// Share of the commanded speed that a drive may overshoot besides, under an overhauling load.
-    pub overshoot: f64,
-    /// Time for which it must last \[s\].
-    pub uncommanded_time: f64,
+record! {
+    /// Numbers of the monitor.
+    pub struct DriveMonitor<T> {
+        /// Slowest response of the speed loop, with the fieldbus: time constant
+        #[unit = "s"]
+        pub response: T,
+        /// Slew limit of the drive
+        #[unit = "rev/s²"]
+        pub slew: T,
+        /// Smallest torque that the motor has, T_max
+        #[unit = "N·m"]
+        pub torque: T,
+        /// Moment of inertia of motor and pump, J
+        #[unit = "kg·m²"]
+        pub inertia: T,
+        /// Displacement of the pump, D
+        #[unit = "m³/rev"]
+        pub displacement: T,
+        /// Deviation beyond what that response explains that counts as not following
+        #[unit = "rev/s"]
+        pub deviation: T,
+        /// Time for which it must last
+        #[unit = "s"]
+        pub deviation_time: T,
+        /// Speed against the command, or beyond it, that counts as uncommanded
+        #[unit = "rev/s"]
+        pub uncommanded: T,
+        /// Share of the commanded speed that a drive may overshoot besides, under an overhauling load
+        #[unit = "1"]
+        pub overshoot: T,
+        /// Time for which it must last
+        #[unit = "s"]
+        pub uncommanded_time: T,
+    }
+}
+
+record! {
+    /// State of the monitor.
+    pub struct DriveMonitorState<T> {
+        /// Largest speed that a slow drive may still have
+        #[unit = "rev/s"]
+        pub high: T,
+        /// Smallest speed that it may still have
+        #[unit = "rev/s"]
+        pub low: T,
+        /// Time for which the speed has deviated
+        #[unit = "s"]
+        pub deviating: T,
+        /// Time for which it has been uncommanded
+        #[unit = "s"]
+        pub uncommanded: T,
+    }
 }
 
 /// What the motor speed says of the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DriveVerdict {
-    /// It follows.
-    Follows,
-    /// It turns slower or faster than commanded.
-    Deviates,
+pub struct DriveVerdict<M> {
     /// It turns although commanded to stand still, or against its command.
-    Uncommanded,
+    pub uncommanded: M,
+    /// It turns slower or faster than commanded.
+    pub deviates: M,
 }
 
-/// State of the monitor.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DriveMonitorState {
-    /// Largest and smallest speed that a slow drive may still have \[rev/s\].
-    high: f64,
-    low: f64,
-    /// Time for which the speed has deviated, and has been uncommanded \[s\].
-    deviating: f64,
-    uncommanded: f64,
-}
-
-impl DriveMonitorState {
+impl<T: Real> DriveMonitorState<T> {
     /// A motor speed \[rev/s\] as far as the drive can have it after what it was commanded.
-    pub fn plausible(&self, read: f64) -> f64 {
-        read.max(self.low.min(0.0)).min(self.high.max(0.0))
+    #[inline(always)]
+    pub fn plausible(&self, read: T) -> T {
+        read.clamp(self.low.min(T::zero()), self.high.max(T::zero()))
     }
 }
 
-impl DriveMonitor {
+impl<T: Real> DriveMonitor<T> {
     /// Judges the motor speed `read` \[rev/s\] under the speed `commanded` in the last period and the pump's
     /// pressure difference, p_PA − p_PB \[Pa\], after `elapsed` \[s\].
+    #[inline(always)]
     pub fn judge(
         &self,
-        state: &mut DriveMonitorState,
-        commanded: f64,
-        read: f64,
-        pressure: f64,
-        elapsed: f64,
-    ) -> DriveVerdict {
+        state: &mut DriveMonitorState<T>,
+        commanded: T,
+        read: T,
+        pressure: T,
+        elapsed: T,
+    ) -> DriveVerdict<T::Mask> {
+        let zero = T::zero();
         // the envelope opens to a command at once
-        let decay = (elapsed / self.response).min(1.0);
-        let load = self.displacement * pressure / TAU;
-        let by = |torque: f64| (torque / (TAU * self.inertia)).min(self.slew).max(0.0) * elapsed;
+        let decay = (elapsed / self.response).min(T::one());
+        let load = self.displacement * pressure / T::lit(TAU);
+        // a pressure that is no number says nothing of the load
+        let load = T::select(load.is_finite(), load, zero);
+        let by = |torque: T| {
+            let slew = (torque / (T::lit(TAU) * self.inertia)).min(self.slew);
+            slew.max(zero) * elapsed
+        };
         let (falls, rises) = (by(self.torque + load), by(self.torque - load));
         state.high = commanded.max(state.high - ((state.high - commanded) * decay).min(falls));
         state.low = commanded.min(state.low + ((commanded - state.low) * decay).min(rises));
-        let beyond = (read - state.high).max(state.low - read).max(0.0);
-        let uncommanded = (read - state.high.max(0.0)).max(state.low.min(0.0) - read).max(0.0);
-        let lasts = |time: f64, is: bool| if is { time + elapsed } else { 0.0 };
-        state.deviating = lasts(state.deviating, beyond > self.deviation);
-        let allowed = self.uncommanded + self.overshoot * state.high.max(-state.low).max(0.0);
-        state.uncommanded = lasts(state.uncommanded, uncommanded > allowed);
-        if state.uncommanded > self.uncommanded_time {
-            return DriveVerdict::Uncommanded;
-        }
-        match state.deviating > self.deviation_time {
-            true => DriveVerdict::Deviates,
-            false => DriveVerdict::Follows,
+        let beyond = (read - state.high).max(state.low - read);
+        let uncommanded = (read - state.high.max(zero)).max(state.low.min(zero) - read);
+        let allowed = self.uncommanded + self.overshoot * state.high.max(-state.low).max(zero);
+        let lasts = |time: T, is: T::Mask| T::select(is, time + elapsed, zero);
+        state.deviating = lasts(state.deviating, self.deviation.lt(beyond));
+        state.uncommanded = lasts(state.uncommanded, allowed.lt(uncommanded));
+        DriveVerdict {
+            uncommanded: self.uncommanded_time.lt(state.uncommanded),
+            deviates: self.deviation_time.lt(state.deviating),
         }
     }
 }
@@ -101,7 +123,7 @@ impl DriveMonitor {
 mod tests {
     use super::*;
 
-    const MONITOR: DriveMonitor = DriveMonitor {
+    const MONITOR: DriveMonitor<f64> = DriveMonitor {
         response: 0.04,
         slew: 500.0,
         torque: 32.0,
@@ -117,20 +139,17 @@ mod tests {
     /// Pressure difference of the pump \[Pa\].
     const LOAD: f64 = 60e5;
 
-    /// Periods of 1 ms, after a speed commanded for long, until the verdict is no longer
-    /// [`DriveVerdict::Follows`].
+    /// Periods of 1 ms, after a speed commanded for long, until it does not follow.
     fn found(
         before: f64,
         pressure: f64,
         speeds: impl Fn(f64) -> (f64, f64),
-    ) -> Option<(u32, DriveVerdict)> {
+    ) -> Option<(u32, DriveVerdict<bool>)> {
         let mut state = DriveMonitorState { high: before, low: before, ..Default::default() };
         (0..2000).find_map(|k| {
             let (commanded, read) = speeds(f64::from(k) * 1e-3);
-            match MONITOR.judge(&mut state, commanded, read, pressure, 1e-3) {
-                DriveVerdict::Follows => None,
-                verdict => Some((k, verdict)),
-            }
+            let verdict = MONITOR.judge(&mut state, commanded, read, pressure, 1e-3);
+            (verdict.uncommanded || verdict.deviates).then_some((k, verdict))
         })
     }
 
@@ -165,13 +184,13 @@ mod tests {
     fn a_drive_that_turns_by_itself_or_the_other_way_is_found_within_20_ms() {
         for speeds in [|_: f64| (0.0, 5.0), |_: f64| (10.0, -10.0), |_: f64| (-10.0, 4.0)] {
             let (periods, verdict) = found(0.0, LOAD, speeds).unwrap();
-            assert!(periods < 20 && verdict == DriveVerdict::Uncommanded, "{periods} {verdict:?}");
+            assert!(periods < 20 && verdict.uncommanded, "{periods} {verdict:?}");
         }
     }
 
     #[test]
     fn a_drive_that_stays_behind_deviates() {
         let (periods, verdict) = found(0.0, LOAD, |_| (20.0, 4.0)).unwrap();
-        assert!(periods < 250 && verdict == DriveVerdict::Deviates, "{periods} {verdict:?}");
+        assert!(periods < 250 && !verdict.uncommanded, "{periods} {verdict:?}");
     }
 }

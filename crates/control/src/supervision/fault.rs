@@ -1,5 +1,7 @@
 //! Fault causes: code, advice, severity, and the reaction of the machine.
 
+use hydroboom_math::Real;
+
 /// What the machine does about a fault (stop categories as in IEC 60204-1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reaction {
@@ -155,9 +157,38 @@ causes! {
     /// The clock went back, or far ahead.
     ClockJumped: Immediate, "clock-jumped",
         "the clock jumped: look at the machine's time source";
+    /// The motor speed as read is outside what the motor can do.
+    MotorSpeedImplausible: Immediate, "motor-speed-implausible",
+        "the motor speed as read is outside what the motor can do: look at the drive's telegram and its scaling";
+    /// The reference is not a number, outside the stroke, or jumps.
+    ReferenceImplausible: Controlled, "reference-implausible",
+        "the reference is not a number, outside the stroke, too fast, or jumps: look at the program that gives it";
+}
+
+/// Number from which on a cause lets the load be brought to rest first.
+const CONTROLLED: f64 = 50.0;
+
+/// Whether a cause of this number has the load held at once; zero is no cause.
+pub(crate) fn is_held_at_once<T: Real>(number: T) -> T::Mask {
+    T::lit(0.5).lt(number) & number.lt(T::lit(CONTROLLED))
 }
 
 impl Cause {
+    /// Its number, in the status of exported blocks: from 1 on where the load is held at once, from 51 on
+    /// where it is brought to rest first.
+    pub fn number(self) -> f64 {
+        let place = Self::ALL.iter().take_while(|cause| **cause != self).count() as f64 + 1.0;
+        match self.severity() {
+            Severity::Controlled => CONTROLLED + place,
+            Severity::Immediate | Severity::Emergency => place,
+        }
+    }
+
+    /// The cause of this number; none where there is none.
+    pub fn from_number(number: f64) -> Option<Self> {
+        Self::ALL.into_iter().find(|cause| cause.number() == number)
+    }
+
     /// What the machine does about it while its valve is open. Which reaction does less harm is
     /// computed by `hydroboom supervision --reactions` and stands in the table of hazards.
     pub fn reaction(self) -> Reaction {

@@ -54,7 +54,7 @@ pub struct Limits {
     /// Time from the valve's command until it has switched at the latest \[s\].
     pub valve_time: f64,
     /// The drive's monitor.
-    pub drive: DriveMonitor,
+    pub drive: DriveMonitor<f64>,
     /// The monitor of position against delivered flow.
     pub flow: FlowMonitor,
     /// The release of the load.

@@ -7,13 +7,13 @@ use crate::signals::Reading;
 /// A piston that is so many times as fast as its pump can drive it runs away.
 pub const RUNAWAY: f64 = 1.5;
 /// Readings that the velocity is averaged over.
-const VELOCITY_WINDOW: f64 = 20.0;
+pub(crate) const VELOCITY_WINDOW: f64 = 20.0;
 /// Readings that the scatter of a signal is averaged over.
 const SCATTER_WINDOW: u32 = 64;
 /// How far beyond its stroke a piston may be read \[m\]: end stops give way, encoders have a zero.
-const STROKE_SLACK: f64 = 5e-3;
+pub(crate) const STROKE_SLACK: f64 = 5e-3;
 /// Lowest pressure that is read of a sound transducer \[Pa\]: a vacuum, and the transducer's error.
-const LOWEST_PRESSURE: f64 = -1.5e5;
+pub(crate) const LOWEST_PRESSURE: f64 = -1.5e5;
 /// Signals that are watched one by one: position, then five pressures.
 const SIGNALS: usize = 6;
 

@@ -247,17 +247,18 @@ pub enum Refusal {
 }
 
 impl Refusal {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::PositionNotSteady,
+        Self::NoLift,
+        Self::PressureDisagrees,
+        Self::TrappedPressure,
+        Self::LoadTooHeavy,
+    ];
+
     /// The refusal with this phase number; none for a phase that is no refusal.
     pub fn from_phase(phase: f64) -> Option<Self> {
-        [
-            Self::PositionNotSteady,
-            Self::NoLift,
-            Self::PressureDisagrees,
-            Self::TrappedPressure,
-            Self::LoadTooHeavy,
-        ]
-        .into_iter()
-        .find(|refusal| refusal.phase() == phase)
+        Self::ALL.into_iter().find(|refusal| refusal.phase() == phase)
     }
 
     /// Its phase number.

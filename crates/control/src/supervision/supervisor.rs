@@ -12,7 +12,7 @@
 //! ordinary program. A hardware emergency stop that cuts drive and valve stays where it is.
 
 use super::deadline_monitor::DeadlineMonitor;
-use super::drive_monitor::{DriveMonitorState, DriveVerdict};
+use super::drive_monitor::DriveMonitorState;
 use super::fault::{Cause, Reaction};
 use super::flow_monitor::{FlowMonitorState, FlowReading};
 use super::limits::{Limits, Observation, ValveState};
@@ -162,7 +162,7 @@ pub struct Supervisor {
     disagreeing: f64,
     plausibility: Plausibility,
     deadlines: DeadlineMonitor,
-    drive: DriveMonitorState,
+    drive: DriveMonitorState<f64>,
     flow: FlowMonitorState,
     /// Time since the reading that the flow monitor took in last \[s\].
     unread: f64,
@@ -571,10 +571,11 @@ impl Supervisor {
         if r.motor_speed.is_finite() && self.state != State::Idle {
             let commanded = self.command.motor_speed;
             let load = r.pressure_pump_a - r.pressure_pump_b;
-            match l.drive.judge(&mut self.drive, commanded, r.motor_speed, load, elapsed) {
-                DriveVerdict::Uncommanded => found(Cause::DriveUncommanded),
-                DriveVerdict::Deviates if is_active => found(Cause::DriveNotFollowing),
-                DriveVerdict::Deviates | DriveVerdict::Follows => {}
+            let verdict = l.drive.judge(&mut self.drive, commanded, r.motor_speed, load, elapsed);
+            if verdict.uncommanded {
+                found(Cause::DriveUncommanded);
+            } else if verdict.deviates && is_active {
+                found(Cause::DriveNotFollowing);
             }
         }
         let commanded = match self.command.holding_valve > 0.0 {

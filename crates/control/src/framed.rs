@@ -1,0 +1,235 @@
+//! Controllers within the frame: what is exported to run without the supervisor.
+
+use crate::supervision::{Directive, Frame, FrameInput, FrameOutput, FrameState};
+use crate::{Benchmark, BenchmarkMemory, Measured, Reference};
+use hydroboom_math::{Real, record};
+
+/// Share of the proportional gain K_p that is left once the loop was found in sustained oscillation; the
+/// integral is frozen then, at its mean.
+const FALLBACK_SHARE: f64 = 0.3;
+/// Time constant of that mean \[s\]: some periods of an oscillation.
+const MEAN_TIME: f64 = 2.0;
+
+record! {
+    /// What a controller within the frame remembers.
+    pub struct FramedMemory<T> {
+        /// Integral share of u_FC, as a velocity
+        #[unit = "m/s"]
+        pub integral: T,
+        /// Low-passed load pressure
+        #[unit = "Pa"]
+        pub low_passed: T,
+        /// Mean of the integral, which it is frozen at in a sustained oscillation
+        #[unit = "m/s"]
+        pub mean_integral: T,
+    }
+}
+
+/// The benchmark controller within the frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramedBenchmark<T> {
+    /// The frame.
+    pub frame: Frame<T>,
+    /// The controller.
+    pub benchmark: Benchmark<T>,
+    /// Rod-side area over piston area, A_r/A_p.
+    pub area_ratio: T,
+}
+
+/// State of a benchmark controller within the frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FramedBenchmarkState<T> {
+    /// Of the frame.
+    pub frame: FrameState<T>,
+    /// Of the controller.
+    pub controller: FramedMemory<T>,
+}
+
+impl<T: Real> FramedBenchmark<T> {
+    /// One control period.
+    #[inline(always)]
+    pub fn advance(
+        &self,
+        before: &FramedBenchmarkState<T>,
+        input: &FrameInput<T>,
+    ) -> (FramedBenchmarkState<T>, FrameOutput<T>) {
+        let mut controller = before.controller;
+        let always = T::zero().lt(T::one());
+        let (frame, output) = self.frame.advance(&before.frame, input, always, |now| {
+            let benchmark = gains(&self.benchmark, now.falls_back);
+            let measured = measured(now, self.area_ratio);
+            let feedforward = benchmark.velocity_feedforward(&now.reference);
+            led(&benchmark, &mut controller, now, &measured, feedforward, now.begins)
+        });
+        (FramedBenchmarkState { frame, controller }, output)
+    }
+}
+
+record! {
+    /// What a simulated crane shows.
+    pub struct SimulatedCrane<T> {
+        /// Piston position
+        #[unit = "m"]
+        pub stroke: T,
+        /// Piston velocity
+        #[unit = "m/s"]
+        pub velocity: T,
+        /// Load pressure
+        #[unit = "Pa"]
+        pub load_pressure: T,
+    }
+}
+
+record! {
+    /// How a simulated crane is kept where the machine is while the load is held.
+    pub struct Alignment<T> {
+        /// Position that it is led to
+        #[unit = "m"]
+        pub position: T,
+        /// Velocity of that
+        #[unit = "m/s"]
+        pub velocity: T,
+        /// Speed of the simulated crane's motor
+        #[unit = "rev/s"]
+        pub motor: T,
+        /// 1 once it is no longer where the machine is, while the controller has the load
+        #[unit = "1"]
+        pub is_lost: T,
+    }
+}
+
+/// The benchmark controller with simulation feedforward within the frame (section 4, figure 15): the
+/// benchmark on a simulated crane, whose motor speed is the feedforward of the benchmark on the machine.
+///
+/// While the load is held the simulated crane is led to where the piston is, so that the controller can
+/// begin anywhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramedSimulationFeedforward<T> {
+    /// The frame.
+    pub frame: Frame<T>,
+    /// Both controllers.
+    pub benchmark: Benchmark<T>,
+    /// Rod-side area over piston area, A_r/A_p.
+    pub area_ratio: T,
+}
+
+/// State of a simulation feedforward within the frame, but for the simulated crane's.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FramedSimulationState<T> {
+    /// Of the frame.
+    pub frame: FrameState<T>,
+    /// Of the controller of the machine.
+    pub controller: FramedMemory<T>,
+    /// Of the controller of the simulated crane.
+    pub simulated: BenchmarkMemory<T>,
+    /// How the simulated crane is kept where the machine is.
+    pub alignment: Alignment<T>,
+}
+
+/// Rate at which the simulated crane is led to the machine \[1/s\], its largest speed \[m/s\] and
+/// acceleration \[m/s²\]: the length of a stroke within the time of a release, without exciting it much.
+const ALIGNMENT: (f64, f64, f64) = (2.0, 0.12, 0.3);
+/// Distance \[m\] and velocity \[m/s\] within which it stands where the machine is.
+const ALIGNED: (f64, f64) = (1e-3, 2e-3);
+
+impl<T: Real> FramedSimulationFeedforward<T> {
+    /// One control period, in which the simulated crane stands as shown. Its motor's speed until the next
+    /// one is in the state.
+    #[inline(always)]
+    pub fn advance(
+        &self,
+        before: &FramedSimulationState<T>,
+        input: &FrameInput<T>,
+        crane: &SimulatedCrane<T>,
+    ) -> (FramedSimulationState<T>, FrameOutput<T>) {
+        let b = &self.benchmark;
+        let within = |value: T, limit: f64| value.abs().lt(T::lit(limit));
+        let held = before.frame.memory.stroke;
+        let is_ready = within(crane.stroke - held, ALIGNED.0)
+            & within(crane.velocity, ALIGNED.1)
+            & within(before.alignment.velocity, ALIGNED.1);
+        let (mut controller, mut simulated) = (before.controller, before.simulated);
+        let mut alignment = before.alignment;
+        let (frame, output) = self.frame.advance(&before.frame, input, is_ready, |now| {
+            // the simulated crane follows the reference, or is led to where the piston is
+            let led_to = aligned(&mut alignment, now, b.period);
+            let reference = Reference {
+                position: T::select(now.controls, now.reference.position, led_to.position),
+                velocity: T::select(now.controls, now.reference.velocity, led_to.velocity),
+            };
+            let shown = Measured { stroke: crane.stroke, load_pressure: crane.load_pressure };
+            let own = b.velocity_feedforward(&reference);
+            let wanted = b.update(&mut simulated, &reference, &shown, own);
+            alignment.motor = b.limits.follow(alignment.motor, wanted, b.period);
+
+            // a simulated crane that is somewhere else leads nowhere
+            let near = (crane.stroke - now.stroke).abs().lt(self.frame.limits.tracking);
+            let was_lost = T::lit(0.5).lt(before.alignment.is_lost) & !now.begins;
+            let is_lost = now.controls & (was_lost | !near | !alignment.motor.is_finite());
+            alignment.is_lost = T::select(is_lost, T::one(), T::zero());
+            let benchmark = gains(b, now.falls_back);
+            let measured = measured(now, self.area_ratio);
+            let velocity = benchmark.velocity_feedforward(&now.reference);
+            let feedforward = T::select(is_lost | now.falls_back, velocity, alignment.motor);
+            let takes_over = now.begins | (is_lost & !was_lost);
+            led(&benchmark, &mut controller, now, &measured, feedforward, takes_over)
+        });
+        (FramedSimulationState { frame, controller, simulated, alignment }, output)
+    }
+}
+
+/// Where the simulated crane is led to: to the piston while the load is held, with it while the controller
+/// has the load.
+fn aligned<T: Real>(alignment: &mut Alignment<T>, now: &Directive<T>, period: T) -> Reference<T> {
+    let (rate, speed, acceleration) = ALIGNMENT;
+    let wanted = T::lit(rate) * (now.stroke - alignment.position);
+    let wanted = wanted.clamp(T::lit(-speed), T::lit(speed));
+    let reach = T::lit(acceleration) * period;
+    let velocity = wanted.clamp(alignment.velocity - reach, alignment.velocity + reach);
+    let position = alignment.position + velocity * period;
+    alignment.position = T::select(now.controls, now.reference.position, position);
+    alignment.velocity = T::select(now.controls, T::zero(), velocity);
+    Reference { position, velocity }
+}
+
+/// Gains of the benchmark: as they are, or those that it falls back to.
+fn gains<T: Real>(benchmark: &Benchmark<T>, falls_back: T::Mask) -> Benchmark<T> {
+    let weaker = T::lit(FALLBACK_SHARE) * benchmark.proportional;
+    Benchmark {
+        proportional: T::select(falls_back, weaker, benchmark.proportional),
+        integral: T::select(falls_back, T::zero(), benchmark.integral),
+        ..*benchmark
+    }
+}
+
+fn measured<T: Real>(now: &Directive<T>, area_ratio: T) -> Measured<T> {
+    Measured { stroke: now.stroke, load_pressure: now.pressure_a - area_ratio * now.pressure_b }
+}
+
+/// Motor speed \[rev/s\] of the benchmark; where it takes over, the one commanded until now.
+fn led<T: Real>(
+    benchmark: &Benchmark<T>,
+    memory: &mut FramedMemory<T>,
+    now: &Directive<T>,
+    measured: &Measured<T>,
+    feedforward: T,
+    takes_over: T::Mask,
+) -> T {
+    let was = *memory;
+    let low_passed = T::select(now.begins, measured.load_pressure, was.low_passed);
+    let mut begun = BenchmarkMemory { integral: T::zero(), low_passed };
+    benchmark.take_over(&mut begun, &now.reference, measured, feedforward, now.motor_speed);
+    let integral = T::select(now.falls_back, was.mean_integral, was.integral);
+    let integral = T::select(takes_over, begun.integral, integral);
+    let mut next = BenchmarkMemory { integral, low_passed };
+    let speed = benchmark.update(&mut next, &now.reference, measured, feedforward);
+    // while the load is held nothing is remembered
+    memory.integral = T::select(now.controls, next.integral, T::zero());
+    memory.low_passed = T::select(now.controls, next.low_passed, measured.load_pressure);
+    let share = benchmark.period / T::lit(MEAN_TIME);
+    let mean = was.mean_integral + share * (next.integral - was.mean_integral);
+    let mean = T::select(now.falls_back, was.mean_integral, mean);
+    let mean = T::select(now.begins, begun.integral, mean);
+    memory.mean_integral = T::select(now.controls, mean, T::zero());
+    speed
+}

@@ -1,0 +1,10 @@
+//! Exported controllers in closed loop with the virtual crane: engaged anywhere, held and released, with
+//! inputs that are wrong, judged on the simulated machine against computed bounds.
+
+mod case;
+mod target;
+mod trial;
+
+pub use case::{Bad, Case, Disturbed, Moment, cases};
+pub use target::{RustBenchmark, RustSimulationFeedforward, Target, TargetError};
+pub use trial::{Outcome, TrialError, run};

@@ -1,0 +1,130 @@
+//! A controller as exported: called once a control period, with numbers in and numbers out.
+
+use hydroboom_control::supervision::{FrameInput, FrameOutput};
+use hydroboom_control::{
+    FramedBenchmark, FramedBenchmarkState, FramedSimulationFeedforward, FramedSimulationState,
+    SimulatedCrane,
+};
+use hydroboom_description::Description;
+use hydroboom_design::{DesignError, framed_benchmark, framed_simulation_feedforward};
+use hydroboom_model::stepping::published;
+use hydroboom_model::{Crane, CraneState, Input};
+
+/// Why a target could not be made, or did not answer.
+#[derive(Debug, thiserror::Error)]
+pub enum TargetError {
+    /// No limits for the crane.
+    #[error(transparent)]
+    Design(#[from] DesignError),
+    /// The crane is not exported.
+    #[error(transparent)]
+    Export(#[from] crate::ExportError),
+    /// A compiler or a program of the target failed.
+    #[error("{target}: {reason}")]
+    Program {
+        /// Which target.
+        target: String,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// A controller as exported.
+pub trait Target {
+    /// Its name in tables.
+    fn name(&self) -> &'static str;
+
+    /// One control period.
+    ///
+    /// # Errors
+    ///
+    /// [`TargetError`] when it does not answer.
+    fn period(&mut self, input: &FrameInput<f64>) -> Result<FrameOutput<f64>, TargetError>;
+}
+
+/// The benchmark within the frame, as Rust runs it: what the exported ones are compared with.
+pub struct RustBenchmark {
+    controller: FramedBenchmark<f64>,
+    state: FramedBenchmarkState<f64>,
+}
+
+impl RustBenchmark {
+    /// Of a crane.
+    ///
+    /// # Errors
+    ///
+    /// [`TargetError`] where there are no limits for it.
+    pub fn new(model: &Description) -> Result<Self, TargetError> {
+        Ok(Self { controller: framed_benchmark(model)?, state: FramedBenchmarkState::default() })
+    }
+}
+
+impl Target for RustBenchmark {
+    fn name(&self) -> &'static str {
+        "Rust, benchmark"
+    }
+
+    fn period(&mut self, input: &FrameInput<f64>) -> Result<FrameOutput<f64>, TargetError> {
+        let (state, output) = self.controller.advance(&self.state, input);
+        self.state = state;
+        Ok(output)
+    }
+}
+
+/// Segments of the simulated crane.
+const SEGMENTS: usize = crate::crane::SEGMENTS;
+
+/// The benchmark with simulation feedforward within the frame, as Rust runs it.
+pub struct RustSimulationFeedforward {
+    controller: FramedSimulationFeedforward<f64>,
+    state: FramedSimulationState<f64>,
+    crane: Crane<f64, SEGMENTS>,
+    simulated: CraneState<f64, SEGMENTS>,
+    step: f64,
+    steps: u32,
+}
+
+impl RustSimulationFeedforward {
+    /// Of a crane.
+    ///
+    /// # Errors
+    ///
+    /// [`TargetError`] where there are no limits for it, or it is not exported.
+    pub fn new(model: &Description) -> Result<Self, TargetError> {
+        let n = &model.numbers;
+        let mut state = FramedSimulationState::default();
+        state.alignment.position = n.motion_start;
+        let crane = model.crane::<SEGMENTS>().map_err(crate::ExportError::from)?;
+        Ok(Self {
+            controller: framed_simulation_feedforward(model)?,
+            state,
+            simulated: crate::crane::resting(model)?,
+            crane,
+            step: n.simulation_period,
+            steps: (n.control_period / n.simulation_period).round().max(1.0) as u32,
+        })
+    }
+}
+
+impl Target for RustSimulationFeedforward {
+    fn name(&self) -> &'static str {
+        "Rust, simulation feedforward"
+    }
+
+    fn period(&mut self, input: &FrameInput<f64>) -> Result<FrameOutput<f64>, TargetError> {
+        let outputs = self.crane.outputs(&self.simulated);
+        let cylinder = &self.crane.cylinder;
+        let shown = SimulatedCrane {
+            stroke: outputs.stroke,
+            velocity: outputs.velocity,
+            load_pressure: cylinder.load_pressure(outputs.pressure_a, outputs.pressure_b),
+        };
+        let (state, output) = self.controller.advance(&self.state, input, &shown);
+        self.state = state;
+        let moves = Input { pump_speed: state.alignment.motor, holding_valve: 1.0 };
+        for _ in 0..self.steps {
+            published(&self.crane, &mut self.simulated, &moves, self.step);
+        }
+        Ok(output)
+    }
+}

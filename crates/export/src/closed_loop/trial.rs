@@ -1,0 +1,225 @@
+//! One trial: an exported controller on the virtual crane.
+
+use super::case::{Case, Disturbed, Moment};
+use super::target::{Target, TargetError};
+use hydroboom_control::supervision::{
+    FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
+};
+use hydroboom_control::{Motion, Profile};
+use hydroboom_description::Description;
+use hydroboom_model::SimulationError;
+use hydroboom_plant::PlantError;
+use hydroboom_virtual_crane::{Command, VirtualCrane};
+
+/// What came of a trial, as the machine shows it.
+#[derive(Clone, Debug, Default)]
+pub struct Outcome {
+    /// Largest lift while the load was held and its balance proven \[m\].
+    pub lifted: f64,
+    /// Largest drop below where it was held, until the controller had it \[m\].
+    pub dropped: f64,
+    /// Largest movement from where the piston was when the valve was energised, until the course began \[m\].
+    pub engaged: f64,
+    /// Duration of the release \[s\]; none where the load was not released.
+    pub release_time: Option<f64>,
+    /// Largest change of the motor's speed \[rev/s²\].
+    pub motor_slew: f64,
+    /// Largest motor speed \[rev/s\].
+    pub motor_speed: f64,
+    /// Status at the end, and amplitude \[m\] and frequency \[Hz\] of a sustained oscillation that was found.
+    pub status: f64,
+    /// Amplitude of it.
+    pub oscillation: [f64; 2],
+    /// Whether an output was not finite.
+    pub is_not_finite: bool,
+    /// Largest distance to the reference that was given, from when something went wrong until it stopped \[m\].
+    pub strayed: f64,
+    /// Way of the piston from the stop on \[m\].
+    pub stopped_in: f64,
+    /// Piston positions over the course, a period each, for comparison with an undisturbed one \[m\].
+    pub course: Vec<f64>,
+    /// Why the simulated machine broke, if it did.
+    pub broke: Option<SimulationError>,
+}
+
+/// Why a trial was not run.
+#[derive(Debug, thiserror::Error)]
+pub enum TrialError {
+    /// No such machine.
+    #[error(transparent)]
+    Plant(#[from] PlantError),
+    /// The controller does not answer.
+    #[error(transparent)]
+    Target(#[from] TargetError),
+}
+
+/// Time within which a release is over \[s\].
+const RELEASED_WITHIN: f64 = 60.0;
+/// Travel of the course \[m\].
+const TRAVEL: f64 = 0.15;
+/// Time after the course \[s\].
+const AFTER: f64 = 2.5;
+/// Step of the simulated machine \[s\].
+const MACHINE_STEP: f64 = 1e-3;
+
+/// Runs a trial.
+///
+/// # Errors
+///
+/// [`TrialError`] when machine or controller cannot be had.
+pub fn run(
+    model: &Description,
+    machine: &Description,
+    case: &Case,
+    target: &mut dyn Target,
+) -> Result<Outcome, TrialError> {
+    let n = &model.numbers;
+    let mut description = machine.clone();
+    description.numbers.payload = case.payload;
+    description.numbers.virtual_step = MACHINE_STEP;
+    let mut start = description.start(case.stroke);
+    start.preload = 0.0;
+    let mut crane = VirtualCrane::new(&description, &start)?;
+    let period = n.control_period;
+    let up = case.stroke < 0.5 * n.stroke;
+    let course = Motion {
+        start: case.stroke,
+        end: case.stroke + if up { TRAVEL } else { -TRAVEL },
+        speed: n.fast,
+        ramp: n.ramp,
+        dwell: AFTER,
+        rest: case.rest,
+        profile: Profile::Trapezoidal,
+    };
+    let travel = course.travel_time();
+    let length = if case.moves { case.rest + travel + AFTER } else { case.rest };
+    let mut outcome = Outcome::default();
+    let mut seen = Watched { held_at: case.stroke, ..Watched::default() };
+    let mut given = FrameInput { enable: 1.0, valve_state: -1.0, ..FrameInput::default() };
+    let mut frozen: Option<(u32, [f64; FrameInput::NAMES.len()])> = None;
+    let longest = ((case.held + RELEASED_WITHIN + length) / period) as u32;
+    for k in 0..longest {
+        let time = f64::from(k) * period;
+        let reading = crane.reading();
+        let course_time = seen.controls_since.map(|since| f64::from(k - since) * period);
+        let moved = course_time.filter(|_| case.moves).unwrap_or(0.0);
+        let reference = course.reference(moved.min(case.rest + travel + 0.5 * AFTER));
+        given = FrameInput {
+            start: f64::from(u8::from(time >= case.held)),
+            reference_position: reference.position,
+            reference_velocity: reference.velocity,
+            stroke: reading.stroke,
+            pressure_pump_a: reading.pressure_pump_a,
+            pressure_a: reading.pressure_a,
+            pressure_b: reading.pressure_b,
+            pressure_pump_b: reading.pressure_pump_b,
+            motor_speed_read: reading.motor_speed,
+            ..given
+        };
+        let mut wrong = given;
+        if let (Some(disturbed), Some(time)) = (case.disturbed, course_time)
+            && time >= begins(&disturbed, case.rest, travel)
+        {
+            let (count, before) = frozen.get_or_insert((0, given.to_array()));
+            seen.disturbed = true;
+            if *count < disturbed.periods {
+                *count += 1;
+                let mut array = given.to_array();
+                let place = disturbed.input;
+                array[place] = disturbed.bad.of(array[place], before[place]);
+                wrong = FrameInput::from_array(array);
+            }
+        }
+        let output = target.period(&wrong)?;
+        outcome.is_not_finite |= output.to_array().iter().any(|value| !value.is_finite());
+        let command =
+            Command { motor_speed: output.motor_speed, holding_valve: output.holding_valve };
+        let before = crane.truth();
+        if let Err(error) = crane.advance(&command) {
+            outcome.broke = Some(error);
+            break;
+        }
+        let truth = crane.truth();
+        let slew = (truth.motor_speed - before.motor_speed).abs() / period;
+        outcome.motor_slew = outcome.motor_slew.max(slew);
+        outcome.motor_speed = outcome.motor_speed.max(truth.motor_speed.abs());
+        seen.take(&mut outcome, case, &output, truth.outputs.stroke, (k, time), reference.position);
+        if course_time.is_some_and(|time| time > length) || seen.is_over(k, period) {
+            break;
+        }
+    }
+    Ok(outcome)
+}
+
+/// Time of the course at which something goes wrong \[s\].
+fn begins(disturbed: &Disturbed, rest: f64, travel: f64) -> f64 {
+    match disturbed.moment {
+        Moment::Rest => 0.5 * rest,
+        Moment::Motion => rest + 0.5 * travel,
+    }
+}
+
+/// What is kept along a trial.
+#[derive(Default)]
+struct Watched {
+    held_at: f64,
+    energised_at: Option<f64>,
+    controls_since: Option<u32>,
+    disturbed: bool,
+    /// Period and position of a stop after which nothing is asked for.
+    stopped: Option<(u32, f64)>,
+}
+
+/// Periods for which a machine that was stopped is watched.
+const WATCHED: u32 = 1500;
+
+impl Watched {
+    fn take(
+        &mut self,
+        outcome: &mut Outcome,
+        case: &Case,
+        output: &FrameOutput<f64>,
+        stroke: f64,
+        (k, time): (u32, f64),
+        reference: f64,
+    ) {
+        outcome.status = output.status;
+        if output.status == STATUS_FALLBACK && outcome.oscillation[0] == 0.0 {
+            outcome.oscillation = [output.oscillation_amplitude, output.oscillation_frequency];
+        }
+        if self.controls_since.is_none() {
+            outcome.lifted = outcome.lifted.max(stroke - self.held_at);
+            outcome.dropped = outcome.dropped.max(self.held_at - stroke);
+        }
+        if output.holding_valve > 0.5 && self.energised_at.is_none() {
+            self.energised_at = Some(stroke);
+            outcome.release_time = Some(time - case.held);
+        }
+        if output.status >= frame_phase::CONTROLLING && self.controls_since.is_none() {
+            self.controls_since = (output.status < STATUS_FAULT).then_some(k);
+        }
+        if let Some(at) = self.energised_at.filter(|_| !self.disturbed) {
+            let begun = self.controls_since.map_or(0, |since| k - since);
+            if f64::from(begun) * 1e-3 < 1.0 {
+                outcome.engaged = outcome.engaged.max((stroke - at).abs());
+            }
+        }
+        if self.controls_since.is_some() {
+            outcome.course.push(stroke);
+        }
+        if output.status >= STATUS_FAULT {
+            self.stopped.get_or_insert((k, stroke));
+        }
+        match self.stopped {
+            Some((_, at)) => outcome.stopped_in = outcome.stopped_in.max((stroke - at).abs()),
+            None if self.disturbed => {
+                outcome.strayed = outcome.strayed.max((stroke - reference).abs());
+            }
+            None => {}
+        }
+    }
+
+    fn is_over(&self, k: u32, _period: f64) -> bool {
+        self.stopped.is_some_and(|(since, _)| k - since > WATCHED)
+    }
+}
