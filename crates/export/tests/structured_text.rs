@@ -296,6 +296,104 @@ fn a_parameter_that_was_changed_counts_once_that_is_said() {
     assert!(((with - without) / wanted - 1.0).abs() < 1e-9, "{with} and {without} N, {wanted}");
 }
 
+/// What a composed block shows over its next steps, a parameter of a block within it changed before step `changed`; which
+/// steps say so, `says` tells.
+fn shown_after(
+    block: &Instance,
+    (inner, parameter, value): (&str, &str, f64),
+    changed: usize,
+    says: impl Fn(usize) -> bool,
+) -> Vec<[f64; 2]> {
+    let mut block = block.clone();
+    let names = ["xRef", "vRef"].into_iter().zip([0.051, 0.02]);
+    let names: Vec<_> = names.collect();
+    let mut shown = Vec::new();
+    for step in 0..60 {
+        if step == changed {
+            block.inner(inner).set(parameter, value);
+        }
+        block.call_with(&names, &[("bPrepare", says(step))]);
+        shown.push([block.inner("fbBoom").value("xCyl"), block.inner("fbHydraulics").value("pL")]);
+    }
+    shown
+}
+
+/// Whichever step of a control period it is that says that a parameter was changed, every block within counts with it.
+#[test]
+fn a_changed_parameter_counts_in_whichever_call_that_is_said() {
+    let description = Description::uia_single_boom().unwrap();
+    let hydraulics = ("fbHydraulics", "cylinder_piston_mm", 66.0);
+    let boom = ("fbBoom", "payload_mass_kg", 200.0);
+    let composed = [
+        (
+            "FB_SimulationFeedforward",
+            [
+                ("fbController", "pump_displacement_cm3", 20.0),
+                ("fbMotor", "motor_slew_rpm_per_s", 1.0),
+                hydraulics,
+                boom,
+            ],
+        ),
+        (
+            "FB_ModelFollowing",
+            [
+                ("fbStateFeedback", "motor_slew_rpm_per_s", 1.0),
+                ("fbController", "motor_max_speed_rpm", 1.0),
+                hydraulics,
+                boom,
+            ],
+        ),
+    ];
+    for (name, changes) in composed {
+        let mut begun = steering(&description, name);
+        for _ in 0..400 {
+            begun.call(&[("xRef", 0.051), ("vRef", 0.02)]);
+        }
+        for change in changes {
+            let never = shown_after(&begun, change, 0, |_| false);
+            for changed in [0, 1, 7, 19] {
+                let once = shown_after(&begun, change, changed, |step| step == changed);
+                let always = shown_after(&begun, change, changed, |step| step >= changed);
+                assert_eq!(once, always, "{name}, {change:?} at step {changed}");
+                // the machine's controller does not move the simulated crane
+                let is_shown = (name, change.0) != ("FB_ModelFollowing", "fbController");
+                assert_eq!(once != never, is_shown, "{name}, {change:?} at step {changed}");
+            }
+        }
+        let mut block = begun.clone();
+        let speed = |block: &Instance| match name {
+            "FB_ModelFollowing" => block.value("nRef"),
+            _ => block.inner_value("fbController", "nRef"),
+        };
+        assert!(speed(&block).abs() > 1.0 / 60.0, "{name}: {}", speed(&block));
+        block.call(&[]);
+        block.inner("fbController").set("motor_max_speed_rpm", 1.0);
+        block.call_with(&[], &[("bPrepare", true)]);
+        for _ in 2..21 {
+            block.call(&[]);
+        }
+        assert!(speed(&block).abs() <= 1.0 / 60.0 + 1e-12, "{name}: {}", speed(&block));
+
+        // together with a reset, and alone in the call that begins
+        for (resets, begins) in [(true, &begun), (false, &steering(&description, name))] {
+            let mut block = begins.clone();
+            let mut fresh = steering(&description, name);
+            for (inner, parameter, value) in changes {
+                block.inner(inner).set(parameter, value);
+                fresh.inner(inner).set(parameter, value);
+            }
+            let inputs = [("xRef", 0.051), ("vRef", 0.02)];
+            block.call_with(&inputs, &[("bReset", resets), ("bPrepare", true)]);
+            fresh.call(&inputs);
+            for _ in 0..40 {
+                assert_eq!(block.shown(), fresh.shown(), "{name}");
+                block.call(&inputs);
+                fresh.call(&inputs);
+            }
+        }
+    }
+}
+
 #[test]
 fn no_line_is_long_and_the_same_crane_gives_the_same_text() {
     let description = Description::uia_single_boom().unwrap();

@@ -40,7 +40,7 @@ impl Steering {
         let Self { name, comment, inputs, outputs, blocks, begins, acts, motor, shows } = self;
         let mut variables = vec![
             flag("bReset", "Begin again: the simulated crane at rest at its start"),
-            flag("bPrepare", "A parameter of one of the blocks was changed"),
+            flag("bPrepare", "A parameter of one of the blocks was changed; counts in any call"),
             input("xRef", "0.0E0", "Piston position that is wanted [m]"),
             input("vRef", "0.0E0", "Piston velocity that is wanted [m/s]"),
         ];
@@ -67,11 +67,13 @@ impl Steering {
             local("fbBoom", "FB_FlexibleBoom", ""),
             local("iStep", "DINT", ""),
             local("bBegins", "BOOL", ""),
+            local("bChanged", "BOOL", "A parameter was changed since the controllers acted"),
             local("bReady", "BOOL", ""),
         ]);
         let body = format!(
             "\
 bBegins := bReset OR NOT bReady;
+bChanged := bChanged OR bPrepare;
 IF bBegins THEN
     (* a step of no length shows where the piston rests *)
     fbBoom(bReset := TRUE, bPrepare := TRUE, fCyl := 0.0E0, tStep := 0.0E0);
@@ -81,7 +83,8 @@ IF bBegins THEN
     bReady := TRUE;
 END_IF;
 IF iStep = 0 THEN
-{acts}END_IF;
+{acts}    bChanged := FALSE;
+END_IF;
 (* position, velocity and force of the step's beginning go between the blocks (section 5.1) *)
 fbHydraulics(bReset := FALSE, bPrepare := bPrepare, nPump := {motor}.nMotor, uValve := 1.0E0,
     xCyl := fbBoom.xCyl, vCyl := fbBoom.vCyl, tStep := tStep);
@@ -115,9 +118,9 @@ pub(super) fn simulation_feedforward(steps: u32, step: &str) -> Unit {
             local("fbMotor", "FB_SimulatedMotor", ""),
         ],
         begins: "    fbMotor(bReset := TRUE, bPrepare := TRUE, nWanted := 0.0E0);\n",
-        acts: "    fbController(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xCyl := fbBoom.xCyl,
+        acts: "    fbController(bReset := bBegins, bPrepare := bChanged, xRef := xRef, vRef := vRef, xCyl := fbBoom.xCyl,
         pL := fbHydraulics.pL, nSim := 0.0E0, uLead := 0.0E0);
-    fbMotor(bReset := FALSE, bPrepare := bPrepare, nWanted := fbController.nRef);\n",
+    fbMotor(bReset := FALSE, bPrepare := bChanged, nWanted := fbController.nRef);\n",
         motor: "fbMotor",
         shows: "nFeedforward := fbMotor.nMotor;\n",
     };
@@ -144,9 +147,9 @@ pub(super) fn model_following(steps: u32, step: &str) -> Unit {
             local("fbController", "FB_FollowingController", ""),
         ],
         begins: "",
-        acts: "    fbStateFeedback(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xSim := fbBoom.xCyl,
+        acts: "    fbStateFeedback(bReset := bBegins, bPrepare := bChanged, xRef := xRef, vRef := vRef, xSim := fbBoom.xCyl,
         vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);
-    fbController(bReset := bBegins, bPrepare := bPrepare, xRef := xRef, vRef := vRef, xAhead := fbStateFeedback.xAhead,
+    fbController(bReset := bBegins, bPrepare := bChanged, xRef := xRef, vRef := vRef, xAhead := fbStateFeedback.xAhead,
         nAhead := fbStateFeedback.nAhead, xCyl := xCyl, pL := pL, nRead := nRead,
         nSim := fbStateFeedback.nMotor, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);\n",
         motor: "fbStateFeedback",
@@ -166,6 +169,7 @@ pub(super) fn globals() -> Unit {
         comment: "What goes between the two tasks and the machine. Each LREAL is written by one task only.".into(),
         variables: vec![
             global("bBegin", "BOOL", "Set for one call of both tasks: the simulated crane begins where it rests"),
+            global("bPrepare", "BOOL", "Set for one call of both tasks: a parameter of their blocks was changed"),
             global("xReference", "LREAL", "Piston position that is wanted [m]"),
             global("vReference", "LREAL", "Piston velocity that is wanted [m/s]"),
             global("xMeasured", "LREAL", "Piston position of the machine [m]"),
@@ -185,7 +189,8 @@ pub(super) fn simulation_task() -> Unit {
         comment: "To be called in a task of its own, on a core of its own, every simulation step (50 us in the paper).".into(),
         variables: vec![local("fbFeedforward", "FB_SimulationFeedforward", "")],
         body: "\
-fbFeedforward(bReset := GVL_Hydroboom.bBegin, xRef := GVL_Hydroboom.xReference, vRef := GVL_Hydroboom.vReference);
+fbFeedforward(bReset := GVL_Hydroboom.bBegin, bPrepare := GVL_Hydroboom.bPrepare, xRef := GVL_Hydroboom.xReference,
+    vRef := GVL_Hydroboom.vReference);
 GVL_Hydroboom.nSimulated := fbFeedforward.nFeedforward;
 "
         .into(),
@@ -202,9 +207,9 @@ pub(super) fn control_task() -> Unit {
             .into(),
         variables: vec![local("fbController", "FB_BenchmarkController", "")],
         body: "\
-fbController(bReset := GVL_Hydroboom.bBegin, xRef := GVL_Hydroboom.xReference, vRef := GVL_Hydroboom.vReference,
-    xCyl := GVL_Hydroboom.xMeasured, pL := GVL_Hydroboom.pLoadMeasured, nSim := GVL_Hydroboom.nSimulated,
-    uLead := 1.0E0);
+fbController(bReset := GVL_Hydroboom.bBegin, bPrepare := GVL_Hydroboom.bPrepare, xRef := GVL_Hydroboom.xReference,
+    vRef := GVL_Hydroboom.vReference, xCyl := GVL_Hydroboom.xMeasured, pL := GVL_Hydroboom.pLoadMeasured,
+    nSim := GVL_Hydroboom.nSimulated, uLead := 1.0E0);
 GVL_Hydroboom.nMotor := fbController.nRef;
 "
         .into(),

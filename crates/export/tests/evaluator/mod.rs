@@ -1,7 +1,10 @@
 //! Executes function blocks as the standard says: `iecst` reads them, this does what stands there. It knows nothing of how they
 //! were made.
 
-use iecst::{BinaryOp, CallArg, Expr, ExprKind, Pou, Stmt, StmtKind, TypeKind, UnaryOp, parse_pou};
+use iecst::{
+    BinaryOp, CallArg, Expr, ExprKind, Pou, Stmt, StmtKind, TypeKind, UnaryOp, VarBlockKind,
+    parse_pou,
+};
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -96,6 +99,25 @@ impl Instance {
             Some(Value::Block(block)) => block,
             other => panic!("{name} is {other:?}"),
         }
+    }
+
+    /// A variable of a block within this one.
+    pub fn inner_value(&self, block: &str, name: &str) -> f64 {
+        match self.memory.get(&block.to_uppercase()) {
+            Some(Value::Block(inner)) => inner.value(name),
+            other => panic!("{block} is {other:?}"),
+        }
+    }
+
+    /// All outputs that are numbers, in their order.
+    pub fn shown(&self) -> Vec<f64> {
+        let outputs = self.unit.var_blocks.iter().filter(|b| b.kind == VarBlockKind::VarOutput);
+        let names = outputs.flat_map(|block| &block.vars).map(|variable| &variable.name);
+        let number = |name: &String| match &self.memory[&name.to_uppercase()] {
+            Value::Number(v) => Some(*v),
+            _ => None,
+        };
+        names.filter_map(number).collect()
     }
 
     /// Calls the block.
