@@ -3,13 +3,13 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_description::Description;
-use hydroboom_export::structured_text::function_block;
+use hydroboom_export::structured_text::{Unit, function_block, units};
 use hydroboom_export::{blocks, controller, simulated_motor};
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Each function block in a file of its own, and what a compiler is told to do with it. Where the compiler is not here that
-/// is said, and nothing is tried.
+/// Each function block in a file of its own, and all units with their configuration in one; what a compiler is told to do with a
+/// file. Where the compiler is not here that is said, and nothing is tried.
 fn compiled(compiler: &str, arguments: impl Fn(&PathBuf) -> Vec<String>) {
     if Command::new(compiler).arg("--version").output().is_err() {
         eprintln!("skipped: {compiler} is not on the PATH");
@@ -17,27 +17,48 @@ fn compiled(compiler: &str, arguments: impl Fn(&PathBuf) -> Vec<String>) {
     }
     let crane = Description::uia_single_boom().unwrap();
     let [hydraulics, boom] = blocks(&crane).unwrap();
-    for block in [hydraulics, boom, controller(&crane), simulated_motor(&crane)] {
-        let unit = function_block(&block).unwrap();
-        let file =
-            PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{compiler}-{}.st", unit.name));
-        std::fs::write(&file, unit.text()).unwrap();
+    let blocks = [hydraulics, boom, controller(&crane), simulated_motor(&crane)];
+    let mut texts: Vec<(String, String)> = Vec::new();
+    for block in &blocks {
+        let unit = function_block(block).unwrap();
+        texts.push((unit.name.clone(), unit.text()));
+    }
+    let all: Vec<String> = units(&crane).unwrap().iter().map(Unit::text).collect();
+    texts.push(("all".into(), all.join("\n")));
+    for (name, text) in texts {
+        let file = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{compiler}-{name}.st"));
+        std::fs::write(&file, text).unwrap();
         let output = Command::new(compiler).args(arguments(&file)).output().unwrap();
         let said = [output.stdout, output.stderr].concat();
         let said = String::from_utf8_lossy(&said);
-        assert!(output.status.success(), "{compiler}, {}: {said}", unit.name);
+        assert!(output.status.success(), "{compiler}, {name}: {said}");
     }
 }
 
 #[test]
-fn ironplc_takes_every_function_block() {
+fn ironplc_takes_every_function_block_and_the_whole() {
     compiled("ironplcc", |file| vec!["check".into(), file.display().to_string()]);
 }
 
 #[test]
-fn strucpp_takes_every_function_block() {
+fn strucpp_takes_every_function_block_and_the_whole() {
     compiled("strucpp", |file| {
         let out = file.with_extension("cpp");
         vec![file.display().to_string(), "-o".into(), out.display().to_string()]
+    });
+}
+
+/// matiec; its folder of standard functions is where `MATIEC_INCLUDE_PATH` says.
+#[test]
+fn matiec_takes_every_function_block_and_the_whole() {
+    compiled("iec2c", |file| {
+        let out = file.with_extension("matiec");
+        std::fs::create_dir_all(&out).unwrap();
+        let mut all = vec!["-T".into(), out.display().to_string()];
+        if let Ok(library) = std::env::var("MATIEC_INCLUDE_PATH") {
+            all.extend(["-I".into(), library]);
+        }
+        all.push(file.display().to_string());
+        all
     });
 }

@@ -11,7 +11,9 @@ use evaluator::{Instance, Library};
 use hydroboom_control::{Measured, Reference};
 use hydroboom_description::Description;
 use hydroboom_export::Block;
-use hydroboom_export::structured_text::{Kind, Unit, function_block, plcopen, twincat, units};
+use hydroboom_export::structured_text::{
+    Form, Kind, Section, Unit, function_block, plcopen, twincat, units,
+};
 use hydroboom_export::{blocks, controller};
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input, Outputs};
@@ -256,18 +258,18 @@ fn twincat_and_plcopen_files_are_well_formed_and_hold_the_same_text() {
             let node = document.descendants().find(|n| n.tag_name().name() == tag);
             node.and_then(|n| n.text()).map(str::to_string)
         };
-        assert_eq!(text("Declaration").unwrap(), unit.declaration());
+        assert_eq!(text("Declaration").unwrap(), unit.declaration(Form::TwinCat));
         if unit.kind == Kind::Globals {
             assert!(name.ends_with(".TcGVL"));
             continue;
         }
         assert!(name.ends_with(".TcPOU"));
-        assert_eq!(text("ST").unwrap(), unit.body);
+        assert_eq!(text("ST").unwrap(), unit.statements(Form::TwinCat));
         let pou = pous.iter().find(|n| n.attribute("name") == Some(&unit.name)).unwrap();
         let body = pou.descendants().find(|n| n.tag_name().name() == "ST").unwrap();
         let body: String =
             body.descendants().filter_map(|n| n.is_text().then(|| n.text()).flatten()).collect();
-        assert_eq!(body.trim(), unit.body.trim());
+        assert_eq!(body.trim(), unit.statements(Form::Standard).trim());
         let declared = pou.descendants().filter(|n| n.tag_name().name() == "variable").count();
         assert_eq!(declared, unit.variables.len());
     }
@@ -392,6 +394,145 @@ fn a_changed_parameter_counts_in_whichever_call_that_is_said() {
             }
         }
     }
+}
+
+/// Names and numbers of a text, without its comments.
+fn words(text: &str) -> Vec<String> {
+    let mut code = String::new();
+    let mut rest = text;
+    while let Some((before, comment)) = rest.split_once("(*") {
+        let (inside, after) = comment.split_once("*)").unwrap();
+        assert!(!inside.contains("(*"), "a comment within a comment: {inside}");
+        code += before;
+        code.push(' ');
+        rest = after;
+    }
+    code += rest;
+    assert!(!code.contains("*)") && !code.contains('{') && !code.contains("//"), "{code}");
+    let signs = |c: char| !(c.is_ascii_alphanumeric() || "_.#-".contains(c));
+    code.split(signs).filter(|word| !word.is_empty()).map(str::to_string).collect()
+}
+
+/// Names as the standard has them, and numbers that each tool reads as an LREAL or as a DINT.
+#[test]
+fn plain_text_keeps_to_the_standard() {
+    // of the language, and of its functions and function blocks
+    let keywords = "ABS ACOS ACTION ADD AND ARRAY ASIN AT ATAN BOOL BY BYTE CAL CASE CONCAT CONFIGURATION CONSTANT COS CTD CTU \
+        CTUD DATE DELETE DINT DIV DO DT DWORD ELSE ELSIF EN ENO EQ EXIT EXP EXPT FALSE FIND FOR FROM FUNCTION GE GT IF IN INSERT \
+        INT INTERVAL JMP LD LE LEFT LEN LIMIT LINT LN LOG LREAL LT MAX MID MIN MOD MOVE MUL MUX NE NOT OF ON OR PLC PRIORITY \
+        PROGRAM R REAL REPEAT REPLACE RESOURCE RET RETAIN RETURN RIGHT ROL ROR RS S SEL SEMA SHL SHR SIN SINGLE SINT SQRT SR ST \
+        STEP STRING STRUCT SUB TAN TASK THEN TIME TO TOD TOF TON TP TRANSITION TRUE TRUNC TYPE UDINT UINT ULINT UNTIL USINT VAR \
+        WHILE WITH WORD XOR";
+    let keywords: Vec<&str> = keywords.split_whitespace().collect();
+    let all = units(&Description::uia_single_boom().unwrap()).unwrap();
+    let types = ["BOOL", "LREAL", "DINT"];
+    for (k, unit) in all.iter().enumerate() {
+        let mut names: Vec<String> = unit.variables.iter().map(|v| v.name.to_uppercase()).collect();
+        names.extend(
+            unit.tasks.iter().flat_map(|t| [t.name.to_uppercase(), t.instance().to_uppercase()]),
+        );
+        names.push(unit.name.to_uppercase());
+        for name in &names {
+            assert!(!keywords.contains(&name.as_str()), "{name} of {}", unit.name);
+            assert!(
+                !name.contains("__") && !name.ends_with('_') && !name.starts_with('_'),
+                "{name}"
+            );
+        }
+        let count = names.len();
+        names.sort();
+        names.dedup();
+        assert_eq!(count, names.len(), "a name twice in {}", unit.name);
+        for variable in &unit.variables {
+            let kind = variable.kind.rsplit(" OF ").next().unwrap();
+            let known = all[..k].iter().any(|before| before.name == kind);
+            assert!(types.contains(&kind) || known, "{kind} of {} is not known", unit.name);
+        }
+        let text = unit.text();
+        assert!(!text.contains("GVL_"), "{text}");
+        for word in words(&text).iter().filter(|w| w.starts_with(|c: char| c.is_ascii_digit())) {
+            let is_integer = word.chars().all(|c| c.is_ascii_digit());
+            let is_range = word.split("..").all(|n| n.parse::<u32>().is_ok());
+            let is_real = word.parse::<f64>().is_ok()
+                && word.split_once('.').is_some_and(|(_, rest)| {
+                    rest.starts_with(|c: char| c.is_ascii_digit()) && rest.contains('E')
+                });
+            assert!(is_integer || is_range || is_real, "{word} in {}", unit.name);
+        }
+    }
+}
+
+/// Programs know the global variables that they use, of the types that the configuration gives them, and each has a task.
+#[test]
+fn the_configuration_has_what_the_programs_use_and_calls_them() {
+    let description = Description::uia_single_boom().unwrap();
+    let all = units(&description).unwrap();
+    let configuration = all.last().unwrap();
+    assert_eq!(configuration.kind, Kind::Globals);
+    let text = configuration.text();
+    for said in [
+        "CONFIGURATION Hydroboom\nVAR_GLOBAL\n",
+        "END_VAR\n\nRESOURCE Controller ON PLC\n",
+        "    TASK SimulationTask(INTERVAL := T#0.05ms, PRIORITY := 0);\n",
+        "    TASK ControlTask(INTERVAL := T#1ms, PRIORITY := 1);\n",
+        "    TASK TestBenchTask(INTERVAL := T#10ms, PRIORITY := 2);\n",
+        "    PROGRAM Simulation WITH SimulationTask : PRG_Simulation;\n",
+        "    PROGRAM Control WITH ControlTask : PRG_Control;\n",
+        "    PROGRAM TestBench WITH TestBenchTask : PRG_TestBench;\nEND_RESOURCE\nEND_CONFIGURATION\n",
+    ] {
+        assert!(text.contains(said), "{said} is not in\n{text}");
+    }
+    let project = plcopen::project(&all);
+    let document = roxmltree::Document::parse(&project).unwrap();
+    for unit in all.iter().filter(|u| u.kind == Kind::Program) {
+        assert!(configuration.tasks.iter().any(|task| task.program == unit.name), "{}", unit.name);
+        let externals: Vec<_> =
+            unit.variables.iter().filter(|v| v.section == Section::External).collect();
+        for external in &externals {
+            let global = configuration.variables.iter().find(|v| v.name == external.name).unwrap();
+            assert_eq!((global.section, &global.kind), (Section::Global, &external.kind));
+            let (name, qualified) = (&external.name, format!("GVL_Hydroboom.{}", external.name));
+            assert!(unit.statements(Form::TwinCat).contains(&qualified), "{qualified}");
+            assert!(words(&unit.statements(Form::Standard)).contains(name), "{name}");
+        }
+        assert!(!unit.declaration(Form::TwinCat).contains("EXTERNAL"));
+        let pou = document.descendants().find(|n| n.attribute("name") == Some(&unit.name)).unwrap();
+        let listed = pou.descendants().find(|n| n.tag_name().name() == "externalVars");
+        let count = listed.map_or(0, |all| all.children().filter(|n| n.is_element()).count());
+        assert_eq!(count, externals.len());
+        let instance = document.descendants().find(|n| n.attribute("typeName") == Some(&unit.name));
+        let task = instance.and_then(|n| n.parent()).unwrap();
+        assert!(task.attribute("interval").unwrap().starts_with("T#"));
+    }
+    // a list of variables and nothing else
+    let list = twincat::file(configuration).1;
+    assert!(list.contains("VAR_GLOBAL") && !list.contains("CONFIGURATION"), "{list}");
+}
+
+/// The programs of both tasks, as a PLC calls them, are the blocks that they hold.
+#[test]
+fn the_programs_move_global_variables() {
+    let description = Description::uia_single_boom().unwrap();
+    let mut simulation = steering(&description, "PRG_Simulation");
+    let mut control = steering(&description, "PRG_Control");
+    let mut feedforward = steering(&description, "FB_SimulationFeedforward");
+    let reference = [("xReference", 0.06), ("vReference", 0.05)];
+    for period in 0..5 {
+        control.set("nSimulated", simulation.value("nSimulated"));
+        for program in [&mut simulation, &mut control] {
+            program.truth("bPrepare", period == 3);
+            reference.iter().for_each(|(name, value)| program.set(name, *value));
+        }
+        control.set("xMeasured", 0.05);
+        control.set("pLoadMeasured", 62e5);
+        for _ in 0..20 {
+            simulation.run();
+            feedforward.call(&[("xRef", 0.06), ("vRef", 0.05)]);
+            assert_eq!(simulation.value("nSimulated"), feedforward.value("nFeedforward"));
+        }
+        control.run();
+    }
+    assert!(control.value("nMotor").abs() > 0.1, "{}", control.value("nMotor"));
 }
 
 #[test]

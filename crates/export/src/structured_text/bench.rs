@@ -87,5 +87,6 @@ IF NOT bDone THEN
 END_IF;
 "
         ),
+        tasks: Vec::new(),
     })
 }

@@ -1,6 +1,7 @@
 //! Units that are put together from the recorded ones: the simulation that steers, and two tasks as the paper divides them.
 
-use super::unit::{Declared, Kind, Section, Unit};
+use super::GLOBALS;
+use super::unit::{Declared, Kind, Section, Task, Unit};
 
 fn input(name: &str, initial: &str, comment: &str) -> Declared {
     Declared::new(Section::Input, name, "LREAL", Some(initial), comment)
@@ -101,6 +102,7 @@ pLSim := fbHydraulics.pL;
             comment: comment.into(),
             variables,
             body,
+            tasks: Vec::new(),
         }
     }
 }
@@ -158,60 +160,92 @@ pub(super) fn model_following(steps: u32, step: &str) -> Unit {
     steering.unit(steps, step)
 }
 
-/// What goes between the two tasks.
-pub(super) fn globals() -> Unit {
-    let global = |name: &str, kind: &str, comment: &str| {
-        Declared::new(Section::Global, name, kind, None, comment)
+/// A global variable: name, type, meaning.
+type Global = [&'static str; 3];
+
+const BEGIN: Global =
+    ["bBegin", "BOOL", "Set for one call of both tasks: the simulated crane begins where it rests"];
+const PREPARE: Global =
+    ["bPrepare", "BOOL", "Set for one call of both tasks: a parameter of their blocks was changed"];
+const POSITION: Global = ["xReference", "LREAL", "Piston position that is wanted [m]"];
+const VELOCITY: Global = ["vReference", "LREAL", "Piston velocity that is wanted [m/s]"];
+const MEASURED: Global = ["xMeasured", "LREAL", "Piston position of the machine [m]"];
+const LOAD: Global =
+    ["pLoadMeasured", "LREAL", "Load pressure of the machine, p_A - (A_r/A_p) p_B [Pa]"];
+const SIMULATED: Global = ["nSimulated", "LREAL", "Motor speed of the simulated crane [rev/s]"];
+const MOTOR: Global = ["nMotor", "LREAL", "Motor speed asked for [rev/s]"];
+
+/// What goes between the two tasks, and the tasks: intervals of simulation and control \[s\].
+pub(super) fn globals(simulation: f64, control: f64) -> Unit {
+    /// Often enough that the test bench is done in some seconds, and seldom enough to be in nobody's way \[s\].
+    const TEST_BENCH: f64 = 10e-3;
+    let global =
+        |[name, kind, comment]: Global| Declared::new(Section::Global, name, kind, None, comment);
+    let all = [BEGIN, PREPARE, POSITION, VELOCITY, MEASURED, LOAD, SIMULATED, MOTOR];
+    let task = |name: &str, interval: f64, priority: u32| Task {
+        name: format!("{name}Task"),
+        interval,
+        priority,
+        program: format!("PRG_{name}"),
     };
     Unit {
         kind: Kind::Globals,
-        name: "GVL_Hydroboom".into(),
+        name: GLOBALS.into(),
         comment: "What goes between the two tasks and the machine. Each LREAL is written by one task only.".into(),
-        variables: vec![
-            global("bBegin", "BOOL", "Set for one call of both tasks: the simulated crane begins where it rests"),
-            global("bPrepare", "BOOL", "Set for one call of both tasks: a parameter of their blocks was changed"),
-            global("xReference", "LREAL", "Piston position that is wanted [m]"),
-            global("vReference", "LREAL", "Piston velocity that is wanted [m/s]"),
-            global("xMeasured", "LREAL", "Piston position of the machine [m]"),
-            global("pLoadMeasured", "LREAL", "Load pressure of the machine, p_A - (A_r/A_p) p_B [Pa]"),
-            global("nSimulated", "LREAL", "Motor speed of the simulated crane [rev/s]"),
-            global("nMotor", "LREAL", "Motor speed asked for [rev/s]"),
-        ],
+        variables: all.map(global).into(),
         body: String::new(),
+        tasks: vec![
+            task("Simulation", simulation, 0),
+            task("Control", control, 1),
+            task("TestBench", TEST_BENCH, 2),
+        ],
+    }
+}
+
+/// A program that uses global variables.
+fn program(name: &str, comment: &str, block: Declared, used: &[Global], body: &str) -> Unit {
+    let external =
+        |[name, kind, _]: &Global| Declared::new(Section::External, name, kind, None, "");
+    let mut variables: Vec<Declared> = used.iter().map(external).collect();
+    variables.push(block);
+    Unit {
+        kind: Kind::Program,
+        name: name.into(),
+        comment: comment.into(),
+        variables,
+        body: body.into(),
+        tasks: Vec::new(),
     }
 }
 
 /// The task of the simulation, called every simulation step.
 pub(super) fn simulation_task() -> Unit {
-    Unit {
-        kind: Kind::Program,
-        name: "PRG_Simulation".into(),
-        comment: "To be called in a task of its own, on a core of its own, every simulation step (50 us in the paper).".into(),
-        variables: vec![local("fbFeedforward", "FB_SimulationFeedforward", "")],
-        body: "\
+    program(
+        "PRG_Simulation",
+        "To be called in a task of its own, on a core of its own, every simulation step (50 us in the paper).",
+        local("fbFeedforward", "FB_SimulationFeedforward", ""),
+        &[BEGIN, PREPARE, POSITION, VELOCITY, SIMULATED],
+        "\
 fbFeedforward(bReset := GVL_Hydroboom.bBegin, bPrepare := GVL_Hydroboom.bPrepare, xRef := GVL_Hydroboom.xReference,
     vRef := GVL_Hydroboom.vReference);
 GVL_Hydroboom.nSimulated := fbFeedforward.nFeedforward;
-"
-        .into(),
-    }
+",
+    )
 }
 
 /// The task of the controller, called every control period.
 pub(super) fn control_task() -> Unit {
-    Unit {
-        kind: Kind::Program,
-        name: "PRG_Control".into(),
-        comment: "To be called every control period (1 ms in the paper): feedforward from the simulation, PI and pressure feedback on \
-                  the machine (figure 15)."
-            .into(),
-        variables: vec![local("fbController", "FB_BenchmarkController", "")],
-        body: "\
+    program(
+        "PRG_Control",
+        "To be called every control period (1 ms in the paper): feedforward from the simulation, PI and pressure feedback on \
+         the machine (figure 15).",
+        local("fbController", "FB_BenchmarkController", ""),
+        &[BEGIN, PREPARE, POSITION, VELOCITY, MEASURED, LOAD, SIMULATED, MOTOR],
+        "\
 fbController(bReset := GVL_Hydroboom.bBegin, bPrepare := GVL_Hydroboom.bPrepare, xRef := GVL_Hydroboom.xReference,
     vRef := GVL_Hydroboom.vReference, xCyl := GVL_Hydroboom.xMeasured, pL := GVL_Hydroboom.pLoadMeasured,
     nSim := GVL_Hydroboom.nSimulated, uLead := 1.0E0);
 GVL_Hydroboom.nMotor := fbController.nRef;
-"
-        .into(),
-    }
+",
+    )
 }

@@ -11,7 +11,7 @@ pub mod plcopen;
 pub mod twincat;
 mod unit;
 
-pub use unit::{Declared, Kind, Section, Unit};
+pub use unit::{Declared, Form, Kind, Section, Task, Unit};
 
 use crate::block::{Block, Target, Variable};
 use crate::controller::{controller, simulated_motor};
@@ -30,87 +30,25 @@ use std::collections::HashMap;
 /// Widest line.
 const WIDTH: usize = 110;
 
-/// Words of the language, its functions, and names that some tools keep to themselves.
-const RESERVED: [&str; 78] = [
-    "abs",
-    "action",
-    "and",
-    "any",
-    "array",
-    "at",
-    "bool",
-    "by",
-    "byte",
-    "case",
-    "configuration",
-    "constant",
-    "cos",
-    "date",
-    "dint",
-    "do",
-    "dt",
-    "dword",
-    "else",
-    "elsif",
-    "end_if",
-    "exit",
-    "exp",
-    "expt",
-    "f_edge",
-    "false",
-    "for",
-    "from",
-    "function",
-    "function_block",
-    "if",
-    "int",
-    "limit",
-    "lint",
-    "ln",
-    "log",
-    "lreal",
-    "lword",
-    "max",
-    "min",
-    "mod",
-    "move",
-    "mux",
-    "not",
-    "of",
-    "on",
-    "or",
-    "pi",
-    "pointer",
-    "program",
-    "r_edge",
-    "real",
-    "reference",
-    "repeat",
-    "resource",
-    "retain",
-    "return",
-    "s",
-    "sel",
-    "sin",
-    "sint",
-    "sqrt",
-    "step",
-    "string",
-    "struct",
-    "tan",
-    "task",
-    "then",
-    "time",
-    "tod",
-    "true",
-    "type",
-    "udint",
-    "uint",
-    "until",
-    "var",
-    "while",
-    "word",
-];
+/// Name of the list of global variables, and in TwinCAT what stands before each.
+const GLOBALS: &str = "GVL_Hydroboom";
+
+/// Words of the language in its second and third edition, its types, functions and function blocks, and names that some tools
+/// keep to themselves.
+const RESERVED: &str = "\
+    abs abstract acos action add adr and and_then any any_bit any_date any_derived any_elementary any_int any_magnitude any_num \
+    any_real any_string array asin at atan atan2 bit bitadr bool by byte cal calc calcn case char class concat configuration \
+    constant continue cos ctd ctu ctud date date_and_time delete dint div do ds dt dword else elsif en end_action end_case \
+    end_class end_configuration end_for end_function end_function_block end_if end_interface end_method end_namespace \
+    end_program end_property end_repeat end_resource end_step end_struct end_transition end_type end_var end_while eno eq \
+    exit exp expt extends f_edge f_trig false final find for from function function_block ge gt if implements in indexof ini \
+    initial_step insert int interface internal interval jmp jmpc jmpcn ld ldate ldn ldt le left len limit lint ln log lower_bound \
+    lreal lt ltime ltod lword max method mid min mod move mul mux namespace ne non_retain not null of on or or_else overlap \
+    override persistent pi plc pointer priority private program property protected public pvoid r r_edge r_trig read_only \
+    read_write real ref ref_to reference repeat replace resource ret retain return right rol ror rs s sel sema shl shr sin single \
+    sint sizeof sqrt sr st step stn string struct sub super tan task test then this time time_of_day to tod tof ton tp transition \
+    true trunc type udint uint ulint union until upper_bound using usint uxint var var_access var_config var_external var_global \
+    var_in_out var_input var_output var_temp wchar while with word wstring xint xor xorn xword";
 
 /// Names that people know from the paper, for what stands at a block's edge.
 const KNOWN: [(&str, &str); 38] = [
@@ -195,7 +133,11 @@ impl Dialect for StructuredText {
             Op::Sin(_) => call(x, "SIN"),
             Op::Cos(_) => call(x, "COS"),
             Op::Select(..) => {
-                Text::whole(format!("SEL({}, {}, {})", x[0].text, x[2].text, x[1].text))
+                // two literals alone say of no type: not every tool takes the widest
+                let of = |k: usize| x[k].text.as_str();
+                let bare = [1, 2].iter().all(|k| of(*k).parse::<f64>().is_ok());
+                let kind = if bare { "LREAL#" } else { "" };
+                Text::whole(format!("SEL({}, {kind}{}, {kind}{})", of(0), of(2), of(1)))
             }
             Op::And(..) => clear_infix(x, "AND", And),
             Op::Or(..) => clear_infix(x, "OR", Or),
@@ -252,7 +194,8 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     if let Some(value) = strange(graph, &plan) {
         return Err(ExportError::Constant { block: block.name.clone(), value });
     }
-    let mut names = Names::new(&RESERVED);
+    let reserved: Vec<&str> = RESERVED.split_whitespace().collect();
+    let mut names = Names::new(&reserved);
     for own in ["bReset", "bPrepare", "bReady"] {
         names.free(own);
     }
@@ -402,10 +345,12 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         ),
         variables,
         body,
+        tasks: Vec::new(),
     })
 }
 
-/// All that a PLC needs to steer with the simulation: the recorded blocks, what is put together from them, two tasks.
+/// All that a PLC needs to steer with the simulation: the recorded blocks, what is put together from them, programs, and the tasks
+/// that call them. Each stands behind those that it uses.
 ///
 /// # Errors
 ///
@@ -429,8 +374,10 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
         (Err(ExportError::Design(_)), _) | (_, Err(ExportError::Design(_))) => {}
         (Err(error), _) | (_, Err(error)) => return Err(error),
     }
-    all.extend([composed::globals(), composed::simulation_task(), composed::control_task()]);
+    all.extend([composed::simulation_task(), composed::control_task()]);
     all.push(bench::test_bench(description)?);
+    // last, since it names the programs: some tools know only what they have read
+    all.push(composed::globals(n.simulation_period, n.control_period));
     Ok(all)
 }
 

@@ -1,6 +1,6 @@
 //! PLCopen XML (TC6 2.01): all units in one file, which most tools import.
 
-use super::unit::{Declared, Kind, Section, Unit};
+use super::unit::{CONFIGURATION, Declared, Form, Kind, RESOURCE, Section, Unit};
 
 /// Units as a project.
 pub fn project(units: &[Unit]) -> String {
@@ -22,22 +22,36 @@ pub fn project(units: &[Unit]) -> String {
             (Section::Input, "inputVars"),
             (Section::Output, "outputVars"),
             (Section::Local, "localVars"),
+            (Section::External, "externalVars"),
         ] {
             text += &variables(unit, section, tag, 10);
         }
         text += &format!(
             "        </interface>\n        <body>\n          <ST>\n            <xhtml xmlns=\"http://www.w3.org/1999/xhtml\">{}</xhtml>\n          \
              </ST>\n        </body>\n      </pou>\n",
-            escaped(&unit.body)
+            escaped(&unit.statements(Form::Standard))
         );
     }
-    text += "    </pous>\n  </types>\n  <instances>\n    <configurations>\n      <configuration name=\"hydroboom\">\n        \
-             <resource name=\"plc\">\n";
+    text += "    </pous>\n  </types>\n  <instances>\n    <configurations>\n";
+    text += &format!("      <configuration name=\"{CONFIGURATION}\">\n");
+    text += &format!("        <resource name=\"{RESOURCE}\">\n");
+    for task in units.iter().flat_map(|unit| &unit.tasks) {
+        text += &format!(
+            "          <task name=\"{}\" priority=\"{}\" interval=\"{}\">\n            <pouInstance name=\"{}\" typeName=\"{}\"/>\n          \
+             </task>\n",
+            task.name,
+            task.priority,
+            task.interval_literal(),
+            task.instance(),
+            task.program
+        );
+    }
+    text += "        </resource>\n";
     for unit in units.iter().filter(|u| u.kind == Kind::Globals) {
-        let all = variables(unit, Section::Global, "globalVars", 10);
+        let all = variables(unit, Section::Global, "globalVars", 8);
         text += &all.replacen("<globalVars>", &format!("<globalVars name=\"{}\">", unit.name), 1);
     }
-    text += "        </resource>\n      </configuration>\n    </configurations>\n  </instances>\n</project>\n";
+    text += "      </configuration>\n    </configurations>\n  </instances>\n</project>\n";
     text
 }
 

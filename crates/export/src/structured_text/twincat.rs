@@ -1,13 +1,13 @@
 //! TwinCAT 3: a file for each unit, to be added to a PLC project as an existing item.
 
-use super::unit::{Kind, Unit};
+use super::unit::{Form, Kind, Unit};
 
 /// Name and content of a unit's file.
 pub fn file(unit: &Unit) -> (String, String) {
     let data = |text: &str| format!("<![CDATA[{}]]>", text.replace("]]>", "]] >"));
     let id = identity(&unit.name);
     let name = &unit.name;
-    let declaration = data(&unit.declaration());
+    let declaration = data(&unit.declaration(Form::TwinCat));
     let head = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<TcPlcObject Version=\"1.1.0.1\" ProductVersion=\"3.1.4024.0\">\n";
     match unit.kind {
         Kind::Globals => (
@@ -21,7 +21,7 @@ pub fn file(unit: &Unit) -> (String, String) {
             format!(
                 "{head}  <POU Name=\"{name}\" Id=\"{id}\" SpecialFunc=\"None\">\n    <Declaration>{declaration}</Declaration>\n    \
                  <Implementation>\n      <ST>{}</ST>\n    </Implementation>\n  </POU>\n</TcPlcObject>\n",
-                data(&unit.body)
+                data(&unit.statements(Form::TwinCat))
             ),
         ),
     }

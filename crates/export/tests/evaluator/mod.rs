@@ -29,7 +29,9 @@ impl Library {
     pub fn parse<'a>(texts: impl IntoIterator<Item = &'a str>) -> Self {
         let mut units = HashMap::new();
         for text in texts {
-            let pou = parse_pou(text).unwrap_or_else(|e| panic!("{e:?} in\n{text}"));
+            // the parser knows no literals with a type
+            let pou = parse_pou(&text.replace("LREAL#", ""))
+                .unwrap_or_else(|e| panic!("{e:?} in\n{text}"));
             units.insert(pou.name.to_uppercase(), Rc::new(pou));
         }
         Self(units)
@@ -91,6 +93,11 @@ impl Instance {
     /// Changes a variable.
     pub fn set(&mut self, name: &str, value: f64) {
         assign(&mut self.memory, name, Value::Number(value));
+    }
+
+    /// Changes a condition.
+    pub fn truth(&mut self, name: &str, value: bool) {
+        assign(&mut self.memory, name, Value::Truth(value));
     }
 
     /// A block within this one.

@@ -31,7 +31,7 @@ impl St {
         let units = units(&crane).into_diagnostic()?;
         let mut files = Vec::new();
         for unit in &units {
-            files.push(File { name: format!("{}.st", unit.name), content: unit.text() });
+            files.push(File { name: unit.file_name(), content: unit.text() });
             let (name, content) = twincat::file(unit);
             files.push(File { name, content });
         }
