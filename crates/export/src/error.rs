@@ -37,4 +37,14 @@ pub enum ExportError {
         /// What of it.
         result: String,
     },
+    /// A prefix that is no beginning of a name in C.
+    #[error(
+        "`{found}` is no prefix: it has 1 to {longest} ASCII letters, digits and underscores and begins with a letter, such as my_"
+    )]
+    Prefix {
+        /// What was asked for.
+        found: String,
+        /// Characters allowed.
+        longest: usize,
+    },
 }

@@ -8,7 +8,7 @@ mod steered;
 use course::inputs;
 use hydroboom_control::{Measured, Reference};
 use hydroboom_description::Description;
-use hydroboom_export::c::{Precision, files};
+use hydroboom_export::c::{Precision, Prefix, files, prefixed_files};
 use hydroboom_export::{blocks, controller, crane_model, model_following, simulation_feedforward};
 use hydroboom_model::stepping::published;
 use hydroboom_model::{CraneState, Input};
@@ -449,5 +449,105 @@ int main(void)
         let off = apart(&rust, &answered(&program, &numbers));
         assert_eq!(off, 0.0, "{}", block.name);
         assert_eq!(steers.steered > 1.0, follows, "this course is no test: {}", steers.steered);
+    }
+}
+
+/// Two cranes that differ in everything that a header says of them, the number they compute with too.
+#[test]
+fn two_cranes_fit_into_one_program_in_cpp() {
+    if Command::new("g++").arg("--version").output().is_err() {
+        eprintln!("skipped: g++ is not on the PATH");
+        return;
+    }
+    let folder = folder("c-two");
+    let light = Description::uia_single_boom().unwrap();
+    let mut heavy = lugre();
+    heavy.set("payload.mass_kg=340").unwrap();
+    for (crane, prefix, precision) in
+        [(&light, "light_", Precision::Double), (&heavy, "my_", Precision::Single)]
+    {
+        let prefix = Prefix::new(prefix).unwrap();
+        let [hydraulics, boom] = blocks(crane).unwrap();
+        let all = [
+            crane_model(crane).unwrap(),
+            hydraulics,
+            boom,
+            controller(crane),
+            simulation_feedforward(crane).unwrap(),
+            model_following(crane).unwrap(),
+        ];
+        let name = format!("{}crane", prefix.as_str());
+        let made = prefixed_files(&all, &name, precision, &prefix).unwrap();
+        for text in [&made.header, &made.source] {
+            assert!(!text.contains("hb_real") && !text.contains("hb_model"));
+        }
+        assert!(!made.header.contains("hb_") && !made.header.contains("HB_"));
+        std::fs::write(folder.join(format!("{name}.h")), made.header).unwrap();
+        std::fs::write(folder.join(format!("{name}.c")), made.source).unwrap();
+    }
+    let main = r#"
+#include "light_crane.h"
+#include "my_crane.h"
+#include "light_crane.h"
+#include <cstdio>
+
+int main()
+{
+    light_model_parameters lp;
+    light_model_prepared lc;
+    light_model_state ls;
+    light_model_input lu = { 10.0, 1.0, 50e-6 };
+    light_model_output ly;
+    my_model_parameters mp;
+    my_model_prepared mc;
+    my_model_state ms;
+    my_model_input mu = { 10.0f, 1.0f, 50e-6f };
+    my_model_output my;
+    light_model_describe(&lp);
+    light_model_prepare(&lp, &lc);
+    light_model_start(&ls);
+    my_model_describe(&mp);
+    my_model_prepare(&mp, &mc);
+    my_model_start(&ms);
+    for (int k = 0; k < 200; k++) {
+        light_model_step(&lc, &ls, &lu);
+        my_model_step(&mc, &ms, &mu);
+    }
+    light_model_see(&lc, &ls, &ly);
+    my_model_see(&mc, &ms, &my);
+    std::printf("%.17g %.17g\n", ly.pressure_a, static_cast<double>(my.pressure_a));
+    return 0;
+}
+"#;
+    std::fs::write(folder.join("main.cpp"), main).unwrap();
+    let strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-ffp-contract=off"];
+    let run = |program: &str, arguments: &[&str]| {
+        let output = Command::new(program).current_dir(&folder).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    for name in ["light_crane", "my_crane"] {
+        let source = format!("{name}.c");
+        run("cc", &[&["-std=c99"], &strict[..], &["-c", &source]].concat());
+    }
+    let linked = ["-std=c++11", "main.cpp", "light_crane.o", "my_crane.o", "-lm", "-o", "program"];
+    run("g++", &[&strict[..], &linked].concat());
+    let said = run("./program", &[]);
+    let found: Vec<f64> = said.split_whitespace().map(|v| v.parse().unwrap()).collect();
+    let inputs = [Input { pump_speed: 10.0, holding_valve: 1.0 }; 200];
+    let seen = |crane: &Description| in_rust(crane, &inputs)[199][flat_len() + 3];
+    assert_eq!(found[0], seen(&light));
+    // in float
+    assert!((found[1] - seen(&heavy)).abs() < 1e-3 * found[1], "{found:?}");
+}
+
+#[test]
+fn what_is_no_beginning_of_a_name_is_no_prefix() {
+    let long = "a".repeat(Prefix::LONGEST + 1);
+    for wrong in ["", "1st_", "_x", "__", "a-b", "a b", "\u{e4}_", "a;", "a\n", &long] {
+        assert!(Prefix::new(wrong).is_err(), "{wrong:?}");
+    }
+    for right in ["my_", "A", "crane_2_", Prefix::default().as_str()] {
+        assert_eq!(Prefix::new(right).unwrap().as_str(), right);
     }
 }

@@ -3,7 +3,7 @@
 use super::{File, steered, written};
 use crate::crane_file::CraneFile;
 use clap::Args;
-use hydroboom_export::c::{Precision, files};
+use hydroboom_export::c::{Precision, Prefix, prefixed_files};
 use hydroboom_export::{blocks, controller, crane_model};
 use miette::{IntoDiagnostic, Result};
 use std::path::PathBuf;
@@ -24,6 +24,10 @@ pub struct C {
     /// Compute in float instead of double: no longer the numbers that Rust computes.
     #[arg(long)]
     single: bool,
+    /// What all names of the header begin with, and the files' names where it is not hb_: cranes with prefixes of their own fit
+    /// into one program.
+    #[arg(long, value_name = "NAME", default_value = "hb_", value_parser = prefix)]
+    prefix: Prefix,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -38,11 +42,19 @@ impl C {
         let mut all = vec![model, hydraulics, boom, controller(&crane)];
         all.extend(steered(&crane)?);
         let precision = if self.single { Precision::Single } else { Precision::Double };
-        let made = files(&all, "hydroboom", precision).into_diagnostic()?;
+        let name = match self.prefix == Prefix::default() {
+            true => "hydroboom".into(),
+            false => format!("{}hydroboom", self.prefix.as_str()),
+        };
+        let made = prefixed_files(&all, &name, precision, &self.prefix).into_diagnostic()?;
         let files = [
-            File { name: "hydroboom.h".into(), content: made.header },
-            File { name: "hydroboom.c".into(), content: made.source },
+            File { name: format!("{name}.h"), content: made.header },
+            File { name: format!("{name}.c"), content: made.source },
         ];
         written(&self.out, &files, &all, self.json)
     }
+}
+
+fn prefix(text: &str) -> Result<Prefix, String> {
+    Prefix::new(text).map_err(|e| e.to_string())
 }
