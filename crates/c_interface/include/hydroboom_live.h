@@ -11,6 +11,9 @@ extern "C" {
 
 typedef struct hydroboom hydroboom;
 
+/* A crane as it was when it was saved. */
+typedef struct hydroboom_saved hydroboom_saved;
+
 /* A crane at rest where its file says. `path`: a crane file, or NULL for the paper's crane. `settings`: keys to set otherwise,
  * one a line ("payload.mass_kg=340"), or NULL. NULL where there is no such crane; then the reason is in `message`, which
  * has room for `size` bytes and may be NULL. */
@@ -30,6 +33,27 @@ const char *hydroboom_output_unit(size_t output);
 
 /* All of that now; `values` has room for `count` numbers. 0 where that went well. */
 int hydroboom_read(const hydroboom *crane, double values[], size_t count);
+
+/* What it remembers: how many numbers, and the name of each with its unit ("pressure_a_pa"), NULL beyond the last; it depends
+ * on the crane's number of segments. Names are valid until a reset, a restored state or the crane's end. */
+size_t hydroboom_state_count(const hydroboom *crane);
+const char *hydroboom_state_name(const hydroboom *crane, size_t state);
+
+/* All of that now; `values` has room for `count` numbers. 0 where that went well. */
+int hydroboom_read_states(const hydroboom *crane, double values[], size_t count);
+
+/* One of the outputs ("pressure_a") or states ("pressure_a_pa") by its name. 0 where there is one. */
+int hydroboom_value(const hydroboom *crane, const char *name, double *value);
+
+/* Back to rest where the crane file says, at time 0, with all keys as they are set now. 0 where that went well; otherwise the
+ * crane stays as it is. */
+int hydroboom_reset(hydroboom *crane);
+
+/* A copy of the crane as it is now, time and keys included; NULL where there is none. It can be restored any number of times, to
+ * any crane, after which that goes on exactly as this one would have; and is released in the end. */
+hydroboom_saved *hydroboom_save(const hydroboom *crane);
+int hydroboom_restore(hydroboom *crane, const hydroboom_saved *saved);
+void hydroboom_release(hydroboom_saved *saved);
 
 /* Sets a key of the crane file while the crane moves ("payload.mass_kg=120"). 0 where that went well. */
 int hydroboom_set(hydroboom *crane, const char *assignment);

@@ -50,6 +50,72 @@ int main(void)
     if (hydroboom_read(light, seen, count - 1u) == 0 || hydroboom_read(light, NULL, count) == 0) {
         return 11;
     }
+    /* states, by index and by name */
+    {
+        double states[64];
+        double value = 0.0;
+        const size_t states_here = hydroboom_state_count(light);
+        if (states_here == 0u || states_here > 64u || hydroboom_read_states(light, states, states_here) != 0) {
+            return 12;
+        }
+        for (k = 0; k < states_here; k++) {
+            if (hydroboom_value(light, hydroboom_state_name(light, k), &value) != 0 || value != states[k]) {
+                return 13;
+            }
+        }
+        for (k = 0; k < count; k++) {
+            if (hydroboom_value(light, hydroboom_output_name(k), &value) != 0 || value != seen[k]) {
+                return 14;
+            }
+        }
+        if (hydroboom_state_name(light, states_here) != NULL || hydroboom_value(light, "no such", &value) == 0) {
+            return 15;
+        }
+        if (hydroboom_value(NULL, "stroke", &value) == 0 || hydroboom_value(light, NULL, &value) == 0
+            || hydroboom_value(light, "stroke", NULL) == 0 || hydroboom_read_states(NULL, states, 64u) == 0
+            || hydroboom_read_states(light, NULL, 64u) == 0 || hydroboom_read_states(light, states, states_here - 1u) == 0
+            || hydroboom_state_count(NULL) != 0u || hydroboom_state_name(NULL, 0u) != NULL) {
+            return 16;
+        }
+    }
+    /* a saved state goes on as it did, on another crane too; a reset is where it began */
+    {
+        double first[64];
+        double start[64];
+        hydroboom *fresh = hydroboom_open(NULL, NULL, NULL, 0);
+        hydroboom_saved *saved = hydroboom_save(light);
+        if (fresh == NULL || saved == NULL || hydroboom_read(fresh, start, count) != 0) {
+            return 17;
+        }
+        for (k = 0; k < 100u; k++) {
+            hydroboom_advance(light, -5.0, 1.0, 1e-3);
+        }
+        hydroboom_read(light, first, count);
+        if (hydroboom_restore(light, saved) != 0 || hydroboom_restore(heavy, saved) != 0
+            || hydroboom_time(heavy) != hydroboom_time(light)) {
+            return 18;
+        }
+        hydroboom_release(saved);
+        for (k = 0; k < 100u; k++) {
+            hydroboom_advance(light, -5.0, 1.0, 1e-3);
+            hydroboom_advance(heavy, -5.0, 1.0, 1e-3);
+        }
+        hydroboom_read(light, seen, count);
+        hydroboom_read(heavy, other, count);
+        if (memcmp(first, seen, count * sizeof(double)) != 0 || memcmp(first, other, count * sizeof(double)) != 0) {
+            return 19;
+        }
+        if (hydroboom_reset(light) != 0 || hydroboom_time(light) != 0.0 || hydroboom_read(light, seen, count) != 0
+            || memcmp(start, seen, count * sizeof(double)) != 0) {
+            return 20;
+        }
+        if (hydroboom_reset(NULL) == 0 || hydroboom_save(NULL) != NULL || hydroboom_restore(light, NULL) == 0
+            || strstr(hydroboom_message(light), "no saved state") == NULL || hydroboom_restore(NULL, NULL) == 0) {
+            return 21;
+        }
+        hydroboom_release(NULL);
+        hydroboom_close(fresh);
+    }
     hydroboom_close(light);
     hydroboom_close(heavy);
     hydroboom_close(NULL);
