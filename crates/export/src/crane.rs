@@ -39,6 +39,8 @@ struct Recorded {
     step: (Variable, Node),
     states: Vec<(Variable, Node)>,
     next: Vec<Node>,
+    /// The states after one step of Newton's method to the state of rest.
+    balanced: Vec<Node>,
     before: Outputs<E>,
     after: Outputs<E>,
     /// Load pressure before and after the step.
@@ -180,6 +182,8 @@ fn recording(
             label(value, &name, &of);
         }
     }
+    let start = description.start_over(&given, given.motion_start);
+    let balanced = numbers(&crane.balanced(&start, &now));
     Ok(Recorded {
         graph: Rc::default(),
         parameters,
@@ -187,6 +191,7 @@ fn recording(
         step: noded(step),
         states: states.into_iter().map(noded).collect(),
         next,
+        balanced,
         before,
         after,
         load_pressure: [&before, &after]
@@ -216,14 +221,17 @@ fn shown() -> Vec<Variable> {
     all.map(shown).collect()
 }
 
-/// The whole crane: a published step, and what is seen of a state.
+/// The whole crane: a published step, what is seen of a state, and what leads to the state of rest.
 ///
 /// # Errors
 ///
 /// [`ExportError`] for cranes that are not exported.
 pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
     let r = recorded(description)?;
-    let states = r.next.iter().enumerate().map(|(k, node)| (Target::State(k), *node)).collect();
+    let states = |nodes: &[Node]| -> Vec<(Target, Node)> {
+        nodes.iter().enumerate().map(|(k, node)| (Target::State(k), *node)).collect()
+    };
+    let (next, balanced) = (states(&r.next), states(&r.balanced));
     let seen = r.before.to_array().map(E::node).into_iter().chain([r.load_pressure[0]]);
     let seen = seen.enumerate().map(|(k, node)| (Target::Output(k), node)).collect();
     let mut outputs = shown();
@@ -239,8 +247,15 @@ pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
         states: r.states,
         outputs,
         entries: vec![
-            Entry { name: "step".into(), meaning: "one step".into(), results: states },
+            Entry { name: "step".into(), meaning: "one step".into(), results: next },
             Entry { name: "see".into(), meaning: "what is seen of a state".into(), results: seen },
+            Entry {
+                name: "balance".into(),
+                meaning: "one step of Newton's method from a state near rest to the state of rest at motion_start_mm; \
+                          to be called until the state changes no more than its last digits"
+                    .into(),
+                results: balanced,
+            },
         ],
         labels: r.labels,
     })

@@ -148,8 +148,7 @@ impl<const N: usize, C: Circuit<f64>> Crane<f64, N, C> {
             solve_pivoted(&mut matrix, &mut step, n + 1)
                 .ok_or(EquilibriumError::NoBalance { stroke })?;
             for i in 0..n {
-                // a soft boom may overshoot: no more than a tenth of a turn at a time
-                angle[i] += Real::clamp(step[i], -0.5, 0.5);
+                angle[i] += Real::clamp(step[i], -LARGEST_TURN, LARGEST_TURN);
             }
             force += step[n];
             if done {
@@ -249,6 +248,80 @@ impl<T: Real, const N: usize> Crane<T, N> {
                 gas_volume: start.gas_volume,
             },
         }
+    }
+}
+
+/// The largest turn of a segment in one step of Newton's method \[rad\]: a soft boom may overshoot.
+const LARGEST_TURN: f64 = 0.5;
+
+impl<T: Real, const N: usize> Crane<T, N> {
+    /// One step of Newton's method from a state near rest to the state of rest at `start`, over any number.
+    ///
+    /// From any state of rest of a crane of the same make it comes to [`at_rest`](Crane::at_rest) in a few calls, after which it
+    /// changes nothing but the last digits. Of the state near rest it uses the angles and the piston side's pressure.
+    /// Where there is no balance it does not settle, or gives no number.
+    pub fn balanced(&self, start: &Start<T>, near: &CraneState<T, N>) -> CraneState<T, N> {
+        let zero = T::zero();
+        let end_stops = self.end_stops.force(start.stroke, zero, self.cylinder.stroke_length);
+        let pressure_a = near.circuit.nodes.a;
+        let force = self.cylinder.force(pressure_a, start.rod_side_pressure) + end_stops;
+        let (angle, force) = self.balance_step(&near.boom.angle, force, start.stroke);
+        self.resting(start, angle, force)
+    }
+
+    /// Angles and cylinder force after one step towards the balance, with exact derivatives.
+    ///
+    /// The order of elimination is fixed: from the tip inwards each segment's moment gives its own angle, as the joint holds
+    /// it; then the piston's position gives the first angle, and the moment about the bearing the force. These pivots
+    /// are the joints' stiffness and the cylinder's arm, which vanish in no boom that can stand.
+    fn balance_step(&self, angle: &[T; N], force: T, stroke: T) -> Balance<N, T> {
+        let n = self.boom.coordinates();
+        let over = Dual::<T, 1>::constant;
+        let boom = self.boom.map(&mut { over });
+        let constants = angle.map(over);
+        let mut matrix = [[T::zero(); UNKNOWNS]; UNKNOWNS];
+        let mut step = [T::zero(); UNKNOWNS];
+        for column in 0..n {
+            let mut varied = constants;
+            varied[column].slope[0] = T::one();
+            let r = imbalance(&boom, &varied, over(force), over(stroke));
+            for row in 0..=n {
+                matrix[row][column] = r[row].slope[0];
+                step[row] = -r[row].value;
+            }
+        }
+        let arm = self.boom.cylinder_pose(&self.boom.pose(angle)).arm;
+        for row in 0..n {
+            matrix[row][n] = arm[row];
+        }
+        for pivot in (1..n).rev() {
+            let inverse = T::one() / matrix[pivot][pivot];
+            for row in (0..pivot).chain([n]) {
+                let factor = matrix[row][pivot] * inverse;
+                for column in (0..pivot).chain([n]) {
+                    matrix[row][column] = matrix[row][column] - factor * matrix[pivot][column];
+                }
+                step[row] = step[row] - factor * step[pivot];
+            }
+        }
+        // from the piston's position: first angle = (step - matrix[n][n] * force) / matrix[n][0]
+        let factor = matrix[0][0] / matrix[n][0];
+        let force_step = (step[0] - factor * step[n]) / (matrix[0][n] - factor * matrix[n][n]);
+        let mut turn = [T::zero(); N];
+        turn[0] = (step[n] - matrix[n][n] * force_step) / matrix[n][0];
+        for row in 1..n {
+            let mut left = step[row] - matrix[row][n] * force_step;
+            for column in 0..row {
+                left = left - matrix[row][column] * turn[column];
+            }
+            turn[row] = left / matrix[row][row];
+        }
+        let mut turned = *angle;
+        for i in 0..n {
+            let most = T::lit(LARGEST_TURN);
+            turned[i] = turned[i] + turn[i].clamp(-most, most);
+        }
+        (turned, force + force_step)
     }
 }
 
