@@ -1,114 +1,232 @@
-//! Controllers as blocks, without what they simulate.
+//! Controllers as blocks, within the frame that holds and releases the load, without what they simulate.
 
 use crate::block::{Block, Entry, Target, Variable};
+use crate::error::ExportError;
 use crate::expression::{Expression, record};
-use crate::given::{noded, of_machine, parameters, variable};
+use crate::given::{gains, noded, remembered, variable};
 use crate::graph::Node;
-use hydroboom_control::{BenchmarkMemory, Measured, Reference};
+use hydroboom_control::supervision::{
+    DriveMonitorState, FrameInput, FrameMemory, FrameOutput, FrameState, OscillationState,
+    ReleaseState,
+};
+use hydroboom_control::{
+    Alignment, BenchmarkMemory, FramedBenchmark, FramedBenchmarkState, FramedMemory,
+    FramedSimulationFeedforward, FramedSimulationState, SimulatedCrane,
+};
 use hydroboom_description::Description;
+use hydroboom_description::schema::Numbers;
+use hydroboom_design::framed_benchmark;
 use hydroboom_math::Real;
 use std::collections::HashMap;
 use std::rc::Rc;
 
 type E = Expression;
 
-/// The benchmark controller with a feedforward from outside.
-pub fn controller(description: &Description) -> Block {
-    let (graph, mut block) = record(|| controlling(description));
-    block.graph = Rc::new(graph);
-    block
+/// States of a record's fields, with a prefix to their names, and the record of them.
+macro_rules! states {
+    ($Record:ident, $before:literal) => {{
+        let (names, units, meanings) = ($Record::NAMES, $Record::UNITS, $Record::MEANINGS);
+        let states = remembered($before, &names, &units, &meanings);
+        let record = $Record::from_array(std::array::from_fn(|k| states[k].1));
+        (states, record)
+    }};
 }
 
-fn controlling(description: &Description) -> Block {
-    let (parameters, numbers) = parameters(description);
-    let controller = description.benchmark_over(&numbers);
-    let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
-    let [position, velocity, stroke, load] = of_machine();
-    let share = input(
-        "simulated_speed",
-        "rev/s",
-        "Motor speed of a simulation, in the place of the velocity feedforward",
-    );
-    let use_it = input(
-        "simulation_leads",
-        "1",
-        "1: the simulated speed is the feedforward; 0: the reference's velocity is",
-    );
-    let integral = variable("integral", "m/s", "Integral share of u_FC, as a velocity", 0.0);
-    let low_passed =
-        variable("low_passed", "Pa", "Low-passed load pressure; begins at the load pressure", 0.0);
-
-    let reference = Reference { position: position.1, velocity: velocity.1 };
-    let measured = Measured { stroke: stroke.1, load_pressure: load.1 };
-    let mut memory = BenchmarkMemory { integral: integral.1, low_passed: low_passed.1 };
-    let own = controller.velocity_feedforward(&reference);
-    let leads = E::lit(0.5).lt(use_it.1);
-    let feedforward = E::select(leads, share.1, own);
-    let speed = controller.update(&mut memory, &reference, &measured, feedforward);
-    let begun = controller.start(&measured);
-
-    let mut labels = HashMap::new();
-    let label = |name: &str, comment: &str| (name.to_string(), comment.to_string());
-    labels.insert(own.node(), label("u_ff", "velocity feedforward (1)"));
-    labels.insert((position.1 - stroke.1).node(), label("position_error", "position error"));
-    let entry = |name: &str, meaning: &str, results: Vec<(Target, Node)>| Entry {
-        name: name.into(),
-        meaning: meaning.into(),
-        results,
-    };
-    let states = |memory: &BenchmarkMemory<E>| {
-        let [integral, low_passed] = memory.to_array();
-        vec![(Target::State(0), integral.node()), (Target::State(1), low_passed.node())]
-    };
-    let mut results = states(&memory);
-    results.push((Target::Output(0), speed.node()));
-    Block {
-        name: "benchmark_controller".into(),
-        meaning: "Benchmark controller: feedforward, PI, pressure feedback (section 2.3.1)".into(),
-        graph: Rc::default(),
-        parameters,
-        inputs: [position, velocity, stroke, load, share, use_it].into_iter().map(noded).collect(),
-        states: [integral, low_passed].into_iter().map(noded).collect(),
-        outputs: vec![Variable {
-            name: "motor_speed".into(),
-            unit: "rev/s".into(),
-            meaning: "Motor speed, n_ref".into(),
-            initial: 0.0,
-        }],
-        entries: vec![
-            entry("begin", "begins without a bump at what is measured", states(&begun)),
-            entry("update", "the motor speed of a control period", results),
-        ],
-        labels,
+/// What the frame is given.
+fn frame_input() -> (Vec<(Variable, E)>, FrameInput<E>) {
+    let (mut inputs, record) = states!(FrameInput, "");
+    for (variable, _) in &mut inputs {
+        // a valve that nobody reads
+        if variable.name == "valve_state" {
+            variable.initial = -1.0;
+        }
     }
+    (inputs, record)
 }
 
-/// The motor of the simulated crane, which follows what is asked of it as the drive can.
-pub fn simulated_motor(description: &Description) -> Block {
+/// What the frame remembers.
+fn frame_state() -> (Vec<(Variable, E)>, FrameState<E>) {
+    let (mut states, memory) = states!(FrameMemory, "frame_");
+    let (more, drive) = states!(DriveMonitorState, "drive_");
+    states.extend(more);
+    let (more, release) = states!(ReleaseState, "release_");
+    states.extend(more);
+    let (more, oscillation) = states!(OscillationState, "oscillation_");
+    states.extend(more);
+    (states, FrameState { memory, drive, release, oscillation })
+}
+
+/// The numbers of a frame's state, in the order of [`frame_state`].
+fn frame_numbers(state: &FrameState<E>) -> Vec<E> {
+    let FrameState { memory, drive, release, oscillation } = *state;
+    let mut all = memory.to_array().to_vec();
+    all.extend(drive.to_array());
+    all.extend(release.to_array());
+    all.extend(oscillation.to_array());
+    all
+}
+
+/// What the frame shows.
+pub(crate) fn frame_outputs() -> Vec<Variable> {
+    let rows = FrameOutput::NAMES.iter().zip(FrameOutput::UNITS).zip(FrameOutput::MEANINGS);
+    rows.map(|((name, unit), meaning)| Variable {
+        name: (*name).into(),
+        unit: unit.into(),
+        meaning: meaning.trim().into(),
+        initial: 0.0,
+    })
+    .collect()
+}
+
+/// Results for states from a place on, then for outputs from a place on.
+fn results(states: &[E], first: usize, outputs: &[E]) -> Vec<(Target, Node)> {
+    let states = states.iter().enumerate().map(|(k, e)| (Target::State(first + k), e.node()));
+    let outputs = outputs.iter().enumerate().map(|(k, e)| (Target::Output(k), e.node()));
+    states.chain(outputs).collect()
+}
+
+/// The benchmark controller within the frame. Its gains can be tuned; limits, release and what follows from
+/// the crane are numbers in the code.
+///
+/// # Errors
+///
+/// [`ExportError`] where there are no limits for the crane.
+pub fn controller(description: &Description) -> Result<Block, ExportError> {
+    let framed = framed_benchmark(description)?;
     let (graph, mut block) = record(|| {
-        let (parameters, numbers) = parameters(description);
-        let benchmark = description.benchmark_over(&numbers);
-        let wanted = variable("wanted_speed", "rev/s", "Motor speed asked for", 0.0);
-        let speed = variable("simulated_motor_speed", "rev/s", "Motor speed", 0.0);
-        let next = benchmark.limits.follow(speed.1, wanted.1, benchmark.period).node();
-        let shown = speed.0.clone();
+        let (parameters, numbers) = gains(description);
+        let controller = FramedBenchmark::<E> {
+            frame: framed.frame.over(),
+            benchmark: description.benchmark_over(&numbers),
+            area_ratio: E::lit(framed.area_ratio),
+        };
+        let (inputs, input) = frame_input();
+        let (mut states, frame) = frame_state();
+        let (more, memory) = states!(FramedMemory, "controller_");
+        states.extend(more);
+        let state = FramedBenchmarkState { frame, controller: memory };
+        let (next, output) = controller.advance(&state, &input);
+        let mut kept = frame_numbers(&next.frame);
+        kept.extend(next.controller.to_array());
         Block {
-            name: "simulated_motor".into(),
-            meaning: "Motor of the simulated crane: what is asked of it, within its speed and slew"
-                .into(),
+            name: "benchmark_controller".into(),
+            meaning: format!(
+                "{}: benchmark controller (section 2.3.1) that holds and releases the load",
+                description.name
+            ),
             graph: Rc::default(),
             parameters,
-            inputs: vec![noded(wanted)],
-            states: vec![noded(speed)],
-            outputs: vec![shown],
+            inputs: inputs.into_iter().map(noded).collect(),
+            states: states.into_iter().map(noded).collect(),
+            outputs: frame_outputs(),
             entries: vec![Entry {
                 name: "update".into(),
-                meaning: "the motor speed of a control period".into(),
-                results: vec![(Target::State(0), next), (Target::Output(0), next)],
+                meaning: "one control period".into(),
+                results: results(&kept, 0, &output.to_array()),
             }],
             labels: HashMap::new(),
         }
     });
     block.graph = Rc::new(graph);
-    block
+    Ok(block)
+}
+
+/// A control period of the simulation feedforward within the frame, as recorded.
+pub(crate) struct RecordedPeriod {
+    /// What it is given beside the simulated crane.
+    pub inputs: Vec<(Variable, E)>,
+    /// What it remembers.
+    pub states: Vec<(Variable, E)>,
+    /// Place among them of the simulated motor's speed.
+    pub motor: usize,
+    /// What it will remember.
+    pub next: Vec<E>,
+    /// What it shows.
+    pub outputs: Vec<E>,
+}
+
+/// Records a control period in which the simulated crane stands as shown.
+///
+/// # Errors
+///
+/// [`ExportError`] where there are no limits for the crane.
+pub(crate) fn simulating_period(
+    description: &Description,
+    numbers: &Numbers<E>,
+    crane: &SimulatedCrane<E>,
+) -> Result<RecordedPeriod, ExportError> {
+    let framed = framed_benchmark(description)?;
+    let controller = FramedSimulationFeedforward::<E> {
+        frame: framed.frame.over(),
+        benchmark: description.benchmark_over(numbers),
+        area_ratio: E::lit(framed.area_ratio),
+    };
+    let (inputs, input) = frame_input();
+    let (mut states, frame) = frame_state();
+    let (more, memory) = states!(FramedMemory, "controller_");
+    states.extend(more);
+    let (more, simulated) = states!(BenchmarkMemory, "simulated_");
+    states.extend(more);
+    let (mut more, alignment) = states!(Alignment, "alignment_");
+    let [motor, position] = ["alignment_motor", "alignment_position"]
+        .map(|name| more.iter().position(|(v, _)| v.name == name).unwrap_or_default());
+    more[position].0.initial = description.numbers.motion_start;
+    let motor = states.len() + motor;
+    states.extend(more);
+    let state = FramedSimulationState { frame, controller: memory, simulated, alignment };
+    let (next, output) = controller.advance(&state, &input, crane);
+    let mut kept = frame_numbers(&next.frame);
+    kept.extend(next.controller.to_array());
+    kept.extend(next.simulated.to_array());
+    kept.extend(next.alignment.to_array());
+    Ok(RecordedPeriod { inputs, states, motor, next: kept, outputs: output.to_array().to_vec() })
+}
+
+/// The simulation feedforward within the frame, for a simulated crane that is stepped beside it: what it
+/// shows goes in, the speed of its motor comes out.
+///
+/// # Errors
+///
+/// [`ExportError`] where there are no limits for the crane.
+pub fn simulation_feedforward_controller(description: &Description) -> Result<Block, ExportError> {
+    let (graph, block) = record(|| -> Result<Block, ExportError> {
+        let (parameters, numbers) = gains(description);
+        let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
+        let shown = [
+            input("simulated_stroke", "m", "Piston position of the simulated crane"),
+            input("simulated_velocity", "m/s", "Its piston velocity"),
+            input("simulated_load_pressure", "Pa", "Its load pressure"),
+        ];
+        let crane =
+            SimulatedCrane { stroke: shown[0].1, velocity: shown[1].1, load_pressure: shown[2].1 };
+        let mut period = simulating_period(description, &numbers, &crane)?;
+        period.inputs.extend(shown);
+        let mut outputs = frame_outputs();
+        outputs.push(Variable {
+            name: "simulated_motor_speed".into(),
+            unit: "rev/s".into(),
+            meaning: "Motor speed of the simulated crane".into(),
+            initial: 0.0,
+        });
+        period.outputs.push(period.next[period.motor]);
+        Ok(Block {
+            name: "simulation_feedforward_controller".into(),
+            meaning: format!(
+                "{}: benchmark controller with simulation feedforward (section 4, figure 15) that holds and releases the load",
+                description.name
+            ),
+            graph: Rc::default(),
+            parameters,
+            inputs: period.inputs.into_iter().map(noded).collect(),
+            states: period.states.into_iter().map(noded).collect(),
+            outputs,
+            entries: vec![Entry {
+                name: "update".into(),
+                meaning: "one control period".into(),
+                results: results(&period.next, 0, &period.outputs),
+            }],
+            labels: HashMap::new(),
+        })
+    });
+    Ok(Block { graph: Rc::new(graph), ..block? })
 }

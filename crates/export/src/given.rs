@@ -33,6 +33,31 @@ pub(crate) fn parameters(description: &Description) -> (Vec<(Variable, Node)>, N
     (variables, Numbers::from_array(array))
 }
 
+/// Keys of the benchmark's gains, from which nothing else is derived: they can be tuned while it runs.
+const TUNABLE: [&str; 4] = [
+    "controller.proportional_per_s",
+    "controller.integral_per_s2",
+    "controller.pressure_feedback_m3_per_spa",
+    "controller.high_pass_s",
+];
+
+/// The benchmark's gains as something from outside, in the file's unit and in SI units; all else as it
+/// stands in the file.
+pub(crate) fn gains(description: &Description) -> (Vec<(Variable, Node)>, Numbers<E>) {
+    let mut numbers = description.numbers.to_array().map(E::lit);
+    let mut variables = Vec::new();
+    for (place, (key, value, _)) in numbers.iter_mut().zip(description.entries()) {
+        let path = key.path();
+        if TUNABLE.contains(&path.as_str()) {
+            let (name, unit, meaning) = (plain(&path), key.unit.into(), key.meaning.into());
+            let number = E::input();
+            variables.push((Variable { name, unit, meaning, initial: value }, number.node()));
+            *place = number * E::lit(key.factor);
+        }
+    }
+    (variables, Numbers::from_array(numbers))
+}
+
 /// A quantity from outside.
 pub(crate) fn variable(name: &str, unit: &str, meaning: &str, initial: f64) -> (Variable, E) {
     let (name, unit, meaning) = (name.into(), unit.into(), meaning.into());

@@ -27,7 +27,7 @@ mod statement;
 pub mod structured_text;
 
 pub use block::{Block, Entry, Target, Variable};
-pub use controller::{controller, simulated_motor};
+pub use controller::{controller, simulation_feedforward_controller};
 pub use count::Count;
 pub use crane::{blocks, crane_model};
 pub use error::ExportError;

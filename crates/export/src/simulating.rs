@@ -2,15 +2,16 @@
 //! the simulated crane moves on in the steps between (`step`).
 
 use crate::block::{Block, Entry, Target, Variable};
+use crate::controller::{frame_outputs, simulating_period};
 use crate::crane::{SEGMENTS, numbers, resting, state};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::following::recorded_law;
-use crate::given::{motor_speed, noded, of_machine, parameters, remembered, variable};
+use crate::given::{gains, motor_speed, noded, of_machine, parameters, remembered, variable};
 use crate::graph::Node;
 use hydroboom_control::{
-    Benchmark, BenchmarkMemory, DeviationMemory, FollowingMemory, Measured, ModelFollowing,
-    Reference, Seen, Watched,
+    DeviationMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen, SimulatedCrane,
+    Watched,
 };
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -24,7 +25,6 @@ type E = Expression;
 
 /// What the controllers of both cranes see in a period.
 struct Period {
-    benchmark: Benchmark<E>,
     reference: Reference<E>,
     measured: Measured<E>,
     seen: Seen<E>,
@@ -44,16 +44,82 @@ struct Done {
     speed: E,
 }
 
-/// The benchmark controller on the machine, with the speed that another gives the simulated crane as feedforward (section 4,
-/// figure 15).
+/// The benchmark controller with simulation feedforward (section 4, figure 15) within the frame that holds
+/// and releases the load, with the crane that it simulates. The benchmark's gains can be tuned; the simulated
+/// crane is as described.
 ///
 /// # Errors
 ///
-/// [`ExportError`] for cranes that are not exported.
+/// [`ExportError`] for cranes that are not exported, or that have no limits.
 pub fn simulation_feedforward(description: &Description) -> Result<Block, ExportError> {
-    let about =
-        ["simulation_feedforward", "benchmark controller with simulation-based feedforward"];
-    block(description, about, |period, _| adding(period))
+    let rest = resting(description)?;
+    let (graph, block) = record(|| framed(description, &rest));
+    Ok(Block { graph: Rc::new(graph), ..block? })
+}
+
+fn framed(
+    description: &Description,
+    rest: &CraneState<f64, SEGMENTS>,
+) -> Result<Block, ExportError> {
+    let (parameters, numbers_given) = gains(description);
+    let crane: Crane<E, SEGMENTS> =
+        description.crane_over(&Numbers::from_array(description.numbers.to_array().map(E::lit)))?;
+    let (mut states, now) = state(rest);
+    let outputs = crane.outputs(&now);
+    let seen = SimulatedCrane {
+        stroke: outputs.stroke,
+        velocity: outputs.velocity,
+        load_pressure: crane.cylinder.load_pressure(outputs.pressure_a, outputs.pressure_b),
+    };
+    let period = simulating_period(description, &numbers_given, &seen)?;
+    let turns = period.states[period.motor].1;
+    let mut moved = now;
+    let input = Input { pump_speed: turns, holding_valve: E::one() };
+    published(&crane, &mut moved, &input, E::lit(description.numbers.simulation_period));
+
+    let output = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0).0;
+    let mut shown = frame_outputs();
+    shown.extend([
+        output("simulated_motor_speed", "rev/s", "Motor speed of the simulated crane"),
+        output("simulated_stroke", "m", "Its piston position as the period begins"),
+        output("simulated_velocity", "m/s", "Its piston velocity"),
+        output("simulated_load_pressure", "Pa", "Its load pressure"),
+    ]);
+    let mut values = period.outputs;
+    values.extend([period.next[period.motor], seen.stroke, seen.velocity, seen.load_pressure]);
+    let moving = states.len();
+    let place = |(k, value): (usize, &E)| (Target::State(moving + k), value.node());
+    let mut updated: Vec<(Target, Node)> = period.next.iter().enumerate().map(place).collect();
+    updated.extend(values.iter().enumerate().map(|(k, value)| (Target::Output(k), value.node())));
+    let stepped = numbers(&moved).into_iter().enumerate();
+    let stepped = stepped.map(|(k, node)| (Target::State(k), node)).collect();
+    states.extend(period.states);
+    let entry = |name: &str, meaning: &str, results: Vec<(Target, Node)>| Entry {
+        name: name.into(),
+        meaning: meaning.into(),
+        results,
+    };
+    Ok(Block {
+        name: "simulation_feedforward".into(),
+        meaning: format!(
+            "{}: benchmark controller with simulation feedforward (section 4, figure 15) that holds and releases the load",
+            description.name
+        ),
+        graph: Rc::default(),
+        parameters,
+        inputs: period.inputs.into_iter().map(noded).collect(),
+        states: states.into_iter().map(noded).collect(),
+        outputs: shown,
+        entries: vec![
+            entry(
+                "update",
+                "one control period; then come the steps of the simulated crane",
+                updated,
+            ),
+            entry("step", "one step of the simulated crane", stepped),
+        ],
+        labels: HashMap::new(),
+    })
 }
 
 /// Model following: state feedback on the simulated crane, an observer and feedback of what the machine differs. Its
@@ -66,42 +132,6 @@ pub fn model_following(description: &Description) -> Result<Block, ExportError> 
     let law = recorded_law(description)?;
     let about = ["model_following", "model following (docs/model-following.md)"];
     block(description, about, |period, given| following(period, &law(given)))
-}
-
-/// The memory of a benchmark controller.
-fn benchmark_memory(before: &str) -> (Vec<(Variable, E)>, BenchmarkMemory<E>) {
-    let [names, units, meanings] =
-        [BenchmarkMemory::NAMES, BenchmarkMemory::UNITS, BenchmarkMemory::MEANINGS];
-    let states = remembered(before, &names, &units, &meanings);
-    let memory = BenchmarkMemory::from_array(std::array::from_fn(|k| states[k].1));
-    (states, memory)
-}
-
-fn adding(at: &Period) -> Done {
-    let Period { benchmark, reference, measured, seen } = at;
-    let (mut states, mut simulated) = benchmark_memory("simulated_");
-    let (more, mut memory) = benchmark_memory("");
-    let motor = variable("simulated_motor", "rev/s", "Speed of the simulated motor", 0.0);
-    let now = motor.1;
-    states.extend(more);
-    states.push(motor);
-
-    let begun = [benchmark.start(&seen.measured()), benchmark.start(measured)];
-    let own = benchmark.velocity_feedforward(reference);
-    let wanted = benchmark.update(&mut simulated, reference, &seen.measured(), own);
-    let turns = benchmark.limits.follow(now, wanted, benchmark.period);
-    let speed = benchmark.update(&mut memory, reference, measured, turns);
-    let of = |a: BenchmarkMemory<E>, b: BenchmarkMemory<E>, motor| {
-        [&a.to_array()[..], &b.to_array(), &[motor]].concat()
-    };
-    Done {
-        inputs: Vec::new(),
-        motor: states.len() - 1,
-        states,
-        begun: of(begun[0], begun[1], E::zero()),
-        next: of(simulated, memory, turns),
-        speed,
-    }
 }
 
 fn following(at: &Period, law: &ModelFollowing<E>) -> Done {
@@ -177,7 +207,6 @@ fn recording(
         load_pressure: crane.cylinder.load_pressure(outputs.pressure_a, outputs.pressure_b),
     };
     let period = Period {
-        benchmark: description.benchmark_over(&given),
         reference: Reference { position: position.1, velocity: velocity.1 },
         measured: Measured { stroke: stroke.1, load_pressure: load.1 },
         seen,

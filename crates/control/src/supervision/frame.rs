@@ -88,17 +88,17 @@ record! {
     /// What the frame is given in a control period.
     pub struct FrameInput<T> {
         /// 1: the drive is switched on and the load may be released; 0: the load is held at once
-        #[unit = "1"]
+        #[unit = "0/1"]
         pub enable: T,
         /// 1: come to rest and hold the load
-        #[unit = "1"]
+        #[unit = "0/1"]
         pub hold: T,
         /// A rise to 1 asks for the release of the held load
-        #[unit = "1"]
+        #[unit = "0/1"]
         pub start: T,
         /// A rise to 1 leaves a fault once everything is well
-        #[unit = "1"]
-        pub reset: T,
+        #[unit = "0/1"]
+        pub reset_fault: T,
         /// Load-holding valve as read: 1 open, 0 shut, -1 where it cannot be read
         #[unit = "1"]
         pub valve_state: T,
@@ -136,10 +136,10 @@ record! {
         #[unit = "rev/s"]
         pub motor_speed: T,
         /// Load-holding valve: 1 energised, 0 not
-        #[unit = "1"]
+        #[unit = "0/1"]
         pub holding_valve: T,
         /// Status: 0 idle, 1 holding, 2 releasing, 3 opening, 4 controlling, 5 stopping, 10 controlling with fallback gains, 100 and the number of a fault's cause
-        #[unit = "1"]
+        #[unit = "code"]
         pub status: T,
         /// Difference of the reference that is followed to the one that is given
         #[unit = "m"]
@@ -459,9 +459,9 @@ impl<T: Real> Frame<T> {
         let now = self.plausible(&at, was, input, &mut s.memory);
         let (enabled, holds) = (is_set(now.enable), is_set(now.hold));
         let starts = is_set(now.start) & !is_set(was.start);
-        let resets = is_set(now.reset) & !is_set(was.reset);
+        let resets = is_set(now.reset_fault) & !is_set(was.reset);
         s.memory.start = T::select(is_set(now.start), one, zero);
-        s.memory.reset = T::select(is_set(now.reset), one, zero);
+        s.memory.reset = T::select(is_set(now.reset_fault), one, zero);
 
         // the release of the load
         let input = self.release_input(&now);

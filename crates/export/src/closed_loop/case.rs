@@ -78,6 +78,30 @@ pub struct Case {
     pub moves: bool,
     /// What goes wrong, if anything.
     pub disturbed: Option<Disturbed>,
+    /// A factor on the proportional gain from a moment on, if it is changed while the controller runs.
+    pub gain: Option<(f64, Moment)>,
+}
+
+impl Case {
+    /// What is tried, in words.
+    pub fn name(&self) -> String {
+        let Self { payload, stroke, held, .. } = self;
+        let moment = |moment: Moment| match moment {
+            Moment::Rest => "at rest",
+            Moment::Motion => "in motion",
+        };
+        match (self.disturbed, self.gain) {
+            (Some(d), _) => {
+                let name = FrameInput::NAMES[d.input.min(FrameInput::NAMES.len() - 1)];
+                format!("{name} {} for {} periods {}", d.bad.name(), d.periods, moment(d.moment))
+            }
+            (None, Some((factor, when))) => format!("K_p times {factor} {}", moment(when)),
+            (None, None) if self.moves => "a move at the fast speed".into(),
+            (None, None) => {
+                format!("{payload:.0} kg at {:.0} mm, held for {held:.0} s", stroke * 1e3)
+            }
+        }
+    }
 }
 
 /// Rest before the course \[s\].
@@ -86,6 +110,8 @@ const REST: f64 = 1.0;
 const PAYLOADS: [f64; 4] = [0.0, 200.0, 318.0, 450.0];
 /// Times for which a load is held \[s\].
 const HELD: [f64; 3] = [1.0, 10.0, 60.0];
+/// Factors on the proportional gain.
+const GAINS: [f64; 3] = [0.5, 1.5, f64::NAN];
 /// Periods for which an input is wrong.
 const PERIODS: [u32; 3] = [1, 10, 1000];
 
@@ -101,6 +127,7 @@ pub fn cases(model: &Description) -> Vec<Case> {
         rest: REST,
         moves: false,
         disturbed: None,
+        gain: None,
     };
     for stroke in [0.0, 0.06, 0.2, 0.35, n.stroke] {
         cases.extend(PAYLOADS.map(|payload| case(payload, stroke, HELD[0])));
@@ -108,6 +135,11 @@ pub fn cases(model: &Description) -> Vec<Case> {
     cases.extend(HELD[1..].iter().map(|held| case(n.payload, 0.2, *held)));
     let undisturbed = Case { moves: true, ..case(n.payload, 0.2, HELD[0]) };
     cases.push(undisturbed.clone());
+    for factor in GAINS {
+        for moment in [Moment::Rest, Moment::Motion] {
+            cases.push(Case { gain: Some((factor, moment)), ..undisturbed.clone() });
+        }
+    }
     let first = FrameInput::NAMES.iter().position(|name| *name == "reference_position");
     for input in first.unwrap_or(0)..FrameInput::NAMES.len() {
         for bad in Bad::ALL {

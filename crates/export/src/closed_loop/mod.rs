@@ -1,10 +1,14 @@
 //! Exported controllers in closed loop with the virtual crane: engaged anywhere, held and released, with
 //! inputs that are wrong, judged on the simulated machine against computed bounds.
 
+mod bounds;
 mod case;
+mod program;
 mod target;
 mod trial;
 
+pub use bounds::{Bounds, bounds};
 pub use case::{Bad, Case, Disturbed, Moment, cases};
+pub use program::Program;
 pub use target::{RustBenchmark, RustSimulationFeedforward, Target, TargetError};
 pub use trial::{Outcome, TrialError, run};

@@ -34,18 +34,23 @@ pub trait Target {
     /// Its name in tables.
     fn name(&self) -> &'static str;
 
-    /// One control period.
+    /// One control period, with a factor on the proportional gain.
     ///
     /// # Errors
     ///
     /// [`TargetError`] when it does not answer.
-    fn period(&mut self, input: &FrameInput<f64>) -> Result<FrameOutput<f64>, TargetError>;
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError>;
 }
 
 /// The benchmark within the frame, as Rust runs it: what the exported ones are compared with.
 pub struct RustBenchmark {
     controller: FramedBenchmark<f64>,
     state: FramedBenchmarkState<f64>,
+    proportional: f64,
 }
 
 impl RustBenchmark {
@@ -55,7 +60,11 @@ impl RustBenchmark {
     ///
     /// [`TargetError`] where there are no limits for it.
     pub fn new(model: &Description) -> Result<Self, TargetError> {
-        Ok(Self { controller: framed_benchmark(model)?, state: FramedBenchmarkState::default() })
+        Ok(Self {
+            controller: framed_benchmark(model)?,
+            state: FramedBenchmarkState::default(),
+            proportional: model.numbers.proportional,
+        })
     }
 }
 
@@ -64,7 +73,12 @@ impl Target for RustBenchmark {
         "Rust, benchmark"
     }
 
-    fn period(&mut self, input: &FrameInput<f64>) -> Result<FrameOutput<f64>, TargetError> {
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError> {
+        self.controller.benchmark.proportional = gain * self.proportional;
         let (state, output) = self.controller.advance(&self.state, input);
         self.state = state;
         Ok(output)
@@ -82,6 +96,7 @@ pub struct RustSimulationFeedforward {
     simulated: CraneState<f64, SEGMENTS>,
     step: f64,
     steps: u32,
+    proportional: f64,
 }
 
 impl RustSimulationFeedforward {
@@ -101,6 +116,7 @@ impl RustSimulationFeedforward {
             simulated: crate::crane::resting(model)?,
             crane,
             step: n.simulation_period,
+            proportional: n.proportional,
             steps: (n.control_period / n.simulation_period).round().max(1.0) as u32,
         })
     }
@@ -111,7 +127,12 @@ impl Target for RustSimulationFeedforward {
         "Rust, simulation feedforward"
     }
 
-    fn period(&mut self, input: &FrameInput<f64>) -> Result<FrameOutput<f64>, TargetError> {
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError> {
+        self.controller.benchmark.proportional = gain * self.proportional;
         let outputs = self.crane.outputs(&self.simulated);
         let cylinder = &self.crane.cylinder;
         let shown = SimulatedCrane {

@@ -1,6 +1,6 @@
 //! One trial: an exported controller on the virtual crane.
 
-use super::case::{Case, Disturbed, Moment};
+use super::case::{Case, Moment};
 use super::target::{Target, TargetError};
 use hydroboom_control::supervision::{
     FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
@@ -22,9 +22,9 @@ pub struct Outcome {
     pub engaged: f64,
     /// Duration of the release \[s\]; none where the load was not released.
     pub release_time: Option<f64>,
-    /// Largest change of the motor's speed \[rev/s²\].
+    /// Largest change of the motor's speed as commanded, but where a stop begins \[rev/s²\].
     pub motor_slew: f64,
-    /// Largest motor speed \[rev/s\].
+    /// Largest motor speed as commanded \[rev/s\].
     pub motor_speed: f64,
     /// Status at the end, and amplitude \[m\] and frequency \[Hz\] of a sustained oscillation that was found.
     pub status: f64,
@@ -32,14 +32,24 @@ pub struct Outcome {
     pub oscillation: [f64; 2],
     /// Whether an output was not finite.
     pub is_not_finite: bool,
-    /// Largest distance to the reference that was given, from when something went wrong until it stopped \[m\].
+    /// Largest distance to the reference that was shown, from when something went wrong until a stop \[m\].
     pub strayed: f64,
     /// Way of the piston from the stop on \[m\].
     pub stopped_in: f64,
+    /// Largest distance to the reference over the course \[m\].
+    pub error: f64,
     /// Piston positions over the course, a period each, for comparison with an undisturbed one \[m\].
     pub course: Vec<f64>,
     /// Why the simulated machine broke, if it did.
     pub broke: Option<SimulationError>,
+}
+
+impl Outcome {
+    /// Largest difference of the course to another \[m\].
+    pub fn off(&self, other: &Self) -> f64 {
+        let apart = self.course.iter().zip(&other.course).map(|(a, b)| (a - b).abs());
+        apart.fold(0.0, f64::max)
+    }
 }
 
 /// Why a trial was not run.
@@ -96,6 +106,7 @@ pub fn run(
     let mut outcome = Outcome::default();
     let mut seen = Watched { held_at: case.stroke, ..Watched::default() };
     let mut given = FrameInput { enable: 1.0, valve_state: -1.0, ..FrameInput::default() };
+    let mut commanded = 0.0;
     let mut frozen: Option<(u32, [f64; FrameInput::NAMES.len()])> = None;
     let longest = ((case.held + RELEASED_WITHIN + length) / period) as u32;
     for k in 0..longest {
@@ -118,7 +129,7 @@ pub fn run(
         };
         let mut wrong = given;
         if let (Some(disturbed), Some(time)) = (case.disturbed, course_time)
-            && time >= begins(&disturbed, case.rest, travel)
+            && time >= begins(disturbed.moment, case.rest, travel)
         {
             let (count, before) = frozen.get_or_insert((0, given.to_array()));
             seen.disturbed = true;
@@ -130,21 +141,32 @@ pub fn run(
                 wrong = FrameInput::from_array(array);
             }
         }
-        let output = target.period(&wrong)?;
+        let gain = match (case.gain, course_time) {
+            (Some((factor, when)), Some(time)) if time >= begins(when, case.rest, travel) => factor,
+            _ => 1.0,
+        };
+        let output = target.period(&wrong, gain)?;
         outcome.is_not_finite |= output.to_array().iter().any(|value| !value.is_finite());
         let command =
             Command { motor_speed: output.motor_speed, holding_valve: output.holding_valve };
-        let before = crane.truth();
         if let Err(error) = crane.advance(&command) {
             outcome.broke = Some(error);
             break;
         }
         let truth = crane.truth();
-        let slew = (truth.motor_speed - before.motor_speed).abs() / period;
+        // a stop begins at the speed that the motor has
+        let stops = output.status >= STATUS_FAULT && seen.stopped.is_none();
+        let slew = if stops { 0.0 } else { (output.motor_speed - commanded).abs() / period };
+        commanded = output.motor_speed;
         outcome.motor_slew = outcome.motor_slew.max(slew);
-        outcome.motor_speed = outcome.motor_speed.max(truth.motor_speed.abs());
-        seen.take(&mut outcome, case, &output, truth.outputs.stroke, (k, time), reference.position);
-        if course_time.is_some_and(|time| time > length) || seen.is_over(k, period) {
+        outcome.motor_speed = outcome.motor_speed.max(output.motor_speed.abs());
+        let shown = match (0.0..=n.stroke).contains(&wrong.reference_position) {
+            true => wrong.reference_position,
+            false => reference.position,
+        };
+        let shown = shown + output.reference_offset;
+        seen.take(&mut outcome, case, &output, truth.outputs.stroke, (k, time), shown);
+        if course_time.is_some_and(|time| time > length) || seen.is_over(k) {
             break;
         }
     }
@@ -152,8 +174,8 @@ pub fn run(
 }
 
 /// Time of the course at which something goes wrong \[s\].
-fn begins(disturbed: &Disturbed, rest: f64, travel: f64) -> f64 {
-    match disturbed.moment {
+fn begins(moment: Moment, rest: f64, travel: f64) -> f64 {
+    match moment {
         Moment::Rest => 0.5 * rest,
         Moment::Motion => rest + 0.5 * travel,
     }
@@ -206,6 +228,7 @@ impl Watched {
         }
         if self.controls_since.is_some() {
             outcome.course.push(stroke);
+            outcome.error = outcome.error.max((stroke - reference).abs());
         }
         if output.status >= STATUS_FAULT {
             self.stopped.get_or_insert((k, stroke));
@@ -219,7 +242,7 @@ impl Watched {
         }
     }
 
-    fn is_over(&self, k: u32, _period: f64) -> bool {
+    fn is_over(&self, k: u32) -> bool {
         self.stopped.is_some_and(|(since, _)| k - since > WATCHED)
     }
 }

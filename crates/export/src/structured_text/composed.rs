@@ -20,21 +20,21 @@ fn flag(name: &str, comment: &str) -> Declared {
 }
 
 /// A function block that steers with a simulated crane: what is its own.
-struct Steering {
+struct Steering<'a> {
     name: &'static str,
     comment: &'static str,
     inputs: Vec<Declared>,
     outputs: Vec<Declared>,
     blocks: Vec<Declared>,
     /// Done as it begins, and at each first step of a control period.
-    begins: &'static str,
-    acts: &'static str,
+    begins: &'a str,
+    acts: &'a str,
     /// The block that has the simulated crane's motor speed.
     motor: &'static str,
-    shows: &'static str,
+    shows: &'a str,
 }
 
-impl Steering {
+impl Steering<'_> {
     /// The function block: `steps` simulation steps make a control period; each call is one step of `step` \[s\].
     fn unit(self, steps: u32, step: &str) -> Unit {
         let count = steps.to_string();
@@ -42,8 +42,6 @@ impl Steering {
         let mut variables = vec![
             flag("bReset", "Begin again: the simulated crane at rest at its start"),
             flag("bPrepare", "A parameter of one of the blocks was changed; counts in any call"),
-            input("xRef", "0.0E0", "Piston position that is wanted [m]"),
-            input("vRef", "0.0E0", "Piston velocity that is wanted [m/s]"),
         ];
         variables.extend(inputs);
         variables.extend([
@@ -107,24 +105,52 @@ pLSim := fbHydraulics.pL;
     }
 }
 
-/// The simulated crane under the benchmark controller: its motor speed is the feedforward of section 4 (figures 13 and 15).
-pub(super) fn simulation_feedforward(steps: u32, step: &str) -> Unit {
+/// Position and velocity that are wanted.
+fn reference() -> [Declared; 2] {
+    [
+        input("xRef", "0.0E0", "Piston position that is wanted [m]"),
+        input("vRef", "0.0E0", "Piston velocity that is wanted [m/s]"),
+    ]
+}
+
+/// Inputs and outputs of a controller's block, but for what comes from a simulated crane.
+fn frame(controller: &Unit) -> [Vec<Declared>; 2] {
+    let own = ["bReset", "bPrepare", "xSim", "vSim", "pLSim", "nMotor"];
+    let of = |section: Section| -> Vec<Declared> {
+        let all = controller.variables.iter();
+        all.filter(|v| v.section == section && !own.contains(&v.name.as_str())).cloned().collect()
+    };
+    [of(Section::Input), of(Section::Output)]
+}
+
+/// A call's arguments, each the variable of the same name with something before it.
+fn arguments(inputs: &[Declared], before: &str) -> String {
+    let each: Vec<String> = inputs.iter().map(|v| format!("{0} := {before}{0}", v.name)).collect();
+    each.chunks(4).map(|some| some.join(", ")).collect::<Vec<_>>().join(",\n        ")
+}
+
+/// The benchmark controller with simulation feedforward and the crane that it simulates (section 4, figure 15).
+pub(super) fn simulation_feedforward(controller: &Unit, steps: u32, step: &str) -> Unit {
+    let [inputs, mut outputs] = frame(controller);
+    let acts = format!(
+        "    fbController(bReset := bBegins, bPrepare := bChanged, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL,
+        {});\n",
+        arguments(&inputs, "")
+    );
+    let shows: String =
+        outputs.iter().map(|v| format!("{0} := fbController.{0};\n", v.name)).collect();
+    outputs.push(output("nSim", "Motor speed of the simulated crane [rev/s]"));
     let steering = Steering {
         name: "FB_SimulationFeedforward",
-        comment: "The simulated crane under the benchmark controller; its motor speed is the feedforward (section 4). One call is one \
-                  simulation step; the controller acts at each first of nPerPeriod.",
-        inputs: Vec::new(),
-        outputs: vec![output("nFeedforward", "Motor speed of the simulated crane [rev/s]")],
-        blocks: vec![
-            local("fbController", "FB_BenchmarkController", ""),
-            local("fbMotor", "FB_SimulatedMotor", ""),
-        ],
-        begins: "    fbMotor(bReset := TRUE, bPrepare := TRUE, nWanted := 0.0E0);\n",
-        acts: "    fbController(bReset := bBegins, bPrepare := bChanged, xRef := xRef, vRef := vRef, xCyl := fbBoom.xCyl,
-        pL := fbHydraulics.pL, nSim := 0.0E0, uLead := 0.0E0);
-    fbMotor(bReset := FALSE, bPrepare := bChanged, nWanted := fbController.nRef);\n",
-        motor: "fbMotor",
-        shows: "nFeedforward := fbMotor.nMotor;\n",
+        comment: "Benchmark controller with the motor speed of a simulated crane as feedforward (section 4, figure 15); holds and releases \
+                  the load. One call is one simulation step; the controller acts at each first of nPerPeriod.",
+        inputs,
+        outputs,
+        blocks: vec![local("fbController", "FB_SimulationFeedforwardController", "")],
+        begins: "",
+        acts: &acts,
+        motor: "fbController",
+        shows: &format!("{shows}nSim := fbController.nMotor;\n"),
     };
     steering.unit(steps, step)
 }
@@ -135,11 +161,11 @@ pub(super) fn model_following(steps: u32, step: &str) -> Unit {
         name: "FB_ModelFollowing",
         comment: "State feedback makes the simulated crane follow the reference, feedback of what differs the machine the simulated \
                   crane (docs/model-following.md). One call is one simulation step; nRef changes at each first of nPerPeriod.",
-        inputs: vec![
+        inputs: reference().into_iter().chain([
             input("xCyl", "0.0E0", "Piston position of the machine [m]"),
             input("pL", "0.0E0", "Load pressure of the machine, p_A - (A_r/A_p) p_B [Pa]"),
             input("nRead", "0.0E0", "Motor speed of the machine, as its drive tells it [rev/s]"),
-        ],
+        ]).collect(),
         outputs: vec![
             output("nRef", "Motor speed for the machine [rev/s]"),
             output("nSim", "Motor speed of the simulated crane [rev/s]"),
@@ -160,28 +186,33 @@ pub(super) fn model_following(steps: u32, step: &str) -> Unit {
     steering.unit(steps, step)
 }
 
-/// A global variable: name, type, meaning.
-type Global = [&'static str; 3];
+const RESTART: &str = "bRestart";
+const PREPARE: &str = "bPrepareAll";
 
-const BEGIN: Global =
-    ["bBegin", "BOOL", "Set for one call of both tasks: the simulated crane begins where it rests"];
-const PREPARE: Global =
-    ["bPrepare", "BOOL", "Set for one call of both tasks: a parameter of their blocks was changed"];
-const POSITION: Global = ["xReference", "LREAL", "Piston position that is wanted [m]"];
-const VELOCITY: Global = ["vReference", "LREAL", "Piston velocity that is wanted [m/s]"];
-const MEASURED: Global = ["xMeasured", "LREAL", "Piston position of the machine [m]"];
-const LOAD: Global =
-    ["pLoadMeasured", "LREAL", "Load pressure of the machine, p_A - (A_r/A_p) p_B [Pa]"];
-const SIMULATED: Global = ["nSimulated", "LREAL", "Motor speed of the simulated crane [rev/s]"];
-const MOTOR: Global = ["nMotor", "LREAL", "Motor speed asked for [rev/s]"];
-
-/// What goes between the two tasks, and the tasks: intervals of simulation and control \[s\].
-pub(super) fn globals(simulation: f64, control: f64) -> Unit {
+/// What goes between the machine and the controller, and the tasks: the control period \[s\].
+pub(super) fn globals(controller: &Unit, control: f64) -> Unit {
     /// Often enough that the test bench is done in some seconds, and seldom enough to be in nobody's way \[s\].
     const TEST_BENCH: f64 = 10e-3;
-    let global =
-        |[name, kind, comment]: Global| Declared::new(Section::Global, name, kind, None, comment);
-    let all = [BEGIN, PREPARE, POSITION, VELOCITY, MEASURED, LOAD, SIMULATED, MOTOR];
+    let [inputs, outputs] = frame(controller);
+    let mut variables = vec![
+        Declared::new(
+            Section::Global,
+            RESTART,
+            "BOOL",
+            None,
+            "Set for one call: everything begins anew, the load held",
+        ),
+        Declared::new(
+            Section::Global,
+            PREPARE,
+            "BOOL",
+            None,
+            "Set for one call: a gain was changed",
+        ),
+    ];
+    variables.extend(
+        inputs.into_iter().chain(outputs).map(|v| Declared { section: Section::Global, ..v }),
+    );
     let task = |name: &str, interval: f64, priority: u32| Task {
         name: format!("{name}Task"),
         interval,
@@ -191,61 +222,41 @@ pub(super) fn globals(simulation: f64, control: f64) -> Unit {
     Unit {
         kind: Kind::Globals,
         name: GLOBALS.into(),
-        comment: "What goes between the two tasks and the machine. Each LREAL is written by one task only.".into(),
-        variables: all.map(global).into(),
+        comment: "What goes between the machine and the controller. Inputs are written by the machine's program, outputs by PRG_Control.".into(),
+        variables,
         body: String::new(),
-        tasks: vec![
-            task("Simulation", simulation, 0),
-            task("Control", control, 1),
-            task("TestBench", TEST_BENCH, 2),
-        ],
+        tasks: vec![task("Control", control, 1), task("TestBench", TEST_BENCH, 2)],
     }
 }
 
-/// A program that uses global variables.
-fn program(name: &str, comment: &str, block: Declared, used: &[Global], body: &str) -> Unit {
-    let external =
-        |[name, kind, _]: &Global| Declared::new(Section::External, name, kind, None, "");
-    let mut variables: Vec<Declared> = used.iter().map(external).collect();
-    variables.push(block);
+/// The task of the controller, called every control period: the benchmark.
+pub(super) fn control_task(controller: &Unit) -> Unit {
+    let [inputs, outputs] = frame(controller);
+    let global = |v: &Declared| Declared {
+        section: Section::External,
+        initial: None,
+        comment: String::new(),
+        ..v.clone()
+    };
+    let mut variables: Vec<Declared> = [RESTART, PREPARE]
+        .map(|name| Declared::new(Section::External, name, "BOOL", None, ""))
+        .into();
+    variables.extend(inputs.iter().chain(&outputs).map(global));
+    variables.push(local("fbController", "FB_BenchmarkController", ""));
+    let given = arguments(&inputs, &format!("{GLOBALS}."));
+    let shown: String =
+        outputs.iter().map(|v| format!("{GLOBALS}.{0} := fbController.{0};\n", v.name)).collect();
     Unit {
         kind: Kind::Program,
-        name: name.into(),
-        comment: comment.into(),
+        name: "PRG_Control".into(),
+        comment: "To be called every control period (1 ms in the paper): the benchmark controller, which holds and releases the load. \
+                  FB_SimulationFeedforward takes its place where the simulation is to lead: the same inputs and outputs, called every simulation \
+                  step."
+            .into(),
         variables,
-        body: body.into(),
+        body: format!(
+            "fbController(bReset := {GLOBALS}.{RESTART}, bPrepare := {GLOBALS}.{PREPARE},\n        {given});\n{shown}"
+        ),
         tasks: Vec::new(),
     }
-}
-
-/// The task of the simulation, called every simulation step.
-pub(super) fn simulation_task() -> Unit {
-    program(
-        "PRG_Simulation",
-        "To be called in a task of its own, on a core of its own, every simulation step (50 us in the paper).",
-        local("fbFeedforward", "FB_SimulationFeedforward", ""),
-        &[BEGIN, PREPARE, POSITION, VELOCITY, SIMULATED],
-        "\
-fbFeedforward(bReset := GVL_Hydroboom.bBegin, bPrepare := GVL_Hydroboom.bPrepare, xRef := GVL_Hydroboom.xReference,
-    vRef := GVL_Hydroboom.vReference);
-GVL_Hydroboom.nSimulated := fbFeedforward.nFeedforward;
-",
-    )
-}
-
-/// The task of the controller, called every control period.
-pub(super) fn control_task() -> Unit {
-    program(
-        "PRG_Control",
-        "To be called every control period (1 ms in the paper): feedforward from the simulation, PI and pressure feedback on \
-         the machine (figure 15).",
-        local("fbController", "FB_BenchmarkController", ""),
-        &[BEGIN, PREPARE, POSITION, VELOCITY, MEASURED, LOAD, SIMULATED, MOTOR],
-        "\
-fbController(bReset := GVL_Hydroboom.bBegin, bPrepare := GVL_Hydroboom.bPrepare, xRef := GVL_Hydroboom.xReference,
-    vRef := GVL_Hydroboom.vReference, xCyl := GVL_Hydroboom.xMeasured, pL := GVL_Hydroboom.pLoadMeasured,
-    nSim := GVL_Hydroboom.nSimulated, uLead := 1.0E0);
-GVL_Hydroboom.nMotor := fbController.nRef;
-",
-    )
 }

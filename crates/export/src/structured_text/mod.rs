@@ -14,7 +14,7 @@ mod unit;
 pub use unit::{Declared, Form, Kind, Section, Task, Unit};
 
 use crate::block::{Block, Target, Variable};
-use crate::controller::{controller, simulated_motor};
+use crate::controller::{controller, simulation_feedforward_controller};
 use crate::crane::blocks;
 use crate::error::ExportError;
 use crate::following::{following_controller, state_feedback};
@@ -51,7 +51,7 @@ const RESERVED: &str = "\
     var_in_out var_input var_output var_temp wchar while with word wstring xint xor xorn xword";
 
 /// Names that people know from the paper, for what stands at a block's edge.
-const KNOWN: [(&str, &str); 38] = [
+const KNOWN: [(&str, &str); 40] = [
     ("stroke", "xCyl"),
     ("velocity", "vCyl"),
     ("pressure_pump_a", "pPA"),
@@ -79,6 +79,8 @@ const KNOWN: [(&str, &str); 38] = [
     ("load_pressure", "pL"),
     ("simulated_speed", "nSim"),
     ("motor_speed_read", "nRead"),
+    ("valve_state", "uValveRead"),
+    ("status", "nStatus"),
     ("simulated_stroke", "xSim"),
     ("simulated_velocity", "vSim"),
     ("simulated_load_pressure", "pLSim"),
@@ -176,6 +178,27 @@ pub fn edge_name(name: &str) -> String {
     })
 }
 
+/// Unit of what is on or off, and of a status: at a block's edge they are `BOOL` and `DINT`.
+const SWITCH: &str = "0/1";
+const STATUS: &str = "code";
+
+/// Type of an input or output.
+fn edge_kind(v: &Variable) -> &'static str {
+    match v.unit.as_str() {
+        SWITCH => "BOOL",
+        STATUS => "DINT",
+        _ => "LREAL",
+    }
+}
+
+/// An input or output of a block.
+fn edge(section: Section, name: &str, initial: Option<f64>, v: &Variable) -> Declared {
+    match edge_kind(v) {
+        "LREAL" => declared(section, name, initial, v),
+        kind => Declared::new(section, name, kind, None, &comment(&v.meaning)),
+    }
+}
+
 /// A variable of a block, with its unit in the comment.
 fn declared(section: Section, name: &str, initial: Option<f64>, v: &Variable) -> Declared {
     let unit = if v.unit.is_empty() { String::new() } else { format!(" [{}]", comment(&v.unit)) };
@@ -201,6 +224,7 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     }
     let mut named = |variables: &[Variable], beginning: &str| -> Vec<String> {
         let of = |v: &Variable| match beginning {
+            "" if v.unit == SWITCH => names.free(&format!("b{}", camel(&v.name))),
             "" => names.free(&edge_name(&v.name)),
             _ => names.free(&format!("{beginning}{}", camel(&edge_name(&v.name)))),
         };
@@ -265,8 +289,12 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         ));
     }
 
-    block.inputs.iter().zip(&input_names).for_each(|((_, node), name)| {
-        given.insert(*node, Text::whole(name));
+    block.inputs.iter().zip(&input_names).for_each(|((v, node), name)| {
+        let text = match v.unit == SWITCH {
+            true => format!("SEL({name}, 0.0E0, 1.0E0)"),
+            false => name.clone(),
+        };
+        given.insert(*node, Text::whole(text));
     });
     block.states.iter().zip(&state_names).for_each(|((_, node), name)| {
         given.insert(*node, Text::whole(name));
@@ -299,7 +327,13 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
                     nexts.push(next);
                 }
                 Target::Output(k) => {
-                    *body += &line(&format!("{} := {};", output_names[*k], text.text), depth);
+                    let name = &output_names[*k];
+                    let text = match edge_kind(&block.outputs[*k]) {
+                        "BOOL" => format!("0.5E0 < {}", text.inside(Binding::Sum)),
+                        "DINT" => format!("LREAL_TO_DINT({})", text.text),
+                        _ => text.text.clone(),
+                    };
+                    *body += &line(&format!("{name} := {text};"), depth);
                 }
             }
         }
@@ -316,9 +350,9 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         Declared::new(Section::Input, "bPrepare", "BOOL", None, "A parameter was changed"),
     ];
     let inputs = inputs.iter().zip(&input_names);
-    variables.extend(inputs.map(|(v, name)| declared(Section::Input, name, Some(v.initial), v)));
+    variables.extend(inputs.map(|(v, name)| edge(Section::Input, name, Some(v.initial), v)));
     let outputs = block.outputs.iter().zip(&output_names);
-    variables.extend(outputs.map(|(v, name)| declared(Section::Output, name, None, v)));
+    variables.extend(outputs.map(|(v, name)| edge(Section::Output, name, None, v)));
     variables.push(Declared::new(Section::Local, "bReady", "BOOL", None, ""));
     let states = states.iter().zip(&state_names);
     variables.extend(states.map(|(v, name)| declared(Section::Local, name, Some(v.initial), v)));
@@ -360,11 +394,14 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     let n = &description.numbers;
     let steps = (n.control_period / n.simulation_period).round().max(1.0) as u32;
     let mut all = Vec::new();
-    for block in [hydraulics, boom, controller(description), simulated_motor(description)] {
+    let benchmark = function_block(&controller(description)?)?;
+    let feedforward = function_block(&simulation_feedforward_controller(description)?)?;
+    for block in [hydraulics, boom] {
         all.push(function_block(&block)?);
     }
+    all.extend([benchmark.clone(), feedforward.clone()]);
     let step = literal(n.simulation_period);
-    all.push(composed::simulation_feedforward(steps, &step));
+    all.push(composed::simulation_feedforward(&feedforward, steps, &step));
     match (state_feedback(description), following_controller(description)) {
         (Ok(feedback), Ok(controller)) => {
             all.extend([function_block(&feedback)?, function_block(&controller)?]);
@@ -374,10 +411,10 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
         (Err(ExportError::Design(_)), _) | (_, Err(ExportError::Design(_))) => {}
         (Err(error), _) | (_, Err(error)) => return Err(error),
     }
-    all.extend([composed::simulation_task(), composed::control_task()]);
+    all.push(composed::control_task(&benchmark));
     all.push(bench::test_bench(description)?);
     // last, since it names the programs: some tools know only what they have read
-    all.push(composed::globals(n.simulation_period, n.control_period));
+    all.push(composed::globals(&benchmark, n.control_period));
     Ok(all)
 }
 

@@ -39,7 +39,7 @@ impl C {
         let crane = self.crane.read()?;
         let model = crane_model(&crane).into_diagnostic()?;
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
-        let mut all = vec![model, hydraulics, boom, controller(&crane)];
+        let mut all = vec![model, hydraulics, boom, controller(&crane).into_diagnostic()?];
         all.extend(steered(&crane)?);
         let precision = if self.single { Precision::Single } else { Precision::Double };
         let name = match self.prefix == Prefix::default() {

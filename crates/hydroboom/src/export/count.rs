@@ -26,7 +26,7 @@ impl Count {
         let model = crane_model(&crane).into_diagnostic()?;
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
         let mut counts = Vec::new();
-        let all = [model, hydraulics, boom, controller(&crane)];
+        let all = [model, hydraulics, boom, controller(&crane).into_diagnostic()?];
         for block in all.into_iter().chain(steered(&crane)?) {
             let plan = Plan::of(&block).into_diagnostic()?;
             let prepares = ("prepare", &plan.preparing);

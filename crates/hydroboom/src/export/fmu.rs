@@ -57,7 +57,7 @@ impl Fmu {
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
         let (block, slopes) = match self.what {
-            What::Controller => (controller(&crane), None),
+            What::Controller => (controller(&crane).into_diagnostic()?, None),
             What::SimulationFeedforward => {
                 (simulation_feedforward(&crane).into_diagnostic()?, None)
             }

@@ -1,6 +1,7 @@
 //! `hydroboom export`
 
 mod c;
+mod closed_loop;
 mod count;
 mod fmu;
 mod st;
@@ -17,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// Write model and controller as source code for other systems: the same numbers, from the one model.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hydroboom export count\n  hydroboom export st --crane my-crane.toml --out generated\n  hydroboom export c --crane my-crane.toml --out generated\n  hydroboom export fmu --what model --out crane.fmu"
+    after_help = "Examples:\n  hydroboom export count\n  hydroboom export st --crane my-crane.toml --out generated\n  hydroboom export c --crane my-crane.toml --out generated\n  hydroboom export fmu --what model --out crane.fmu\n  hydroboom export closed-loop"
 )]
 pub struct Export {
     #[command(subcommand)]
@@ -30,6 +31,7 @@ enum Target {
     St(st::St),
     C(c::C),
     Fmu(fmu::Fmu),
+    ClosedLoop(closed_loop::ClosedLoop),
 }
 
 impl Export {
@@ -40,6 +42,7 @@ impl Export {
             Target::St(command) => command.run(),
             Target::C(command) => command.run(),
             Target::Fmu(command) => command.run(),
+            Target::ClosedLoop(command) => command.run(),
         }
     }
 }

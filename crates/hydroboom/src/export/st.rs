@@ -4,7 +4,9 @@ use super::{File, written};
 use crate::crane_file::CraneFile;
 use clap::Args;
 use hydroboom_export::structured_text::{plcopen, twincat, units};
-use hydroboom_export::{blocks, controller, following_controller, simulated_motor, state_feedback};
+use hydroboom_export::{
+    blocks, controller, following_controller, simulation_feedforward_controller, state_feedback,
+};
 use miette::{IntoDiagnostic, Result};
 use std::path::PathBuf;
 
@@ -37,7 +39,12 @@ impl St {
         }
         files.push(File { name: "hydroboom.xml".into(), content: plcopen::project(&units) });
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
-        let mut recorded = vec![hydraulics, boom, controller(&crane), simulated_motor(&crane)];
+        let mut recorded = vec![
+            hydraulics,
+            boom,
+            controller(&crane).into_diagnostic()?,
+            simulation_feedforward_controller(&crane).into_diagnostic()?,
+        ];
         if let (Ok(feedback), Ok(following)) =
             (state_feedback(&crane), following_controller(&crane))
         {

@@ -1,0 +1,219 @@
+//! Controllers within the frame that holds and releases the load, on the virtual crane.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use hydroboom_control::supervision::{
+    Cause, FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
+};
+use hydroboom_description::Description;
+use hydroboom_export::closed_loop::{
+    Case, Outcome, Program, RustBenchmark, RustSimulationFeedforward, Target, TargetError, bounds,
+    cases, run,
+};
+use hydroboom_export::{controller, simulation_feedforward};
+use hydroboom_virtual_crane::{Command, VirtualCrane};
+use std::path::PathBuf;
+
+fn cranes() -> (Description, Description) {
+    (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap())
+}
+
+fn benchmark(model: &Description) -> Box<dyn Target> {
+    Box::new(RustBenchmark::new(model).unwrap())
+}
+
+fn simulating(model: &Description) -> Box<dyn Target> {
+    Box::new(RustSimulationFeedforward::new(model).unwrap())
+}
+
+/// A case that is engaged, rests and moves.
+fn plain(all: &[Case]) -> Case {
+    all.iter().find(|c| c.moves && c.disturbed.is_none() && c.gain.is_none()).unwrap().clone()
+}
+
+/// A fixed share of all trials, every kind among them, each within its computed bounds: engaged anywhere with
+/// any load, held for long, inputs that are wrong, gains that are changed.
+#[test]
+fn whatever_is_tried_stays_within_its_bounds() {
+    let (model, machine) = cranes();
+    let all = cases(&model);
+    for target in [benchmark, simulating] {
+        let undisturbed = run(&model, &machine, &plain(&all), target(&model).as_mut()).unwrap();
+        let mut stopped = 0;
+        for (k, case) in all.iter().enumerate() {
+            let is_engaged = case.disturbed.is_none();
+            // the published gains are unstable with an empty hook: the next test
+            if case.payload == 0.0 || !(is_engaged || k % 5 == 0) {
+                continue;
+            }
+            let outcome = run(&model, &machine, case, target(&model).as_mut()).unwrap();
+            let within = bounds(&model, case, &undisturbed, &outcome).unwrap();
+            let beyond = within.beyond(case, &undisturbed, &outcome);
+            assert!(beyond.is_empty(), "{}: {beyond:?}, {within:?}", case.name());
+            stopped += u32::from(outcome.status >= STATUS_FAULT);
+        }
+        assert!(stopped > 10, "nothing was found wrong");
+    }
+}
+
+/// With the published gains an empty hook on soft oil swings up: it ends with weaker gains, or held.
+#[test]
+fn a_loop_that_swings_up_falls_back_or_is_held() {
+    let (model, machine) = cranes();
+    let mut forgiving = model.clone();
+    forgiving.numbers.supervision_tracking = 0.2;
+    let case = Case { payload: 0.0, stroke: 0.25, rest: 16.0, ..cases(&model)[0].clone() };
+    let end = |model: &Description| run(model, &machine, &case, benchmark(model).as_mut()).unwrap();
+    let held = end(&model);
+    assert_eq!(Cause::from_number(held.status - STATUS_FAULT), Some(Cause::TrackingError));
+    // one that is allowed to stray falls back, and comes to rest
+    let weaker = end(&forgiving);
+    assert_eq!(weaker.status, STATUS_FALLBACK);
+    let [amplitude, frequency] = weaker.oscillation;
+    assert!(amplitude > 1e-3 && (0.3..2.0).contains(&frequency), "{amplitude} m, {frequency} Hz");
+    let last = &weaker.course[weaker.course.len() - 1000..];
+    let (low, high) = last.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+    assert!(high - low < 0.5e-3, "it still moves by {} m", high - low);
+}
+
+/// A caller that opens the valve itself gets a status and no speed.
+#[test]
+fn a_valve_that_is_open_without_being_asked_for_is_told_and_nothing_turns() {
+    let (model, _) = cranes();
+    let mut target = benchmark(&model);
+    let held = FrameInput {
+        enable: 1.0,
+        stroke: 0.2,
+        pressure_a: 65e5,
+        pressure_b: 5e5,
+        pressure_pump_a: 3e5,
+        pressure_pump_b: 3e5,
+        reference_position: 0.2,
+        ..FrameInput::default()
+    };
+    let mut last = FrameOutput::default();
+    for k in 0..2000_u32 {
+        // an encoder and transducers that scatter in their last digit
+        let noise = f64::from(k % 3) * 1e-6;
+        let now = FrameInput {
+            stroke: held.stroke + noise,
+            pressure_a: held.pressure_a + noise * 1e9,
+            pressure_b: held.pressure_b + noise * 1e9,
+            pressure_pump_a: held.pressure_pump_a + noise * 1e9,
+            pressure_pump_b: held.pressure_pump_b + noise * 1e9,
+            valve_state: f64::from(u8::from(k >= 500)),
+            start: f64::from(u8::from(k >= 600)),
+            ..held
+        };
+        last = target.period(&now, 1.0).unwrap();
+        assert_eq!((last.motor_speed, last.holding_valve), (0.0, 0.0), "after {k} ms");
+    }
+    assert_eq!(Cause::from_number(last.status - STATUS_FAULT), Some(Cause::ValveNotFollowing));
+}
+
+/// A fault is left by a reset with everything well and by nothing else; then the load can be released again.
+#[test]
+fn a_fault_is_left_by_a_reset_and_by_nothing_else() {
+    let (model, machine) = cranes();
+    let mut start = machine.start(0.2);
+    start.preload = 0.0;
+    let mut crane = VirtualCrane::new(&machine, &start).unwrap();
+    let mut target = benchmark(&model);
+    let mut phases: Vec<f64> = Vec::new();
+    let (mut controlled, mut since) = (0_u32, 0_u32);
+    for k in 0..25_000_u32 {
+        let r = crane.reading();
+        let controls = phases.last() == Some(&frame_phase::CONTROLLING);
+        controlled += u32::from(controls || (500..520).contains(&controlled));
+        // a transducer without a signal for twenty periods, half a second after the release
+        let is_lost = (500..520).contains(&controlled);
+        let is_fault = phases.last().is_some_and(|status| *status >= STATUS_FAULT);
+        let input = FrameInput {
+            enable: 1.0,
+            // asked for again and again
+            start: f64::from(u8::from(k % 1000 > 500)),
+            reset_fault: f64::from(u8::from(is_fault && since > 2000 && k % 100 > 50)),
+            valve_state: -1.0,
+            reference_position: 0.2,
+            stroke: r.stroke,
+            pressure_pump_a: r.pressure_pump_a,
+            pressure_a: if is_lost { f64::NAN } else { r.pressure_a },
+            pressure_b: r.pressure_b,
+            pressure_pump_b: r.pressure_pump_b,
+            motor_speed_read: r.motor_speed,
+            ..FrameInput::default()
+        };
+        let output = target.period(&input, 1.0).unwrap();
+        if phases.last() != Some(&output.status) {
+            phases.push(output.status);
+            since = 0;
+        }
+        since += 1;
+        let (motor_speed, holding_valve) = (output.motor_speed, output.holding_valve);
+        crane.advance(&Command { motor_speed, holding_valve }).unwrap();
+    }
+    let released = [
+        frame_phase::HOLDING,
+        frame_phase::RELEASING,
+        frame_phase::OPENING,
+        frame_phase::CONTROLLING,
+    ];
+    let fault = STATUS_FAULT + Cause::PressureImplausible.number();
+    assert_eq!(phases, [&released[..], &[fault], &released].concat());
+}
+
+/// Writes down what goes in and what comes out.
+struct Recorder {
+    inner: Box<dyn Target>,
+    rows: Vec<(FrameInput<f64>, FrameOutput<f64>)>,
+}
+
+impl Target for Recorder {
+    fn name(&self) -> &'static str {
+        self.inner.name()
+    }
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError> {
+        let output = self.inner.period(input, gain)?;
+        self.rows.push((*input, output));
+        Ok(output)
+    }
+}
+
+fn folder(test: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(test)
+}
+
+fn recorded(
+    target: Box<dyn Target>,
+    case: &Case,
+) -> (Vec<(FrameInput<f64>, FrameOutput<f64>)>, Outcome) {
+    let (model, machine) = cranes();
+    let mut recorder = Recorder { inner: target, rows: Vec::new() };
+    let outcome = run(&model, &machine, case, &mut recorder).unwrap();
+    (recorder.rows, outcome)
+}
+
+/// What was recorded in closed loop, a release, a move and inputs that are wrong, gives the same bits in C.
+#[test]
+fn in_c_both_controllers_are_those_of_rust_to_the_last_bit() {
+    let (model, _) = cranes();
+    let all = cases(&model);
+    let wrong = all.iter().find(|c| c.disturbed.is_some_and(|d| d.periods == 10)).unwrap().clone();
+    for case in [plain(&all), wrong] {
+        for (rust, block, steps, name) in [
+            (benchmark(&model), controller(&model).unwrap(), 0, "c-frame"),
+            (simulating(&model), simulation_feedforward(&model).unwrap(), 20, "c-frame-simulating"),
+        ] {
+            let (rows, _) = recorded(rust, &case);
+            let mut c = Program::in_c("C", &block, steps, &folder(name)).unwrap();
+            for (k, (input, wanted)) in rows.iter().enumerate() {
+                let found = c.period(input, 1.0).unwrap();
+                assert_eq!(found.to_array(), wanted.to_array(), "{name} in period {k}");
+            }
+        }
+    }
+}

@@ -1,0 +1,276 @@
+//! `hydroboom export closed-loop`
+
+use crate::crane_file::CraneFile;
+use crate::interruptible::{Interruptible, of_asked};
+use crate::machine_choice::MachineChoice;
+use crate::output;
+use clap::{Args, ValueEnum};
+use hydroboom_control::supervision::{Cause, STATUS_FALLBACK, STATUS_FAULT, frame_phase};
+use hydroboom_description::Description;
+use hydroboom_export::closed_loop::{
+    Bounds, Case, Outcome, Program, RustBenchmark, RustSimulationFeedforward, Target, bounds,
+    cases, run,
+};
+use hydroboom_export::{controller, simulation_feedforward};
+use miette::{IntoDiagnostic, Result};
+use rayon::prelude::*;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// A controller as exported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum What {
+    /// The benchmark as Rust runs it.
+    Rust,
+    /// Simulation feedforward as Rust runs it.
+    RustSimulationFeedforward,
+    /// The benchmark in C.
+    C,
+    /// Simulation feedforward in C.
+    CSimulationFeedforward,
+}
+
+const ALL: [What; 4] =
+    [What::Rust, What::RustSimulationFeedforward, What::C, What::CSimulationFeedforward];
+
+/// Run exported controllers in closed loop with the virtual crane: engaged anywhere, held and released, with
+/// wrong inputs and changed gains, against computed bounds.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hydroboom export closed-loop\n  hydroboom export closed-loop --target c --only stroke --csv table.csv"
+)]
+pub struct ClosedLoop {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Only this target; can be repeated.
+    #[arg(long, value_enum)]
+    target: Vec<What>,
+    /// Only trials whose name contains this.
+    #[arg(long, value_name = "TEXT")]
+    only: Option<String>,
+    /// Table to write (CSV): every trial.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A trial, and what came of it.
+struct Row {
+    target: &'static str,
+    case: Case,
+    outcome: Outcome,
+    bounds: Bounds,
+    off: f64,
+    beyond: Vec<&'static str>,
+}
+
+impl ClosedLoop {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let MachineChoice { model, machine, .. } = MachineChoice::read(&self.crane, None)?;
+        let folder = std::env::temp_dir().join(format!("hydroboom-loop-{}", std::process::id()));
+        let wanted = self.only.as_deref().unwrap_or("");
+        let targets = if self.target.is_empty() { ALL.to_vec() } else { self.target.clone() };
+        let all = cases(&model);
+        let chosen: Vec<&Case> = all.iter().filter(|c| c.name().contains(wanted)).collect();
+        if chosen.is_empty() {
+            miette::bail!(
+                help = "names are those of the table, such as \"stroke NaN for 1 periods at rest\"",
+                "no trial's name contains \"{wanted}\""
+            );
+        }
+        let jobs: Vec<(What, &Case)> =
+            targets.iter().flat_map(|t| chosen.iter().map(|c| (*t, *c))).collect();
+        let progress = Interruptible::new(jobs.len() as u64, "trials")?;
+        let undisturbed = targets
+            .par_iter()
+            .map(|what| {
+                let plain =
+                    all.iter().find(|c| c.moves && c.disturbed.is_none() && c.gain.is_none());
+                let plain = plain.cloned().unwrap_or_else(|| all[0].clone());
+                let mut target = what.target(&model, &folder.join("plain"))?;
+                let outcome = run(&model, &machine, &plain, target.as_mut()).into_diagnostic()?;
+                Ok((*what, outcome))
+            })
+            .collect::<Result<Vec<_>>>()?;
+        let rows = jobs
+            .par_iter()
+            .enumerate()
+            .map(|(k, (what, case))| {
+                if !progress.one_more() {
+                    return Ok(None);
+                }
+                let mut target = what.target(&model, &folder.join(k.to_string()))?;
+                let outcome = run(&model, &machine, case, target.as_mut()).into_diagnostic()?;
+                let plain = undisturbed.iter().find(|(of, _)| of == what);
+                let Some((_, plain)) = plain else { return Ok(None) };
+                let bounds = bounds(&model, case, plain, &outcome).into_diagnostic()?;
+                Ok(Some(Row {
+                    target: target.name(),
+                    case: (*case).clone(),
+                    beyond: bounds.beyond(case, plain, &outcome),
+                    off: outcome.off(plain),
+                    outcome,
+                    bounds,
+                }))
+            })
+            .collect::<Result<Vec<_>>>();
+        drop(progress);
+        // what is left there is of no use to anybody
+        let _ = std::fs::remove_dir_all(&folder);
+        let rows: Vec<Row> = rows?.into_iter().flatten().collect();
+        if let Some(path) = &self.csv {
+            output::file(path, csv(&rows).as_bytes())?;
+        }
+        let beyond = rows.iter().filter(|row| !row.beyond.is_empty()).count();
+        if self.json {
+            return output::json(&json!({
+                "trials": rows.len(), "asked": jobs.len(), "beyond_bounds": beyond,
+                "rows": rows.iter().map(Row::json).collect::<Vec<_>>(),
+            }));
+        }
+        output::text(&text(&rows, jobs.len(), beyond))
+    }
+}
+
+impl What {
+    fn target(self, model: &Description, folder: &Path) -> Result<Box<dyn Target>> {
+        let n = &model.numbers;
+        let steps = (n.control_period / n.simulation_period).round().max(1.0) as u32;
+        let program = |block, steps, name| Program::in_c(name, &block, steps, folder);
+        Ok(match self {
+            Self::Rust => Box::new(RustBenchmark::new(model).into_diagnostic()?),
+            Self::RustSimulationFeedforward => {
+                Box::new(RustSimulationFeedforward::new(model).into_diagnostic()?)
+            }
+            Self::C => {
+                let block = controller(model).into_diagnostic()?;
+                Box::new(program(block, 0, "C, benchmark").into_diagnostic()?)
+            }
+            Self::CSimulationFeedforward => {
+                let block = simulation_feedforward(model).into_diagnostic()?;
+                Box::new(program(block, steps, "C, simulation feedforward").into_diagnostic()?)
+            }
+        })
+    }
+}
+
+/// A status in words.
+fn status(code: f64) -> String {
+    let name = match code {
+        c if c >= STATUS_FAULT => Cause::from_number(c - STATUS_FAULT).map_or("fault", Cause::code),
+        STATUS_FALLBACK => "fallback gains",
+        frame_phase::HOLDING => "holding",
+        frame_phase::RELEASING => "releasing",
+        frame_phase::OPENING => "opening",
+        frame_phase::CONTROLLING => "controlling",
+        frame_phase::STOPPING => "stopping",
+        _ => "idle",
+    };
+    format!("{code:.0} {name}")
+}
+
+impl Row {
+    fn json(&self) -> serde_json::Value {
+        let (o, b) = (&self.outcome, &self.bounds);
+        json!({
+            "target": self.target, "trial": self.case.name(), "status": o.status,
+            "status_name": status(o.status), "release_s": o.release_time,
+            "lifted_mm": o.lifted * 1e3, "dropped_mm": o.dropped * 1e3, "dropped_bound_mm": b.dropped * 1e3,
+            "engaged_mm": o.engaged * 1e3, "engaged_bound_mm": b.engaged * 1e3,
+            "strayed_mm": o.strayed * 1e3, "strayed_bound_mm": b.strayed * 1e3,
+            "stop_mm": o.stopped_in * 1e3, "stop_bound_mm": b.stopped * 1e3,
+            "off_mm": self.off * 1e3, "off_bound_mm": b.off * 1e3,
+            "motor_rpm": o.motor_speed * 60.0, "motor_change_rpm_per_s": o.motor_slew * 60.0,
+            "finite": !o.is_not_finite, "beyond": self.beyond,
+        })
+    }
+
+    fn cells(&self) -> [String; 11] {
+        let (o, b) = (&self.outcome, &self.bounds);
+        let pair = |value: f64, bound: f64| format!("{:.2} ({:.1})", value * 1e3, bound * 1e3);
+        let disturbed = self.case.disturbed.is_some();
+        let off = match self.case.moves && o.status < STATUS_FAULT {
+            true => pair(self.off, b.off),
+            false => "-".into(),
+        };
+        [
+            self.target.into(),
+            self.case.name(),
+            status(o.status),
+            o.release_time.map_or("-".into(), |time| format!("{time:.1}")),
+            format!("{:.2}", o.lifted * 1e3),
+            pair(o.dropped, b.dropped),
+            pair(o.engaged, b.engaged),
+            if disturbed { pair(o.strayed, b.strayed) } else { "-".into() },
+            if o.stopped_in > 0.0 { pair(o.stopped_in, b.stopped) } else { "-".into() },
+            off,
+            match self.beyond.is_empty() {
+                true => "within".into(),
+                false => self.beyond.join(", "),
+            },
+        ]
+    }
+}
+
+const HEADER: [&str; 11] = [
+    "target",
+    "trial",
+    "status at the end",
+    "release s",
+    "lift mm",
+    "drop mm",
+    "engaging mm",
+    "from reference mm",
+    "stop mm",
+    "off course mm",
+    "bounds",
+];
+
+fn csv(rows: &[Row]) -> String {
+    let quoted = |cell: &str| format!("\"{}\"", cell.replace('"', "\"\""));
+    let line =
+        |cells: &[String]| cells.iter().map(|c| quoted(c)).collect::<Vec<_>>().join(",") + "\n";
+    let header = line(&HEADER.map(String::from));
+    rows.iter().fold(header, |text, row| text + &line(&row.cells()))
+}
+
+/// The engagements one by one; of wrong inputs the worst of each input and kind.
+fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
+    let mut shown: Vec<Vec<String>> = Vec::new();
+    let plain = rows.iter().filter(|row| row.case.disturbed.is_none());
+    shown.extend(plain.map(|row| row.cells().into()));
+    let mut groups: Vec<(String, Vec<&Row>)> = Vec::new();
+    for row in rows {
+        let Some(d) = row.case.disturbed else { continue };
+        let name = row.case.name();
+        let input = name.split(' ').next().unwrap_or_default();
+        let key = format!("{}|{input} {}", row.target, d.bad.name());
+        match groups.iter_mut().find(|(known, _)| *known == key) {
+            Some((_, group)) => group.push(row),
+            None => groups.push((key, vec![row])),
+        }
+    }
+    for (key, group) in groups {
+        let moved = |row: &&Row| row.outcome.stopped_in.max(row.outcome.strayed);
+        let worst = group.iter().copied().max_by(|a, b| moved(a).total_cmp(&moved(b)));
+        let is_beyond = group.iter().copied().find(|row| !row.beyond.is_empty());
+        if let Some(row) = is_beyond.or(worst) {
+            let mut cells: Vec<String> = row.cells().into();
+            cells[1] = match is_beyond {
+                Some(row) => row.case.name(),
+                None => {
+                    format!("{}: worst of {}", key.split('|').nth(1).unwrap_or(""), group.len())
+                }
+            };
+            shown.push(cells);
+        }
+    }
+    format!(
+        "{} trials on the virtual crane, {beyond} beyond their computed bounds, which stand in brackets\n{}",
+        of_asked(rows.len(), asked),
+        output::table(&HEADER, &shown)
+    )
+}
