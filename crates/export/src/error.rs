@@ -47,4 +47,14 @@ pub enum ExportError {
         /// Characters allowed.
         longest: usize,
     },
+    /// The crane file's step is longer than the published scheme is stable with.
+    #[error(
+        "controller.simulation_period_us = {step_us:.1} us is above the published scheme's limit for this crane, {limit_us:.1} us (`hydroboom check` shows it); lower it"
+    )]
+    Step {
+        /// The step \[us\].
+        step_us: f64,
+        /// The limit \[us\].
+        limit_us: f64,
+    },
 }

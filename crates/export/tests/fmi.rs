@@ -36,7 +36,7 @@ const BOTH: [Version; 2] = [Version::Two, Version::Three];
 
 fn model(crane: &Description, version: Version) -> Unit {
     let block = crane_model(crane).unwrap();
-    unit(&block, Some(&slopes(crane, &block).unwrap()), &crane.name, version).unwrap()
+    unit(&block, Some(&slopes(crane, &block).unwrap()), crane, version).unwrap()
 }
 
 /// All controllers, by the names of their FMUs.
@@ -48,7 +48,7 @@ fn steering(crane: &Description, what: &str, version: Version) -> Unit {
         "model-following" => model_following(crane).unwrap(),
         _ => controller(crane),
     };
-    unit(&block, None, &crane.name, version).unwrap()
+    unit(&block, None, crane, version).unwrap()
 }
 
 /// Writes an FMU for a test, and returns its path.
@@ -190,16 +190,25 @@ fn states_are_kept_and_instances_do_not_know_of_each_other() {
     }
 }
 
+/// Each line that was logged has one of these texts, in their order, and nothing else was said.
+fn told(said: &str, wanted: &[&str]) {
+    let lines: Vec<&str> = said.lines().collect();
+    for (line, wanted) in lines.iter().zip(wanted) {
+        assert!(line.contains(wanted), "{line:?} says nothing of {wanted:?} in {lines:#?}");
+    }
+    assert_eq!(lines.len(), wanted.len(), "{lines:#?}");
+}
+
 #[test]
 fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
     let Some(python) = python() else { return };
     for version in BOTH {
         let said = fmpy(&python, &["diverged", &written("wrong", "model", version)]);
-        let said: Vec<&str> = said.lines().collect();
-        // each by the logger, and nothing was taken
-        assert_eq!(said.len(), 4, "{said:?}");
-        assert!(said[0].contains("diverged") && said[1].contains("no multiple"), "{said:?}");
-        assert!(said[2].contains("no multiple") && said[3].contains("only parameters"), "{said:?}");
+        let mut wanted = vec!["diverged"];
+        wanted.extend(["after a step that diverged"; 2]);
+        wanted.extend(["no multiple"; 5]);
+        wanted.extend(["only parameters"; 2]);
+        told(&said, &wanted);
     }
 }
 
@@ -209,11 +218,173 @@ fn a_simulated_crane_takes_whole_steps_in_a_period_or_none() {
     for version in BOTH {
         for what in ["simulation-feedforward", "model-following"] {
             let said = fmpy(&python, &["uneven", &written("uneven", what, version)]);
-            let said: Vec<&str> = said.lines().collect();
-            assert_eq!(said.len(), 5, "{said:?}");
-            assert!(said.iter().all(|line| line.contains("no multiple")), "{said:?}");
+            told(&said, &[&["outside of its range"; 5][..], &["no multiple"; 2]].concat());
         }
     }
+}
+
+#[test]
+fn calls_out_of_order_are_refused_and_those_in_order_go_on() {
+    let Some(python) = python() else { return };
+    for version in BOTH {
+        let said = fmpy(&python, &["disordered", &written("order", "model", version)]);
+        let mut wanted = vec!["before initialization"; 4];
+        wanted.extend(["in initialization mode"; 3]);
+        wanted.extend((version == Version::Two).then_some("in initialization mode"));
+        wanted.extend(["between steps"; 2]);
+        wanted.push("state_pressure_a can be set before and in initialization mode only");
+        wanted.extend(["not the end of the last step"; 2]);
+        wanted.extend(["after termination"; 3]);
+        wanted.extend(["before initialization", "beyond the stop time"]);
+        told(&said, &wanted);
+    }
+}
+
+#[test]
+fn values_that_no_crane_can_have_are_refused() {
+    let Some(python) = python() else { return };
+    for version in BOTH {
+        let said = fmpy(&python, &["impossible", &written("impossible", "model", version)]);
+        let no_number = "payload_mass_kg cannot be set to a value that is no number";
+        told(
+            &said,
+            &[
+                "cylinder_piston_mm = 0 is outside of its range, 5 to 1000",
+                "payload_mass_kg = -1 is outside of its range, 0 to 1000000",
+                no_number,
+                no_number,
+                no_number,
+                "step = 6e-05 is outside of its range, 1e-07 to 5.2",
+                "step = 0 is outside",
+                "holding_valve = 1.5 is outside of its range, 0 to 1",
+                "pump_speed = 1e+09 is outside",
+                "state_pressure_a = 200000000 is outside",
+                "state_angle_1 = 7 is outside",
+                "cylinder_piston_mm = 0 is outside",
+                "the rod is not thinner than the piston",
+                "the cylinder cannot reach",
+                "the accumulator holds no oil",
+                "motion_start_mm lies beyond the stroke",
+                "the load is too heavy",
+                "the rod is not thinner than the piston",
+            ],
+        );
+    }
+}
+
+#[test]
+fn a_changed_crane_starts_at_rest_unless_the_user_gives_a_state() {
+    let Some(python) = python() else { return };
+    let description = Description::uia_single_boom().unwrap();
+    let names = "payload_mass_kg+motion_start_mm";
+    let outputs = "stroke+pressure_a+pressure_pump_a+pressure_b+tip_y+state_angle_1+state_angle_3";
+    for (values, payload, start_mm) in
+        [("500+100", 500.0, 100.0), ("0+250", 0.0, 250.0), ("307+480", 307.0, 480.0)]
+    {
+        let mut n = description.numbers;
+        n.payload = payload;
+        n.motion_start = start_mm * 1e-3;
+        let crane: Crane<f64, 3> = description.crane_over(&n).unwrap();
+        let state = crane.at_rest(&description.start_over(&n, n.motion_start)).unwrap();
+        let seen = crane.outputs(&state);
+        let wanted = [
+            seen.stroke,
+            seen.pressure_a,
+            seen.pressure_pump_a,
+            seen.pressure_b,
+            seen.tip_y,
+            state.boom.angle[0],
+            state.boom.angle[2],
+        ];
+        for version in BOTH {
+            let path = written("balanced", "model", version);
+            let said = fmpy(&python, &["balanced", &path, names, values, outputs]);
+            let lines: Vec<&str> = said.lines().collect();
+            assert_eq!(lines.len(), 4, "{lines:?}");
+            for pair in lines.chunks(2) {
+                let found = pair[0].split(',').map(|v| v.parse::<f64>().unwrap());
+                for (found, wanted) in found.zip(wanted) {
+                    let close = (found - wanted).abs() <= 1e-10 * wanted.abs();
+                    assert!(close, "{values}: {found} for {wanted}");
+                }
+                // the load is held: 0.05 bar, where the crane file's state would swing by 70
+                let swing: f64 = pair[1].parse().unwrap();
+                assert!(swing < 0.05e5, "{values}: p_A swings by {swing} Pa");
+            }
+        }
+    }
+    for version in BOTH {
+        assert_eq!(fmpy(&python, &["own_state", &written("own", "model", version)]), "");
+    }
+}
+
+#[test]
+fn steps_at_large_times_are_those_at_small_ones() {
+    let Some(python) = python() else { return };
+    for version in BOTH {
+        let said = fmpy(&python, &["late", &written("late", "model", version)]);
+        // what is left over is summed up: the second such step is refused
+        told(&said, &["no multiple", "1"]);
+    }
+}
+
+/// Every variable has a usual size; what can be set and has a range starts within it; every unit that base units can express is.
+#[test]
+fn variables_have_ranges_and_units_their_definition() {
+    let crane = Description::uia_single_boom().unwrap();
+    for version in BOTH {
+        let controllers = CONTROLLERS.map(|what| steering(&crane, what, version));
+        for unit in [model(&crane, version)].into_iter().chain(controllers) {
+            let text = &unit.files[0].1;
+            let description = roxmltree::Document::parse(text).unwrap();
+            let number = |n: &roxmltree::Node<'_, '_>, name: &str| -> Option<f64> {
+                n.attribute(name).map(|text| text.parse().unwrap())
+            };
+            let (tag, named) = match version {
+                Version::Two => ("Real", "ScalarVariable"),
+                Version::Three => ("Float64", "Float64"),
+            };
+            let mut bounded = 0;
+            for n in description.descendants().filter(|n| n.has_tag_name(tag)) {
+                let variable = n.ancestors().find(|n| n.has_tag_name(named)).unwrap();
+                if variable.attribute("causality") == Some("independent") {
+                    continue;
+                }
+                assert!(number(&n, "nominal").unwrap() > 0.0, "{variable:?}");
+                let (low, high) = (number(&n, "min"), number(&n, "max"));
+                if let (Some(low), Some(high), Some(start)) = (low, high, number(&n, "start")) {
+                    assert!(low <= start && start <= high && low < high, "{variable:?}");
+                    bounded += 1;
+                }
+                if matches!(variable.attribute("causality"), Some("parameter" | "input")) {
+                    assert!(low.is_some() && high.is_some(), "{variable:?}");
+                }
+            }
+            assert!(bounded > 10, "{bounded}");
+            for n in description.descendants().filter(|n| n.has_tag_name("Unit")) {
+                let is_defined = n.children().any(|n| n.has_tag_name("BaseUnit"));
+                let is_root = n.attribute("name").unwrap().contains("^0.5");
+                assert_eq!(is_defined, !is_root, "{n:?}");
+            }
+            let steps = description.descendants().find(|n| n.has_tag_name("CoSimulation")).unwrap();
+            let varies = steps.attribute("canHandleVariableCommunicationStepSize");
+            assert_eq!(varies, Some(if version == Version::Two { "false" } else { "true" }));
+            let n = &crane.numbers;
+            let is_model = unit.identifier.ends_with("hydroboom_model");
+            let own = if is_model { n.simulation_period } else { n.control_period };
+            let fixed = (version == Version::Three).then_some(own);
+            assert_eq!(number(&steps, "fixedInternalStepSize"), fixed);
+        }
+    }
+}
+
+#[test]
+fn a_crane_file_whose_step_is_unstable_gives_no_fmu() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    crane.set("controller.simulation_period_us=1000").unwrap();
+    let block = crane_model(&crane).unwrap();
+    let said = unit(&block, None, &crane, Version::Two).unwrap_err().to_string();
+    assert!(said.contains("simulation_period_us = 1000.0 us"), "{said}");
 }
 
 #[test]

@@ -49,7 +49,8 @@ class Three(FMU3Slave):
         return self.deserializeFMUState(data)
 
 
-def opened(path):
+def made(path):
+    """An instance that is not initialized, the references of its variables, and how initialization mode is entered at a time."""
     description = read_model_description(path)
     references = {v.name: v.valueReference for v in description.modelVariables}
     is_two = description.fmiVersion == "2.0"
@@ -60,13 +61,31 @@ def opened(path):
         instanceName="one",
     )
     slave.instantiate()
-    if is_two:
-        slave.setupExperiment(startTime=0.0)
-        slave.enterInitializationMode()
-    else:
-        slave.enterInitializationMode(startTime=0.0)
+
+    def entered(start=0.0, stop=None):
+        if is_two:
+            slave.setupExperiment(startTime=start, stopTime=stop)
+            slave.enterInitializationMode()
+        else:
+            slave.enterInitializationMode(startTime=start, stopTime=stop)
+
+    return slave, references, entered
+
+
+def opened(path, start=0.0, stop=None):
+    slave, references, entered = made(path)
+    entered(start, stop)
     slave.exitInitializationMode()
     return slave, references
+
+
+def refused(what, call, *arguments):
+    """Says so where something is done that must not be."""
+    try:
+        call(*arguments)
+        print(what, "is taken")
+    except Exception:
+        pass
 
 
 def kept(path):
@@ -88,33 +107,36 @@ def kept(path):
     second.doStep(0.2, 0.3)
     assert second.getReal(stroke) == wanted, "a serialized state"
     second.reset()
+    if isinstance(second, FMU2Slave):
+        second.setupExperiment(startTime=0.0)
+        second.enterInitializationMode()
+    else:
+        second.enterInitializationMode(startTime=0.0)
+    second.exitInitializationMode()
     assert second.getReal(stroke) != wanted, "a reset"
 
 
 def diverged(path):
-    """A step that is far too long ends with an error, and a good state goes on."""
+    """A damper that the step is far too long for ends with an error, and a good state goes on."""
     slave, references = opened(path)
     state = slave.getFMUstate()
-    slave.setReal([references["step"]], [0.05])
+    slave.setReal([references["friction_viscous_ns_per_m"], references["pump_speed"]], [1e7, 10.0])
     try:
         for k in range(200):
-            slave.doStep(0.05 * k, 0.05)
+            slave.doStep(1e-3 * k, 1e-3)
         print("no error")
     except Exception:
         pass
+    refused("a step after that", slave.doStep, 1e-3 * k, 1e-3)
+    refused("a value after that", slave.setReal, [references["pump_speed"]], [1.0])
+    slave.getReal([references["stroke"]])
     slave.setFMUstate(state)
     slave.doStep(0.0, 1e-3)
-    for wrong in (0.33e-4, 0.0):
-        try:
-            slave.doStep(1e-3, wrong)
-            print("a step of", wrong, "is taken")
-        except Exception:
-            pass
-    try:
-        slave.setReal([references["stroke"]], [0.1])
-        print("an output is set")
-    except Exception:
-        pass
+    for wrong in (0.33e-4, 0.0, -1e-3, float("nan"), float("inf")):
+        refused(f"a step of {wrong}", slave.doStep, 1e-3, wrong)
+    refused("an output", slave.setReal, [references["stroke"]], [0.1])
+    refused("a variable that is not there", slave.setReal, [10**6], [0.1])
+    slave.doStep(1e-3, 1e-3)
 
 
 def uneven(path):
@@ -122,14 +144,182 @@ def uneven(path):
     slave, references = opened(path)
     good = slave.getReal([references["step"]])
     for wrong in (0.0, -1e-5, 3e-4, 1e-12, 1.0):
+        refused(f"a step of {wrong}", slave.setReal, [references["step"]], [wrong])
+    assert slave.getReal([references["step"]]) == good
+    for wrong in (4.9e-5, 3.3e-5):
         slave.setReal([references["step"]], [wrong])
-        try:
-            slave.doStep(0.0, 1e-3)
-            print("a step of", wrong, "is taken")
-        except Exception:
-            pass
+        refused(f"a step of {wrong}", slave.doStep, 0.0, 1e-3)
     slave.setReal([references["step"]], good)
     slave.doStep(0.0, 1e-3)
+
+
+def disordered(path):
+    """Calls out of order are refused, each with a message; what comes in order goes on."""
+    slave, references, entered = made(path)
+    stroke, payload, state = [references["stroke"]], [references["payload_mass_kg"]], [references["state_pressure_a"]]
+    is_two = isinstance(slave, FMU2Slave)
+    refused("a step before initialization", slave.doStep, 0.0, 1e-3)
+    refused("reading before initialization", slave.getReal, stroke)
+    refused("the end of an initialization that has not begun", slave.exitInitializationMode)
+    refused("termination before initialization", slave.terminate)
+    slave.setReal(payload, [310.0])
+    entered()
+    refused("a second initialization", slave.enterInitializationMode)
+    refused("a step in initialization mode", slave.doStep, 0.0, 1e-3)
+    refused("termination in initialization mode", slave.terminate)
+    if is_two:
+        refused("a set-up in initialization mode", slave.setupExperiment)
+    slave.setReal(payload, [320.0])
+    slave.setReal(state, slave.getReal(state))
+    slave.exitInitializationMode()
+    refused("a second end of initialization", slave.exitInitializationMode)
+    refused("initialization between steps", slave.enterInitializationMode)
+    refused("a state between steps", slave.setReal, state, [70e5])
+    slave.setReal(payload, [330.0])
+    slave.doStep(0.0, 1e-3)
+    refused("a step from an earlier time", slave.doStep, 0.0, 1e-3)
+    refused("a step from a later time", slave.doStep, 0.5, 1e-3)
+    slave.doStep(1e-3, 1e-3)
+    slave.terminate()
+    slave.getReal(stroke)
+    refused("a second termination", slave.terminate)
+    refused("a step after termination", slave.doStep, 2e-3, 1e-3)
+    refused("a value after termination", slave.setReal, payload, [300.0])
+    slave.reset()
+    refused("a step after a reset", slave.doStep, 0.0, 1e-3)
+    entered(stop=1.5e-3)
+    slave.exitInitializationMode()
+    slave.doStep(0.0, 1e-3)
+    refused("a step beyond the stop time", slave.doStep, 1e-3, 1e-3)
+    slave.terminate()
+    slave.freeInstance()
+
+
+def impossible(path):
+    """Values that a crane cannot have are refused, and the ones before are kept."""
+    slave, of, entered = made(path)
+    entered()
+    for name, wrong in [
+        ("cylinder_piston_mm", 0.0),
+        ("payload_mass_kg", -1.0),
+        ("payload_mass_kg", float("nan")),
+        ("payload_mass_kg", float("inf")),
+        ("payload_mass_kg", float("-inf")),
+        ("step", 60e-6),
+        ("step", 0.0),
+        ("holding_valve", 1.5),
+        ("pump_speed", 1e9),
+        ("state_pressure_a", 2e8),
+        ("state_angle_1", 7.0),
+    ]:
+        before = slave.getReal([of[name]])
+        refused(f"{name} = {wrong}", slave.setReal, [of[name]], [wrong])
+        assert slave.getReal([of[name]]) == before, name
+    # one bad value among good ones, and none is taken
+    before = slave.getReal([of["payload_mass_kg"]])
+    refused("one of two", slave.setReal, [of["payload_mass_kg"], of["cylinder_piston_mm"]], [100.0, 0.0])
+    assert slave.getReal([of["payload_mass_kg"]]) == before
+    # what is allowed alone and not together
+    for name, wrong in [
+        ("cylinder_rod_mm", 65.0),
+        ("geometry_shortest_mm", 1e5),
+        ("accumulator_precharge_bar", 400.0),
+        ("motion_start_mm", 600.0),
+        ("payload_mass_kg", 1e6),
+    ]:
+        before = slave.getReal([of[name]])
+        slave.setReal([of[name]], [wrong])
+        refused(f"{name} = {wrong}", slave.exitInitializationMode)
+        slave.setReal([of[name]], before)
+    slave.exitInitializationMode()
+    before = slave.getReal([of["cylinder_rod_mm"]])
+    slave.setReal([of["cylinder_rod_mm"]], [80.0])
+    refused("a rod thicker than its piston", slave.doStep, 0.0, 1e-3)
+    slave.setReal([of["cylinder_rod_mm"]], before)
+    slave.doStep(0.0, 1e-3)
+
+
+def balanced(path, names, values, outputs):
+    """With parameters set before, and in initialization mode: the outputs at the start, and the swing of p_A [Pa] in a second."""
+    names, values = names.split("+"), [float(v) for v in values.split("+")]
+    for mode in ("before", "in"):
+        slave, of, entered = made(path)
+        if mode == "before":
+            slave.setReal([of[n] for n in names], values)
+            entered()
+        else:
+            entered()
+            slave.getReal([of["stroke"]])
+            slave.setReal([of[n] for n in names], values)
+        slave.exitInitializationMode()
+        print(",".join(repr(v) for v in slave.getReal([of[n] for n in outputs.split("+")])))
+        slave.setReal([of["holding_valve"]], [0.0])
+        seen = slave.getReal([of["pressure_a"]])
+        for k in range(1000):
+            slave.doStep(k * 1e-3, 1e-3)
+            seen += slave.getReal([of["pressure_a"]])
+        print(max(seen) - min(seen))
+        slave.freeInstance()
+
+
+def own_state(path):
+    """A state that the user has set is kept, and so is the start of an FMU of which nothing was set."""
+    slave, of, entered = made(path)
+    entered()
+    states = [reference for name, reference in of.items() if name.startswith("state_")]
+    pressure, payload = [of["state_pressure_a"]], [of["payload_mass_kg"]]
+    begun = slave.getReal(states)
+    # the same value is no change
+    slave.setReal(payload, slave.getReal(payload))
+    assert slave.getReal(states) == begun
+    slave.setReal(payload, [500.0])
+    assert slave.getReal(states) != begun
+    slave.reset()
+    entered()
+    slave.setReal(pressure, [50e5])
+    slave.setReal(payload, [500.0])
+    slave.exitInitializationMode()
+    wanted = [50e5 if [reference] == pressure else value for reference, value in zip(states, begun)]
+    assert slave.getReal(states) == wanted
+    # a payload that is picked up between steps moves no state
+    other, _ = opened(path)
+    other.setReal(payload, [500.0])
+    assert other.getReal(states) == begun
+
+
+def late(path):
+    """Steps at large times are those at small ones, however a master counts; what is no multiple is refused in the end."""
+    wanted = None
+    for start in (0.0, 1e6, -1e6, 3e7):
+        for counts in ("multiplied", "added", "differences"):
+            slave, of = opened(path, start)
+            slave.setReal([of["pump_speed"]], [8.0])
+            time = start
+            for k in range(2000):
+                if counts == "multiplied":
+                    time = start + k * 1e-3
+                length = 1e-3
+                if counts == "differences":
+                    length = (start + (k + 1) * 1e-3) - time
+                slave.doStep(time, length)
+                time += length
+            seen = slave.getReal([of["stroke"], of["pressure_a"], of["velocity"]])
+            wanted = wanted or seen
+            assert seen == wanted, (start, counts, seen, wanted)
+            slave.freeInstance()
+    slave, of = opened(path)
+    time = 0.0
+    taken = 0
+    try:
+        for k in range(1000):
+            # nine tenths of what is taken for rounding, each time
+            length = 1e-3 + 0.9e-6 * 50e-6
+            slave.doStep(time, length)
+            time += length
+            taken += 1
+    except Exception:
+        pass
+    print(taken)
 
 
 def sloped(path, unknown, known):
@@ -174,4 +364,5 @@ def closed(plant, controller, course):
 
 
 if __name__ == "__main__":
-    {"validated": validated, "simulated": simulated, "kept": kept, "diverged": diverged, "uneven": uneven, "sloped": sloped, "closed": closed}[sys.argv[1]](*sys.argv[2:])
+    work = [validated, simulated, kept, diverged, uneven, disordered, impossible, balanced, own_state, late, sloped, closed]
+    {function.__name__: function for function in work}[sys.argv[1]](*sys.argv[2:])

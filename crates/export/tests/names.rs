@@ -52,7 +52,7 @@ fn sources(description: &Description) -> String {
     let mut all = String::new();
     for version in [Version::Two, Version::Three] {
         for block in [controller(description), simulation_feedforward(description).unwrap()] {
-            let made = unit(&block, None, &description.name, version).unwrap();
+            let made = unit(&block, None, description, version).unwrap();
             assert!(roxmltree::Document::parse(&made.files[0].1).is_ok(), "{}", made.files[0].1);
             let files = made.files.iter().filter(|(path, _)| path.ends_with(".c"));
             all.extend(files.map(|(_, text)| without_comments(text, "/*", "*/").unwrap()));

@@ -81,24 +81,32 @@ HB_EXPORT int HB_NAME(fmi2SetupExperiment)(void *c, int has_tolerance, double to
 {
     (void)has_tolerance;
     (void)tolerance;
-    (void)has_stop;
-    (void)stop;
-    return hb_starts_at(c, start);
+    if (hb_allowed(c, HB_INSTANTIATED, "fmi2SetupExperiment") == 0) {
+        return HB_ERROR;
+    }
+    return hb_starts_at(c, start, has_stop, stop);
 }
 
 HB_EXPORT int HB_NAME(fmi2EnterInitializationMode)(void *c)
 {
-    return HB_STATUS(c != NULL);
+    if (hb_allowed(c, HB_INSTANTIATED, "fmi2EnterInitializationMode") == 0) {
+        return HB_ERROR;
+    }
+    ((hb_instance *)c)->now.mode = HB_INITIALIZING;
+    return HB_OK;
 }
 
 HB_EXPORT int HB_NAME(fmi2ExitInitializationMode)(void *c)
 {
+    if (hb_allowed(c, HB_INITIALIZING, "fmi2ExitInitializationMode") == 0) {
+        return HB_ERROR;
+    }
     return hb_initialized(c);
 }
 
 HB_EXPORT int HB_NAME(fmi2Terminate)(void *c)
 {
-    return HB_STATUS(c != NULL);
+    return hb_terminated(c, "fmi2Terminate");
 }
 
 HB_EXPORT int HB_NAME(fmi2Reset)(void *c)
@@ -108,12 +116,12 @@ HB_EXPORT int HB_NAME(fmi2Reset)(void *c)
 
 HB_EXPORT int HB_NAME(fmi2GetReal)(void *c, const unsigned vr[], size_t count, double value[])
 {
-    return HB_STATUS(c != NULL && hb_get(c, vr, count, value) != 0);
+    return HB_STATUS(hb_allowed(c, HB_READABLE, "fmi2GetReal") != 0 && hb_get(c, vr, count, value) != 0);
 }
 
 HB_EXPORT int HB_NAME(fmi2SetReal)(void *c, const unsigned vr[], size_t count, const double value[])
 {
-    return HB_STATUS(c != NULL && hb_set(c, vr, count, value) != 0);
+    return HB_STATUS(hb_allowed(c, HB_BEFORE_STEPS | HB_STEPPING, "fmi2SetReal") != 0 && hb_set(c, vr, count, value) != 0);
 }
 
 /* There are none of these: only nothing can be read or set. */
@@ -150,7 +158,9 @@ HB_EXPORT int HB_NAME(fmi2FreeFMUstate)(void *c, void **state)
 HB_EXPORT int HB_NAME(fmi2SerializedFMUstateSize)(void *c, void *state, size_t *size)
 {
     (void)c;
-    (void)state;
+    if (state == NULL || size == NULL) {
+        return HB_ERROR;
+    }
     *size = sizeof(hb_numbers);
     return HB_OK;
 }
@@ -170,13 +180,14 @@ HB_EXPORT int HB_NAME(fmi2DeSerializeFMUstate)(void *c, const char bytes[], size
 HB_EXPORT int HB_NAME(fmi2DoStep)(void *c, double time, double length, int keeps)
 {
     (void)keeps;
-    return HB_STATUS(c != NULL && hb_advance(c, time, length) != 0);
+    return HB_STATUS(hb_allowed(c, HB_STEPPING, "fmi2DoStep") != 0 && hb_advance(c, time, length) != 0);
 }
 
 HB_EXPORT int HB_NAME(fmi2GetDirectionalDerivative)(void *c, const unsigned unknown[], size_t unknowns, const unsigned known[],
     size_t knowns, const double direction[], double slopes[])
 {
-    return HB_STATUS(c != NULL && hb_along(c, unknown, unknowns, known, knowns, direction, slopes) != 0);
+    return HB_STATUS(hb_allowed(c, HB_READABLE, "fmi2GetDirectionalDerivative") != 0
+        && hb_along(c, unknown, unknowns, known, knowns, direction, slopes) != 0);
 }
 
 HB_EXPORT int HB_NAME(fmi2CancelStep)(void *c)
@@ -188,7 +199,7 @@ HB_EXPORT int HB_NAME(fmi2CancelStep)(void *c)
 HB_EXPORT int HB_NAME(fmi2GetRealStatus)(void *c, int kind, double *value)
 {
     hb_instance *i = c;
-    if (i == NULL || kind != 2) {
+    if (i == NULL || value == NULL || kind != 2) {
         return HB_DISCARD;
     }
     *value = i->now.time;

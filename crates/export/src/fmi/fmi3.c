@@ -76,13 +76,18 @@ HB_EXPORT int HB_NAME(fmi3EnterInitializationMode)(void *c, bool has_tolerance, 
 {
     (void)has_tolerance;
     (void)tolerance;
-    (void)has_stop;
-    (void)stop;
-    return hb_starts_at(c, start);
+    if (hb_allowed(c, HB_INSTANTIATED, "fmi3EnterInitializationMode") == 0 || hb_starts_at(c, start, has_stop, stop) != HB_OK) {
+        return HB_ERROR;
+    }
+    ((hb_instance *)c)->now.mode = HB_INITIALIZING;
+    return HB_OK;
 }
 
 HB_EXPORT int HB_NAME(fmi3ExitInitializationMode)(void *c)
 {
+    if (hb_allowed(c, HB_INITIALIZING, "fmi3ExitInitializationMode") == 0) {
+        return HB_ERROR;
+    }
     return hb_initialized(c);
 }
 
@@ -94,12 +99,13 @@ HB_EXPORT int HB_NAME(fmi3EnterEventMode)(void *c)
 
 HB_EXPORT int HB_NAME(fmi3EnterStepMode)(void *c)
 {
-    return HB_STATUS(c != NULL);
+    /* from event mode, which this FMU does not have: it steps as soon as it is initialized */
+    return HB_STATUS(hb_allowed(c, 0, "fmi3EnterStepMode"));
 }
 
 HB_EXPORT int HB_NAME(fmi3Terminate)(void *c)
 {
-    return HB_STATUS(c != NULL);
+    return hb_terminated(c, "fmi3Terminate");
 }
 
 HB_EXPORT int HB_NAME(fmi3Reset)(void *c)
@@ -109,12 +115,14 @@ HB_EXPORT int HB_NAME(fmi3Reset)(void *c)
 
 HB_EXPORT int HB_NAME(fmi3GetFloat64)(void *c, const uint32_t vr[], size_t count, double values[], size_t value_count)
 {
-    return HB_STATUS(c != NULL && count == value_count && hb_get(c, vr, count, values) != 0);
+    return HB_STATUS(hb_allowed(c, HB_READABLE, "fmi3GetFloat64") != 0 && count == value_count
+        && hb_get(c, vr, count, values) != 0);
 }
 
 HB_EXPORT int HB_NAME(fmi3SetFloat64)(void *c, const uint32_t vr[], size_t count, const double values[], size_t value_count)
 {
-    return HB_STATUS(c != NULL && count == value_count && hb_set(c, vr, count, values) != 0);
+    return HB_STATUS(hb_allowed(c, HB_BEFORE_STEPS | HB_STEPPING, "fmi3SetFloat64") != 0 && count == value_count
+        && hb_set(c, vr, count, values) != 0);
 }
 
 /* There are none of these: only nothing can be read or set. */
@@ -167,7 +175,9 @@ HB_EXPORT int HB_NAME(fmi3FreeFMUState)(void *c, void **state)
 HB_EXPORT int HB_NAME(fmi3SerializedFMUStateSize)(void *c, void *state, size_t *size)
 {
     (void)c;
-    (void)state;
+    if (state == NULL || size == NULL) {
+        return HB_ERROR;
+    }
     *size = sizeof(hb_numbers);
     return HB_OK;
 }
@@ -195,7 +205,7 @@ HB_EXPORT int HB_NAME(fmi3DoStep)(void *c, double time, double length, bool keep
     *ends = false;
     *early = false;
     *last = time;
-    if (hb_advance(i, time, length) == 0) {
+    if (hb_allowed(i, HB_STEPPING, "fmi3DoStep") == 0 || hb_advance(i, time, length) == 0) {
         return HB_ERROR;
     }
     *last = i->now.time;
@@ -205,7 +215,7 @@ HB_EXPORT int HB_NAME(fmi3DoStep)(void *c, double time, double length, bool keep
 HB_EXPORT int HB_NAME(fmi3GetDirectionalDerivative)(void *c, const uint32_t unknown[], size_t unknowns, const uint32_t known[],
     size_t knowns, const double direction[], size_t directions, double slopes[], size_t slope_count)
 {
-    return HB_STATUS(c != NULL && directions == knowns && slope_count == unknowns
+    return HB_STATUS(hb_allowed(c, HB_READABLE, "fmi3GetDirectionalDerivative") != 0 && directions == knowns && slope_count == unknowns
         && hb_along(c, unknown, unknowns, known, knowns, direction, slopes) != 0);
 }
 

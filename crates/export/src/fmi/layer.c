@@ -1,5 +1,16 @@
 /* What lies between the functions of an FMU and the block: numbers in one piece, that can be copied. */
 
+/* What an instance is in, as the standard's state machines have it: some functions may be called in some of them only. */
+enum {
+    HB_INSTANTIATED = 1,
+    HB_INITIALIZING = 2,
+    HB_STEPPING = 4,
+    HB_FAILED = 8, /* a step diverged */
+    HB_TERMINATED = 16
+};
+#define HB_BEFORE_STEPS (HB_INSTANTIATED | HB_INITIALIZING)
+#define HB_READABLE (HB_INITIALIZING | HB_STEPPING | HB_FAILED | HB_TERMINATED)
+
 typedef struct {
     HB_TYPE(parameters) p;
     HB_TYPE(prepared) c;
@@ -7,9 +18,14 @@ typedef struct {
     HB_TYPE(state) s;
     HB_TYPE(output) y;
     double time;
-    int is_prepared; /* what follows from the parameters is worked out */
+    double stop;      /* no step goes beyond it; HUGE_VAL where there is none */
+    double left;      /* time of communication steps that is not stepped yet: rounding, a small part of a step */
+    int mode;
+    int is_prepared;  /* what follows from the parameters is worked out */
+    int is_balanced;  /* the state rests under these parameters, or is the user's own */
+    int has_own_state; /* the user has set a state */
     int has_begun;
-    int is_broken; /* a step diverged */
+    unsigned unusual; /* numbers that follow from the crane file's parameters and are not finite */
 } hb_numbers;
 
 typedef struct {
@@ -19,6 +35,14 @@ typedef struct {
     hb_logger logger;
 } hb_instance;
 
+/* A variable that can be set: its name, between what it may be, and what it usually is. */
+typedef struct {
+    const char *name;
+    double low;
+    double high;
+    double nominal;
+} hb_bounds;
+
 /* What the block does; at the end of this file. */
 static void hb_fill(hb_numbers *n);
 static void hb_prepare(hb_numbers *n);
@@ -27,9 +51,21 @@ static void hb_show(hb_numbers *n);
 static double hb_period(const hb_numbers *n);
 /* Steps of a simulated crane in one step of the block; 1 where there is none. */
 static double hb_inner(const hb_numbers *n);
+/* What is impossible about the parameters; NULL where nothing is. */
+static const char *hb_impossible(const hb_numbers *n);
+#if HB_BALANCES > 0
+static void hb_restart(hb_numbers *n);
+static void hb_balance(hb_numbers *n);
+/* Whether the load would have to be held by suction. */
+static int hb_pulls(const hb_numbers *n);
+#endif
 
 /* Parameters, inputs and states: what a slope can be along. */
 #define HB_KNOWN (HB_PARAMETERS + HB_INPUTS + HB_STATES)
+
+static const hb_bounds hb_known_bounds[HB_KNOWN] = {
+HB_BOUNDS_OF_KNOWN
+};
 
 #if HB_RATES > 0
 /* Rates of change, then the slopes of rates and outputs, from what is known and a seed for each of that. */
@@ -75,21 +111,138 @@ static void hb_say(hb_instance *i, int status, const char *text)
     hb_tell(i, status, text);
 }
 
-/* What is seen now, worked out anew where a number was changed. */
-static void hb_refresh(hb_numbers *n)
+/* Whether a function may be called now. */
+static int hb_allowed(hb_instance *i, int modes, const char *function)
 {
-    if (n->is_prepared == 0) {
-        hb_prepare(n);
-        n->is_prepared = 1;
+    const char *now = "after termination";
+    char text[160];
+    if (i == NULL) {
+        return 0;
     }
-    hb_show(n);
+    if ((i->now.mode & modes) != 0) {
+        return 1;
+    }
+    switch (i->now.mode) {
+    case HB_INSTANTIATED:
+        now = "before initialization";
+        break;
+    case HB_INITIALIZING:
+        now = "in initialization mode";
+        break;
+    case HB_STEPPING:
+        now = "between steps";
+        break;
+    case HB_FAILED:
+        now = "after a step that diverged: reset, or set a state from before";
+        break;
+    default:
+        break;
+    }
+    snprintf(text, sizeof text, "%s is not allowed %s", function, now);
+    hb_say(i, HB_ERROR, text);
+    return 0;
 }
 
+static unsigned hb_unusual(const hb_numbers *n)
+{
+    unsigned count = 0;
+    size_t k;
+    for (k = 0; k < sizeof n->c / sizeof(double); k++) {
+        count += (hb_is_finite(((const double *)&n->c)[k]) != 0) ? 0u : 1u;
+    }
+    return count;
+}
+
+#if HB_BALANCES > 0
+/* Steps of Newton's method after which a state that still changes does not rest; it takes three to seven. */
+#define HB_MOST_ROUNDS 50
+/* Largest change in the last of them, as a share of the usual value: rounding is some 1e-15. */
+#define HB_SETTLED 1e-9
+
+/* The state of rest under the parameters, from that of the crane file; 0 where there is none. */
+static int hb_rests(hb_numbers *n)
+{
+    double change = HUGE_VAL;
+    int round;
+    hb_restart(n);
+    for (round = 0; round < HB_MOST_ROUNDS && change != 0.0; round++) {
+        const HB_TYPE(state) before = n->s;
+        unsigned k;
+        hb_balance(n);
+        change = 0.0;
+        for (k = 0; k < HB_STATES; k++) {
+            const double by = fabs(((const double *)&n->s)[k] - ((const double *)&before)[k]);
+            const double share = by / hb_known_bounds[HB_PARAMETERS + HB_INPUTS + k].nominal;
+            if (!hb_is_finite(share)) {
+                return 0;
+            }
+            change = (share > change) ? share : change;
+        }
+    }
+    return change <= HB_SETTLED;
+}
+
+/* Whether all states are what they may be. */
+static int hb_is_within(const hb_numbers *n)
+{
+    unsigned k;
+    for (k = 0; k < HB_STATES; k++) {
+        const hb_bounds *of = &hb_known_bounds[HB_PARAMETERS + HB_INPUTS + k];
+        const double value = ((const double *)&n->s)[k];
+        if (!(value >= of->low && value <= of->high)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+#endif
+
+/* Works out anew what follows from numbers that were changed, and what is seen; 0 where they are impossible. */
+static int hb_refreshed(hb_instance *i)
+{
+    hb_numbers *n = &i->now;
+    const char *wrong;
+    if (n->is_prepared != 0) {
+        return 1;
+    }
+    hb_prepare(n);
+    wrong = hb_impossible(n);
+    if (wrong == NULL && hb_unusual(n) > n->unusual) {
+        wrong = "a number that follows from the parameters is not finite";
+    }
+#if HB_BALANCES > 0
+    if (wrong == NULL && n->is_balanced == 0) {
+        if (hb_rests(n) == 0) {
+            wrong = "boom and payload find no static balance at motion_start_mm";
+        } else if (hb_pulls(n) != 0) {
+            wrong = "the load would have to be held by suction, below vapour pressure";
+        } else if (hb_is_within(n) == 0) {
+            wrong = "the crane would rest outside of what its states may be: the load is too heavy for the cylinder";
+        }
+    }
+#endif
+    if (wrong != NULL) {
+        hb_say(i, HB_ERROR, wrong);
+        return 0;
+    }
+    n->is_balanced = 1;
+    n->is_prepared = 1;
+    hb_show(n);
+    return 1;
+}
+
+/* As it is when it is made: what the crane file says. */
 static void hb_begin(hb_numbers *n)
 {
     memset(n, 0, sizeof *n);
+    n->mode = HB_INSTANTIATED;
+    n->stop = HUGE_VAL;
     hb_fill(n);
-    hb_refresh(n);
+    hb_prepare(n);
+    n->unusual = hb_unusual(n);
+    n->is_prepared = 1;
+    n->is_balanced = 1;
+    hb_show(n);
 }
 
 /* Numbers read; 0 where one is not there. */
@@ -100,8 +253,12 @@ static int hb_get(hb_instance *i, const unsigned references[], size_t count, dou
     double seen[HB_SEEN];
     int has_seen = 0;
 #endif
-    if (i->now.is_prepared == 0) {
-        hb_refresh(&i->now);
+    if (count > 0 && (references == NULL || values == NULL)) {
+        hb_say(i, HB_ERROR, "there is no place to read from or to");
+        return 0;
+    }
+    if (hb_refreshed(i) == 0) {
+        return 0;
     }
     for (k = 0; k < count; k++) {
         const double *place = hb_place(&i->now, references[k]);
@@ -127,61 +284,109 @@ static int hb_get(hb_instance *i, const unsigned references[], size_t count, dou
     return 1;
 }
 
+/* Whether a value may be given to a variable. */
+static int hb_settable(hb_instance *i, unsigned reference, double value)
+{
+    const hb_bounds *of;
+    char text[200];
+    if (reference >= HB_KNOWN) {
+        hb_say(i, HB_ERROR, "only parameters, inputs and states can be set");
+        return 0;
+    }
+    of = &hb_known_bounds[reference];
+    if (reference >= HB_PARAMETERS + HB_INPUTS && (i->now.mode & HB_BEFORE_STEPS) == 0) {
+        snprintf(text, sizeof text, "%s can be set before and in initialization mode only", of->name);
+    } else if (!hb_is_finite(value)) {
+        snprintf(text, sizeof text, "%s cannot be set to a value that is no number", of->name);
+    } else if (value < of->low || value > of->high) {
+        snprintf(text, sizeof text, "%s = %.9g is outside of its range, %.9g to %.9g", of->name, value, of->low, of->high);
+    } else {
+        return 1;
+    }
+    hb_say(i, HB_ERROR, text);
+    return 0;
+}
+
 /* Parameters, inputs and states set; 0 where that is not possible, and then none is. */
 static int hb_set(hb_instance *i, const unsigned references[], size_t count, const double values[])
 {
+    hb_numbers *n = &i->now;
     size_t k;
+    if (count > 0 && (references == NULL || values == NULL)) {
+        hb_say(i, HB_ERROR, "there is no place to read from");
+        return 0;
+    }
     for (k = 0; k < count; k++) {
-        if (references[k] >= HB_KNOWN) {
-            hb_say(i, HB_ERROR, "only parameters, inputs and states can be set");
-            return 0;
-        }
-        if (!hb_is_finite(values[k])) {
-            hb_say(i, HB_ERROR, "a value that is no number cannot be set");
+        if (hb_settable(i, references[k], values[k]) == 0) {
             return 0;
         }
     }
     for (k = 0; k < count; k++) {
-        *hb_place(&i->now, references[k]) = values[k];
-        if (references[k] < HB_PARAMETERS || references[k] >= HB_PARAMETERS + HB_INPUTS) {
-            i->now.is_prepared = 0;
+        double *place = hb_place(n, references[k]);
+        const int is_changed = *place != values[k];
+        *place = values[k];
+        if (references[k] >= HB_PARAMETERS + HB_INPUTS) {
+            /* the user's own state is kept, whatever the parameters */
+            n->has_own_state = 1;
+            n->is_balanced = 1;
+            n->is_prepared = 0;
+        } else if (references[k] < HB_PARAMETERS && is_changed != 0) {
+            n->is_prepared = 0;
+            if ((n->mode & HB_BEFORE_STEPS) != 0 && n->has_own_state == 0) {
+                n->is_balanced = 0;
+            }
         }
     }
     return 1;
 }
 
-/* As many steps as a communication step has; 0 where it diverged, or has no whole number of them. */
+/* Differences of time that mean nothing: a millionth of a step, and what numbers of this size are rounded by. */
+static double hb_rounding(double period, double time, double length)
+{
+    const double unit = 2.220446049250313e-16; /* of a number's last digit, as a share of it */
+    return 1e-6 * period + 8.0 * unit * (fabs(time) + fabs(length));
+}
+
+/* As many steps as a communication step has; 0 where it diverged, or has no whole number of them. What communication steps are
+ * longer or shorter than those is summed up, so that it stays rounding however many there are. */
 static int hb_advance(hb_instance *i, double time, double length)
 {
     hb_numbers *n = &i->now;
     const double period = hb_period(n);
-    const double count = floor(length / period + 0.5);
     const double inner = hb_inner(n);
+    const double slack = hb_rounding(period, time, length);
+    const double count = floor((length + n->left) / period + 0.5);
+    const double left = (length + n->left) - count * period;
     long steps;
     unsigned k;
-    if (n->is_broken != 0) {
-        hb_say(i, HB_ERROR, "an earlier step diverged: reset, or set a state from before");
+    if (!(length > 0.0) || !(period > 0.0) || !(count >= 1.0) || !(count < 1e9) || !(fabs(left) <= slack)) {
+        hb_say(i, HB_ERROR, "the communication step is no multiple of the block's own step");
         return 0;
     }
-    if (!(period > 0.0) || !(count >= 1.0) || !(count < 1e9) || !(fabs(count * period - length) <= 1e-6 * period)) {
-        hb_say(i, HB_ERROR, "the communication step is no multiple of the block's own step");
+    if (!(fabs(time - n->time) <= slack)) {
+        hb_say(i, HB_ERROR, "the communication point is not the end of the last step");
         return 0;
     }
     if (!(inner >= 0.5) || !(inner < 1e6) || !(fabs(floor(inner + 0.5) - inner) <= 1e-6)) {
         hb_say(i, HB_ERROR, "the control period is no multiple of the simulated crane's step");
         return 0;
     }
-    if (n->is_prepared == 0) {
-        hb_refresh(n);
+    if (time + length > n->stop + slack) {
+        hb_say(i, HB_ERROR, "the communication step goes beyond the stop time");
+        return 0;
+    }
+    if (hb_refreshed(i) == 0) {
+        return 0;
     }
     for (steps = (long)count; steps > 0; steps--) {
         hb_one(n);
     }
     hb_show(n);
     n->time = time + length;
+    n->left = left;
     for (k = 0; k < HB_STATES; k++) {
         if (!hb_is_finite(((double *)&n->s)[k])) {
-            n->is_broken = 1;
+            n->mode = HB_FAILED;
             hb_say(i, HB_ERROR, "the simulation diverged: a state is no number any more; the step is too long, or an input impossible");
             return 0;
         }
@@ -197,6 +402,13 @@ static int hb_along(hb_instance *i, const unsigned unknown[], size_t unknowns, c
     double seed[HB_KNOWN] = { 0.0 };
     double seen[HB_SEEN];
     size_t k;
+    if ((knowns > 0 && (known == NULL || direction == NULL)) || (unknowns > 0 && (unknown == NULL || slopes == NULL))) {
+        hb_say(i, HB_ERROR, "there is no place to read from or to");
+        return 0;
+    }
+    if (hb_refreshed(i) == 0) {
+        return 0;
+    }
     for (k = 0; k < knowns; k++) {
         if (known[k] >= HB_KNOWN) {
             hb_say(i, HB_ERROR, "slopes are along parameters, inputs and states");
@@ -242,20 +454,34 @@ static hb_instance *hb_made(const char *name, void *environment, hb_logger logge
     return i;
 }
 
-static int hb_starts_at(hb_instance *i, double start)
+/* When the simulation begins and must end. */
+static int hb_starts_at(hb_instance *i, double start, int has_stop, double stop)
 {
-    if (i != NULL) {
-        i->now.time = start;
+    if (!hb_is_finite(start) || (has_stop != 0 && !(stop >= start))) {
+        hb_say(i, HB_ERROR, "the start time is no number, or the stop time before it");
+        return HB_ERROR;
     }
-    return HB_STATUS(i != NULL);
+    i->now.time = start;
+    i->now.stop = (has_stop != 0) ? stop : HUGE_VAL;
+    return HB_OK;
 }
 
 static int hb_initialized(hb_instance *i)
 {
-    if (i != NULL) {
-        hb_refresh(&i->now);
+    if (hb_refreshed(i) == 0) {
+        return HB_ERROR;
     }
-    return HB_STATUS(i != NULL);
+    i->now.mode = HB_STEPPING;
+    return HB_OK;
+}
+
+static int hb_terminated(hb_instance *i, const char *function)
+{
+    if (hb_allowed(i, HB_STEPPING | HB_FAILED, function) == 0) {
+        return HB_ERROR;
+    }
+    i->now.mode = HB_TERMINATED;
+    return HB_OK;
 }
 
 static int hb_reset(hb_instance *i)

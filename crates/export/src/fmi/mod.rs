@@ -1,15 +1,21 @@
 //! FMI: a block as a functional mock-up unit for co-simulation that carries its source.
 
 mod archive;
+mod bounds;
+mod unit_definition;
 
 pub use archive::{ArchiveError, System, archive, binary};
 
 use crate::block::{Block, Variable};
 use crate::c::{Precision, files};
+use crate::crane::SEGMENTS;
 use crate::error::ExportError;
 use crate::graph::Node;
 use crate::plan::Plan;
+use bounds::Bounds;
+use hydroboom_description::{BuildError, Description};
 use std::fmt::Write;
+use unit_definition::base_unit;
 
 /// A version of the standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +45,7 @@ struct Row<'a> {
     initial: Option<&'static str>,
     /// For the rate of a state: that state's reference.
     rate_of: Option<usize>,
+    bounds: Bounds,
     variable: &'a Variable,
 }
 
@@ -55,7 +62,7 @@ impl Row<'_> {
         )
     }
 
-    /// Unit and start value.
+    /// Unit, range, usual size and start value.
     fn values(&self) -> String {
         let unit = match (self.variable.unit.as_str(), display(&self.variable.unit)) {
             ("" | "-" | "1", _) => String::new(),
@@ -64,9 +71,16 @@ impl Row<'_> {
                 format!(" unit=\"{}\" displayUnit=\"{shown}\"", escaped(unit))
             }
         };
+        let mut text = unit;
+        let Bounds { low, high, nominal } = self.bounds;
+        for (name, value) in [("min", low), ("max", high), ("nominal", Some(nominal))] {
+            if let Some(value) = value {
+                let _ = write!(text, " {name}=\"{value:?}\"");
+            }
+        }
         match self.initial {
-            Some("calculated") => unit,
-            _ => format!("{unit} start=\"{:?}\"", self.variable.initial),
+            Some("calculated") => text,
+            _ => format!("{text} start=\"{:?}\"", self.variable.initial),
         }
     }
 }
@@ -102,57 +116,88 @@ fn escaped(text: &str) -> String {
     safe
 }
 
-/// A block as an FMU. `title` is the crane's name. With its [`slopes`](crate::slopes) the FMU has the rates of its states and
-/// gives directional derivatives.
+/// The longest step \[s\] of the published scheme for a crane over its whole stroke, as `hydroboom check` shows it; a crane file's
+/// own step may make the pressures chatter by more than the tenth of a bar that this limit allows, but has to be stable.
+fn longest_step(crane: &Description) -> Result<f64, ExportError> {
+    let made = crane.crane::<SEGMENTS>()?;
+    let own = crane.numbers.simulation_period;
+    let (mut stable, mut longest) = (f64::INFINITY, f64::INFINITY);
+    for share in [0.0, 0.5, 1.0] {
+        let start = crane.start(share * crane.numbers.stroke);
+        let limit = made.step_limit(&made.at_rest(&start).map_err(BuildError::from)?);
+        stable = stable.min(limit.bending).min(limit.friction);
+        longest = longest.min(limit.smallest());
+    }
+    match own <= stable {
+        true => Ok(longest.max(own)),
+        false => Err(ExportError::Step { step_us: own * 1e6, limit_us: stable * 1e6 }),
+    }
+}
+
+/// A block of a crane as an FMU. With its [`slopes`](crate::slopes) the FMU has the rates of its states and gives directional
+/// derivatives.
 ///
 /// # Errors
 ///
-/// [`ExportError`] when the block depends on something that it does not have.
+/// [`ExportError`] when the block depends on something that it does not have, or the crane file's step is longer than the scheme
+/// is stable with.
 pub fn unit(
     block: &Block,
     slopes: Option<&Block>,
-    title: &str,
+    crane: &Description,
     version: Version,
 ) -> Result<Unit, ExportError> {
+    let longest_step = match block.inputs.iter().any(|(v, _)| v.name == "step") {
+        true => longest_step(crane)?,
+        false => f64::INFINITY,
+    };
+    let title = crane.name.as_str();
     let plan = Plan::of(block)?;
     let parameters: Vec<&Variable> =
         plan.parameters.iter().map(|k| &block.parameters[*k].0).collect();
     let inputs: Vec<&Variable> = block.inputs.iter().map(|(v, _)| v).collect();
     let states: Vec<&Variable> = block.states.iter().map(|(v, _)| v).collect();
-    let row = |causality, variability, initial, name: String, variable| Row {
+    let row = |causality, variability, initial, name: String, variable, bounds| Row {
         name,
         causality,
         variability,
         initial,
         rate_of: None,
+        bounds,
         variable,
     };
     let mut rows: Vec<Row<'_>> = Vec::new();
+    let (tunable, continuous, exact) = ("tunable", "continuous", Some("exact"));
     rows.extend(
-        parameters.iter().map(|v| row("parameter", "tunable", Some("exact"), v.name.clone(), *v)),
+        parameters
+            .iter()
+            .map(|v| row("parameter", tunable, exact, v.name.clone(), *v, bounds::of_parameter(v))),
     );
-    rows.extend(inputs.iter().map(|v| match v.name == "step" {
-        true => row("parameter", "tunable", Some("exact"), v.name.clone(), *v),
-        false => row("input", "continuous", None, v.name.clone(), *v),
+    rows.extend(inputs.iter().map(|v| {
+        let bounds = bounds::of_input(v, longest_step);
+        match v.name == "step" {
+            true => row("parameter", tunable, exact, v.name.clone(), *v, bounds),
+            false => row("input", continuous, None, v.name.clone(), *v, bounds),
+        }
     }));
     // a state may have the name of an output
+    rows.extend(states.iter().map(|v| {
+        row("local", continuous, exact, format!("state_{}", v.name), *v, bounds::of_state(v))
+    }));
+    let known = rows.len();
+    let calculated = Some("calculated");
     rows.extend(
-        states
-            .iter()
-            .map(|v| row("local", "continuous", Some("exact"), format!("state_{}", v.name), *v)),
-    );
-    rows.extend(
-        block
-            .outputs
-            .iter()
-            .map(|v| row("output", "continuous", Some("calculated"), v.name.clone(), v)),
+        block.outputs.iter().map(|v| {
+            row("output", continuous, calculated, v.name.clone(), v, bounds::of_output(v))
+        }),
     );
     let first_state = parameters.len() + inputs.len();
     // the first outputs of the slopes are the rates, one for each state
     rows.extend(slopes.iter().flat_map(|s| &s.outputs[..states.len()]).enumerate().map(
         |(k, v)| {
+            let bounds = bounds::of_output(v);
             let rate_of = Some(first_state + k);
-            Row { rate_of, ..row("local", "continuous", Some("calculated"), v.name.clone(), v) }
+            Row { rate_of, ..row("local", continuous, calculated, v.name.clone(), v, bounds) }
         },
     ));
 
@@ -162,17 +207,18 @@ pub fn unit(
     let token = token(&identifier, &code.source);
     let counts = [parameters.len(), inputs.len(), states.len(), block.outputs.len()];
     let [before, after] = glue(block, slopes, counts, &inputs, &token);
+    let after = after + &impossible(&parameters) + &balanced(block, &parameters);
     let functions = match version {
         Version::Two => include_str!("fmi2.c"),
         Version::Three => include_str!("fmi3.c"),
     };
-    let layer = include_str!("layer.c");
+    let layer = include_str!("layer.c").replace("HB_BOUNDS_OF_KNOWN\n", &bounds_of(&rows[..known]));
     let source = functions.replace("HB_LAYER\n", &format!("{before}\n{layer}"));
     let source =
         source.replacen("#include <math.h>", "#include \"hydroboom.h\"\n#include <math.h>", 1)
             + &after;
-    let about =
-        About { identifier: &identifier, token: &token, title, step: communication_step(block) };
+    let [step, own_step] = steps(block);
+    let about = About { identifier: &identifier, token: &token, title, step, own_step };
     let mut all = vec![(
         "modelDescription.xml".into(),
         match version {
@@ -223,15 +269,19 @@ struct About<'a> {
     title: &'a str,
     /// Communication step \[s\].
     step: f64,
+    /// The block's own step \[s\], of which a communication step is a whole number.
+    own_step: f64,
 }
 
 impl About<'_> {
     fn description_2(&self, rows: &[Row<'_>]) -> String {
-        let Self { identifier, token, title, step } = self;
+        let Self { identifier, token, title, step, .. } = self;
+        // it takes any whole number of its own steps, which this version has no word for: a master that varies its steps would
+        // not find those
         let mut text = format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"{identifier}\" guid=\"{token}\" \
              description=\"{}\" generationTool=\"{}\" variableNamingConvention=\"flat\" numberOfEventIndicators=\"0\">\n  \
-             <CoSimulation modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"true\" \
+             <CoSimulation modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"false\" \
              canBeInstantiatedOnlyOncePerProcess=\"false\" canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\" \
              canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"{}\">\n    <SourceFiles>\n      <File name=\"hydroboom.c\"/>\n      \
              <File name=\"fmu.c\"/>\n    </SourceFiles>\n  </CoSimulation>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{step:?}\"/>\n  \
@@ -265,11 +315,11 @@ impl About<'_> {
     }
 
     fn description_3(&self, rows: &[Row<'_>]) -> String {
-        let Self { identifier, token, title, step } = self;
+        let Self { identifier, token, title, step, own_step } = self;
         let mut text = format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"3.0\" modelName=\"{identifier}\" \
              instantiationToken=\"{token}\" description=\"{}\" generationTool=\"{}\" variableNamingConvention=\"flat\">\n  <CoSimulation \
-             modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"true\" canGetAndSetFMUState=\"true\" \
+             modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"true\" fixedInternalStepSize=\"{own_step:?}\" canGetAndSetFMUState=\"true\" \
              canSerializeFMUState=\"true\" providesDirectionalDerivatives=\"{}\"/>\n{}  <DefaultExperiment startTime=\"0\" stepSize=\"{step:?}\"/>\n  <ModelVariables>\n",
             escaped(title),
             tool(),
@@ -311,16 +361,137 @@ fn units_and_categories(rows: &[Row<'_>]) -> String {
     units.retain(|unit| !matches!(unit.as_str(), "" | "-" | "1"));
     units.sort_unstable();
     units.dedup();
-    let of = |unit: &String| match display(unit) {
-        None => format!("    <Unit name=\"{}\"/>\n", escaped(unit)),
-        Some((shown, factor)) => format!(
-            "    <Unit name=\"{}\"><DisplayUnit name=\"{shown}\" factor=\"{factor:?}\"/></Unit>\n",
-            escaped(unit)
-        ),
+    let of = |unit: &String| {
+        let shown = display(unit).map_or(String::new(), |(shown, factor)| {
+            format!("<DisplayUnit name=\"{shown}\" factor=\"{factor:?}\"/>")
+        });
+        match base_unit(unit) + &shown {
+            inner if inner.is_empty() => format!("    <Unit name=\"{}\"/>\n", escaped(unit)),
+            inner => format!("    <Unit name=\"{}\">{inner}</Unit>\n", escaped(unit)),
+        }
     };
     let units: String = units.iter().map(of).collect();
     format!(
         "  <UnitDefinitions>\n{units}  </UnitDefinitions>\n  <LogCategories>\n    <Category name=\"logStatusError\"/>\n  </LogCategories>\n"
+    )
+}
+
+fn has_balance(block: &Block) -> bool {
+    block.entries.iter().any(|entry| entry.name == "balance")
+}
+
+/// The ranges of what can be set, as a table in C.
+fn bounds_of(rows: &[Row<'_>]) -> String {
+    let of = |row: &Row<'_>| {
+        let Bounds { low, high, nominal } = row.bounds;
+        let (low, high) = (low.unwrap_or(-f64::MAX), high.unwrap_or(f64::MAX));
+        format!("    {{ \"{}\", {low:?}, {high:?}, {nominal:?} }},\n", row.name)
+    };
+    rows.iter().map(of).collect()
+}
+
+/// Pairs of parameters of which the first has to be below the second, or not above it, and what is wrong otherwise: the machines
+/// that a crane file is refused for.
+const ORDERED: [(&str, bool, &str, &str); 9] = [
+    ("cylinder_rod_mm", true, "cylinder_piston_mm", "the rod is not thinner than the piston"),
+    (
+        "geometry_mount_x_mm",
+        false,
+        "boom_length_mm",
+        "the cylinder's mount lies beyond the end of the boom",
+    ),
+    (
+        "oil_bulk_modulus_min_mpa",
+        false,
+        "oil_bulk_modulus_max_mpa",
+        "the oil would be stiffer at low pressure than at high",
+    ),
+    (
+        "holding_valve_cracking_bar",
+        true,
+        "holding_valve_opening_bar",
+        "load-holding valve 3 would be fully open before it begins to open",
+    ),
+    (
+        "return_valve_cracking_bar",
+        true,
+        "return_valve_opening_bar",
+        "return valve 7 would be fully open before it begins to open",
+    ),
+    (
+        "check_valve_cracking_bar",
+        true,
+        "check_valve_opening_bar",
+        "check valve 8 would be fully open before it begins to open",
+    ),
+    (
+        "relief_cracking_bar",
+        true,
+        "relief_opening_bar",
+        "relief valve 13 would be fully open before it begins to open",
+    ),
+    (
+        "accumulator_precharge_bar",
+        true,
+        "accumulator_working_bar",
+        "the accumulator holds no oil: it is filled to no more than its precharge",
+    ),
+    ("motion_start_mm", false, "cylinder_stroke_mm", "motion_start_mm lies beyond the stroke"),
+];
+
+/// What the triangle of bearing, foot and mount is made of.
+const TRIANGLE: [&str; 6] = [
+    "geometry_base_x_mm",
+    "geometry_base_y_mm",
+    "geometry_mount_x_mm",
+    "geometry_mount_y_mm",
+    "geometry_shortest_mm",
+    "cylinder_stroke_mm",
+];
+
+/// The function that finds what is impossible about parameters, as far as the block has them.
+fn impossible(parameters: &[&Variable]) -> String {
+    let has = |name: &str| parameters.iter().any(|v| v.name == name);
+    let mut body = String::new();
+    for (low, is_strict, high, wrong) in ORDERED {
+        if has(low) && has(high) {
+            let sign = if is_strict { "<" } else { "<=" };
+            let _ = writeln!(
+                body,
+                "    if (!(n->p.{low} {sign} n->p.{high})) {{\n        return \"{wrong}\";\n    }}"
+            );
+        }
+    }
+    if TRIANGLE.iter().all(|name| has(name)) {
+        let [base_x, base_y, mount_x, mount_y, shortest, stroke] =
+            TRIANGLE.map(|name| format!("n->p.{name}"));
+        let _ = writeln!(
+            body,
+            "    {{\n        const double base = sqrt({base_x} * {base_x} + {base_y} * {base_y});\n        \
+             const double mount = sqrt({mount_x} * {mount_x} + {mount_y} * {mount_y});\n        \
+             if (!({shortest} > fabs(base - mount)) || !({shortest} + {stroke} < base + mount)) {{\n            \
+             return \"the cylinder cannot reach from base to boom over its whole stroke\";\n        }}\n    }}"
+        );
+    }
+    format!(
+        "\nstatic const char *hb_impossible(const hb_numbers *n)\n{{\n    (void)n;\n{body}    return NULL;\n}}\n"
+    )
+}
+
+/// The functions that lead to the state of rest, for a block that has one.
+fn balanced(block: &Block, parameters: &[&Variable]) -> String {
+    if !has_balance(block) {
+        return String::new();
+    }
+    let prefix = format!("hb_{}", block.name);
+    let vapour = parameters.iter().find(|v| v.name == "oil_vapour_pressure_bar");
+    let vapour = vapour
+        .and_then(|v| bounds::key(&v.name))
+        .map_or("0.0".into(), |key| format!("{:?} * n->p.oil_vapour_pressure_bar", key.factor));
+    format!(
+        "\nstatic void hb_restart(hb_numbers *n)\n{{\n    {prefix}_start(&n->s);\n}}\n\n\
+         static void hb_balance(hb_numbers *n)\n{{\n    {prefix}_balance(&n->c, &n->s);\n}}\n\n\
+         static int hb_pulls(const hb_numbers *n)\n{{\n    return n->s.pressure_a < {vapour};\n}}\n"
     )
 }
 
@@ -349,18 +520,19 @@ impl Pace {
     }
 }
 
-/// What a master is told to step by \[s\]: the control period, or a millisecond, which is a whole number of a model's steps as a rule.
-fn communication_step(block: &Block) -> f64 {
+/// What a master is told to step by \[s\], and what that has to be a whole number of: the control period, or the model's step, of
+/// which about a millisecond is a whole number.
+fn steps(block: &Block) -> [f64; 2] {
     let of = |all: &[(Variable, Node)], name: &str| {
         all.iter().find(|(v, _)| v.name == name).map_or(1e-3, |(v, _)| v.initial)
     };
     match Pace::of(block) {
         Pace::Step => {
             let step = of(&block.inputs, "step");
-            step * (1e-3 / step).round().max(1.0)
+            [step * (1e-3 / step).round().max(1.0), step]
         }
         Pace::Period | Pace::PeriodOfSteps => {
-            1e-3 * of(&block.parameters, "controller_control_period_ms")
+            [1e-3 * of(&block.parameters, "controller_control_period_ms"); 2]
         }
     }
 }
@@ -385,9 +557,10 @@ fn glue(
     let prefix = format!("hb_{}", block.name);
     let [parameters, given, states, outputs] = counts;
     let rates = if slopes.is_some() { states } else { 0 };
+    let balances = u8::from(has_balance(block));
     let before = format!(
         "#define HB_TOKEN \"{token}\"\n#define HB_PARAMETERS {parameters}u\n#define HB_INPUTS {given}u\n#define HB_STATES {states}u\n\
-         #define HB_OUTPUTS {outputs}u\n#define HB_RATES {rates}u\n#define HB_TYPE(part) {prefix}_##part\n"
+         #define HB_OUTPUTS {outputs}u\n#define HB_RATES {rates}u\n#define HB_BALANCES {balances}\n#define HB_TYPE(part) {prefix}_##part\n"
     );
     let mut fill = String::new();
     for v in inputs {

@@ -72,7 +72,7 @@ impl Fmu {
             }
         };
         let version = if self.fmi == "3" { Version::Three } else { Version::Two };
-        let unit = unit(&block, slopes.as_ref(), &crane.name, version).into_diagnostic()?;
+        let unit = unit(&block, slopes.as_ref(), &crane, version).into_diagnostic()?;
         let folder = std::env::temp_dir().join(format!("hydroboom-fmu-{}", std::process::id()));
         let made = System::ALL
             .into_iter()
