@@ -387,6 +387,26 @@ fn a_crane_file_whose_step_is_unstable_gives_no_fmu() {
     assert!(said.contains("simulation_period_us = 1000.0 us"), "{said}");
 }
 
+/// What it computes is held against Rust above, where both ways have to give the same bits.
+#[test]
+fn the_binary_for_linux_has_both_ways_to_multiply_and_add() {
+    let crane = Description::uia_single_boom().unwrap();
+    let place = folder().join("dispatched");
+    let unit = model(&crane, Version::Two);
+    binary(&unit, System::Linux, &place).unwrap().unwrap();
+    let said = |program: &str, arguments: &[&str]| {
+        let output = Command::new(program).current_dir(&place).args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let of = |object: &str| said("objdump", &["-d", object]).matches("vfmadd").count();
+    assert_eq!((of("plain.o"), of("functions.o")), (0, 0));
+    assert!(of("fused.o") > 100);
+    // nothing but what the standard names can be seen from outside
+    let seen = said("nm", &["-D", "--defined-only", "fmu.so"]);
+    assert!(seen.lines().all(|line| line.contains(" fmi2")), "{seen}");
+}
+
 #[test]
 fn a_cross_compiler_for_windows_takes_the_source() {
     let crane = Description::uia_single_boom().unwrap();

@@ -72,15 +72,39 @@ impl System {
     }
 }
 
+/// What all binaries are made with: no instruction that an older processor lacks, for the same binary is to run elsewhere.
+const OPTIONS: [&str; 3] = ["-std=c99", "-O2", "-ffp-contract=off"];
+
+/// A compiler's run in a folder; false where there is no such compiler.
+fn compiled(
+    compiler: &str,
+    folder: &Path,
+    options: &[&[&str]],
+) -> Result<Result<bool, String>, ArchiveError> {
+    let run = Command::new(compiler).current_dir(folder).args(options.concat()).output();
+    match run {
+        Ok(output) if output.status.success() => Ok(Ok(true)),
+        Ok(output) => Ok(Err(String::from_utf8_lossy(&output.stderr).into_owned())),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Ok(false)),
+        Err(error) => Err(ArchiveError::System { what: compiler.into(), error }),
+    }
+}
+
+fn failed(what: &Path, error: std::io::Error) -> ArchiveError {
+    ArchiveError::System { what: what.display().to_string(), error }
+}
+
+/// Name of the shared library in the folder for intermediate files.
+const LIBRARY: &str = "fmu.so";
+
 /// The shared library of an FMU for a system, made by its C compiler in a folder for intermediate files; none where there is
-/// no such compiler.
+/// no such compiler. For Linux it has the block's functions twice and takes those with fused multiply-add instructions where the
+/// processor has them; both compute the same bits.
 ///
 /// # Errors
 ///
 /// [`ArchiveError`] when the folder cannot be used, or the compiler refuses the source.
 pub fn binary(unit: &Unit, system: System, folder: &Path) -> Result<Option<Vec<u8>>, ArchiveError> {
-    let failed =
-        |what: &Path, error| ArchiveError::System { what: what.display().to_string(), error };
     std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
     let mut sources = Vec::new();
     for (path, content) in unit.files.iter().filter(|(path, _)| path.starts_with("sources/")) {
@@ -91,26 +115,48 @@ pub fn binary(unit: &Unit, system: System, folder: &Path) -> Result<Option<Vec<u
             sources.push(name);
         }
     }
-    // no instruction that an older processor lacks: the same binary is to run elsewhere
-    let (compiler, own) = system.compiler();
-    let compiled = Command::new(compiler)
-        .current_dir(folder)
-        .args(["-std=c99", "-O2", "-ffp-contract=off", "-shared"])
-        .args(own)
-        .args(&sources)
-        .args(["-lm", "-o", "fmu.so"])
-        .output();
-    let output = match compiled {
-        Ok(output) => output,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(failed(Path::new(compiler), error)),
-    };
-    if !output.status.success() {
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        return Err(ArchiveError::Compiler { said });
+    let library = folder.join(LIBRARY);
+    if system == System::Linux && dispatched(unit, folder)? {
+        return std::fs::read(&library).map(Some).map_err(|e| failed(&library, e));
     }
-    let library = folder.join("fmu.so");
-    std::fs::read(&library).map(Some).map_err(|e| failed(&library, e))
+    let (compiler, own) = system.compiler();
+    let end = ["-lm", "-o", LIBRARY];
+    match compiled(compiler, folder, &[&OPTIONS, own, &["-shared"], &sources, &end])? {
+        Ok(true) => std::fs::read(&library).map(Some).map_err(|e| failed(&library, e)),
+        Ok(false) => Ok(None),
+        Err(said) => Err(ArchiveError::Compiler { said }),
+    }
+}
+
+/// Makes the library for Linux with the block's functions twice, without fused multiply-add instructions and with them, of which
+/// each call takes what the processor has; false where the compiler cannot do that (it is for another kind of processor,
+/// say). What is packed as source stays C99: the second names are put before it on the command line.
+fn dispatched(unit: &Unit, folder: &Path) -> Result<bool, ArchiveError> {
+    let (compiler, own) = System::Linux.compiler();
+    let mut renamed = String::new();
+    let mut choices = String::from("#include \"hydroboom.h\"\n");
+    for name in &unit.functions {
+        renamed += &format!("#define {name} {name}_fma\n");
+        choices += &format!(
+            "extern __typeof__({name}) {name}_fma;\n#define {name} (__builtin_cpu_supports(\"fma\") ? {name}_fma : {name})\n"
+        );
+    }
+    for (name, text) in [("renamed.h", renamed), ("choices.h", choices)] {
+        let file = folder.join(name);
+        std::fs::write(&file, text).map_err(|e| failed(&file, e))?;
+    }
+    let runs: [&[&str]; 4] = [
+        &["-c", "hydroboom.c", "-o", "plain.o"],
+        &["-mfma", "-include", "renamed.h", "-c", "hydroboom.c", "-o", "fused.o"],
+        &["-include", "choices.h", "-c", "fmu.c", "-o", "functions.o"],
+        &["-shared", "plain.o", "fused.o", "functions.o", "-lm", "-o", LIBRARY],
+    ];
+    for run in runs {
+        if compiled(compiler, folder, &[&OPTIONS, own, run])? != Ok(true) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// The FMU: its files, and the binaries that there are. The same files give the same bytes.

@@ -35,6 +35,8 @@ pub struct Unit {
     pub files: Vec<(String, String)>,
     /// Version of the standard.
     pub version: Version,
+    /// Names of the functions that `sources/hydroboom.c` has for `sources/fmu.c`.
+    functions: Vec<String>,
 }
 
 /// A variable of an FMU; its place is its value reference.
@@ -242,7 +244,7 @@ pub fn unit(
         ("sources/hydroboom.c".into(), code.source),
         ("sources/fmu.c".into(), source),
     ]);
-    Ok(Unit { identifier, files: all, version })
+    Ok(Unit { identifier, files: all, version, functions: code.functions })
 }
 
 /// What TwinCAT's FMI target (TE1420) has to be told to compile the source of these FMUs: a file for its folder of settings.
