@@ -215,29 +215,202 @@ fn the_simulation_that_steers_is_that_in_rust() {
     }
 }
 
+/// Blocks that the test bench replays.
+const REPLAYED: [&str; 5] = [
+    "HydraulicModel",
+    "FlexibleBoom",
+    "BenchmarkController",
+    "SimulatedMotor",
+    "SimulationFeedforward",
+];
+/// Calls that it takes.
+const CALLS: usize = 300;
+
+/// All that a PLC is given, and the text of its test bench.
+fn with_bench() -> (Vec<String>, String) {
+    let all = units(&Description::uia_single_boom().unwrap()).unwrap();
+    let is_bench = |u: &&Unit| u.name == "PRG_TestBench";
+    let bench = all.iter().find(is_bench).unwrap().text();
+    let others = all.iter().filter(|u| u.kind != Kind::Globals && !is_bench(u));
+    (others.map(Unit::text).collect(), bench)
+}
+
+/// Runs a test bench to its end; before each call something may be done to it.
+fn run(bench: &mut Instance, mut before: impl FnMut(&mut Instance, usize)) {
+    bench.truth("bBegun", false);
+    for call in 0..CALLS {
+        before(bench, call);
+        bench.run();
+        assert_eq!(bench.holds("bDone"), call + 1 == CALLS, "after call {call}");
+        assert!(bench.holds("bDone") || !bench.holds("bPassed"), "passed before the end");
+    }
+}
+
+/// Of which blocks a test bench says that they failed, all that it shows being as one.
+fn failed(bench: &Instance) -> Vec<&'static str> {
+    let passed = |name: &&&str| bench.holds(&format!("bPassed{name}"));
+    let worst = |name: &&str| bench.value(&format!("fWorst{name}"));
+    for name in &REPLAYED {
+        assert!(worst(name).is_finite());
+        assert_eq!(passed(&name), worst(name) < 1e-6, "{name}: {}", worst(name));
+    }
+    assert_eq!(bench.holds("bPassed"), REPLAYED.iter().all(|name| passed(&name)));
+    assert_eq!(bench.value("fWorst"), REPLAYED.iter().map(worst).fold(0.0, f64::max));
+    REPLAYED.iter().filter(|name| !passed(name)).copied().collect()
+}
+
+/// Other cranes are replayed as well, by functions of a platform that are off in the last digit.
 #[test]
-fn the_test_bench_finds_what_it_was_made_from_and_notices_another_crane() {
-    let description = Description::uia_single_boom().unwrap();
-    let all = units(&description).unwrap();
-    let texts: Vec<String> =
-        all.iter().filter(|u| u.kind != Kind::Globals).map(Unit::text).collect();
-    let library = Library::parse(texts.iter().map(String::as_str));
-    let worst = |payload: Option<f64>| {
-        let mut bench = library.instance("PRG_TestBench");
-        if let Some(payload) = payload {
-            bench.inner("fbBoom").set("payload_mass_kg", payload);
-        }
-        let mut calls = 0;
-        while !bench.holds("bDone") {
-            bench.run();
-            calls += 1;
-            assert!(calls <= 300, "it does not end");
-        }
-        assert_eq!(calls, 300);
-        bench.value("fWorst")
+fn the_test_bench_passes_on_other_cranes_and_platforms() {
+    let text = hydroboom_description::UIA_SINGLE_BOOM;
+    let of = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        Description::parse("crane", &text.replace(from, to)).unwrap()
     };
-    assert!(worst(None) <= 1e-6, "{}", worst(None));
-    assert!(worst(Some(310.0)) > 1e-4, "{}", worst(Some(310.0)));
+    let cranes = [
+        Description::uia_single_boom().unwrap(),
+        of("\"stribeck\"", "\"lugre\""),
+        of("= { value = 307.0", "= { value = 50.0"),
+        of("= { value = 307.0", "= { value = 370.0"),
+        of("= { value = 65.0", "= { value = 80.0"),
+    ];
+    for (k, crane) in cranes.iter().enumerate() {
+        for off in [-1.0, 0.0, 1.0] {
+            let mut bench = steering(crane, "PRG_TestBench");
+            evaluator::LAST_DIGIT.set(off * f64::EPSILON);
+            run(&mut bench, |_, _| {});
+            evaluator::LAST_DIGIT.set(0.0);
+            assert!(failed(&bench).is_empty(), "crane {k}, {off}: {:?}", bench.shown());
+        }
+    }
+}
+
+#[test]
+fn the_test_bench_passes_as_exported_and_can_begin_again() {
+    let (others, text) = with_bench();
+    for name in REPLAYED {
+        assert!(text.contains(&format!("fb{name} : FB_{name};")), "{name} is not replayed");
+    }
+    // the 3/2 valve is energised, shut and energised
+    for (from, valve) in [(0, "1.0E0"), (65, "0.0E0"), (105, "1.0E0")] {
+        let switched = text.split_once(&format!("IF iCall = {from} THEN")).unwrap().1;
+        let switched = switched.split_once("END_IF").unwrap().0;
+        let name =
+            text.split_once("FB_HydraulicModel.uValve").unwrap().1.split_once(" : ").unwrap().0;
+        let name = name.split_whitespace().last().unwrap();
+        assert!(switched.contains(&format!("{name} := {valve};")), "{switched}");
+    }
+    assert!(text.len() < 300_000, "{} bytes", text.len());
+    let library = Library::parse(others.iter().map(String::as_str).chain([text.as_str()]));
+    let mut bench = library.instance("PRG_TestBench");
+    for _ in 0..2 {
+        run(&mut bench, |_, _| {});
+        assert!(failed(&bench).is_empty(), "{:?}: {:?}", failed(&bench), bench.shown());
+        // far from the tolerance: another controller's functions differ in the last digits
+        assert!(bench.value("fWorst") < 1e-8, "{:?}", bench.shown());
+    }
+    // nothing moves on once all is done
+    bench.run();
+    assert!(bench.holds("bPassed"));
+}
+
+/// A parameter of a block within the bench, and the block that it makes fail.
+#[test]
+fn the_test_bench_says_which_block_differs() {
+    let (others, text) = with_bench();
+    let library = Library::parse(others.iter().map(String::as_str).chain([text.as_str()]));
+    let changes = [
+        ("HydraulicModel", None, "cylinder_piston_mm", 65.01),
+        ("FlexibleBoom", None, "payload_mass_kg", 308.0),
+        ("BenchmarkController", None, "controller_proportional_per_s", 4.6),
+        ("SimulatedMotor", None, "motor_slew_rpm_per_s", 3.01e4),
+        ("SimulationFeedforward", Some("fbHydraulics"), "pump_displacement_cm3", 10.7),
+        ("SimulationFeedforward", Some("fbBoom"), "payload_mass_kg", 308.0),
+        ("SimulationFeedforward", Some("fbController"), "controller_proportional_per_s", 4.6),
+        ("SimulationFeedforward", Some("fbMotor"), "motor_slew_rpm_per_s", 2.9e4),
+    ];
+    for (name, within, parameter, value) in changes {
+        for value in [value, f64::NAN, f64::INFINITY] {
+            let mut bench = library.instance("PRG_TestBench");
+            let block = bench.inner(&format!("fb{name}"));
+            let block = match within {
+                Some(within) => block.inner(within),
+                None => block,
+            };
+            block.set(parameter, value);
+            run(&mut bench, |_, _| {});
+            assert_eq!(failed(&bench), [name], "{within:?} {parameter} = {value}");
+        }
+    }
+}
+
+/// What the hydraulics do while the 3/2 valve is shut is compared: with the valve open all the time they fail.
+#[test]
+fn the_test_bench_sees_the_valve_switch() {
+    let (others, text) = with_bench();
+    let valve = text.split_once("uValve := ").unwrap().1.split_once(',').unwrap().0;
+    let open = text.replace(&format!("uValve := {valve}"), "uValve := 1.0E0");
+    let library = Library::parse(others.iter().map(String::as_str).chain([open.as_str()]));
+    let mut bench = library.instance("PRG_TestBench");
+    run(&mut bench, |_, _| {});
+    assert_eq!(failed(&bench), ["HydraulicModel"]);
+}
+
+/// What is no number in one call only, and what is restored by the reset after it, is not forgotten.
+#[test]
+fn the_test_bench_does_not_forget_what_was_no_number() {
+    let (others, text) = with_bench();
+    let library = Library::parse(others.iter().map(String::as_str).chain([text.as_str()]));
+    let states = [
+        ("HydraulicModel", "sPA"),
+        ("FlexibleBoom", "sPhi1"),
+        ("BenchmarkController", "sVInt"),
+        ("SimulatedMotor", "sNMotor"),
+    ];
+    for (name, state) in states {
+        let mut bench = library.instance("PRG_TestBench");
+        run(&mut bench, |bench, call| {
+            if call == 200 {
+                bench.inner(&format!("fb{name}")).set(state, f64::NAN);
+            }
+        });
+        assert_eq!(failed(&bench), [name]);
+        // a motor's limits make a number of it
+        let is_limited = name == "SimulatedMotor";
+        assert!(is_limited || bench.value(&format!("fWorst{name}")) > 1.0, "{:?}", bench.shown());
+    }
+}
+
+/// Each recorded array, one number of it changed, makes those blocks fail that it was recorded of.
+#[test]
+fn the_test_bench_notices_one_number_that_was_changed() {
+    let (others, text) = with_bench();
+    let mut seen = Vec::new();
+    let library = Library::parse(others.iter().map(String::as_str).chain([text.as_str()]));
+    let declared: Vec<&str> = text.lines().collect();
+    for (k, line) in declared.iter().enumerate() {
+        let Some((array, _)) = line.trim().split_once(" : ARRAY[0..299]") else { continue };
+        let comment = declared[k - 1];
+        let of: Vec<&str> =
+            REPLAYED.into_iter().filter(|name| comment.contains(&format!("FB_{name}."))).collect();
+        assert!(!of.is_empty(), "{comment}");
+        for value in [1e9, f64::NAN] {
+            let mut bench = library.instance("PRG_TestBench");
+            run(&mut bench, |bench, call| {
+                if call == 150 {
+                    bench.set_in_list(array, call, value);
+                }
+            });
+            // a reference that has no limits leads a motor to its own
+            let found = failed(&bench);
+            assert!(
+                !found.is_empty() && found.iter().all(|name| of.contains(name)),
+                "{comment}: {found:?}"
+            );
+        }
+        seen.extend(of);
+    }
+    assert!(REPLAYED.iter().all(|name| seen.contains(name)), "{seen:?}");
 }
 
 #[test]

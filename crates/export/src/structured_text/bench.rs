@@ -1,92 +1,307 @@
-//! A program that replays what Rust computed and says how far a controller's own arithmetic leads away from it.
+//! A program that replays what Rust computed and says, block by block, how far a controller's own arithmetic leads away from it.
+//!
+//! It knows no block: each is a [`Replay`], and `replays.rs` has the list of them.
 
-use super::literal;
 use super::unit::{Declared, Kind, Section, Unit};
-use crate::error::ExportError;
-use hydroboom_description::{BuildError, Description};
-use hydroboom_model::Input;
-use hydroboom_model::stepping::published;
+use super::{WIDTH, line, literal};
+use std::collections::{BTreeMap, HashMap};
 
-/// Steps that are replayed.
-const STEPS: usize = 300;
-/// The pump's speed at their end \[rev/s\].
-const SPEED: f64 = 12.0;
+/// Calls that are replayed.
+pub(super) const CALLS: usize = 300;
+/// A difference that is none: a share of what the signal comes to.
+const TOLERANCE: f64 = 1e-6;
+/// What counts in the place of a difference that is not finite.
+const MOST: f64 = 1e30;
+/// Name of the function block that compares.
+const COMPARISON: &str = "FB_WorstDifference";
+/// Values that change in more calls than these are kept as an array, others are set where they change.
+const MOST_CHANGES: usize = CALLS / 8;
+/// Digits behind the point of what is compared: far more than the tolerance, and shorter than all. What a block is given has all
+/// digits: hydraulics make much of little where a valve opens.
+const DIGITS: usize = 10;
 
-/// The test bench of a crane of three segments.
-pub(super) fn test_bench(description: &Description) -> Result<Unit, ExportError> {
-    let n = &description.numbers;
-    let crane = description.crane::<3>()?;
-    let start = description.start_over(n, n.motion_start);
-    let mut state = crane.at_rest(&start).map_err(BuildError::from)?;
-    let speeds: Vec<f64> = (0..STEPS).map(|k| SPEED * k as f64 / STEPS as f64).collect();
-    let (mut strokes, mut pressures_a, mut pressures_pump) = (Vec::new(), Vec::new(), Vec::new());
-    for speed in &speeds {
-        let input = Input { pump_speed: *speed, holding_valve: 1.0 };
-        published(&crane, &mut state, &input, n.simulation_period);
-        let seen = crane.outputs(&state);
-        strokes.push(seen.stroke);
-        pressures_a.push(seen.pressure_a);
-        pressures_pump.push(seen.pressure_pump_a);
-    }
-    // filled by statements: not every tool takes a list as the initial value of an array
-    let mut filled = String::new();
-    let mut array = |name: &str, values: &[f64], comment: &str| {
-        for (k, value) in values.iter().enumerate() {
-            filled += &format!("    {name}[{k}] := {};\n", literal(*value));
+/// What was recorded of an input or output, one value for each of [`CALLS`] calls.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Values {
+    /// `LREAL`
+    Numbers(Vec<f64>),
+    /// `BOOL`
+    Truths(Vec<bool>),
+    /// `DINT`
+    Counts(Vec<i32>),
+}
+
+impl Values {
+    fn kind(&self) -> &'static str {
+        match self {
+            Self::Numbers(_) => "LREAL",
+            Self::Truths(_) => "BOOL",
+            Self::Counts(_) => "DINT",
         }
-        let kind = format!("ARRAY[0..{}] OF LREAL", STEPS - 1);
-        Declared::new(Section::Local, name, &kind, None, comment)
-    };
-    let arrays = [
-        array("aPump", &speeds, "Pump speed [rev/s]"),
-        array("aStroke", &strokes, "Piston position [m]"),
-        array("aPressureA", &pressures_a, "p_A [Pa]"),
-        array("aPressurePumpA", &pressures_pump, "p_PA [Pa]"),
-    ];
+    }
+
+    /// As they are compared.
+    fn shortened(&self) -> Self {
+        let short = |value: &f64| format!("{value:.DIGITS$e}").parse().unwrap_or(*value);
+        match self {
+            Self::Numbers(all) => Self::Numbers(all.iter().map(short).collect()),
+            other => other.clone(),
+        }
+    }
+
+    /// As literals.
+    fn literals(&self) -> Vec<String> {
+        let number = |value: &f64| literal(*value);
+        let truth = |value: &bool| if *value { "TRUE" } else { "FALSE" }.to_string();
+        match self {
+            Self::Numbers(all) => all.iter().map(number).collect(),
+            Self::Truths(all) => all.iter().map(truth).collect(),
+            Self::Counts(all) => all.iter().map(i32::to_string).collect(),
+        }
+    }
+
+    /// An expression of this type as an `LREAL`.
+    fn as_number(&self, expression: &str) -> String {
+        match self {
+            Self::Numbers(_) => expression.into(),
+            Self::Truths(_) => format!("SEL({expression}, LREAL#0.0E0, LREAL#1.0E0)"),
+            Self::Counts(_) => format!("DINT_TO_LREAL({expression})"),
+        }
+    }
+}
+
+/// What a block is given and what it then shows, by the names of its inputs and outputs.
+///
+/// Where an output is given a scale it is compared as a share of that. `bReset` must be set in the first call, so that the
+/// bench can begin again.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Replay {
+    /// Name of the function block.
+    pub(super) block: &'static str,
+    pub(super) inputs: Vec<(&'static str, Values)>,
+    /// With what each comes to in a motion.
+    pub(super) outputs: Vec<(&'static str, Values, f64)>,
+}
+
+/// Where the recorded values of all blocks are kept.
+#[derive(Default)]
+struct Store {
+    variables: Vec<Declared>,
+    /// Statements that fill the arrays: not every tool takes a list as the initial value of an array.
+    filled: String,
+    /// Values that are set in a call.
+    set: BTreeMap<usize, String>,
+    /// Expressions and places in `variables` by what they are: equal values are kept once.
+    known: HashMap<(&'static str, Vec<String>), (String, usize)>,
+}
+
+impl Store {
+    /// Keeps values; the expression that has that of a call.
+    fn kept(&mut self, what: &str, values: &Values) -> String {
+        let literals = values.literals();
+        if let Some((known, place)) = self.known.get(&(values.kind(), literals.clone())) {
+            self.variables[*place].comment += &format!(", {what}");
+            return known.clone();
+        }
+        let is_new = |k: &usize| *k == 0 || literals[*k] != literals[*k - 1];
+        let changes: Vec<usize> = (0..literals.len()).filter(is_new).collect();
+        let count = self.variables.len() + 1;
+        let expression = if matches!(values, Values::Numbers(_)) && changes.len() > MOST_CHANGES {
+            let name = format!("aRecorded{count}");
+            let kind = format!("ARRAY[0..{}] OF {}", literals.len() - 1, values.kind());
+            self.variables.push(Declared::new(Section::Local, &name, &kind, None, what));
+            let mut row = String::new();
+            for (k, literal) in literals.iter().enumerate() {
+                let next = format!("{name}[{k}] := {literal};");
+                if row.len() + next.len() + 5 > WIDTH {
+                    self.filled += &line(row.trim_end(), 1);
+                    row.clear();
+                }
+                row += &(next + " ");
+            }
+            self.filled += &line(row.trim_end(), 1);
+            format!("{name}[iCall]")
+        } else {
+            let name = format!("vRecorded{count}");
+            self.variables.push(Declared::new(Section::Local, &name, values.kind(), None, what));
+            for k in changes {
+                *self.set.entry(k).or_default() += &line(&format!("{name} := {};", literals[k]), 1);
+            }
+            name
+        };
+        self.known.insert((values.kind(), literals), (expression.clone(), count - 1));
+        expression
+    }
+}
+
+/// The function block that keeps the worst of differences.
+pub(super) fn comparison() -> Unit {
     let variable = |section, name: &str, kind: &str, comment: &str| {
         Declared::new(section, name, kind, None, comment)
     };
-    let mut variables = vec![
-        variable(Section::Local, "bDone", "BOOL", "All steps are done"),
-        variable(Section::Local, "fWorst", "LREAL", "Worst difference so far"),
-        variable(Section::Local, "bBegun", "BOOL", "Set to FALSE to begin again"),
-        variable(Section::Local, "iStep", "DINT", ""),
-        variable(Section::Local, "fbHydraulics", "FB_HydraulicModel", ""),
-        variable(Section::Local, "fbBoom", "FB_FlexibleBoom", ""),
-    ];
-    variables.extend(arrays);
-    let step = literal(n.simulation_period);
-    Ok(Unit {
-        kind: Kind::Program,
-        name: "PRG_TestBench".into(),
+    let most = literal(MOST);
+    Unit {
+        kind: Kind::FunctionBlock,
+        name: COMPARISON.into(),
         comment: format!(
-            "Replays {STEPS} steps and compares position and pressures with those that Rust computed. Call it until bDone; fWorst is the \
-             worst difference, as a share of 0.1 m and 100 bar: 1E-6 or less is right."
+            "Keeps the worst of differences, as a share of a scale. One that is not finite counts as {most}, and stays the worst."
         ),
-        variables,
+        variables: vec![
+            variable(Section::Input, "bReset", "BOOL", "Begin again"),
+            variable(Section::Input, "fFound", "LREAL", "What was found"),
+            variable(Section::Input, "fWanted", "LREAL", "What it should be"),
+            Declared::new(Section::Input, "fScale", "LREAL", Some("1.0E0"), "What it comes to"),
+            variable(Section::Output, "fWorst", "LREAL", "Worst difference so far"),
+            variable(Section::Local, "fDifference", "LREAL", ""),
+            variable(Section::Local, "bFinite", "BOOL", ""),
+        ],
         body: format!(
             "\
-IF NOT bBegun THEN
-    fbBoom(bReset := TRUE, bPrepare := TRUE, fCyl := 0.0E0, tStep := 0.0E0);
-    fbHydraulics(bReset := TRUE, bPrepare := TRUE, nPump := 0.0E0, uValve := 1.0E0, xCyl := fbBoom.xCyl,
-        vCyl := fbBoom.vCyl, tStep := 0.0E0);
-{filled}    iStep := 0;
+IF bReset THEN
     fWorst := 0.0E0;
-    bDone := FALSE;
-    bBegun := TRUE;
 END_IF;
-IF NOT bDone THEN
-    fbHydraulics(bReset := FALSE, bPrepare := FALSE, nPump := aPump[iStep], uValve := 1.0E0, xCyl := fbBoom.xCyl,
-        vCyl := fbBoom.vCyl, tStep := {step});
-    fbBoom(bReset := FALSE, bPrepare := FALSE, fCyl := fbHydraulics.fCyl, tStep := {step});
-    fWorst := MAX(fWorst, ABS(fbBoom.xCyl - aStroke[iStep]) / 1.0E-1);
-    fWorst := MAX(fWorst, ABS(fbHydraulics.pA - aPressureA[iStep]) / 1.0E7);
-    fWorst := MAX(fWorst, ABS(fbHydraulics.pPA - aPressurePumpA[iStep]) / 1.0E7);
-    iStep := iStep + 1;
-    bDone := NOT (iStep < {STEPS});
+fDifference := ABS(fFound - fWanted) / fScale;
+(* no comparison holds for what is no number; both ways round, since tools differ on that *)
+bFinite := (fDifference < {most}) AND ({most} > fDifference);
+IF NOT bFinite THEN
+    fDifference := {most};
+END_IF;
+IF fWorst < fDifference THEN
+    fWorst := fDifference;
 END_IF;
 "
         ),
         tasks: Vec::new(),
-    })
+    }
+}
+
+/// The test bench of these blocks.
+pub(super) fn test_bench(replays: &[Replay]) -> Unit {
+    let mut store = Store::default();
+    let mut outputs = Vec::new();
+    let mut blocks = Vec::new();
+    let (mut begins, mut calls, mut judges) = (String::new(), String::new(), String::new());
+    let mut all_passed = Vec::new();
+    for Replay { block, inputs, outputs: shown, .. } in replays {
+        let name = block.strip_prefix("FB_").unwrap_or(block);
+        let (worst, passed) = (format!("fWorst{name}"), format!("bPassed{name}"));
+        let (instance, compared) = (format!("fb{name}"), format!("fbWorst{name}"));
+        let said = format!("Worst difference of {block}, as a share of each signal's size");
+        outputs.push(Declared::new(Section::Output, &worst, "LREAL", None, &said));
+        let said = format!("{block} computes what Rust does; known when bDone is set");
+        outputs.push(Declared::new(Section::Output, &passed, "BOOL", None, &said));
+        blocks.push(Declared::new(Section::Local, &instance, block, None, ""));
+        blocks.push(Declared::new(Section::Local, &compared, COMPARISON, None, ""));
+        begins += &line(
+            &format!(
+                "{compared}(bReset := TRUE, fFound := 0.0E0, fWanted := 0.0E0, fScale := 1.0E0);"
+            ),
+            1,
+        );
+        let given: Vec<String> = inputs
+            .iter()
+            .map(|(input, values)| {
+                format!("{input} := {}", store.kept(&format!("{block}.{input}"), values))
+            })
+            .collect();
+        calls += &line(&format!("{instance}({});", given.join(", ")), 1);
+        for (output, values, scale) in shown {
+            let wanted = store.kept(&format!("{block}.{output}"), &values.shortened());
+            let found = values.as_number(&format!("{instance}.{output}"));
+            let (wanted, scale) = (values.as_number(&wanted), literal(*scale));
+            calls += &line(
+                &format!(
+                    "{compared}(bReset := FALSE, fFound := {found}, fWanted := {wanted}, fScale := {scale});"
+                ),
+                1,
+            );
+        }
+        judges += &line(&format!("{worst} := {compared}.fWorst;"), 1);
+        judges += &line(&format!("{passed} := bDone AND ({worst} < {});", literal(TOLERANCE)), 1);
+        judges +=
+            &format!("    IF fWorst < {worst} THEN\n        fWorst := {worst};\n    END_IF;\n");
+        all_passed.push(passed);
+    }
+    let set: String = store
+        .set
+        .iter()
+        .map(|(k, said)| {
+            format!("    IF iCall = {k} THEN\n{}    END_IF;\n", said.replace("    ", "        "))
+        })
+        .collect();
+    let every = line(&format!("bPassed := {};", all_passed.join(" AND ")), 1);
+    let body = format!(
+        "\
+IF NOT bBegun THEN
+{begins}{}    iCall := 0;
+    bDone := FALSE;
+    bBegun := TRUE;
+END_IF;
+IF NOT bDone THEN
+    (* what changes in this call *)
+{set}    (* each block, and what it shows beside what Rust computed *)
+{calls}    iCall := iCall + 1;
+    bDone := NOT (iCall < {CALLS});
+    fWorst := 0.0E0;
+{judges}{every}END_IF;
+",
+        store.filled
+    );
+    let variable = |section, name: &str, kind: &str, comment: &str| {
+        Declared::new(section, name, kind, None, comment)
+    };
+    let mut variables = vec![
+        variable(Section::Output, "bDone", "BOOL", "All calls are done"),
+        variable(Section::Output, "bPassed", "BOOL", "Every block computes what Rust does"),
+        variable(Section::Output, "fWorst", "LREAL", "Worst difference of all blocks"),
+    ];
+    variables.extend(outputs);
+    variables.extend([
+        variable(Section::Local, "bBegun", "BOOL", "Set to FALSE to begin again"),
+        variable(Section::Local, "iCall", "DINT", ""),
+    ]);
+    variables.extend(blocks);
+    variables.extend(store.variables);
+    Unit {
+        kind: Kind::Program,
+        name: "PRG_TestBench".into(),
+        comment: format!(
+            "Replays {CALLS} calls of each block and compares what it shows with what Rust computed. Call it until bDone: bPassed says \
+             that all is right, and of each block how far it is off, where less than {} is right.",
+            literal(TOLERANCE)
+        ),
+        variables,
+        body,
+        tasks: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every type of input and output that a block may have.
+    #[test]
+    fn conditions_and_counts_are_compared_as_numbers() {
+        let truths = Values::Truths((0..CALLS).map(|call| call > 2).collect());
+        let counts = Values::Counts((0..CALLS).map(|call| call as i32 / 100).collect());
+        let ramp = Values::Numbers((0..CALLS).map(|call| call as f64).collect());
+        let replay = Replay {
+            block: "FB_Framed",
+            inputs: vec![("bEnable", truths.clone()), ("nMode", counts.clone()), ("xRef", ramp)],
+            outputs: vec![("bOn", truths, 1.0), ("nStatus", counts, 1.0)],
+        };
+        let text = test_bench(&[replay]).text();
+        for said in [
+            "fbFramed(bEnable := vRecorded1, nMode := vRecorded2, xRef := aRecorded3[iCall]);",
+            "(* FB_Framed.bEnable, FB_Framed.bOn *)\n    vRecorded1 : BOOL;",
+            "    IF iCall = 200 THEN\n        vRecorded2 := 2;\n    END_IF;",
+            "SEL(fbFramed.bOn, LREAL#0.0E0, LREAL#1.0E0)",
+            "DINT_TO_LREAL(fbFramed.nStatus)",
+            "bPassed := bPassedFramed;",
+        ] {
+            assert!(text.contains(said), "{said} is not in\n{text}");
+        }
+        iecst::parse_pou(&text.replace("LREAL#", "")).unwrap();
+    }
 }

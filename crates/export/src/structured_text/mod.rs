@@ -8,6 +8,7 @@
 mod bench;
 mod composed;
 pub mod plcopen;
+mod replays;
 pub mod twincat;
 mod unit;
 
@@ -412,7 +413,7 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
         (Err(error), _) | (_, Err(error)) => return Err(error),
     }
     all.push(composed::control_task(&benchmark));
-    all.push(bench::test_bench(description)?);
+    all.extend([bench::comparison(), bench::test_bench(&replays::replays(description)?)]);
     // last, since it names the programs: some tools know only what they have read
     all.push(composed::globals(&benchmark, n.control_period));
     Ok(all)

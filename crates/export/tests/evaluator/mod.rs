@@ -5,8 +5,14 @@ use iecst::{
     BinaryOp, CallArg, Expr, ExprKind, Pou, Stmt, StmtKind, TypeKind, UnaryOp, VarBlockKind,
     parse_pou,
 };
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::rc::Rc;
+
+thread_local! {
+    /// By what share functions are off, as those of another platform may be.
+    pub static LAST_DIGIT: Cell<f64> = const { Cell::new(0.0) };
+}
 
 #[derive(Clone, Debug)]
 enum Value {
@@ -98,6 +104,14 @@ impl Instance {
     /// Changes a condition.
     pub fn truth(&mut self, name: &str, value: bool) {
         assign(&mut self.memory, name, Value::Truth(value));
+    }
+
+    /// Changes a number of an array.
+    pub fn set_in_list(&mut self, name: &str, place: usize, value: f64) {
+        match self.memory.get_mut(&name.to_uppercase()) {
+            Some(Value::List(list)) => list[place] = value,
+            other => panic!("{name} is {other:?}"),
+        }
     }
 
     /// A block within this one.
@@ -272,6 +286,7 @@ fn evaluated(e: &Expr, memory: &Memory) -> Value {
                 (Value::Number(a), BinaryOp::Mul, Value::Number(b)) => Value::Number(a * b),
                 (Value::Number(a), BinaryOp::Div, Value::Number(b)) => Value::Number(a / b),
                 (Value::Number(a), BinaryOp::Lt, Value::Number(b)) => Value::Truth(a < b),
+                (Value::Number(a), BinaryOp::Gt, Value::Number(b)) => Value::Truth(a > b),
                 (Value::Integer(a), BinaryOp::Lt, Value::Integer(b)) => Value::Truth(a < b),
                 (Value::Integer(a), BinaryOp::Eq, Value::Integer(b)) => Value::Truth(a == b),
                 (Value::Integer(a), BinaryOp::Add, Value::Integer(b)) => Value::Integer(a + b),
@@ -282,14 +297,18 @@ fn evaluated(e: &Expr, memory: &Memory) -> Value {
         ExprKind::FunctionCall { name, args } => {
             let arguments: Vec<&Expr> = args.iter().map(|a| a.value.as_ref().unwrap()).collect();
             let of = |k: usize| number(arguments[k], memory);
+            let off = 1.0 + LAST_DIGIT.get();
             Value::Number(match (name.to_uppercase().as_str(), arguments.len()) {
-                ("SQRT", 1) => of(0).sqrt(),
-                ("EXP", 1) => of(0).exp(),
-                ("LN", 1) => of(0).ln(),
-                ("SIN", 1) => of(0).sin(),
-                ("COS", 1) => of(0).cos(),
+                ("DINT_TO_LREAL", 1) => match evaluated(arguments[0], memory) {
+                    Value::Integer(v) => v as f64,
+                    other => panic!("{other:?}"),
+                },
+                ("SQRT", 1) => of(0).sqrt() * off,
+                ("EXP", 1) => of(0).exp() * off,
+                ("LN", 1) => of(0).ln() * off,
+                ("SIN", 1) => of(0).sin() * off,
+                ("COS", 1) => of(0).cos() * off,
                 ("ABS", 1) => of(0).abs(),
-                ("MAX", 2) => of(0).max(of(1)),
                 ("LIMIT", 3) => of(1).max(of(0)).min(of(2)),
                 ("SEL", 3) => match truth(arguments[0], memory) {
                     true => of(2),
