@@ -273,7 +273,15 @@ def own_state(path):
     slave.setReal(payload, slave.getReal(payload))
     assert slave.getReal(states) == begun
     slave.setReal(payload, [500.0])
-    assert slave.getReal(states) != begun
+    rests = slave.getReal(states)
+    assert rests != begun
+    # a master that sets every start value of the description does not mean a state of its own
+    slave.setReal(states, begun)
+    assert slave.getReal(states) == rests
+    slave.reset()
+    slave.setReal(states + payload, begun + [500.0])
+    entered()
+    assert slave.getReal(states) == rests
     slave.reset()
     entered()
     slave.setReal(pressure, [50e5])

@@ -103,3 +103,15 @@ fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
     let (following, benchmark) = (closed("model-following"), said("benchmark-closed-loop"));
     assert!(following < 0.5 * benchmark, "{following} mm, the benchmark {benchmark} mm");
 }
+
+#[test]
+fn a_prefix_names_files_and_what_is_in_them_and_a_wrong_one_is_refused() {
+    let path = files("export-prefix");
+    let out = path("out");
+    let made = parsed(&["export", "c", "--prefix", "my_", "--out", &out, "--json"]);
+    let header = made["files"][0]["file"].as_str().unwrap();
+    assert!(header.ends_with("my_hydroboom.h"), "{header}");
+    let header = std::fs::read_to_string(header).unwrap();
+    assert!(header.contains("my_model_step") && !header.contains("hb_"));
+    says(&hydroboom(&["export", "c", "--prefix", "1st", "--out", &out]), "begins with a letter");
+}

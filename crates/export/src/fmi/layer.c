@@ -23,7 +23,8 @@ typedef struct {
     int mode;
     int is_prepared;  /* what follows from the parameters is worked out */
     int is_balanced;  /* the state rests under these parameters, or is the user's own */
-    int has_own_state; /* the user has set a state */
+    int has_own_state; /* the user has set a state to another value than the description's */
+    int has_own_crane; /* the user has set a parameter so, before the first step */
     int has_begun;
     unsigned unusual; /* numbers that follow from the crane file's parameters and are not finite */
 } hb_numbers;
@@ -54,7 +55,7 @@ static double hb_inner(const hb_numbers *n);
 /* What is impossible about the parameters; NULL where nothing is. */
 static const char *hb_impossible(const hb_numbers *n);
 #if HB_BALANCES > 0
-static void hb_restart(hb_numbers *n);
+static void hb_restart(HB_TYPE(state) *s);
 static void hb_balance(hb_numbers *n);
 /* Whether the load would have to be held by suction. */
 static int hb_pulls(const hb_numbers *n);
@@ -164,7 +165,7 @@ static int hb_rests(hb_numbers *n)
 {
     double change = HUGE_VAL;
     int round;
-    hb_restart(n);
+    hb_restart(&n->s);
     for (round = 0; round < HB_MOST_ROUNDS && change != 0.0; round++) {
         const HB_TYPE(state) before = n->s;
         unsigned k;
@@ -307,10 +308,25 @@ static int hb_settable(hb_instance *i, unsigned reference, double value)
     return 0;
 }
 
+/* Whether a value of a state is another than the description's, which a master may set of its own accord. */
+static int hb_is_own(unsigned state, double value)
+{
+#if HB_BALANCES > 0
+    HB_TYPE(state) first;
+    hb_restart(&first);
+    return value != ((const double *)&first)[state];
+#else
+    (void)state;
+    (void)value;
+    return 1;
+#endif
+}
+
 /* Parameters, inputs and states set; 0 where that is not possible, and then none is. */
 static int hb_set(hb_instance *i, const unsigned references[], size_t count, const double values[])
 {
     hb_numbers *n = &i->now;
+    const int is_before = (n->mode & HB_BEFORE_STEPS) != 0;
     size_t k;
     if (count > 0 && (references == NULL || values == NULL)) {
         hb_say(i, HB_ERROR, "there is no place to read from");
@@ -325,17 +341,17 @@ static int hb_set(hb_instance *i, const unsigned references[], size_t count, con
         double *place = hb_place(n, references[k]);
         const int is_changed = *place != values[k];
         *place = values[k];
-        if (references[k] >= HB_PARAMETERS + HB_INPUTS) {
-            /* the user's own state is kept, whatever the parameters */
-            n->has_own_state = 1;
-            n->is_balanced = 1;
-            n->is_prepared = 0;
-        } else if (references[k] < HB_PARAMETERS && is_changed != 0) {
-            n->is_prepared = 0;
-            if ((n->mode & HB_BEFORE_STEPS) != 0 && n->has_own_state == 0) {
-                n->is_balanced = 0;
-            }
+        if (is_changed == 0 || (references[k] >= HB_PARAMETERS && references[k] < HB_PARAMETERS + HB_INPUTS)) {
+            continue;
         }
+        n->is_prepared = 0;
+        if (references[k] < HB_PARAMETERS) {
+            n->has_own_crane |= is_before;
+        } else {
+            n->has_own_state |= hb_is_own(references[k] - HB_PARAMETERS - HB_INPUTS, values[k]);
+        }
+        /* another crane rests elsewhere; the user's own state is kept, whatever the crane */
+        n->is_balanced = !is_before || !n->has_own_crane || n->has_own_state;
     }
     return 1;
 }

@@ -491,7 +491,7 @@ fn balanced(block: &Block, parameters: &[&Variable]) -> String {
         .and_then(|v| bounds::key(&v.name))
         .map_or("0.0".into(), |key| format!("{:?} * n->p.oil_vapour_pressure_bar", key.factor));
     format!(
-        "\nstatic void hb_restart(hb_numbers *n)\n{{\n    {prefix}_start(&n->s);\n}}\n\n\
+        "\nstatic void hb_restart({prefix}_state *s)\n{{\n    {prefix}_start(s);\n}}\n\n\
          static void hb_balance(hb_numbers *n)\n{{\n    {prefix}_balance(&n->c, &n->s);\n}}\n\n\
          static int hb_pulls(const hb_numbers *n)\n{{\n    return n->s.pressure_a < {vapour};\n}}\n"
     )
