@@ -148,8 +148,15 @@ impl<T: Real> FramedSimulationFeedforward<T> {
         let is_ready = within(crane.stroke - held, ALIGNED.0)
             & within(crane.velocity, ALIGNED.1)
             & within(before.alignment.velocity, ALIGNED.1);
-        let (mut controller, mut simulated) = (before.controller, before.simulated);
+        let mut controller = before.controller;
         let mut alignment = before.alignment;
+        let shown = Measured { stroke: crane.stroke, load_pressure: crane.load_pressure };
+        let (fresh, kept) = (b.start(&shown), before.simulated);
+        let has_begun = T::lit(0.5).lt(before.frame.memory.has_begun);
+        let mut simulated = BenchmarkMemory {
+            integral: T::select(has_begun, kept.integral, fresh.integral),
+            low_passed: T::select(has_begun, kept.low_passed, fresh.low_passed),
+        };
         let (frame, output) = self.frame.advance(&before.frame, input, is_ready, |now| {
             // the simulated crane follows the reference, or is led to where the piston is
             let led_to = aligned(&mut alignment, now, b.period);
@@ -157,7 +164,6 @@ impl<T: Real> FramedSimulationFeedforward<T> {
                 position: T::select(now.controls, now.reference.position, led_to.position),
                 velocity: T::select(now.controls, now.reference.velocity, led_to.velocity),
             };
-            let shown = Measured { stroke: crane.stroke, load_pressure: crane.load_pressure };
             let own = b.velocity_feedforward(&reference);
             let wanted = b.update(&mut simulated, &reference, &shown, own);
             alignment.motor = b.limits.follow(alignment.motor, wanted, b.period);

@@ -1,6 +1,7 @@
 //! Parts of what was recorded, with names: what a function block or a set of functions is made of.
 
 use crate::graph::{Graph, Node};
+use hydroboom_description::Description;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -37,6 +38,24 @@ pub struct Entry {
     pub results: Vec<(Target, Node)>,
 }
 
+/// Control period of a block whose steps are fixed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControlPeriod {
+    /// Length \[s\].
+    pub length: f64,
+    /// Steps of the simulated crane in it; 0 where nothing is simulated.
+    pub steps: u32,
+}
+
+impl ControlPeriod {
+    /// That of a crane file, with the steps of its simulated crane or without.
+    pub(crate) fn of(description: &Description, simulates: bool) -> Self {
+        let n = &description.numbers;
+        let steps = (n.control_period / n.simulation_period).round().max(1.0) as u32;
+        Self { length: n.control_period, steps: if simulates { steps } else { 0 } }
+    }
+}
+
 /// A part with a memory of its own.
 #[derive(Clone, Debug)]
 pub struct Block {
@@ -56,6 +75,8 @@ pub struct Block {
     pub outputs: Vec<Variable>,
     /// What it does.
     pub entries: Vec<Entry>,
+    /// Its control period, where that is a number in the code and no parameter.
+    pub period: Option<ControlPeriod>,
     /// Names of what is in between, with a comment: the quantity, its equation.
     pub labels: HashMap<Node, (String, String)>,
 }

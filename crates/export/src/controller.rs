@@ -1,6 +1,6 @@
 //! Controllers as blocks, within the frame that holds and releases the load, without what they simulate.
 
-use crate::block::{Block, Entry, Target, Variable};
+use crate::block::{Block, ControlPeriod, Entry, Target, Variable};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::given::{gains, noded, remembered, variable};
@@ -124,6 +124,7 @@ pub fn controller(description: &Description) -> Result<Block, ExportError> {
                 meaning: "one control period".into(),
                 results: results(&kept, 0, &output.to_array()),
             }],
+            period: Some(ControlPeriod::of(description, false)),
             labels: HashMap::new(),
         }
     });
@@ -225,6 +226,7 @@ pub fn simulation_feedforward_controller(description: &Description) -> Result<Bl
                 meaning: "one control period".into(),
                 results: results(&period.next, 0, &period.outputs),
             }],
+            period: Some(ControlPeriod::of(description, false)),
             labels: HashMap::new(),
         })
     });

@@ -239,6 +239,7 @@ pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
     let mut inputs = r.inputs;
     inputs.push(r.step);
     Ok(Block {
+        period: None,
         name: "model".into(),
         meaning: format!("{}: hydraulics and boom, the published time step", description.name),
         graph: r.graph,
@@ -303,6 +304,7 @@ pub fn blocks(description: &Description) -> Result<[Block; 2], ExportError> {
     let mut inputs = r.inputs.clone();
     inputs.extend([between("stroke", start), between("velocity", 0.0), r.step.clone()]);
     let hydraulics = Block {
+        period: None,
         name: "hydraulic_model".into(),
         meaning: format!("{}: circuit, cylinder and its friction", description.name),
         graph: Rc::clone(&r.graph),
@@ -321,6 +323,7 @@ pub fn blocks(description: &Description) -> Result<[Block; 2], ExportError> {
         seen(&r.after, "tip_deflection"),
     ];
     let boom = Block {
+        period: None,
         name: "flexible_boom".into(),
         meaning: format!("{}: boom and payload", description.name),
         graph: r.graph,

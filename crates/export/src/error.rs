@@ -2,6 +2,8 @@
 
 use hydroboom_description::BuildError;
 use hydroboom_design::DesignError;
+use hydroboom_model::SimulationError;
+use hydroboom_plant::PlantError;
 use thiserror::Error;
 
 /// Why nothing is exported.
@@ -13,6 +15,12 @@ pub enum ExportError {
     /// No controller could be designed.
     #[error(transparent)]
     Design(#[from] DesignError),
+    /// No machine for the test bench.
+    #[error(transparent)]
+    Machine(#[from] PlantError),
+    /// The machine of the test bench broke.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
     /// The crane is none that is exported.
     #[error(
         "the boom has {found} coordinates; cranes of 3 segments are exported (boom.segments = 3, and no elastic base)"

@@ -172,6 +172,7 @@ fn block(
             entry("begin", "begins without a bump at what is seen", kept(begun)),
             entry("update", "the motor speed of a control period", updated),
         ],
+        period: None,
         labels: HashMap::new(),
     }
 }

@@ -139,6 +139,7 @@ mod tests {
                 meaning: "made".into(),
                 results: vec![(Target::Output(0), results[2])],
             }],
+            period: None,
             labels: HashMap::new(),
         };
         (block, results)

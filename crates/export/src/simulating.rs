@@ -1,7 +1,7 @@
 //! Controllers with the crane that they simulate, each in one block: a motor speed is found every control period (`update`), and
 //! the simulated crane moves on in the steps between (`step`).
 
-use crate::block::{Block, Entry, Target, Variable};
+use crate::block::{Block, ControlPeriod, Entry, Target, Variable};
 use crate::controller::{frame_outputs, simulating_period};
 use crate::crane::{SEGMENTS, numbers, resting, state};
 use crate::error::ExportError;
@@ -118,6 +118,7 @@ fn framed(
             ),
             entry("step", "one step of the simulated crane", stepped),
         ],
+        period: Some(ControlPeriod::of(description, true)),
         labels: HashMap::new(),
     })
 }
@@ -256,6 +257,7 @@ fn recording(
             entry("update", "the motor speeds of a control period; then come its steps", updated),
             entry("step", "one step of the simulated crane", stepped),
         ],
+        period: None,
         labels: HashMap::new(),
     })
 }

@@ -126,6 +126,7 @@ fn recording(description: &Description, of: &Block, used: &[usize]) -> Result<Bl
             meaning: "rates, and slopes of rates and outputs".into(),
             results,
         }],
+        period: None,
         labels: HashMap::new(),
     })
 }

@@ -4,7 +4,7 @@
 
 use hydroboom_description::Description;
 use hydroboom_export::structured_text::{Unit, function_block, units};
-use hydroboom_export::{blocks, controller, simulated_motor};
+use hydroboom_export::{blocks, controller, simulation_feedforward_controller};
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -17,10 +17,11 @@ fn compiled(compiler: &str, arguments: impl Fn(&PathBuf) -> Vec<String>) {
     }
     let crane = Description::uia_single_boom().unwrap();
     let [hydraulics, boom] = blocks(&crane).unwrap();
-    let blocks = [hydraulics, boom, controller(&crane), simulated_motor(&crane)];
+    let framed = [controller(&crane).unwrap(), simulation_feedforward_controller(&crane).unwrap()];
+    let blocks = [hydraulics, boom].into_iter().chain(framed);
     let mut texts: Vec<(String, String)> = Vec::new();
-    for block in &blocks {
-        let unit = function_block(block).unwrap();
+    for block in blocks {
+        let unit = function_block(&block).unwrap();
         texts.push((unit.name.clone(), unit.text()));
     }
     let all: Vec<String> = units(&crane).unwrap().iter().map(Unit::text).collect();

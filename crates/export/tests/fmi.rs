@@ -6,8 +6,12 @@
 
 mod steered;
 
+use hydroboom_control::supervision::{FrameInput, FrameOutput};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
+use hydroboom_export::closed_loop::{
+    Case, RustBenchmark, RustSimulationFeedforward, Target, TargetError, cases, run,
+};
 use hydroboom_export::fmi::{System, Unit, Version, archive, binary, twincat_settings, unit};
 use hydroboom_export::{controller, crane_model, model_following, simulation_feedforward, slopes};
 use hydroboom_math::Dual;
@@ -46,7 +50,7 @@ fn steering(crane: &Description, what: &str, version: Version) -> Unit {
     let block = match what {
         "simulation-feedforward" => simulation_feedforward(crane).unwrap(),
         "model-following" => model_following(crane).unwrap(),
-        _ => controller(crane),
+        _ => controller(crane).unwrap(),
     };
     unit(&block, None, crane, version).unwrap()
 }
@@ -143,42 +147,95 @@ fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
 }
 
 #[test]
-fn controllers_that_simulate_steer_as_those_of_rust() {
+fn model_following_steers_as_that_of_rust() {
     let Some(python) = python() else { return };
     let description = Description::uia_single_boom().unwrap();
     let periods = 2000;
-    for what in ["simulation-feedforward", "model-following"] {
-        // the last column is what model following reads beside
-        let columns = if what == "model-following" { 5 } else { 4 };
-        let names = "reference_position,reference_velocity,stroke,load_pressure,motor_speed_read";
-        let line = |cells: &[String]| cells[..columns].join(",") + "\n";
-        let mut inputs = line(&names.split(',').map(String::from).collect::<Vec<_>>());
-        for k in 0..periods {
-            let (r, m) = shown(k);
-            let row = [r.position, r.velocity, m.stroke, m.load_pressure, m.motor_speed];
-            inputs += &line(&row.map(|v| format!("{v:?}")));
+    let names = "reference_position,reference_velocity,stroke,load_pressure,motor_speed_read";
+    let mut inputs = format!("{names}\n");
+    for k in 0..periods {
+        let (r, m) = shown(k);
+        let row = [r.position, r.velocity, m.stroke, m.load_pressure, m.motor_speed];
+        writeln!(inputs, "{}", row.map(|v| format!("{v:?}")).join(",")).unwrap();
+    }
+    let table = folder().join("steered.csv");
+    std::fs::write(&table, inputs).unwrap();
+    let mut rust = Steered::new(&description);
+    let period = |k: usize| {
+        let seen = rust.seen();
+        let speed = rust.period(k);
+        (0..20).for_each(|_| rust.step());
+        [speed, rust.motor, seen.stroke, seen.load_pressure]
+    };
+    let wanted: Vec<[f64; 4]> = (0..periods).map(period).collect();
+    let outputs = "motor_speed+simulated_motor_speed+simulated_stroke+simulated_load_pressure";
+    for version in BOTH {
+        let path = written("steered", "model-following", version);
+        let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), outputs]);
+        let found: Vec<Vec<f64>> =
+            said.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
+        assert_eq!(found.len(), wanted.len());
+        for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+            assert_eq!(found.as_slice(), wanted, "{version:?} in period {k}");
         }
-        let table = folder().join(format!("steered-{what}.csv"));
+    }
+}
+
+/// A release, a motion and wrong inputs as recorded in closed loop: the FMUs of both framed controllers show what Rust does.
+#[test]
+fn framed_controllers_are_those_of_rust() {
+    let Some(python) = python() else { return };
+    let model = Description::uia_single_boom().unwrap();
+    let machine = Description::uia_virtual().unwrap();
+    let wrong = |c: &&Case| c.disturbed.is_some_and(|d| d.periods == 10);
+    let case = cases(&model).iter().find(wrong).unwrap().clone();
+    let targets: [(&str, Box<dyn Target>); 2] = [
+        ("controller", Box::new(RustBenchmark::new(&model).unwrap())),
+        ("simulation-feedforward", Box::new(RustSimulationFeedforward::new(&model).unwrap())),
+    ];
+    for (what, inner) in targets {
+        let mut recorder = Recorder { inner, rows: Vec::new() };
+        run(&model, &machine, &case, &mut recorder).unwrap();
+        let mut inputs = FrameInput::NAMES.join(",") + "\n";
+        for (given, _) in &recorder.rows {
+            // a table has no NaN
+            let cells = given.to_array().map(|v| format!("{:?}", if v.is_nan() { 1e9 } else { v }));
+            writeln!(inputs, "{}", cells.join(",")).unwrap();
+        }
+        let table = folder().join(format!("framed-{what}.csv"));
         std::fs::write(&table, inputs).unwrap();
-        let mut rust = Steered::new(&description, what == "model-following");
-        let period = |k: usize| {
-            let seen = rust.seen();
-            let speed = rust.period(k);
-            (0..20).for_each(|_| rust.step());
-            [speed, rust.motor, seen.stroke, seen.load_pressure]
-        };
-        let wanted: Vec<[f64; 4]> = (0..periods).map(period).collect();
-        let outputs = "motor_speed+simulated_motor_speed+simulated_stroke+simulated_load_pressure";
         for version in BOTH {
-            let path = written("steered", what, version);
-            let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), outputs]);
+            let path = written("framed", what, version);
+            let outputs = FrameOutput::NAMES.join("+");
+            let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), &outputs]);
             let found: Vec<Vec<f64>> =
                 said.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
-            assert_eq!(found.len(), wanted.len());
-            for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
-                assert_eq!(found.as_slice(), wanted, "{what} {version:?} in period {k}");
+            assert_eq!(found.len(), recorder.rows.len());
+            for (k, (found, (_, wanted))) in found.iter().zip(&recorder.rows).enumerate() {
+                assert_eq!(found.as_slice(), wanted.to_array(), "{what} {version:?} in period {k}");
             }
         }
+    }
+}
+
+/// Writes down what goes in and what comes out.
+struct Recorder {
+    inner: Box<dyn Target>,
+    rows: Vec<(FrameInput<f64>, FrameOutput<f64>)>,
+}
+
+impl Target for Recorder {
+    fn name(&self) -> &'static str {
+        self.inner.name()
+    }
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError> {
+        let output = self.inner.period(input, gain)?;
+        self.rows.push((*input, output));
+        Ok(output)
     }
 }
 
@@ -216,10 +273,8 @@ fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
 fn a_simulated_crane_takes_whole_steps_in_a_period_or_none() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        for what in ["simulation-feedforward", "model-following"] {
-            let said = fmpy(&python, &["uneven", &written("uneven", what, version)]);
-            told(&said, &[&["outside of its range"; 5][..], &["no multiple"; 2]].concat());
-        }
+        let said = fmpy(&python, &["uneven", &written("uneven", "model-following", version)]);
+        told(&said, &[&["outside of its range"; 5][..], &["no multiple"; 2]].concat());
     }
 }
 
@@ -360,7 +415,7 @@ fn variables_have_ranges_and_units_their_definition() {
                     assert!(low.is_some() && high.is_some(), "{variable:?}");
                 }
             }
-            assert!(bounded > 10, "{bounded}");
+            assert!(bounded > 3, "{bounded}");
             for n in description.descendants().filter(|n| n.has_tag_name("Unit")) {
                 let is_defined = n.children().any(|n| n.has_tag_name("BaseUnit"));
                 let is_root = n.attribute("name").unwrap().contains("^0.5");

@@ -7,7 +7,7 @@ use hydroboom_control::supervision::{
 };
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
-    Case, Outcome, Program, RustBenchmark, RustSimulationFeedforward, Target, TargetError, bounds,
+    Case, Compiled, Outcome, RustBenchmark, RustSimulationFeedforward, Target, TargetError, bounds,
     cases, run,
 };
 use hydroboom_export::{controller, simulation_feedforward};
@@ -209,7 +209,8 @@ fn in_c_both_controllers_are_those_of_rust_to_the_last_bit() {
             (simulating(&model), simulation_feedforward(&model).unwrap(), 20, "c-frame-simulating"),
         ] {
             let (rows, _) = recorded(rust, &case);
-            let mut c = Program::in_c("C", &block, steps, &folder(name)).unwrap();
+            let compiled = Compiled::in_c("C", &block, steps, &folder(name)).unwrap();
+            let mut c = compiled.start().unwrap();
             for (k, (input, wanted)) in rows.iter().enumerate() {
                 let found = c.period(input, 1.0).unwrap();
                 assert_eq!(found.to_array(), wanted.to_array(), "{name} in period {k}");

@@ -25,7 +25,8 @@ fn without_comments(text: &str, open: &str, close: &str) -> Option<String> {
 fn code_in_c(description: &Description) -> String {
     let [hydraulics, boom] = blocks(description).unwrap();
     let made =
-        files(&[hydraulics, boom, controller(description)], "crane", Precision::Double).unwrap();
+        files(&[hydraulics, boom, controller(description).unwrap()], "crane", Precision::Double)
+            .unwrap();
     assert!(made.header.is_ascii() && made.source.is_ascii());
     let of = |text: &str| without_comments(text, "/*", "*/").unwrap();
     of(&made.header) + &of(&made.source)
@@ -51,7 +52,9 @@ fn code_in_text(description: &Description) -> Vec<String> {
 fn sources(description: &Description) -> String {
     let mut all = String::new();
     for version in [Version::Two, Version::Three] {
-        for block in [controller(description), simulation_feedforward(description).unwrap()] {
+        for block in
+            [controller(description).unwrap(), simulation_feedforward(description).unwrap()]
+        {
             let made = unit(&block, None, description, version).unwrap();
             assert!(roxmltree::Document::parse(&made.files[0].1).is_ok(), "{}", made.files[0].1);
             let files = made.files.iter().filter(|(path, _)| path.ends_with(".c"));

@@ -9,6 +9,6 @@ mod trial;
 
 pub use bounds::{Bounds, bounds};
 pub use case::{Bad, Case, Disturbed, Moment, cases};
-pub use program::Program;
+pub use program::{Compiled, Program};
 pub use target::{RustBenchmark, RustSimulationFeedforward, Target, TargetError};
 pub use trial::{Outcome, TrialError, run};

@@ -3,9 +3,11 @@
 use super::target::{Target, TargetError};
 use crate::block::Block;
 use crate::c::{Precision, files};
+use crate::fmi::{System, Version, binary, unit};
 use hydroboom_control::supervision::{FrameInput, FrameOutput};
+use hydroboom_description::Description;
 use std::io::{Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 /// Numbers that go to the program in a period, the gain's factor first, and come back.
@@ -20,7 +22,14 @@ pub struct Program {
     shown: ChildStdout,
 }
 
-impl Program {
+/// A controller as exported, compiled to a program.
+#[derive(Clone, Debug)]
+pub struct Compiled {
+    name: &'static str,
+    program: PathBuf,
+}
+
+impl Compiled {
     /// A controller's block in C, compiled by `cc` in a folder; `steps` of its simulated crane make a
     /// control period, none where it simulates nothing.
     ///
@@ -51,23 +60,78 @@ impl Program {
         if !output.status.success() {
             return Err(failed(String::from_utf8_lossy(&output.stderr).into_owned()));
         }
-        Self::started(name, &mut Command::new(program))
+        Ok(Self { name, program })
     }
 
-    /// A program that speaks so already.
+    /// A controller's FMU of FMI 2.0, its binary made by `cc` in a folder and loaded by a small master.
+    ///
+    /// # Errors
+    ///
+    /// [`TargetError`] when it cannot be exported or compiled.
+    pub fn in_fmu(
+        name: &'static str,
+        block: &Block,
+        crane: &Description,
+        folder: &Path,
+    ) -> Result<Self, TargetError> {
+        let failed = |reason: String| TargetError::Program { target: name.into(), reason };
+        let io = |error: std::io::Error| failed(error.to_string());
+        let made = unit(block, None, crane, Version::Two)?;
+        let library = binary(&made, System::Linux, &folder.join("fmu"))
+            .map_err(|error| failed(error.to_string()))?
+            .ok_or_else(|| failed("no C compiler (cc) is here".into()))?;
+        let description = made.files.iter().find(|(path, _)| path == "modelDescription.xml");
+        let text = description.map_or("", |(_, text)| text.as_str());
+        let attribute = |after: &str| -> Result<&str, TargetError> {
+            let rest = text.split_once(after).map(|(_, rest)| rest);
+            let value = rest.and_then(|rest| rest.split_once('"')).map(|(value, _)| value);
+            value.ok_or_else(|| failed(format!("{after} is not in its description")))
+        };
+        let references = |names: &[&str]| -> Result<String, TargetError> {
+            let of = |name: &&str| attribute(&format!("name=\"{name}\" valueReference=\""));
+            Ok(names.iter().map(of).collect::<Result<Vec<_>, _>>()?.join(", "))
+        };
+        let period = block.period.map_or(1e-3, |period| period.length);
+        let source = MASTER
+            .replace("GIVEN", &GIVEN.to_string())
+            .replace("SHOWN", &SHOWN.to_string())
+            .replace("TOKEN", attribute("guid=\"")?)
+            .replace("GAIN", &references(&["controller_proportional_per_s"])?)
+            .replace("INPUTS", &references(&FrameInput::NAMES)?)
+            .replace("OUTPUTS", &references(&FrameOutput::NAMES)?)
+            .replace("PERIOD", &format!("{period:?}"))
+            .replace("LIBRARY", &format!("{:?}", folder.join("controller.so")));
+        std::fs::create_dir_all(folder).map_err(io)?;
+        std::fs::write(folder.join("controller.so"), library).map_err(io)?;
+        std::fs::write(folder.join("master.c"), source).map_err(io)?;
+        let program = folder.join("master");
+        let output = Command::new("cc")
+            .args(["-std=gnu99", "-O1", "-o"])
+            .arg(&program)
+            .arg(folder.join("master.c"))
+            .arg("-ldl")
+            .output()
+            .map_err(|error| failed(format!("cc: {error}")))?;
+        if !output.status.success() {
+            return Err(failed(String::from_utf8_lossy(&output.stderr).into_owned()));
+        }
+        Ok(Self { name, program })
+    }
+
+    /// Starts it.
     ///
     /// # Errors
     ///
     /// [`TargetError`] when it cannot be started.
-    pub fn started(name: &'static str, command: &mut Command) -> Result<Self, TargetError> {
-        let failed = |reason: String| TargetError::Program { target: name.into(), reason };
-        let mut child = command
+    pub fn start(&self) -> Result<Program, TargetError> {
+        let failed = |reason: String| TargetError::Program { target: self.name.into(), reason };
+        let mut child = Command::new(&self.program)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
             .map_err(|error| failed(error.to_string()))?;
         match (child.stdin.take(), child.stdout.take()) {
-            (Some(given), Some(shown)) => Ok(Self { name, child, given, shown }),
+            (Some(given), Some(shown)) => Ok(Program { name: self.name, child, given, shown }),
             _ => Err(failed("it has no pipes".into())),
         }
     }
@@ -134,3 +198,65 @@ fn main(block: &str, steps: u32) -> String {
          if (fwrite(shown, sizeof shown, 1, stdout) != 1 || fflush(stdout) != 0) {{\n            return 1;\n        }}\n    }}\n    return 0;\n}}\n"
     )
 }
+
+/// A master of FMI 2.0: sets the inputs, does a step of a control period, gets the outputs.
+const MASTER: &str = r#"#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+typedef void *component;
+typedef void (*logger)(void *, const char *, int, const char *, const char *, ...);
+typedef struct { logger log; void *(*allocate)(size_t, size_t); void (*release)(void *); void *finished; void *environment; } callbacks;
+
+static void quiet(void *e, const char *n, int s, const char *c, const char *m, ...)
+{
+    (void)e; (void)n; (void)s; (void)c; (void)m;
+}
+
+int main(void)
+{
+    static const unsigned inputs[] = { INPUTS }, outputs[] = { OUTPUTS }, gains[] = { GAIN };
+    static const callbacks back = { quiet, calloc, free, NULL, NULL };
+    void *library = dlopen(LIBRARY, RTLD_NOW);
+    double given[GIVEN], shown[SHOWN], gain = 1.0, proportional;
+    long k = 0;
+    component i;
+    if (library == NULL) {
+        return 2;
+    }
+    component (*make)(const char *, int, const char *, const char *, const callbacks *, int, int);
+    int (*enter)(component), (*leave)(component), (*experiment)(component, int, double, double, int, double);
+    int (*get)(component, const unsigned *, size_t, double *), (*set)(component, const unsigned *, size_t, const double *);
+    int (*step)(component, double, double, int);
+    *(void **)&make = dlsym(library, "fmi2Instantiate");
+    *(void **)&experiment = dlsym(library, "fmi2SetupExperiment");
+    *(void **)&enter = dlsym(library, "fmi2EnterInitializationMode");
+    *(void **)&leave = dlsym(library, "fmi2ExitInitializationMode");
+    *(void **)&get = dlsym(library, "fmi2GetReal");
+    *(void **)&set = dlsym(library, "fmi2SetReal");
+    *(void **)&step = dlsym(library, "fmi2DoStep");
+    i = make("controller", 1, "TOKEN", "", &back, 0, 0);
+    if (i == NULL || experiment(i, 0, 0.0, 0.0, 0, 0.0) != 0 || enter(i) != 0 || leave(i) != 0) {
+        return 3;
+    }
+    if (get(i, gains, 1, &proportional) != 0) {
+        return 4;
+    }
+    while (fread(given, sizeof given, 1, stdin) == 1) {
+        if (given[0] != gain) {
+            double tuned = given[0] * proportional;
+            gain = given[0];
+            /* a gain that is no number is refused, and the one before stays */
+            (void)set(i, gains, 1, &tuned);
+        }
+        if (set(i, inputs, GIVEN - 1, given + 1) != 0 || step(i, PERIOD * (double)k, PERIOD, 0) != 0) {
+            return 5;
+        }
+        k++;
+        if (get(i, outputs, SHOWN, shown) != 0 || fwrite(shown, sizeof shown, 1, stdout) != 1 || fflush(stdout) != 0) {
+            return 6;
+        }
+    }
+    return 0;
+}
+"#;

@@ -71,7 +71,8 @@ pub(super) fn of_parameter(v: &Variable) -> Bounds {
 pub(super) fn of_input(v: &Variable, longest_step: f64) -> Bounds {
     match (v.name.as_str(), v.unit.as_str()) {
         ("step", _) => Bounds { nominal: v.initial, ..bounded(v, SHORTEST_STEP, longest_step) },
-        ("holding_valve" | "simulation_leads", _) => bounded(v, 0.0, 1.0),
+        ("holding_valve", _) | (_, "0/1") => bounded(v, 0.0, 1.0),
+        ("valve_state", _) => bounded(v, -1.0, 1.0),
         (_, "rev/s") => bounded(v, -FASTEST_MOTOR, FASTEST_MOTOR),
         (_, "m") => bounded(v, -LONGEST_STROKE, LONGEST_STROKE),
         (_, "m/s") => bounded(v, -FASTEST_MOTION, FASTEST_MOTION),

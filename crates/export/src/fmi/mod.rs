@@ -6,7 +6,7 @@ mod unit_definition;
 
 pub use archive::{ArchiveError, System, archive, binary};
 
-use crate::block::{Block, Variable};
+use crate::block::{Block, ControlPeriod, Variable};
 use crate::c::{Precision, files};
 use crate::crane::SEGMENTS;
 use crate::error::ExportError;
@@ -534,7 +534,8 @@ fn steps(block: &Block) -> [f64; 2] {
             [step * (1e-3 / step).round().max(1.0), step]
         }
         Pace::Period | Pace::PeriodOfSteps => {
-            [1e-3 * of(&block.parameters, "controller_control_period_ms"); 2]
+            let tuned = 1e-3 * of(&block.parameters, "controller_control_period_ms");
+            [block.period.map_or(tuned, |period| period.length); 2]
         }
     }
 }
@@ -560,21 +561,36 @@ fn glue(
     let [parameters, given, states, outputs] = counts;
     let rates = if slopes.is_some() { states } else { 0 };
     let balances = u8::from(has_balance(block));
+    let framed = u8::from(block.period.is_some());
     let before = format!(
         "#define HB_TOKEN \"{token}\"\n#define HB_PARAMETERS {parameters}u\n#define HB_INPUTS {given}u\n#define HB_STATES {states}u\n\
-         #define HB_OUTPUTS {outputs}u\n#define HB_RATES {rates}u\n#define HB_BALANCES {balances}\n#define HB_TYPE(part) {prefix}_##part\n"
+         #define HB_OUTPUTS {outputs}u\n#define HB_RATES {rates}u\n#define HB_BALANCES {balances}\n#define HB_FRAMED {framed}\n#define HB_TYPE(part) {prefix}_##part\n"
     );
     let mut fill = String::new();
     for v in inputs {
         let _ = writeln!(fill, "    n->u.{} = {:?};", v.name, v.initial);
     }
-    let (one, show, period) = match Pace::of(block) {
-        Pace::Step => (
+    let control_period = match block.period {
+        Some(period) => format!("{:?}", period.length),
+        None => CONTROL_PERIOD.to_string(),
+    };
+    let (one, show, period) = match (Pace::of(block), block.period) {
+        (Pace::Step, _) => (
             format!("    {prefix}_step(&n->c, &n->s, &n->u);"),
             format!("    {prefix}_see(&n->c, &n->s, &n->y);"),
             "n->u.step",
         ),
-        pace @ (Pace::Period | Pace::PeriodOfSteps) => {
+        (_, Some(ControlPeriod { steps, .. })) => {
+            let mut one = format!("    {prefix}_update(&n->c, &n->s, &n->u, &n->y);");
+            if steps > 0 {
+                one += &format!(
+                    "\n    {{\n        int steps = {steps};\n        while (steps-- > 0) {{\n            \
+                     {prefix}_step(&n->s);\n        }}\n    }}"
+                );
+            }
+            (one, "    (void)n;".to_string(), control_period.as_str())
+        }
+        (pace, None) => {
             let begin = match pace {
                 Pace::PeriodOfSteps => "&n->c, &n->s, &n->u",
                 _ => "&n->s, &n->u",
@@ -589,18 +605,18 @@ fn glue(
                      while (steps-- > 0) {{\n            {prefix}_step(&n->c, &n->s, &n->u);\n        }}\n    }}"
                 );
             }
-            (one, "    (void)n;".to_string(), CONTROL_PERIOD)
+            (one, "    (void)n;".to_string(), control_period.as_str())
         }
     };
-    let inner = match Pace::of(block) {
-        Pace::PeriodOfSteps => format!("{CONTROL_PERIOD} / n->u.step"),
-        Pace::Step | Pace::Period => "1.0".into(),
+    let inner = match (Pace::of(block), block.period) {
+        (Pace::PeriodOfSteps, None) => format!("{CONTROL_PERIOD} / n->u.step"),
+        _ => "1.0".into(),
     };
     let after = format!(
         "\n/* ---- the block ---- */\n\nstatic void hb_fill(hb_numbers *n)\n{{\n    {prefix}_describe(&n->p);\n    {prefix}_start(&n->s);\n\
          {fill}}}\n\nstatic void hb_prepare(hb_numbers *n)\n{{\n    {prefix}_prepare(&n->p, &n->c);\n}}\n\n\
          static void hb_one(hb_numbers *n)\n{{\n{one}\n}}\n\nstatic void hb_show(hb_numbers *n)\n{{\n{show}\n}}\n\n\
-         static double hb_period(const hb_numbers *n)\n{{\n    return {period};\n}}\n\n\
+         static double hb_period(const hb_numbers *n)\n{{\n    (void)n;\n    return {period};\n}}\n\n\
          static double hb_inner(const hb_numbers *n)\n{{\n    (void)n;\n    return {inner};\n}}\n"
     );
     let seen = slopes.map_or(String::new(), |slopes| {

@@ -38,7 +38,7 @@ const TURN_RATE: Exponents = [0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 const TENSION: Exponents = [1.0, 2.0, -3.0, -1.0, 0.0, 0.0, 0.0, 0.0];
 
 /// Symbols of units and what one of each is.
-const SYMBOLS: [(&str, Exponents, f64); 33] = [
+const SYMBOLS: [(&str, Exponents, f64); 35] = [
     ("m", LENGTH, 1.0),
     ("mm", LENGTH, 1e-3),
     ("cm", LENGTH, 1e-2),
@@ -69,6 +69,8 @@ const SYMBOLS: [(&str, Exponents, f64); 33] = [
     ("bit", NONE, 1.0),
     ("cycles", NONE, 1.0),
     ("-", NONE, 1.0),
+    ("code", NONE, 1.0),
+    ("0/1", NONE, 1.0),
     ("1", NONE, 1.0),
     ("1000", NONE, 1e3),
     ("", NONE, 1.0),

@@ -8,6 +8,8 @@ use std::collections::{BTreeMap, HashMap};
 
 /// Calls that are replayed.
 pub(super) const CALLS: usize = 300;
+/// Control periods in a call, of blocks that are replayed through a release of the load: 6 s at 1 ms.
+pub(super) const PERIODS: usize = 20;
 /// A difference that is none: a share of what the signal comes to.
 const TOLERANCE: f64 = 1e-6;
 /// What counts in the place of a difference that is not finite.
@@ -29,12 +31,21 @@ pub(super) enum Values {
     Truths(Vec<bool>),
     /// `DINT`
     Counts(Vec<i32>),
+    /// `LREAL`, from one call's value to the next in [`PERIODS`] equal steps, with so much added in every other one.
+    Ramps(Vec<f64>, f64),
+}
+
+/// Value of a ramp in a period of a call: between the call's value and the one before.
+pub(super) fn ramp(values: &[f64], scatter: f64, call: usize, period: usize) -> f64 {
+    let (before, now) = (values[call.saturating_sub(1)], values[call]);
+    let share = (period + 1) as f64 / PERIODS as f64;
+    before + share * (now - before) + scatter * (period % 2) as f64
 }
 
 impl Values {
     fn kind(&self) -> &'static str {
         match self {
-            Self::Numbers(_) => "LREAL",
+            Self::Numbers(_) | Self::Ramps(..) => "LREAL",
             Self::Truths(_) => "BOOL",
             Self::Counts(_) => "DINT",
         }
@@ -54,7 +65,7 @@ impl Values {
         let number = |value: &f64| literal(*value);
         let truth = |value: &bool| if *value { "TRUE" } else { "FALSE" }.to_string();
         match self {
-            Self::Numbers(all) => all.iter().map(number).collect(),
+            Self::Numbers(all) | Self::Ramps(all, _) => all.iter().map(number).collect(),
             Self::Truths(all) => all.iter().map(truth).collect(),
             Self::Counts(all) => all.iter().map(i32::to_string).collect(),
         }
@@ -63,7 +74,7 @@ impl Values {
     /// An expression of this type as an `LREAL`.
     fn as_number(&self, expression: &str) -> String {
         match self {
-            Self::Numbers(_) => expression.into(),
+            Self::Numbers(_) | Self::Ramps(..) => expression.into(),
             Self::Truths(_) => format!("SEL({expression}, LREAL#0.0E0, LREAL#1.0E0)"),
             Self::Counts(_) => format!("DINT_TO_LREAL({expression})"),
         }
@@ -72,12 +83,15 @@ impl Values {
 
 /// What a block is given and what it then shows, by the names of its inputs and outputs.
 ///
-/// Where an output is given a scale it is compared as a share of that. `bReset` must be set in the first call, so that the
+/// Where an output is given a scale it is compared as a share of that. A block that is called in each period of a call is
+/// compared in the last. `bReset` must be set in the first call, so that the
 /// bench can begin again.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Replay {
     /// Name of the function block.
     pub(super) block: &'static str,
+    /// Whether it is called in each period of a call, or once in a call.
+    pub(super) each_period: bool,
     pub(super) inputs: Vec<(&'static str, Values)>,
     /// With what each comes to in a motion.
     pub(super) outputs: Vec<(&'static str, Values, f64)>,
@@ -99,14 +113,20 @@ impl Store {
     /// Keeps values; the expression that has that of a call.
     fn kept(&mut self, what: &str, values: &Values) -> String {
         let literals = values.literals();
-        if let Some((known, place)) = self.known.get(&(values.kind(), literals.clone())) {
+        let mut key = (values.kind(), literals.clone());
+        if let Values::Ramps(_, scatter) = values {
+            key.1.push(format!("ramp {scatter}"));
+        }
+        if let Some((known, place)) = self.known.get(&key) {
             self.variables[*place].comment += &format!(", {what}");
             return known.clone();
         }
         let is_new = |k: &usize| *k == 0 || literals[*k] != literals[*k - 1];
         let changes: Vec<usize> = (0..literals.len()).filter(is_new).collect();
         let count = self.variables.len() + 1;
-        let expression = if matches!(values, Values::Numbers(_)) && changes.len() > MOST_CHANGES {
+        let is_ramp = matches!(values, Values::Ramps(..));
+        let is_number = matches!(values, Values::Numbers(_));
+        let expression = if is_ramp || is_number && changes.len() > MOST_CHANGES {
             let name = format!("aRecorded{count}");
             let kind = format!("ARRAY[0..{}] OF {}", literals.len() - 1, values.kind());
             self.variables.push(Declared::new(Section::Local, &name, &kind, None, what));
@@ -120,7 +140,13 @@ impl Store {
                 row += &(next + " ");
             }
             self.filled += &line(row.trim_end(), 1);
-            format!("{name}[iCall]")
+            match values {
+                Values::Ramps(_, scatter) => format!(
+                    "{name}[iBefore] + fShare * ({name}[iCall] - {name}[iBefore]) + {} * fOdd",
+                    literal(*scatter)
+                ),
+                _ => format!("{name}[iCall]"),
+            }
         } else {
             let name = format!("vRecorded{count}");
             self.variables.push(Declared::new(Section::Local, &name, values.kind(), None, what));
@@ -129,7 +155,7 @@ impl Store {
             }
             name
         };
-        self.known.insert((values.kind(), literals), (expression.clone(), count - 1));
+        self.known.insert(key, (expression.clone(), count - 1));
         expression
     }
 }
@@ -181,8 +207,9 @@ pub(super) fn test_bench(replays: &[Replay]) -> Unit {
     let mut outputs = Vec::new();
     let mut blocks = Vec::new();
     let (mut begins, mut calls, mut judges) = (String::new(), String::new(), String::new());
+    let (mut periods, mut compares) = (String::new(), String::new());
     let mut all_passed = Vec::new();
-    for Replay { block, inputs, outputs: shown, .. } in replays {
+    for Replay { block, each_period, inputs, outputs: shown } in replays {
         let name = block.strip_prefix("FB_").unwrap_or(block);
         let (worst, passed) = (format!("fWorst{name}"), format!("bPassed{name}"));
         let (instance, compared) = (format!("fb{name}"), format!("fbWorst{name}"));
@@ -201,19 +228,28 @@ pub(super) fn test_bench(replays: &[Replay]) -> Unit {
         let given: Vec<String> = inputs
             .iter()
             .map(|(input, values)| {
-                format!("{input} := {}", store.kept(&format!("{block}.{input}"), values))
+                let kept = store.kept(&format!("{block}.{input}"), values);
+                match (*each_period, *input) {
+                    (true, "bReset") => format!("{input} := {kept} AND (iPeriod = 0)"),
+                    _ => format!("{input} := {kept}"),
+                }
             })
             .collect();
-        calls += &line(&format!("{instance}({});", given.join(", ")), 1);
+        let called = format!("{instance}({});", given.join(", "));
+        match each_period {
+            true => periods += &line(&called, 1),
+            false => calls += &line(&called, 2),
+        }
+        let comparing = if *each_period { &mut compares } else { &mut calls };
         for (output, values, scale) in shown {
             let wanted = store.kept(&format!("{block}.{output}"), &values.shortened());
             let found = values.as_number(&format!("{instance}.{output}"));
             let (wanted, scale) = (values.as_number(&wanted), literal(*scale));
-            calls += &line(
+            *comparing += &line(
                 &format!(
                     "{compared}(bReset := FALSE, fFound := {found}, fWanted := {wanted}, fScale := {scale});"
                 ),
-                1,
+                2,
             );
         }
         judges += &line(&format!("{worst} := {compared}.fWorst;"), 1);
@@ -229,18 +265,31 @@ pub(super) fn test_bench(replays: &[Replay]) -> Unit {
             format!("    IF iCall = {k} THEN\n{}    END_IF;\n", said.replace("    ", "        "))
         })
         .collect();
+    let periods_in_call = literal(PERIODS as f64);
     let every = line(&format!("bPassed := {};", all_passed.join(" AND ")), 1);
     let body = format!(
         "\
 IF NOT bBegun THEN
 {begins}{}    iCall := 0;
+    iBefore := 0;
+    iPeriod := 0;
     bDone := FALSE;
     bBegun := TRUE;
 END_IF;
 IF NOT bDone THEN
     (* what changes in this call *)
-{set}    (* each block, and what it shows beside what Rust computed *)
-{calls}    iCall := iCall + 1;
+{set}    fShare := DINT_TO_LREAL(iPeriod + 1) / {periods_in_call};
+    fOdd := DINT_TO_LREAL(iPeriod MOD 2);
+    IF iPeriod = 0 THEN
+        (* each block that is called once in a call, and what it shows beside what Rust computed *)
+{calls}    END_IF;
+    (* each block that is called in every period of a call *)
+{periods}    iPeriod := iPeriod + 1;
+    IF NOT (iPeriod < {PERIODS}) THEN
+{compares}        iPeriod := 0;
+        iBefore := iCall;
+        iCall := iCall + 1;
+    END_IF;
     bDone := NOT (iCall < {CALLS});
     fWorst := 0.0E0;
 {judges}{every}END_IF;
@@ -258,7 +307,11 @@ IF NOT bDone THEN
     variables.extend(outputs);
     variables.extend([
         variable(Section::Local, "bBegun", "BOOL", "Set to FALSE to begin again"),
-        variable(Section::Local, "iCall", "DINT", ""),
+        variable(Section::Local, "iCall", "DINT", "Call"),
+        variable(Section::Local, "iBefore", "DINT", "Call before"),
+        variable(Section::Local, "iPeriod", "DINT", "Control period within the call"),
+        variable(Section::Local, "fShare", "LREAL", ""),
+        variable(Section::Local, "fOdd", "LREAL", ""),
     ]);
     variables.extend(blocks);
     variables.extend(store.variables);
@@ -266,7 +319,7 @@ IF NOT bDone THEN
         kind: Kind::Program,
         name: "PRG_TestBench".into(),
         comment: format!(
-            "Replays {CALLS} calls of each block and compares what it shows with what Rust computed. Call it until bDone: bPassed says \
+            "Replays {CALLS} calls of each block, of controllers {PERIODS} control periods in each, and compares what it shows with what Rust computed. Call it until bDone: bPassed says \
              that all is right, and of each block how far it is off, where less than {} is right.",
             literal(TOLERANCE)
         ),
@@ -288,6 +341,7 @@ mod tests {
         let ramp = Values::Numbers((0..CALLS).map(|call| call as f64).collect());
         let replay = Replay {
             block: "FB_Framed",
+            each_period: false,
             inputs: vec![("bEnable", truths.clone()), ("nMode", counts.clone()), ("xRef", ramp)],
             outputs: vec![("bOn", truths, 1.0), ("nStatus", counts, 1.0)],
         };

@@ -133,8 +133,8 @@ fn arguments(inputs: &[Declared], before: &str) -> String {
 pub(super) fn simulation_feedforward(controller: &Unit, steps: u32, step: &str) -> Unit {
     let [inputs, mut outputs] = frame(controller);
     let acts = format!(
-        "    fbController(bReset := bBegins, bPrepare := bChanged, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL,
-        {});\n",
+        "    fbController(bReset := bBegins, bPrepare := bChanged, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl,
+        pLSim := fbHydraulics.pL, {});\n",
         arguments(&inputs, "")
     );
     let shows: String =

@@ -1,12 +1,15 @@
 //! What the test bench replays: each exported block, its inputs, and what Rust computes of them.
 
-use super::bench::{CALLS, Replay, Values};
+use super::bench::{CALLS, PERIODS, Replay, Values, ramp};
 use crate::crane::{SEGMENTS, resting};
 use crate::error::ExportError;
-use hydroboom_control::{Measured, Reference};
+use hydroboom_control::supervision::{FrameInput, FrameOutput};
+use hydroboom_control::{FramedBenchmarkState, FramedSimulationState, SimulatedCrane};
 use hydroboom_description::Description;
+use hydroboom_design::{framed_benchmark, framed_simulation_feedforward};
 use hydroboom_model::stepping::published;
-use hydroboom_model::{Crane, CraneState, Input, Outputs};
+use hydroboom_model::{Crane, Input, Outputs};
+use hydroboom_virtual_crane::{Command, VirtualCrane};
 
 /// What signals come to in a motion: position \[m\], velocity \[m/s\], tip \[m\], pressure \[Pa\], force \[N\], motor speed \[rev/s\].
 const POSITION: f64 = 0.1;
@@ -20,9 +23,9 @@ const SPEED: f64 = 50.0;
 /// that goes on for some calls only.
 const RESETS: [usize; 3] = [0, 145, 220];
 /// Calls after which the simulated crane that is steered begins again, for the same reason.
-const STEERED: usize = 110;
+const STEERED: usize = 60;
 /// Its steps in a control period. Fewer than in a motion, so that the valves open in these calls.
-const STEPS: usize = 5;
+const STEPS: i32 = 1;
 /// Calls that say that a parameter was changed, although none was.
 const PREPARED: [usize; 2] = [37, 277];
 /// Calls between which the 3/2 valve is shut.
@@ -33,11 +36,12 @@ const HELD: usize = 10;
 /// Every exported block that has a test bench.
 pub(super) fn replays(description: &Description) -> Result<Vec<Replay>, ExportError> {
     let [hydraulics, boom] = crane(description)?;
+    let course = Course::of(description)?;
     Ok(vec![
         hydraulics,
         boom,
-        benchmark(description),
-        motor(description),
+        benchmark(description, &course)?,
+        feedforward_controller(description, &course)?,
         feedforward(description)?,
     ])
 }
@@ -106,6 +110,7 @@ fn crane(description: &Description) -> Result<[Replay; 2], ExportError> {
     let force = before(|seen| seen.cylinder_force);
     let hydraulics = Replay {
         block: "FB_HydraulicModel",
+        each_period: false,
         inputs: with_flags(
             resets,
             vec![
@@ -128,6 +133,7 @@ fn crane(description: &Description) -> Result<[Replay; 2], ExportError> {
     };
     let boom = Replay {
         block: "FB_FlexibleBoom",
+        each_period: false,
         inputs: with_flags(resets, vec![("fCyl", force), ("tStep", numbers(|_| step))]),
         outputs: vec![
             ("xCyl", after(|seen| seen.stroke), POSITION),
@@ -140,115 +146,264 @@ fn crane(description: &Description) -> Result<[Replay; 2], ExportError> {
     Ok([hydraulics, boom])
 }
 
-/// The benchmark controller, with either feedforward, at the motor's limits for some of the time.
-fn benchmark(description: &Description) -> Replay {
-    let controller = description.benchmark();
-    let middle = description.numbers.motion_start;
-    let reference = |call: usize| Reference {
-        position: wave(call, 120.0, 0.05, middle),
-        velocity: wave(call, 90.0, 0.4, 0.0),
-    };
-    let measured = |call: usize| Measured {
-        stroke: wave(call, 110.0, 0.04, middle),
-        load_pressure: wave(call, 70.0, 5e5, 6.5e6),
-    };
-    let simulated = |call: usize| wave(call, 100.0, 20.0, 0.0);
-    let leads = |call: usize| SHUT.contains(&call);
-    let mut memory = controller.start(&measured(0));
-    let speed = numbers(|call| {
-        if resets(call) {
-            memory = controller.start(&measured(call));
+/// A machine that holds its load, releases it and moves slowly, once in each call.
+struct Course {
+    readings: Vec<FrameInput<f64>>,
+}
+
+/// Calls after which the start is asked for, and after which the reference moves.
+const STARTED: usize = 10;
+const MOVING: usize = 250;
+/// Scatter of the readings, in every other period: position \[m\], pressure \[Pa\].
+const POSITION_SCATTER: f64 = 1e-6;
+const PRESSURE_SCATTER: f64 = 1e3;
+
+impl Course {
+    /// The benchmark on the virtual crane of the description.
+    fn of(description: &Description) -> Result<Self, ExportError> {
+        let (machine, _) = description.virtual_crane();
+        let n = &machine.numbers;
+        let mut start = machine.start(n.motion_start);
+        start.preload = 0.0;
+        let mut crane = VirtualCrane::new(&machine, &start)?;
+        let controller = framed_benchmark(description)?;
+        let mut state = FramedBenchmarkState::default();
+        let mut readings = Vec::new();
+        for period in 0..CALLS * PERIODS {
+            let call = period / PERIODS;
+            let r = crane.reading();
+            let moved = period.saturating_sub(MOVING * PERIODS) as f64 * n.control_period;
+            let now = FrameInput {
+                enable: 1.0,
+                start: f64::from(u8::from(call >= STARTED)),
+                valve_state: -1.0,
+                reference_position: n.motion_start + n.slow * moved,
+                reference_velocity: if moved > 0.0 { n.slow } else { 0.0 },
+                stroke: r.stroke,
+                pressure_pump_a: r.pressure_pump_a,
+                pressure_a: r.pressure_a,
+                pressure_b: r.pressure_b,
+                pressure_pump_b: r.pressure_pump_b,
+                motor_speed_read: r.motor_speed,
+                ..FrameInput::default()
+            };
+            let (next, output) = controller.advance(&state, &now);
+            state = next;
+            let (motor_speed, holding_valve) = (output.motor_speed, output.holding_valve);
+            crane.advance(&Command { motor_speed, holding_valve })?;
+            if period % PERIODS == PERIODS - 1 {
+                readings.push(now.map(short));
+            }
         }
-        let own = controller.velocity_feedforward(&reference(call));
-        let share = if leads(call) { simulated(call) } else { own };
-        controller.update(&mut memory, &reference(call), &measured(call), share)
-    });
-    Replay {
-        block: "FB_BenchmarkController",
-        inputs: with_flags(
-            resets,
-            vec![
-                ("xRef", numbers(|call| reference(call).position)),
-                ("vRef", numbers(|call| reference(call).velocity)),
-                ("xCyl", numbers(|call| measured(call).stroke)),
-                ("pL", numbers(|call| measured(call).load_pressure)),
-                ("nSim", numbers(simulated)),
-                ("uLead", numbers(|call| f64::from(u8::from(leads(call))))),
-            ],
+        Ok(Self { readings })
+    }
+
+    fn ramps(&self, of: fn(&FrameInput<f64>) -> f64, scatter: f64) -> Values {
+        Values::Ramps(self.readings.iter().map(of).collect(), scatter)
+    }
+
+    /// Inputs as they are replayed.
+    fn inputs(&self) -> Vec<(&'static str, Values)> {
+        let truths = |of: fn(&FrameInput<f64>) -> f64| {
+            Values::Truths(self.readings.iter().map(|r| of(r) > 0.5).collect())
+        };
+        vec![
+            ("bEnable", truths(|r| r.enable)),
+            ("bHold", truths(|r| r.hold)),
+            ("bStart", truths(|r| r.start)),
+            ("bResetFault", truths(|r| r.reset_fault)),
+            ("uValveRead", numbers(|call| self.readings[call].valve_state)),
+            ("xRef", self.ramps(|r| r.reference_position, 0.0)),
+            ("vRef", self.ramps(|r| r.reference_velocity, 0.0)),
+            ("xCyl", self.ramps(|r| r.stroke, POSITION_SCATTER)),
+            ("pPA", self.ramps(|r| r.pressure_pump_a, PRESSURE_SCATTER)),
+            ("pA", self.ramps(|r| r.pressure_a, PRESSURE_SCATTER)),
+            ("pB", self.ramps(|r| r.pressure_b, PRESSURE_SCATTER)),
+            ("pPB", self.ramps(|r| r.pressure_pump_b, PRESSURE_SCATTER)),
+            ("nRead", self.ramps(|r| r.motor_speed_read, 0.0)),
+        ]
+    }
+
+    /// Inputs of a period of a call, as the test bench works them out.
+    fn input(&self, call: usize, period: usize) -> FrameInput<f64> {
+        let of = |of: fn(&FrameInput<f64>) -> f64, scatter: f64| {
+            let (before, now) = (&self.readings[call.saturating_sub(1)], &self.readings[call]);
+            ramp(&[of(before), of(now)], scatter, 1, period)
+        };
+        let now = &self.readings[call];
+        FrameInput {
+            reference_position: of(|r| r.reference_position, 0.0),
+            reference_velocity: of(|r| r.reference_velocity, 0.0),
+            stroke: of(|r| r.stroke, POSITION_SCATTER),
+            pressure_pump_a: of(|r| r.pressure_pump_a, PRESSURE_SCATTER),
+            pressure_a: of(|r| r.pressure_a, PRESSURE_SCATTER),
+            pressure_b: of(|r| r.pressure_b, PRESSURE_SCATTER),
+            pressure_pump_b: of(|r| r.pressure_pump_b, PRESSURE_SCATTER),
+            motor_speed_read: of(|r| r.motor_speed_read, 0.0),
+            ..*now
+        }
+    }
+
+    /// What a controller shows in the last period of each call.
+    fn shown<R>(&self, mut advance: impl FnMut(&FrameInput<f64>) -> R) -> Vec<R> {
+        let mut call = |call: usize| {
+            let mut last = None;
+            for period in 0..PERIODS {
+                last = Some(advance(&self.input(call, period)));
+            }
+            last
+        };
+        (0..CALLS).filter_map(&mut call).collect()
+    }
+}
+
+/// Outputs of the frame, with what each comes to.
+fn frame_outputs(shown: &[FrameOutput<f64>]) -> Vec<(&'static str, Values, f64)> {
+    let values = |of: fn(&FrameOutput<f64>) -> f64| numbers(|call| of(&shown[call]));
+    vec![
+        ("nRef", values(|o| o.motor_speed), SPEED),
+        (
+            "bHoldingValve",
+            Values::Truths(shown.iter().map(|o| o.holding_valve > 0.5).collect()),
+            1.0,
         ),
-        outputs: vec![("nRef", speed, SPEED)],
-    }
+        ("nStatus", Values::Counts(shown.iter().map(|o| o.status as i32).collect()), 1.0),
+        ("referenceOffset", values(|o| o.reference_offset), POSITION),
+    ]
 }
 
-/// The simulated motor, faster asked for than it can, and beyond what it can.
-fn motor(description: &Description) -> Replay {
-    let benchmark = description.benchmark();
-    let asked = |call: usize| wave(call, 260.0, 80.0, 0.0);
-    let mut speed = 0.0;
-    let shown = numbers(|call| {
-        if resets(call) {
-            speed = 0.0;
-        }
-        speed = benchmark.limits.follow(speed, asked(call), benchmark.period);
-        speed
+/// The benchmark controller within the frame: the load is held, released and moved.
+fn benchmark(description: &Description, course: &Course) -> Result<Replay, ExportError> {
+    let controller = framed_benchmark(description)?;
+    let mut state = FramedBenchmarkState::default();
+    let shown = course.shown(|now| {
+        let (next, output) = controller.advance(&state, now);
+        state = next;
+        output
     });
-    Replay {
-        block: "FB_SimulatedMotor",
-        inputs: with_flags(resets, vec![("nWanted", numbers(asked))]),
-        outputs: vec![("nMotor", shown, SPEED)],
-    }
+    Ok(Replay {
+        block: "FB_BenchmarkController",
+        each_period: true,
+        inputs: with_flags(|call| call == 0, course.inputs()),
+        outputs: frame_outputs(&shown),
+    })
 }
 
-/// All four together: the simulated crane under the benchmark controller.
+/// The simulation feedforward within the frame, with a simulated crane that is where the machine is.
+fn feedforward_controller(
+    description: &Description,
+    course: &Course,
+) -> Result<Replay, ExportError> {
+    let controller = framed_simulation_feedforward(description)?;
+    let middle = description.numbers.motion_start;
+    let pressure = |call: usize| wave(call, 70.0, 2e5, 6.5e6);
+    let mut state = FramedSimulationState::default();
+    state.alignment.position = middle;
+    let strokes: Vec<f64> = course.readings.iter().map(|r| r.stroke).collect();
+    let mut count = 0;
+    let shown = course.shown(|now| {
+        let call = count / PERIODS;
+        let crane = SimulatedCrane {
+            stroke: ramp(&strokes, 0.0, call, count % PERIODS),
+            velocity: 0.0,
+            load_pressure: pressure(call),
+        };
+        count += 1;
+        let (next, output) = controller.advance(&state, now, &crane);
+        state = next;
+        (output, state.alignment.motor)
+    });
+    let outputs: Vec<FrameOutput<f64>> = shown.iter().map(|(output, _)| *output).collect();
+    let mut compared = frame_outputs(&outputs);
+    compared.push(("nMotor", numbers(|call| shown[call].1), SPEED));
+    let mut inputs = course.inputs();
+    inputs.extend([
+        ("xSim", Values::Ramps(strokes, 0.0)),
+        ("vSim", numbers(|_| 0.0)),
+        ("pLSim", numbers(pressure)),
+    ]);
+    Ok(Replay {
+        block: "FB_SimulationFeedforwardController",
+        each_period: true,
+        inputs: with_flags(|call| call == 0, inputs),
+        outputs: compared,
+    })
+}
+
+/// The same with the simulated crane, which is led to where the load is held.
 fn feedforward(description: &Description) -> Result<Replay, ExportError> {
-    let rest = resting(description)?;
     let crane = description.crane::<SEGMENTS>()?;
-    let (benchmark, step) = (description.benchmark(), description.numbers.simulation_period);
+    let controller = framed_simulation_feedforward(description)?;
+    let step = description.numbers.simulation_period;
+    let rest = resting(description)?;
     let resets = |call: usize| call.is_multiple_of(STEERED);
     let middle = description.numbers.motion_start;
-    let reference = |call: usize| Reference {
-        position: wave(call, 600.0, 1e-3, middle),
-        velocity: wave(call, 600.0, 0.025, 0.0),
+    let given = |call: usize| FrameInput {
+        enable: 1.0,
+        valve_state: -1.0,
+        reference_position: middle,
+        // so far away that it is led there fast
+        stroke: middle + 0.05,
+        pressure_pump_a: 3e5,
+        pressure_a: wave(call, 100.0, 1e5, 6.5e6),
+        pressure_b: 5e5,
+        pressure_pump_b: 3e5,
+        ..FrameInput::default()
     };
-    let sees = |state: &CraneState<f64, SEGMENTS>| {
-        let seen = crane.outputs(state);
-        Measured { stroke: seen.stroke, load_pressure: load_pressure(&crane, &seen) }
+    let begun = || {
+        let mut state = FramedSimulationState::default();
+        state.alignment.position = middle;
+        state
     };
-    let mut state = rest;
-    let (mut memory, mut motor, mut since) = (benchmark.start(&sees(&rest)), 0.0, 0);
-    let shown: Vec<(f64, Outputs<f64>)> = (0..CALLS)
+    let (mut state, mut simulated) = (begun(), rest);
+    let shown: Vec<(FrameOutput<f64>, f64, Outputs<f64>)> = (0..CALLS)
         .map(|call| {
             if resets(call) {
-                (state, motor, since) = (rest, 0.0, 0);
-                memory = benchmark.start(&sees(&rest));
+                (state, simulated) = (begun(), rest);
             }
-            if since % STEPS == 0 {
-                let own = benchmark.velocity_feedforward(&reference(call));
-                let asked = benchmark.update(&mut memory, &reference(call), &sees(&state), own);
-                motor = benchmark.limits.follow(motor, asked, benchmark.period);
-            }
-            since += 1;
-            let input = Input { pump_speed: motor, holding_valve: 1.0 };
-            published(&crane, &mut state, &input, step);
-            (motor, crane.outputs(&state))
+            let seen = crane.outputs(&simulated);
+            let shows = SimulatedCrane {
+                stroke: seen.stroke,
+                velocity: seen.velocity,
+                load_pressure: load_pressure(&crane, &seen),
+            };
+            let (next, output) = controller.advance(&state, &given(call), &shows);
+            state = next;
+            let input = Input { pump_speed: state.alignment.motor, holding_valve: 1.0 };
+            published(&crane, &mut simulated, &input, step);
+            (output, state.alignment.motor, crane.outputs(&simulated))
         })
         .collect();
+    let value = |of: fn(&FrameInput<f64>) -> f64| numbers(|call| of(&given(call)));
+    let mut inputs = vec![
+        ("bEnable", Values::Truths(vec![true; CALLS])),
+        ("bHold", Values::Truths(vec![false; CALLS])),
+        ("bStart", Values::Truths(vec![false; CALLS])),
+        ("bResetFault", Values::Truths(vec![false; CALLS])),
+        ("uValveRead", value(|u| u.valve_state)),
+        ("xRef", value(|u| u.reference_position)),
+        ("vRef", value(|u| u.reference_velocity)),
+        ("xCyl", value(|u| u.stroke)),
+        ("pPA", value(|u| u.pressure_pump_a)),
+        ("pA", value(|u| u.pressure_a)),
+        ("pB", value(|u| u.pressure_b)),
+        ("pPB", value(|u| u.pressure_pump_b)),
+        ("nRead", value(|u| u.motor_speed_read)),
+    ];
+    inputs
+        .extend([("tStep", numbers(|_| step)), ("nPerPeriod", Values::Counts(vec![STEPS; CALLS]))]);
+    let outputs: Vec<FrameOutput<f64>> = shown.iter().map(|(output, ..)| *output).collect();
+    let mut compared = frame_outputs(&outputs);
+    compared.extend([
+        ("nSim", numbers(|call| shown[call].1), SPEED),
+        ("xSim", numbers(|call| shown[call].2.stroke), POSITION),
+        ("vSim", numbers(|call| shown[call].2.velocity), VELOCITY),
+        ("pLSim", numbers(|call| load_pressure(&crane, &shown[call].2)), PRESSURE),
+    ]);
     Ok(Replay {
         block: "FB_SimulationFeedforward",
-        inputs: with_flags(
-            resets,
-            vec![
-                ("xRef", numbers(|call| reference(call).position)),
-                ("vRef", numbers(|call| reference(call).velocity)),
-                ("tStep", numbers(|_| step)),
-                ("nPerPeriod", Values::Counts(vec![STEPS as i32; CALLS])),
-            ],
-        ),
-        outputs: vec![
-            ("nFeedforward", numbers(|call| shown[call].0), SPEED),
-            ("xSim", numbers(|call| shown[call].1.stroke), POSITION),
-            ("vSim", numbers(|call| shown[call].1.velocity), VELOCITY),
-            ("pLSim", numbers(|call| load_pressure(&crane, &shown[call].1)), PRESSURE),
-        ],
+        each_period: false,
+        inputs: with_flags(resets, inputs),
+        outputs: compared,
     })
 }

@@ -122,14 +122,6 @@ impl Instance {
         }
     }
 
-    /// A variable of a block within this one.
-    pub fn inner_value(&self, block: &str, name: &str) -> f64 {
-        match self.memory.get(&block.to_uppercase()) {
-            Some(Value::Block(inner)) => inner.value(name),
-            other => panic!("{block} is {other:?}"),
-        }
-    }
-
     /// All outputs that are numbers, in their order.
     pub fn shown(&self) -> Vec<f64> {
         let outputs = self.unit.var_blocks.iter().filter(|b| b.kind == VarBlockKind::VarOutput);
@@ -158,6 +150,14 @@ impl Instance {
             assign(&mut self.memory, name, Value::Truth(*value));
         }
         self.run();
+    }
+
+    /// A whole number.
+    pub fn count(&self, name: &str) -> i64 {
+        match self.memory[&name.to_uppercase()] {
+            Value::Integer(v) => v,
+            ref other => panic!("{name} is {other:?}"),
+        }
     }
 
     /// A condition.
@@ -298,6 +298,9 @@ fn evaluated(e: &Expr, memory: &Memory) -> Value {
             let arguments: Vec<&Expr> = args.iter().map(|a| a.value.as_ref().unwrap()).collect();
             let of = |k: usize| number(arguments[k], memory);
             let off = 1.0 + LAST_DIGIT.get();
+            if name.eq_ignore_ascii_case("LREAL_TO_DINT") {
+                return Value::Integer(of(0).round_ties_even() as i64);
+            }
             Value::Number(match (name.to_uppercase().as_str(), arguments.len()) {
                 ("DINT_TO_LREAL", 1) => match evaluated(arguments[0], memory) {
                     Value::Integer(v) => v as f64,

@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 use hydroboom_control::supervision::{Cause, STATUS_FALLBACK, STATUS_FAULT, frame_phase};
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
-    Bounds, Case, Outcome, Program, RustBenchmark, RustSimulationFeedforward, Target, bounds,
+    Bounds, Case, Compiled, Outcome, RustBenchmark, RustSimulationFeedforward, Target, bounds,
     cases, run,
 };
 use hydroboom_export::{controller, simulation_feedforward};
@@ -28,10 +28,20 @@ enum What {
     C,
     /// Simulation feedforward in C.
     CSimulationFeedforward,
+    /// The benchmark as an FMU.
+    Fmu,
+    /// Simulation feedforward as an FMU.
+    FmuSimulationFeedforward,
 }
 
-const ALL: [What; 4] =
-    [What::Rust, What::RustSimulationFeedforward, What::C, What::CSimulationFeedforward];
+const ALL: [What; 6] = [
+    What::Rust,
+    What::RustSimulationFeedforward,
+    What::C,
+    What::CSimulationFeedforward,
+    What::Fmu,
+    What::FmuSimulationFeedforward,
+];
 
 /// Run exported controllers in closed loop with the virtual crane: engaged anywhere, held and released, with
 /// wrong inputs and changed gains, against computed bounds.
@@ -81,31 +91,31 @@ impl ClosedLoop {
                 "no trial's name contains \"{wanted}\""
             );
         }
-        let jobs: Vec<(What, &Case)> =
-            targets.iter().flat_map(|t| chosen.iter().map(|c| (*t, *c))).collect();
+        let makers =
+            targets.par_iter().map(|what| what.maker(&model, &folder)).collect::<Result<Vec<_>>>();
+        let makers = makers?;
+        let jobs: Vec<(usize, &Case)> = (0..makers.len())
+            .flat_map(|place| chosen.iter().map(move |case| (place, *case)))
+            .collect();
         let progress = Interruptible::new(jobs.len() as u64, "trials")?;
-        let undisturbed = targets
+        let is_plain = |c: &&Case| c.moves && c.disturbed.is_none() && c.gain.is_none();
+        let undisturbed = makers
             .par_iter()
-            .map(|what| {
-                let plain =
-                    all.iter().find(|c| c.moves && c.disturbed.is_none() && c.gain.is_none());
-                let plain = plain.cloned().unwrap_or_else(|| all[0].clone());
-                let mut target = what.target(&model, &folder.join("plain"))?;
-                let outcome = run(&model, &machine, &plain, target.as_mut()).into_diagnostic()?;
-                Ok((*what, outcome))
+            .map(|maker| {
+                let plain = all.iter().find(is_plain).unwrap_or(&all[0]);
+                let mut target = maker.target(&model)?;
+                run(&model, &machine, plain, target.as_mut()).into_diagnostic()
             })
             .collect::<Result<Vec<_>>>()?;
         let rows = jobs
             .par_iter()
-            .enumerate()
-            .map(|(k, (what, case))| {
+            .map(|(place, case)| {
                 if !progress.one_more() {
                     return Ok(None);
                 }
-                let mut target = what.target(&model, &folder.join(k.to_string()))?;
+                let mut target = makers[*place].target(&model)?;
                 let outcome = run(&model, &machine, case, target.as_mut()).into_diagnostic()?;
-                let plain = undisturbed.iter().find(|(of, _)| of == what);
-                let Some((_, plain)) = plain else { return Ok(None) };
+                let plain = &undisturbed[*place];
                 let bounds = bounds(&model, case, plain, &outcome).into_diagnostic()?;
                 Ok(Some(Row {
                     target: target.name(),
@@ -135,24 +145,51 @@ impl ClosedLoop {
     }
 }
 
+/// What makes a target for each trial.
+enum Maker {
+    Benchmark,
+    SimulationFeedforward,
+    Program(Compiled),
+}
+
 impl What {
-    fn target(self, model: &Description, folder: &Path) -> Result<Box<dyn Target>> {
+    /// Compiles what is to be compiled, once.
+    fn maker(self, model: &Description, folder: &Path) -> Result<Maker> {
         let n = &model.numbers;
         let steps = (n.control_period / n.simulation_period).round().max(1.0) as u32;
-        let program = |block, steps, name| Program::in_c(name, &block, steps, folder);
-        Ok(match self {
-            Self::Rust => Box::new(RustBenchmark::new(model).into_diagnostic()?),
-            Self::RustSimulationFeedforward => {
-                Box::new(RustSimulationFeedforward::new(model).into_diagnostic()?)
-            }
+        let folder = folder.join(format!("{self:?}"));
+        let compiled = match self {
+            Self::Rust => return Ok(Maker::Benchmark),
+            Self::RustSimulationFeedforward => return Ok(Maker::SimulationFeedforward),
             Self::C => {
                 let block = controller(model).into_diagnostic()?;
-                Box::new(program(block, 0, "C, benchmark").into_diagnostic()?)
+                Compiled::in_c("C, benchmark", &block, 0, &folder)
             }
             Self::CSimulationFeedforward => {
                 let block = simulation_feedforward(model).into_diagnostic()?;
-                Box::new(program(block, steps, "C, simulation feedforward").into_diagnostic()?)
+                Compiled::in_c("C, simulation feedforward", &block, steps, &folder)
             }
+            Self::Fmu => {
+                let block = controller(model).into_diagnostic()?;
+                Compiled::in_fmu("FMU, benchmark", &block, model, &folder)
+            }
+            Self::FmuSimulationFeedforward => {
+                let block = simulation_feedforward(model).into_diagnostic()?;
+                Compiled::in_fmu("FMU, simulation feedforward", &block, model, &folder)
+            }
+        };
+        compiled.into_diagnostic().map(Maker::Program)
+    }
+}
+
+impl Maker {
+    fn target(&self, model: &Description) -> Result<Box<dyn Target>> {
+        Ok(match self {
+            Self::Benchmark => Box::new(RustBenchmark::new(model).into_diagnostic()?),
+            Self::SimulationFeedforward => {
+                Box::new(RustSimulationFeedforward::new(model).into_diagnostic()?)
+            }
+            Self::Program(compiled) => Box::new(compiled.start().into_diagnostic()?),
         })
     }
 }
