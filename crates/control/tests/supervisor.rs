@@ -505,3 +505,26 @@ fn readings_that_were_missed_make_no_piston_run_away() {
         assert_eq!(rig.now.cause, None, "at {k}");
     }
 }
+
+/// A loop in sustained oscillation is told with amplitude and frequency, and is no fault within the limits.
+#[test]
+fn a_loop_that_oscillates_at_rest_is_told() {
+    let mut rig = Rig::brought_to(State::Moving);
+    let (frequency, mut time, mut middle) = (1.0, 0.0, None);
+    let (mut low, mut high) = (f64::MAX, f64::MIN);
+    for _ in 0..6000 {
+        time += limits().period;
+        let speed = 6.0 * (core::f64::consts::TAU * frequency * time).cos();
+        let seen = rig.step(limits().period, Request::None, |seen| {
+            seen.wanted = speed;
+            seen.reference = *middle.get_or_insert(seen.reading.stroke);
+        });
+        (low, high) = (low.min(seen.reading.stroke), high.max(seen.reading.stroke));
+    }
+    assert_eq!(rig.now.state, State::Moving, "{:?}", rig.now.cause);
+    let [amplitude, hz] = rig.now.oscillation.unwrap();
+    assert!((hz / frequency - 1.0).abs() < 0.05, "{hz} Hz");
+    assert!((2.0 * amplitude / (high - low) - 1.0).abs() < 0.1, "{amplitude} m, {low} to {high}");
+    // another course begins without it
+    assert_eq!(Rig::brought_to(State::Moving).now.oscillation, None);
+}

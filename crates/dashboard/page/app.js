@@ -91,6 +91,10 @@ function inWords(chosen) {
 
 // What the machine waits for, or that it waits for nothing but a start.
 function waits(frame) {
+  if (frame.oscillation != null) {
+    const [amplitude, frequency] = frame.oscillation;
+    return `the loop is in sustained oscillation: ${amplitude.toFixed(1)} mm at ${frequency.toFixed(2)} Hz`;
+  }
   const since = `since ${(frame.waiting_s ?? 0).toFixed(0)} s`;
   if (frame.start_waits_for != null) {
     const machine = frame.waiting != null ? `; the machine waits for ${frame.waiting}, ${since}` : "";

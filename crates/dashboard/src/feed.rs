@@ -160,6 +160,7 @@ impl Feed {
             "cause": cause.map(|c| c.code()), "advice": cause.map(|c| c.advice()),
             "start_waits_for": start_waits_for(&r.decision, operator.is_some()),
             "waiting": r.decision.waiting.text(), "waiting_s": shorter(r.decision.waited),
+            "oscillation": r.decision.oscillation.map(|[amplitude, hz]| [shorter(amplitude * 1e3), shorter(hz)]),
             "chosen": self.chosen.json(), "strategy": r.strategy.name(), "fallback": r.fallback,
             "course_s": r.course_time.map(shorter), "valve": r.decision.command.holding_valve,
             "known": r.known.map(|k| [k.payload, k.balance.transition * 1e-5, k.balance.flow_gain]),

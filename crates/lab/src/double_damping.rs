@@ -82,7 +82,7 @@ fn damped_once(
         Feedback::new(model, strategy, &beyond(crane.measured(), feedforward.simulated()));
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
-    let mut score = Score::new(course.duration());
+    let mut score = Score::new();
     for k in 0..=periods {
         let time = k as f64 * period;
         let reference = course.reference(time);

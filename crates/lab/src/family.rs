@@ -195,7 +195,7 @@ fn together(
         contender,
         course: courses[lane].as_ref(),
     });
-    let mut scores = lanes.map(|lane| Score::new(lane.course.duration()));
+    let mut scores = lanes.map(|_| Score::new());
     let ends = steer_together(model, &lanes, |lane, sample| scores[lane].add(sample));
     Ok(std::array::from_fn(|lane| match &ends[lane] {
         Ok(()) => Outcome {

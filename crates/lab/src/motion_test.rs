@@ -55,7 +55,7 @@ pub struct Run {
 impl Run {
     /// How well the course was followed.
     pub fn score(&self) -> Score {
-        let mut score = Score::new(self.samples.last().map_or(0.0, |s| s.time));
+        let mut score = Score::new();
         self.samples.iter().for_each(|sample| score.add(sample));
         score
     }

@@ -1,13 +1,8 @@
 //! How well a course was followed.
 
 use crate::motion_test::Sample;
+use hydroboom_control::supervision::{OscillationDetector, OscillationState};
 use serde::Serialize;
-
-/// A crane still swings if its piston moves by more than this in the last second \[m\]...
-const SWINGING: f64 = 2e-3;
-/// ... and no less than this share of what it did in the second before; and if it is as far from the reference: what friction has held for a while
-/// and is made good for is no swing. What goes from limit to limit is not as much in every second.
-const SUSTAINED: f64 = 0.8;
 
 /// What is slower than this in the tip's deflection is no vibration \[s\]: the boom rings at some Hz.
 const SLOW: f64 = 0.5;
@@ -26,14 +21,16 @@ pub struct Effort {
 }
 
 /// Tracking errors gathered along a course.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Score {
-    duration: f64,
     square: f64,
     peak: f64,
     count: u64,
-    /// Lowest and highest distance from the reference in the last second but one, and in the last \[m\].
-    extents: [(f64, f64); 2],
+    /// Detector of sustained oscillation, shown the piston itself.
+    oscillation: OscillationState<f64>,
+    has_oscillated: bool,
+    /// Time of the last sample \[s\].
+    time: f64,
     effort: Effort,
     /// Time and slow part of the tip's deflection a period ago; none before the first.
     before: Option<(f64, f64)>,
@@ -43,21 +40,9 @@ pub struct Score {
 }
 
 impl Score {
-    /// Nothing gathered yet, of a course of the given duration \[s\].
-    pub fn new(duration: f64) -> Self {
-        let nowhere = (f64::INFINITY, f64::NEG_INFINITY);
-        Self {
-            duration,
-            square: 0.0,
-            peak: 0.0,
-            count: 0,
-            extents: [nowhere; 2],
-            effort: Effort::default(),
-            before: None,
-            has_moved: false,
-            vibration: 0.0,
-            resting: 0,
-        }
+    /// Nothing gathered yet.
+    pub fn new() -> Self {
+        Self::default()
     }
 
     /// Adds a control period.
@@ -69,11 +54,13 @@ impl Score {
             self.peak = error;
         }
         self.add_effort(sample);
-        let left = self.duration - sample.time;
-        if left < 2.0 {
-            let (low, high) = &mut self.extents[usize::from(left < 1.0)];
-            let off = sample.truth.outputs.stroke - sample.reference.position;
-            (*low, *high) = (low.min(off), high.max(off));
+        let off = sample.reference.position - sample.truth.outputs.stroke;
+        let rests = sample.reference.velocity == 0.0;
+        let passed = sample.time - self.time;
+        self.time = sample.time;
+        if passed > 0.0 {
+            let detector = OscillationDetector::POSITIONING;
+            self.has_oscillated |= detector.update(&mut self.oscillation, off, rests, passed);
         }
     }
 
@@ -112,11 +99,15 @@ impl Score {
         self.peak
     }
 
-    /// Whether the course, which ends at rest, ended in an oscillation that did not die out in its last two seconds.
-    pub fn still_swings(&self) -> bool {
-        let [before, last] = self.extents.map(|(low, high)| [high - low, high.max(-low)]);
-        let [extent, farthest] = core::array::from_fn(|k| last[k] > SUSTAINED * before[k]);
-        last[0] > SWINGING && extent && farthest
+    /// Whether the course, which ends at rest, ended in what may be a sustained oscillation: the last half-cycles did not
+    /// die out.
+    pub fn may_oscillate(&self) -> bool {
+        self.oscillation.half_cycles > 0.5
+    }
+
+    /// Whether it was in a sustained oscillation while its reference rested, by the one detector there is.
+    pub fn oscillates(&self) -> bool {
+        self.has_oscillated
     }
 }
 
@@ -132,7 +123,7 @@ pub(crate) mod tests {
         let description = Description::uia_virtual().unwrap();
         let crane = VirtualCrane::new(&description, &description.start(0.25)).unwrap();
         let (reading, mut truth) = (crane.reading(), crane.truth());
-        let mut score = Score::new(3.0);
+        let mut score = Score::new();
         for k in 0..=3000 {
             let time = 1e-3 * f64::from(k);
             truth.outputs.stroke = 0.25 + off(time);
@@ -143,20 +134,17 @@ pub(crate) mod tests {
         score
     }
 
-    fn swings(off: impl Fn(f64) -> f64) -> bool {
-        score(off).still_swings()
-    }
-
     #[test]
-    fn what_swings_to_and_fro_is_unstable_and_what_dies_out_or_creeps_back_is_not() {
-        let swing = |time: f64| 3e-3 * (8.0 * time).sin();
-        assert!(swings(swing) && swings(|time| swing(time) * (0.1 * time).exp()));
-        assert!(!swings(|time| swing(time) * (-0.5 * time).exp()));
-        assert!(swings(|time| swing(time) * (-0.15 * time).exp()));
-        assert!(!swings(|time| 0.1 * swing(time)));
+    fn a_course_that_ends_in_an_oscillation_is_told_from_one_that_comes_to_rest() {
+        let swing = |time: f64| 3e-3 * (12.0 * time).sin();
+        let oscillates = |off: &dyn Fn(f64) -> f64| score(off).oscillates();
+        assert!(oscillates(&swing));
+        assert!(!oscillates(&|time| swing(time) * (-0.5 * time).exp()));
+        assert!(!oscillates(&|time| 0.1 * swing(time)));
         // friction has held it, and by now it is made good for, at 4 mm/s
-        assert!(!swings(|time| -9e-3 + 4e-3 * (time - 1.0).max(0.0)));
-        // away from the reference it is no better than a swing
-        assert!(swings(|time| 4e-3 * (time - 1.0).max(0.0)));
+        assert!(!oscillates(&|time| -9e-3 + 4e-3 * (time - 1.0).max(0.0)));
+        // the first half-cycles may be one
+        let late = |time: f64| if time > 2.0 { swing(time) } else { 0.0 };
+        assert!(score(late).may_oscillate() && !score(late).oscillates());
     }
 }

@@ -176,7 +176,7 @@ pub fn run(
 
 fn one(model: &Description, trial: &Trial, contender: Contender) -> Outcome {
     let course = trial.course.as_ref();
-    let mut score = Score::new(course.duration());
+    let mut score = Score::new();
     let mut speeds = Vec::new();
     let end = steer(model, &trial.crane, contender, course, |sample| {
         score.add(sample);

@@ -108,7 +108,7 @@ pub fn virtual_run(
         Task::Oscillation { .. } => OSCILLATION,
     };
     let mut summary = Summary { duration_s: duration, ..Summary::default() };
-    let (mut score, mut count) = (Score::new(duration), 0_u64);
+    let (mut score, mut count) = (Score::new(), 0_u64);
     let mut observe = |sample: &Sample| {
         for (log, contents, every) in &mut writers {
             if count % *every == 0 {
@@ -168,8 +168,8 @@ pub fn strategies(
 ) -> Result<Vec<(Strategy, Summary)>, LabError> {
     let duration = course.duration();
     let lanes = Strategy::ALL.map(|strategy| Lane { crane, contender: strategy.into(), course });
-    let mut gathered = lanes
-        .map(|_| (Summary { duration_s: duration, ..Summary::default() }, Score::new(duration)));
+    let mut gathered =
+        lanes.map(|_| (Summary { duration_s: duration, ..Summary::default() }, Score::new()));
     let mut count = 0_u64;
     let ends = steer_all(model, &lanes, |lane, sample| {
         let (summary, score) = &mut gathered[lane];

@@ -64,7 +64,7 @@ fn a_light_load_on_soft_oil_does_not_ring_on() {
     let [benchmark, own] = both(&soft, &CourseChoice::Motion(soft.numbers.fast));
     assert!(benchmark.rms() > 10e-3, "this crane is no test: {}", benchmark.rms());
     assert!(own.rms() < 0.5 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
-    assert!(!own.score().still_swings());
+    assert!(!own.score().oscillates());
 }
 
 /// A payload that is hung on falls until the oil carries it, whoever controls. Nothing rings on, and while it is weighed then,
@@ -74,7 +74,7 @@ fn a_payload_that_changes_is_borne() {
     let crane = Description::uia_virtual().unwrap();
     let [benchmark, own] = both(&crane, &CourseChoice::Scenario("payload-change".into()));
     assert!(own.rms() < 1.005 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
-    assert!(!own.score().still_swings());
+    assert!(!own.score().oscillates());
     let moved = own.samples[own.samples.len() - 500..].iter().map(|s| s.error().abs());
     let most = moved.fold(0.0, f64::max);
     assert!(most < 0.5e-3, "{most} m while it is weighed");
@@ -86,7 +86,7 @@ fn led_closer_and_at_rest_in_the_end(seed: u64, numbers: &[u64], scenario: &str)
         let crane = member(&Description::uia_virtual().unwrap(), seed, *number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario(scenario.into()));
         assert!(own.rms() < benchmark.rms(), "{number}: {} for {}", own.rms(), benchmark.rms());
-        assert!(!own.score().still_swings(), "crane {number} of seed {seed}");
+        assert!(!own.score().oscillates(), "crane {number} of seed {seed}");
     }
 }
 
@@ -120,7 +120,7 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         // the motor counts
         assert!(own.rms() < 0.62 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let end = own.samples.last().unwrap().error();
-        assert!(end.abs() < 0.5e-3 && !own.score().still_swings(), "{end} m are left");
+        assert!(end.abs() < 0.5e-3 && !own.score().oscillates(), "{end} m are left");
     }
 }
 
@@ -133,7 +133,7 @@ fn a_reference_out_of_reach_takes_the_whole_motor() {
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("saturation".into()));
         let [most, rms] = [0.5 * benchmark.rms(), own.rms()];
         assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
-        assert!(!own.score().still_swings(), "crane {number}");
+        assert!(!own.score().oscillates(), "crane {number}");
     }
 }
 
@@ -202,7 +202,7 @@ fn a_reversal_is_foreseen() {
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("reversal".into()));
         let [most, rms] = [0.65 * benchmark.rms(), own.rms()];
         assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
-        assert!(!own.score().still_swings(), "crane {number}");
+        assert!(!own.score().oscillates(), "crane {number}");
     }
 }
 

@@ -85,7 +85,7 @@ impl OscillationDetector<f64> {
     pub fn time_to_find(&self, frequency: f64) -> f64 {
         let half = 0.5 / frequency;
         // what is seen first is part of a half-cycle, and a turning point is known by its hysteresis
-        (self.half_cycles.max((self.time / half).ceil() + 1.0) + 2.0) * half
+        (self.half_cycles.max(self.time / half + 2.0) + 2.0) * half
     }
 }
 

@@ -16,6 +16,7 @@ use super::drive_monitor::DriveMonitorState;
 use super::fault::{Cause, Reaction};
 use super::flow_monitor::{FlowMonitorState, FlowReading};
 use super::limits::{Limits, Observation, ValveState};
+use super::oscillation_detector::{OscillationDetector, OscillationState};
 use super::plausibility::{Plausibility, RUNAWAY};
 use super::release::{Refusal, ReleaseInput, ReleaseState, phase};
 use super::waiting::Waiting;
@@ -98,6 +99,9 @@ pub struct Decision {
     pub waiting: Waiting,
     /// For how long it has waited for that \[s\].
     pub waited: f64,
+    /// Amplitude \[m\] and frequency \[Hz\] of a sustained oscillation that was found while the controller has had
+    /// the load.
+    pub oscillation: Option<[f64; 2]>,
 }
 
 impl Decision {
@@ -110,6 +114,7 @@ impl Decision {
         releasing: false,
         waiting: Waiting::Enable,
         waited: 0.0,
+        oscillation: None,
     };
 
     /// Whether motor and valve are commanded to rest.
@@ -166,6 +171,10 @@ pub struct Supervisor {
     flow: FlowMonitorState,
     /// Time since the reading that the flow monitor took in last \[s\].
     unread: f64,
+    oscillating: OscillationState<f64>,
+    oscillation: Option<[f64; 2]>,
+    /// Reference of the period before \[m\].
+    reference: f64,
 }
 
 impl Supervisor {
@@ -190,6 +199,9 @@ impl Supervisor {
             drive: DriveMonitorState::default(),
             flow: FlowMonitorState::default(),
             unread: 0.0,
+            oscillating: OscillationState::default(),
+            oscillation: None,
+            reference: 0.0,
         }
     }
 
@@ -234,7 +246,7 @@ impl Supervisor {
                 None => match self.state {
                     State::Ready => self.ready(seen, request),
                     State::Holding => self.holding(seen, request, elapsed),
-                    State::Moving => self.moving(seen, request),
+                    State::Moving => self.moving(seen, request, elapsed),
                     State::Stopping => self.stopping(),
                     State::Idle | State::Fault => {}
                 },
@@ -249,6 +261,7 @@ impl Supervisor {
             releasing: self.release.is_some(),
             waiting: self.waiting,
             waited: self.waited,
+            oscillation: self.oscillation,
         }
     }
 
@@ -372,10 +385,12 @@ impl Supervisor {
             self.switch(1.0);
             self.flow = FlowMonitorState::default();
             self.unread = 0.0;
+            self.oscillating = OscillationState::default();
+            self.oscillation = None;
         }
     }
 
-    fn moving(&mut self, seen: &Observation, request: Request) {
+    fn moving(&mut self, seen: &Observation, request: Request, elapsed: f64) {
         self.switch(1.0);
         self.waiting_for(match self.controls() {
             true => Waiting::CourseEnd,
@@ -383,10 +398,22 @@ impl Supervisor {
         });
         if self.controls() {
             self.ramp(seen.wanted);
+            self.watch_oscillation(seen, elapsed);
         }
         if request == Request::Stop || (self.controls() && seen.course_over) {
             self.begin_stop(Reaction::ControlledStop, &seen.reading, true);
             self.enter(State::Stopping);
+        }
+    }
+
+    /// A loop in sustained oscillation is told; it is no fault while the piston keeps to its limits.
+    fn watch_oscillation(&mut self, seen: &Observation, elapsed: f64) {
+        let rests = seen.reference == self.reference;
+        self.reference = seen.reference;
+        let detector = OscillationDetector::POSITIONING;
+        let error = seen.reference - seen.reading.stroke;
+        if detector.update(&mut self.oscillating, error, rests, elapsed) {
+            self.oscillation = Some(detector.amplitude_and_frequency(&self.oscillating));
         }
     }
 

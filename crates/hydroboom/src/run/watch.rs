@@ -102,6 +102,8 @@ pub struct Watch {
     state: Option<State>,
     /// What it was said last that the machine waits for.
     waiting: Option<Waiting>,
+    /// Whether the loop was in sustained oscillation in the period before.
+    oscillates: bool,
     running: Option<Running>,
     /// Records of the last course, from the request to the load held.
     pub records: Vec<Record>,
@@ -152,6 +154,7 @@ impl Watch {
             speaks: false,
             state: None,
             waiting: None,
+            oscillates: false,
             running: None,
             records: Vec::with_capacity(40_000),
             results: Vec::new(),
@@ -235,6 +238,7 @@ impl Attendant for Watch {
             self.desk.choose(switch.at_time(record.course_time));
         }
         self.say_waiting(&record.decision);
+        self.say_oscillation(record.decision.oscillation);
         if record.decision.releasing && self.running.is_none() {
             self.begin(record);
         }
@@ -320,6 +324,18 @@ impl Watch {
         self.waiting = Some(decision.waiting);
         let (state, text) = (decision.state.name(), decision.waiting.text());
         self.say(&format!("{state} waits for {text}, since {:.0} s", decision.waited));
+    }
+
+    /// Says that the loop is in sustained oscillation, once in a course.
+    fn say_oscillation(&mut self, oscillation: Option<[f64; 2]>) {
+        let is_new = oscillation.is_some() && !self.oscillates;
+        self.oscillates = oscillation.is_some();
+        if let (Some([amplitude, frequency]), true) = (oscillation, is_new && self.speaks) {
+            self.say(&format!(
+                "the loop is in sustained oscillation: {:.1} mm at {frequency:.2} Hz",
+                amplitude * 1e3
+            ));
+        }
     }
 
     fn begin(&mut self, record: &Record) {
