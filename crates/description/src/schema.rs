@@ -310,7 +310,7 @@ keys! {
     supervision_tracking_open_loop: "supervision" "tracking_open_loop_mm" ["mm" = MM] 0.1..=1000.0 or 100.0, "Largest tracking error without feedback";
     supervision_wait: "supervision" "wait_s" ["s" = 1.0] 0.5..=3600.0 or 10.0, "Time for which a state waits for what it needs before it gives up";
     supervision_spring: "supervision" "spring_mm" ["mm" = MM] 0.1..=1000.0 or 20.0, "Largest movement of the load when pressure shut in on its unloaded side is released";
-    supervision_stuck: "supervision" "stuck_ms" ["ms" = MS] 10.0..=10000.0 or 250.0, "Time after which a noisy signal that repeats itself to the last bit is stuck";
+    supervision_stuck: "supervision" "stuck_ms" ["ms" = MS] 0.0..=10000.0 or 250.0, "Time after which a noisy signal that repeats itself to the last bit is stuck; 0 does not watch for it";
     supervision_position_scatter: "supervision" "position_scatter_mm" ["mm" = MM] 0.001..=100.0 or 0.2, "Largest scatter of the position from one reading to the next, RMS of 64";
     supervision_pressure_scatter: "supervision" "pressure_scatter_bar" ["bar" = BAR] 0.01..=100.0 or 3.0, "Largest scatter of a pressure from one reading to the next, RMS of 64";
     supervision_pressure_step: "supervision" "pressure_step_bar" ["bar" = BAR] 0.1..=1000.0 or 10.0, "Largest step of a pressure from one reading to the next";
