@@ -404,9 +404,9 @@ fn detection_time(fault: Fault, l: &Limits) -> Option<f64> {
     let periods = 3.0 * l.period;
     match fault {
         Fault::Sensor(_, Sensor::NotANumber) => Some(periods),
-        Fault::MachineKilled | Fault::MachinePaused | Fault::MachineRestarted => {
-            Some(l.stale + periods)
-        }
+        Fault::MachineKilled | Fault::MachinePaused => Some(l.stale + periods),
+        // its valve was shut for a moment, which pump side and cylinder show
+        Fault::MachineRestarted => Some(l.stale + l.valve_time + l.pressure_agreement.1 + periods),
         Fault::OperatorGone | Fault::EmergencyStop | Fault::ClockJump => Some(periods),
         Fault::ControlStopped(time) => Some(f64::from(time) * 1e-3 + periods),
         Fault::ControlStarved => Some(f64::from(l.missed + 26) * l.period),
@@ -427,6 +427,8 @@ fn must_be_found(fault: Fault, moment: Moment) -> bool {
             !matches!(wrong, WrongPressure::LoadCopiesPump | WrongPressure::PumpCopiesLoad)
         }
         Fault::Position(wrong) => wrong != WrongPosition::Gain5,
+        // an empty hook is a load as well
+        Fault::PayloadDropped => acts,
         Fault::MachinePaused | Fault::OperatorGone | Fault::ClockJump => acts,
         Fault::ControlStopped(time) => acts && time >= 60,
         Fault::MachineRestarted
@@ -441,7 +443,6 @@ fn must_be_found(fault: Fault, moment: Moment) -> bool {
         | Fault::DriveLifts
         | Fault::DriveLowers
         | Fault::ValveStuckShut
-        | Fault::PayloadDropped
         | Fault::LineBurst
         | Fault::EmergencyStop => true,
     }
