@@ -100,8 +100,10 @@ impl Bounds {
         let goes_on = case.moves && !has_stopped;
         // rounding of a command that is at its limit
         let above = |value: f64, bound: f64| value > bound * (1.0 + 1e-9);
+        let is_sample = case.disturbed.is_some_and(|d| d.periods == 1);
         let all = [
             (outcome.broke.is_some(), "the machine broke"),
+            (is_sample && has_stopped, "stopped by one sample"),
             (outcome.is_not_finite, "an output is not finite"),
             (above(outcome.lifted, self.lifted), "lift"),
             (above(outcome.dropped, self.dropped), "drop"),
