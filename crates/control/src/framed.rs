@@ -166,6 +166,11 @@ impl<T: Real> FramedSimulationFeedforward<T> {
             };
             let own = b.velocity_feedforward(&reference);
             let wanted = b.update(&mut simulated, &reference, &shown, own);
+            // a gain that is no number is no reason to lose the simulated crane
+            let is_finite = wanted.is_finite() & simulated.integral.is_finite();
+            let wanted = T::select(is_finite, wanted, T::zero());
+            simulated.integral = T::select(is_finite, simulated.integral, T::zero());
+            simulated.low_passed = T::select(is_finite, simulated.low_passed, shown.load_pressure);
             alignment.motor = b.limits.follow(alignment.motor, wanted, b.period);
 
             // a simulated crane that is somewhere else leads nowhere

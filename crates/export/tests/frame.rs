@@ -7,8 +7,8 @@ use hydroboom_control::supervision::{
 };
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
-    Case, Compiled, Outcome, RustBenchmark, RustSimulationFeedforward, Target, TargetError, bounds,
-    cases, run,
+    Bad, Case, Compiled, Outcome, RustBenchmark, RustSimulationFeedforward, Target, TargetError,
+    bounds, cases, run,
 };
 use hydroboom_export::{controller, simulation_feedforward};
 use hydroboom_virtual_crane::{Command, VirtualCrane};
@@ -53,9 +53,26 @@ fn whatever_is_tried_stays_within_its_bounds() {
             let beyond = within.beyond(case, &undisturbed, &outcome);
             assert!(beyond.is_empty(), "{}: {beyond:?}, {within:?}", case.name());
             stopped += u32::from(outcome.status >= STATUS_FAULT);
+            // heavier than the crane file's loads, a load is lifted at the end stop only, if at all
+            let is_of_file = case.payload <= model.ranges().high.payload;
+            assert!(!is_of_file || outcome.release_time.is_some(), "{} is held", case.name());
+            // a controller that has the load goes by neither start nor reset
+            let stops = case.disturbed.is_some_and(|d| {
+                let goes_by = !(start()..=start() + 1).contains(&d.input);
+                d.bad == Bad::NotANumber && d.periods > 1 && goes_by
+            });
+            let goes_on = outcome.status == frame_phase::CONTROLLING;
+            assert!(!stops || !goes_on, "{}: {}", case.name(), outcome.status);
+            let is_plain = case.disturbed.is_none() && case.gain.is_none() && is_of_file;
+            assert!(!is_plain || goes_on, "{}: {}", case.name(), outcome.status);
         }
         assert!(stopped > 10, "nothing was found wrong");
     }
+}
+
+/// Place of start among the inputs; reset comes next.
+fn start() -> usize {
+    FrameInput::NAMES.iter().position(|name| *name == "start").unwrap()
 }
 
 /// Place of the piston position among the inputs.
@@ -83,34 +100,82 @@ fn a_loop_that_swings_up_falls_back_or_is_held() {
     assert!(high - low < 0.5e-3, "it still moves by {} m", high - low);
 }
 
+/// Readings of a held load, with sensors that scatter in their last digit.
+fn held(k: u32) -> FrameInput<f64> {
+    let noise = f64::from(k % 3) * 1e-6;
+    FrameInput {
+        enable: 1.0,
+        valve_state: -1.0,
+        reference_position: 0.2,
+        stroke: 0.2 + noise,
+        pressure_a: 65e5 + noise * 1e9,
+        pressure_b: 5e5 + noise * 1e9,
+        pressure_pump_a: 3e5 + noise * 1e9,
+        pressure_pump_b: 3e5 + noise * 1e9,
+        ..FrameInput::default()
+    }
+}
+
+/// A held load that sinks is told, however fast it sinks.
+#[test]
+fn a_held_load_that_moves_is_told_at_any_speed() {
+    let (model, _) = cranes();
+    for speed in [1e-3, 5e-3, 12e-3, 20e-3, 100e-3] {
+        let mut target = benchmark(&model);
+        let mut moved = 0.0;
+        let found = (0..8000).find_map(|k| {
+            let sinks = speed * 1e-3 * f64::from(k - 2000_i32).max(0.0);
+            moved = sinks;
+            let now = FrameInput { stroke: 0.2 - sinks.min(0.19), ..held(k as u32) };
+            let now = FrameInput { stroke: now.stroke + f64::from(k % 3) * 1e-6, ..now };
+            let status = target.period(&now, 1.0).unwrap().status;
+            (status >= STATUS_FAULT).then_some(status - STATUS_FAULT)
+        });
+        assert_eq!(found.and_then(Cause::from_number), Some(Cause::LoadNotHeld), "{speed} m/s");
+        // at most two periods of the load mode, which is 0.42 s
+        assert!(moved < 3e-3 + 3.0 * 0.43 * speed, "{speed} m/s: {moved} m");
+    }
+}
+
+/// Measurements that are not plausible, a reference that no piston can follow, and a load that still swings release nothing.
+#[test]
+fn what_is_not_plausible_is_told_before_anything_opens() {
+    let (model, _) = cranes();
+    let wait = model.numbers.supervision_wait;
+    type Change = fn(&mut FrameInput<f64>, u32);
+    let cases: [(Change, Cause); 5] = [
+        (|u, _| u.stroke *= 1e3, Cause::PositionImplausible),
+        (|u, _| u.pressure_b = f64::NAN, Cause::PressureImplausible),
+        (|u, _| u.reference_position = 0.6, Cause::ReferenceImplausible),
+        (|u, _| u.reference_position = f64::NAN, Cause::ReferenceImplausible),
+        (|u, k| u.stroke += 3e-3 * (0.03 * f64::from(k)).sin(), Cause::LoadNotStill),
+    ];
+    for (change, wanted) in cases {
+        let mut target = benchmark(&model);
+        let mut found = None;
+        for k in 0..((wait + 25.0) * 1e3) as u32 {
+            let mut now = held(k);
+            now.start = f64::from(u8::from(k > 1000));
+            change(&mut now, k);
+            let output = target.period(&now, 1.0).unwrap();
+            assert_eq!(output.holding_valve, 0.0, "{wanted:?}");
+            found = Cause::from_number(output.status - STATUS_FAULT).or(found);
+        }
+        assert_eq!(found, Some(wanted));
+    }
+}
+
 /// A caller that opens the valve itself gets a status and no speed.
 #[test]
 fn a_valve_that_is_open_without_being_asked_for_is_told_and_nothing_turns() {
     let (model, _) = cranes();
     let mut target = benchmark(&model);
-    let held = FrameInput {
-        enable: 1.0,
-        stroke: 0.2,
-        pressure_a: 65e5,
-        pressure_b: 5e5,
-        pressure_pump_a: 3e5,
-        pressure_pump_b: 3e5,
-        reference_position: 0.2,
-        ..FrameInput::default()
-    };
     let mut last = FrameOutput::default();
     for k in 0..2000_u32 {
-        // an encoder and transducers that scatter in their last digit
-        let noise = f64::from(k % 3) * 1e-6;
         let now = FrameInput {
-            stroke: held.stroke + noise,
-            pressure_a: held.pressure_a + noise * 1e9,
-            pressure_b: held.pressure_b + noise * 1e9,
-            pressure_pump_a: held.pressure_pump_a + noise * 1e9,
-            pressure_pump_b: held.pressure_pump_b + noise * 1e9,
             valve_state: f64::from(u8::from(k >= 500)),
             start: f64::from(u8::from(k >= 600)),
-            ..held
+            ..held(k)
         };
         last = target.period(&now, 1.0).unwrap();
         assert_eq!((last.motor_speed, last.holding_valve), (0.0, 0.0), "after {k} ms");

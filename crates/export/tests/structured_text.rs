@@ -433,7 +433,7 @@ fn the_test_bench_does_not_forget_what_was_no_number() {
     }
 }
 
-/// Each recorded array, one number of it changed, makes those blocks fail that it was recorded of.
+/// Each second recorded array, one number of it changed, makes those blocks fail that it was recorded of.
 #[test]
 fn the_test_bench_notices_one_number_that_was_changed() {
     let (others, text) = with_bench();
@@ -446,9 +446,12 @@ fn the_test_bench_notices_one_number_that_was_changed() {
         let of: Vec<&str> =
             REPLAYED.into_iter().filter(|name| comment.contains(&format!("FB_{name}."))).collect();
         assert!(!of.is_empty(), "{comment}");
+        if k % 2 == 1 && of.iter().all(|name| seen.contains(name)) {
+            continue;
+        }
         // a number for some, none for the others
         {
-            let value = if k % 2 == 0 { 1e9 } else { f64::NAN };
+            let value = if seen.len() % 2 == 0 { 1e9 } else { f64::NAN };
             let mut bench = library.instance("PRG_TestBench");
             run(&mut bench, |bench, call| {
                 if call == 1 {

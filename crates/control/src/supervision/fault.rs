@@ -203,3 +203,29 @@ impl Cause {
         if other.severity() > self.severity() { other } else { self }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Programs on machines know these numbers: a new cause comes last.
+    #[test]
+    fn the_documented_status_of_each_cause_stays() {
+        let text = include_str!("../../../../docs/export-controllers.md");
+        let mut count = 0;
+        for line in text.lines() {
+            let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+            let status = cells.get(1).and_then(|cell| cell.parse::<f64>().ok());
+            let Some(status) = status.filter(|status| *status > 100.0) else { continue };
+            let cause = Cause::from_number(status - 100.0).unwrap();
+            assert_eq!(cells[2], format!("`{}`", cause.code()), "{status}");
+            assert_eq!(cells[3], cause.advice(), "{status}");
+            count += 1;
+        }
+        assert!(count >= 20, "{count} are documented");
+        assert!(Cause::ALL.len() < 50, "the numbers run into those of the milder causes");
+        let mut numbers = Cause::ALL.map(Cause::number);
+        numbers.sort_by(f64::total_cmp);
+        assert!(numbers.windows(2).all(|two| two[0] < two[1]));
+    }
+}

@@ -57,6 +57,12 @@ record! {
         /// Duration of a controlled stop
         #[unit = "s"]
         pub stop_time: T,
+        /// Way of a controlled stop for each speed, with what swings on
+        #[unit = "s"]
+        pub stopping_time: T,
+        /// Time for which measurements that are not plausible are borne once enabled
+        #[unit = "s"]
+        pub wait_time: T,
         /// Time for which a load is observed until it is still: a period of the load mode
         #[unit = "s"]
         pub still_time: T,
@@ -192,7 +198,7 @@ record! {
         /// 1 once a period has passed
         #[unit = "1"]
         pub has_begun: T,
-        /// Periods one after the other in which a measurement was not plausible
+        /// Periods in which a measurement was not plausible, each forgotten within ten plausible ones
         #[unit = "1"]
         pub bad: T,
         /// 1 where the position was not plausible
@@ -201,7 +207,7 @@ record! {
         /// 1 where a pressure was not plausible
         #[unit = "1"]
         pub bad_pressure: T,
-        /// Periods one after the other in which the reference was not plausible
+        /// Periods in which the reference was not plausible, each forgotten within ten plausible ones
         #[unit = "1"]
         pub bad_reference: T,
         /// Last good piston position
@@ -246,6 +252,21 @@ record! {
         /// Velocity of the piston, averaged
         #[unit = "m/s"]
         pub velocity: T,
+        /// Time for which it has been enabled
+        #[unit = "s"]
+        pub enabled_for: T,
+        /// Integral of the position over this period of the load mode
+        #[unit = "m·s"]
+        pub held_sum: T,
+        /// Time in this period of the load mode
+        #[unit = "s"]
+        pub held_time: T,
+        /// Mean position over the period of the load mode before
+        #[unit = "m"]
+        pub held_mean: T,
+        /// Periods of the load mode that have passed in this phase
+        #[unit = "1"]
+        pub held_windows: T,
         /// Time for which the load has been still
         #[unit = "s"]
         pub still_for: T,
@@ -307,7 +328,9 @@ pub const STATUS_FAULT: f64 = 100.0;
 const OFFSET_SHARE: f64 = 0.1;
 /// Periods for which the last good value stands in for one that is not plausible.
 const BORNE: f64 = 1.0;
-/// Time that a controller has, beyond the longest release, until it could begin \[s\].
+/// Share of such a period that a plausible one makes good: one in ten is borne.
+const FORGOTTEN: f64 = 0.1;
+/// Time that a controller has until it could take over, before the pump turns \[s\].
 const READY_TIME: f64 = 20.0;
 /// Reference velocity below which the reference rests \[m/s\].
 const RESTS: f64 = 1e-6;
@@ -364,6 +387,8 @@ impl Frame<f64> {
                 motor_speed: limits.motor_speed,
                 motor_slew: limits.motor_slew,
                 stop_time: limits.stop_time,
+                stopping_time: limits.stopping_time(),
+                wait_time: limits.wait_time,
                 still_time: limits.still.1,
                 still_speed: limits.still.0,
                 stuck: limits.stuck,
@@ -457,7 +482,9 @@ impl<T: Real> Frame<T> {
 
         // what was read and asked for; the last good value stands in for one period
         let now = self.plausible(&at, was, input, &mut s.memory);
-        let (enabled, holds) = (is_set(now.enable), is_set(now.hold));
+        // what is no number holds: neither is it enabled, nor is hold off
+        let (enabled, holds) = (is_set(now.enable), !now.hold.lt(T::lit(0.5)));
+        s.memory.enabled_for = T::select(enabled, was.enabled_for + l.period, zero);
         let starts = is_set(now.start) & !is_set(was.start);
         let resets = is_set(now.reset_fault) & !is_set(was.reset);
         s.memory.start = T::select(is_set(now.start), one, zero);
@@ -466,10 +493,13 @@ impl<T: Real> Frame<T> {
         // the release of the load
         let input = self.release_input(&now);
         let released = self.release.advance(&before.release, &input, l.period).to_array();
-        let kept = released.map(|value| T::select(at.releasing, value, zero));
+        // begun once the load is still and the controller could take over: a proof is never older than a period
+        let has_begun = zero.lt(before.release.time);
+        let is_still = l.still_time.lt(was.still_for);
+        let runs = at.releasing & ((ready & is_still) | has_begun);
+        let kept = released.map(|value| T::select(runs, value, zero));
         s.release = ReleaseState::from_array(kept);
-        let carries = at.releasing & T::lit(phase::PROVEN - 0.5).lt(s.release.phase);
-        let proven = carries & ready;
+        let proven = runs & T::lit(phase::PROVEN - 0.5).lt(s.release.phase);
 
         // the reference, from where the piston was released
         let begins = at.opening & l.valve_time.lt(s.memory.since);
@@ -477,16 +507,19 @@ impl<T: Real> Frame<T> {
         let left = was.offset - was.offset.clamp(-reach, reach);
         let apart = now.stroke - now.reference_position;
         s.memory.offset = T::select(begins, apart, T::select(at.controlling, left, zero));
-        let reference = Reference {
-            position: now.reference_position + s.memory.offset,
-            velocity: now.reference_velocity,
-        };
+        let followed = now.reference_position + s.memory.offset;
+        let back = T::select(at.controlling, (left - was.offset) / l.period, zero);
+        let position = followed.clamp(zero, l.stroke);
+        // at the end of the stroke it stays there
+        let is_limited = T::lit(0.5 * REFERENCE_SLACK).lt((followed - position).abs());
+        let velocity = T::select(is_limited, zero, now.reference_velocity + back);
+        let reference = Reference { position, velocity };
 
         // a loop in sustained oscillation falls back, until a reset
         let rests = at.controlling & !T::lit(RESTS).lt(now.reference_velocity.abs());
         let error = reference.position - now.stroke;
         let oscillates = self.oscillation.update(&mut s.oscillation, error, rests, l.period);
-        let falls_back = (oscillates | is_set(was.falls_back)) & !resets;
+        let falls_back = (oscillates | is_set(was.falls_back)) & !(resets & !at.fault);
         s.memory.falls_back = T::select(falls_back, one, zero);
 
         // the controller
@@ -505,10 +538,13 @@ impl<T: Real> Frame<T> {
         // what is wrong
         let mut wrong = self.monitors(&at, before, &mut s, &now, &reference);
         wrong.found((at.controlling | begins) & !is_valid, Cause::ControllerInvalid);
-        let latest = self.release.largest_duration + T::lit(READY_TIME);
-        wrong.found(carries & !ready & latest.lt(s.memory.since), Cause::ControllerInvalid);
+        let is_late = T::lit(READY_TIME).lt(s.memory.since);
+        wrong.found(at.releasing & !runs & is_late, Cause::ControllerInvalid);
+        wrong.found(at.releasing & !runs & is_late & !is_still, Cause::LoadNotStill);
         let Wrong(cause) = wrong;
-        let is_wrong = !at.idle & T::lit(0.5).lt(cause);
+        // before anything acts, what is wrong may go away for a while
+        let has_waited = l.wait_time.lt(s.memory.enabled_for);
+        let is_wrong = (!at.idle | has_waited) & T::lit(0.5).lt(cause);
         let at_once = is_wrong & is_held_at_once(cause);
         let fails = is_wrong & (!at.fault | (at_once & !is_held_at_once(was.cause)));
 
@@ -525,9 +561,9 @@ impl<T: Real> Frame<T> {
         // a fault is left by a reset, with everything well for a period of the load mode
         let at_rest = was.motor_speed.abs().lt(T::lit(1e-9)) & !stops;
         let turns = self.drive.uncommanded.lt(now.motor_speed_read.abs());
-        let is_open = is_set(now.valve_state);
+        let is_shut = now.valve_state.lt(T::lit(0.5)) & l.valve_time.lt(s.memory.valve_since);
         let is_still = s.memory.velocity.abs().lt(l.still_speed);
-        let is_well = at.fault & at_rest & is_still & !is_wrong & !turns & !is_open;
+        let is_well = at.fault & at_rest & is_still & !is_wrong & !turns & is_shut;
         s.memory.well_for = T::select(is_well, was.well_for + l.period, zero);
         let leaves = at.fault & resets & l.still_time.lt(s.memory.well_for);
 
@@ -553,14 +589,15 @@ impl<T: Real> Frame<T> {
 
         // where the load is held: from where it came to rest, or where the valve opened
         let rests = l.still_time.lt(s.memory.still_for);
-        let settles = (at.holding | at.fault) & !rests;
+        let settles = ((at.holding | at.fault) & !rests) | (at.releasing & !runs);
         let crept = at.fault & is_wrong;
         s.memory.held_at = T::select(changes | settles | crept, now.stroke, was.held_at);
 
         // motor and valve
         let ramp = one - s.memory.stop_since / (T::lit(CONTROLLED_RAMP) * l.stop_time);
         let mut speed = zero;
-        speed = T::select(will.releasing | proven, s.release.motor_speed, speed);
+        let carries = will.releasing | (proven & will.opening);
+        speed = T::select(carries, s.release.motor_speed, speed);
         speed = T::select(will.opening & !proven, was.motor_speed, speed);
         speed = T::select(will.controlling & is_valid, wanted, speed);
         speed = T::select(stops, s.memory.stop_from * ramp.max(zero), speed);
@@ -633,7 +670,7 @@ impl<T: Real> Frame<T> {
         ];
         let [g_x, g_pa, g_a, g_b, g_pb, g_n] = good;
         let all = g_x & g_pa & g_a & g_b & g_pb & g_n;
-        s.bad = T::select(all, zero, periods);
+        s.bad = T::select(all, (was.bad - T::lit(FORGOTTEN)).max(zero), periods);
         s.stroke = T::select(g_x, input.stroke, was.stroke);
         s.pressure_pump_a = T::select(g_pa, input.pressure_pump_a, was.pressure_pump_a);
         s.pressure_a = T::select(g_a, input.pressure_a, was.pressure_a);
@@ -651,7 +688,8 @@ impl<T: Real> Frame<T> {
         let in_range = (-slack).lt(x) & x.lt(l.stroke + slack) & v.abs().lt(runaway * l.speed);
         let in_reach = (x - was.reference_position).abs().lt(step) | !at.controlling;
         let good = x.is_finite() & v.is_finite() & in_range & in_reach;
-        s.bad_reference = T::select(good, zero, periods);
+        let forgotten = (was.bad_reference - T::lit(FORGOTTEN)).max(zero);
+        s.bad_reference = T::select(good, forgotten, periods);
         s.reference_position = T::select(good, x, was.reference_position);
         s.reference_velocity = T::select(good, v, was.reference_velocity);
 
@@ -699,13 +737,12 @@ impl<T: Real> Frame<T> {
         let zero = T::zero();
         let borne = T::lit(BORNE + 0.5);
         let mut wrong = Wrong(zero);
-        let follows = at.opening | at.controlling;
+        let follows = at.releasing | at.opening | at.controlling;
         wrong.found(follows & borne.lt(s.memory.bad_reference), Cause::ReferenceImplausible);
 
         // a controlled stop ends before the end stop
         let v = s.memory.velocity;
-        let stopping = v.abs() * T::lit(0.5 * CONTROLLED_RAMP) * l.stop_time;
-        let margin = l.end_margin.max(stopping);
+        let margin = l.end_margin.max(v.abs() * l.stopping_time);
         let touches = l.creep / l.still_time;
         let is_low = now.stroke.lt(margin) & v.lt(-touches);
         let is_high = (l.stroke - margin).lt(now.stroke) & touches.lt(v);
@@ -729,16 +766,23 @@ impl<T: Real> Frame<T> {
         let moved = now.stroke - was.held_at;
         let sank = l.creep.lt(-self.release.direction * moved);
         let rests = l.still_time.lt(was.still_for) & l.still_time.lt(was.since);
-        let crept = (at.holding | at.fault) & rests & l.creep.lt(moved.abs());
-        wrong.found(crept | (at.releasing & sank), Cause::LoadNotHeld);
+        let holds = at.holding | at.fault;
+        let crept = holds & rests & l.creep.lt(moved.abs());
+        // one that moves on, fast or slow: the means of two periods of the load mode differ
+        let mean_moved = self.mean_motion(was, &mut s.memory, now, holds);
+        let moves = T::lit(2.5).lt(s.memory.held_windows) & l.creep.lt(mean_moved.abs());
+        // a release lifts by its proving motion, and by what the boom swings
+        let lifted = (self.release.largest_motion + l.creep).lt(self.release.direction * moved);
+        wrong.found(crept | moves | (at.releasing & (sank | lifted)), Cause::LoadNotHeld);
         wrong.found(at.opening & sank, Cause::LoadSank);
         wrong.found((T::lit(RUNAWAY) * l.speed).lt(v.abs()), Cause::Runaway);
+        // below -0.5 it is not read; what is no number is neither open nor shut
         let is_open = is_set(now.valve_state);
-        let is_shut = !is_open & T::lit(-0.5).lt(now.valve_state);
-        let wrong_valve =
-            T::select(is_set(was.holding_valve), one_where::<T>(is_shut), one_where::<T>(is_open));
+        let is_shut = T::lit(-0.5).lt(now.valve_state) & now.valve_state.lt(T::lit(0.5));
+        let asked = is_set(was.holding_valve);
+        let wrong_valve = (asked & is_shut) | (!asked & is_open) | !now.valve_state.is_finite();
         let has_switched = l.valve_time.lt(was.valve_since);
-        wrong.found(has_switched & is_set(wrong_valve), Cause::ValveNotFollowing);
+        wrong.found(has_switched & wrong_valve, Cause::ValveNotFollowing);
         let difference = now.pressure_pump_a - now.pressure_pump_b;
         let drive = self.drive.judge(
             &mut s.drive,
@@ -749,7 +793,6 @@ impl<T: Real> Frame<T> {
         );
         let acts = at.releasing | at.opening | at.controlling | at.stopping;
         wrong.found(acts & drive.deviates, Cause::DriveNotFollowing);
-        wrong.found(drive.uncommanded, Cause::DriveUncommanded);
 
         // the measurements themselves
         let m = &s.memory;
@@ -764,7 +807,34 @@ impl<T: Real> Frame<T> {
         wrong.found(lost, Cause::MotorSpeedImplausible);
         wrong.found(lost & is_set(m.bad_pressure), Cause::PressureImplausible);
         wrong.found(lost & is_set(m.bad_position), Cause::PositionImplausible);
+        // nothing that the frame commands stops such a drive
+        wrong.found(drive.uncommanded, Cause::DriveUncommanded);
         wrong
+    }
+
+    /// Difference of the piston's mean positions over this period of the load mode and the one before \[m\], in the
+    /// control period in which this one ends; zero in all others.
+    fn mean_motion(
+        &self,
+        was: &FrameMemory<T>,
+        s: &mut FrameMemory<T>,
+        now: &FrameInput<T>,
+        holds: T::Mask,
+    ) -> T {
+        let l = &self.limits;
+        let zero = T::zero();
+        let begins = was.since.lt(T::lit(0.5) * l.period);
+        let keep = |value: T| T::select(holds & !begins, value, zero);
+        let sum = keep(was.held_sum) + now.stroke * l.period;
+        let time = keep(was.held_time) + l.period;
+        let windows = keep(was.held_windows);
+        let ends = l.still_time.lt(time);
+        let mean = sum / time;
+        s.held_sum = T::select(ends, zero, sum);
+        s.held_time = T::select(ends, zero, time);
+        s.held_mean = T::select(ends, mean, was.held_mean);
+        s.held_windows = T::select(ends, windows + T::one(), windows);
+        T::select(ends & T::lit(0.5).lt(windows), mean - was.held_mean, zero)
     }
 
     /// Pressures of the pump side and the cylinder chamber that carry the load, then of the others \[Pa\].
@@ -808,8 +878,4 @@ impl<T: Real> Frame<T> {
             oscillation_frequency: frequency,
         }
     }
-}
-
-fn one_where<T: Real>(is: T::Mask) -> T {
-    T::select(is, T::one(), T::zero())
 }

@@ -5,6 +5,7 @@ use super::flow_monitor::FlowMonitor;
 use super::release::Release;
 use super::supervisor::CONTROLLED_RAMP;
 use crate::signals::Reading;
+use core::f64::consts::TAU;
 
 /// What is allowed, and the numbers of the monitors: all from a crane file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,8 +66,13 @@ impl Limits {
     /// Distance from an end stop \[m\] at which a piston that moves towards it with `velocity` \[m/s\] has to
     /// be stopped: a controlled stop ends before it.
     pub fn end_margin(&self, velocity: f64) -> f64 {
-        let stopping = 0.5 * CONTROLLED_RAMP * self.stop_time + self.watchdog;
-        self.margin.max(velocity.abs() * stopping)
+        self.margin.max(velocity.abs() * self.stopping_time())
+    }
+
+    /// Way of a controlled stop for each speed \[s\]: half of its ramp, the drive and the readings at the latest, and what
+    /// a stopped load swings on, v/ω of its mode.
+    pub fn stopping_time(&self) -> f64 {
+        0.5 * CONTROLLED_RAMP * self.stop_time + self.watchdog + self.still.1 / TAU
     }
 }
 

@@ -160,7 +160,7 @@ record! {
 record! {
     /// State of a release, all numbers.
     pub struct ReleaseState<T> {
-        /// Phase: 0 at rest, 1 filling, 2 settling, 3 proven, negative refused (see [`Refusal`])
+        /// Phase: 0 at rest, 1 filling, 2 settling, 3 proven, negative refused
         #[unit = "1"]
         pub phase: T,
         /// Time since the release began
@@ -202,10 +202,10 @@ record! {
         /// Readings in the first half at rest
         #[unit = "1"]
         pub half_count: T,
-        /// Mean position at rest, x₀
+        /// Mean position at rest, x_0
         #[unit = "m"]
         pub rest_mean: T,
-        /// Scatter of the position at rest, σ
+        /// Scatter of the position at rest, sigma
         #[unit = "m"]
         pub scatter: T,
         /// Mean cylinder pressure at rest

@@ -2,7 +2,9 @@
 
 use super::case::{Bad, Case, Moment};
 use super::trial::Outcome;
-use hydroboom_control::supervision::{CONTROLLED_RAMP, Cause, FrameInput, STATUS_FAULT, Severity};
+use hydroboom_control::supervision::{
+    CONTROLLED_RAMP, Cause, FrameInput, STATUS_FAULT, Severity, frame_phase,
+};
 use hydroboom_description::Description;
 use hydroboom_design::{DesignError, limits};
 use std::f64::consts::TAU;
@@ -56,8 +58,9 @@ pub fn bounds(
     };
     // what a stop leaves swings on by v/ω of the load mode
     let swings = speed * l.still.1 / TAU;
-    let is_controlled = Cause::from_number(outcome.status - STATUS_FAULT)
-        .is_some_and(|cause| cause.severity() == Severity::Controlled);
+    // asked to hold, and for the milder causes
+    let cause = Cause::from_number(outcome.status - STATUS_FAULT);
+    let is_controlled = cause.is_none_or(|cause| cause.severity() == Severity::Controlled);
     let stopping = match is_controlled {
         true => 0.5 * CONTROLLED_RAMP * l.stop_time + l.valve_time,
         false => l.valve_time + l.motor_speed / l.motor_slew,
@@ -96,11 +99,15 @@ impl Bounds {
         undisturbed: &Outcome,
         outcome: &Outcome,
     ) -> Vec<&'static str> {
-        let has_stopped = outcome.status >= STATUS_FAULT;
-        let goes_on = case.moves && !has_stopped;
+        let goes_on = case.moves && outcome.status == frame_phase::CONTROLLING;
         // rounding of a command that is at its limit
         let above = |value: f64, bound: f64| value > bound * (1.0 + 1e-9);
-        let is_sample = case.disturbed.is_some_and(|d| d.periods == 1);
+        // one sample stops nothing, but for what asks for a stop
+        let asks = ["enable", "hold", "valve_state"];
+        let is_sample = case
+            .disturbed
+            .is_some_and(|d| d.periods == 1 && !asks.contains(&FrameInput::NAMES[d.input]));
+        let has_stopped = outcome.status != frame_phase::CONTROLLING;
         let all = [
             (outcome.broke.is_some(), "the machine broke"),
             (is_sample && has_stopped, "stopped by one sample"),

@@ -67,6 +67,8 @@ pub enum TrialError {
 const RELEASED_WITHIN: f64 = 60.0;
 /// Travel of the course \[m\].
 const TRAVEL: f64 = 0.15;
+/// Time after which a controller that took over has engaged \[s\].
+const ENGAGED: f64 = 1.0;
 /// Time after the course \[s\].
 const AFTER: f64 = 2.5;
 /// Step of the simulated machine \[s\].
@@ -104,7 +106,7 @@ pub fn run(
     let travel = course.travel_time();
     let length = if case.moves { case.rest + travel + AFTER } else { case.rest };
     let mut outcome = Outcome::default();
-    let mut seen = Watched { held_at: case.stroke, ..Watched::default() };
+    let mut seen = Watched { period, held_at: case.stroke, ..Watched::default() };
     let mut given = FrameInput { enable: 1.0, valve_state: -1.0, ..FrameInput::default() };
     let mut commanded = 0.0;
     let mut frozen: Option<(u32, [f64; FrameInput::NAMES.len()])> = None;
@@ -155,7 +157,8 @@ pub fn run(
         }
         let truth = crane.truth();
         // a stop begins at the speed that the motor has
-        let stops = output.status >= STATUS_FAULT && seen.stopped.is_none();
+        let is_held = output.status != frame_phase::CONTROLLING;
+        let stops = is_held && seen.controls_since.is_some() && seen.stopped.is_none();
         let slew = if stops { 0.0 } else { (output.motor_speed - commanded).abs() / period };
         commanded = output.motor_speed;
         outcome.motor_slew = outcome.motor_slew.max(slew);
@@ -184,6 +187,8 @@ fn begins(moment: Moment, rest: f64, travel: f64) -> f64 {
 /// What is kept along a trial.
 #[derive(Default)]
 struct Watched {
+    /// Control period \[s\].
+    period: f64,
     held_at: f64,
     energised_at: Option<f64>,
     controls_since: Option<u32>,
@@ -222,7 +227,7 @@ impl Watched {
         }
         if let Some(at) = self.energised_at.filter(|_| !self.disturbed) {
             let begun = self.controls_since.map_or(0, |since| k - since);
-            if f64::from(begun) * 1e-3 < 1.0 {
+            if f64::from(begun) * self.period < ENGAGED {
                 outcome.engaged = outcome.engaged.max((stroke - at).abs());
             }
         }
@@ -230,7 +235,9 @@ impl Watched {
             outcome.course.push(stroke);
             outcome.error = outcome.error.max((stroke - reference).abs());
         }
-        if output.status >= STATUS_FAULT {
+        // held at once, and told by its status or by the phase
+        let is_stopped = output.holding_valve < 0.5 || output.status == frame_phase::STOPPING;
+        if output.status >= STATUS_FAULT || (self.controls_since.is_some() && is_stopped) {
             self.stopped.get_or_insert((k, stroke));
         }
         match self.stopped {

@@ -269,6 +269,8 @@ fn frame_outputs(shown: &[FrameOutput<f64>]) -> Vec<(&'static str, Values, f64)>
         ),
         ("nStatus", Values::Counts(shown.iter().map(|o| o.status as i32).collect()), 1.0),
         ("referenceOffset", values(|o| o.reference_offset), POSITION),
+        ("oscillationAmplitude", values(|o| o.oscillation_amplitude), POSITION),
+        ("oscillationFrequency", values(|o| o.oscillation_frequency), 1.0),
     ]
 }
 
