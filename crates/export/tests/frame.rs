@@ -7,8 +7,8 @@ use hydroboom_control::supervision::{
 };
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
-    Bad, Case, Compiled, Outcome, RustBenchmark, RustSimulationFeedforward, Target, TargetError,
-    bounds, cases, run,
+    Bad, Case, Compiled, RustBenchmark, RustSimulationFeedforward, Target, TargetError, bounds,
+    cases, run,
 };
 use hydroboom_export::{controller, simulation_feedforward};
 use hydroboom_virtual_crane::{Command, VirtualCrane};
@@ -234,10 +234,13 @@ fn a_fault_is_left_by_a_reset_and_by_nothing_else() {
     assert_eq!(phases, [&released[..], &[fault], &released].concat());
 }
 
-/// Writes down what goes in and what comes out.
+/// What goes in and what comes out.
+type Row = (FrameInput<f64>, FrameOutput<f64>);
+
+/// Writes it down.
 struct Recorder {
     inner: Box<dyn Target>,
-    rows: Vec<(FrameInput<f64>, FrameOutput<f64>)>,
+    rows: Vec<Row>,
 }
 
 impl Target for Recorder {
@@ -259,14 +262,11 @@ fn folder(test: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(test)
 }
 
-fn recorded(
-    target: Box<dyn Target>,
-    case: &Case,
-) -> (Vec<(FrameInput<f64>, FrameOutput<f64>)>, Outcome) {
+fn recorded(target: Box<dyn Target>, case: &Case) -> Vec<Row> {
     let (model, machine) = cranes();
     let mut recorder = Recorder { inner: target, rows: Vec::new() };
-    let outcome = run(&model, &machine, case, &mut recorder).unwrap();
-    (recorder.rows, outcome)
+    run(&model, &machine, case, &mut recorder).unwrap();
+    recorder.rows
 }
 
 /// What was recorded in closed loop, a release, a move and inputs that are wrong, gives the same bits in C.
@@ -280,7 +280,7 @@ fn in_c_both_controllers_are_those_of_rust_to_the_last_bit() {
             (benchmark(&model), controller(&model).unwrap(), 0, "c-frame"),
             (simulating(&model), simulation_feedforward(&model).unwrap(), 20, "c-frame-simulating"),
         ] {
-            let (rows, _) = recorded(rust, &case);
+            let rows = recorded(rust, &case);
             let compiled = Compiled::in_c("C", &block, steps, &folder(name)).unwrap();
             let mut c = compiled.start().unwrap();
             for (k, (input, wanted)) in rows.iter().enumerate() {
