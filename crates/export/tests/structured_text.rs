@@ -4,23 +4,21 @@
 
 mod course;
 mod evaluator;
+mod on_plc;
 mod steered;
 
 use course::inputs;
 use evaluator::{Instance, Library};
-use hydroboom_control::supervision::{FrameInput, FrameOutput, STATUS_FAULT, frame_phase};
+use hydroboom_control::supervision::{STATUS_FAULT, frame_phase};
 use hydroboom_description::Description;
 use hydroboom_export::Block;
-use hydroboom_export::closed_loop::{
-    Bad, Case, Disturbed, Moment, RustBenchmark, Target, TargetError, bounds, cases,
-    run as closed_loop,
-};
 use hydroboom_export::structured_text::{
     Form, Kind, Section, Unit, function_block, plcopen, twincat, units,
 };
 use hydroboom_export::{blocks, controller};
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input, Outputs};
+use on_plc::rows;
 use steered::{Steered, shown};
 
 const STEP: f64 = 50e-6;
@@ -136,91 +134,20 @@ fn a_motion_ends_where_it_does_in_rust_and_begins_again() {
     agrees("xCyl, begun again", 0, boom.value("xCyl"), begin.stroke, 0.1);
 }
 
-/// A framed controller as a PLC runs it.
-struct OnPlc {
-    block: Instance,
-    /// Calls in a control period.
-    calls: u32,
-}
-
-impl Target for OnPlc {
-    fn name(&self) -> &'static str {
-        "Structured Text"
-    }
-
-    fn period(
-        &mut self,
-        input: &FrameInput<f64>,
-        gain: f64,
-    ) -> Result<FrameOutput<f64>, TargetError> {
-        assert_eq!(gain, 1.0, "gains are not changed here");
-        let truths = [
-            ("bEnable", input.enable > 0.5),
-            ("bHold", input.hold > 0.5),
-            ("bStart", input.start > 0.5),
-            ("bResetFault", input.reset_fault > 0.5),
-        ];
-        let numbers = [
-            ("uValveRead", input.valve_state),
-            ("xRef", input.reference_position),
-            ("vRef", input.reference_velocity),
-            ("xCyl", input.stroke),
-            ("pPA", input.pressure_pump_a),
-            ("pA", input.pressure_a),
-            ("pB", input.pressure_b),
-            ("pPB", input.pressure_pump_b),
-            ("nRead", input.motor_speed_read),
-        ];
-        for _ in 0..self.calls {
-            self.block.call_with(&numbers, &truths);
-        }
-        Ok(FrameOutput {
-            motor_speed: self.block.value("nRef"),
-            holding_valve: f64::from(u8::from(self.block.holds("bHoldingValve"))),
-            status: self.block.count("nStatus") as f64,
-            reference_offset: self.block.value("referenceOffset"),
-            oscillation_amplitude: self.block.value("oscillationAmplitude"),
-            oscillation_frequency: self.block.value("oscillationFrequency"),
-        })
-    }
-}
-
-/// One engagement, a second at rest, and a bad input of each kind, on the virtual crane.
+/// One engagement, a second at rest, and a bad input of each kind, on the virtual crane; of the controller that simulates
+/// the engagement.
 #[test]
 fn the_framed_controllers_hold_release_and_stop_on_the_virtual_crane() {
     let model = Description::uia_single_boom().unwrap();
     let machine = Description::uia_virtual().unwrap();
-    let all = cases(&model);
-    let plain = all.iter().find(|c| c.moves && c.disturbed.is_none() && c.gain.is_none()).unwrap();
-    let mut rust = RustBenchmark::new(&model).unwrap();
-    let undisturbed = closed_loop(&model, &machine, plain, &mut rust).unwrap();
-    let engaged = Case { moves: false, ..plain.clone() };
-    let kinds = Bad::ALL.map(|bad| {
-        let wrong = Disturbed { input: stroke(), bad, periods: 500, moment: Moment::Rest };
-        Case { disturbed: Some(wrong), ..engaged.clone() }
-    });
-    for case in [&engaged].into_iter().chain(&kinds) {
-        let block = Instance::parse(&text_of(&controller(&model).unwrap()));
-        let mut target = OnPlc { block, calls: 1 };
-        let outcome = closed_loop(&model, &machine, case, &mut target).unwrap();
-        let within = bounds(&model, case, &undisturbed, &outcome).unwrap();
-        let beyond = within.beyond(case, &undisturbed, &outcome);
-        assert!(beyond.is_empty(), "{}: {beyond:?}", case.name());
-        assert!(outcome.release_time.is_some(), "{}", case.name());
-        let stops = outcome.status >= STATUS_FAULT;
-        assert_eq!(stops, case.disturbed.is_some(), "{}: {}", case.name(), outcome.status);
+    let rows = rows(&model, &machine, 1);
+    assert_eq!(rows.len(), 6);
+    for row in rows {
+        assert!(row.beyond.is_empty(), "{:?}", row.cells());
+        assert!(row.outcome.release_time.is_some(), "{:?}", row.cells());
+        let stops = row.outcome.status >= STATUS_FAULT;
+        assert_eq!(stops, row.case.disturbed.is_some(), "{:?}", row.cells());
     }
-    let block = steering(&model, "FB_SimulationFeedforward");
-    let mut target = OnPlc { block, calls: 20 };
-    let outcome = closed_loop(&model, &machine, &engaged, &mut target).unwrap();
-    let within = bounds(&model, &engaged, &undisturbed, &outcome).unwrap();
-    assert!(within.beyond(&engaged, &undisturbed, &outcome).is_empty(), "{outcome:?}");
-    assert_eq!(outcome.status, frame_phase::CONTROLLING);
-}
-
-/// Place of the piston position among the inputs.
-fn stroke() -> usize {
-    FrameInput::NAMES.iter().position(|name| *name == "stroke").unwrap()
 }
 
 /// A strategy's function block from all that a PLC is given.

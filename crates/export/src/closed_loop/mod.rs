@@ -4,11 +4,13 @@
 mod bounds;
 mod case;
 mod program;
+mod table;
 mod target;
 mod trial;
 
 pub use bounds::{Bounds, bounds};
 pub use case::{Bad, Case, Disturbed, Moment, cases};
 pub use program::{Compiled, Program};
+pub use table::{HEADER, Row, csv, status_name};
 pub use target::{RustBenchmark, RustSimulationFeedforward, Target, TargetError};
 pub use trial::{Outcome, TrialError, run};

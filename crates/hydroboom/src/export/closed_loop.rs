@@ -5,11 +5,10 @@ use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::{Args, ValueEnum};
-use hydroboom_control::supervision::{Cause, STATUS_FALLBACK, STATUS_FAULT, frame_phase};
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
-    Bounds, Case, Compiled, Outcome, RustBenchmark, RustSimulationFeedforward, Target, bounds,
-    cases, run,
+    Case, Compiled, HEADER, Row, RustBenchmark, RustSimulationFeedforward, Target, bounds, cases,
+    csv, run, status_name,
 };
 use hydroboom_export::{controller, simulation_feedforward};
 use miette::{IntoDiagnostic, Result};
@@ -66,16 +65,6 @@ pub struct ClosedLoop {
     json: bool,
 }
 
-/// A trial, and what came of it.
-struct Row {
-    target: &'static str,
-    case: Case,
-    outcome: Outcome,
-    bounds: Bounds,
-    off: f64,
-    beyond: Vec<&'static str>,
-}
-
 impl ClosedLoop {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
@@ -117,14 +106,7 @@ impl ClosedLoop {
                 let outcome = run(&model, &machine, case, target.as_mut()).into_diagnostic()?;
                 let plain = &undisturbed[*place];
                 let bounds = bounds(&model, case, plain, &outcome).into_diagnostic()?;
-                Ok(Some(Row {
-                    target: target.name(),
-                    case: (*case).clone(),
-                    beyond: bounds.beyond(case, plain, &outcome),
-                    off: outcome.off(plain),
-                    outcome,
-                    bounds,
-                }))
+                Ok(Some(Row::new(target.name(), case, outcome, bounds, plain)))
             })
             .collect::<Result<Vec<_>>>();
         drop(progress);
@@ -132,13 +114,13 @@ impl ClosedLoop {
         let _ = std::fs::remove_dir_all(&folder);
         let rows: Vec<Row> = rows?.into_iter().flatten().collect();
         if let Some(path) = &self.csv {
-            output::file(path, csv(&rows).as_bytes())?;
+            output::file(path, csv(&rows, true).as_bytes())?;
         }
         let beyond = rows.iter().filter(|row| !row.beyond.is_empty()).count();
         if self.json {
             return output::json(&json!({
                 "trials": rows.len(), "asked": jobs.len(), "beyond_bounds": beyond,
-                "rows": rows.iter().map(Row::json).collect::<Vec<_>>(),
+                "rows": rows.iter().map(in_json).collect::<Vec<_>>(),
             }));
         }
         output::text(&text(&rows, jobs.len(), beyond))
@@ -194,86 +176,6 @@ impl Maker {
     }
 }
 
-/// A status in words.
-fn status(code: f64) -> String {
-    let name = match code {
-        c if c >= STATUS_FAULT => Cause::from_number(c - STATUS_FAULT).map_or("fault", Cause::code),
-        STATUS_FALLBACK => "fallback gains",
-        frame_phase::HOLDING => "holding",
-        frame_phase::RELEASING => "releasing",
-        frame_phase::OPENING => "opening",
-        frame_phase::CONTROLLING => "controlling",
-        frame_phase::STOPPING => "stopping",
-        _ => "idle",
-    };
-    format!("{code:.0} {name}")
-}
-
-impl Row {
-    fn json(&self) -> serde_json::Value {
-        let (o, b) = (&self.outcome, &self.bounds);
-        json!({
-            "target": self.target, "trial": self.case.name(), "status": o.status,
-            "status_name": status(o.status), "release_s": o.release_time,
-            "lifted_mm": o.lifted * 1e3, "dropped_mm": o.dropped * 1e3, "dropped_bound_mm": b.dropped * 1e3,
-            "engaged_mm": o.engaged * 1e3, "engaged_bound_mm": b.engaged * 1e3,
-            "strayed_mm": o.strayed * 1e3, "strayed_bound_mm": b.strayed * 1e3,
-            "stop_mm": o.stopped_in * 1e3, "stop_bound_mm": b.stopped * 1e3,
-            "off_mm": self.off * 1e3, "off_bound_mm": b.off * 1e3,
-            "motor_rpm": o.motor_speed * 60.0, "motor_change_rpm_per_s": o.motor_slew * 60.0,
-            "finite": !o.is_not_finite, "beyond": self.beyond,
-        })
-    }
-
-    fn cells(&self) -> [String; 11] {
-        let (o, b) = (&self.outcome, &self.bounds);
-        let pair = |value: f64, bound: f64| format!("{:.2} ({:.1})", value * 1e3, bound * 1e3);
-        let disturbed = self.case.disturbed.is_some();
-        let off = match self.case.moves && o.status < STATUS_FAULT {
-            true => pair(self.off, b.off),
-            false => "-".into(),
-        };
-        [
-            self.target.into(),
-            self.case.name(),
-            status(o.status),
-            o.release_time.map_or("-".into(), |time| format!("{time:.1}")),
-            format!("{:.2}", o.lifted * 1e3),
-            pair(o.dropped, b.dropped),
-            pair(o.engaged, b.engaged),
-            if disturbed { pair(o.strayed, b.strayed) } else { "-".into() },
-            if o.stopped_in > 0.0 { pair(o.stopped_in, b.stopped) } else { "-".into() },
-            off,
-            match self.beyond.is_empty() {
-                true => "within".into(),
-                false => self.beyond.join(", "),
-            },
-        ]
-    }
-}
-
-const HEADER: [&str; 11] = [
-    "target",
-    "trial",
-    "status at the end",
-    "release s",
-    "lift mm",
-    "drop mm",
-    "engaging mm",
-    "from reference mm",
-    "stop mm",
-    "off course mm",
-    "bounds",
-];
-
-fn csv(rows: &[Row]) -> String {
-    let quoted = |cell: &str| format!("\"{}\"", cell.replace('"', "\"\""));
-    let line =
-        |cells: &[String]| cells.iter().map(|c| quoted(c)).collect::<Vec<_>>().join(",") + "\n";
-    let header = line(&HEADER.map(String::from));
-    rows.iter().fold(header, |text, row| text + &line(&row.cells()))
-}
-
 /// The engagements one by one; of wrong inputs the worst of each input and kind.
 fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
     let mut shown: Vec<Vec<String>> = Vec::new();
@@ -310,4 +212,19 @@ fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
         of_asked(rows.len(), asked),
         output::table(&HEADER, &shown)
     )
+}
+
+fn in_json(row: &Row) -> serde_json::Value {
+    let (o, b) = (&row.outcome, &row.bounds);
+    json!({
+        "target": row.target, "trial": row.case.name(), "status": o.status,
+        "status_name": status_name(o.status), "release_s": o.release_time,
+        "lifted_mm": o.lifted * 1e3, "dropped_mm": o.dropped * 1e3, "dropped_bound_mm": b.dropped * 1e3,
+        "engaged_mm": o.engaged * 1e3, "engaged_bound_mm": b.engaged * 1e3,
+        "strayed_mm": o.strayed * 1e3, "strayed_bound_mm": b.strayed * 1e3,
+        "stop_mm": o.stopped_in * 1e3, "stop_bound_mm": b.stopped * 1e3,
+        "off_mm": row.off * 1e3, "off_bound_mm": b.off * 1e3,
+        "motor_rpm": o.motor_speed * 60.0, "motor_change_rpm_per_s": o.motor_slew * 60.0,
+        "finite": !o.is_not_finite, "beyond": row.beyond,
+    })
 }

@@ -1,0 +1,110 @@
+//! The table of all trials: a row for each, the same for every target.
+
+use super::bounds::Bounds;
+use super::case::Case;
+use super::trial::Outcome;
+use hydroboom_control::supervision::{Cause, STATUS_FALLBACK, STATUS_FAULT, frame_phase};
+
+/// A trial, and what came of it.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Target.
+    pub target: &'static str,
+    /// What was tried.
+    pub case: Case,
+    /// What came of it.
+    pub outcome: Outcome,
+    /// What it may come to.
+    pub bounds: Bounds,
+    /// Largest difference to the undisturbed course \[m\].
+    pub off: f64,
+    /// What exceeds its bound.
+    pub beyond: Vec<&'static str>,
+}
+
+/// A status in words.
+pub fn status_name(code: f64) -> String {
+    let name = match code {
+        c if c >= STATUS_FAULT => Cause::from_number(c - STATUS_FAULT).map_or("fault", Cause::code),
+        STATUS_FALLBACK => "fallback gains",
+        frame_phase::HOLDING => "holding",
+        frame_phase::RELEASING => "releasing",
+        frame_phase::OPENING => "opening",
+        frame_phase::CONTROLLING => "controlling",
+        frame_phase::STOPPING => "stopping",
+        _ => "idle",
+    };
+    format!("{code:.0} {name}")
+}
+
+impl Row {
+    /// Of a trial beside the undisturbed one.
+    pub fn new(
+        target: &'static str,
+        case: &Case,
+        outcome: Outcome,
+        bounds: Bounds,
+        undisturbed: &Outcome,
+    ) -> Self {
+        Self {
+            target,
+            beyond: bounds.beyond(case, undisturbed, &outcome),
+            off: outcome.off(undisturbed),
+            case: case.clone(),
+            outcome,
+            bounds,
+        }
+    }
+
+    /// Its cells, bounds in brackets.
+    pub fn cells(&self) -> [String; 11] {
+        let (o, b) = (&self.outcome, &self.bounds);
+        let pair = |value: f64, bound: f64| format!("{:.2} ({:.1})", value * 1e3, bound * 1e3);
+        let disturbed = self.case.disturbed.is_some();
+        let off = match self.case.moves && o.status < STATUS_FAULT {
+            true => pair(self.off, b.off),
+            false => "-".into(),
+        };
+        [
+            self.target.into(),
+            self.case.name(),
+            status_name(o.status),
+            o.release_time.map_or("-".into(), |time| format!("{time:.1}")),
+            format!("{:.2}", o.lifted * 1e3),
+            pair(o.dropped, b.dropped),
+            pair(o.engaged, b.engaged),
+            if disturbed { pair(o.strayed, b.strayed) } else { "-".into() },
+            if o.stopped_in > 0.0 { pair(o.stopped_in, b.stopped) } else { "-".into() },
+            off,
+            match self.beyond.is_empty() {
+                true => "within".into(),
+                false => self.beyond.join(", "),
+            },
+        ]
+    }
+}
+
+/// Heads of the columns.
+pub const HEADER: [&str; 11] = [
+    "target",
+    "trial",
+    "status at the end",
+    "release s",
+    "lift mm",
+    "drop mm",
+    "engaging mm",
+    "from reference mm",
+    "stop mm",
+    "off course mm",
+    "bounds",
+];
+
+/// The table as CSV, without its heads where rows are added to one.
+pub fn csv(rows: &[Row], has_heads: bool) -> String {
+    let quoted = |cell: &str| format!("\"{}\"", cell.replace('"', "\"\""));
+    let line =
+        |cells: &[String]| cells.iter().map(|c| quoted(c)).collect::<Vec<_>>().join(",") + "\n";
+    let header = line(&HEADER.map(String::from));
+    let header = if has_heads { header } else { String::new() };
+    rows.iter().fold(header, |text, row| text + &line(&row.cells()))
+}
