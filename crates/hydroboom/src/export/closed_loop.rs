@@ -70,6 +70,19 @@ impl ClosedLoop {
     pub fn run(self) -> Result<()> {
         let MachineChoice { model, machine, .. } = MachineChoice::read(&self.crane, None)?;
         let folder = std::env::temp_dir().join(format!("hydroboom-loop-{}", std::process::id()));
+        let folder_of = |path: &PathBuf| path.parent().map(Path::to_path_buf).unwrap_or_default();
+        if let Some(missing) = self
+            .csv
+            .as_ref()
+            .map(folder_of)
+            .filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
+        {
+            miette::bail!(
+                help = "make the folder first: the trials take minutes",
+                "--csv: there is no folder {}",
+                missing.display()
+            );
+        }
         let wanted = self.only.as_deref().unwrap_or("");
         let targets = if self.target.is_empty() { ALL.to_vec() } else { self.target.clone() };
         let all = cases(&model);
