@@ -7,8 +7,8 @@ use hydroboom_control::supervision::{
 };
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
-    Bad, Case, Compiled, RustBenchmark, RustSimulationFeedforward, Target, TargetError, bounds,
-    cases, run,
+    Bad, Case, Compiled, Moment, RustBenchmark, RustSimulationFeedforward, Target, TargetError,
+    bounds, cases, run,
 };
 use hydroboom_export::{controller, simulation_feedforward};
 use hydroboom_virtual_crane::{Command, VirtualCrane};
@@ -269,23 +269,37 @@ fn recorded(target: Box<dyn Target>, case: &Case) -> Vec<Row> {
     recorder.rows
 }
 
-/// What was recorded in closed loop, a release, a move and inputs that are wrong, gives the same bits in C.
+/// What was recorded in closed loop, a release, a move, and a position that is no number in motion, gives the same bits in C, by
+/// two compilers.
 #[test]
 fn in_c_both_controllers_are_those_of_rust_to_the_last_bit() {
     let (model, _) = cranes();
     let all = cases(&model);
-    let wrong = all.iter().find(|c| c.disturbed.is_some_and(|d| d.periods == 10)).unwrap().clone();
-    for case in [plain(&all), wrong] {
-        for (rust, block, steps, name) in [
-            (benchmark(&model), controller(&model).unwrap(), 0, "c-frame"),
-            (simulating(&model), simulation_feedforward(&model).unwrap(), 20, "c-frame-simulating"),
+    let is_wrong = |c: &&Case| {
+        c.disturbed.is_some_and(|d| {
+            let how = (d.input, d.bad, d.moment, d.periods);
+            how == (stroke(), Bad::NotANumber, Moment::Motion, 10)
+        })
+    };
+    let wrong = all.iter().find(is_wrong).unwrap().clone();
+    for compiler in ["cc", "tcc"] {
+        if std::process::Command::new(compiler).arg("-v").output().is_err() {
+            eprintln!("skipped: {compiler} is not on the PATH");
+            continue;
+        }
+        for (controls, block, steps, name) in [
+            (benchmark as fn(&Description) -> _, controller(&model).unwrap(), 0, "c-frame"),
+            (simulating, simulation_feedforward(&model).unwrap(), 20, "c-frame-simulating"),
         ] {
-            let rows = recorded(rust, &case);
-            let compiled = Compiled::in_c("C", &block, steps, &folder(name)).unwrap();
-            let mut c = compiled.start().unwrap();
-            for (k, (input, wanted)) in rows.iter().enumerate() {
-                let found = c.period(input, 1.0).unwrap();
-                assert_eq!(found.to_array(), wanted.to_array(), "{name} in period {k}");
+            let place = folder(&format!("{name}-{compiler}"));
+            let compiled = Compiled::in_c("C", &block, steps, compiler, &place).unwrap();
+            for case in [plain(&all), wrong.clone()] {
+                let rows = recorded(controls(&model), &case);
+                let mut c = compiled.start().unwrap();
+                for (k, (input, wanted)) in rows.iter().enumerate() {
+                    let found = c.period(input, 1.0).unwrap();
+                    assert_eq!(found.to_array(), wanted.to_array(), "{name}, {compiler}, {k}");
+                }
             }
         }
     }

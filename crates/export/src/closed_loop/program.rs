@@ -30,7 +30,7 @@ pub struct Compiled {
 }
 
 impl Compiled {
-    /// A controller's block in C, compiled by `cc` in a folder; `steps` of its simulated crane make a
+    /// A controller's block in C, compiled by a C compiler in a folder; `steps` of its simulated crane make a
     /// control period, none where it simulates nothing.
     ///
     /// # Errors
@@ -40,6 +40,7 @@ impl Compiled {
         name: &'static str,
         block: &Block,
         steps: u32,
+        compiler: &str,
         folder: &Path,
     ) -> Result<Self, TargetError> {
         let failed = |reason: String| TargetError::Program { target: name.into(), reason };
@@ -50,13 +51,13 @@ impl Compiled {
         std::fs::write(folder.join("controller.c"), made.source).map_err(io)?;
         std::fs::write(folder.join("main.c"), main(&block.name, steps)).map_err(io)?;
         let program = folder.join("controller");
-        let output = Command::new("cc")
+        let output = Command::new(compiler)
             .args(["-std=c99", "-O2", "-ffp-contract=off", "-o"])
             .arg(&program)
             .args(["controller.c", "main.c"].map(|file| folder.join(file)))
             .arg("-lm")
             .output()
-            .map_err(|error| failed(format!("cc: {error}")))?;
+            .map_err(|error| failed(format!("{compiler}: {error}")))?;
         if !output.status.success() {
             return Err(failed(String::from_utf8_lossy(&output.stderr).into_owned()));
         }

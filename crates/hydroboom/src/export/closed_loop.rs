@@ -158,11 +158,11 @@ impl What {
             Self::RustSimulationFeedforward => return Ok(Maker::SimulationFeedforward),
             Self::C => {
                 let block = controller(model).into_diagnostic()?;
-                Compiled::in_c("C, benchmark", &block, 0, &folder)
+                Compiled::in_c("C, benchmark", &block, 0, "cc", &folder)
             }
             Self::CSimulationFeedforward => {
                 let block = simulation_feedforward(model).into_diagnostic()?;
-                Compiled::in_c("C, simulation feedforward", &block, steps, &folder)
+                Compiled::in_c("C, simulation feedforward", &block, steps, "cc", &folder)
             }
             Self::Fmu => {
                 let block = controller(model).into_diagnostic()?;
