@@ -10,7 +10,7 @@ use hydroboom_control::supervision::{FrameInput, FrameOutput};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_export::closed_loop::{
-    Bad, Case, Moment, RustBenchmark, RustSimulationFeedforward, Target, TargetError, cases, run,
+    Bad, Case, Moment, Recorder, RustBenchmark, RustSimulationFeedforward, Target, cases, run,
 };
 use hydroboom_export::fmi::{System, Unit, Version, archive, binary, twincat_settings, unit};
 use hydroboom_export::{controller, crane_model, model_following, simulation_feedforward, slopes};
@@ -202,7 +202,7 @@ fn framed_controllers_are_those_of_rust() {
         ("simulation-feedforward", Box::new(RustSimulationFeedforward::new(&model).unwrap())),
     ];
     for (what, inner) in targets {
-        let mut recorder = Recorder { inner, rows: Vec::new() };
+        let mut recorder = Recorder::new(inner);
         run(&model, &machine, &case, &mut recorder).unwrap();
         let mut inputs = FrameInput::NAMES.join(",") + "\n";
         for (given, _) in &recorder.rows {
@@ -222,27 +222,6 @@ fn framed_controllers_are_those_of_rust() {
                 assert_eq!(found.as_slice(), wanted.to_array(), "{what} {version:?} in period {k}");
             }
         }
-    }
-}
-
-/// Writes down what goes in and what comes out.
-struct Recorder {
-    inner: Box<dyn Target>,
-    rows: Vec<(FrameInput<f64>, FrameOutput<f64>)>,
-}
-
-impl Target for Recorder {
-    fn name(&self) -> &'static str {
-        self.inner.name()
-    }
-    fn period(
-        &mut self,
-        input: &FrameInput<f64>,
-        gain: f64,
-    ) -> Result<FrameOutput<f64>, TargetError> {
-        let output = self.inner.period(input, gain)?;
-        self.rows.push((*input, output));
-        Ok(output)
     }
 }
 

@@ -7,7 +7,7 @@ use hydroboom_control::supervision::{
 };
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
-    Bad, Case, Compiled, Moment, RustBenchmark, RustSimulationFeedforward, Target, TargetError,
+    Bad, Case, Compiled, Moment, Recorder, RustBenchmark, RustSimulationFeedforward, Target,
     bounds, cases, run,
 };
 use hydroboom_export::{controller, simulation_feedforward};
@@ -234,37 +234,13 @@ fn a_fault_is_left_by_a_reset_and_by_nothing_else() {
     assert_eq!(phases, [&released[..], &[fault], &released].concat());
 }
 
-/// What goes in and what comes out.
-type Row = (FrameInput<f64>, FrameOutput<f64>);
-
-/// Writes it down.
-struct Recorder {
-    inner: Box<dyn Target>,
-    rows: Vec<Row>,
-}
-
-impl Target for Recorder {
-    fn name(&self) -> &'static str {
-        self.inner.name()
-    }
-    fn period(
-        &mut self,
-        input: &FrameInput<f64>,
-        gain: f64,
-    ) -> Result<FrameOutput<f64>, TargetError> {
-        let output = self.inner.period(input, gain)?;
-        self.rows.push((*input, output));
-        Ok(output)
-    }
-}
-
 fn folder(test: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(test)
 }
 
-fn recorded(target: Box<dyn Target>, case: &Case) -> Vec<Row> {
+fn recorded(target: Box<dyn Target>, case: &Case) -> Vec<(FrameInput<f64>, FrameOutput<f64>)> {
     let (model, machine) = cranes();
-    let mut recorder = Recorder { inner: target, rows: Vec::new() };
+    let mut recorder = Recorder::new(target);
     run(&model, &machine, case, &mut recorder).unwrap();
     recorder.rows
 }

@@ -12,5 +12,5 @@ pub use bounds::{Bounds, bounds};
 pub use case::{Bad, Case, Disturbed, Moment, cases};
 pub use program::{Compiled, Program};
 pub use table::{HEADER, Row, csv, status_name};
-pub use target::{RustBenchmark, RustSimulationFeedforward, Target, TargetError};
+pub use target::{Recorder, RustBenchmark, RustSimulationFeedforward, Target, TargetError};
 pub use trial::{Outcome, TrialError, run};

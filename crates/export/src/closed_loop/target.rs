@@ -46,6 +46,37 @@ pub trait Target {
     ) -> Result<FrameOutput<f64>, TargetError>;
 }
 
+/// A target that keeps what goes in and what comes out, to compare others with.
+pub struct Recorder {
+    /// The target.
+    pub inner: Box<dyn Target>,
+    /// Inputs and outputs of each period.
+    pub rows: Vec<(FrameInput<f64>, FrameOutput<f64>)>,
+}
+
+impl Recorder {
+    /// Of a target, with nothing recorded yet.
+    pub fn new(inner: Box<dyn Target>) -> Self {
+        Self { inner, rows: Vec::new() }
+    }
+}
+
+impl Target for Recorder {
+    fn name(&self) -> &'static str {
+        self.inner.name()
+    }
+
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError> {
+        let output = self.inner.period(input, gain)?;
+        self.rows.push((*input, output));
+        Ok(output)
+    }
+}
+
 /// The benchmark within the frame, as Rust runs it: what the exported ones are compared with.
 pub struct RustBenchmark {
     controller: FramedBenchmark<f64>,
