@@ -5,7 +5,10 @@
 //! reference is a motion of the oil spring itself, by a motor that has its limits. What it cannot follow is made good for later. The farther the reference
 //! runs ahead, the more of the motor is led into the spring, and the less is left to feedback.
 
-use crate::{ModelFollowing, OilSpring, Reference, Station};
+use crate::model_following::ModelFollowing;
+use crate::oil_spring::OilSpring;
+use crate::reference::profile::SetPoint;
+use crate::station::Station;
 use hydroboom_math::Real;
 
 /// What the reference is by now.
@@ -27,7 +30,7 @@ pub(crate) struct ReferenceMemory<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Attainable<T> {
     /// Position, and velocity.
-    pub reference: Reference<T>,
+    pub reference: SetPoint<T>,
     /// Its acceleration \[m/s²\].
     pub acceleration: T,
     /// Rate of the load pressure that it takes beyond what position and velocity do \[Pa/s\].
@@ -59,7 +62,7 @@ const FRICTION_KNOWN: f64 = 0.75;
 
 impl<T: Real> ReferenceMemory<T> {
     /// In even motion that is no faster than the motor can.
-    pub(crate) fn even(law: &ModelFollowing<T>, reference: &Reference<T>) -> Self {
+    pub(crate) fn even(law: &ModelFollowing<T>, reference: &SetPoint<T>) -> Self {
         let (at, _, speed_per_velocity) = evenly(law, reference.position);
         let velocity = reachable(law, &at, speed_per_velocity, reference.velocity);
         let drag = at.stiff.acceleration_by_velocity * velocity;
@@ -81,7 +84,7 @@ impl<T: Real> ReferenceMemory<T> {
     pub(crate) fn attain(
         &mut self,
         law: &ModelFollowing<T>,
-        reference: &Reference<T>,
+        reference: &SetPoint<T>,
     ) -> Attainable<T> {
         let (zero, period) = (T::zero(), law.period);
         let (at, rest, speed_per_velocity) = evenly(law, reference.position);
@@ -118,7 +121,7 @@ impl<T: Real> ReferenceMemory<T> {
 
         let rubbing = (law.friction_pressure_at(velocity) - friction) / period;
         let attained = Attainable {
-            reference: Reference { position: reference.position - self.ahead, velocity },
+            reference: SetPoint { position: reference.position - self.ahead, velocity },
             acceleration,
             pressure_rate: b * into_the_spring - T::lit(1.0 - FRICTION_KNOWN) * rubbing,
             motor_speed: turning + into_the_spring,
@@ -192,8 +195,9 @@ fn made_good<T: Real>(distance: T, rate: T, braking: T) -> T {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::model_following::STATIONS;
     use crate::model_following::tests::law;
-    use crate::{Rest, STATIONS};
+    use crate::station::Rest;
 
     const BEGINS: f64 = 0.1;
 
@@ -208,10 +212,10 @@ pub(crate) mod tests {
     fn attained(
         law: &ModelFollowing<f64>,
         velocities: impl IntoIterator<Item = f64>,
-    ) -> Vec<(Reference<f64>, Attainable<f64>)> {
+    ) -> Vec<(SetPoint<f64>, Attainable<f64>)> {
         let (mut memory, mut position) = (ReferenceMemory::default(), BEGINS);
         let each = |velocity: f64| {
-            let reference = Reference { position, velocity };
+            let reference = SetPoint { position, velocity };
             position += law.period * velocity;
             (reference, memory.attain(law, &reference))
         };
@@ -292,7 +296,7 @@ pub(crate) mod tests {
         let (mut memory, mut position, mut revolutions) = (ReferenceMemory::default(), BEGINS, 0.0);
         for velocity in trapezoid(0.12, 30_000).take(45_000) {
             let before = memory;
-            let given = memory.attain(&law, &Reference { position, velocity });
+            let given = memory.attain(&law, &SetPoint { position, velocity });
             position += law.period * velocity;
             let motion = station.rest.holding_speed - by_velocity * before.velocity;
             revolutions += law.period * (given.motor_speed - motion);

@@ -1,6 +1,6 @@
 //! Numbers of which every observation is a weighted sum: what is believed of them, by Bayes' rule.
 
-use crate::OutOfRange;
+use crate::out_of_range::OutOfRange;
 use hydroboom_math::Real;
 
 /// What is off by more than so many standard deviations counts as that much: a model is never right to the last.

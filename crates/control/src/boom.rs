@@ -4,7 +4,7 @@
 //! of a millimetre, and what the motor pumps moves the piston before the load, as if something pushed it. Where the load is, in the piston's
 //! travel, is y = x − γ p; that is a mass on both springs, and nothing but what pushes it, and pressure, moves it.
 
-use crate::OilSpring;
+use crate::oil_spring::OilSpring;
 use hydroboom_math::{Real, record};
 
 record! {

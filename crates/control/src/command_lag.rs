@@ -9,7 +9,8 @@
 //! as much while it speeds up as while it slows down, and teaches nothing by that.
 
 use crate::belief::Belief;
-use crate::{OutOfRange, Reading};
+use crate::out_of_range::OutOfRange;
+use crate::signals::Reading;
 use hydroboom_math::{Real, record};
 
 /// What is learned stays within so many standard deviations of what was known before.

@@ -5,9 +5,11 @@
 //! moved anything far. What was torn far off all the same is led back.
 
 use crate::deviation_memory::DeviationMemory;
+use crate::feedback::benchmark::Measured;
+use crate::reckoned::Reckoned;
 use crate::sooner::{Heard, SoonerDesign};
+use crate::stroke_by_pressure::StrokeByPressure;
 use crate::way_back::{REMEMBERED, Sides, Torn, WayBack, WayBackDesign};
-use crate::{Measured, Reckoned, StrokeByPressure};
 use hydroboom_math::{Real, record};
 
 record! {
@@ -307,7 +309,11 @@ impl<T: Real> DeviationFeedback<T> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::{Boom, MayBe, OilSpring, Pace, Rest, Station};
+    use crate::boom::Boom;
+    use crate::oil_spring::OilSpring;
+    use crate::reckoned::MayBe;
+    use crate::station::{Rest, Station};
+    use crate::way_back::Pace;
     use hydroboom_math::Lanes;
 
     const PERIOD: f64 = 1e-3;

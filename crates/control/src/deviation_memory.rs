@@ -1,6 +1,6 @@
 //! What feedback of a deviation remembers.
 
-use crate::Boom;
+use crate::boom::Boom;
 use crate::pushed::Pushed;
 use hydroboom_math::{Real, record};
 

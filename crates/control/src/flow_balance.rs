@@ -16,7 +16,9 @@
 
 use crate::belief::{Belief, FARTHEST, Off};
 use crate::likelihood::weights;
-use crate::{OilStiffness, OutOfRange, Reading};
+use crate::oil_stiffness::OilStiffness;
+use crate::out_of_range::OutOfRange;
+use crate::signals::Reading;
 use hydroboom_math::{Real, record};
 
 /// How many pressures at which the oil may stiffen are weighed.

@@ -1,11 +1,17 @@
 //! Model following at work on a machine: state feedback on the simulated crane, feedback from the machine, and what is learned of it.
 
+use crate::boom::Boom;
 use crate::carried_load::CarriedLoad;
+use crate::deviation::Watched;
+use crate::deviation_memory::DeviationMemory;
+use crate::feedback::benchmark::Measured;
+use crate::learner::{Balances, Conditions, Known, Learner};
+use crate::model_following::{FollowingMemory, ModelFollowing, Seen};
 use crate::out_of_reach::AT_REST;
-use crate::{
-    Balances, Boom, Conditions, DeviationMemory, FollowingMemory, Known, Learner, Led, Measured,
-    ModelFollowing, Reading, Reference, Schedule, Seen, Watched,
-};
+use crate::out_of_reach::Led;
+use crate::reference::profile::SetPoint;
+use crate::schedule::Schedule;
+use crate::signals::Reading;
 use hydroboom_math::Real;
 
 /// The whole controller, but for the simulated crane itself.
@@ -26,7 +32,7 @@ pub struct Follower {
     /// where something else than state feedback leads it.
     led: [Option<[f64; 2]>; 2],
     /// Where state feedback leads to in the period; nowhere where something else does.
-    leads_to: Option<Reference<f64>>,
+    leads_to: Option<SetPoint<f64>>,
     /// How fast it will lead at most \[m/s\]: 0 where no path is known ahead.
     path_speed: f64,
     /// What the motor has to turn for each revolution of the simulated one: now, and when it was last told its speed.
@@ -94,7 +100,7 @@ impl Follower {
     }
 
     /// State feedback takes the simulated crane over from whatever turned its motor at `speed` \[rev/s\], without a bump.
-    pub fn take_over(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>, speed: f64) {
+    pub fn take_over(&mut self, reference: &SetPoint<f64>, simulated: &Seen<f64>, speed: f64) {
         self.simulated = (self.known().conditions(), self.learner.law());
         self.following = self.simulated.1.take_over(reference, simulated, speed);
         self.lead_nowhere();
@@ -108,7 +114,7 @@ impl Follower {
 
     /// Reference of a path that is known ahead, as it suits the machine: `path` is where it is so many seconds \[s\] from now, `speed` its largest
     /// \[m/s\]. It may be shown in the place of the path itself. What the path takes of the motor, feedback may on soft oil ask for, too.
-    pub fn foreseen(&mut self, path: impl Fn(f64) -> Reference<f64>, speed: f64) -> Reference<f64> {
+    pub fn foreseen(&mut self, path: impl Fn(f64) -> SetPoint<f64>, speed: f64) -> SetPoint<f64> {
         self.path_speed = speed;
         self.law.foreseen(path, speed)
     }
@@ -118,7 +124,7 @@ impl Follower {
     pub fn period(
         &mut self,
         told: f64,
-        reference: &Reference<f64>,
+        reference: &SetPoint<f64>,
         simulated: &Seen<f64>,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
@@ -133,7 +139,7 @@ impl Follower {
     pub fn learn(
         &mut self,
         told: f64,
-        reference: &Reference<f64>,
+        reference: &SetPoint<f64>,
         simulated: &Seen<f64>,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
@@ -188,7 +194,7 @@ impl Follower {
     }
 
     /// Motor speed \[rev/s\] of the simulated crane for the coming period.
-    pub fn lead(&mut self, reference: &Reference<f64>, simulated: &Seen<f64>) -> f64 {
+    pub fn lead(&mut self, reference: &SetPoint<f64>, simulated: &Seen<f64>) -> f64 {
         let known = self.known().conditions();
         let (conditions, law) = &mut self.simulated;
         let (mut gained, mut filling) = (0.0, 0.0);

@@ -1,9 +1,11 @@
 //! Feedback from the machine in model following: its deviation from the simulated crane, at what the oil is there.
 
-use crate::{
-    DeviationMemory, FollowingMemory, Led, MayBe, ModelFollowing, Reckoned, Reference, Seen,
-    Watched,
-};
+use crate::deviation::Watched;
+use crate::deviation_memory::DeviationMemory;
+use crate::model_following::{FollowingMemory, ModelFollowing, Seen};
+use crate::out_of_reach::Led;
+use crate::reckoned::{MayBe, Reckoned};
+use crate::reference::profile::SetPoint;
 use hydroboom_math::Real;
 
 /// Oil is most likely no stiffer than if it stiffened so many standard deviations lower than is thought.
@@ -93,7 +95,7 @@ impl<T: Real> FollowingMemory<T> {
     /// What leads the machine to a reference that state feedback was shown, its motor having to turn so much for each revolution of the simulated one. Of how
     /// fast it will yet be led nothing is known.
     #[inline(always)]
-    pub fn led(&self, reference: &Reference<T>, turns: T) -> Led<T> {
+    pub fn led(&self, reference: &SetPoint<T>, turns: T) -> Led<T> {
         let motor_speed = turns * self.reference_speed;
         Led { reference: *reference, ahead: self.ahead, motor_speed, travels: T::zero() }
     }

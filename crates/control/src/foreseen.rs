@@ -5,7 +5,8 @@
 //! the slower the path. And where it will be faster than the motor can, it is begun sooner.
 
 use crate::attainable::{evenly, reachable};
-use crate::{ModelFollowing, Reference};
+use crate::model_following::ModelFollowing;
+use crate::reference::profile::SetPoint;
 use hydroboom_math::Real;
 
 /// So far is looked ahead for what is faster than the motor \[s\].
@@ -55,7 +56,7 @@ const fn weights() -> [[f64; 2]; SIDE + 1] {
 impl<T: Real> ModelFollowing<T> {
     /// Reference \[m, m/s\] of a path that is known ahead, and behind: `path` is where it is so many seconds \[s\] from now, `speed` its
     /// largest \[m/s\].
-    pub fn foreseen(&self, path: impl Fn(T) -> Reference<T>, speed: T) -> Reference<T> {
+    pub fn foreseen(&self, path: impl Fn(T) -> SetPoint<T>, speed: T) -> SetPoint<T> {
         let (at, rest, speed_per_velocity) = evenly(self, path(T::zero()).position);
         let below = at.spring(self.stiffness_at(at.rest.load_pressure - T::lit(STEP)));
         let turns = (T::lit(FILLS) * speed_per_velocity * speed).min(self.fastest());
@@ -69,18 +70,18 @@ impl<T: Real> ModelFollowing<T> {
         };
         let [sooner, grows] = sooner(beyond, self.fastest() / speed_per_velocity);
         let path = |after: T| path(sooner + after);
-        let Reference { position, velocity } = self.rounded(&path, spread, friction);
-        Reference { position, velocity: velocity * (T::one() + grows) }
+        let SetPoint { position, velocity } = self.rounded(&path, spread, friction);
+        SetPoint { position, velocity: velocity * (T::one() + grows) }
     }
 
     /// The path whose pressure is the mean of what it was, over a time \[s\] to either side: of what accelerates, and of what friction takes, which
     /// makes for an acceleration \[m/s²\]. A constant one shifts nothing.
-    fn rounded(&self, path: &impl Fn(T) -> Reference<T>, spread: T, friction: T) -> Reference<T> {
+    fn rounded(&self, path: &impl Fn(T) -> SetPoint<T>, spread: T, friction: T) -> SetPoint<T> {
         let (zero, half) = (T::zero(), T::lit(0.5));
         let rubs = |velocity: T| (velocity / self.friction_speed).tanh();
         let now = path(zero);
         let rubs_now = rubs(now.velocity);
-        let mut sum = Reference { position: zero, velocity: zero };
+        let mut sum = SetPoint { position: zero, velocity: zero };
         for step in [-spread, spread].map(|side| side / T::lit(SIDE as f64)) {
             let (mut before, mut rubbed) = (now.velocity, rubs_now);
             // first and second integral of what rubs, from now on
@@ -131,15 +132,15 @@ mod tests {
     use super::*;
     use crate::attainable::tests::soft;
     use crate::model_following::tests::law;
-    use crate::{Motion, Profile};
+    use crate::reference::profile::{OutAndBack, RampShape};
 
-    fn motion(speed: f64, ramp: f64) -> Motion<f64> {
-        let profile = Profile::Trapezoidal;
-        Motion { start: 0.1, end: 0.3, speed, ramp, dwell: 0.0, rest: 0.5, profile }
+    fn motion(speed: f64, ramp: f64) -> OutAndBack<f64> {
+        let profile = RampShape::Trapezoidal;
+        OutAndBack { start: 0.1, end: 0.3, speed, ramp, dwell: 0.0, rest: 0.5, profile }
     }
 
     /// What a motion becomes, every half a millisecond.
-    fn foreseen(law: &ModelFollowing<f64>, motion: &Motion<f64>) -> Vec<[Reference<f64>; 2]> {
+    fn foreseen(law: &ModelFollowing<f64>, motion: &OutAndBack<f64>) -> Vec<[SetPoint<f64>; 2]> {
         let each = |k: u32| {
             let time = f64::from(k) * 5e-4;
             let suits = law.foreseen(|after| motion.reference(time + after), motion.speed);
@@ -234,7 +235,7 @@ mod tests {
 
     /// How far a piston without mass, which moves as the motor can, is ahead and behind at most \[m\] on the way out where it follows what becomes of a motion,
     /// or the motion itself; and the root of the mean square of that.
-    fn off(law: &ModelFollowing<f64>, motion: &Motion<f64>, which: usize) -> [f64; 3] {
+    fn off(law: &ModelFollowing<f64>, motion: &OutAndBack<f64>, which: usize) -> [f64; 3] {
         let all = foreseen(law, motion);
         let (at, _, per) = evenly(law, motion.start);
         let mut piston = motion.start;
@@ -258,7 +259,7 @@ mod tests {
     fn what_the_motor_cannot_do_is_begun_sooner() {
         let law = soft();
         for (end, dwell) in [(0.2, 1.5), (0.3, 1.5), (0.35, 1.5), (0.3, 0.3)] {
-            let fast = Motion { end, dwell, rest: 1.0, ..motion(0.25, 0.3) };
+            let fast = OutAndBack { end, dwell, rest: 1.0, ..motion(0.25, 0.3) };
             let [[ahead, behind, left], [_, untold_behind, untold]] =
                 [1, 0].map(|which| off(&law, &fast, which));
             // what it is ahead at first it is not behind in the end

@@ -3,7 +3,9 @@
 use crate::command_lag::{CommandLag, CommandLagMemory};
 use crate::flow_balance::{Balance, FlowBalance, FlowBalanceMemory};
 use crate::load_balance::{HELD_BY_FRICTION, LoadBalance, LoadBalanceMemory};
-use crate::{ModelFollowing, Reading, Schedule, Seen};
+use crate::model_following::{ModelFollowing, Seen};
+use crate::schedule::Schedule;
+use crate::signals::Reading;
 use hydroboom_math::Real;
 
 /// What is known of the machine by now, beyond its description.

@@ -10,7 +10,9 @@
 //! can be, for then another load hangs there.
 
 use crate::belief::Belief;
-use crate::{OutOfRange, STATIONS, Schedule};
+use crate::model_following::STATIONS;
+use crate::out_of_range::OutOfRange;
+use crate::schedule::Schedule;
 use hydroboom_math::{Real, record};
 
 /// The piston slides at this speed \[m/s\].
@@ -246,8 +248,8 @@ impl LoadBalance {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::PAYLOADS;
     use crate::model_following::tests::law;
+    use crate::schedule::PAYLOADS;
 
     const HEAVIEST: f64 = 400.0;
     /// Speed of the motion \[m/s\].

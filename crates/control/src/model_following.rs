@@ -10,11 +10,16 @@
 //! it asks of its motor is the feedforward. Feedback from the machine then sees only by how much it differs from the simulation, and damps what
 //! is already damped no second time.
 
+use crate::actuator_limits::ActuatorLimits;
 use crate::attainable::{Attainable, ReferenceMemory};
-use crate::{
-    DeviationFeedback, Gains, Measured, MotorLimits, Notch, NotchMemory, OilSpring, OilStiffness,
-    Reference, Reserve, Station,
-};
+use crate::deviation::DeviationFeedback;
+use crate::feedback::benchmark::Measured;
+use crate::feedback::filter::{Notch, NotchMemory};
+use crate::oil_spring::{Gains, OilSpring};
+use crate::oil_stiffness::OilStiffness;
+use crate::reference::profile::SetPoint;
+use crate::reserve::Reserve;
+use crate::station::Station;
 use hydroboom_math::{Real, record};
 
 record! {
@@ -160,7 +165,7 @@ pub struct ModelFollowing<T> {
     /// Bandwidth of its position \[rad/s\], where the oil is stiff enough for it.
     pub bandwidth: T,
     /// The motor's limits.
-    pub limits: MotorLimits<T>,
+    pub limits: ActuatorLimits<T>,
     /// What the machine's motor has to turn for each revolution of the simulated one.
     pub turns: T,
     /// Sample period \[s\].
@@ -269,7 +274,7 @@ impl<T: Real> ModelFollowing<T> {
     pub fn update(
         &self,
         memory: &mut FollowingMemory<T>,
-        reference: &Reference<T>,
+        reference: &SetPoint<T>,
         seen: &Seen<T>,
     ) -> T {
         let mut refers = memory.reference();
@@ -286,7 +291,7 @@ impl<T: Real> ModelFollowing<T> {
         memory.pass(passed);
         memory.feedback = memory.feedback + self.smoothing * (kept - memory.feedback);
         let asked = feedforward + (memory.feedback * softer).clamp(-authority, authority);
-        let limits = MotorLimits { speed: T::lit(BEYOND) * self.fastest(), ..self.limits };
+        let limits = ActuatorLimits { speed: T::lit(BEYOND) * self.fastest(), ..self.limits };
         let reached = limits.follow(memory.motor_speed, asked, self.period);
         let zero = T::zero();
         let cannot = [reached.lt(asked) | most.lt(back), asked.lt(reached) | back.lt(-most)];
@@ -307,7 +312,7 @@ impl<T: Real> ModelFollowing<T> {
     /// goes there as fast as the motor can.
     pub fn take_over(
         &self,
-        reference: &Reference<T>,
+        reference: &SetPoint<T>,
         seen: &Seen<T>,
         speed: T,
     ) -> FollowingMemory<T> {
@@ -380,8 +385,9 @@ impl<T: Real> ModelFollowing<T> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::boom::Boom;
     use crate::deviation::tests::feedback;
-    use crate::{Boom, Rest};
+    use crate::station::Rest;
     use hydroboom_math::Lanes;
 
     fn oil<T: Real>() -> OilStiffness<T> {
@@ -418,7 +424,7 @@ pub(crate) mod tests {
             reserve: Reserve { share: lit(0.1), beyond: lit(0.2), near: lit(4e-3), far: lit(6e-3) },
             damping: lit(0.7),
             bandwidth: lit(12.6),
-            limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },
+            limits: ActuatorLimits { speed: lit(50.0), slew: lit(500.0) },
             turns: lit(1.0),
             period: lit(1e-3),
         }
@@ -429,14 +435,14 @@ pub(crate) mod tests {
         let law = law::<f64>();
         // the second is faster than the motor
         for (velocity, seen, speed) in [(0.05, 0.045, 12.5), (0.3, 0.14, 45.0)] {
-            let reference = Reference { position: 0.21, velocity };
+            let reference = SetPoint { position: 0.21, velocity };
             let seen = Seen { stroke: 0.2095, velocity: seen, load_pressure: 66e5 };
             let mut memory = law.take_over(&reference, &seen, speed);
             let next = law.update(&mut memory, &reference, &seen);
             assert!((next - speed).abs() < 1e-9, "{next}");
         }
         // farther from the reference's speed than feedback may ask for
-        let reference = Reference { position: 0.21, velocity: 0.3 };
+        let reference = SetPoint { position: 0.21, velocity: 0.3 };
         let seen = Seen { stroke: 0.2095, velocity: 0.045, load_pressure: 66e5 };
         let mut memory = law.take_over(&reference, &seen, 12.5);
         let next = law.update(&mut memory, &reference, &seen);
@@ -446,7 +452,7 @@ pub(crate) mod tests {
     #[test]
     fn state_feedback_asks_for_no_more_than_it_may_and_position_leaves_some_to_damping() {
         let law = law::<f64>();
-        let reference = Reference { position: 0.25, velocity: 0.0 };
+        let reference = SetPoint { position: 0.25, velocity: 0.0 };
         let at = law.station(0.25);
         let holding = at.rest.holding_speed;
         let authority = law.authority(&at);
@@ -474,7 +480,7 @@ pub(crate) mod tests {
     fn a_motor_that_cannot_follow_does_not_wind_the_integral_up() {
         let law = law::<f64>();
         // as fast as the machine's motor can, behind by what position may still ask for, and feedback on top of it
-        let reference = Reference { position: 0.4, velocity: 0.15 };
+        let reference = SetPoint { position: 0.4, velocity: 0.15 };
         let seen = Seen { stroke: 0.37, velocity: 0.0, load_pressure: 65e5 };
         let mut memory = law.start();
         memory.refer(ReferenceMemory::even(&law, &reference));
@@ -488,7 +494,7 @@ pub(crate) mod tests {
     fn state_feedback_in_lanes_equals_that_in_f64() {
         let strokes = [0.003, 0.2, 0.31, 0.499];
         let (plain, lanes) = (law::<f64>(), law::<Lanes<4>>());
-        let reference = Reference { position: 0.25, velocity: 0.1 };
+        let reference = SetPoint { position: 0.25, velocity: 0.1 };
         let mut together = lanes.start();
         let seen = Seen {
             stroke: Lanes(strokes),

@@ -3,7 +3,7 @@
 //! A simulated crane whose motor is at its limit swings as soft oil lets it, and the machine swings otherwise. Feedback would brake a machine that is
 //! ahead of the simulated crane, though both are behind the reference: what it loses by that, nobody makes good for.
 
-use crate::Reference;
+use crate::reference::profile::SetPoint;
 use hydroboom_math::Real;
 
 /// A reference slower than this rests \[m/s\].
@@ -19,7 +19,7 @@ const COMES_UP: f64 = 0.15;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Led<T> {
     /// Where it is to be.
-    pub reference: Reference<T>,
+    pub reference: SetPoint<T>,
     /// By how much that runs ahead of what any crane can follow \[m\].
     pub ahead: T,
     /// What a motor turns for what can be followed \[rev/s\].
@@ -70,7 +70,7 @@ mod tests {
     /// Of a machine that is behind, and comes up with a reference at rest.
     fn told(speed: f64, leading: [f64; 2], behind: f64, closing: f64, ahead: f64) -> f64 {
         let [feedforward, motor_speed] = leading;
-        let reference = Reference { position: behind, velocity: 0.0 };
+        let reference = SetPoint { position: behind, velocity: 0.0 };
         let led = Led { reference, ahead, motor_speed, travels: 0.0 };
         led.not_braked(speed, feedforward, LIMIT, [0.0, closing])
     }
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn it_is_on_the_way_while_it_moves_or_is_far_behind() {
         let on_the_way = |velocity, ahead| {
-            let reference = Reference { position: 0.2, velocity };
+            let reference = SetPoint { position: 0.2, velocity };
             Led { reference, ahead, motor_speed: 0.0, travels: 0.0 }.on_the_way()
         };
         assert_eq!(

@@ -1,10 +1,12 @@
 //! What feedback of a deviation reckons with at a piston position: the oil spring there, and how fast and how strongly what differs is answered on oil
 //! that may be softer, or stiffer, than it is thought to be.
 
+use crate::boom::Boom;
 use crate::deviation::{DeviationDesign, DeviationFeedback};
 use crate::deviation_memory::DeviationMemory;
+use crate::oil_spring::{Gains, OilSpring};
 use crate::pushed::{Pushed, scatters};
-use crate::{Boom, Gains, OilSpring, Station};
+use crate::station::Station;
 use hydroboom_math::Real;
 
 /// How stiff the oil may be at a station, as shares of stiff oil's bulk modulus.

@@ -1,6 +1,6 @@
 //! State feedback scheduled over the payload.
 
-use crate::ModelFollowing;
+use crate::model_following::ModelFollowing;
 use hydroboom_math::Real;
 
 /// How many payloads state feedback is designed for.

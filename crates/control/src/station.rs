@@ -1,6 +1,7 @@
 //! What is known of the crane at a piston position: how it rests there, and its oil spring.
 
-use crate::{Boom, OilSpring};
+use crate::boom::Boom;
+use crate::oil_spring::OilSpring;
 use hydroboom_math::{Real, record};
 
 record! {

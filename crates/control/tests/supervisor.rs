@@ -2,8 +2,11 @@
 
 mod machine;
 
-use hydroboom_control::supervision::{Severity, Waiting};
-use hydroboom_control::{Cause, Decision, Observation, Request, State, Supervisor};
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::fault::Severity;
+use hydroboom_control::supervision::limits::Observation;
+use hydroboom_control::supervision::supervisor::{Decision, Request, State, Supervisor};
+use hydroboom_control::supervision::waiting::Waiting;
 use machine::{Machine, limits};
 use proptest::prelude::*;
 
@@ -397,7 +400,7 @@ fn a_held_load_is_watched_in_fault_and_can_be_reset_once_it_stays() {
 
 #[test]
 fn a_valve_that_does_not_switch_is_found_where_it_can_be_read() {
-    use hydroboom_control::supervision::ValveState;
+    use hydroboom_control::supervision::limits::ValveState;
     for (state, shown) in [(State::Holding, ValveState::Open), (State::Moving, ValveState::Shut)] {
         let mut rig = Rig::brought_to(state);
         let mut periods = 0;

@@ -1,6 +1,6 @@
 //! What is to be run: a strategy and a course, and what of them can be chosen.
 
-use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 

@@ -1,7 +1,7 @@
 //! What viewers may send.
 
 use crate::choice::{Choice, shortened};
-use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_realtime::desk::Generation;
 use hydroboom_realtime::fault::Fault;
 use serde::Deserialize;

@@ -84,7 +84,7 @@ impl OperatorRole {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_control::Strategy;
+    use hydroboom_control::strategy::Strategy;
 
     #[test]
     fn one_viewer_operates_at_a_time_and_its_absence_is_noticed() {

@@ -1,7 +1,7 @@
 //! What does not change during a run: the crane to be drawn, and what can be chosen.
 
 use crate::choice::Choice;
-use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_model::Crane;
 use hydroboom_realtime::fault::Fault;

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_dashboard::{Choice, Course, Dashboard, Setup};
 use hydroboom_description::Description;
 use hydroboom_realtime::control_task::Record;

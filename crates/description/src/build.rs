@@ -5,7 +5,10 @@ use crate::schema::{
     CircuitChoice, DeliveryChoice, FrictionChoice, HoldingCheckChoice, Numbers, ProfileChoice,
     ReliefChoice, StructureChoice,
 };
-use hydroboom_control::{Benchmark, HighPass, Motion, MotorLimits, Profile};
+use hydroboom_control::actuator_limits::ActuatorLimits;
+use hydroboom_control::feedback::benchmark::Benchmark;
+use hydroboom_control::feedback::filter::HighPass;
+use hydroboom_control::reference::profile::{OutAndBack, RampShape};
 use hydroboom_math::Real;
 use hydroboom_model::boom::{BaseFrame, Link, Payload, Segment};
 use hydroboom_model::circuit::{Hose, SpoolValve, TrappedAir, ValveEdge};
@@ -301,7 +304,7 @@ impl Description {
             high_pass: HighPass::new(n.high_pass_time, n.control_period),
             revolutions_per_metre: piston_area / n.displacement,
             displacement: n.displacement,
-            limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
+            limits: ActuatorLimits { speed: n.motor_speed, slew: n.motor_slew },
             period: n.control_period,
         }
     }
@@ -312,9 +315,9 @@ impl Description {
     }
 
     /// The motion of the tests at a speed \[m/s\].
-    pub fn motion(&self, speed: f64) -> Motion<f64> {
+    pub fn motion(&self, speed: f64) -> OutAndBack<f64> {
         let n = &self.numbers;
-        Motion {
+        OutAndBack {
             start: n.motion_start,
             end: n.motion_end,
             speed,
@@ -322,8 +325,8 @@ impl Description {
             dwell: n.dwell,
             rest: n.rest,
             profile: match self.choices.profile {
-                ProfileChoice::Trapezoidal => Profile::Trapezoidal,
-                ProfileChoice::SCurve => Profile::SCurve,
+                ProfileChoice::Trapezoidal => RampShape::Trapezoidal,
+                ProfileChoice::SCurve => RampShape::SCurve,
             },
         }
     }

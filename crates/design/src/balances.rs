@@ -1,9 +1,12 @@
 //! By what is learned of a crane, and how well it is known before: its balances of oil and of load, and how late its motor is.
 
 use crate::model_following::{DOUBT, stiffness};
-use hydroboom_control::{
-    Balance, Balances, CommandLag, FlowBalance, LoadBalance, ModelFollowing, Schedule,
-};
+use hydroboom_control::command_lag::CommandLag;
+use hydroboom_control::flow_balance::{Balance, FlowBalance};
+use hydroboom_control::learner::Balances;
+use hydroboom_control::load_balance::LoadBalance;
+use hydroboom_control::model_following::ModelFollowing;
+use hydroboom_control::schedule::Schedule;
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 

@@ -1,7 +1,8 @@
 //! A crane's description with what was learned of the crane in it.
 
 use crate::leakage;
-use hydroboom_control::{Known, Schedule};
+use hydroboom_control::learner::Known;
+use hydroboom_control::schedule::Schedule;
 use hydroboom_description::{Description, Difference};
 
 /// The model with what is known of the machine in it: payload, friction, oil, the pump's flow and slip, its leakage, and how late its motor is.

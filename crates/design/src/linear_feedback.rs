@@ -1,6 +1,8 @@
 //! Feedback of a deviation as what it is where it is not limited: linear.
 
-use hydroboom_control::{DeviationFeedback, DeviationMemory, Reckoned, Watched};
+use hydroboom_control::deviation::{DeviationFeedback, Watched};
+use hydroboom_control::deviation_memory::DeviationMemory;
+use hydroboom_control::reckoned::Reckoned;
 use nalgebra::{Complex, SMatrix, SVector};
 
 /// Numbers of [`DeviationMemory`], and of [`Watched`].
@@ -85,7 +87,7 @@ impl LinearFeedback {
 mod tests {
     use super::*;
     use crate::schedule;
-    use hydroboom_control::ModelFollowing;
+    use hydroboom_control::model_following::ModelFollowing;
     use hydroboom_description::Description;
     use std::f64::consts::TAU;
 

@@ -3,7 +3,9 @@
 use crate::linear::{Mode, modes};
 use crate::linear_feedback::LinearFeedback;
 use crate::{DesignError, Lifting, Loop, Margins, margins};
-use hydroboom_control::{Gains, ModelFollowing, Reference, Seen};
+use hydroboom_control::model_following::{ModelFollowing, Seen};
+use hydroboom_control::oil_spring::Gains;
+use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme};
 use hydroboom_plant::plant;
@@ -113,7 +115,7 @@ pub fn step_response(
         };
         // a rest before, in which the pump takes over the leakage
         let position = if time < REST { stroke } else { stroke + height };
-        let reference = Reference { position, velocity: 0.0 };
+        let reference = SetPoint { position, velocity: 0.0 };
         let pump_speed = law.update(&mut memory, &reference, &seen);
         response.push([time - REST, outputs.stroke - stroke, pump_speed]);
         crane

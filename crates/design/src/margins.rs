@@ -3,7 +3,9 @@
 use crate::growth::growing;
 use crate::linear_feedback::LinearFeedback;
 use crate::{DesignError, Lifting, Responses};
-use hydroboom_control::{BENDING, Benchmark, Gains, ModelFollowing};
+use hydroboom_control::feedback::benchmark::Benchmark;
+use hydroboom_control::model_following::{BENDING, ModelFollowing};
+use hydroboom_control::oil_spring::Gains;
 use nalgebra::Complex;
 use serde::Serialize;
 use std::f64::consts::TAU;

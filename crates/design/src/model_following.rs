@@ -1,11 +1,17 @@
 //! Model following for a crane: its state at rest and its oil spring at positions over the stroke, and gains for each.
 
 use crate::{DesignError, Lifting, oil_spring};
-use hydroboom_control::{
-    BENDING, Conditions, DeviationDesign, DeviationFeedback, ModelFollowing, MotorLimits,
-    OilStiffness, PAYLOADS, Pace, Reserve, Rest, STATIONS, Schedule, SoonerDesign, Station,
-    StrokeByPressure, WayBackDesign,
-};
+use hydroboom_control::actuator_limits::ActuatorLimits;
+use hydroboom_control::deviation::{DeviationDesign, DeviationFeedback};
+use hydroboom_control::learner::Conditions;
+use hydroboom_control::model_following::{BENDING, ModelFollowing, STATIONS};
+use hydroboom_control::oil_stiffness::OilStiffness;
+use hydroboom_control::reserve::Reserve;
+use hydroboom_control::schedule::{PAYLOADS, Schedule};
+use hydroboom_control::sooner::SoonerDesign;
+use hydroboom_control::station::{Rest, Station};
+use hydroboom_control::stroke_by_pressure::StrokeByPressure;
+use hydroboom_control::way_back::{Pace, WayBackDesign};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_math::Real;
@@ -238,7 +244,7 @@ pub fn law<T: Real>(
         reserve: reserve(1.0 / LARGEST).map(lit),
         damping: n.following_damping,
         bandwidth: lit(TAU) * n.following_bandwidth,
-        limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
+        limits: ActuatorLimits { speed: n.motor_speed, slew: n.motor_slew },
         turns: T::one(),
         period: n.control_period,
     }

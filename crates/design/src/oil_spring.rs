@@ -1,7 +1,8 @@
 //! What a controller of piston and load pressure sees of a crane: a mass on an oil spring.
 
 use crate::{DesignError, Lifting};
-use hydroboom_control::{Boom, OilSpring};
+use hydroboom_control::boom::Boom;
+use hydroboom_control::oil_spring::OilSpring;
 use nalgebra::{Complex, DMatrix, DVector};
 use std::f64::consts::TAU;
 

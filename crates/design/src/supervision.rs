@@ -2,10 +2,13 @@
 
 use crate::DesignError;
 use crate::lifting::Lifting;
-use hydroboom_control::supervision::{
-    DEADLINE_WINDOW, DriveMonitor, FlowMonitor, Frame, Limits, Range, Release,
-};
-use hydroboom_control::{FramedBenchmark, FramedSimulationFeedforward};
+use hydroboom_control::supervision::deadline_monitor::WINDOW as DEADLINE_WINDOW;
+use hydroboom_control::supervision::drive_monitor::DriveMonitor;
+use hydroboom_control::supervision::flow_monitor::{FlowMonitor, Range};
+use hydroboom_control::supervision::frame::Frame;
+use hydroboom_control::supervision::framed::{FramedBenchmark, FramedSimulationFeedforward};
+use hydroboom_control::supervision::limits::Limits;
+use hydroboom_control::supervision::release::Release;
 use hydroboom_description::schema::{DeliveryChoice, HoldingCheckChoice};
 use hydroboom_description::{Description, Numbers};
 use hydroboom_model::Scheme;

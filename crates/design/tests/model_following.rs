@@ -2,9 +2,13 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{
-    Benchmark, Conditions, Follower, Learned, Learner, Reading, Reference, Seen, Watched,
-};
+use hydroboom_control::deviation::Watched;
+use hydroboom_control::feedback::benchmark::Benchmark;
+use hydroboom_control::follower::Follower;
+use hydroboom_control::learner::{Conditions, Learned, Learner};
+use hydroboom_control::model_following::Seen;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::Reading;
 use hydroboom_description::Description;
 use hydroboom_design::{
     Lifting, Loop, balances, informed, leakage, look, margins, model_following, oil_spring,
@@ -177,11 +181,11 @@ fn the_controllers_oil_is_the_models() {
 }
 
 /// A crane that goes where the simulated one goes, in the midst of a motion; and what is learned of it then.
-fn in_motion() -> (Follower, Learned, Reference<f64>, Seen<f64>, Watched<f64>) {
+fn in_motion() -> (Follower, Learned, SetPoint<f64>, Seen<f64>, Watched<f64>) {
     let crane = Description::uia_single_boom().unwrap();
     let schedule = schedule(&crane).unwrap();
     let balances = balances(&crane, &schedule);
-    let reference = Reference { position: 0.2, velocity: 0.1 };
+    let reference = SetPoint { position: 0.2, velocity: 0.1 };
     let seen = Seen { stroke: 0.2, velocity: 0.1, load_pressure: 66e5 };
     let lead = crane.numbers.following_lead;
     let stroke = seen.stroke - lead * seen.velocity;

@@ -5,14 +5,15 @@ use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::given::{gains, noded, remembered, variable};
 use crate::graph::Node;
-use hydroboom_control::supervision::{
-    DriveMonitorState, FrameInput, FrameMemory, FrameOutput, FrameState, OscillationState,
-    ReleaseState,
+use hydroboom_control::feedback::benchmark::BenchmarkMemory;
+use hydroboom_control::supervision::drive_monitor::DriveMonitorState;
+use hydroboom_control::supervision::frame::{FrameInput, FrameMemory, FrameOutput, FrameState};
+use hydroboom_control::supervision::framed::{
+    Alignment, FramedBenchmark, FramedBenchmarkState, FramedMemory, FramedSimulationFeedforward,
+    FramedSimulationState, SimulatedCrane,
 };
-use hydroboom_control::{
-    Alignment, BenchmarkMemory, FramedBenchmark, FramedBenchmarkState, FramedMemory,
-    FramedSimulationFeedforward, FramedSimulationState, SimulatedCrane,
-};
+use hydroboom_control::supervision::oscillation_detector::OscillationState;
+use hydroboom_control::supervision::release::ReleaseState;
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_design::framed_benchmark;

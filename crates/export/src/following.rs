@@ -6,9 +6,11 @@ use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::given::{motor_speed, noded, of_machine, parameters, remembered, variable};
 use crate::graph::Node;
-use hydroboom_control::{
-    DeviationMemory, FollowingMemory, Led, ModelFollowing, Reference, Seen, Watched,
-};
+use hydroboom_control::deviation::Watched;
+use hydroboom_control::deviation_memory::DeviationMemory;
+use hydroboom_control::model_following::{FollowingMemory, ModelFollowing, Seen};
+use hydroboom_control::out_of_reach::Led;
+use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_design::{bending, law, stations};
@@ -55,7 +57,7 @@ pub fn state_feedback(description: &Description) -> Result<Block, ExportError> {
         let (parameters, given) = parameters(description);
         let law = designed(&given);
         let [position, velocity, ..] = of_machine();
-        let reference = Reference { position: position.1, velocity: velocity.1 };
+        let reference = SetPoint { position: position.1, velocity: velocity.1 };
         let (inputs, seen) = simulated();
         let [names, units, meanings] =
             [FollowingMemory::NAMES, FollowingMemory::UNITS, FollowingMemory::MEANINGS];
@@ -104,7 +106,7 @@ pub fn following_controller(description: &Description) -> Result<Block, ExportEr
         let ahead = input(AHEAD[0], "m", AHEAD[1]);
         let takes = input(TAKES[0], "rev/s", TAKES[1]);
         let led = Led {
-            reference: Reference { position: position.1, velocity: velocity.1 },
+            reference: SetPoint { position: position.1, velocity: velocity.1 },
             ahead: ahead.1,
             motor_speed: takes.1,
             // what is exported is told where to be now, and of no path ahead

@@ -9,10 +9,12 @@ use crate::expression::{Expression, record};
 use crate::following::recorded_law;
 use crate::given::{gains, motor_speed, noded, of_machine, parameters, remembered, variable};
 use crate::graph::Node;
-use hydroboom_control::{
-    DeviationMemory, FollowingMemory, Measured, ModelFollowing, Reference, Seen, SimulatedCrane,
-    Watched,
-};
+use hydroboom_control::deviation::Watched;
+use hydroboom_control::deviation_memory::DeviationMemory;
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::model_following::{FollowingMemory, ModelFollowing, Seen};
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::supervision::framed::SimulatedCrane;
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_math::Real;
@@ -25,7 +27,7 @@ type E = Expression;
 
 /// What the controllers of both cranes see in a period.
 struct Period {
-    reference: Reference<E>,
+    reference: SetPoint<E>,
     measured: Measured<E>,
     seen: Seen<E>,
 }
@@ -208,7 +210,7 @@ fn recording(
         load_pressure: crane.cylinder.load_pressure(outputs.pressure_a, outputs.pressure_b),
     };
     let period = Period {
-        reference: Reference { position: position.1, velocity: velocity.1 },
+        reference: SetPoint { position: position.1, velocity: velocity.1 },
         measured: Measured { stroke: stroke.1, load_pressure: load.1 },
         seen,
     };

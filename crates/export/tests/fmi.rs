@@ -6,7 +6,7 @@
 
 mod steered;
 
-use hydroboom_control::supervision::{FrameInput, FrameOutput};
+use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_export::closed_loop::{

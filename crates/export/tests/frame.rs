@@ -2,8 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::supervision::{
-    Cause, FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
+use hydroboom_control::signals::Command;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::frame::{
+    FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
 };
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
@@ -11,7 +13,7 @@ use hydroboom_export::closed_loop::{
     bounds, cases, run,
 };
 use hydroboom_export::{controller, simulation_feedforward};
-use hydroboom_virtual_crane::{Command, VirtualCrane};
+use hydroboom_virtual_crane::VirtualCrane;
 use std::path::PathBuf;
 
 fn cranes() -> (Description, Description) {

@@ -9,7 +9,7 @@ mod steered;
 
 use course::inputs;
 use evaluator::{Instance, Library};
-use hydroboom_control::supervision::{STATUS_FAULT, frame_phase};
+use hydroboom_control::supervision::frame::{STATUS_FAULT, frame_phase};
 use hydroboom_description::Description;
 use hydroboom_export::Block;
 use hydroboom_export::structured_text::{

@@ -3,8 +3,8 @@
 use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
 use crate::output;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::family::{Row, VARIATIONS, family, rows};
-use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::report;
 use hydroboom_lab::rivals::Contender;
 use hydroboom_lab::scenario::CourseChoice;

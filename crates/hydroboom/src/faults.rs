@@ -5,7 +5,7 @@ use crate::machine_choice::MachineChoice;
 use crate::virtual_crane::strategies;
 use crate::{healthy, output};
 use clap::Args;
-use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::report::document;
 use hydroboom_realtime::campaign_cranes::{CampaignCrane, at_valve_end, campaign_cranes};
 use hydroboom_realtime::fault::Fault;

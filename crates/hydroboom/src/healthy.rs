@@ -2,7 +2,9 @@
 
 use crate::interruptible::{Interruptible, of_asked};
 use crate::output;
-use hydroboom_control::{Path, Reference, Strategy};
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::family::member;
 use hydroboom_lab::scenario::{CourseChoice, scenarios};
@@ -20,12 +22,12 @@ const SHIFT: &str = "shift";
 
 /// A path that ends early.
 struct Cut {
-    path: Arc<dyn Path>,
+    path: Arc<dyn Trajectory>,
     duration: f64,
 }
 
-impl Path for Cut {
-    fn reference(&self, time: f64) -> Reference<f64> {
+impl Trajectory for Cut {
+    fn reference(&self, time: f64) -> SetPoint<f64> {
         self.path.reference(time)
     }
     fn duration(&self) -> f64 {
@@ -101,7 +103,7 @@ fn one(
     let course = job.course.of(&crane).into_diagnostic()?;
     let name = course.name();
     let loads: Vec<(f64, f64)> = course.loads().iter().map(|load| (load.time, load.mass)).collect();
-    let mut path: Arc<dyn Path> = Arc::from(course as Box<dyn Path>);
+    let mut path: Arc<dyn Trajectory> = Arc::from(course as Box<dyn Trajectory>);
     if name == SHIFT {
         // a cycle of the shift is the fast motion there and back
         let cycle = crane.motion(crane.numbers.fast).duration();

@@ -4,8 +4,12 @@ use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::Args;
-use hydroboom_control::supervision::{FLOW_LEAST_WINDOW, FLOW_WINDOW_TIME, Limits};
-use hydroboom_control::{Cause, Strategy};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::flow_monitor::{
+    LEAST_WINDOW as FLOW_LEAST_WINDOW, WINDOW_TIME as FLOW_WINDOW_TIME,
+};
+use hydroboom_control::supervision::limits::Limits;
 use hydroboom_design::{LoadPressure, limits, load_pressure};
 use hydroboom_realtime::flow_baseline::FlowBaseline;
 use hydroboom_realtime::reactions::{ReactionEffect, ideal_second_line, reaction_effects};
@@ -259,7 +263,7 @@ impl Shown {
             let causes = Cause::ALL.into_iter().filter(|cause| cause.reaction() == reaction);
             causes.map(Cause::code).collect::<Vec<_>>().join(", ")
         };
-        for reaction in hydroboom_control::supervision::Reaction::ALL {
+        for reaction in hydroboom_control::supervision::fault::Reaction::ALL {
             said += &format!("\n{}: {}", reaction.name(), of(reaction));
         }
         if let Some(drop) = self.second_line {

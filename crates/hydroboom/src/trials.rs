@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::{Args, ValueEnum};
-use hydroboom_lab::motion_test::Strategy;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::report;
 use hydroboom_lab::rivals::{Contender, Rival};
 use hydroboom_lab::trials::{Outcome, robustness, run, shaping};

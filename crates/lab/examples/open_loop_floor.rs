@@ -6,7 +6,8 @@
 mod asked;
 
 use asked::{asked, jobs};
-use hydroboom_control::{Balance, Known};
+use hydroboom_control::flow_balance::Balance;
+use hydroboom_control::learner::Known;
 use hydroboom_description::Description;
 use hydroboom_design::{leakage, schedule};
 use hydroboom_lab::LabError;

@@ -8,11 +8,13 @@
 
 #![expect(clippy::unwrap_used, reason = "an example that cannot set up has failed")]
 
-use hydroboom_control::supervision::{OscillationDetector, OscillationState};
-use hydroboom_control::{Path, Reference};
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, OscillationState};
 use hydroboom_description::Description;
 use hydroboom_lab::family::member;
-use hydroboom_lab::motion_test::{Sample, Strategy};
+use hydroboom_lab::motion_test::Sample;
 use hydroboom_lab::rings_on::rings_on;
 use hydroboom_lab::rivals::Contender;
 use hydroboom_lab::scenario::{Course, CourseChoice, Load};
@@ -25,8 +27,8 @@ const REST: f64 = 5.0;
 
 struct WithRest<'a>(&'a dyn Course);
 
-impl Path for WithRest<'_> {
-    fn reference(&self, time: f64) -> Reference<f64> {
+impl Trajectory for WithRest<'_> {
+    fn reference(&self, time: f64) -> SetPoint<f64> {
         self.0.reference(time.min(self.0.duration()))
     }
     fn duration(&self) -> f64 {

@@ -3,10 +3,10 @@
 //! Least geometric mean, over virtual cranes and both speeds, of the RMS error over the published benchmark's.
 
 use cmaes::{CMAESOptions, DVector};
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::LabError;
 use hydroboom_lab::family::{Outcome, family};
-use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::rivals::{Contender, Gains, LQG, MPC, REOPTIMISED, Rival, Weights};
 use hydroboom_lab::scenario::CourseChoice;
 

@@ -8,7 +8,7 @@ use crate::hindsight::Log;
 use crate::scenario::Course;
 use crate::stand_in::{StandIn, StandIns};
 use crate::steering::WIDTH;
-use hydroboom_control::{Command, Reading};
+use hydroboom_control::signals::{Command, Reading};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 

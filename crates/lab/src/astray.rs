@@ -4,7 +4,7 @@ use crate::LabError;
 use crate::learning::Cycle;
 use crate::open_loop::at_rest;
 use crate::scenario::Course;
-use hydroboom_control::Command;
+use hydroboom_control::signals::Command;
 use hydroboom_description::Description;
 
 /// So much more is it told \[rev/s\], for so long \[s\].

@@ -2,14 +2,15 @@
 
 use crate::LabError;
 use crate::family::worn;
-use crate::motion_test::Strategy;
 use crate::paper;
 use crate::scenario::{Course, scenarios};
 use crate::virtual_run::{Contents, LogOrder, Task, virtual_run};
-use hydroboom_control::Path as _;
+use hydroboom_control::reference::trajectory::Trajectory as _;
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_model::Outputs;
-use hydroboom_virtual_crane::{Command, Reading, Truth};
+use hydroboom_virtual_crane::Truth;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -10,11 +10,12 @@
 //! ```
 
 use crate::LabError;
-use crate::motion_test::{Run, Sample, Strategy, run};
 use crate::scenario::Course;
 use crate::score::Score;
 use crate::steering::{Feedback, Feedforward};
-use hydroboom_control::Measured;
+use crate::{motion_test::Run, motion_test::Sample, motion_test::run};
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_virtual_crane::VirtualCrane;
 use serde::Serialize;

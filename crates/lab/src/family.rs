@@ -2,12 +2,12 @@
 
 use crate::LabError;
 use crate::interruptible::as_long_as;
-use crate::motion_test::Strategy;
 use crate::rings_on::rings_on;
 use crate::rivals::{Contender, Rival};
 use crate::scenario::CourseChoice;
 use crate::score::{Effort, Score};
 use crate::steering::{Lane, WIDTH, steer_together};
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

@@ -1,9 +1,13 @@
 //! Model following on a virtual crane: the simulated crane beside it, and the controller.
 
 use crate::{LabError, Plant, plant};
-use hydroboom_control::{
-    Command, Conditions, Follower, Learner, Measured, Reading, Reference, Seen, Watched,
-};
+use hydroboom_control::deviation::Watched;
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::follower::Follower;
+use hydroboom_control::learner::{Conditions, Learner};
+use hydroboom_control::model_following::Seen;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, schedule, under};
 use hydroboom_model::{Input, Scheme, SimulationError};
@@ -86,7 +90,7 @@ impl Following {
     /// its largest \[m/s\].
     pub(crate) fn command(
         &mut self,
-        ahead: &dyn Fn(f64) -> Reference<f64>,
+        ahead: &dyn Fn(f64) -> SetPoint<f64>,
         speed: f64,
         reading: &Reading<f64>,
         measured: &Measured<f64>,

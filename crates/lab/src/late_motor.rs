@@ -3,7 +3,7 @@
 //! Its slew is a limit of what turns, behind the lag of its drive, not of what it is told. Told leaps by 13 rev/s in every millisecond, with the noise of what is
 //! read, a motor whose slew came first would turn otherwise, and pump up to a hundredth more or less through valves that open one way.
 
-use hydroboom_control::MotorLimits;
+use hydroboom_control::actuator_limits::ActuatorLimits;
 use hydroboom_description::Numbers;
 use hydroboom_virtual_crane::{Drive, DriveState};
 use std::f64::consts::TAU;
@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 /// A motor that turns as it is told, within its limits, so much later: in part a dead time, in part the lag of its drive.
 #[derive(Clone)]
 pub(crate) struct LateMotor {
-    limits: MotorLimits<f64>,
+    limits: ActuatorLimits<f64>,
     /// Control period \[s\].
     period: f64,
     /// Speeds that it was told, without a drive as far as its limits let it follow \[rev/s\]; at rest for as long as it is late before them.
@@ -27,7 +27,7 @@ pub(crate) struct LateMotor {
 impl LateMotor {
     /// At rest, as late as `following.lead_ms`, of which the drive's bandwidth takes what it can, within the limits of the same crane file.
     pub(crate) fn new(numbers: &Numbers<f64>) -> Self {
-        let limits = MotorLimits { speed: numbers.motor_speed, slew: numbers.motor_slew };
+        let limits = ActuatorLimits { speed: numbers.motor_speed, slew: numbers.motor_slew };
         let period = numbers.control_period;
         let drive = (numbers.drive_bandwidth > 0.0).then_some(Drive {
             frequency: TAU * numbers.drive_bandwidth,

@@ -5,12 +5,13 @@ use crate::scenario::{Course, motion_name};
 use crate::score::{Effort, Score};
 use crate::steering::{Lane, steer, steer_all};
 use crate::{LabError, paper};
-use hydroboom_control::{Motion, Reference};
+use hydroboom_control::reference::profile::{OutAndBack, SetPoint};
+use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Description;
-use hydroboom_virtual_crane::{Command, Reading, Truth};
+use hydroboom_virtual_crane::Truth;
 use serde::{Serialize, Serializer};
 
-pub use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 
 /// Writes a strategy by its name.
 pub(crate) fn by_name<S: Serializer>(strategy: &Strategy, to: S) -> Result<S::Ok, S::Error> {
@@ -23,7 +24,7 @@ pub struct Sample {
     /// Time \[s\].
     pub time: f64,
     /// Where the piston should be.
-    pub reference: Reference<f64>,
+    pub reference: SetPoint<f64>,
     /// What the controller sees of the plant.
     pub reading: Reading<f64>,
     /// The plant itself.
@@ -174,7 +175,7 @@ fn count(model: &Description, course: &dyn Course) -> usize {
 /// # Errors
 ///
 /// [`LabError::NoOscillation`] when fewer than two periods can be seen.
-pub fn pressure_oscillation(motion: &Motion<f64>, run: &Run) -> Result<f64, LabError> {
+pub fn pressure_oscillation(motion: &OutAndBack<f64>, run: &Run) -> Result<f64, LabError> {
     let from = motion.rest + motion.ramp;
     let to = motion.rest + motion.travel_time() - motion.ramp;
     let (times, values): (Vec<f64>, Vec<f64>) = run

@@ -4,7 +4,7 @@
 //! it cannot follow for lateness, too: 11 ms for 6 on crane 142 of seed 1.
 
 use crate::late_motor::LateMotor;
-use hydroboom_control::{Command, Reading};
+use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Numbers;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DVector, Dyn, OMatrix, U3, Vector3, storage::Owned};

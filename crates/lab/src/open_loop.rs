@@ -3,11 +3,14 @@
 use crate::following::seen;
 use crate::scenario::Course;
 use crate::{LabError, Plant, plant};
-use hydroboom_control::{FollowingMemory, Known, ModelFollowing, Reference};
+use hydroboom_control::learner::Known;
+use hydroboom_control::model_following::{FollowingMemory, ModelFollowing};
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::Command;
 use hydroboom_description::Description;
 use hydroboom_design::{informed, model_following, schedule};
 use hydroboom_model::{Input, Scheme};
-use hydroboom_virtual_crane::{Command, VirtualCrane};
+use hydroboom_virtual_crane::VirtualCrane;
 
 /// A model, and what is known of the machine beyond it.
 pub struct OpenLoop {
@@ -84,7 +87,7 @@ impl Led {
     /// `fastest` its largest velocity \[m/s\].
     fn speed(
         &mut self,
-        ahead: &dyn Fn(f64) -> Reference<f64>,
+        ahead: &dyn Fn(f64) -> SetPoint<f64>,
         fastest: f64,
     ) -> Result<f64, LabError> {
         let reference = self.law.foreseen(ahead, fastest);

@@ -1,6 +1,6 @@
 //! The paper's printed results, for "paper | here" (doi:10.3390/act14020080). Errors are x − x_ref.
 
-use crate::motion_test::Strategy;
+use hydroboom_control::strategy::Strategy;
 
 /// Table 5: strokes \[mm\].
 pub const EIGEN_STROKE_MM: [f64; 3] = [100.0, 200.0, 400.0];

@@ -6,7 +6,9 @@ use crate::following::Following;
 use crate::hindsight::Log;
 use crate::scenario::Course;
 use crate::stand_in::StandIn;
-use hydroboom_control::{Command, Learner, Measured, Reading};
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::learner::Learner;
+use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Description;
 
 /// What is known of a machine once a cycle is over.

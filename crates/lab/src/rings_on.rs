@@ -5,7 +5,8 @@ use crate::rivals::Contender;
 use crate::scenario::{Course, Load};
 use crate::score::Score;
 use crate::steering::steer;
-use hydroboom_control::{Path, Reference};
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_description::Description;
 
 /// For so long a crane that still swings is steered on \[s\].
@@ -14,8 +15,8 @@ const LONGER: f64 = 5.0;
 /// A course, and a rest at its end.
 struct WithRest<'a>(&'a dyn Course);
 
-impl Path for WithRest<'_> {
-    fn reference(&self, t: f64) -> Reference<f64> {
+impl Trajectory for WithRest<'_> {
+    fn reference(&self, t: f64) -> SetPoint<f64> {
         self.0.reference(t.min(self.0.duration()))
     }
     fn duration(&self) -> f64 {
@@ -63,8 +64,8 @@ pub fn rings_on(
 mod tests {
     use super::*;
     use crate::family::member;
-    use crate::motion_test::Strategy;
     use crate::score::tests::score;
+    use hydroboom_control::strategy::Strategy;
 
     /// One score that ends in a swing of 3 mm, for two cranes: the one on soft oil, that the benchmark does swing on, and one that it does not.
     #[test]

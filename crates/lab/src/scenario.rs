@@ -1,12 +1,13 @@
 //! What cranes do all day: courses of the piston, and loads that change under way (section 6.3).
 
 use crate::LabError;
-use hydroboom_control::{Motion, Path, Profile, Reference, Way};
+use hydroboom_control::reference::profile::{OutAndBack, PointToPoint, RampShape, SetPoint};
+use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_description::Description;
 use serde::Serialize;
 
 /// A path with a name, and what happens to the load on the way.
-pub trait Course: Path {
+pub trait Course: Trajectory {
     /// Name, in tables and messages.
     fn name(&self) -> String;
     /// Changes of the payload on the way, in the order of their times.
@@ -20,7 +21,7 @@ pub fn motion_name(speed_mm_s: f64) -> String {
     format!("{speed_mm_s:.0} mm/s")
 }
 
-impl Course for Motion<f64> {
+impl Course for OutAndBack<f64> {
     fn name(&self) -> String {
         motion_name(self.speed * 1e3)
     }
@@ -51,7 +52,7 @@ struct Leg {
     from: f64,
     /// +1 out, −1 in.
     sign: f64,
-    way: Way<f64>,
+    way: PointToPoint<f64>,
 }
 
 /// A named course.
@@ -92,10 +93,10 @@ impl Scenario {
         self
     }
 
-    fn go(mut self, to: f64, speed: f64, ramp: f64, profile: Profile) -> Self {
+    fn go(mut self, to: f64, speed: f64, ramp: f64, profile: RampShape) -> Self {
         let from =
             self.legs.last().map_or(self.start, |leg| leg.from + leg.sign * leg.way.distance);
-        let way = Way { distance: (to - from).abs(), speed, ramp, profile };
+        let way = PointToPoint { distance: (to - from).abs(), speed, ramp, profile };
         let sign = if to < from { -1.0 } else { 1.0 };
         self.legs.push(Leg { begin: self.duration, from, sign, way });
         self.duration += way.duration();
@@ -126,18 +127,18 @@ impl Scenario {
     }
 }
 
-impl Path for Scenario {
-    fn reference(&self, t: f64) -> Reference<f64> {
+impl Trajectory for Scenario {
+    fn reference(&self, t: f64) -> SetPoint<f64> {
         let begun = self.legs.partition_point(|leg| leg.begin <= t);
         match begun.checked_sub(1).map(|last| self.legs[last]) {
             Some(leg) => {
                 let done = leg.way.at(t - leg.begin);
-                Reference {
+                SetPoint {
                     position: leg.from + leg.sign * done.position,
                     velocity: leg.sign * done.velocity,
                 }
             }
-            None => Reference { position: self.start, velocity: 0.0 },
+            None => SetPoint { position: self.start, velocity: 0.0 },
         }
     }
     fn duration(&self) -> f64 {

@@ -1,7 +1,7 @@
 //! How well a course was followed.
 
 use crate::motion_test::Sample;
-use hydroboom_control::supervision::{OscillationDetector, OscillationState};
+use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, OscillationState};
 use serde::Serialize;
 
 /// What is slower than this in the tip's deflection is no vibration \[s\]: the boom rings at some Hz.
@@ -114,9 +114,10 @@ impl Score {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use hydroboom_control::Reference;
+    use hydroboom_control::reference::profile::SetPoint;
+    use hydroboom_control::signals::Command;
     use hydroboom_description::Description;
-    use hydroboom_virtual_crane::{Command, VirtualCrane};
+    use hydroboom_virtual_crane::VirtualCrane;
 
     /// Of a crane that ends a course of three seconds so far \[m\] from where it should be.
     pub(crate) fn score(off: impl Fn(f64) -> f64) -> Score {
@@ -127,7 +128,7 @@ pub(crate) mod tests {
         for k in 0..=3000 {
             let time = 1e-3 * f64::from(k);
             truth.outputs.stroke = 0.25 + off(time);
-            let reference = Reference { position: 0.25, velocity: 0.0 };
+            let reference = SetPoint { position: 0.25, velocity: 0.0 };
             let command = Command { motor_speed: 0.0, holding_valve: 1.0 };
             score.add(&Sample { time, reference, reading, truth, command });
         }

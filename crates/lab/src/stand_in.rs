@@ -2,7 +2,8 @@
 
 use crate::late_motor::LateMotor;
 use crate::{LabError, Plant, plant};
-use hydroboom_control::{Command, Measured, Reading};
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Outputs, Scheme, SimulationError};
 use hydroboom_plant::SideBySide;

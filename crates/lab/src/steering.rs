@@ -1,14 +1,18 @@
 //! A strategy, or what it is compared with, at work on virtual cranes, one by one or side by side.
 
 use crate::following::Following;
-use crate::motion_test::{Sample, Strategy};
+use crate::motion_test::Sample;
 use crate::rivals::{Contender, Shown, Steers, rival};
 use crate::scenario::{Course, due};
 use crate::{LabError, Plant, plant};
-use hydroboom_control::{Benchmark, BenchmarkMemory, Measured, Reading, Reference};
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::Command;
+use hydroboom_control::signals::Reading;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme, SimulationError};
-use hydroboom_virtual_crane::{Command, Fleet, VirtualCrane};
+use hydroboom_virtual_crane::{Fleet, VirtualCrane};
 
 /// Cranes that are simulated side by side.
 pub const WIDTH: usize = 4;
@@ -55,7 +59,7 @@ impl Feedforward {
     }
 
     /// Motor speed \[rev/s\] for the coming period; the simulated crane moves on with it.
-    pub(crate) fn speed(&mut self, reference: &Reference<f64>) -> Result<f64, SimulationError> {
+    pub(crate) fn speed(&mut self, reference: &SetPoint<f64>) -> Result<f64, SimulationError> {
         let controller = &self.controller;
         let velocity_feedforward = controller.velocity_feedforward(reference);
         let Some(crane) = &mut self.simulated else { return Ok(velocity_feedforward) };
@@ -88,7 +92,7 @@ impl Feedback {
 
     pub(crate) fn command(
         &mut self,
-        reference: &Reference<f64>,
+        reference: &SetPoint<f64>,
         seen: &Measured<f64>,
         feedforward: f64,
     ) -> Command<f64> {
@@ -324,8 +328,8 @@ fn side_by_side(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion_test::Strategy;
     use crate::scenario::CourseChoice;
+    use hydroboom_control::strategy::Strategy;
 
     /// Courses of other shape and duration, each begun, led and ended as it is alone.
     #[test]

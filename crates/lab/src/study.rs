@@ -2,11 +2,15 @@
 
 use crate::double_damping::{DoubleDamping, double_damping};
 use crate::energy_audit::{Audit, audit};
-use crate::motion_test::{Row, Run, Strategy, pressure_oscillation, run, run_all};
 use crate::numerical_damping::{NumericalDamping, numerical_damping};
 use crate::scenario::Course;
 use crate::work_precision::{Point, work_precision};
 use crate::{LabError, calibrate, eigenfrequency, paper};
+use crate::{
+    motion_test::Row, motion_test::Run, motion_test::pressure_oscillation, motion_test::run,
+    motion_test::run_all,
+};
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, OFF_MODEL};
 use hydroboom_model::Scheme;
 use serde::Serialize;

@@ -7,7 +7,9 @@ use crate::rivals::Contender;
 use crate::scenario::{Course, CourseChoice};
 use crate::score::{Effort, Score};
 use crate::steering::steer;
-use hydroboom_control::{Motion, Path, Profile, Reference, Shaped};
+use hydroboom_control::reference::input_shaper::ShapedTrajectory;
+use hydroboom_control::reference::profile::{OutAndBack, RampShape, SetPoint};
+use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_description::Description;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -102,8 +104,8 @@ struct Named<P> {
     path: P,
 }
 
-impl<P: Path> Path for Named<P> {
-    fn reference(&self, t: f64) -> Reference<f64> {
+impl<P: Trajectory> Trajectory for Named<P> {
+    fn reference(&self, t: f64) -> SetPoint<f64> {
         self.path.reference(t)
     }
     fn duration(&self) -> f64 {
@@ -114,7 +116,7 @@ impl<P: Path> Path for Named<P> {
     }
 }
 
-impl<P: Path> Course for Named<P> {
+impl<P: Trajectory> Course for Named<P> {
     fn name(&self) -> String {
         self.name.clone()
     }
@@ -132,27 +134,24 @@ pub fn shaping(model: &Description, crane: &Description) -> Result<Vec<Trial>, L
     let (frequency, damping) = (mode.frequency_hz, mode.damping_ratio);
     let mut all = Vec::new();
     for speed in [model.numbers.slow, model.numbers.fast] {
-        let trapezoid = Motion { profile: Profile::Trapezoidal, ..model.motion(speed) };
-        let curve = Motion { profile: Profile::SCurve, ..trapezoid };
+        let trapezoid = OutAndBack { profile: RampShape::Trapezoidal, ..model.motion(speed) };
+        let curve = OutAndBack { profile: RampShape::SCurve, ..trapezoid };
         let mut add = |what: &str, path: Box<dyn Course>| {
             let name = format!("{:.0} mm/s, {what}", speed * 1e3);
             all.push(Trial { name, crane: crane.clone(), course: path });
         };
         add("trapezoid (published)", named(trapezoid));
         add("S-curve", named(curve));
-        add(
-            "trapezoid, shaped twice",
-            named(Shaped::zero_vibration(trapezoid, frequency, damping)),
-        );
-        let thrice = Shaped::zero_vibration_and_slope(trapezoid, frequency, damping);
+        add("trapezoid, shaped twice", named(ShapedTrajectory::zv(trapezoid, frequency, damping)));
+        let thrice = ShapedTrajectory::zvd(trapezoid, frequency, damping);
         add("trapezoid, shaped thrice", named(thrice));
-        let both = Shaped::zero_vibration(curve, frequency, damping);
+        let both = ShapedTrajectory::zv(curve, frequency, damping);
         add("S-curve, shaped twice", named(both));
     }
     Ok(all)
 }
 
-fn named<P: Path + 'static>(path: P) -> Box<dyn Course> {
+fn named<P: Trajectory + 'static>(path: P) -> Box<dyn Course> {
     Box::new(Named { name: "motion".into(), path })
 }
 

@@ -2,15 +2,17 @@
 
 use crate::LabError;
 use crate::log::{Log, columns, scaled};
-use crate::motion_test::{Sample, Strategy};
+use crate::motion_test::Sample;
 use crate::scenario::Course;
 use crate::score::Score;
 use crate::simulate::Recording;
 use crate::steering::{Lane, steer, steer_all};
-use hydroboom_control::Reference;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_model::Outputs;
-use hydroboom_virtual_crane::{Command, Reading, Truth, VirtualCrane};
+use hydroboom_virtual_crane::{Truth, VirtualCrane};
 use serde::Serialize;
 use std::path::Path;
 
@@ -219,7 +221,7 @@ fn follow(
         let command = command(time);
         let reading = real.reading();
         // there is no reference to be away from
-        let reference = Reference { position: reading.stroke, velocity: 0.0 };
+        let reference = SetPoint { position: reading.stroke, velocity: 0.0 };
         observe(&Sample { time, reference, reading, truth: real.truth(), command })?;
         if k < periods {
             real.advance(&command).map_err(LabError::during("virtual crane"))?;
@@ -232,7 +234,7 @@ fn header(contents: Contents, task: &Task) -> Vec<String> {
     let mut header = vec!["time_s".to_string()];
     if contents.readings() {
         if matches!(task, Task::Course(..)) {
-            header.extend(columns(&Reference::NAMES, &Reference::UNITS, "reference_"));
+            header.extend(columns(&SetPoint::NAMES, &SetPoint::UNITS, "reference_"));
         }
         header.extend(columns(&Command::NAMES, &Command::UNITS, "command_"));
         header.extend(columns(&Reading::NAMES, &Reading::UNITS, ""));
@@ -248,7 +250,7 @@ fn row(contents: Contents, task: &Task, sample: &Sample) -> Vec<f64> {
     let mut row = vec![sample.time];
     if contents.readings() {
         if matches!(task, Task::Course(..)) {
-            row.extend(scaled(&sample.reference.to_array(), &Reference::UNITS));
+            row.extend(scaled(&sample.reference.to_array(), &SetPoint::UNITS));
         }
         row.extend(scaled(&sample.command.to_array(), &Command::UNITS));
         row.extend(scaled(&sample.reading.to_array(), &Reading::UNITS));

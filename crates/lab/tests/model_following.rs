@@ -2,13 +2,14 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::family::member;
 use hydroboom_lab::family_margins::family_margins;
 use hydroboom_lab::learning::taught;
-use hydroboom_lab::motion_test::{Run, Strategy, run};
 use hydroboom_lab::rings_on::rings_on;
 use hydroboom_lab::scenario::CourseChoice;
+use hydroboom_lab::{motion_test::Run, motion_test::run};
 
 fn both(crane: &Description, course: &CourseChoice) -> [Run; 2] {
     let model = Description::uia_single_boom().unwrap();

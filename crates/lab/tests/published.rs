@@ -1,9 +1,10 @@
 //! Every number of the paper that the model claims.
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_lab::motion_test::{Row, Strategy, pressure_oscillation, run};
 use hydroboom_lab::{eigenfrequency, paper};
+use hydroboom_lab::{motion_test::Row, motion_test::pressure_oscillation, motion_test::run};
 
 fn crane() -> Description {
     Description::uia_single_boom().unwrap()

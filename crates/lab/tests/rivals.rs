@@ -1,7 +1,7 @@
 //! What model following is held against has to be worth it, and trials have to tell what they are made for.
 
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_lab::motion_test::Strategy;
 use hydroboom_lab::rivals::{Contender, Rival};
 use hydroboom_lab::trials::{robustness, run, shaping};
 

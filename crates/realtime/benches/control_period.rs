@@ -4,7 +4,7 @@
 //! hypervisor or another program takes away falls on other periods each time, what the law itself needs does not. In one thread with the
 //! virtual crane, whose steps leave the caches colder than a core of its own has them.
 
-use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_realtime::lockstep::{Disturbance, Lockstep};
 use hydroboom_realtime::machine::Incoming;

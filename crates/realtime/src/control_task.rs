@@ -3,11 +3,16 @@
 use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
-use hydroboom_control::supervision::ValveState;
-use hydroboom_control::{
-    Benchmark, BenchmarkMemory, Conditions, Decision, Follower, Known, Learned, Learner, Limits,
-    Measured, Observation, Reading, Reference, Request, State, Strategy, Supervisor, Watched,
-};
+use hydroboom_control::deviation::Watched;
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
+use hydroboom_control::follower::Follower;
+use hydroboom_control::learner::{Conditions, Known, Learned, Learner};
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::Reading;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::limits::ValveState;
+use hydroboom_control::supervision::limits::{Limits, Observation};
+use hydroboom_control::supervision::supervisor::{Decision, Request, State, Supervisor};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, conditions, schedule};
 use hydroboom_model::hydraulics::Cylinder;
@@ -65,7 +70,7 @@ pub struct Record {
     /// Largest speed of the course \[m/s\].
     pub course_speed: f64,
     /// Where the piston should be.
-    pub reference: Reference<f64>,
+    pub reference: SetPoint<f64>,
     /// What of it is the released piston's distance from the course's beginning, faded out \[m\].
     pub start_offset: f64,
     /// What was read.
@@ -355,7 +360,7 @@ impl ControlTask {
     }
 
     /// The reference, as it suits the crane: the course is known ahead.
-    fn foreseen(&mut self, reference: &Reference<f64>) -> Reference<f64> {
+    fn foreseen(&mut self, reference: &SetPoint<f64>) -> SetPoint<f64> {
         match &mut self.follower {
             Some(follower) if self.decision.controls => {
                 let path = |after| {
@@ -371,7 +376,7 @@ impl ControlTask {
 
     /// What this period tells of the machine: how it goes where the simulation goes, and what the load weighs while valves hold it. Where
     /// anything is wrong nothing is learned.
-    fn learn(&mut self, reference: &Reference<f64>, measured: &Measured<f64>, now: &Period) {
+    fn learn(&mut self, reference: &SetPoint<f64>, measured: &Measured<f64>, now: &Period) {
         let Some(follower) = self.follower.as_mut().filter(|_| self.learns) else { return };
         let reading = &self.reading;
         let is_fresh = self.age < FRESH * self.benchmark.period && now.strategy.follows();
@@ -430,7 +435,7 @@ impl ControlTask {
     /// The speed the strategy wants, of a reference and what is foreseen of it.
     fn control(
         &mut self,
-        [reference, foreseen]: [&Reference<f64>; 2],
+        [reference, foreseen]: [&SetPoint<f64>; 2],
         measured: &Measured<f64>,
         now: &Period,
     ) {

@@ -1,6 +1,7 @@
 //! What the control task is to run: from where the piston is to where a path begins, then the path.
 
-use hydroboom_control::{Path, Profile, Reference, Way};
+use hydroboom_control::reference::profile::{PointToPoint, RampShape, SetPoint};
+use hydroboom_control::reference::trajectory::Trajectory;
 use std::sync::Arc;
 
 /// A piston that is nearer to the path's beginning than this needs no approach \[m\].
@@ -14,7 +15,7 @@ const APPROACH_REST: f64 = 0.5;
 /// A path and the way to its beginning.
 #[derive(Clone)]
 pub struct Course {
-    path: Arc<dyn Path>,
+    path: Arc<dyn Trajectory>,
     approach: Approach,
 }
 
@@ -24,34 +25,34 @@ enum Approach {
     /// The piston is near.
     None,
     /// From a position \[m\], in a direction.
-    Way(f64, Way<f64>, f64),
+    Way(f64, PointToPoint<f64>, f64),
     /// The path itself has it, for so long \[s\].
     Path(f64),
 }
 
 impl Course {
     /// A path for a piston that is at its beginning.
-    pub fn new(path: Arc<dyn Path>) -> Self {
+    pub fn new(path: Arc<dyn Trajectory>) -> Self {
         Self { path, approach: Approach::None }
     }
 
     /// A path that begins before its time zero, with an approach of so long \[s\].
-    pub fn with_approach(path: Arc<dyn Path>, duration: f64) -> Self {
+    pub fn with_approach(path: Arc<dyn Trajectory>, duration: f64) -> Self {
         Self { path, approach: Approach::Path(duration) }
     }
 
     /// A path for a piston that is somewhere \[m\].
-    pub fn from_stroke(path: Arc<dyn Path>, stroke: f64) -> Self {
+    pub fn from_stroke(path: Arc<dyn Trajectory>, stroke: f64) -> Self {
         let begin = path.reference(0.0).position;
         let distance = begin - stroke;
         if distance.abs() <= NEAR {
             return Self::new(path);
         }
-        let way = Way {
+        let way = PointToPoint {
             distance: distance.abs(),
             speed: APPROACH_SPEED.min(path.speed()),
             ramp: APPROACH_RAMP,
-            profile: Profile::SCurve,
+            profile: RampShape::SCurve,
         };
         Self { path, approach: Approach::Way(stroke, way, distance.signum()) }
     }
@@ -67,11 +68,11 @@ impl Course {
 
     /// Position and velocity at a time of the course \[s\]: zero where the path begins, negative in the
     /// approach.
-    pub fn reference(&self, t: f64) -> Reference<f64> {
+    pub fn reference(&self, t: f64) -> SetPoint<f64> {
         match self.approach {
             Approach::Way(from, way, sign) if t < 0.0 => {
                 let done = way.at(t + self.approach());
-                Reference { position: from + sign * done.position, velocity: sign * done.velocity }
+                SetPoint { position: from + sign * done.position, velocity: sign * done.velocity }
             }
             _ => self.path.reference(t),
         }
@@ -91,18 +92,18 @@ impl Course {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_control::Motion;
+    use hydroboom_control::reference::profile::OutAndBack;
 
     #[test]
     fn an_approach_begins_at_the_piston_and_ends_at_rest_where_the_path_begins() {
-        let motion = Motion {
+        let motion = OutAndBack {
             start: 0.05,
             end: 0.45,
             speed: 0.12,
             ramp: 1.0,
             dwell: 5.0,
             rest: 2.0,
-            profile: Profile::Trapezoidal,
+            profile: RampShape::Trapezoidal,
         };
         for stroke in [0.3, 0.0, 0.052] {
             let course = Course::from_stroke(Arc::new(motion), stroke);

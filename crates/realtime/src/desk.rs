@@ -5,7 +5,7 @@
 //! also where it is still on its way through another thread.
 
 use crate::posix::now;
-use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
 /// Which operator, and since which emergency stop: grows whenever the role is taken, given back or lost, and

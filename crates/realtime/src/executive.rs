@@ -22,9 +22,13 @@ use crate::simulation_task::{AtRest, Simulated, SimulationTask};
 use crate::slot::Slot;
 use crate::timing::Timing;
 use crate::trouble::Tampering;
-use hydroboom_control::{
-    Cause, Command, Conditions, Decision, Learned, Reading, Reference, Seen, State, Strategy,
-};
+use hydroboom_control::learner::{Conditions, Learned};
+use hydroboom_control::model_following::Seen;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::supervisor::{Decision, State};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -443,7 +447,7 @@ fn unrecorded(decision: Decision, strategy: Strategy) -> Record {
         time: 0.0,
         course_time: None,
         course_speed: 0.0,
-        reference: Reference::default(),
+        reference: SetPoint::default(),
         start_offset: 0.0,
         reading: Reading::default(),
         sequence: 0,

@@ -6,7 +6,11 @@ use crate::lockstep::Lockstep;
 use crate::operator::Operator;
 use crate::setup::SetupError;
 use crate::trouble::{Tampering, Trouble};
-use hydroboom_control::{Cause, Limits, Motion, State, Strategy};
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::limits::Limits;
+use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
@@ -44,7 +48,7 @@ impl Moment {
     }
 
     /// Time of the course \[s\]; none where the load is not released yet.
-    fn course_time(self, motion: &Motion<f64>) -> Option<f64> {
+    fn course_time(self, motion: &OutAndBack<f64>) -> Option<f64> {
         let travel = motion.travel_time();
         match self {
             Self::BeforeStart | Self::PreLoad => None,
@@ -140,7 +144,7 @@ pub struct Underway {
     trouble: Trouble,
     limits: Limits,
     machine: Description,
-    motion: Motion<f64>,
+    motion: OutAndBack<f64>,
     strategy: Strategy,
     moment: Moment,
     /// Control period \[s\].
@@ -163,7 +167,7 @@ impl Underway {
     pub fn until(
         model: &Description,
         machine: &Description,
-        motion: Motion<f64>,
+        motion: OutAndBack<f64>,
         strategy: Strategy,
         moment: Moment,
     ) -> Result<Self, SetupError> {

@@ -2,7 +2,9 @@
 //! against delivered flow. It is recorded on request, and never changes by itself.
 
 use crate::control_task::Record;
-use hydroboom_control::supervision::{FlowMonitor, FlowMonitorState, FlowReading, Range};
+use hydroboom_control::supervision::flow_monitor::{
+    FlowMonitor, FlowMonitorState, FlowReading, Range,
+};
 use hydroboom_description::Description;
 use hydroboom_math::solve_pivoted;
 use serde_json::{Value, json};

@@ -4,8 +4,10 @@ use crate::lockstep::Lockstep;
 use crate::operator::Operator;
 use crate::setup::SetupError;
 use crate::trouble::{Tampering, Trouble};
-use hydroboom_control::supervision::RUNAWAY;
-use hydroboom_control::{Cause, Path, Strategy};
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::plausibility::RUNAWAY;
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
@@ -43,7 +45,7 @@ const LIMIT_FRACTION: f64 = 0.9;
 pub fn healthy_run(
     model: &Description,
     machine: &Description,
-    path: Arc<dyn Path>,
+    path: Arc<dyn Trajectory>,
     loads: &[(f64, f64)],
     strategy: Strategy,
 ) -> Result<HealthyRun, SetupError> {

@@ -5,7 +5,7 @@ use crate::machine::Incoming;
 use crate::posix::{now, pin_to, run_first, wait_until};
 use crate::shared::Shared;
 use crate::trouble::Trouble;
-use hydroboom_control::Command;
+use hydroboom_control::signals::Command;
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::VirtualCrane;

@@ -3,9 +3,12 @@
 //! A file may have been changed by hand, or come from another version or crane. So every number that is read is checked:
 //! it is within its physical range, and the covariance matrices are positive definite. What is refused is named by its key.
 
-use hydroboom_control::{
-    Balances, Believed, BelievedLag, BelievedLoad, Learned, OutOfRange, Schedule, TRANSITIONS,
-};
+use hydroboom_control::command_lag::BelievedLag;
+use hydroboom_control::flow_balance::{Believed, TRANSITIONS};
+use hydroboom_control::learner::{Balances, Learned};
+use hydroboom_control::load_balance::BelievedLoad;
+use hydroboom_control::out_of_range::OutOfRange;
+use hydroboom_control::schedule::Schedule;
 use hydroboom_description::Description;
 use hydroboom_design::{DesignError, balances, informed, overrides, schedule};
 use serde_json::{Map, Value, json};
@@ -209,7 +212,12 @@ fn shown(number: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_control::{Follower, Learner, Measured, Reading, Reference, Seen};
+    use hydroboom_control::feedback::benchmark::Measured;
+    use hydroboom_control::follower::Follower;
+    use hydroboom_control::learner::Learner;
+    use hydroboom_control::model_following::Seen;
+    use hydroboom_control::reference::profile::SetPoint;
+    use hydroboom_control::signals::Reading;
     use hydroboom_description::schema::Numbers;
     use proptest::prelude::*;
     use std::sync::LazyLock;
@@ -412,7 +420,7 @@ mod tests {
             machine.period();
             let measured = machine.measured();
             let seen = Seen { stroke: measured.stroke + 1e-3, velocity: 0.01, load_pressure: 66e5 };
-            let reference = Reference { position: seen.stroke, velocity: 0.01 };
+            let reference = SetPoint { position: seen.stroke, velocity: 0.01 };
             let reading = &machine.reading;
             let speeds = follower.period(machine.told, &reference, &seen, reading, &measured);
             if k % 100 == 50 {

@@ -11,7 +11,12 @@ use crate::session::{Lookout, Order};
 use crate::setup::SetupError;
 use crate::simulation_task::SimulationTask;
 use crate::trouble::{Tampering, Trouble};
-use hydroboom_control::{Command, Decision, Learned, Limits, Path, Strategy};
+use hydroboom_control::learner::Learned;
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::signals::Command;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::limits::Limits;
+use hydroboom_control::supervision::supervisor::Decision;
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_model::SimulationError;
@@ -92,7 +97,7 @@ impl Lockstep {
     pub fn new(
         model: &Description,
         machine: &Description,
-        path: impl Path + 'static,
+        path: impl Trajectory + 'static,
         strategy: Strategy,
     ) -> Result<Self, SetupError> {
         Self::along(model, machine, Arc::new(path), strategy)
@@ -106,7 +111,7 @@ impl Lockstep {
     pub fn along(
         model: &Description,
         machine: &Description,
-        path: Arc<dyn Path>,
+        path: Arc<dyn Trajectory>,
         strategy: Strategy,
     ) -> Result<Self, SetupError> {
         let (begin, speed) = (path.reference(0.0).position, path.speed());

@@ -6,7 +6,10 @@
 
 use crate::control_task::Record;
 use crate::posix::survive_large_files;
-use hydroboom_control::{Command, Reading, Reference, State, Strategy};
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::supervisor::State;
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, Schema, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
@@ -225,7 +228,7 @@ pub struct Row {
     /// Largest speed of the course \[m/s\]; none while there was no time of it, and in logs from before it was logged.
     pub course_speed: Option<f64>,
     /// Where the piston should have been.
-    pub reference: Reference<f64>,
+    pub reference: SetPoint<f64>,
     /// What of it was the released piston's distance from the course's beginning \[m\].
     pub start_offset: f64,
     /// What was sent.
@@ -329,7 +332,7 @@ fn row(value: &Value) -> Result<Row, String> {
         reading: (sequence > 0).then_some(reading),
         course_time: value["course_time_s"].as_f64(),
         course_speed: value["course_speed_mm_s"].as_f64().map(|speed| speed * 1e-3),
-        reference: Reference {
+        reference: SetPoint {
             position: needed("reference_position_mm")? * 1e-3,
             velocity: needed("reference_velocity_mm_s")? * 1e-3,
         },

@@ -1,7 +1,7 @@
 //! The machine, as the executive sees it: what a fieldbus is attached to.
 
-use hydroboom_control::supervision::ValveState;
-use hydroboom_control::{Command, Reading};
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::supervision::limits::ValveState;
 
 /// A reading and its number, which grows by one with each.
 #[derive(Clone, Copy, Debug, PartialEq)]

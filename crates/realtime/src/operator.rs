@@ -6,7 +6,7 @@
 //! the release takes.
 
 use crate::desk::{Desk, Generation};
-use hydroboom_control::{Decision, Request, State};
+use hydroboom_control::supervision::supervisor::{Decision, Request, State};
 
 /// A reset waits so long for motor, valve and load to come to rest \[s\]; not for what is broken to be mended.
 const RESET_WITHIN: f64 = 5.0;
@@ -191,7 +191,8 @@ fn is_taken_up(decision: &Decision) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_control::{Command, Strategy};
+    use hydroboom_control::signals::Command;
+    use hydroboom_control::strategy::Strategy;
 
     const PERIOD: f64 = 1e-3;
 

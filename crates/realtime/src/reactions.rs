@@ -4,8 +4,11 @@
 use crate::lockstep::Lockstep;
 use crate::operator::Operator;
 use crate::setup::SetupError;
-use hydroboom_control::supervision::{CONTROLLED_RAMP, Reaction};
-use hydroboom_control::{Command, Motion, Strategy};
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_control::signals::Command;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Reaction;
+use hydroboom_control::supervision::supervisor::CONTROLLED_RAMP;
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::VirtualCrane;
@@ -71,7 +74,7 @@ pub fn reaction_effects(
 fn moved_until(
     model: &Description,
     machine: &Description,
-    motion: Motion<f64>,
+    motion: OutAndBack<f64>,
     time: f64,
 ) -> Result<Option<VirtualCrane>, ReactionError> {
     let strategy = Strategy::BenchmarkClosedLoop;

@@ -1,6 +1,6 @@
 //! What a start waits for, in words.
 
-use hydroboom_control::{Decision, State};
+use hydroboom_control::supervision::supervisor::{Decision, State};
 
 /// What has to come before a course can be started, to be read after "waits for"; none when it can be started now.
 /// `attended`: whether an operator is present.

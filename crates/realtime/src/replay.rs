@@ -6,7 +6,12 @@ use crate::log::Row;
 use crate::machine::{Incoming, Machine};
 use crate::setup::SetupError;
 use crate::simulation_task::{AtRest, SimulationTask};
-use hydroboom_control::{Command, Learned, Path, Reading, Reference, Request, State, Strategy};
+use hydroboom_control::learner::Learned;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::supervisor::{Request, State};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_math::Real;
@@ -45,18 +50,18 @@ struct Recorded {
     /// Time of the first reference \[s\].
     from: f64,
     period: f64,
-    references: Vec<Reference<f64>>,
+    references: Vec<SetPoint<f64>>,
     speed: f64,
 }
 
-impl Path for Recorded {
-    fn reference(&self, t: f64) -> Reference<f64> {
+impl Trajectory for Recorded {
+    fn reference(&self, t: f64) -> SetPoint<f64> {
         let k = ((t - self.from) / self.period).round().max(0.0) as usize;
         let beyond = k.saturating_sub(self.references.len().saturating_sub(1)) as f64;
         let last = self.references.last().copied().unwrap_or_default();
         // whoever looks ahead of a course that was stopped finds it going on
         let on = last.position + beyond * self.period * last.velocity;
-        self.references.get(k).copied().unwrap_or(Reference { position: on, ..last })
+        self.references.get(k).copied().unwrap_or(SetPoint { position: on, ..last })
     }
     fn duration(&self) -> f64 {
         // over in the period of the last reference, whether by itself or because somebody stopped it
@@ -156,9 +161,9 @@ fn request(rows: &[Row], k: usize, state: State) -> Request {
 fn recorded(model: &Description, rows: &[Row]) -> Course {
     let running = rows.iter().skip_while(|row| row.course_time.is_none());
     let course: Vec<&Row> = running.take_while(|row| row.course_time.is_some()).collect();
-    let references: Vec<Reference<f64>> = course
+    let references: Vec<SetPoint<f64>> = course
         .iter()
-        .map(|row| Reference {
+        .map(|row| SetPoint {
             position: row.reference.position - row.start_offset,
             ..row.reference
         })

@@ -9,7 +9,10 @@ use crate::operator::Operator;
 use crate::readiness::start_waits_for;
 use crate::simulation_task::AtRest;
 use crate::trouble::Tampering;
-use hydroboom_control::{Cause, Conditions, Decision, Path};
+use hydroboom_control::learner::Conditions;
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::supervisor::Decision;
 use hydroboom_description::Description;
 use hydroboom_design::conditions;
 use hydroboom_math::Real;
@@ -95,7 +98,7 @@ pub struct Session {
     model: Description,
     /// Every path handed over that may still be in use: the real-time tasks must not be the last to
     /// let one go, which would free memory.
-    paths: Vec<Arc<dyn Path>>,
+    paths: Vec<Arc<dyn Trajectory>>,
     hung: Vec<Hung>,
     /// How many of them hang.
     hanging: usize,
@@ -176,7 +179,7 @@ impl Session {
     /// [`PlantError`] when the model has no state of rest there.
     pub fn prepare(
         &mut self,
-        path: Arc<dyn Path>,
+        path: Arc<dyn Trajectory>,
         hung: Vec<Hung>,
     ) -> Result<Vec<Order>, PlantError> {
         let begin = path.reference(0.0).position;

@@ -3,8 +3,8 @@
 use crate::machine::{Incoming, Machine};
 use crate::slot::Slot;
 use crate::trouble::Tampering;
-use hydroboom_control::supervision::ValveState;
-use hydroboom_control::{Command, Reading};
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::supervision::limits::ValveState;
 use memmap2::MmapMut;
 use std::fs::OpenOptions;
 use std::io;

@@ -1,6 +1,7 @@
 //! The simulation beside the machine: a step of 50 us at a time.
 
-use hydroboom_control::{Conditions, Seen};
+use hydroboom_control::learner::Conditions;
+use hydroboom_control::model_following::Seen;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_design::{conditions, under};
 use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation};

@@ -3,7 +3,7 @@
 use crate::fault::{Fault, Sensor, WrongPosition, WrongPressure};
 use crate::lockstep::Disturbance;
 use crate::machine::Incoming;
-use hydroboom_control::{Command, Reading};
+use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Description;
 use hydroboom_math::Real;
 use hydroboom_plant::PlantError;

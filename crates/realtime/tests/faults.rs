@@ -1,6 +1,7 @@
 //! A fixed share of the fault campaign, with every kind of fault: `hydroboom faults --all` runs the rest.
 
-use hydroboom_control::{State, Strategy};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::supervisor::State;
 use hydroboom_realtime::campaign_cranes::{at_valve_end, campaign_cranes};
 use hydroboom_realtime::fault::Fault;
 use hydroboom_realtime::faults::{Moment, Outcome, Underway};

@@ -2,7 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Cause, Limits, State, Strategy};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::limits::Limits;
+use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_realtime::control_task::Record;

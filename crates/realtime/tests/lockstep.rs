@@ -2,7 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Cause, Conditions, Motion, State, Strategy};
+use hydroboom_control::learner::Conditions;
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::{Description, UIA_SINGLE_BOOM};
 use hydroboom_design::{conditions, limits};
 use hydroboom_realtime::control_task::Record;
@@ -13,7 +17,7 @@ use hydroboom_realtime::simulation_task::SimulationTask;
 struct Case {
     model: Description,
     crane: Description,
-    motion: Motion<f64>,
+    motion: OutAndBack<f64>,
 }
 
 fn case(overrides: &[&str]) -> Case {

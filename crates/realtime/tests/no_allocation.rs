@@ -3,7 +3,9 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
-use hydroboom_control::{Path, Request, State, Strategy};
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::supervisor::{Request, State};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_model::Start;
@@ -37,7 +39,7 @@ fn allocate_nothing(strategy: Strategy) {
     let mut start: Start = crane.start(motion.start);
     start.preload = 0.0;
     let mut machine = VirtualCrane::new(&crane, &start).unwrap();
-    let path: Arc<dyn Path> = Arc::new(motion);
+    let path: Arc<dyn Trajectory> = Arc::new(motion);
     let course = Course::new(Arc::clone(&path));
     let control = ControlTask::new(&model, course, limits(&model, motion.speed).unwrap(), strategy);
     let mut control = control.learning(None);

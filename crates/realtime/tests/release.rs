@@ -2,7 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Cause, State, Strategy};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::Description;
 use hydroboom_realtime::fault::{Fault, WrongPosition, WrongPressure};
 use hydroboom_realtime::lockstep::Lockstep;

@@ -2,7 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Cause, Motion, State, Strategy};
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::Description;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::fault::{Fault, Sensor};
@@ -37,7 +40,7 @@ fn logged_with(
 
 fn logged_along(
     name: &str,
-    motion: Motion<f64>,
+    motion: OutAndBack<f64>,
     strategy: Strategy,
     learns: bool,
     wrong: Option<(Fault, f64)>,
@@ -104,7 +107,7 @@ fn replayed_readings_lead_to_the_same_commands() {
 #[test]
 fn a_replayed_slow_motion_is_looked_along_as_it_was() {
     let crane = Description::uia_virtual().unwrap();
-    let motion = Motion { rest: 0.5, ..crane.motion(crane.numbers.slow) };
+    let motion = OutAndBack { rest: 0.5, ..crane.motion(crane.numbers.slow) };
     let (model, records, path) =
         logged_along("slow", motion, Strategy::ModelFollowing, false, None, 7.0);
     let mut rows = rows(&path).unwrap();

@@ -2,7 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Cause, Learned, Motion, State, Strategy};
+use hydroboom_control::learner::Learned;
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::{Description, UIA_SINGLE_BOOM};
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::desk::Desk;
@@ -15,7 +19,7 @@ use std::sync::Arc;
 /// What is done at a time \[s\].
 #[derive(Clone, Copy)]
 enum Act {
-    Start(Motion<f64>),
+    Start(OutAndBack<f64>),
     Tamper(Tampering),
     Emergency,
     Reset,
@@ -68,7 +72,7 @@ impl Cranes {
         Self { model: Description::uia_single_boom().unwrap(), machine }
     }
 
-    fn motion(&self) -> Motion<f64> {
+    fn motion(&self) -> OutAndBack<f64> {
         self.machine.motion(self.model.numbers.fast)
     }
 

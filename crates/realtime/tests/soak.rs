@@ -2,7 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::{Motion, Strategy};
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::desk::Desk;
@@ -56,7 +57,7 @@ fn an_hour_of_courses_is_as_good_at_its_end_as_at_its_beginning() {
 struct Soak {
     session: Session,
     desk: Arc<Desk>,
-    motion: Motion<f64>,
+    motion: OutAndBack<f64>,
     each: f64,
     courses: u32,
     begun: u32,

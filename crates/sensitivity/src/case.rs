@@ -4,7 +4,8 @@ use crate::closed_loop::{follow, motor_speeds};
 use crate::error::SensitivityError;
 use crate::output::Output;
 use crate::ringing::eigenfrequency;
-use hydroboom_control::{Motion, Strategy};
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_identify::Number;
@@ -18,7 +19,7 @@ pub struct Case {
     /// The machine as described: what its controllers know, and what varies.
     pub description: Description,
     /// The motion.
-    pub motion: Motion<f64>,
+    pub motion: OutAndBack<f64>,
     /// The outputs.
     pub outputs: Vec<Output>,
     /// What the simulation beside the machine drives the motor with; none where no strategy asks for it.

@@ -2,7 +2,9 @@
 
 use crate::case::SEGMENTS;
 use crate::error::SensitivityError;
-use hydroboom_control::{Benchmark, Measured, Motion, Reference, Strategy};
+use hydroboom_control::feedback::benchmark::{Benchmark, Measured};
+use hydroboom_control::reference::profile::{OutAndBack, SetPoint};
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::schema::Numbers;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_identify::{Number, Stepper};
@@ -31,7 +33,7 @@ pub(crate) fn machine<T: Number>(
 /// What a machine does in each control period: shown before the motor speed of the period is decided.
 struct Loop<'a, T> {
     description: &'a Description,
-    motion: &'a Motion<f64>,
+    motion: &'a OutAndBack<f64>,
     controller: Benchmark<T>,
     crane: Crane<T, SEGMENTS>,
     state: CraneState<T, SEGMENTS>,
@@ -42,7 +44,7 @@ impl<T: Number> Loop<'_, T> {
     fn run(
         mut self,
         what: &str,
-        mut decide: impl FnMut(usize, &Reference<f64>, &Measured<T>, &Benchmark<T>, T) -> T,
+        mut decide: impl FnMut(usize, &SetPoint<f64>, &Measured<T>, &Benchmark<T>, T) -> T,
     ) -> Result<(), SensitivityError> {
         let period = self.description.benchmark().period;
         let stepper = Stepper::new(&self.crane);
@@ -71,8 +73,8 @@ impl<T: Number> Loop<'_, T> {
     }
 }
 
-fn over<T: Number>(reference: &Reference<f64>) -> Reference<T> {
-    Reference { position: T::lit(reference.position), velocity: T::lit(reference.velocity) }
+fn over<T: Number>(reference: &SetPoint<f64>) -> SetPoint<T> {
+    SetPoint { position: T::lit(reference.position), velocity: T::lit(reference.velocity) }
 }
 
 /// RMS tracking error \[m\], and RMS swing of p_A \[Pa\], of a machine with these parameters under a strategy.
@@ -80,7 +82,7 @@ fn over<T: Number>(reference: &Reference<f64>) -> Reference<T> {
 pub(crate) fn follow<T: Number>(
     description: &Description,
     numbers: &Numbers<T>,
-    motion: &Motion<f64>,
+    motion: &OutAndBack<f64>,
     strategy: Strategy,
     simulated: Option<&[f64]>,
 ) -> Result<[T; 2], SensitivityError> {
@@ -115,7 +117,7 @@ pub(crate) fn follow<T: Number>(
 /// machine drives the motor with.
 pub(crate) fn motor_speeds(
     description: &Description,
-    motion: &Motion<f64>,
+    motion: &OutAndBack<f64>,
 ) -> Result<Vec<f64>, SensitivityError> {
     let (crane, state) = machine(description, &description.numbers, motion.start)?;
     let looped: Loop<'_, f64> =

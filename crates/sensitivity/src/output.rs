@@ -1,6 +1,6 @@
 //! What parameters may have an effect on.
 
-use hydroboom_control::Strategy;
+use hydroboom_control::strategy::Strategy;
 
 /// What parameters may have an effect on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

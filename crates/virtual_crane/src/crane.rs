@@ -2,8 +2,9 @@
 
 use crate::equipment::{Equipment, Stepping};
 use crate::signals::Truth;
-use hydroboom_control::supervision::ValveState;
-use hydroboom_control::{Command, Measured, Reading};
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_description::Description;
 use hydroboom_model::{Outputs, SimulationError, Start};
 use hydroboom_plant::{Plant, PlantError, plant};

@@ -1,6 +1,6 @@
 //! The servo drive: a second-order lag within the limits of its motor.
 
-use hydroboom_control::MotorLimits;
+use hydroboom_control::actuator_limits::ActuatorLimits;
 
 /// Speed control and motor.
 ///
@@ -18,7 +18,7 @@ pub struct Drive {
     /// Moment of inertia of motor and pump \[kg·m²\].
     pub inertia: f64,
     /// Largest speed \[rev/s\] and slew \[rev/s²\].
-    pub limits: MotorLimits<f64>,
+    pub limits: ActuatorLimits<f64>,
 }
 
 /// Angle \[rad\] of the lag's own oscillation in one part of a step.
@@ -85,7 +85,7 @@ mod tests {
         damping: 0.7,
         torque: 30.0,
         inertia: 0.01,
-        limits: MotorLimits { speed: 50.0, slew: 500.0 },
+        limits: ActuatorLimits { speed: 50.0, slew: 500.0 },
     };
 
     #[test]

@@ -9,8 +9,10 @@ use crate::sensor::{Sensor, SensorData};
 use crate::signals::Truth;
 use crate::temperature::Temperature;
 use crate::valve::SwitchingValve;
-use hydroboom_control::supervision::ValveState;
-use hydroboom_control::{Command, Measured, MotorLimits, Reading};
+use hydroboom_control::actuator_limits::ActuatorLimits;
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_description::Description;
 use hydroboom_description::schema::PositionSwitchChoice;
 use hydroboom_model::hydraulics::Cylinder;
@@ -55,7 +57,7 @@ pub(crate) struct Equipment {
     period: f64,
     /// None: the motor follows at once, within its limits, as the model's does.
     drive: Option<Drive>,
-    limits: MotorLimits<f64>,
+    limits: ActuatorLimits<f64>,
     motor: DriveState,
     shaft: PumpShaft,
     /// None: the valve switches at once.
@@ -95,7 +97,7 @@ impl Equipment {
             damping: n.drive_damping,
             torque: n.drive_torque,
             inertia: n.drive_inertia,
-            limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
+            limits: ActuatorLimits { speed: n.motor_speed, slew: n.motor_slew },
         });
         let valve = (n.valve_delay + n.pilot_line > 0.0)
             .then(|| SwitchingValve::new(n.valve_delay, n.pilot_line, step, pilot));
@@ -137,7 +139,7 @@ impl Equipment {
         Self {
             period: n.control_period,
             drive,
-            limits: MotorLimits { speed: n.motor_speed, slew: n.motor_slew },
+            limits: ActuatorLimits { speed: n.motor_speed, slew: n.motor_slew },
             motor: DriveState::default(),
             shaft: PumpShaft {
                 displacement: n.displacement,

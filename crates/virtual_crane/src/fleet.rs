@@ -2,7 +2,8 @@
 
 use crate::equipment::{Equipment, Stepping};
 use crate::signals::Truth;
-use hydroboom_control::{Command, Measured, Reading};
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Description;
 use hydroboom_model::{Outputs, Scheme, SimulationError, Start};
 use hydroboom_plant::{PlantError, SideBySide};

@@ -28,5 +28,4 @@ pub use crane::VirtualCrane;
 pub use drive::{Drive, DriveState};
 pub use effect::Effect;
 pub use fleet::Fleet;
-pub use hydroboom_control::{Command, Reading};
 pub use signals::Truth;

@@ -2,10 +2,11 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme};
 use hydroboom_plant::plant;
-use hydroboom_virtual_crane::{Command, Effect, Fleet, Reading, Truth, VirtualCrane};
+use hydroboom_virtual_crane::{Effect, Fleet, Truth, VirtualCrane};
 
 fn crane(overrides: &[&str]) -> Description {
     let mut crane = Description::uia_virtual().unwrap();

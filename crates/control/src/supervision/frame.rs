@@ -21,7 +21,7 @@ use super::oscillation_detector::{OscillationDetector, OscillationState};
 use super::plausibility::{LOWEST_PRESSURE, RUNAWAY, STROKE_SLACK, VELOCITY_WINDOW};
 use super::release::{Refusal, Release, ReleaseInput, ReleaseState, phase};
 use super::supervisor::CONTROLLED_RAMP;
-use crate::motion::Reference;
+use crate::reference::profile::SetPoint;
 use hydroboom_math::{Real, record};
 
 record! {
@@ -360,7 +360,7 @@ pub struct Directive<T: Real> {
     /// Pressure on the rod side \[Pa\].
     pub pressure_b: T,
     /// Reference, from where the piston was released.
-    pub reference: Reference<T>,
+    pub reference: SetPoint<T>,
     /// Motor speed commanded in the period before \[rev/s\].
     pub motor_speed: T,
     /// The controller begins in this period: it takes over at that speed.
@@ -513,7 +513,7 @@ impl<T: Real> Frame<T> {
         // at the end of the stroke it stays there
         let is_limited = T::lit(0.5 * REFERENCE_SLACK).lt((followed - position).abs());
         let velocity = T::select(is_limited, zero, now.reference_velocity + back);
-        let reference = Reference { position, velocity };
+        let reference = SetPoint { position, velocity };
 
         // a loop in sustained oscillation falls back, until a reset
         let rests = at.controlling & !T::lit(RESTS).lt(now.reference_velocity.abs());
@@ -730,7 +730,7 @@ impl<T: Real> Frame<T> {
         before: &FrameState<T>,
         s: &mut FrameState<T>,
         now: &FrameInput<T>,
-        reference: &Reference<T>,
+        reference: &SetPoint<T>,
     ) -> Wrong<T> {
         let l = &self.limits;
         let was = &before.memory;

@@ -1,8 +1,12 @@
 //! A machine in closed form for the supervisor's tests: an incompressible cylinder behind a check
 //! valve, on a pump side of constant stiffness.
 
-use hydroboom_control::supervision::{DriveMonitor, FlowMonitor, Range, Release, ValveState};
-use hydroboom_control::{Command, Limits, Observation, Reading};
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::supervision::drive_monitor::DriveMonitor;
+use hydroboom_control::supervision::flow_monitor::{FlowMonitor, Range};
+use hydroboom_control::supervision::limits::ValveState;
+use hydroboom_control::supervision::limits::{Limits, Observation};
+use hydroboom_control::supervision::release::Release;
 use hydroboom_model::hydraulics::Oil;
 
 const PERIOD: f64 = 1e-3;

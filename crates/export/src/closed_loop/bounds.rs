@@ -2,9 +2,9 @@
 
 use super::case::{Bad, Case, Moment};
 use super::trial::Outcome;
-use hydroboom_control::supervision::{
-    CONTROLLED_RAMP, Cause, FrameInput, STATUS_FAULT, Severity, frame_phase,
-};
+use hydroboom_control::supervision::fault::{Cause, Severity};
+use hydroboom_control::supervision::frame::{FrameInput, STATUS_FAULT, frame_phase};
+use hydroboom_control::supervision::supervisor::CONTROLLED_RAMP;
 use hydroboom_description::Description;
 use hydroboom_design::{DesignError, limits};
 use std::f64::consts::TAU;

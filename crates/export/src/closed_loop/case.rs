@@ -1,6 +1,6 @@
 //! What is tried with an exported controller.
 
-use hydroboom_control::supervision::FrameInput;
+use hydroboom_control::supervision::frame::FrameInput;
 use hydroboom_description::Description;
 
 /// How an input is wrong.

@@ -4,7 +4,7 @@ use super::target::{Target, TargetError};
 use crate::block::Block;
 use crate::c::{Precision, files};
 use crate::fmi::{System, Version, binary, unit};
-use hydroboom_control::supervision::{FrameInput, FrameOutput};
+use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
 use hydroboom_description::Description;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};

@@ -3,7 +3,8 @@
 use super::bounds::Bounds;
 use super::case::Case;
 use super::trial::Outcome;
-use hydroboom_control::supervision::{Cause, STATUS_FALLBACK, STATUS_FAULT, frame_phase};
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::frame::{STATUS_FALLBACK, STATUS_FAULT, frame_phase};
 
 /// A trial, and what came of it.
 #[derive(Clone, Debug)]

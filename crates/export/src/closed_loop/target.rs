@@ -1,7 +1,7 @@
 //! A controller as exported: called once a control period, with numbers in and numbers out.
 
-use hydroboom_control::supervision::{FrameInput, FrameOutput};
-use hydroboom_control::{
+use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
+use hydroboom_control::supervision::framed::{
     FramedBenchmark, FramedBenchmarkState, FramedSimulationFeedforward, FramedSimulationState,
     SimulatedCrane,
 };

@@ -2,14 +2,15 @@
 
 use super::case::{Case, Moment};
 use super::target::{Target, TargetError};
-use hydroboom_control::supervision::{
+use hydroboom_control::reference::profile::{OutAndBack, RampShape};
+use hydroboom_control::signals::Command;
+use hydroboom_control::supervision::frame::{
     FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
 };
-use hydroboom_control::{Motion, Profile};
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
-use hydroboom_virtual_crane::{Command, VirtualCrane};
+use hydroboom_virtual_crane::VirtualCrane;
 
 /// What came of a trial, as the machine shows it.
 #[derive(Clone, Debug, Default)]
@@ -94,14 +95,14 @@ pub fn run(
     let mut crane = VirtualCrane::new(&description, &start)?;
     let period = n.control_period;
     let up = case.stroke < 0.5 * n.stroke;
-    let course = Motion {
+    let course = OutAndBack {
         start: case.stroke,
         end: case.stroke + if up { TRAVEL } else { -TRAVEL },
         speed: n.fast,
         ramp: n.ramp,
         dwell: AFTER,
         rest: case.rest,
-        profile: Profile::Trapezoidal,
+        profile: RampShape::Trapezoidal,
     };
     let travel = course.travel_time();
     let length = if case.moves { case.rest + travel + AFTER } else { case.rest };

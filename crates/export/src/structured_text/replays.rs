@@ -3,13 +3,16 @@
 use super::bench::{CALLS, PERIODS, Replay, Values, ramp};
 use crate::crane::{SEGMENTS, resting};
 use crate::error::ExportError;
-use hydroboom_control::supervision::{FrameInput, FrameOutput};
-use hydroboom_control::{FramedBenchmarkState, FramedSimulationState, SimulatedCrane};
+use hydroboom_control::signals::Command;
+use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
+use hydroboom_control::supervision::framed::{
+    FramedBenchmarkState, FramedSimulationState, SimulatedCrane,
+};
 use hydroboom_description::Description;
 use hydroboom_design::{framed_benchmark, framed_simulation_feedforward};
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, Input, Outputs};
-use hydroboom_virtual_crane::{Command, VirtualCrane};
+use hydroboom_virtual_crane::VirtualCrane;
 
 /// What signals come to in a motion: position \[m\], velocity \[m/s\], tip \[m\], pressure \[Pa\], force \[N\], motor speed \[rev/s\].
 const POSITION: f64 = 0.1;

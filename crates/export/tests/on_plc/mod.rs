@@ -1,7 +1,7 @@
 //! Framed controllers as a PLC runs them: Structured Text, evaluated, on the virtual crane.
 
 use super::evaluator::{Instance, Library};
-use hydroboom_control::supervision::{FrameInput, FrameOutput};
+use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
 use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{
     Bad, Case, Disturbed, Moment, Row, RustBenchmark, Target, TargetError, bounds, cases, run,

@@ -1,14 +1,15 @@
 //! Model following in Rust with the crane that it simulates, on a machine that lags and rings.
 
-use hydroboom_control::{
-    DeviationMemory, FollowingMemory, ModelFollowing, Reference, Seen, Watched,
-};
+use hydroboom_control::deviation::Watched;
+use hydroboom_control::deviation_memory::DeviationMemory;
+use hydroboom_control::model_following::{FollowingMemory, ModelFollowing, Seen};
+use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input};
 
 /// What is wanted, and measured of the machine, in a period. For a while the machine is torn off to both sides, and the reference faster than the motor.
-pub fn shown(k: usize) -> (Reference<f64>, Watched<f64>) {
+pub fn shown(k: usize) -> (SetPoint<f64>, Watched<f64>) {
     let time = 1e-3 * k as f64;
     let moved = 0.02 * (1.0 - (1.5 * time).cos());
     let (fast, dash) = (0.35, |begun: f64| (time - begun).clamp(0.0, 0.15));
@@ -19,7 +20,7 @@ pub fn shown(k: usize) -> (Reference<f64>, Watched<f64>) {
         _ => 0.0,
     };
     let position = 0.05 + moved + dashed;
-    let reference = Reference { position, velocity: 0.03 * (1.5 * time).sin() + dashes };
+    let reference = SetPoint { position, velocity: 0.03 * (1.5 * time).sin() + dashes };
     let ringing = (15.0 * time).sin();
     let torn = 0.03 * (40.0 * (time - 0.2).clamp(0.0, 0.3)).sin();
     let stroke = 0.0495 + 0.97 * moved + torn + 2e-4 * ringing;

@@ -11,7 +11,10 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::virtual_crane::strategies;
 use clap::Args;
-use hydroboom_control::{Learned, Limits, Path, Strategy};
+use hydroboom_control::learner::Learned;
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::limits::Limits;
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Setup};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
@@ -404,7 +407,7 @@ impl Cranes {
         };
         let course = choice.of(&self.machine).into_diagnostic()?;
         let hung = course.loads().iter().map(|load| (load.time, load.mass)).collect();
-        Ok(Wanted { name: course.name(), path: Arc::from(course as Box<dyn Path>), hung })
+        Ok(Wanted { name: course.name(), path: Arc::from(course as Box<dyn Trajectory>), hung })
     }
 
     /// Speeds at which a motion can be run \[mm/s\].

@@ -1,7 +1,9 @@
 //! The tasks beside a log.
 
 use crate::output;
-use hydroboom_control::{Cause, Learned, State};
+use hydroboom_control::learner::Learned;
+use hydroboom_control::supervision::fault::Cause;
+use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::Description;
 use hydroboom_realtime::log;
 use hydroboom_realtime::replay::replay as run;

@@ -3,7 +3,7 @@
 use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
-use hydroboom_control::Learned;
+use hydroboom_control::learner::Learned;
 use hydroboom_description::Description;
 use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;

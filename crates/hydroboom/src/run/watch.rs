@@ -1,7 +1,9 @@
 //! Who looks on while a machine runs: writes the log, sums the courses up, asks for the next one.
 
-use hydroboom_control::supervision::Waiting;
-use hydroboom_control::{Decision, Path, State, Strategy};
+use hydroboom_control::reference::trajectory::Trajectory;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::supervisor::{Decision, State};
+use hydroboom_control::supervision::waiting::Waiting;
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::desk::{Desk, Generation};
@@ -46,7 +48,7 @@ pub struct Wanted {
     /// Name.
     pub name: String,
     /// Where the piston shall be.
-    pub path: Arc<dyn Path>,
+    pub path: Arc<dyn Trajectory>,
     /// Payloads.
     pub hung: Vec<Hung>,
 }

@@ -3,7 +3,7 @@
 //! while its pressure changes, so that one on soft oil may have less.
 
 use super::{Case, Failure, Left};
-use hydroboom_control::ModelFollowing;
+use hydroboom_control::model_following::ModelFollowing;
 use hydroboom_design::schedule;
 
 /// Duration of a step \[s\].

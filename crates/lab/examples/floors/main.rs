@@ -6,11 +6,12 @@ mod full_speed;
 mod pull;
 mod spring;
 
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::LabError;
 use hydroboom_lab::family::{Spread, member};
-use hydroboom_lab::motion_test::{Run, Strategy, run};
 use hydroboom_lab::scenario::{Course, CourseChoice};
+use hydroboom_lab::{motion_test::Run, motion_test::run};
 use pull::{Home, Knows};
 use rayon::prelude::*;
 use std::error::Error;

@@ -7,9 +7,10 @@
 //! makes of them. Or told so, and in time all its speed the other way, so that the piston is at rest when it is home.
 
 use super::{Case, Failure, Left};
-use hydroboom_control::Reference;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::Command;
 use hydroboom_description::Description;
-use hydroboom_virtual_crane::{Command, VirtualCrane};
+use hydroboom_virtual_crane::VirtualCrane;
 
 /// A piston that was never pulled so far is home \[m\].
 const PULLED: f64 = 1e-3;
@@ -50,7 +51,7 @@ fn shows(crane: &Description, machine: &VirtualCrane, twin: &VirtualCrane) -> bo
 /// A crane whose load has changed, and what it is told in each period from then on.
 struct Pull {
     machine: VirtualCrane,
-    periods: Vec<(Reference<f64>, Command<f64>)>,
+    periods: Vec<(SetPoint<f64>, Command<f64>)>,
     /// Where the piston was off before \[m\].
     begins: f64,
     /// Motor speed against the pull \[rev/s\].

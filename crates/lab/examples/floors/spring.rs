@@ -7,7 +7,10 @@
 //! left out: with them nobody has less.
 
 use super::{Case, Failure, Left};
-use hydroboom_control::{ModelFollowing, MotorLimits, Reference, Station};
+use hydroboom_control::actuator_limits::ActuatorLimits;
+use hydroboom_control::model_following::ModelFollowing;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::station::Station;
 use hydroboom_design::schedule;
 use nalgebra::{Matrix4, RowVector4, Vector4};
 use std::ops::Range;
@@ -26,7 +29,7 @@ const WORTH: f64 = 1e-3;
 
 /// The crane at a step, where the reference is.
 struct Step {
-    reference: Reference<f64>,
+    reference: SetPoint<f64>,
     station: Station<f64>,
 }
 
@@ -64,7 +67,7 @@ impl Spring {
 
     /// How fast a motor at a speed \[rev/s\] can change it, down and up \[rev/s²\].
     fn slews(&self, speed: f64) -> [f64; 2] {
-        let MotorLimits { speed: limit, slew } = self.law.limits;
+        let ActuatorLimits { speed: limit, slew } = self.law.limits;
         [(-limit - speed) / STEP, (limit - speed) / STEP].map(|rate| rate.clamp(-slew, slew))
     }
 

@@ -1,11 +1,12 @@
 //! What the real crane showed, and what a virtual one shows in the same tests.
 
 use crate::eigenfrequency::{locked_mode, without_friction};
-use crate::motion_test::{Run, Strategy, pressure_oscillation, run};
 use crate::{LabError, paper};
-use hydroboom_control::Motion;
+use crate::{motion_test::Run, motion_test::pressure_oscillation, motion_test::run};
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_control::signals::Reading;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_virtual_crane::Reading;
 use serde::Serialize;
 use std::thread;
 
@@ -64,7 +65,7 @@ pub struct Tests {
     /// The published model under velocity feedforward at the fast speed, for Table 6.
     pub simulated: Run,
     /// Where the fast motion cruises \[s\].
-    motion: Motion<f64>,
+    motion: OutAndBack<f64>,
 }
 
 /// Runs the tests, on two threads.

@@ -4,7 +4,7 @@ use super::bode::size_and_phase;
 use super::document::{document, figure};
 use super::figure::{Axes, Figure, Series};
 use crate::LabError;
-use hydroboom_control::ModelFollowing;
+use hydroboom_control::model_following::ModelFollowing;
 use hydroboom_description::Description;
 use hydroboom_design::{Lifting, Look, Loop, machine_loops};
 use maud::html;

@@ -2,7 +2,7 @@
 
 use super::document::{document, figure};
 use crate::family::{Row, Spread, VARIATIONS};
-use crate::motion_test::Strategy;
+use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
 use std::fmt::Write;
 

@@ -4,7 +4,8 @@ use super::document::{document, figure};
 use super::figure::{Axes, Figure, Series};
 use super::validation;
 use crate::LabError;
-use crate::motion_test::{Row, Run, Sample, Strategy};
+use crate::{motion_test::Row, motion_test::Run, motion_test::Sample};
+use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
 
 /// What the paper's figures hold against each other, and ours.

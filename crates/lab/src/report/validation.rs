@@ -4,7 +4,7 @@ use super::document::figure;
 use super::figure::{Axes, Figure, Series};
 use crate::LabError;
 use crate::motion_test::Run;
-use hydroboom_virtual_crane::Reading;
+use hydroboom_control::signals::Reading;
 use maud::{Markup, html};
 
 type Signal = (u32, &'static str, &'static str, fn(&Reading<f64>) -> f64);

@@ -1,7 +1,9 @@
 //! The crane as the linear rivals know it: a mass on an oil spring, with what pushes it beside.
 
 use crate::LabError;
-use hydroboom_control::{ModelFollowing, Reference, Station};
+use hydroboom_control::model_following::ModelFollowing;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::station::Station;
 use hydroboom_description::Description;
 use hydroboom_design::model_following;
 use nalgebra::{SMatrix, SVector, matrix};
@@ -64,7 +66,7 @@ impl LinearCrane {
     /// State and motor speed that a reference with an acceleration \[m/s²\] takes, pushed by an acceleration and a rate of the pressure.
     pub(super) fn wanted(
         &self,
-        reference: &Reference<f64>,
+        reference: &SetPoint<f64>,
         acceleration: f64,
         [push, rate]: [f64; 2],
     ) -> (SVector<f64, MOVES>, f64) {

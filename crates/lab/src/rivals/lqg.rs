@@ -5,7 +5,7 @@ use super::observer::Observer;
 use super::riccati::least_cost;
 use super::{Shown, Steers};
 use crate::LabError;
-use hydroboom_control::Measured;
+use hydroboom_control::feedback::benchmark::Measured;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector, matrix};
 

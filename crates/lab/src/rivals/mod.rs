@@ -16,7 +16,10 @@ pub use mpc::MPC;
 pub use reoptimised::{Gains, REOPTIMISED};
 
 use crate::LabError;
-use hydroboom_control::{Measured, Reading, Reference, Strategy};
+use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::Reading;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use serde::{Serialize, Serializer};
 
@@ -92,9 +95,9 @@ impl Serialize for Contender {
 /// What a rival is shown in a period.
 pub(crate) struct Shown<'a> {
     /// Where the piston should be.
-    pub reference: Reference<f64>,
+    pub reference: SetPoint<f64>,
     /// Where it should be so long after now \[s\].
-    pub ahead: &'a dyn Fn(f64) -> Reference<f64>,
+    pub ahead: &'a dyn Fn(f64) -> SetPoint<f64>,
     /// Its largest speed \[m/s\].
     pub speed: f64,
     /// What is read of the machine.

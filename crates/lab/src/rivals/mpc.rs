@@ -6,7 +6,7 @@ use super::lqg::Weights;
 use super::observer::Observer;
 use super::{Shown, Steers};
 use crate::LabError;
-use hydroboom_control::Measured;
+use hydroboom_control::feedback::benchmark::Measured;
 use hydroboom_description::Description;
 use nalgebra::{DMatrix, DVector, SMatrix, vector};
 
@@ -104,7 +104,8 @@ impl Steers for Mpc {
 mod tests {
     use super::super::lqg::LQG;
     use super::*;
-    use hydroboom_control::{Reading, Reference};
+    use hydroboom_control::reference::profile::SetPoint;
+    use hydroboom_control::signals::Reading;
 
     /// What comes after the horizon costs what feedback of least cost takes, and so the horizon changes nothing where no limit is met.
     #[test]
@@ -113,7 +114,7 @@ mod tests {
         let measured = Measured { stroke: 0.2, load_pressure: 66e5 };
         let mut mpc = Mpc::new(&model, &LQG, &measured).unwrap();
         let (_, gain) = LQG.feedback(&mpc.blocks).unwrap();
-        let still = Reference { position: 0.2, velocity: 0.0 };
+        let still = SetPoint { position: 0.2, velocity: 0.0 };
         let (rest, holding) = mpc.blocks.wanted(&still, 0.0, [0.0; 2]);
         let off: nalgebra::SVector<f64, MOVES> = [2e-3, -0.01, 3e5].into();
         let at = rest + off;

@@ -4,7 +4,7 @@ use super::Shown;
 use super::linear_crane::{ALL, LinearCrane};
 use super::riccati::least_variance;
 use crate::LabError;
-use hydroboom_control::Measured;
+use hydroboom_control::feedback::benchmark::Measured;
 use nalgebra::{SMatrix, SVector, matrix, vector};
 
 /// Standard deviations of what is read: position \[m\], load pressure \[Pa\].

@@ -1,7 +1,8 @@
 //! The benchmark controller with numbers of its own: the rival that matters most, for it costs nothing.
 
 use super::{Shown, Steers};
-use hydroboom_control::{Benchmark, BenchmarkMemory, HighPass, Measured};
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
+use hydroboom_control::feedback::filter::HighPass;
 use hydroboom_description::Description;
 
 /// The benchmark controller's four numbers.

@@ -5,7 +5,9 @@
 //! section 4: its speed is sent to the real crane, alone in open loop (figure 13), or in the place
 //! of the velocity feedforward in closed loop (figure 15).
 
-use crate::{HighPass, MotorLimits, Reference};
+use crate::actuator_limits::ActuatorLimits;
+use crate::feedback::filter::HighPass;
+use crate::reference::profile::SetPoint;
 use hydroboom_math::{Real, record};
 
 record! {
@@ -48,7 +50,7 @@ pub struct Benchmark<T> {
     /// Pump displacement K_VP \[m³/rev\].
     pub displacement: T,
     /// The motor's limits, which the integral must not wind up against.
-    pub limits: MotorLimits<T>,
+    pub limits: ActuatorLimits<T>,
     /// Sample period \[s\].
     pub period: T,
 }
@@ -61,7 +63,7 @@ impl<T: Real> Benchmark<T> {
 
     /// Velocity feedforward u_FF = A_p/K_VP v_ref \[rev/s\] (1).
     #[inline(always)]
-    pub fn velocity_feedforward(&self, reference: &Reference<T>) -> T {
+    pub fn velocity_feedforward(&self, reference: &SetPoint<T>) -> T {
         self.revolutions_per_metre * reference.velocity
     }
 
@@ -74,7 +76,7 @@ impl<T: Real> Benchmark<T> {
     pub fn update(
         &self,
         memory: &mut BenchmarkMemory<T>,
-        reference: &Reference<T>,
+        reference: &SetPoint<T>,
         measured: &Measured<T>,
         feedforward: T,
     ) -> T {
@@ -99,7 +101,7 @@ impl<T: Real> Benchmark<T> {
     pub fn take_over(
         &self,
         memory: &mut BenchmarkMemory<T>,
-        reference: &Reference<T>,
+        reference: &SetPoint<T>,
         measured: &Measured<T>,
         feedforward: T,
         speed: T,
@@ -127,7 +129,7 @@ mod tests {
             high_pass: HighPass::new(lit(1.04), lit(1e-3)),
             revolutions_per_metre: lit(313.05),
             displacement: lit(10.6e-6),
-            limits: MotorLimits { speed: lit(50.0), slew: lit(500.0) },
+            limits: ActuatorLimits { speed: lit(50.0), slew: lit(500.0) },
             period: lit(1e-3),
         }
     }
@@ -135,7 +137,7 @@ mod tests {
     #[test]
     fn it_takes_over_at_the_speed_that_it_finds() {
         let controller = benchmark::<f64>();
-        let reference = Reference { position: 0.21, velocity: 0.05 };
+        let reference = SetPoint { position: 0.21, velocity: 0.05 };
         let measured = Measured { stroke: 0.2, load_pressure: 71e5 };
         let mut memory = BenchmarkMemory { integral: 0.3, low_passed: 68e5 };
         let feedforward = controller.velocity_feedforward(&reference);
@@ -144,7 +146,7 @@ mod tests {
         assert!((next - 12.5).abs() < 1e-9, "{next}");
     }
 
-    const STILL: Reference<f64> = Reference { position: 0.2, velocity: 0.0 };
+    const STILL: SetPoint<f64> = SetPoint { position: 0.2, velocity: 0.0 };
 
     #[test]
     fn steady_load_pressure_asks_for_no_speed() {

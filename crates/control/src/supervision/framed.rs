@@ -1,7 +1,8 @@
 //! Controllers within the frame: what is exported to run without the supervisor.
 
-use crate::supervision::{Directive, Frame, FrameInput, FrameOutput, FrameState};
-use crate::{Benchmark, BenchmarkMemory, Measured, Reference};
+use crate::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
+use crate::reference::profile::SetPoint;
+use crate::supervision::frame::{Directive, Frame, FrameInput, FrameOutput, FrameState};
 use hydroboom_math::{Real, record};
 
 /// Share of the proportional gain K_p that is left once the loop was found in sustained oscillation; the
@@ -160,7 +161,7 @@ impl<T: Real> FramedSimulationFeedforward<T> {
         let (frame, output) = self.frame.advance(&before.frame, input, is_ready, |now| {
             // the simulated crane follows the reference, or is led to where the piston is
             let led_to = aligned(&mut alignment, now, b.period);
-            let reference = Reference {
+            let reference = SetPoint {
                 position: T::select(now.controls, now.reference.position, led_to.position),
                 velocity: T::select(now.controls, now.reference.velocity, led_to.velocity),
             };
@@ -191,7 +192,7 @@ impl<T: Real> FramedSimulationFeedforward<T> {
 
 /// Where the simulated crane is led to: to the piston while the load is held, with it while the controller
 /// has the load.
-fn aligned<T: Real>(alignment: &mut Alignment<T>, now: &Directive<T>, period: T) -> Reference<T> {
+fn aligned<T: Real>(alignment: &mut Alignment<T>, now: &Directive<T>, period: T) -> SetPoint<T> {
     let (rate, speed, acceleration) = ALIGNMENT;
     let wanted = T::lit(rate) * (now.stroke - alignment.position);
     let wanted = wanted.clamp(T::lit(-speed), T::lit(speed));
@@ -200,7 +201,7 @@ fn aligned<T: Real>(alignment: &mut Alignment<T>, now: &Directive<T>, period: T)
     let position = alignment.position + velocity * period;
     alignment.position = T::select(now.controls, now.reference.position, position);
     alignment.velocity = T::select(now.controls, T::zero(), velocity);
-    Reference { position, velocity }
+    SetPoint { position, velocity }
 }
 
 /// Gains of the benchmark: as they are, or those that it falls back to.

@@ -4,14 +4,14 @@ use hydroboom_math::Real;
 
 /// Limits of the motor's speed and acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotorLimits<T> {
+pub struct ActuatorLimits<T> {
     /// Largest speed in either direction \[rev/s\].
     pub speed: T,
     /// Largest change of speed \[rev/s²\].
     pub slew: T,
 }
 
-impl<T: Real> MotorLimits<T> {
+impl<T: Real> ActuatorLimits<T> {
     /// The speed \[rev/s\] the motor reaches after `period` \[s\] when `wanted` is asked of it at
     /// the speed `now`.
     #[inline(always)]
@@ -28,7 +28,7 @@ mod tests {
 
     #[test]
     fn a_step_in_speed_is_followed_at_the_slew_up_to_the_limit() {
-        let limits = MotorLimits { speed: 50.0, slew: 500.0 };
+        let limits = ActuatorLimits { speed: 50.0, slew: 500.0 };
         let (mut speed, mut periods) = (0.0, 0);
         while speed < 50.0 {
             let next: f64 = limits.follow(speed, 80.0, 1e-3);

@@ -1,10 +1,11 @@
-//! The motion of section 5.3: out, dwell, back.
+//! Velocity profiles: a move from point to point with trapezoidal or S-shaped ramps, and the motion of section 5.3 made of
+//! two such moves, out, dwell and back.
 
 use hydroboom_math::{Real, record};
 
 record! {
     /// Where the piston shall be.
-    pub struct Reference<T> {
+    pub struct SetPoint<T> {
         /// Position, x_ref
         #[unit = "m"]
         pub position: T,
@@ -16,7 +17,7 @@ record! {
 
 /// How the velocity rises and falls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Profile {
+pub enum RampShape {
     /// Linear ramps, as published: steps in acceleration.
     Trapezoidal,
     /// Ramps `3 s² − 2 s³`, s being the ramp's elapsed share: continuous acceleration, limited
@@ -26,7 +27,7 @@ pub enum Profile {
 
 /// Out from `start` to `end`, dwell, and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion<T> {
+pub struct OutAndBack<T> {
     /// First position \[m\].
     pub start: T,
     /// Far position \[m\].
@@ -40,10 +41,10 @@ pub struct Motion<T> {
     /// Rest before and after \[s\].
     pub rest: T,
     /// Shape of the ramps.
-    pub profile: Profile,
+    pub profile: RampShape,
 }
 
-impl<T: Real> Motion<T> {
+impl<T: Real> OutAndBack<T> {
     /// Duration of one way \[s\], the ramps included.
     pub fn travel_time(&self) -> T {
         (self.end - self.start).abs() / self.speed + self.ramp
@@ -57,13 +58,13 @@ impl<T: Real> Motion<T> {
 
     /// Position and velocity at the time `t` \[s\].
     #[inline(always)]
-    pub fn reference(&self, t: T) -> Reference<T> {
+    pub fn reference(&self, t: T) -> SetPoint<T> {
         let travel = self.travel_time();
         let out = self.one_way(t - self.rest);
         let back = self.one_way(t - self.rest - travel - self.dwell);
         let way = self.end - self.start;
         let sign = T::select(way.lt(T::zero()), -T::one(), T::one());
-        Reference {
+        SetPoint {
             position: self.start + sign * (out.position - back.position),
             velocity: sign * (out.velocity - back.velocity),
         }
@@ -71,15 +72,16 @@ impl<T: Real> Motion<T> {
 
     /// Distance and speed of one way, begun at t = 0.
     #[inline(always)]
-    fn one_way(&self, t: T) -> Reference<T> {
+    fn one_way(&self, t: T) -> SetPoint<T> {
         let way = (self.end - self.start).abs();
-        Way { distance: way, speed: self.speed, ramp: self.ramp, profile: self.profile }.at(t)
+        PointToPoint { distance: way, speed: self.speed, ramp: self.ramp, profile: self.profile }
+            .at(t)
     }
 }
 
 /// A single move, begun at t = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way<T> {
+pub struct PointToPoint<T> {
     /// Distance \[m\], not negative.
     pub distance: T,
     /// Speed between the ramps \[m/s\]. A way too short to reach it peaks below.
@@ -87,10 +89,10 @@ pub struct Way<T> {
     /// Duration of each ramp \[s\].
     pub ramp: T,
     /// Shape of the ramps.
-    pub profile: Profile,
+    pub profile: RampShape,
 }
 
-impl<T: Real> Way<T> {
+impl<T: Real> PointToPoint<T> {
     /// Duration \[s\], the ramps included.
     pub fn duration(&self) -> T {
         self.distance / self.speed + self.ramp
@@ -98,11 +100,11 @@ impl<T: Real> Way<T> {
 
     /// Distance and speed at the time `t` \[s\].
     #[inline(always)]
-    pub fn at(&self, t: T) -> Reference<T> {
+    pub fn at(&self, t: T) -> SetPoint<T> {
         // the speed is the rise begun at 0 less the one begun at the end of the cruise
         let (rise, risen) = self.ramp_up(t);
         let (fall, fallen) = self.ramp_up(t - self.distance / self.speed);
-        Reference { position: self.speed * (risen - fallen), velocity: self.speed * (rise - fall) }
+        SetPoint { position: self.speed * (risen - fallen), velocity: self.speed * (rise - fall) }
     }
 
     /// A ramp from 0 to 1 begun at t = 0, and its integral.
@@ -112,8 +114,8 @@ impl<T: Real> Way<T> {
         let after = (t - self.ramp).max(T::zero());
         let half = T::lit(0.5);
         match self.profile {
-            Profile::Trapezoidal => (s, half * s.square() * self.ramp + after),
-            Profile::SCurve => {
+            RampShape::Trapezoidal => (s, half * s.square() * self.ramp + after),
+            RampShape::SCurve => {
                 let rise = s.square() * (T::lit(3.0) - T::lit(2.0) * s);
                 (rise, s.square() * s * (T::one() - half * s) * self.ramp + after)
             }
@@ -126,13 +128,21 @@ mod tests {
     use super::*;
     use hydroboom_math::Dual;
 
-    fn published(profile: Profile) -> Motion<f64> {
-        Motion { start: 0.05, end: 0.45, speed: 0.12, ramp: 1.0, dwell: 5.0, rest: 2.0, profile }
+    fn published(profile: RampShape) -> OutAndBack<f64> {
+        OutAndBack {
+            start: 0.05,
+            end: 0.45,
+            speed: 0.12,
+            ramp: 1.0,
+            dwell: 5.0,
+            rest: 2.0,
+            profile,
+        }
     }
 
     #[test]
     fn motion_goes_out_dwells_and_returns() {
-        for profile in [Profile::Trapezoidal, Profile::SCurve] {
+        for profile in [RampShape::Trapezoidal, RampShape::SCurve] {
             let motion = published(profile);
             let travel = 0.4 / 0.12 + 1.0;
             assert!((motion.duration() - (2.0 * travel + 9.0)).abs() < 1e-12);
@@ -153,8 +163,8 @@ mod tests {
 
     #[test]
     fn a_way_too_short_for_its_speed_still_arrives_at_rest() {
-        for profile in [Profile::Trapezoidal, Profile::SCurve] {
-            let way = Way { distance: 0.01, speed: 0.12, ramp: 1.0, profile };
+        for profile in [RampShape::Trapezoidal, RampShape::SCurve] {
+            let way = PointToPoint { distance: 0.01, speed: 0.12, ramp: 1.0, profile };
             let end = way.at(way.duration());
             assert!((end.position - 0.01).abs() < 1e-12 && end.velocity.abs() < 1e-12, "{end:?}");
             let fastest =
@@ -165,10 +175,10 @@ mod tests {
 
     #[test]
     fn velocity_is_the_derivative_of_the_position() {
-        for profile in [Profile::Trapezoidal, Profile::SCurve] {
+        for profile in [RampShape::Trapezoidal, RampShape::SCurve] {
             let m = published(profile);
             let c = Dual::<f64, 1>::constant;
-            let motion = Motion {
+            let motion = OutAndBack {
                 start: c(m.start),
                 end: c(m.end),
                 speed: c(m.speed),

@@ -1,0 +1,4 @@
+//! Feedback laws and their filters.
+
+pub mod benchmark;
+pub mod filter;

@@ -1,0 +1,25 @@
+//! Trajectory: position and velocity of the piston as functions of time.
+
+use crate::reference::profile::{OutAndBack, SetPoint};
+
+/// Where the piston shall be, over time: a path with its time law.
+pub trait Trajectory: Send + Sync {
+    /// Position and velocity at the time `t` \[s\].
+    fn reference(&self, t: f64) -> SetPoint<f64>;
+    /// Duration \[s\].
+    fn duration(&self) -> f64;
+    /// Largest speed \[m/s\].
+    fn speed(&self) -> f64;
+}
+
+impl Trajectory for OutAndBack<f64> {
+    fn reference(&self, t: f64) -> SetPoint<f64> {
+        OutAndBack::reference(self, t)
+    }
+    fn duration(&self) -> f64 {
+        OutAndBack::duration(self)
+    }
+    fn speed(&self) -> f64 {
+        self.speed
+    }
+}
