@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::output;
 use clap::Args;
 use hydroboom_design::{Look, look, model_following, step_response};
-use hydroboom_lab::family_margins::{FamilyMargins, family_margins};
+use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;

@@ -4,10 +4,10 @@ use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_control::strategy::Strategy;
-use hydroboom_lab::family::{Row, VARIATIONS, family, rows};
+use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::monte_carlo::{Row, VARIATIONS, family, rows};
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::report;
-use hydroboom_lab::rivals::Contender;
-use hydroboom_lab::scenario::CourseChoice;
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 use std::path::Path;
@@ -16,7 +16,7 @@ use std::path::Path;
 /// with `seed`.
 pub fn run(
     choice: &MachineChoice,
-    contenders: &[Contender],
+    controllers: &[ControllerChoice],
     courses: &[CourseChoice],
     (count, seed): (u64, u64),
     out: Option<&Path>,
@@ -30,13 +30,13 @@ pub fn run(
         .into_diagnostic()?;
     let work = Interruptible::new(count, "cranes")?;
     let go_on = |share: f64| work.done(share);
-    let results = family(model, nominal, contenders, courses, count, seed, &go_on);
+    let results = family(model, nominal, controllers, courses, count, seed, &go_on);
     drop(work);
     let results = results.into_diagnostic()?;
     if results.is_empty() {
         bail!("none of {count} cranes had gone all the way when it was interrupted");
     }
-    let rows = rows(contenders, &names, &results);
+    let rows = rows(controllers, &names, &results);
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).into_diagnostic()?;
         let page = report::family_page(&choice.name(), results.len(), seed, &rows);
@@ -47,7 +47,7 @@ pub fn run(
             .iter()
             .map(|(member, outcomes)| json!({ "values": member.values, "outcomes": outcomes }))
             .collect();
-        let strategies: Vec<_> = contenders.iter().map(|c| c.name()).collect();
+        let strategies: Vec<_> = controllers.iter().map(|c| c.name()).collect();
         return output::json(&json!({
             "asked": count, "family": rows, "seed": seed, "variations": VARIATIONS,
             "strategies": strategies, "courses": names, "cranes": cranes,
@@ -68,7 +68,7 @@ fn table(rows: &[Row]) -> String {
         .iter()
         .map(|r| {
             vec![
-                r.contender.name().into(),
+                r.controller.name().into(),
                 r.course.clone(),
                 r.rms_mm.text(2),
                 r.peak_mm.text(2),
@@ -82,14 +82,14 @@ fn table(rows: &[Row]) -> String {
 /// What each has over the benchmark on the same crane; the re-optimised benchmark only where it is one of them.
 fn beside_the_benchmark(rows: &[Row]) -> String {
     let others: Vec<&Row> =
-        rows.iter().filter(|r| r.contender != Strategy::BenchmarkClosedLoop.into()).collect();
+        rows.iter().filter(|r| r.controller != Strategy::BenchmarkClosedLoop.into()).collect();
     let mut header =
         vec!["strategy", "course", "RMS", "less RMS on [%]", "largest motor speed", "energy"];
     let mut cells: Vec<Vec<String>> = others
         .iter()
         .map(|r| {
             vec![
-                r.contender.name().into(),
+                r.controller.name().into(),
                 r.course.clone(),
                 r.rms_over_benchmark.text(2),
                 format!("{:.0}", r.better_percent),

@@ -7,9 +7,9 @@ use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, Difference};
 use hydroboom_lab::calibrate::differences;
+use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
-use hydroboom_lab::rivals::Contender;
-use hydroboom_lab::scenario::CourseChoice;
 use hydroboom_lab::study::NOMINAL;
 use hydroboom_lab::{LabError, paper, report};
 use hydroboom_lab::{motion_test::Row, motion_test::run, motion_test::run_all};
@@ -78,9 +78,10 @@ impl MotionTests {
         };
         if let Some(count) = self.family {
             let out = self.out.as_deref();
-            let contenders = if self.rivals { Contender::all() } else { Contender::strategies() };
+            let controllers =
+                if self.rivals { ControllerChoice::all() } else { ControllerChoice::strategies() };
             let family = (count, self.seed);
-            return family::run(&choice, &contenders, &courses, family, out, self.json);
+            return family::run(&choice, &controllers, &courses, family, out, self.json);
         }
         // the virtual crane differs in all it has: `hydroboom show` lists that
         let (changes, more) = match choice.is_virtual() {

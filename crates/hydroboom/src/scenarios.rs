@@ -4,7 +4,7 @@ use crate::crane_file::{CraneFile, text};
 use crate::output;
 use clap::Args;
 use hydroboom_description::Description;
-use hydroboom_lab::scenario::{CourseChoice, Scenario, scenarios};
+use hydroboom_lab::closed_loop::scenario::{CourseChoice, Scenario, scenarios};
 use hydroboom_lab::virtual_run::strategies;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};

@@ -2,7 +2,7 @@
 
 use crate::{crane_file::CraneFile, linearise::valve, output};
 use clap::{Args, ValueEnum};
-use hydroboom_lab::scenario::CourseChoice;
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::simulate::{Drive, Recording, Settings, simulate};
 use hydroboom_lab::study::IMPLICIT_STEP;
 use hydroboom_model::{Input, Outputs, Scheme};

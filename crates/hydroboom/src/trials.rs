@@ -5,9 +5,10 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::{Args, ValueEnum};
 use hydroboom_control::strategy::Strategy;
+use hydroboom_lab::baselines::Baseline;
+use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::robustness::{Outcome, robustness, run, shaping};
 use hydroboom_lab::report;
-use hydroboom_lab::rivals::{Contender, Rival};
-use hydroboom_lab::trials::{Outcome, robustness, run, shaping};
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -54,13 +55,13 @@ impl Trials {
             What::Shaping => shaping(model, crane),
         };
         let trials = trials.into_diagnostic()?;
-        let mut contenders: Vec<Contender> =
+        let mut controllers: Vec<ControllerChoice> =
             vec![Strategy::BenchmarkClosedLoop.into(), Strategy::ModelFollowing.into()];
         if self.rivals {
-            contenders.extend(Rival::ALL.map(Contender::Rival));
+            controllers.extend(Baseline::ALL.map(ControllerChoice::Baseline));
         }
-        let bar = ProgressBar::new((trials.len() * contenders.len()) as u64);
-        let outcomes = run(model, &trials, &contenders, &|| bar.inc(1));
+        let bar = ProgressBar::new((trials.len() * controllers.len()) as u64);
+        let outcomes = run(model, &trials, &controllers, &|| bar.inc(1));
         bar.finish_and_clear();
         if let Some(folder) = &self.out {
             std::fs::create_dir_all(folder).into_diagnostic()?;
@@ -95,7 +96,7 @@ impl Trials {
 fn row(o: &Outcome) -> Vec<String> {
     vec![
         o.trial.clone(),
-        o.contender.name().into(),
+        o.controller.name().into(),
         output::optional(o.rms_mm, 3),
         output::optional(o.peak_mm, 2),
         format!("{:.0}", o.effort.motor_speed_rpm),

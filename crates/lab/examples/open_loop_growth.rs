@@ -10,8 +10,8 @@ use asked::{asked, jobs};
 use hydroboom_description::Description;
 use hydroboom_lab::LabError;
 use hydroboom_lab::astray::astray;
-use hydroboom_lab::family::member;
-use hydroboom_lab::scenario::CourseChoice;
+use hydroboom_lab::closed_loop::monte_carlo::member;
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use rayon::prelude::*;
 use std::error::Error;
 

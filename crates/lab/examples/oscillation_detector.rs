@@ -13,13 +13,13 @@ use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, OscillationState};
 use hydroboom_description::Description;
-use hydroboom_lab::family::member;
-use hydroboom_lab::motion_test::Sample;
-use hydroboom_lab::rings_on::rings_on;
-use hydroboom_lab::rivals::Contender;
-use hydroboom_lab::scenario::{Course, CourseChoice, Load};
-use hydroboom_lab::score::Score;
-use hydroboom_lab::steering::steer;
+use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::metrics::Metrics;
+use hydroboom_lab::closed_loop::monte_carlo::member;
+use hydroboom_lab::closed_loop::sample::Sample;
+use hydroboom_lab::closed_loop::scenario::{Course, CourseChoice, Load};
+use hydroboom_lab::closed_loop::simulation::simulate_closed_loop;
+use hydroboom_lab::closed_loop::sustained_oscillation::has_sustained_oscillation;
 use rayon::prelude::*;
 
 /// Rest after the course \[s\], as the lab takes to decide.
@@ -66,19 +66,25 @@ fn main() {
         .map(|number| {
             let crane = member(&nominal, seed, number).unwrap().crane;
             let course = choice.of(&crane).unwrap();
-            let benchmark = Contender::from(Strategy::BenchmarkClosedLoop);
-            let mut score = Score::new();
-            let end = steer(&model, &crane, benchmark, course.as_ref(), |sample: &Sample| {
-                score.add(sample);
-                Ok(())
-            });
-            let sustained =
-                end.is_err() || rings_on(&model, &crane, benchmark, course.as_ref(), &score);
+            let benchmark = ControllerChoice::from(Strategy::BenchmarkClosedLoop);
+            let mut metrics = Metrics::new();
+            let end = simulate_closed_loop(
+                &model,
+                &crane,
+                benchmark,
+                course.as_ref(),
+                |sample: &Sample| {
+                    metrics.add(sample);
+                    Ok(())
+                },
+            );
+            let sustained = end.is_err()
+                || has_sustained_oscillation(&model, &crane, benchmark, course.as_ref(), &metrics);
             let (mut state, mut fired) = (OscillationState::default(), false);
             let longer = WithRest(course.as_ref());
             let period = model.numbers.control_period;
             // a crane that breaks has been counted above
-            let _ = steer(&model, &crane, benchmark, &longer, |sample: &Sample| {
+            let _ = simulate_closed_loop(&model, &crane, benchmark, &longer, |sample: &Sample| {
                 let error = sample.reference.position - sample.reading.stroke;
                 let rests = sample.reference.velocity == 0.0;
                 let detector = OscillationDetector::POSITIONING;

@@ -6,9 +6,10 @@ use cmaes::{CMAESOptions, DVector};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::LabError;
-use hydroboom_lab::family::{Outcome, family};
-use hydroboom_lab::rivals::{Contender, Gains, LQG, MPC, REOPTIMISED, Rival, Weights};
-use hydroboom_lab::scenario::CourseChoice;
+use hydroboom_lab::baselines::{Baseline, Gains, LQG, MPC, RETUNED, Weights};
+use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::monte_carlo::{Outcome, family};
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
 
 /// Cranes, and the seed they are drawn with; families that are reported have another.
 const CRANES: u64 = 12;
@@ -18,8 +19,8 @@ const UNSTABLE: f64 = 10.0;
 /// Standard deviation of the first generation, of the logarithm of each number.
 const SPREAD: f64 = 0.4;
 
-/// A rival with numbers in the place of those it has, each times the exponential of what the search tries.
-fn changed(rival: Rival, by: &[f64]) -> Rival {
+/// A baseline with numbers in the place of those it has, each times the exponential of what the search tries.
+fn changed(baseline: Baseline, by: &[f64]) -> Baseline {
     let times = |value: f64, k: usize| value * by[k].exp();
     let weights = |w: Weights| Weights {
         // position weighs as it does: only what the others weigh beside it counts
@@ -32,38 +33,38 @@ fn changed(rival: Rival, by: &[f64]) -> Rival {
             times(w.drift[4], 6),
         ],
     };
-    match rival {
-        Rival::ReoptimisedBenchmark(g) => Rival::ReoptimisedBenchmark(Gains {
+    match baseline {
+        Baseline::RetunedBenchmark(g) => Baseline::RetunedBenchmark(Gains {
             proportional: times(g.proportional, 0),
             integral: times(g.integral, 1),
             pressure_feedback: times(g.pressure_feedback, 2),
             high_pass: times(g.high_pass, 3),
         }),
-        Rival::Lqg(w) => Rival::Lqg(weights(w)),
-        Rival::Mpc(w) => Rival::Mpc(weights(w)),
+        Baseline::Lqg(w) => Baseline::Lqg(weights(w)),
+        Baseline::LinearMpc(w) => Baseline::LinearMpc(weights(w)),
     }
 }
 
 fn main() -> Result<(), LabError> {
     let mut arguments = std::env::args().skip(1);
-    let (rival, size) = match arguments.next().as_deref() {
-        Some("lqg") => (Rival::Lqg(LQG), 7),
-        Some("mpc") => (Rival::Mpc(MPC), 7),
-        _ => (Rival::ReoptimisedBenchmark(REOPTIMISED), 4),
+    let (baseline, size) = match arguments.next().as_deref() {
+        Some("lqg") => (Baseline::Lqg(LQG), 7),
+        Some("mpc") => (Baseline::LinearMpc(MPC), 7),
+        _ => (Baseline::RetunedBenchmark(RETUNED), 4),
     };
     let generations = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(25);
     let model = Description::uia_single_boom()?;
     let nominal = Description::uia_virtual()?;
     let n = &model.numbers;
     let courses = [n.slow, n.fast].map(CourseChoice::Motion);
-    let run = |contender: Contender| -> Result<Vec<Outcome>, LabError> {
-        let all = family(&model, &nominal, &[contender], &courses, CRANES, SEED, &|_| true)?;
+    let run = |controller: ControllerChoice| -> Result<Vec<Outcome>, LabError> {
+        let all = family(&model, &nominal, &[controller], &courses, CRANES, SEED, &|_| true)?;
         Ok(all.into_iter().flat_map(|(_, outcomes)| outcomes).flatten().collect())
     };
     let benchmark = run(Strategy::BenchmarkClosedLoop.into())?;
     let loss = |by: &DVector<f64>| {
-        let tried = changed(rival, by.as_slice());
-        let Ok(outcomes) = run(Contender::Rival(tried)) else { return UNSTABLE.ln() };
+        let tried = changed(baseline, by.as_slice());
+        let Ok(outcomes) = run(ControllerChoice::Baseline(tried)) else { return UNSTABLE.ln() };
         let of = |(own, other): (&Outcome, &Outcome)| match own.rms_mm.is_nan()
             || (own.unstable && !other.unstable)
         {
@@ -79,7 +80,7 @@ fn main() -> Result<(), LabError> {
     match search.build(loss) {
         Ok(mut search) => {
             if let Some(best) = search.run().overall_best {
-                println!("{:.4} {:?}", best.value.exp(), changed(rival, best.point.as_slice()));
+                println!("{:.4} {:?}", best.value.exp(), changed(baseline, best.point.as_slice()));
             }
         }
         Err(error) => eprintln!("no search: {error:?}"),

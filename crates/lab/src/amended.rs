@@ -4,10 +4,10 @@
 //! only what a little more motor speed moves it by: what the model does not know of the machine is in what the machine was told.
 
 use crate::LabError;
+use crate::closed_loop::scenario::Course;
+use crate::closed_loop::simulation::WIDTH;
 use crate::hindsight::Log;
-use crate::scenario::Course;
 use crate::stand_in::{StandIn, StandIns};
-use crate::steering::WIDTH;
 use hydroboom_control::signals::{Command, Reading};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -226,7 +226,7 @@ fn onward_together(
         return Ok(went);
     };
     // the last of them may have to go in several lanes
-    let lanes: [usize; WIDTH] = std::array::from_fn(|lane| lane.min(told.len() - 1));
+    let cases: [usize; WIDTH] = std::array::from_fn(|lane| lane.min(told.len() - 1));
     for k in from..told[0].len() {
         if k.is_multiple_of(EVERY) {
             let outputs = models.outputs();
@@ -234,7 +234,7 @@ fn onward_together(
                 went[k / EVERY] = at.stroke;
             }
         }
-        models.advance(&lanes.map(|lane| told[lane][k]));
+        models.advance(&cases.map(|lane| told[lane][k]));
     }
     match (0..told.len()).find_map(|lane| models.stopped(lane)) {
         Some(error) => Err(LabError::during("the cycle amended")(error)),

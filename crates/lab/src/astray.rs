@@ -1,9 +1,9 @@
 //! How far a machine strays that is told nearly the same.
 
 use crate::LabError;
+use crate::closed_loop::scenario::Course;
 use crate::learning::Cycle;
 use crate::open_loop::at_rest;
-use crate::scenario::Course;
 use hydroboom_control::signals::Command;
 use hydroboom_description::Description;
 
@@ -42,7 +42,7 @@ pub fn astray(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::family::member;
+    use crate::closed_loop::monte_carlo::member;
     use std::f64::consts::PI;
 
     /// A piston is off by the oil that it got, over its area; not one that the oil of an empty boom swings by itself.

@@ -1,9 +1,9 @@
 //! An open benchmark: logs of virtual cranes for identification and control, the truth apart.
 
 use crate::LabError;
-use crate::family::worn;
+use crate::closed_loop::monte_carlo::worn;
+use crate::closed_loop::scenario::{Course, scenarios};
 use crate::paper;
-use crate::scenario::{Course, scenarios};
 use crate::virtual_run::{Contents, LogOrder, Task, virtual_run};
 use hydroboom_control::reference::trajectory::Trajectory as _;
 use hydroboom_control::signals::{Command, Reading};

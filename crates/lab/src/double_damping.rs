@@ -10,10 +10,11 @@
 //! ```
 
 use crate::LabError;
-use crate::scenario::Course;
-use crate::score::Score;
-use crate::steering::{Feedback, Feedforward};
-use crate::{motion_test::Run, motion_test::Sample, motion_test::run};
+use crate::closed_loop::metrics::Metrics;
+use crate::closed_loop::sample::Sample;
+use crate::closed_loop::scenario::Course;
+use crate::closed_loop::simulation::{Feedback, Feedforward};
+use crate::{motion_test::Run, motion_test::run};
 use hydroboom_control::feedback::benchmark::Measured;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -83,7 +84,7 @@ fn damped_once(
         Feedback::new(model, strategy, &beyond(crane.measured(), feedforward.simulated()));
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
-    let mut score = Score::new();
+    let mut metrics = Metrics::new();
     for k in 0..=periods {
         let time = k as f64 * period;
         let reference = course.reference(time);
@@ -92,10 +93,10 @@ fn damped_once(
             feedforward.speed(&reference).map_err(LabError::during("the simulated crane"))?;
         let command = feedback.command(&reference, &seen, speed);
         let (reading, truth) = (crane.reading(), crane.truth());
-        score.add(&Sample { time, reference, reading, truth, command });
+        metrics.add(&Sample { time, reference, reading, truth, command });
         if k < periods {
             crane.advance(&command).map_err(LabError::during("damped once"))?;
         }
     }
-    Ok([score.rms() * 1e3, score.peak() * 1e3])
+    Ok([metrics.rms() * 1e3, metrics.peak() * 1e3])
 }

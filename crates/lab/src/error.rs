@@ -55,7 +55,7 @@ pub enum LabError {
     NoOscillation(String),
     /// An equation that a compared controller is designed by has no solution.
     #[error("{0}")]
-    NoRival(&'static str),
+    NoBaseline(&'static str),
     /// A controller cannot be designed, or the crane not be linearised.
     #[error(transparent)]
     Design(#[from] DesignError),

@@ -6,9 +6,9 @@
 //! with friction that holds at rest; and its numbers are moved until it is where the machine was read to be.
 
 use crate::LabError;
+use crate::closed_loop::simulation::WIDTH;
 use crate::motor_as_read::motor_as_read;
 use crate::stand_in::{StandIn, StandIns};
-use crate::steering::WIDTH;
 use hydroboom_control::flow_balance::Balance;
 use hydroboom_control::learner::Known;
 use hydroboom_control::schedule::Schedule;

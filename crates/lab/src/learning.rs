@@ -2,12 +2,12 @@
 
 use crate::LabError;
 use crate::amended::amended;
+use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::following::Following;
 use crate::hindsight::{Log, fitted};
 use crate::interruptible::as_long_as;
 use crate::open_loop::{OpenLoop, at_rest};
 use crate::rehearsal::Rehearsal;
-use crate::scenario::{Course, CourseChoice};
 use crate::stand_in::StandIn;
 use hydroboom_control::learner::{Balances, Known, Learner};
 use hydroboom_control::signals::{Command, Reading};
@@ -201,7 +201,7 @@ pub(crate) fn believed(model: &Description) -> Result<Known, LabError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::family::member;
+    use crate::closed_loop::monte_carlo::member;
 
     /// An empty boom whose pressure has to fall by 11 bar on oil an eightieth as stiff as it gets, as it starts down: where feedback may ask for no more of
     /// the motor than on stiff oil it is 2 mm off, and no model amends that.

@@ -5,16 +5,16 @@
 
 mod amended;
 pub mod astray;
+pub mod baselines;
 pub mod benchmark;
 pub mod calibrate;
+pub mod closed_loop;
 pub mod crane_file_text;
 pub mod dataset;
 pub mod double_damping;
 pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
-pub mod family;
-pub mod family_margins;
 mod following;
 mod hindsight;
 mod interruptible;
@@ -29,15 +29,9 @@ pub mod open_loop;
 pub mod paper;
 mod rehearsal;
 pub mod report;
-pub mod rings_on;
-pub mod rivals;
-pub mod scenario;
-pub mod score;
 pub mod simulate;
 mod stand_in;
-pub mod steering;
 pub mod study;
-pub mod trials;
 pub mod virtual_run;
 pub mod work_precision;
 

@@ -1,43 +1,19 @@
 //! Tests 1 to 3 of section 5.3: four strategies, two speeds, on a plant that may differ from the
 //! model.
 
-use crate::scenario::{Course, motion_name};
-use crate::score::{Effort, Score};
-use crate::steering::{Lane, steer, steer_all};
+use crate::closed_loop::metrics::{Effort, Metrics};
+use crate::closed_loop::sample::Sample;
+use crate::closed_loop::scenario::{Course, motion_name};
+use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
 use crate::{LabError, paper};
-use hydroboom_control::reference::profile::{OutAndBack, SetPoint};
-use hydroboom_control::signals::{Command, Reading};
-use hydroboom_description::Description;
-use hydroboom_virtual_crane::Truth;
-use serde::{Serialize, Serializer};
-
+use hydroboom_control::reference::profile::OutAndBack;
 use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use serde::{Serialize, Serializer};
 
 /// Writes a strategy by its name.
 pub(crate) fn by_name<S: Serializer>(strategy: &Strategy, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_str(strategy.name())
-}
-
-/// One control period of a run.
-#[derive(Clone, Copy, Debug)]
-pub struct Sample {
-    /// Time \[s\].
-    pub time: f64,
-    /// Where the piston should be.
-    pub reference: SetPoint<f64>,
-    /// What the controller sees of the plant.
-    pub reading: Reading<f64>,
-    /// The plant itself.
-    pub truth: Truth,
-    /// What the plant is told for the next period.
-    pub command: Command<f64>,
-}
-
-impl Sample {
-    /// Tracking error x − x_ref \[m\], as the controller sees it.
-    pub fn error(&self) -> f64 {
-        self.reading.stroke - self.reference.position
-    }
 }
 
 /// One strategy along one course on one plant.
@@ -55,20 +31,20 @@ pub struct Run {
 
 impl Run {
     /// How well the course was followed.
-    pub fn score(&self) -> Score {
-        let mut score = Score::new();
-        self.samples.iter().for_each(|sample| score.add(sample));
-        score
+    pub fn metrics(&self) -> Metrics {
+        let mut metrics = Metrics::new();
+        self.samples.iter().for_each(|sample| metrics.add(sample));
+        metrics
     }
 
     /// Root mean square of the tracking error over the whole motion, rests included \[m\].
     pub fn rms(&self) -> f64 {
-        self.score().rms()
+        self.metrics().rms()
     }
 
     /// The error of largest magnitude, with its sign \[m\].
     pub fn peak(&self) -> f64 {
-        self.score().peak()
+        self.metrics().peak()
     }
 }
 
@@ -100,7 +76,7 @@ pub struct Row {
 impl Row {
     /// The row of a run on the named plant.
     pub fn of(plant: &str, run: &Run) -> Self {
-        let (speed_mm_s, score) = (run.speed * 1e3, run.score());
+        let (speed_mm_s, metrics) = (run.speed * 1e3, run.metrics());
         let column = paper::SPEEDS_MM_S.iter().position(|v| run.course == motion_name(*v));
         let printed = column.zip(paper::tracking_mm(run.strategy));
         let printed = printed.map(|(c, (rms, peak))| (rms[c], peak[c]));
@@ -109,9 +85,9 @@ impl Row {
             strategy: run.strategy,
             course: run.course.clone(),
             speed_mm_s,
-            rms_mm: score.rms() * 1e3,
-            peak_mm: score.peak() * 1e3,
-            effort: score.effort(),
+            rms_mm: metrics.rms() * 1e3,
+            peak_mm: metrics.peak() * 1e3,
+            effort: metrics.effort(),
             paper_rms_mm: printed.map(|p| p.0),
             paper_peak_mm: printed.map(|p| p.1),
         }
@@ -121,7 +97,7 @@ impl Row {
 /// Runs one strategy along a course: controllers every control period, cranes every simulation
 /// period.
 ///
-/// The controller, and the simulation beside the machine, know the `model` only; what they steer
+/// The controller, and the simulation beside the machine, know the `model` only; what they control
 /// is the `plant`, seen through its sensors.
 ///
 /// # Errors
@@ -134,7 +110,7 @@ pub fn run(
     course: &dyn Course,
 ) -> Result<Run, LabError> {
     let mut samples = Vec::with_capacity(count(model, course));
-    steer(model, plant, strategy, course, |sample| {
+    simulate_closed_loop(model, plant, strategy, course, |sample| {
         samples.push(*sample);
         Ok(())
     })?;
@@ -151,10 +127,10 @@ pub fn run_all(
     plant: &Description,
     course: &dyn Course,
 ) -> Result<[Run; Strategy::ALL.len()], LabError> {
-    let lanes =
-        Strategy::ALL.map(|strategy| Lane { crane: plant, contender: strategy.into(), course });
-    let mut samples = lanes.map(|_| Vec::with_capacity(count(model, course)));
-    let ends = steer_all(model, &lanes, |lane, sample| samples[lane].push(*sample));
+    let cases =
+        Strategy::ALL.map(|strategy| Case { crane: plant, controller: strategy.into(), course });
+    let mut samples = cases.map(|_| Vec::with_capacity(count(model, course)));
+    let ends = simulate_cases(model, &cases, |lane, sample| samples[lane].push(*sample));
     ends.into_iter().collect::<Result<(), _>>()?;
     let mut samples = samples.into_iter();
     Ok(Strategy::ALL.map(|strategy| Run {
@@ -190,7 +166,7 @@ pub fn pressure_oscillation(motion: &OutAndBack<f64>, run: &Run) -> Result<f64, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::CourseChoice;
+    use crate::closed_loop::scenario::CourseChoice;
 
     #[test]
     fn strategies_side_by_side_do_what_each_does_alone() {

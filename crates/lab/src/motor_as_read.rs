@@ -121,9 +121,9 @@ impl LeastSquaresProblem<f64, Dyn, U3> for Beside<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::family::member;
+    use crate::closed_loop::monte_carlo::member;
+    use crate::closed_loop::scenario::CourseChoice;
     use crate::open_loop::at_rest;
-    use crate::scenario::CourseChoice;
     use hydroboom_description::Description;
 
     /// Speeds between which the motor leaps farther than its slew lets it, as with noise.

@@ -1,7 +1,7 @@
 //! Simulation feedforward in open loop: a simulated crane is led along, and the machine is told its motor speed and not looked at.
 
+use crate::closed_loop::scenario::Course;
 use crate::following::seen;
-use crate::scenario::Course;
 use crate::{LabError, Plant, plant};
 use hydroboom_control::learner::Known;
 use hydroboom_control::model_following::{FollowingMemory, ModelFollowing};

@@ -2,9 +2,9 @@
 
 use crate::LabError;
 use crate::amended::amended;
+use crate::closed_loop::scenario::Course;
 use crate::following::Following;
 use crate::hindsight::Log;
-use crate::scenario::Course;
 use crate::stand_in::StandIn;
 use hydroboom_control::feedback::benchmark::Measured;
 use hydroboom_control::learner::Learner;

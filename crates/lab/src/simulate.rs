@@ -1,7 +1,7 @@
 //! Any crane under any input, written as CSV.
 
+use crate::closed_loop::scenario::{Course, due};
 use crate::log::{self, Log};
-use crate::scenario::{Course, due};
 use crate::{LabError, Plant, plant};
 use hydroboom_description::Description;
 use hydroboom_model::{Flows, Input, Outputs, Scheme};

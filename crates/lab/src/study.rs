@@ -1,9 +1,9 @@
 //! The paper's experiments in one go.
 
+use crate::closed_loop::scenario::Course;
 use crate::double_damping::{DoubleDamping, double_damping};
 use crate::energy_audit::{Audit, audit};
 use crate::numerical_damping::{NumericalDamping, numerical_damping};
-use crate::scenario::Course;
 use crate::work_precision::{Point, work_precision};
 use crate::{LabError, calibrate, eigenfrequency, paper};
 use crate::{

@@ -1,12 +1,12 @@
 //! The virtual crane at work, logged as a real crane's data acquisition would.
 
 use crate::LabError;
+use crate::closed_loop::metrics::Metrics;
+use crate::closed_loop::sample::Sample;
+use crate::closed_loop::scenario::Course;
+use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
 use crate::log::{Log, columns, scaled};
-use crate::motion_test::Sample;
-use crate::scenario::Course;
-use crate::score::Score;
 use crate::simulate::Recording;
-use crate::steering::{Lane, steer, steer_all};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::signals::{Command, Reading};
 use hydroboom_control::strategy::Strategy;
@@ -110,7 +110,7 @@ pub fn virtual_run(
         Task::Oscillation { .. } => OSCILLATION,
     };
     let mut summary = Summary { duration_s: duration, ..Summary::default() };
-    let (mut score, mut count) = (Score::new(), 0_u64);
+    let (mut metrics, mut count) = (Metrics::new(), 0_u64);
     let mut observe = |sample: &Sample| {
         for (log, contents, every) in &mut writers {
             if count % *every == 0 {
@@ -118,7 +118,7 @@ pub fn virtual_run(
             }
         }
         summary.add(sample);
-        score.add(sample);
+        metrics.add(sample);
         count += 1;
         if count % 1000 == 0 {
             progress(sample.time / duration);
@@ -126,7 +126,9 @@ pub fn virtual_run(
         Ok(())
     };
     match task {
-        Task::Course(course, strategy) => steer(model, crane, *strategy, *course, &mut observe)?,
+        Task::Course(course, strategy) => {
+            simulate_closed_loop(model, crane, *strategy, *course, &mut observe)?
+        }
         Task::Recording(recording) => {
             let mut start = crane.start(crane.numbers.motion_start);
             if recording.at(0.0).holding_valve < 0.5 {
@@ -151,7 +153,7 @@ pub fn virtual_run(
         }
     }
     if matches!(task, Task::Course(..)) {
-        summary.finish(&score);
+        summary.finish(&metrics);
     }
     writers.into_iter().try_for_each(|(log, ..)| log.finish())?;
     Ok(summary)
@@ -169,24 +171,25 @@ pub fn strategies(
     mut progress: impl FnMut(f64),
 ) -> Result<Vec<(Strategy, Summary)>, LabError> {
     let duration = course.duration();
-    let lanes = Strategy::ALL.map(|strategy| Lane { crane, contender: strategy.into(), course });
+    let cases = Strategy::ALL.map(|strategy| Case { crane, controller: strategy.into(), course });
     let mut gathered =
-        lanes.map(|_| (Summary { duration_s: duration, ..Summary::default() }, Score::new()));
+        cases.map(|_| (Summary { duration_s: duration, ..Summary::default() }, Metrics::new()));
     let mut count = 0_u64;
-    let ends = steer_all(model, &lanes, |lane, sample| {
-        let (summary, score) = &mut gathered[lane];
+    let ends = simulate_cases(model, &cases, |lane, sample| {
+        let (summary, metrics) = &mut gathered[lane];
         summary.add(sample);
-        score.add(sample);
+        metrics.add(sample);
         count += 1;
         if count.is_multiple_of(10_000) {
             progress(sample.time / duration);
         }
     });
     let mut results = Vec::with_capacity(Strategy::ALL.len());
-    for ((strategy, end), (mut summary, score)) in Strategy::ALL.into_iter().zip(ends).zip(gathered)
+    for ((strategy, end), (mut summary, metrics)) in
+        Strategy::ALL.into_iter().zip(ends).zip(gathered)
     {
         end?;
-        summary.finish(&score);
+        summary.finish(&metrics);
         results.push((strategy, summary));
     }
     Ok(results)
@@ -201,9 +204,9 @@ impl Summary {
         self.oil_c = truth.oil_temperature;
     }
 
-    fn finish(&mut self, score: &Score) {
-        self.rms_mm = Some(score.rms() * 1e3);
-        self.peak_mm = Some(score.peak() * 1e3);
+    fn finish(&mut self, metrics: &Metrics) {
+        self.rms_mm = Some(metrics.rms() * 1e3);
+        self.peak_mm = Some(metrics.peak() * 1e3);
     }
 }
 

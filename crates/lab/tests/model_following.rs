@@ -4,11 +4,11 @@
 
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_lab::family::member;
-use hydroboom_lab::family_margins::family_margins;
+use hydroboom_lab::closed_loop::family_margins::family_margins;
+use hydroboom_lab::closed_loop::monte_carlo::member;
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
+use hydroboom_lab::closed_loop::sustained_oscillation::has_sustained_oscillation;
 use hydroboom_lab::learning::taught;
-use hydroboom_lab::rings_on::rings_on;
-use hydroboom_lab::scenario::CourseChoice;
 use hydroboom_lab::{motion_test::Run, motion_test::run};
 
 fn both(crane: &Description, course: &CourseChoice) -> [Run; 2] {
@@ -38,7 +38,7 @@ fn a_crane_like_its_model_is_where_it_should_be_within_a_tenth_of_a_millimetre()
 fn the_virtual_crane_is_led_more_closely_for_the_same_effort() {
     let crane = Description::uia_virtual().unwrap();
     for speed in [crane.numbers.slow, crane.numbers.fast] {
-        let [benchmark, own] = both(&crane, &CourseChoice::Motion(speed)).map(|r| r.score());
+        let [benchmark, own] = both(&crane, &CourseChoice::Motion(speed)).map(|r| r.metrics());
         assert!(own.rms() < 0.25 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let (a, b) = (own.effort(), benchmark.effort());
         assert!(a.energy_kj < 1.05 * b.energy_kj, "{a:?} for {b:?}");
@@ -65,7 +65,7 @@ fn a_light_load_on_soft_oil_does_not_ring_on() {
     let [benchmark, own] = both(&soft, &CourseChoice::Motion(soft.numbers.fast));
     assert!(benchmark.rms() > 10e-3, "this crane is no test: {}", benchmark.rms());
     assert!(own.rms() < 0.5 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
-    assert!(!own.score().oscillates());
+    assert!(!own.metrics().oscillates());
 }
 
 /// A payload that is hung on falls until the oil carries it, whoever controls. Nothing rings on, and while it is weighed then,
@@ -75,7 +75,7 @@ fn a_payload_that_changes_is_borne() {
     let crane = Description::uia_virtual().unwrap();
     let [benchmark, own] = both(&crane, &CourseChoice::Scenario("payload-change".into()));
     assert!(own.rms() < 1.005 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
-    assert!(!own.score().oscillates());
+    assert!(!own.metrics().oscillates());
     let moved = own.samples[own.samples.len() - 500..].iter().map(|s| s.error().abs());
     let most = moved.fold(0.0, f64::max);
     assert!(most < 0.5e-3, "{most} m while it is weighed");
@@ -87,7 +87,7 @@ fn led_closer_and_at_rest_in_the_end(seed: u64, numbers: &[u64], scenario: &str)
         let crane = member(&Description::uia_virtual().unwrap(), seed, *number).unwrap().crane;
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario(scenario.into()));
         assert!(own.rms() < benchmark.rms(), "{number}: {} for {}", own.rms(), benchmark.rms());
-        assert!(!own.score().oscillates(), "crane {number} of seed {seed}");
+        assert!(!own.metrics().oscillates(), "crane {number} of seed {seed}");
     }
 }
 
@@ -121,7 +121,7 @@ fn a_reference_faster_than_the_motor_is_caught_up_with() {
         // the motor counts
         assert!(own.rms() < 0.62 * benchmark.rms(), "{} for {}", own.rms(), benchmark.rms());
         let end = own.samples.last().unwrap().error();
-        assert!(end.abs() < 0.5e-3 && !own.score().oscillates(), "{end} m are left");
+        assert!(end.abs() < 0.5e-3 && !own.metrics().oscillates(), "{end} m are left");
     }
 }
 
@@ -134,7 +134,7 @@ fn a_reference_out_of_reach_takes_the_whole_motor() {
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("saturation".into()));
         let [most, rms] = [0.5 * benchmark.rms(), own.rms()];
         assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
-        assert!(!own.score().oscillates(), "crane {number}");
+        assert!(!own.metrics().oscillates(), "crane {number}");
     }
 }
 
@@ -160,7 +160,7 @@ fn what_is_not_known_yet_of_soft_oil_does_not_swing_the_motor() {
     for number in [45, 75] {
         let empty = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let [benchmark, own] = both(&empty, &CourseChoice::Motion(empty.numbers.slow))
-            .map(|run| run.score().effort().motor_speed_rpm);
+            .map(|run| run.metrics().effort().motor_speed_rpm);
         assert!(own < 1.05 * benchmark, "crane {number}: {own} rpm for {benchmark}");
     }
 }
@@ -170,7 +170,7 @@ fn what_is_not_known_yet_of_soft_oil_does_not_swing_the_motor() {
 fn a_slow_drive_is_not_swung_by_what_is_believed_sooner() {
     let slow = member(&Description::uia_virtual().unwrap(), 1, 190).unwrap().crane;
     let [benchmark, own] = both(&slow, &CourseChoice::Motion(slow.numbers.fast))
-        .map(|run| run.score().effort().motor_speed_rpm);
+        .map(|run| run.metrics().effort().motor_speed_rpm);
     assert!(own < 1.05 * benchmark, "{own} rpm for {benchmark}");
 }
 
@@ -189,8 +189,9 @@ fn starts_and_stops_do_not_throw_the_simulated_crane() {
         let [most, own_rms] = [share * benchmark.rms(), own.rms()];
         assert!(own_rms < most, "crane {number}: {own_rms} for {}", benchmark.rms());
         let course = choice.of(&crane).unwrap();
-        let contender = Strategy::ModelFollowing.into();
-        let swings = rings_on(&model, &crane, contender, course.as_ref(), &own.score());
+        let controller = Strategy::ModelFollowing.into();
+        let swings =
+            has_sustained_oscillation(&model, &crane, controller, course.as_ref(), &own.metrics());
         assert!(!swings, "crane {number}");
     }
 }
@@ -203,7 +204,7 @@ fn a_reversal_is_foreseen() {
         let [benchmark, own] = both(&crane, &CourseChoice::Scenario("reversal".into()));
         let [most, rms] = [0.65 * benchmark.rms(), own.rms()];
         assert!(rms < most, "crane {number}: {rms} for {}", benchmark.rms());
-        assert!(!own.score().oscillates(), "crane {number}");
+        assert!(!own.metrics().oscillates(), "crane {number}");
     }
 }
 
@@ -214,7 +215,7 @@ fn small_moves_of_nearly_empty_cranes_take_no_more_of_the_motor() {
     for number in [75, 93] {
         let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let runs = both(&crane, &CourseChoice::Scenario("small-moves".into()));
-        let [benchmark, own] = runs.each_ref().map(|run| run.score().effort().motor_speed_rpm);
+        let [benchmark, own] = runs.each_ref().map(|run| run.metrics().effort().motor_speed_rpm);
         assert!(own < 1.05 * benchmark, "crane {number}: {own} rpm for {benchmark} rpm");
         assert!(runs[1].rms() < 0.5 * runs[0].rms(), "crane {number}");
     }
@@ -239,7 +240,7 @@ fn a_load_that_stiff_oil_loses_takes_no_more_of_the_motor() {
     for number in [12, 49, 156, 60] {
         let crane = member(&Description::uia_virtual().unwrap(), 1, number).unwrap().crane;
         let runs = both(&crane, &CourseChoice::Scenario("load-in-motion".into()));
-        let [benchmark, own] = runs.each_ref().map(|run| run.score().effort().motor_speed_rpm);
+        let [benchmark, own] = runs.each_ref().map(|run| run.metrics().effort().motor_speed_rpm);
         assert!(own < 1.05 * benchmark, "crane {number}: {own} rpm for {benchmark} rpm");
         assert!(runs[1].rms() < 0.5 * runs[0].rms(), "crane {number}");
     }

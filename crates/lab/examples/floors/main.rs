@@ -9,8 +9,8 @@ mod spring;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::LabError;
-use hydroboom_lab::family::{Spread, member};
-use hydroboom_lab::scenario::{Course, CourseChoice};
+use hydroboom_lab::closed_loop::monte_carlo::{Spread, member};
+use hydroboom_lab::closed_loop::scenario::{Course, CourseChoice};
 use hydroboom_lab::{motion_test::Run, motion_test::run};
 use pull::{Home, Knows};
 use rayon::prelude::*;
@@ -56,7 +56,7 @@ struct Left {
 
 impl From<&Run> for Left {
     fn from(run: &Run) -> Self {
-        Self { rms: run.rms(), farthest: run.score().peak().abs() }
+        Self { rms: run.rms(), farthest: run.metrics().peak().abs() }
     }
 }
 
@@ -99,7 +99,7 @@ impl Row {
         let benchmark = along(Strategy::BenchmarkClosedLoop)?;
         let following = along(Strategy::ModelFollowing)?;
         let [most, own] =
-            [&benchmark, &following].map(|run| run.score().effort().motor_speed_rpm / 60.0);
+            [&benchmark, &following].map(|run| run.metrics().effort().motor_speed_rpm / 60.0);
         let [benchmark, left] = [&benchmark, &following].map(Left::from);
         let case = Case { model: model.clone(), crane, course, following };
         let mut columns = floors(&case, scenario, most)?;

@@ -1,17 +1,17 @@
 //! What a family of virtual cranes makes of the strategies: boxes and tables.
 
 use super::document::{document, figure};
-use crate::family::{Row, Spread, VARIATIONS};
+use crate::closed_loop::monte_carlo::{Row, Spread, VARIATIONS};
 use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
 use std::fmt::Write;
 
 /// The page of a family of `count` cranes drawn with `seed`.
 pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String {
-    let first = rows.first().map(|row| row.contender);
+    let first = rows.first().map(|row| row.controller);
     let courses: Vec<&str> = rows
         .iter()
-        .filter(|row| Some(row.contender) == first)
+        .filter(|row| Some(row.controller) == first)
         .map(|row| row.course.as_str())
         .collect();
     let of =
@@ -48,7 +48,7 @@ pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String
 }
 
 fn name(row: &Row) -> &'static str {
-    row.contender.name()
+    row.controller.name()
 }
 
 fn table(rows: &[&Row]) -> Markup {
@@ -72,7 +72,7 @@ fn table(rows: &[&Row]) -> Markup {
 fn beside_the_benchmark(rows: &[&Row]) -> Markup {
     let reoptimised = rows.iter().any(|r| r.rms_over_reoptimised_benchmark.is_some());
     let others: Vec<&&Row> =
-        rows.iter().filter(|r| r.contender != Strategy::BenchmarkClosedLoop.into()).collect();
+        rows.iter().filter(|r| r.controller != Strategy::BenchmarkClosedLoop.into()).collect();
     html! {
         p { "Over the benchmark's on the same crane, median (5 .. 95 %), most:" }
         div.wide { table {

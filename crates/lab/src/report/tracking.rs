@@ -4,7 +4,8 @@ use super::document::{document, figure};
 use super::figure::{Axes, Figure, Series};
 use super::validation;
 use crate::LabError;
-use crate::{motion_test::Row, motion_test::Run, motion_test::Sample};
+use crate::closed_loop::sample::Sample;
+use crate::{motion_test::Row, motion_test::Run};
 use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
 

@@ -2,8 +2,8 @@
 
 use super::document::{document, figure};
 use super::{Bar, Bars};
-use crate::rivals::Contender;
-use crate::trials::Outcome;
+use crate::closed_loop::controller_choice::ControllerChoice;
+use crate::closed_loop::robustness::Outcome;
 use maud::{Markup, html};
 
 /// The page of trials on a crane, with a remark on the crane if there is one.
@@ -36,14 +36,14 @@ pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> S
 
 /// Error and vibration of all trials beside each other, a column for each contender.
 fn overview(trials: &[&str], outcomes: &[Outcome]) -> Markup {
-    let mut contenders: Vec<Contender> = Vec::new();
+    let mut controllers: Vec<ControllerChoice> = Vec::new();
     for outcome in outcomes {
-        if !contenders.contains(&outcome.contender) {
-            contenders.push(outcome.contender);
+        if !controllers.contains(&outcome.controller) {
+            controllers.push(outcome.controller);
         }
     }
-    let cell = |trial: &str, contender: Contender, value: Drawn| {
-        let of = outcomes.iter().find(|o| o.trial == trial && o.contender == contender);
+    let cell = |trial: &str, controller: ControllerChoice, value: Drawn| {
+        let of = outcomes.iter().find(|o| o.trial == trial && o.controller == controller);
         match of {
             Some(o) if o.unstable => "swings on".to_string(),
             of => millimetres(of.and_then(value)),
@@ -53,9 +53,9 @@ fn overview(trials: &[&str], outcomes: &[Outcome]) -> Markup {
         @for (title, _, value) in FIGURES {
             h3 { (title) }
             div.wide { table {
-                thead { tr { th { "trial" } @for c in &contenders { th { (c.name()) } } } }
+                thead { tr { th { "trial" } @for c in &controllers { th { (c.name()) } } } }
                 tbody { @for trial in trials {
-                    tr { td { (trial) } @for c in &contenders { td { (cell(trial, *c, value)) } } }
+                    tr { td { (trial) } @for c in &controllers { td { (cell(trial, *c, value)) } } }
                 } }
             } }
         }
@@ -83,7 +83,7 @@ const FIGURES: [(&str, &str, Drawn); 2] = [
 fn bars(axis: &str, value: Drawn, of: &[&Outcome]) -> Option<String> {
     let bar = |o: &&Outcome| {
         let to = value(o)?;
-        Some(Bar { name: o.contender.name(), from: 0.0, to, bounds: None })
+        Some(Bar { name: o.controller.name(), from: 0.0, to, bounds: None })
     };
     let bars = of.iter().filter_map(bar).collect();
     Bars { x: axis, bars }.svg().ok()
@@ -102,7 +102,7 @@ fn table(rows: &[&Outcome]) -> Markup {
             } }
             tbody { @for o in rows {
                 tr {
-                    td { (o.contender.name()) } td { (millimetres(o.rms_mm)) } td { (millimetres(o.peak_mm)) }
+                    td { (o.controller.name()) } td { (millimetres(o.rms_mm)) } td { (millimetres(o.peak_mm)) }
                     td { (format!("{:.0}", o.effort.motor_speed_rpm)) } td { (format!("{:.1}", o.motor_ripple_rpm)) }
                     td { (format!("{:.1}", o.effort.energy_kj)) } td { (format!("{:.1}", o.effort.tip_deflection_mm)) }
                     td { (format!("{:.3}", o.effort.residual_vibration_mm)) } td { @if o.unstable { "swings on" } }

@@ -1,12 +1,13 @@
 //! Many virtual cranes: no two machines are alike, and none stays as it was.
 
 use crate::LabError;
+use crate::baselines::Baseline;
+use crate::closed_loop::controller_choice::ControllerChoice;
+use crate::closed_loop::metrics::{Effort, Metrics};
+use crate::closed_loop::scenario::CourseChoice;
+use crate::closed_loop::simulation::{Case, WIDTH, simulate_side_by_side};
+use crate::closed_loop::sustained_oscillation::has_sustained_oscillation;
 use crate::interruptible::as_long_as;
-use crate::rings_on::rings_on;
-use crate::rivals::{Contender, Rival};
-use crate::scenario::CourseChoice;
-use crate::score::{Effort, Score};
-use crate::steering::{Lane, WIDTH, steer_together};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use rand::{RngExt, SeedableRng};
@@ -124,10 +125,10 @@ pub struct Outcome {
     pub unstable: bool,
 }
 
-/// What one crane did: outcomes by who steered, then by course.
+/// What one crane did: outcomes by controller, then by course.
 pub type Outcomes = Vec<Vec<Outcome>>;
 
-/// Runs all contenders along all courses on cranes 0 to `count` - 1, side by side in lanes and on all
+/// Runs all controllers along all courses on cranes 0 to `count` - 1, side by side in lanes and on all
 /// cores. `go_on` is told the share done and says whether to: if not, those cranes that have gone all the way by then are all
 /// there is.
 ///
@@ -137,7 +138,7 @@ pub type Outcomes = Vec<Vec<Outcome>>;
 pub fn family(
     model: &Description,
     nominal: &Description,
-    contenders: &[Contender],
+    controllers: &[ControllerChoice],
     courses: &[CourseChoice],
     count: u64,
     seed: u64,
@@ -149,39 +150,39 @@ pub fn family(
     let jobs: Vec<_> = groups
         .iter()
         .flat_map(|group| {
-            contenders.iter().flat_map(move |contender| {
-                courses.iter().map(move |course| (*group, *contender, course))
+            controllers.iter().flat_map(move |controller| {
+                courses.iter().map(move |course| (*group, *controller, course))
             })
         })
         .collect();
     let share = |done: usize| go_on(done as f64 / jobs.len() as f64);
-    let one = |(group, contender, course): &(&[Member], Contender, &CourseChoice)| {
-        together(model, group, *contender, course)
+    let one = |(group, controller, course): &(&[Member], ControllerChoice, &CourseChoice)| {
+        together(model, group, *controller, course)
     };
     let outcomes = as_long_as(&jobs, &share, one)
         .into_iter()
         .map(Option::transpose)
         .collect::<Result<Vec<_>, LabError>>()?;
     let of = |number: usize, s: usize, c: usize| {
-        let job = (number / WIDTH * contenders.len() + s) * courses.len() + c;
-        outcomes[job].map(|lanes| lanes[number % WIDTH])
+        let job = (number / WIDTH * controllers.len() + s) * courses.len() + c;
+        outcomes[job].map(|cases| cases[number % WIDTH])
     };
     Ok(members
         .into_iter()
         .enumerate()
         .filter_map(|(number, member)| {
             let along = |s| (0..courses.len()).map(|c| of(number, s, c)).collect();
-            let all = (0..contenders.len()).map(along).collect::<Option<Outcomes>>()?;
+            let all = (0..controllers.len()).map(along).collect::<Option<Outcomes>>()?;
             Some((member, all))
         })
         .collect())
 }
 
-/// One contender along one course on up to [`WIDTH`] cranes.
+/// One controller along one course on up to [`WIDTH`] cranes.
 fn together(
     model: &Description,
     group: &[Member],
-    contender: Contender,
+    controller: ControllerChoice,
     choice: &CourseChoice,
 ) -> Result<[Outcome; WIDTH], LabError> {
     // the last group may be smaller: then its last crane runs in the lanes left over too
@@ -190,23 +191,23 @@ fn together(
     for lane in 0..WIDTH {
         courses.push(choice.of(member(lane))?);
     }
-    let lanes: [Lane<'_>; WIDTH] = std::array::from_fn(|lane| Lane {
+    let cases: [Case<'_>; WIDTH] = std::array::from_fn(|lane| Case {
         crane: member(lane),
-        contender,
+        controller,
         course: courses[lane].as_ref(),
     });
-    let mut scores = lanes.map(|_| Score::new());
-    let ends = steer_together(model, &lanes, |lane, sample| scores[lane].add(sample));
+    let mut scores = cases.map(|_| Metrics::new());
+    let ends = simulate_side_by_side(model, &cases, |lane, sample| scores[lane].add(sample));
     Ok(std::array::from_fn(|lane| match &ends[lane] {
         Ok(()) => Outcome {
             rms_mm: scores[lane].rms() * 1e3,
             peak_mm: scores[lane].peak() * 1e3,
             effort: scores[lane].effort(),
-            unstable: rings_on(
+            unstable: has_sustained_oscillation(
                 model,
-                lanes[lane].crane,
-                contender,
-                lanes[lane].course,
+                cases[lane].crane,
+                controller,
+                cases[lane].course,
                 &scores[lane],
             ),
         },
@@ -260,12 +261,12 @@ impl Spread {
     }
 }
 
-/// One contender along one course over the whole family.
+/// One controller along one course over the whole family.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Who steered.
+    /// The controller.
     #[serde(rename = "strategy")]
-    pub contender: Contender,
+    pub controller: ControllerChoice,
     /// The course.
     pub course: String,
     /// RMS tracking error.
@@ -276,7 +277,7 @@ pub struct Row {
     pub unstable_percent: f64,
     /// Its RMS over the benchmark's on the same crane: below 1 where it is better.
     pub rms_over_benchmark: Spread,
-    /// Its RMS over that of the re-optimised benchmark on the same crane, where that is one of the contenders.
+    /// Its RMS over that of the re-optimised benchmark on the same crane, where that is one of the controllers.
     pub rms_over_reoptimised_benchmark: Option<Spread>,
     /// Its peak over the benchmark's on the same crane.
     pub peak_over_benchmark: Spread,
@@ -290,20 +291,21 @@ pub struct Row {
     pub better_percent: f64,
 }
 
-/// The family in numbers: every contender along every course; none where the benchmark is not one of them.
+/// The family in numbers: every controller along every course; none where the benchmark is not one of them.
 pub fn rows(
-    contenders: &[Contender],
+    controllers: &[ControllerChoice],
     courses: &[String],
     results: &[(Member, Outcomes)],
 ) -> Vec<Row> {
-    let is_benchmark = |c: &Contender| *c == Strategy::BenchmarkClosedLoop.into();
-    let Some(benchmark) = contenders.iter().position(is_benchmark) else { return Vec::new() };
-    let is_reoptimised =
-        |c: &Contender| matches!(c, Contender::Rival(Rival::ReoptimisedBenchmark(_)));
-    let reoptimised = contenders.iter().position(is_reoptimised);
+    let is_benchmark = |c: &ControllerChoice| *c == Strategy::BenchmarkClosedLoop.into();
+    let Some(benchmark) = controllers.iter().position(is_benchmark) else { return Vec::new() };
+    let is_reoptimised = |c: &ControllerChoice| {
+        matches!(c, ControllerChoice::Baseline(Baseline::RetunedBenchmark(_)))
+    };
+    let reoptimised = controllers.iter().position(is_reoptimised);
     let count = results.len().max(1) as f64;
     let mut rows = Vec::new();
-    for (s, contender) in contenders.iter().enumerate() {
+    for (s, controller) in controllers.iter().enumerate() {
         for (c, course) in courses.iter().enumerate() {
             let spread = |of: &dyn Fn(&Outcome) -> f64| {
                 Spread::of(results.iter().map(|(_, o)| of(&o[s][c])))
@@ -316,7 +318,7 @@ pub fn rows(
                 results.iter().filter(|(_, o)| holds(o)).count() as f64 / count * 100.0
             };
             rows.push(Row {
-                contender: *contender,
+                controller: *controller,
                 course: course.clone(),
                 rms_mm: spread(&|o| o.rms_mm),
                 peak_mm: spread(&|o| o.peak_mm.abs()),
@@ -359,7 +361,7 @@ mod tests {
     fn cranes_of_an_interrupted_family_have_gone_all_the_way() {
         let model = Description::uia_single_boom().unwrap();
         let nominal = Description::uia_virtual().unwrap();
-        let contenders = [Contender::Strategy(Strategy::BenchmarkClosedLoop)];
+        let controllers = [ControllerChoice::Strategy(Strategy::BenchmarkClosedLoop)];
         let courses = [1, 2, 3].map(|_| CourseChoice::Motion(nominal.numbers.fast));
         let count = 3 * WIDTH;
         let interrupted = |after: usize| {
@@ -368,7 +370,7 @@ mod tests {
             let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
             one_thread
                 .install(|| {
-                    family(&model, &nominal, &contenders, &courses, count as u64, 1, &go_on)
+                    family(&model, &nominal, &controllers, &courses, count as u64, 1, &go_on)
                 })
                 .unwrap()
         };
@@ -383,8 +385,8 @@ mod tests {
 
     #[test]
     fn errors_are_told_over_those_of_both_benchmarks_on_the_same_crane() {
-        let reoptimised = Contender::Rival(Rival::ALL[0]);
-        let contenders =
+        let reoptimised = ControllerChoice::Baseline(Baseline::ALL[0]);
+        let controllers =
             [Strategy::BenchmarkClosedLoop.into(), Strategy::ModelFollowing.into(), reoptimised];
         let outcome = |rms_mm| Outcome {
             rms_mm,
@@ -402,7 +404,7 @@ mod tests {
                 (member(&nominal, 1, k as u64).unwrap(), vec![of(0.8), of(0.1), of(0.4)])
             })
             .collect();
-        let rows = rows(&contenders, &["there".into()], &results);
+        let rows = rows(&controllers, &["there".into()], &results);
         for (row, (over, over_reoptimised)) in
             rows.iter().zip([(1.0, 2.0), (0.125, 0.25), (0.5, 1.0)])
         {

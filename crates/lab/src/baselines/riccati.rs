@@ -1,4 +1,4 @@
-//! The discrete algebraic Riccati equation: least cost of steering a linear system, and least variance of watching one.
+//! The discrete algebraic Riccati equation: optimal state feedback, and the optimal observer gain.
 
 use nalgebra::SMatrix;
 

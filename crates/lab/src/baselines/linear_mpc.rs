@@ -1,9 +1,9 @@
 //! Linear model-predictive control: the motor speeds of the next half second that cost least, of which the first is taken.
 
-use super::box_program::BoxProgram;
-use super::linear_crane::{ALL, LinearCrane, MOVES};
+use super::box_qp::BoxQp;
+use super::kalman_filter::KalmanFilter;
+use super::linear_plant::{ALL, LinearPlant, MOVES};
 use super::lqg::Weights;
-use super::observer::Observer;
 use super::{Shown, Steers};
 use crate::LabError;
 use hydroboom_control::feedback::benchmark::Measured;
@@ -20,30 +20,30 @@ const STEPS: u32 = 30;
 pub const MPC: Weights = super::LQG;
 
 /// It at work.
-pub(super) struct Mpc {
+pub(super) struct LinearMpc {
     /// Sampled with the control period, for the observer, and with a block's length.
-    crane: LinearCrane,
-    blocks: LinearCrane,
-    observer: Observer,
+    crane: LinearPlant,
+    blocks: LinearPlant,
+    filter: KalmanFilter,
     /// From motor speeds to all states to come.
     response: DMatrix<f64>,
     /// Costs of all states to come, and of a motor speed.
     costs: DMatrix<f64>,
     by_speed: f64,
-    program: BoxProgram,
+    program: BoxQp,
     speeds: DVector<f64>,
 }
 
-impl Mpc {
+impl LinearMpc {
     pub(super) fn new(
         model: &Description,
         weights: &Weights,
         measured: &Measured<f64>,
     ) -> Result<Self, LabError> {
         let period = model.numbers.control_period;
-        let crane = LinearCrane::new(model, period)?;
-        let blocks = LinearCrane::new(model, BLOCK)?;
-        let observer = Observer::new(&crane, &weights.drift, measured, period)?;
+        let crane = LinearPlant::new(model, period)?;
+        let blocks = LinearPlant::new(model, BLOCK)?;
+        let filter = KalmanFilter::new(&crane, &weights.drift, measured, period)?;
         let (a, b) = blocks.moving();
         let (q, r) = weights.costs();
         let (to_go, _) = weights.feedback(&blocks)?;
@@ -65,28 +65,30 @@ impl Mpc {
         let by_speed = r[0];
         let hessian = response.transpose() * &costs * &response
             + DMatrix::identity(BLOCKS, BLOCKS) * by_speed;
-        let program = BoxProgram::new(hessian);
+        let program = BoxQp::new(hessian);
         let speeds = DVector::zeros(BLOCKS);
-        Ok(Self { crane, blocks, observer, response, costs, by_speed, program, speeds })
+        Ok(Self { crane, blocks, filter, response, costs, by_speed, program, speeds })
     }
 }
 
-impl Steers for Mpc {
+impl Steers for LinearMpc {
     fn speed(&mut self, shown: &Shown<'_>) -> f64 {
-        self.observer.look(shown);
+        self.filter.correct(shown);
         // where the crane goes with the motor turning as the reference takes it, and by how much that is wrong
-        let mut state: nalgebra::SVector<f64, ALL> = self.observer.state;
+        let mut state: nalgebra::SVector<f64, ALL> = self.filter.state;
         let mut lacking = DVector::zeros(MOVES * BLOCKS);
         let mut own = DVector::zeros(BLOCKS);
         for k in 0..BLOCKS {
             let [now, then, after] = [k, k + 1, k + 2].map(|k| (shown.ahead)(k as f64 * BLOCK));
-            let unknown = self.observer.unknown();
+            let disturbances = self.filter.disturbances();
             let of = |a: f64, b: f64| (b - a) / BLOCK;
-            let (_, speed) = self.blocks.wanted(&now, of(now.velocity, then.velocity), unknown);
+            let (_, speed) =
+                self.blocks.wanted(&now, of(now.velocity, then.velocity), disturbances);
             own[k] = speed;
             let (pressure, holding) = self.blocks.rest(now.position);
             state = self.blocks.a * state + self.blocks.b * vector![speed - holding, pressure];
-            let (wanted, _) = self.blocks.wanted(&then, of(then.velocity, after.velocity), unknown);
+            let (wanted, _) =
+                self.blocks.wanted(&then, of(then.velocity, after.velocity), disturbances);
             let off = state.fixed_rows::<MOVES>(0) - wanted;
             lacking.rows_mut(MOVES * k, MOVES).copy_from(&off);
         }
@@ -95,7 +97,7 @@ impl Steers for Mpc {
         let slope = self.response.transpose() * (&self.costs * (lacking - &self.response * &own))
             - &own * self.by_speed;
         self.program.least(&slope, &mut self.speeds, limit, STEPS);
-        self.observer.go_on(&self.crane, shown.reading.motor_speed);
+        self.filter.predict(&self.crane, shown.reading.motor_speed);
         self.speeds[0]
     }
 }
@@ -112,13 +114,13 @@ mod tests {
     fn without_a_limit_to_meet_it_is_the_feedback_of_least_cost() {
         let model = Description::uia_single_boom().unwrap();
         let measured = Measured { stroke: 0.2, load_pressure: 66e5 };
-        let mut mpc = Mpc::new(&model, &LQG, &measured).unwrap();
+        let mut mpc = LinearMpc::new(&model, &LQG, &measured).unwrap();
         let (_, gain) = LQG.feedback(&mpc.blocks).unwrap();
         let still = SetPoint { position: 0.2, velocity: 0.0 };
         let (rest, holding) = mpc.blocks.wanted(&still, 0.0, [0.0; 2]);
         let off: nalgebra::SVector<f64, MOVES> = [2e-3, -0.01, 3e5].into();
         let at = rest + off;
-        mpc.observer.state.fixed_rows_mut::<MOVES>(0).copy_from(&at);
+        mpc.filter.state.fixed_rows_mut::<MOVES>(0).copy_from(&at);
         let measured = Measured { stroke: at[0], load_pressure: at[2] };
         let ahead = |_: f64| still;
         let shown = Shown {
@@ -129,9 +131,9 @@ mod tests {
             measured,
         };
         // the observer, which the motor's reading moves on, is set back each time; the solver goes on where it was
-        let believed = mpc.observer.state;
+        let believed = mpc.filter.state;
         for _ in 0..200 {
-            mpc.observer.state = believed;
+            mpc.filter.state = believed;
             mpc.speed(&shown);
         }
         let wanted = holding - (gain * off)[0];

@@ -1,12 +1,12 @@
-//! What is hard for a controller, and what a reference is worth: trials on the virtual crane, each under several contenders.
+//! What is hard for a controller, and what a reference is worth: trials on the virtual crane, each under several controllers.
 
 use crate::LabError;
+use crate::closed_loop::controller_choice::ControllerChoice;
+use crate::closed_loop::metrics::{Effort, Metrics};
+use crate::closed_loop::scenario::{Course, CourseChoice};
+use crate::closed_loop::simulation::simulate_closed_loop;
+use crate::closed_loop::sustained_oscillation::has_sustained_oscillation;
 use crate::eigenfrequency::locked_mode;
-use crate::rings_on::rings_on;
-use crate::rivals::Contender;
-use crate::scenario::{Course, CourseChoice};
-use crate::score::{Effort, Score};
-use crate::steering::steer;
 use hydroboom_control::reference::input_shaper::ShapedTrajectory;
 use hydroboom_control::reference::profile::{OutAndBack, RampShape, SetPoint};
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -22,14 +22,14 @@ pub struct Trial {
     course: Box<dyn Course>,
 }
 
-/// What a contender did in a trial.
+/// What a controller did in a trial.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
     /// The trial.
     pub trial: String,
-    /// Who steered.
+    /// The controller.
     #[serde(rename = "strategy")]
-    pub contender: Contender,
+    pub controller: ControllerChoice,
     /// RMS tracking error; none where it could not be finished.
     pub rms_mm: Option<f64>,
     /// Peak tracking error, with its sign.
@@ -155,30 +155,30 @@ fn named<P: Trajectory + 'static>(path: P) -> Box<dyn Course> {
     Box::new(Named { name: "motion".into(), path })
 }
 
-/// Runs trials under contenders that know the model only, on all cores; `progress` is told of each that is done.
+/// Runs trials under controllers that know the model only, on all cores; `progress` is told of each that is done.
 pub fn run(
     model: &Description,
     trials: &[Trial],
-    contenders: &[Contender],
+    controllers: &[ControllerChoice],
     progress: &(dyn Fn() + Sync),
 ) -> Vec<Outcome> {
-    let jobs: Vec<(&Trial, Contender)> =
-        trials.iter().flat_map(|trial| contenders.iter().map(move |c| (trial, *c))).collect();
+    let jobs: Vec<(&Trial, ControllerChoice)> =
+        trials.iter().flat_map(|trial| controllers.iter().map(move |c| (trial, *c))).collect();
     jobs.par_iter()
-        .map(|(trial, contender)| {
-            let outcome = one(model, trial, *contender);
+        .map(|(trial, controller)| {
+            let outcome = one(model, trial, *controller);
             progress();
             outcome
         })
         .collect()
 }
 
-fn one(model: &Description, trial: &Trial, contender: Contender) -> Outcome {
+fn one(model: &Description, trial: &Trial, controller: ControllerChoice) -> Outcome {
     let course = trial.course.as_ref();
-    let mut score = Score::new();
+    let mut metrics = Metrics::new();
     let mut speeds = Vec::new();
-    let end = steer(model, &trial.crane, contender, course, |sample| {
-        score.add(sample);
+    let end = simulate_closed_loop(model, &trial.crane, controller, course, |sample| {
+        metrics.add(sample);
         if sample.time > course.duration() - LAST {
             speeds.push(60.0 * sample.command.motor_speed);
         }
@@ -190,11 +190,12 @@ fn one(model: &Description, trial: &Trial, contender: Contender) -> Outcome {
     let variance = speeds.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count;
     Outcome {
         trial: trial.name.clone(),
-        contender,
-        rms_mm: done.then(|| score.rms() * 1e3),
-        peak_mm: done.then(|| score.peak() * 1e3),
+        controller,
+        rms_mm: done.then(|| metrics.rms() * 1e3),
+        peak_mm: done.then(|| metrics.peak() * 1e3),
         motor_ripple_rpm: variance.sqrt(),
-        effort: score.effort(),
-        unstable: !done || rings_on(model, &trial.crane, contender, course, &score),
+        effort: metrics.effort(),
+        unstable: !done
+            || has_sustained_oscillation(model, &trial.crane, controller, course, &metrics),
     }
 }

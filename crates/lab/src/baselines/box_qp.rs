@@ -1,16 +1,16 @@
-//! Least of a quadratic function within a box: the program that a predictive controller solves every period.
+//! Box-constrained quadratic program, by a projected gradient with momentum: what a predictive controller solves every period.
 
 use nalgebra::{DMatrix, DVector};
 
 /// `½ uᵀHu + fᵀu`, H constant and positive definite.
-pub(super) struct BoxProgram {
+pub(super) struct BoxQp {
     hessian: DMatrix<f64>,
     /// Largest and least curvature.
     steepest: f64,
     gentlest: f64,
 }
 
-impl BoxProgram {
+impl BoxQp {
     pub(super) fn new(hessian: DMatrix<f64>) -> Self {
         let curvatures = hessian.clone().symmetric_eigenvalues();
         let (gentlest, steepest) = (curvatures.min(), curvatures.max());
@@ -48,7 +48,7 @@ mod tests {
         let root = DMatrix::from_fn(6, 6, |i, j| ((3 * i + 5 * j) as f64).sin());
         let hessian = &root.transpose() * &root + DMatrix::identity(6, 6) * 0.3;
         let slope = DVector::from_fn(6, |i, _| 4.0 * (i as f64).cos());
-        let program = BoxProgram::new(hessian.clone());
+        let program = BoxQp::new(hessian.clone());
         let mut found = DVector::zeros(6);
         program.least(&slope, &mut found, 1.0, 2000);
         let left = &hessian * &found + &slope;

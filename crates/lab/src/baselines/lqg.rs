@@ -1,7 +1,7 @@
 //! A plain LQG: state feedback of least quadratic cost on what a Kalman filter believes of the machine.
 
-use super::linear_crane::{LinearCrane, MOVES};
-use super::observer::Observer;
+use super::kalman_filter::KalmanFilter;
+use super::linear_plant::{LinearPlant, MOVES};
 use super::riccati::least_cost;
 use super::{Shown, Steers};
 use crate::LabError;
@@ -9,7 +9,7 @@ use hydroboom_control::feedback::benchmark::Measured;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector, matrix};
 
-/// What a linear rival is designed by.
+/// Weights and noise that a linear baseline is designed by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
     /// What costs as much as each other: errors of position \[m\], velocity \[m/s\], load pressure \[Pa\], and motor speed \[rev/s\].
@@ -19,7 +19,7 @@ pub struct Weights {
     pub drift: [f64; 5],
 }
 
-/// Found as [`REOPTIMISED`](super::REOPTIMISED) was, by `reoptimise lqg`.
+/// Found as [`RETUNED`](super::REOPTIMISED) was, by `reoptimise lqg`.
 pub const LQG: Weights =
     Weights { alike: [1e-3, 2.13e-2, 1.58e6, 3.74], drift: [1e-5, 1.51e-3, 1.65e6, 0.241, 4.26e6] };
 
@@ -37,18 +37,18 @@ impl Weights {
     }
 
     /// Cost-to-go of a crane, and the feedback of least cost.
-    pub(super) fn feedback(&self, crane: &LinearCrane) -> Result<(CostToGo, Feedback), LabError> {
+    pub(super) fn feedback(&self, crane: &LinearPlant) -> Result<(CostToGo, Feedback), LabError> {
         let (a, b) = crane.moving();
         let (q, r) = self.costs();
         least_cost(&a, &b, &q, &r)
-            .ok_or(LabError::NoRival("no feedback of least cost settles for this crane"))
+            .ok_or(LabError::NoBaseline("no feedback of least cost settles for this crane"))
     }
 }
 
 /// It at work.
 pub(super) struct Lqg {
-    crane: LinearCrane,
-    observer: Observer,
+    crane: LinearPlant,
+    filter: KalmanFilter,
     gain: Feedback,
     period: f64,
 }
@@ -60,22 +60,22 @@ impl Lqg {
         measured: &Measured<f64>,
     ) -> Result<Self, LabError> {
         let period = model.numbers.control_period;
-        let crane = LinearCrane::new(model, period)?;
-        let observer = Observer::new(&crane, &weights.drift, measured, period)?;
+        let crane = LinearPlant::new(model, period)?;
+        let filter = KalmanFilter::new(&crane, &weights.drift, measured, period)?;
         let (_, gain) = weights.feedback(&crane)?;
-        Ok(Self { crane, observer, gain, period })
+        Ok(Self { crane, filter, gain, period })
     }
 }
 
 impl Steers for Lqg {
     fn speed(&mut self, shown: &Shown<'_>) -> f64 {
-        self.observer.look(shown);
+        self.filter.correct(shown);
         let next = (shown.ahead)(self.period);
         let acceleration = (next.velocity - shown.reference.velocity) / self.period;
         let (wanted, speed) =
-            self.crane.wanted(&shown.reference, acceleration, self.observer.unknown());
-        let believed = self.observer.state.fixed_rows::<MOVES>(0).into_owned();
-        self.observer.go_on(&self.crane, shown.reading.motor_speed);
+            self.crane.wanted(&shown.reference, acceleration, self.filter.disturbances());
+        let believed = self.filter.state.fixed_rows::<MOVES>(0).into_owned();
+        self.filter.predict(&self.crane, shown.reading.motor_speed);
         let limit = self.crane.speed_limit();
         (speed + (self.gain * (wanted - believed))[0]).clamp(-limit, limit)
     }

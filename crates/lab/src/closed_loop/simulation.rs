@@ -1,9 +1,10 @@
 //! A strategy, or what it is compared with, at work on virtual cranes, one by one or side by side.
 
+use crate::baselines::{Shown, Steers, baseline};
+use crate::closed_loop::controller_choice::ControllerChoice;
+use crate::closed_loop::sample::Sample;
+use crate::closed_loop::scenario::{Course, due};
 use crate::following::Following;
-use crate::motion_test::Sample;
-use crate::rivals::{Contender, Shown, Steers, rival};
-use crate::scenario::{Course, due};
 use crate::{LabError, Plant, plant};
 use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
 use hydroboom_control::reference::profile::SetPoint;
@@ -104,26 +105,26 @@ impl Feedback {
     }
 }
 
-/// What steers one crane.
+/// A controller that closes the loop.
 enum Controller {
     Published(Box<(Feedforward, Feedback)>),
     Following(Box<Following>),
-    Rival(Box<dyn Steers>),
+    Baseline(Box<dyn Steers>),
 }
 
 impl Controller {
     fn new(
         model: &Description,
-        contender: Contender,
+        choice: ControllerChoice,
         start: f64,
         reading: &Reading<f64>,
         measured: &Measured<f64>,
     ) -> Result<Self, LabError> {
-        let strategy = match contender {
-            Contender::Strategy(strategy) => strategy,
-            Contender::Rival(which) => {
-                let rival = rival(which, model, measured)?;
-                return Ok(Self::Rival(rival));
+        let strategy = match choice {
+            ControllerChoice::Strategy(strategy) => strategy,
+            ControllerChoice::Baseline(which) => {
+                let baseline = baseline(which, model, measured)?;
+                return Ok(Self::Baseline(baseline));
             }
         };
         Ok(match strategy.follows() {
@@ -140,8 +141,8 @@ impl Controller {
         let Shown { reference, ahead, speed, reading, measured } = shown;
         match self {
             Self::Following(following) => following.command(ahead, *speed, reading, measured),
-            Self::Rival(rival) => {
-                Ok(Command { motor_speed: rival.speed(shown), holding_valve: 1.0 })
+            Self::Baseline(baseline) => {
+                Ok(Command { motor_speed: baseline.speed(shown), holding_valve: 1.0 })
             }
             Self::Published(pair) => {
                 let (feedforward, feedback) = pair.as_mut();
@@ -154,29 +155,29 @@ impl Controller {
     }
 }
 
-/// One strategy on one crane along a course, each control period shown to `observe`, which may stop
+/// One controller on one crane along a course, each control period shown to `observe`, which may stop
 /// it.
 ///
 /// # Errors
 ///
 /// [`LabError`] when either crane cannot be built or leaves what the model holds for, or from
 /// `observe`.
-pub fn steer(
+pub fn simulate_closed_loop(
     model: &Description,
     crane: &Description,
-    contender: impl Into<Contender>,
+    choice: impl Into<ControllerChoice>,
     course: &dyn Course,
     mut observe: impl FnMut(&Sample) -> Result<(), LabError>,
 ) -> Result<(), LabError> {
-    let contender = contender.into();
+    let choice = choice.into();
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
     let mut controller =
-        Controller::new(model, contender, start, &crane.reading(), &crane.measured())?;
+        Controller::new(model, choice, start, &crane.reading(), &crane.measured())?;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut loads = course.loads();
-    let during = format!("{}, {}", contender.name(), course.name());
+    let during = format!("{}, {}", choice.name(), course.name());
 
     for k in 0..=periods {
         let time = k as f64 * period;
@@ -198,32 +199,34 @@ pub fn steer(
     Ok(())
 }
 
-/// A crane under a strategy along a course.
+/// A crane under a controller along a course.
 #[derive(Clone, Copy)]
-pub struct Lane<'a> {
+pub struct Case<'a> {
     /// The crane.
     pub crane: &'a Description,
-    /// Who steers.
-    pub contender: Contender,
+    /// The controller.
+    pub controller: ControllerChoice,
     /// The course; all that run together have the same reference, and each its own loads.
     pub course: &'a (dyn Course + 'a),
 }
 
-/// Any number of lanes, so many side by side at a time; how each ended.
-pub fn steer_all(
+/// Closed loops of any number of cases, [`WIDTH`] of them side by side at a time; how each ended.
+pub fn simulate_cases(
     model: &Description,
-    lanes: &[Lane<'_>],
+    cases: &[Case<'_>],
     mut observe: impl FnMut(usize, &Sample),
 ) -> Vec<Result<(), LabError>> {
-    let mut ends = Vec::with_capacity(lanes.len());
-    for group in lanes.chunks(WIDTH) {
+    let mut ends = Vec::with_capacity(cases.len());
+    for group in cases.chunks(WIDTH) {
         let done = ends.len();
-        match <&[Lane<'_>; WIDTH]>::try_from(group) {
+        match <&[Case<'_>; WIDTH]>::try_from(group) {
             Ok(whole) => {
-                ends.extend(steer_together(model, whole, |k, sample| observe(done + k, sample)));
+                ends.extend(simulate_side_by_side(model, whole, |k, sample| {
+                    observe(done + k, sample)
+                }));
             }
             Err(_) => ends.extend(group.iter().enumerate().map(|(k, lane)| {
-                steer(model, lane.crane, lane.contender, lane.course, |sample| {
+                simulate_closed_loop(model, lane.crane, lane.controller, lane.course, |sample| {
                     observe(done + k, sample);
                     Ok(())
                 })
@@ -233,20 +236,20 @@ pub fn steer_all(
     ends
 }
 
-/// Cranes steered side by side, each control period of each shown to `observe`; how each ended. They
+/// Closed loops side by side, each control period of each shown to `observe`; how each ended. They
 /// do what each would do alone, which is also how they are run if they are of different make.
-pub fn steer_together(
+pub fn simulate_side_by_side(
     model: &Description,
-    lanes: &[Lane<'_>; WIDTH],
+    cases: &[Case<'_>; WIDTH],
     mut observe: impl FnMut(usize, &Sample),
 ) -> [Result<(), LabError>; WIDTH] {
-    match side_by_side(model, lanes, &mut observe) {
+    match side_by_side(model, cases, &mut observe) {
         Some(ends) => ends,
         None => {
             let mut lane = 0..;
-            lanes.map(|Lane { crane, contender, course }| {
+            cases.map(|Case { crane, controller, course }| {
                 let lane = lane.next().unwrap_or_default();
-                steer(model, crane, contender, course, |sample| {
+                simulate_closed_loop(model, crane, controller, course, |sample| {
                     observe(lane, sample);
                     Ok(())
                 })
@@ -258,24 +261,24 @@ pub fn steer_together(
 /// How each ended; none where they cannot be run side by side.
 fn side_by_side(
     model: &Description,
-    lanes: &[Lane<'_>; WIDTH],
+    cases: &[Case<'_>; WIDTH],
     observe: &mut dyn FnMut(usize, &Sample),
 ) -> Option<[Result<(), LabError>; WIDTH]> {
-    let begins = lanes.map(|lane| lane.course.reference(0.0).position);
-    let cranes = lanes.each_ref().map(|lane| lane.crane.clone());
+    let begins = cases.map(|lane| lane.course.reference(0.0).position);
+    let cranes = cases.each_ref().map(|lane| lane.crane.clone());
     let starts = std::array::from_fn(|lane| cranes[lane].start(begins[lane]));
     // what is wrong with one of them is said where it is run alone
     let mut fleet = Fleet::new(&cranes, &starts).ok().flatten()?;
     let mut controllers = Vec::with_capacity(WIDTH);
-    for (k, lane) in lanes.iter().enumerate() {
+    for (k, lane) in cases.iter().enumerate() {
         let (reading, measured) = (fleet.reading(k), fleet.measured(k));
         controllers
-            .push(Controller::new(model, lane.contender, begins[k], &reading, &measured).ok()?);
+            .push(Controller::new(model, lane.controller, begins[k], &reading, &measured).ok()?);
     }
     let period = model.numbers.control_period;
-    let periods = lanes.map(|lane| (lane.course.duration() / period).round() as u64);
+    let periods = cases.map(|lane| (lane.course.duration() / period).round() as u64);
     let last = periods.into_iter().max().unwrap_or_default();
-    let mut loads = lanes.map(|lane| lane.course.loads());
+    let mut loads = cases.map(|lane| lane.course.loads());
     let mut ends: [Result<(), LabError>; WIDTH] = std::array::from_fn(|_| Ok(()));
 
     for k in 0..=last {
@@ -289,7 +292,7 @@ fn side_by_side(
             }
             let (reading, measured) = (fleet.reading(lane), fleet.measured(lane));
             let still = Command { motor_speed: 0.0, holding_valve: 1.0 };
-            let course = lanes[lane].course;
+            let course = cases[lane].course;
             let reference = course.reference(time);
             let goes_on = ends[lane].is_ok() && k <= periods[lane];
             let command = match goes_on {
@@ -315,8 +318,8 @@ fn side_by_side(
             for (lane, end) in ends.iter_mut().enumerate() {
                 let goes_on = k < periods[lane];
                 if let (Some(error), Ok(()), true) = (fleet.stopped(lane), &end, goes_on) {
-                    let Lane { contender, course, .. } = lanes[lane];
-                    let during = format!("{}, {}", contender.name(), course.name());
+                    let Case { controller, course, .. } = cases[lane];
+                    let during = format!("{}, {}", controller.name(), course.name());
                     *end = Err(LabError::during(&during)(error));
                 }
             }
@@ -328,7 +331,7 @@ fn side_by_side(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::CourseChoice;
+    use crate::closed_loop::scenario::CourseChoice;
     use hydroboom_control::strategy::Strategy;
 
     /// Courses of other shape and duration, each begun, led and ended as it is alone.
@@ -338,16 +341,18 @@ mod tests {
         let crane = Description::uia_virtual().unwrap();
         let courses = ["reversal", "small-moves", "reversal", "start-stop"]
             .map(|name| CourseChoice::Scenario(name.into()).of(&crane).unwrap());
-        let contender = Contender::from(Strategy::BenchmarkClosedLoop);
-        let lanes =
-            courses.each_ref().map(|c| Lane { crane: &crane, contender, course: c.as_ref() });
+        let controller = ControllerChoice::from(Strategy::BenchmarkClosedLoop);
+        let cases =
+            courses.each_ref().map(|c| Case { crane: &crane, controller, course: c.as_ref() });
         let mut together = [const { Vec::new() }; WIDTH];
-        for end in steer_all(&model, &lanes, |lane, sample| together[lane].push(sample.reading)) {
+        for end in
+            simulate_cases(&model, &cases, |lane, sample| together[lane].push(sample.reading))
+        {
             end.unwrap();
         }
         for (course, together) in courses.iter().zip(&together) {
             let mut alone = Vec::new();
-            steer(&model, &crane, contender, course.as_ref(), |sample| {
+            simulate_closed_loop(&model, &crane, controller, course.as_ref(), |sample| {
                 alone.push(sample.reading);
                 Ok(())
             })

@@ -1,15 +1,15 @@
 //! Sustained oscillation over a course, and after its end where it may have begun there.
 
-use crate::motion_test::Sample;
-use crate::rivals::Contender;
-use crate::scenario::{Course, Load};
-use crate::score::Score;
-use crate::steering::steer;
+use crate::closed_loop::controller_choice::ControllerChoice;
+use crate::closed_loop::metrics::Metrics;
+use crate::closed_loop::sample::Sample;
+use crate::closed_loop::scenario::{Course, Load};
+use crate::closed_loop::simulation::simulate_closed_loop;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_description::Description;
 
-/// For so long a crane that still swings is steered on \[s\].
+/// Time for which a crane that may oscillate is controlled beyond the end of its course \[s\].
 const LONGER: f64 = 5.0;
 
 /// A course, and a rest at its end.
@@ -36,35 +36,35 @@ impl Course for WithRest<'_> {
     }
 }
 
-/// Whether a crane that was steered along a course with the given score was in a sustained oscillation while its reference
-/// rested. Where one may have begun as the course ends, it is steered along it once more and held for five seconds longer.
-pub fn rings_on(
+/// Whether a crane that followed a course with the given metrics was in a sustained oscillation while its reference
+/// rested. Where one may have begun as the course ends, the course is simulated once more and held for five seconds longer.
+pub fn has_sustained_oscillation(
     model: &Description,
     crane: &Description,
-    contender: Contender,
+    controller: ControllerChoice,
     course: &dyn Course,
-    score: &Score,
+    metrics: &Metrics,
 ) -> bool {
-    if score.oscillates() {
+    if metrics.oscillates() {
         return true;
     }
-    if !score.may_oscillate() {
+    if !metrics.may_oscillate() {
         return false;
     }
     let longer = WithRest(course);
-    let mut score = Score::new();
-    let end = steer(model, crane, contender, &longer, |sample: &Sample| {
-        score.add(sample);
+    let mut metrics = Metrics::new();
+    let end = simulate_closed_loop(model, crane, controller, &longer, |sample: &Sample| {
+        metrics.add(sample);
         Ok(())
     });
-    end.is_err() || score.oscillates()
+    end.is_err() || metrics.oscillates()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::family::member;
-    use crate::score::tests::score;
+    use crate::closed_loop::metrics::tests::metrics;
+    use crate::closed_loop::monte_carlo::member;
     use hydroboom_control::strategy::Strategy;
 
     /// One score that ends in a swing of 3 mm, for two cranes: the one on soft oil, that the benchmark does swing on, and one that it does not.
@@ -73,13 +73,13 @@ mod tests {
         let model = Description::uia_single_boom().unwrap();
         let course = model.motion(model.numbers.fast);
         let late = |time: f64| if time > 2.0 { 3e-3 * (8.0 * time).sin() } else { 0.0 };
-        let swinging = score(late);
+        let swinging = metrics(late);
         assert!(swinging.may_oscillate());
         let calm = Description::uia_virtual().unwrap();
         let soft = member(&calm, 1, 145).unwrap().crane;
-        let benchmark = Contender::from(Strategy::BenchmarkClosedLoop);
-        let [soft, calm] =
-            [soft, calm].map(|crane| rings_on(&model, &crane, benchmark, &course, &swinging));
+        let benchmark = ControllerChoice::from(Strategy::BenchmarkClosedLoop);
+        let [soft, calm] = [soft, calm]
+            .map(|crane| has_sustained_oscillation(&model, &crane, benchmark, &course, &swinging));
         assert!(soft && !calm, "{soft}, {calm}");
     }
 }

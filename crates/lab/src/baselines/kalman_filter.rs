@@ -1,7 +1,7 @@
-//! What the linear rivals believe of the machine, from what is read of it: a Kalman filter.
+//! Steady-state Kalman filter of the linear plant and its disturbances, from position and load pressure.
 
 use super::Shown;
-use super::linear_crane::{ALL, LinearCrane};
+use super::linear_plant::{ALL, LinearPlant};
 use super::riccati::least_variance;
 use crate::LabError;
 use hydroboom_control::feedback::benchmark::Measured;
@@ -10,16 +10,16 @@ use nalgebra::{SMatrix, SVector, matrix, vector};
 /// Standard deviations of what is read: position \[m\], load pressure \[Pa\].
 const READINGS: [f64; 2] = [1e-5, 3e4];
 /// A filter of constant gain.
-pub(super) struct Observer {
+pub(super) struct KalmanFilter {
     gain: SMatrix<f64, ALL, 2>,
     /// Position, velocity, load pressure; acceleration and rate of the pressure that nobody knows of.
     pub state: SVector<f64, ALL>,
 }
 
-impl Observer {
+impl KalmanFilter {
     /// At rest where the machine is.
     pub(super) fn new(
-        crane: &LinearCrane,
+        crane: &LinearPlant,
         drift: &[f64; ALL],
         measured: &Measured<f64>,
         period: f64,
@@ -36,26 +36,26 @@ impl Observer {
         let read = vector![READINGS[0] / 1e-3, READINGS[1] / 1e5];
         let r = SMatrix::from_diagonal(&read.map(|d| d * d));
         let gain = least_variance(&a, &c, &q, &r)
-            .ok_or(LabError::NoRival("no Kalman filter settles for this crane"))?;
+            .ok_or(LabError::NoBaseline("no Kalman filter settles for this crane"))?;
         let back = units.map(|v| if v == 0.0 { 0.0 } else { 1.0 / v });
         let push = vector![measured.stroke, 0.0, measured.load_pressure, 0.0, 0.0];
         Ok(Self { gain: scale * gain * back, state: push })
     }
 
     /// What is believed once more was read.
-    pub(super) fn look(&mut self, shown: &Shown<'_>) {
+    pub(super) fn correct(&mut self, shown: &Shown<'_>) {
         let seen = vector![shown.measured.stroke, shown.measured.load_pressure];
         self.state += self.gain * (seen - vector![self.state[0], self.state[2]]);
     }
 
     /// What is believed of the end of the coming period, the motor turning as it does.
-    pub(super) fn go_on(&mut self, crane: &LinearCrane, motor_speed: f64) {
+    pub(super) fn predict(&mut self, crane: &LinearPlant, motor_speed: f64) {
         let (pressure, holding) = crane.rest(self.state[0]);
         self.state = crane.a * self.state + crane.b * vector![motor_speed - holding, pressure];
     }
 
     /// Acceleration and rate of the pressure that nobody knows of.
-    pub(super) fn unknown(&self) -> [f64; 2] {
+    pub(super) fn disturbances(&self) -> [f64; 2] {
         [self.state[3], self.state[4]]
     }
 }

@@ -1,6 +1,6 @@
 //! How well a course was followed.
 
-use crate::motion_test::Sample;
+use crate::closed_loop::sample::Sample;
 use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, OscillationState};
 use serde::Serialize;
 
@@ -22,7 +22,7 @@ pub struct Effort {
 
 /// Tracking errors gathered along a course.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Score {
+pub struct Metrics {
     square: f64,
     peak: f64,
     count: u64,
@@ -39,7 +39,7 @@ pub struct Score {
     resting: u64,
 }
 
-impl Score {
+impl Metrics {
     /// Nothing gathered yet.
     pub fn new() -> Self {
         Self::default()
@@ -120,25 +120,25 @@ pub(crate) mod tests {
     use hydroboom_virtual_crane::VirtualCrane;
 
     /// Of a crane that ends a course of three seconds so far \[m\] from where it should be.
-    pub(crate) fn score(off: impl Fn(f64) -> f64) -> Score {
+    pub(crate) fn metrics(off: impl Fn(f64) -> f64) -> Metrics {
         let description = Description::uia_virtual().unwrap();
         let crane = VirtualCrane::new(&description, &description.start(0.25)).unwrap();
         let (reading, mut truth) = (crane.reading(), crane.truth());
-        let mut score = Score::new();
+        let mut metrics = Metrics::new();
         for k in 0..=3000 {
             let time = 1e-3 * f64::from(k);
             truth.outputs.stroke = 0.25 + off(time);
             let reference = SetPoint { position: 0.25, velocity: 0.0 };
             let command = Command { motor_speed: 0.0, holding_valve: 1.0 };
-            score.add(&Sample { time, reference, reading, truth, command });
+            metrics.add(&Sample { time, reference, reading, truth, command });
         }
-        score
+        metrics
     }
 
     #[test]
     fn a_course_that_ends_in_an_oscillation_is_told_from_one_that_comes_to_rest() {
         let swing = |time: f64| 3e-3 * (12.0 * time).sin();
-        let oscillates = |off: &dyn Fn(f64) -> f64| score(off).oscillates();
+        let oscillates = |off: &dyn Fn(f64) -> f64| metrics(off).oscillates();
         assert!(oscillates(&swing));
         assert!(!oscillates(&|time| swing(time) * (-0.5 * time).exp()));
         assert!(!oscillates(&|time| 0.1 * swing(time)));
@@ -146,6 +146,6 @@ pub(crate) mod tests {
         assert!(!oscillates(&|time| -9e-3 + 4e-3 * (time - 1.0).max(0.0)));
         // the first half-cycles may be one
         let late = |time: f64| if time > 2.0 { swing(time) } else { 0.0 };
-        assert!(score(late).may_oscillate() && !score(late).oscillates());
+        assert!(metrics(late).may_oscillate() && !metrics(late).oscillates());
     }
 }

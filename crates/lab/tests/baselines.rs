@@ -2,21 +2,22 @@
 
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_lab::rivals::{Contender, Rival};
-use hydroboom_lab::trials::{robustness, run, shaping};
+use hydroboom_lab::baselines::Baseline;
+use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::robustness::{robustness, run, shaping};
 
 /// On the virtual crane, which none of them knows, every rival errs less than the published benchmark: they are no straw men.
 #[test]
-fn rivals_are_better_than_the_published_benchmark() {
+fn baselines_are_better_than_the_published_benchmark() {
     let (model, crane) =
         (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
     let trials: Vec<_> = robustness(&model, &crane).unwrap();
     let fast: Vec<_> = trials.into_iter().take(1).collect();
-    let mut contenders = vec![Contender::from(Strategy::BenchmarkClosedLoop)];
-    contenders.extend(Rival::ALL.map(Contender::Rival));
-    let outcomes = run(&model, &fast, &contenders, &|| ());
+    let mut controllers = vec![ControllerChoice::from(Strategy::BenchmarkClosedLoop)];
+    controllers.extend(Baseline::ALL.map(ControllerChoice::Baseline));
+    let outcomes = run(&model, &fast, &controllers, &|| ());
     let errors: Vec<f64> = outcomes.iter().filter_map(|o| o.rms_mm).collect();
-    assert_eq!(errors.len(), contenders.len());
+    assert_eq!(errors.len(), controllers.len());
     for (outcome, error) in outcomes.iter().zip(&errors).skip(1) {
         assert!(*error < errors[0] && !outcome.unstable, "{outcome:?}");
     }
@@ -27,7 +28,7 @@ fn rivals_are_better_than_the_published_benchmark() {
 fn trials_show_what_they_are_made_for() {
     let (model, crane) =
         (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
-    let following = [Contender::from(Strategy::ModelFollowing)];
+    let following = [ControllerChoice::from(Strategy::ModelFollowing)];
     let of = |trials, name: &str| {
         let outcomes = run(&model, trials, &following, &|| ());
         let found = outcomes.into_iter().find(|o| o.trial.contains(name));

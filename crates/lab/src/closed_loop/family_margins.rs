@@ -1,7 +1,7 @@
 //! How far the loops around a family of virtual cranes are from ringing on.
 
 use crate::LabError;
-use crate::family::{Spread, member};
+use crate::closed_loop::monte_carlo::{Spread, member};
 use hydroboom_description::Description;
 use hydroboom_design::{Lifting, Loop, Margins, machine_loops, margins, schedule};
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ pub struct MemberMargins {
 }
 
 impl MemberMargins {
-    /// Distance from −1, negative where the loop rings on.
+    /// Distance from −1, negative where the loop is unstable.
     fn signed_distance(&self) -> f64 {
         match self.margins.growing {
             0 => self.margins.distance,
@@ -35,9 +35,9 @@ pub struct FamilyMargins {
     pub controller: &'static str,
     /// Cranes and piston positions that were looked at.
     pub count: usize,
-    /// Of these, the loop rings on.
+    /// Of these, the loop is unstable.
     pub ringing_on: usize,
-    /// Distance from −1, negative where the loop rings on: a twentieth is below.
+    /// Distance from −1, negative where the loop is unstable: a twentieth is below.
     pub distance_p5: f64,
     /// Half are below.
     pub distance_median: f64,

@@ -1,4 +1,4 @@
-//! The crane as the linear rivals know it: a mass on an oil spring, with what pushes it beside.
+//! Linear plant: a mass on the spring of the oil, linearised in mid-stroke and sampled, with two disturbance states.
 
 use crate::LabError;
 use hydroboom_control::model_following::ModelFollowing;
@@ -15,7 +15,7 @@ pub(super) const MOVES: usize = 3;
 pub(super) const ALL: usize = 5;
 
 /// `z' = A z + B_n (n − n_0) + B_p p_0`, sampled.
-pub(super) struct LinearCrane {
+pub(super) struct LinearPlant {
     law: ModelFollowing<f64>,
     at: Station<f64>,
     /// Of all five.
@@ -24,7 +24,7 @@ pub(super) struct LinearCrane {
     pub b: SMatrix<f64, ALL, 2>,
 }
 
-impl LinearCrane {
+impl LinearPlant {
     /// Of a description with the piston in the middle of its stroke, sampled with `period` \[s\].
     pub(super) fn new(model: &Description, period: f64) -> Result<Self, LabError> {
         let law = model_following(model)?;

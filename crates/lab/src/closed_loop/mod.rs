@@ -1,0 +1,11 @@
+//! Closed loops: a controller and virtual cranes along a course, alone, over trials of robustness and over families of cranes.
+
+pub mod controller_choice;
+pub mod family_margins;
+pub mod metrics;
+pub mod monte_carlo;
+pub mod robustness;
+pub mod sample;
+pub mod scenario;
+pub mod simulation;
+pub mod sustained_oscillation;

@@ -1,0 +1,27 @@
+//! A control period of a closed loop, for whoever looks on.
+
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::signals::{Command, Reading};
+use hydroboom_virtual_crane::Truth;
+
+/// One control period of a run.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Time \[s\].
+    pub time: f64,
+    /// Where the piston should be.
+    pub reference: SetPoint<f64>,
+    /// What the controller sees of the plant.
+    pub reading: Reading<f64>,
+    /// The plant itself.
+    pub truth: Truth,
+    /// The command for the next period.
+    pub command: Command<f64>,
+}
+
+impl Sample {
+    /// Tracking error x − x_ref \[m\], as the controller sees it.
+    pub fn error(&self) -> f64 {
+        self.reading.stroke - self.reference.position
+    }
+}
