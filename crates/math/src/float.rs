@@ -50,6 +50,20 @@ macro_rules! real {
             fn sin_cos(self) -> (Self, Self) {
                 elementary::sin_cos(self)
             }
+            #[inline(always)]
+            fn interpolate(table: &[Self], place: Self) -> Self {
+                let last = table.len().saturating_sub(1);
+                let place = Real::clamp(place, 0.0, last as $Float);
+                // truncation takes NaN to the first entry, whose weight is NaN then
+                let first = (place as usize).min(last.saturating_sub(1));
+                let entry = |k: usize| table.get(k).copied().unwrap_or(0.0);
+                let weight = |k: usize| Real::max(1.0 - (place - k as $Float).abs(), 0.0);
+                let sum = Real::mul_add(entry(first), weight(first), 0.0);
+                match last {
+                    0 => sum,
+                    _ => Real::mul_add(entry(first + 1), weight(first + 1), sum),
+                }
+            }
         }
     };
 }

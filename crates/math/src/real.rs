@@ -98,6 +98,19 @@ pub trait Real:
     fn powf(self, exponent: Self) -> Self {
         (exponent * self.ln()).exp()
     }
+    /// Linear interpolation in a table of equidistant entries, `place` entries from the first; beyond either end, the entry at
+    /// that end; zero in an empty table. NaN where `place` is.
+    ///
+    /// The entries must be finite. Here each is weighted by its hat function, `max(0, 1 − |place − k|)`; plain floating point
+    /// reads the two entries whose weight is not zero, with the same result.
+    fn interpolate(table: &[Self], place: Self) -> Self {
+        let last = Self::lit(table.len().saturating_sub(1) as f64);
+        let place = place.clamp(Self::zero(), last);
+        table.iter().enumerate().fold(Self::zero(), |sum, (k, entry)| {
+            let weight = (Self::one() - (place - Self::lit(k as f64)).abs()).max(Self::zero());
+            entry.mul_add(weight, sum)
+        })
+    }
     /// Whether the number is finite.
     #[inline(always)]
     #[expect(clippy::eq_op, reason = "the difference is zero for finite numbers only")]
