@@ -15,6 +15,7 @@
 )]
 
 pub mod actuator_limits;
+pub mod estimation;
 pub mod feedback;
 pub mod reference;
 pub mod signals;

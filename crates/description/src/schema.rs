@@ -192,6 +192,47 @@ keys! {
     following_observer: "following" "observer_hz" ["Hz" = 1.0] 1.0..=200.0 or 22.0, "Model following: how fast feedback believes what pushes the machine off the simulated crane, for a crane that rings as fast; with the root of its ringing";
     following_effort: "following" "effort_percent" ["%" = PERCENT] 1.0..=100.0 or 30.0, "Model following: what feedback from the machine may ask for at once, of the motor's largest speed; on soft oil up to three times as much, as far as travel takes it";
 
+    estimator_position_noise: "estimator" "position_noise_mm" ["mm" = MM] 1e-4..=10.0 or 0.011, "Position measurement beside the sensor's data sheet: boom modes and pump ripple that the reduced model leaves out, RMS; estimate";
+    estimator_pressure_noise: "estimator" "pressure_noise_bar" ["bar" = BAR] 1e-4..=50.0 or 0.08, "The same of the load pressure; estimate, with the experiment of 28 November 2026";
+    estimator_noise_memory: "estimator" "noise_memory_s" ["s" = 1.0] 0.1..=1000.0 or 5.0, "Averaging time of the measured noise; long beside a load change";
+    estimator_position_drift: "estimator" "position_drift_mm" ["mm" = MM] 1e-6..=10.0 or 0.01, "Process noise of the load's position in a second: half a boom mode's amplitude; estimate";
+    estimator_velocity_drift: "estimator" "velocity_drift_mm_s" ["mm/s" = MM] 1e-4..=1000.0 or 1.0, "Process noise of the load's velocity in a second; estimate";
+    estimator_pressure_drift: "estimator" "pressure_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 1.0, "Process noise of the load pressure in a second: pump ripple; estimate";
+    estimator_friction_drift: "estimator" "friction_drift_bar" ["bar" = BAR] 1e-4..=100.0 or 0.3, "Process noise of friction over the piston's area in a second; estimate";
+    estimator_disturbance_drift: "estimator" "disturbance_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 1.5, "Process noise of the unknown force over the piston's area in a second; twice as much makes the motor noisy";
+    estimator_initial_disturbance: "estimator" "initial_disturbance_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Standard deviation of the unknown force at the start: friction of the crane file and half as much again";
+    estimator_disturbance_time: "estimator" "disturbance_time_s" ["s" = 1.0] 0.05..=100.0 or 1.0, "Time in which an unknown force decays; what lasts longer is taken for payload";
+    estimator_flow_drift: "estimator" "flow_drift_rpm" ["rpm" = RPM] 1e-3..=1000.0 or 18.0, "Process noise of the unknown flow in a second, as a motor speed; estimate";
+    estimator_payload_drift: "estimator" "payload_drift_percent" ["%" = PERCENT] 1e-3..=100.0 or 0.43, "Process noise of the payload in a second, of the heaviest that is thought of; estimate";
+    estimator_transition_drift: "estimator" "transition_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Process noise of the oil's transition pressure in a second: air dissolves within seconds";
+    estimator_lowest_transition: "estimator" "lowest_transition_bar" ["bar" = BAR] 0.0..=500.0 or 8.0, "Lowest transition pressure that is estimated; oil without undissolved air";
+    estimator_highest_transition: "estimator" "highest_transition_bar" ["bar" = BAR] 0.1..=500.0 or 65.0, "Highest transition pressure that is estimated; oil with a tenth of air";
+    estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 50.0, "Time constant of the mean of normalised innovations squared (NIS)";
+    estimator_nis_threshold: "estimator" "nis_threshold" ["-" = 1.0] 1.1..=100.0 or 3.0, "Mean NIS above which a load has changed: 0.05 % of a chi-square mean of 50 numbers lie above 2";
+    estimator_nis_factor: "estimator" "nis_factor" ["-" = 1.0] 0.0..=1000.0 or 30.0, "Process noise of force and payload after a load change, over that without one";
+    estimator_drive_lag: "estimator" "drive_lag_ms" ["ms" = MS] 1.0..=300.0 or 6.2, "Lag of the servo drive before any is identified";
+    estimator_drive_memory: "estimator" "drive_memory_s" ["s" = 1.0] 0.1..=1000.0 or 2.0, "Time constant in which the identification of the drive forgets";
+    estimator_speed_noise: "estimator" "speed_noise_rpm" ["rpm" = RPM] 0.01..=1000.0 or 12.0, "Noise of the motor speed that is read, and of what a first-order lag leaves out of the drive";
+
+    lqr_position: "scheduled_lqr" "position_tolerance_mm" ["mm" = MM] 1e-3..=1000.0 or 1.0, "Position error that costs one (Bryson); only ratios of the three tolerances count";
+    lqr_velocity: "scheduled_lqr" "velocity_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 40.0, "Velocity error that costs one; damping of the load's mode";
+    lqr_command: "scheduled_lqr" "command_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 23.0, "Piston velocity commanded beyond the feedforward that costs one; half as much makes light cranes noisy";
+    lqr_feedback: "scheduled_lqr" "feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest speed that feedback may command, of the motor's";
+    lqr_position_feedback: "scheduled_lqr" "position_feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest speed that feedback of the position may command, of the motor's (nested saturation)";
+    lqr_filling: "scheduled_lqr" "filling_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest motor speed that filling the oil may take along the reference, of the motor's; sets the smoothing window";
+    lqr_shortest_window: "scheduled_lqr" "shortest_window_ms" ["ms" = MS] 2.0..=300.0 or 15.0, "Shortest smoothing window of the reference, beside the drive's lag";
+    lqr_longest_window: "scheduled_lqr" "longest_window_ms" ["ms" = MS] 2.0..=400.0 or 400.0, "Longest smoothing window of the reference; the preview keeps 200 ms of the past";
+    lqr_window_time: "scheduled_lqr" "window_time_ms" ["ms" = MS] 1.0..=10_000.0 or 200.0, "Time constant in which the smoothing window adapts";
+    lqr_governor_error: "scheduled_lqr" "governor_error_mm" ["mm" = MM] 1e-2..=1e4 or 4.0, "Largest tracking error that is left to feedback; beyond it the reference starts anew at the piston";
+    lqr_governor_rate: "scheduled_lqr" "governor_rate_per_s" ["1/s" = 1.0] 0.01..=100.0 or 1.5, "Largest rate at which the reference returns";
+    lqr_governor_rate_by_mode: "scheduled_lqr" "governor_rate_by_mode" ["-" = 1.0] 0.01..=10.0 or 0.8, "The same over the natural frequency of the load";
+    lqr_governor_speed: "scheduled_lqr" "governor_speed_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest speed at which the reference returns, of the motor's";
+    lqr_rollout_horizon: "scheduled_lqr" "rollout_horizon_ms" ["ms" = MS] 50.0..=780.0 or 500.0, "Horizon of the policy improvement: a period and a half of the slowest load mode";
+    lqr_rollout_short: "scheduled_lqr" "rollout_short_ms" ["ms" = MS] 1.0..=500.0 or 30.0, "Short time for which an alternative holds the motor's limit";
+    lqr_rollout_long: "scheduled_lqr" "rollout_long_ms" ["ms" = MS] 1.0..=500.0 or 100.0, "Long time for which an alternative holds the motor's limit: about that to reach it at the slew limit";
+    lqr_rollout_improvement: "scheduled_lqr" "rollout_improvement_percent" ["%" = PERCENT] 0.0..=100.0 or 1.0, "An alternative must cost less than the law by this share";
+    lqr_payload_probability: "scheduled_lqr" "payload_probability_percent" ["%" = PERCENT] 0.0..=100.0 or 70.0, "Probability that a load that has changed is a payload, and not a force";
+
     motion_start: "motion" "start_mm" ["mm" = MM] 0.0..=2e4, "First piston position";
     motion_end: "motion" "end_mm" ["mm" = MM] 0.0..=2e4, "Far piston position";
     slow: "motion" "slow_mm_s" ["mm/s" = MM] 0.01..=1e4, "Speed of the slow test";
@@ -458,7 +499,7 @@ choices! {
 
 /// Sections that only a self-contained crane has: its pump and valves, its drive, and what the published tests do
 /// with them.
-const OF_SELF_CONTAINED: [&str; 21] = [
+const OF_SELF_CONTAINED: [&str; 23] = [
     "pump",
     "holding_valve",
     "return_valve",
@@ -469,6 +510,8 @@ const OF_SELF_CONTAINED: [&str; 21] = [
     "motor",
     "controller",
     "following",
+    "estimator",
+    "scheduled_lqr",
     "motion",
     "start",
     "oscillation",

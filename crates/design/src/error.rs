@@ -16,6 +16,9 @@ pub enum DesignError {
     /// Eigenvalues that cannot be computed.
     #[error("eigenvalues: {0}")]
     Eigenvalues(String),
+    /// A reduced model that cannot be fitted.
+    #[error("the reduced model cannot be fitted: {0}")]
+    NoFit(String),
     /// A crane whose boom does not ring on its oil.
     #[error("at {stroke_mm:.0} mm the crane has no mode in which boom and oil ring: {reason}")]
     NoMode {

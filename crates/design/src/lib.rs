@@ -31,6 +31,8 @@ mod look;
 mod margins;
 mod model_following;
 mod oil_spring;
+pub mod reduced_model_fit;
+pub mod scheduled_lqr;
 mod supervision;
 
 pub use balances::{balances, leakage};

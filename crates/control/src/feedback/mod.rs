@@ -2,3 +2,8 @@
 
 pub mod benchmark;
 pub mod filter;
+pub mod inverse_dynamics;
+pub mod riccati;
+pub mod rollout;
+pub mod saturation;
+pub mod scheduled_lqr;

@@ -11,6 +11,7 @@ mod linear_plant;
 mod lqg;
 mod retuned_benchmark;
 mod riccati;
+mod scheduled;
 
 pub use linear_mpc::MPC;
 pub use lqg::{LQG, Weights};
@@ -31,6 +32,8 @@ pub enum Baseline {
     Lqg(Weights),
     /// Linear model-predictive control on the same observer; it sees the reference half a second ahead, and the motor's limits.
     LinearMpc(Weights),
+    /// Scheduled LQR.
+    ScheduledLqr,
 }
 
 impl Baseline {
@@ -44,6 +47,7 @@ impl Baseline {
             Self::RetunedBenchmark(_) => "reoptimised-benchmark",
             Self::Lqg(_) => "lqg",
             Self::LinearMpc(_) => "linear-mpc",
+            Self::ScheduledLqr => "scheduled-lqr",
         }
     }
 }
@@ -79,6 +83,7 @@ pub(crate) fn baseline(
             Box::new(retuned_benchmark::RetunedBenchmark::new(model, &gains, measured))
         }
         Baseline::Lqg(weights) => Box::new(lqg::Lqg::new(model, &weights, measured)?),
+        Baseline::ScheduledLqr => Box::new(scheduled::Scheduled::new(model)?),
         Baseline::LinearMpc(weights) => {
             Box::new(linear_mpc::LinearMpc::new(model, &weights, measured)?)
         }

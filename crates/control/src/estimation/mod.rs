@@ -1,0 +1,8 @@
+//! State and parameter estimation.
+
+pub mod drive_identification;
+pub mod extended_kalman_filter;
+pub mod innovation_test;
+pub mod noise_estimation;
+pub mod reduced_model;
+pub mod state_estimator;

@@ -1,0 +1,54 @@
+//! Measurement noise estimated from second differences.
+//!
+//! White noise of variance σ² has second differences of variance 6 σ²; a smooth signal has next to none.
+
+use hydroboom_math::{Real, record};
+
+record! {
+    /// Estimated noise of one signal.
+    pub struct NoiseEstimate<T> {
+        /// Variance, in the signal's unit squared
+        #[unit = "1"]
+        pub variance: T,
+        /// The last value
+        #[unit = "1"]
+        pub last: T,
+        /// The value before
+        #[unit = "1"]
+        pub before: T,
+    }
+}
+
+impl<T: Real> NoiseEstimate<T> {
+    /// Of a signal that has long had a value.
+    pub fn start(value: T) -> Self {
+        Self { variance: T::zero(), last: value, before: value }
+    }
+
+    /// One more value, `share` \[1\] being the period over the averaging time.
+    #[inline(always)]
+    pub fn update(&mut self, value: T, share: T) {
+        let difference = value - self.last - (self.last - self.before);
+        let sample = difference.square() / T::lit(6.0);
+        self.variance = share.mul_add(sample - self.variance, self.variance);
+        (self.before, self.last) = (self.last, value);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Alternating values ±a have second differences of ±4 a: 16/6 a², as white noise of that variance would.
+    #[test]
+    fn a_ramp_has_no_noise_and_an_alternating_signal_has() {
+        let mut ramp = NoiseEstimate::start(0.0);
+        let mut alternating = NoiseEstimate::start(0.5);
+        for k in 0..20_000 {
+            ramp.update(2.0 + 1e-3 * f64::from(k), 1e-3);
+            alternating.update(if k % 2 == 0 { -0.5 } else { 0.5 }, 1e-3);
+        }
+        assert!(ramp.variance < 1e-8, "{ramp:?}");
+        assert!((alternating.variance - 4.0 / 6.0).abs() < 1e-6, "{alternating:?}");
+    }
+}

@@ -1,0 +1,234 @@
+//! Reduced model of the machine for estimation and control: a load on boom and oil in series, with pre-sliding friction.
+//!
+//! ```text
+//! y' = w                                              load, in the piston's travel; the piston is at x = y + γ p
+//! w' = a_p(x, m) (p − p_0(x, m) − p_v w − f + d)       pressures: at rest, viscous, friction, disturbance
+//! p' = β/(V + γ A β) (D (n − n_l(p) + r) − A w)        β(p + p_h; T), V = V_0 + A x, p_h = (A_r/A_p) p_B
+//! f' = σ w (1 − f sgn(w)/p_C)                          Dahl's friction
+//! ```
+//!
+//! Sources: piston-side pressure build-up, equation (6) with oil (7) of doi:10.3390/act14020080; boom compliance in series and equivalent mass by a fit
+//! to the linearised crane ([`hydroboom-design`]'s `reduced_model_fit`); friction: P. Dahl, *A solid friction model*, 1968.
+
+use hydroboom_math::{Real, record};
+use hydroboom_model::hydraulics::Oil;
+
+/// Coefficients of a polynomial over the stroke.
+pub const COEFFICIENTS: usize = 6;
+/// States of the machine, its disturbances and its parameters.
+pub const STATES: usize = 8;
+
+record! {
+    /// States that move, unknown inputs, and parameters.
+    pub struct MachineState<T> {
+        /// Position of the load in the piston's travel, y
+        #[unit = "m"]
+        pub position: T,
+        /// Velocity of the load in the piston's travel, w
+        #[unit = "m/s"]
+        pub velocity: T,
+        /// Load pressure, p = p_A − (A_r/A_p) p_B
+        #[unit = "Pa"]
+        pub load_pressure: T,
+        /// Pre-sliding friction over the piston's area, f
+        #[unit = "Pa"]
+        pub friction: T,
+        /// Unknown force over the piston's area, positive outwards, d
+        #[unit = "Pa"]
+        pub disturbance: T,
+        /// Unknown flow as a motor speed, positive into the piston side, r
+        #[unit = "rev/s"]
+        pub unknown_flow: T,
+        /// Mass of the payload, m
+        #[unit = "kg"]
+        pub payload: T,
+        /// Pressure at which the oil stiffens, T (p_c1)
+        #[unit = "Pa"]
+        pub transition_pressure: T,
+    }
+}
+
+/// A polynomial of the piston position, `c_0 + c_1 ξ + …`, ξ from −1 to 1 over the stroke.
+pub type Polynomial<T> = [T; COEFFICIENTS];
+
+#[inline(always)]
+fn value<T: Real>(polynomial: &Polynomial<T>, at: T) -> T {
+    let [first, rest @ ..] = polynomial;
+    let rest = rest.iter().rev().fold(T::zero(), |sum, c| sum.mul_add(at, *c));
+    rest.mul_add(at, *first)
+}
+
+#[inline(always)]
+fn slope<T: Real>(polynomial: &Polynomial<T>, at: T) -> T {
+    let terms = polynomial.iter().enumerate().skip(1).rev();
+    terms.fold(T::zero(), |sum, (k, c)| sum.mul_add(at, *c * T::lit(k as f64)))
+}
+
+/// Parameters of the reduced model; those of the payload and the oil's transition are states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReducedModel<T> {
+    /// Half the stroke \[m\].
+    pub half_stroke: T,
+    /// Load pressure that holds the empty boom \[Pa\], and that holds a kilogram of payload \[Pa/kg\]: p_0 = P_0 + P_1 m.
+    pub holding_pressure: [Polynomial<T>; 2],
+    /// Equivalent mass over the piston's area, of the boom \[Pa s²/m\] and of a kilogram of payload: 1/a_p = M_0 + M_1 m.
+    pub equivalent_mass: [Polynomial<T>; 2],
+    /// Boom compliance γ over the piston position, of the payload: γ = (C_0 + C_1 m + C_2 m²) a_p².
+    pub compliance: [Polynomial<T>; 3],
+    /// Viscous friction over the piston's area, p_v \[Pa s/m\].
+    pub viscous: T,
+    /// Coulomb friction over the piston's area, p_C \[Pa\].
+    pub coulomb: T,
+    /// Stiffness of the seals over the piston's area, σ \[Pa/m\].
+    pub presliding_stiffness: T,
+    /// Velocity \[m/s\] at which friction has turned in the model of the crane file.
+    pub sliding_velocity: T,
+    /// The oil; its transition pressure is a state.
+    pub oil: Oil<T>,
+    /// Oil volume on piston and pump side with the piston at the lower stop, V_0 \[m³\].
+    pub volume: T,
+    /// Piston area, A \[m²\].
+    pub piston_area: T,
+    /// Oil that a revolution delivers, D \[m³/rev\].
+    pub displacement: T,
+    /// Leakage as a motor speed by the root of the pressure \[rev/(s √Pa)\].
+    pub leakage: T,
+    /// Time in which an unknown force decays \[s\]; what lasts longer is payload.
+    pub disturbance_time: T,
+    /// Heaviest payload that is thought of \[kg\].
+    pub heaviest: T,
+}
+
+record! {
+    /// The reduced model's coefficients at a piston position and a payload.
+    pub struct OperatingPoint<T> {
+        /// Load pressure at rest, p_0
+        #[unit = "Pa"]
+        pub holding_pressure: T,
+        /// Its slope along the stroke
+        #[unit = "Pa/m"]
+        pub holding_slope: T,
+        /// Acceleration by pressure, a_p
+        #[unit = "m/(s² Pa)"]
+        pub acceleration: T,
+        /// Boom compliance: how much farther out the piston is than the load, γ
+        #[unit = "m/Pa"]
+        pub compliance: T,
+        /// Oil volume, V
+        #[unit = "m³"]
+        pub volume: T,
+    }
+}
+
+impl<T: Real> ReducedModel<T> {
+    /// The same model in another number type.
+    #[inline(always)]
+    pub fn map<U: Real>(&self, f: impl Fn(T) -> U + Copy) -> ReducedModel<U> {
+        let polynomial = |p: &Polynomial<T>| p.map(f);
+        ReducedModel {
+            half_stroke: f(self.half_stroke),
+            holding_pressure: self.holding_pressure.each_ref().map(polynomial),
+            equivalent_mass: self.equivalent_mass.each_ref().map(polynomial),
+            compliance: self.compliance.each_ref().map(polynomial),
+            viscous: f(self.viscous),
+            coulomb: f(self.coulomb),
+            presliding_stiffness: f(self.presliding_stiffness),
+            sliding_velocity: f(self.sliding_velocity),
+            oil: self.oil.map(f),
+            volume: f(self.volume),
+            piston_area: f(self.piston_area),
+            displacement: f(self.displacement),
+            leakage: f(self.leakage),
+            disturbance_time: f(self.disturbance_time),
+            heaviest: f(self.heaviest),
+        }
+    }
+
+    /// Coefficients at a piston position \[m\] and a payload \[kg\].
+    #[inline(always)]
+    pub fn at(&self, position: T, payload: T) -> OperatingPoint<T> {
+        let one = T::one();
+        let place = ((position - self.half_stroke) / self.half_stroke).clamp(-one, one);
+        let linear = |[empty, per_kg]: &[Polynomial<T>; 2], of: fn(&Polynomial<T>, T) -> T| {
+            payload.mul_add(of(per_kg, place), of(empty, place))
+        };
+        let acceleration = one / linear(&self.equivalent_mass, value);
+        let [c0, c1, c2] = self.compliance.each_ref().map(|c| value(c, place));
+        let compliance = payload.mul_add(payload.mul_add(c2, c1), c0) * acceleration.square();
+        OperatingPoint {
+            holding_pressure: linear(&self.holding_pressure, value),
+            holding_slope: linear(&self.holding_pressure, slope) / self.half_stroke,
+            acceleration,
+            compliance,
+            volume: self.piston_area.mul_add(position, self.volume),
+        }
+    }
+
+    /// Payload \[kg\] that rests at a load pressure \[Pa\], piston at `position` \[m\].
+    pub fn payload_at_rest(&self, position: T, load_pressure: T) -> T {
+        let at = |payload: T| self.at(position, payload).holding_pressure;
+        let empty = at(T::zero());
+        let share = (load_pressure - empty) / (at(self.heaviest) - empty);
+        share.clamp(T::zero(), T::one()) * self.heaviest
+    }
+
+    /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\], `beyond` \[Pa\] being what the piston side has beyond the load pressure.
+    #[inline(always)]
+    pub fn bulk_modulus(&self, load_pressure: T, transition: T, beyond: T) -> T {
+        Oil { transition_pressure: transition, ..self.oil }.bulk_modulus(load_pressure + beyond)
+    }
+
+    /// Pressure by oil \[Pa/m³\] that flows in while the piston moves with the load: oil and boom in series.
+    #[inline(always)]
+    pub fn stiffness(&self, at: &OperatingPoint<T>, bulk_modulus: T) -> T {
+        bulk_modulus / (at.compliance * self.piston_area).mul_add(bulk_modulus, at.volume)
+    }
+
+    /// Motor speed \[rev/s\] that leaks away at a load pressure \[Pa\].
+    #[inline(always)]
+    pub fn leakage(&self, load_pressure: T) -> T {
+        // below a tenth of a bar nothing is known
+        self.leakage * load_pressure.max(T::lit(1e4)).sqrt()
+    }
+
+    /// Revolutions of the pump in a metre of travel \[rev/m\].
+    #[inline(always)]
+    pub fn revolutions_per_metre(&self) -> T {
+        self.piston_area / self.displacement
+    }
+
+    /// Piston position \[m\] of a state.
+    #[inline(always)]
+    pub fn piston(&self, z: &MachineState<T>) -> T {
+        let at = self.at(z.position, z.payload);
+        at.compliance.mul_add(z.load_pressure, z.position)
+    }
+
+    /// A step of `h` \[s\] with the motor turning at a mean speed \[rev/s\]: velocity linearly implicit in its own damping, position and pressure by the new
+    /// velocity, friction implicit.
+    #[inline(always)]
+    pub fn step(&self, z: &MachineState<T>, motor_speed: T, beyond: T, h: T) -> MachineState<T> {
+        let one = T::one();
+        let at = self.at(z.position, z.payload);
+        let force = z.load_pressure
+            - at.holding_pressure
+            - at.holding_slope * at.compliance * z.load_pressure
+            - z.friction
+            + z.disturbance;
+        let damping = at.acceleration * self.viscous;
+        let velocity = (h * at.acceleration).mul_add(force, z.velocity) / h.mul_add(damping, one);
+        let bulk_modulus = self.bulk_modulus(z.load_pressure, z.transition_pressure, beyond);
+        let turning = motor_speed - self.leakage(z.load_pressure) + z.unknown_flow;
+        let inflow = self.displacement * turning - self.piston_area * velocity;
+        let moved = h * velocity;
+        let bending = self.presliding_stiffness * moved;
+        MachineState {
+            position: z.position + moved,
+            velocity,
+            load_pressure: (h * self.stiffness(&at, bulk_modulus)).mul_add(inflow, z.load_pressure),
+            friction: (z.friction + bending) / (one + bending.abs() / self.coulomb),
+            disturbance: z.disturbance * (one - h / self.disturbance_time),
+            ..*z
+        }
+    }
+}

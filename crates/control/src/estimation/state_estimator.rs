@@ -1,0 +1,123 @@
+//! The machine's state when a command arrives: Kalman filter, identified drive lag, and prediction over the known delays.
+//!
+//! A measurement is so many cycles old, and a command arrives as many cycles later: the filter runs at the time of the measurement, and its state is predicted
+//! over both delays with the commands that are on their way (a Smith predictor on a nonlinear model).
+
+use super::drive_identification::{DriveIdentification, DriveLag};
+use super::extended_kalman_filter::{EstimatorInput, EstimatorState, ExtendedKalmanFilter};
+use super::reduced_model::MachineState;
+use hydroboom_math::{Real, record};
+
+/// Largest delay of measurement or command \[cycles\].
+pub const LARGEST_DELAY: usize = 20;
+/// Commands that are kept: those on their way, and the one that drove the motor in the period that was measured last.
+const COMMANDS: usize = 2 * LARGEST_DELAY + 1;
+
+/// Settings of the estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StateEstimator<T> {
+    /// The filter.
+    pub filter: ExtendedKalmanFilter<T>,
+    /// Identification of the drive.
+    pub drive: DriveIdentification<T>,
+    /// Share of the way to its command that the motor is thought to go in a period before anything is measured \[1\].
+    pub drive_share: T,
+    /// Change of motor speed \[rev/s\] in a period at the slew limit.
+    pub slew: T,
+    /// Delay of a measurement, and of a command \[cycles\].
+    pub delay_cycles: usize,
+}
+
+record! {
+    /// The machine's state at the time a command arrives.
+    pub struct PredictedState<T> {
+        /// Position of the load in the piston's travel
+        #[unit = "m"]
+        pub position: T,
+        /// Velocity of the load in the piston's travel
+        #[unit = "m/s"]
+        pub velocity: T,
+        /// Load pressure
+        #[unit = "Pa"]
+        pub load_pressure: T,
+        /// Motor speed
+        #[unit = "rev/s"]
+        pub motor_speed: T,
+    }
+}
+
+/// What the estimator carries from period to period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StateEstimatorState<T> {
+    /// The filter's.
+    pub filter: EstimatorState<T>,
+    /// The drive.
+    pub drive: DriveLag<T>,
+    /// Commands \[rev/s\], newest first.
+    commands: [T; COMMANDS],
+    /// Motor speed that was read last \[rev/s\].
+    motor_speed: T,
+    /// Piston-side pressure beyond the load pressure \[Pa\].
+    pub pressure_beyond: T,
+}
+
+impl<T: Real> StateEstimator<T> {
+    /// At rest beside a machine. `measured` has the motor speed as it is read.
+    pub fn start(&self, measured: &EstimatorInput<T>) -> StateEstimatorState<T> {
+        StateEstimatorState {
+            filter: self.filter.start(measured),
+            drive: self.drive.start(self.drive_share),
+            commands: [measured.motor_speed; COMMANDS],
+            motor_speed: measured.motor_speed,
+            pressure_beyond: measured.pressure_beyond,
+        }
+    }
+
+    /// A control period: `measured` has the motor speed as it is read; `command` \[rev/s\] was sent in the period before.
+    pub fn update(
+        &self,
+        state: &mut StateEstimatorState<T>,
+        measured: &EstimatorInput<T>,
+        command: T,
+    ) {
+        state.commands.copy_within(..COMMANDS - 1, 1);
+        state.commands[0] = command;
+        let speed = measured.motor_speed;
+        let mean = T::lit(0.5) * (state.motor_speed + speed);
+        // a motor at its torque or slew limit tells nothing of its lag
+        let is_free = (speed - state.motor_speed).abs().lt(T::lit(0.8) * self.slew);
+        let is_informative =
+            is_free & self.filter.innovation_test.is_consistent(state.filter.mean_nis);
+        let driven = state.commands[2 * self.delay_cycles.min(LARGEST_DELAY)];
+        let period = self.filter.period;
+        self.drive.update(
+            &mut state.drive,
+            driven,
+            state.motor_speed,
+            speed,
+            period,
+            is_informative,
+        );
+        self.filter.update(&mut state.filter, &EstimatorInput { motor_speed: mean, ..*measured });
+        state.motor_speed = speed;
+        state.pressure_beyond = measured.pressure_beyond;
+    }
+
+    /// The state when the command arrives that is sent now.
+    pub fn predict(&self, state: &StateEstimatorState<T>) -> PredictedState<T> {
+        let (mut z, mut speed) = (state.filter.estimate, state.motor_speed);
+        for cycle in (0..2 * self.delay_cycles.min(LARGEST_DELAY)).rev() {
+            let next = state.drive.next(speed, state.commands[cycle], self.slew);
+            let mean = T::lit(0.5) * (speed + next);
+            z = self.filter.model.step(&z, mean, state.pressure_beyond, self.filter.period);
+            speed = next;
+        }
+        let MachineState { position, velocity, load_pressure, .. } = z;
+        PredictedState { position, velocity, load_pressure, motor_speed: speed }
+    }
+
+    /// Time from now until a command arrives that is sent now \[s\].
+    pub fn command_delay(&self) -> T {
+        self.filter.period * T::lit(self.delay_cycles as f64)
+    }
+}

@@ -1,0 +1,58 @@
+//! Feedforward by the inverse of the reduced model: state and motor speed along a reference.
+//!
+//! The piston position is a flat output: with x and its derivatives given,
+//!
+//! ```text
+//! p = p_0(x) + x''/a_p + p_v x' + p_C s + f (1 − |s|) − d,    s = tanh(x'/v_s)
+//! w = x' − γ p',    n = (p'/c + A w)/D + n_l(p) − r,          c = β/(V + γ A β)
+//! ```
+//!
+//! Source: M. Fliess, J. Lévine, P. Martin, P. Rouchon, *Flatness and defect of non-linear systems*, 1995.
+
+use crate::estimation::reduced_model::{MachineState, ReducedModel};
+use crate::estimation::state_estimator::PredictedState;
+use crate::reference::smoothing::SmoothSetPoint;
+use hydroboom_math::Real;
+
+/// State and motor speed \[rev/s\] that follow a reference.
+///
+/// `estimate` has friction, disturbances and parameters; friction turns no faster than within `turning` \[m/s\]; the piston side has `beyond` \[Pa\] more than the load
+/// pressure, and no less than none itself.
+#[inline(always)]
+pub fn inverse_dynamics<T: Real>(
+    model: &ReducedModel<T>,
+    estimate: &MachineState<T>,
+    reference: &SmoothSetPoint<T>,
+    turning: T,
+    beyond: T,
+) -> PredictedState<T> {
+    let one = T::one();
+    let SmoothSetPoint { position, velocity, acceleration, jerk } = *reference;
+    let at = model.at(position, estimate.payload);
+    let sliding = model.sliding_velocity.max(turning);
+    let sense = (velocity / sliding).tanh();
+    let turn = (one - sense.square()) * acceleration / sliding;
+    // at rest friction holds what it holds
+    let held = estimate.friction;
+    let signed = T::select(sense.lt(T::zero()), -held, held);
+    let pressure = at.holding_pressure
+        + acceleration / at.acceleration
+        + model.viscous * velocity
+        + model.coulomb * sense
+        + held * (one - sense.abs())
+        - estimate.disturbance;
+    let pressure = pressure.max(-beyond);
+    let rate = at.holding_slope * velocity
+        + jerk / at.acceleration
+        + model.viscous * acceleration
+        + (model.coulomb - signed) * turn;
+    let bulk_modulus = model.bulk_modulus(pressure, estimate.transition_pressure, beyond);
+    let load_velocity = velocity - at.compliance * rate;
+    let inflow = rate / model.stiffness(&at, bulk_modulus) + model.piston_area * load_velocity;
+    PredictedState {
+        position: position - at.compliance * pressure,
+        velocity: load_velocity,
+        load_pressure: pressure,
+        motor_speed: inflow / model.displacement + model.leakage(pressure) - estimate.unknown_flow,
+    }
+}

@@ -1,0 +1,351 @@
+//! One-step policy improvement (rollout): while feedback saturates, the law itself and four alternatives are predicted on the reduced model, and the one of least cost is
+//! applied.
+//!
+//! An alternative holds the motor's limit, either way, for a short or a long time, then the law goes on. Stage costs are the regulator's, the end cost its cost to go.
+//! What pushed the machine off is a force or a payload: each alternative is predicted under both hypotheses. A decision takes eleven periods: in the first the
+//! reference ahead is sampled, in each of the others one prediction is made, from the state of the first on.
+//!
+//! Source: D. Bertsekas, *Reinforcement Learning and Optimal Control*, 2019, section 2.4.
+
+use super::riccati::{Matrix, ORDER, quadratic};
+use super::saturation::NestedSaturation;
+use crate::estimation::drive_identification::DriveLag;
+use crate::estimation::reduced_model::{MachineState, OperatingPoint, ReducedModel};
+use crate::estimation::state_estimator::PredictedState;
+use crate::reference::governor::ReferenceGovernor;
+use hydroboom_math::{Real, record};
+
+/// Alternatives: the law; then each limit for a short and a long time.
+const ALTERNATIVES: usize = 5;
+/// Hypotheses of what has changed.
+const HYPOTHESES: usize = 2;
+/// Periods of a decision.
+const PERIODS: usize = 1 + ALTERNATIVES * HYPOTHESES;
+/// Samples of the reference over the horizon, and steps of the prediction between two.
+const SAMPLES: usize = 26;
+const STEPS_BETWEEN: usize = 5;
+
+record! {
+    /// Settings of the rollout.
+    pub struct Rollout<T> {
+        /// Horizon
+        #[unit = "s"]
+        pub horizon: T,
+        /// Short and long time for which the limit is held
+        #[unit = "s"]
+        pub short: T,
+        /// Long time for which the limit is held
+        #[unit = "s"]
+        pub long: T,
+        /// Share of the cost by which an alternative must be better than the law
+        #[unit = "1"]
+        pub improvement: T,
+        /// Probability that a payload has changed, and not a force
+        #[unit = "1"]
+        pub payload_probability: T,
+    }
+}
+
+/// The reference ahead as the law follows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Ahead<T> {
+    wanted: [T; ORDER],
+    feedforward: T,
+    position: T,
+}
+
+/// What a prediction of the law needs: the plant, the law and the reference.
+#[derive(Clone, Copy, Debug)]
+pub struct Policy<T> {
+    /// Plant.
+    pub model: ReducedModel<T>,
+    /// Estimates of parameters and disturbances.
+    pub estimate: MachineState<T>,
+    /// Piston-side pressure beyond the load pressure \[Pa\].
+    pub beyond: T,
+    /// Drive.
+    pub drive: DriveLag<T>,
+    /// Control period \[s\].
+    pub period: T,
+    /// Largest motor speed \[rev/s\], and its change in a period.
+    pub limit: T,
+    /// Change of motor speed in a period \[rev/s\].
+    pub slew: T,
+    /// The regulator's gain.
+    pub gain: [T; ORDER],
+    /// The regulator's cost to go.
+    pub cost_to_go: Matrix<T>,
+    /// The regulator's weights of position error \[1/m²\], velocity error \[s²/m²\] and motor speed \[s²/rev²\].
+    pub weights: [T; 3],
+    /// Limits of feedback.
+    pub saturation: NestedSaturation<T>,
+    /// Governor.
+    pub governor: ReferenceGovernor<T>,
+    /// Rate at which its offset decays \[1/s\].
+    pub decay: T,
+}
+
+/// What the rollout carries from period to period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RolloutState<T> {
+    /// Period of the decision under way, from 0.
+    phase: T,
+    /// Whether a decision is under way \[1\].
+    decides: T,
+    /// Where it began: state, and offset of the reference \[m\].
+    begin: PredictedState<T>,
+    offset: T,
+    ahead: [Ahead<T>; SAMPLES],
+    /// Costs so far, over the hypotheses weighted.
+    costs: [T; ALTERNATIVES],
+    /// Speed that is applied \[rev/s\], and whether one is \[1\].
+    speed: T,
+    applies: T,
+}
+
+impl<T: Real> RolloutState<T> {
+    /// Nothing is decided.
+    pub fn start() -> Self {
+        let zero = T::zero();
+        let nowhere = Ahead { wanted: [zero; ORDER], feedforward: zero, position: zero };
+        Self {
+            phase: zero,
+            decides: zero,
+            begin: PredictedState {
+                position: zero,
+                velocity: zero,
+                load_pressure: zero,
+                motor_speed: zero,
+            },
+            offset: zero,
+            ahead: [nowhere; SAMPLES],
+            costs: [zero; ALTERNATIVES],
+            speed: zero,
+            applies: zero,
+        }
+    }
+
+    /// The motor speed \[rev/s\] that is applied in place of the law's, where one is.
+    #[inline(always)]
+    pub fn command(&self, law: T) -> T {
+        T::select(T::lit(0.5).lt(self.applies), self.speed, law)
+    }
+}
+
+impl<T: Real> Rollout<T> {
+    /// A control period, in which the machine is at `now` when the command arrives and the reference `offset` \[m\] from what is asked.
+    ///
+    /// `needed`: feedback saturates, or the reference has been moved. `ahead` is state, motor speed \[rev/s\] and piston position \[m\] of the reference so long \[s\] after that time.
+    pub fn update(
+        &self,
+        state: &mut RolloutState<T>,
+        policy: &Policy<T>,
+        now: &PredictedState<T>,
+        offset: T,
+        needed: T::Mask,
+        ahead: impl Fn(T) -> (PredictedState<T>, T, T),
+    ) {
+        let (zero, one, half) = (T::zero(), T::one(), T::lit(0.5));
+        let begins = state.phase.lt(half);
+        let truth = |mask| T::select(mask, one, zero);
+        state.decides = T::select(begins, truth(needed), state.decides);
+        let decides = half.lt(state.decides);
+        state.applies = T::select(decides, state.applies, zero);
+        if T::any(begins & decides) {
+            let spacing = self.horizon / T::lit((SAMPLES - 1) as f64);
+            let sampled: [Ahead<T>; SAMPLES] = core::array::from_fn(|k| {
+                let (wanted, feedforward, position) = ahead(spacing * T::lit(k as f64));
+                Ahead { wanted: wanted.to_array(), feedforward, position }
+            });
+            let pick = |new: T, old: T| T::select(begins, new, old);
+            for (kept, new) in state.ahead.iter_mut().zip(sampled) {
+                kept.wanted = core::array::from_fn(|i| pick(new.wanted[i], kept.wanted[i]));
+                kept.feedforward = pick(new.feedforward, kept.feedforward);
+                kept.position = pick(new.position, kept.position);
+            }
+            let (new, old) = (now.to_array(), state.begin.to_array());
+            state.begin =
+                PredictedState::from_array(core::array::from_fn(|i| pick(new[i], old[i])));
+            state.offset = pick(offset, state.offset);
+            state.costs = state.costs.map(|cost| pick(zero, cost));
+        }
+        if T::any(!begins & decides) {
+            self.predict(state, policy, !begins & decides);
+        }
+        let last = T::lit(PERIODS as f64 - 1.5).lt(state.phase);
+        if T::any(last & decides) {
+            self.decide(state, policy.limit, last & decides);
+        }
+        state.phase = T::select(last, zero, state.phase + one);
+    }
+
+    /// One prediction: of the alternative and the hypothesis that are due.
+    fn predict(&self, state: &mut RolloutState<T>, policy: &Policy<T>, is_due: T::Mask) {
+        let (zero, one, half) = (T::zero(), T::one(), T::lit(0.5));
+        // phases 1, 2: the law under both hypotheses; 3, 4: the first alternative …
+        let limit = policy.limit;
+        let extremes = [zero, -limit, limit, -limit, limit];
+        let holds = [zero, self.short, self.short, self.long, self.long];
+        let (mut extreme, mut hold, mut is_payload) = (zero, zero, zero);
+        for k in 0..ALTERNATIVES {
+            for hypothesis in 0..HYPOTHESES {
+                let number = T::lit((1 + HYPOTHESES * k + hypothesis) as f64);
+                let is_it = (state.phase - number).abs().lt(half);
+                extreme = T::select(is_it, extremes[k], extreme);
+                hold = T::select(is_it, holds[k], hold);
+                is_payload = T::select(is_it, T::lit(hypothesis as f64), is_payload);
+            }
+        }
+        let is_payload = half.lt(is_payload);
+        let cost = self.cost(state, policy, extreme, hold, is_payload);
+        let probability =
+            T::select(is_payload, self.payload_probability, one - self.payload_probability);
+        for k in 0..ALTERNATIVES {
+            let middle = T::lit((1 + HYPOTHESES * k) as f64 + 0.5);
+            let is_it = (state.phase - middle).abs().lt(one) & is_due;
+            let more = probability.mul_add(cost, state.costs[k]);
+            state.costs[k] = T::select(is_it, more, state.costs[k]);
+        }
+    }
+
+    /// Takes the best alternative, if it is better than the law.
+    fn decide(&self, state: &mut RolloutState<T>, limit: T, is_due: T::Mask) {
+        let (zero, one) = (T::zero(), T::one());
+        let [law, costs @ ..] = state.costs;
+        let mut best = law * (one - self.improvement);
+        let (mut speed, mut applies) = (zero, zero);
+        for (cost, extreme) in costs.into_iter().zip([-limit, limit, -limit, limit]) {
+            let is_better = cost.lt(best);
+            best = T::select(is_better, cost, best);
+            speed = T::select(is_better, extreme, speed);
+            applies = T::select(is_better, one, applies);
+        }
+        state.speed = T::select(is_due, speed, state.speed);
+        state.applies = T::select(is_due, applies, state.applies);
+    }
+
+    /// Cost over the horizon and beyond, with what is applied now until the decision, then an extreme speed \[rev/s\] for a time \[s\].
+    fn cost(
+        &self,
+        state: &RolloutState<T>,
+        policy: &Policy<T>,
+        extreme: T,
+        hold: T,
+        is_payload: T::Mask,
+    ) -> T {
+        let Policy { model, estimate, weights: [by_position, by_velocity, by_speed], .. } = policy;
+        let one = T::one();
+        let h = self.horizon / T::lit(((SAMPLES - 1) * STEPS_BETWEEN) as f64);
+        let PredictedState {
+            position: mut y,
+            velocity: mut w,
+            load_pressure: mut p,
+            motor_speed: mut n,
+        } = state.begin;
+        let mut offset = state.offset;
+        let begin = model.at(y, estimate.payload);
+        let Hypothesis { at, holding, heavier } = hypothesis(policy, &begin, y, w, p, is_payload);
+        let first = y + at.compliance * p;
+        // share of the way in a longer step: (1 − g) to the power of periods in it
+        let periods = h / policy.period;
+        let share = one - (one - policy.drive.share).powf(periods);
+        let slew = policy.slew * periods;
+        let damping = at.acceleration * model.viscous;
+        let per_damping = one / h.mul_add(damping, one);
+        let revolutions = model.revolutions_per_metre();
+        let until_decision = policy.period * T::lit(PERIODS as f64 - 1.0);
+        let until_hold_ends = until_decision + hold;
+        let mut sum = T::zero();
+        let mut error = [T::zero(); ORDER];
+        for k in 0..SAMPLES - 1 {
+            let (from, to) = (&state.ahead[k], &state.ahead[k + 1]);
+            for part in 0..STEPS_BETWEEN {
+                let place = T::lit(part as f64 / STEPS_BETWEEN as f64);
+                let time = h * T::lit((k * STEPS_BETWEEN + part) as f64);
+                let between = |a: T, b: T| place.mul_add(b - a, a);
+                let mut wanted: [T; ORDER] =
+                    core::array::from_fn(|i| between(from.wanted[i], to.wanted[i]));
+                wanted[0] = wanted[0] - at.compliance * heavier;
+                wanted[2] = wanted[2] + heavier;
+                let feedforward = between(from.feedforward, to.feedforward);
+                let asked = between(from.position, to.position);
+                // the law
+                let x = at.compliance.mul_add(p, y);
+                offset = policy.governor.update(offset, x - asked, policy.decay, h);
+                let drift = policy.governor.drift(offset, policy.decay);
+                error = [wanted[0] - y, wanted[1] - w, wanted[2] - p, wanted[3] - n];
+                let turning = revolutions * drift;
+                let led = [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
+                let (feedback, _) = policy.saturation.feedback(&policy.gain, &led);
+                let law = feedforward + turning + feedback;
+                let held = T::select(time.lt(until_hold_ends), extreme, law);
+                let u = T::select(time.lt(until_decision), state.command(law), held);
+                let u = u.clamp(-policy.limit, policy.limit);
+                // its cost
+                let e = x - asked;
+                let effort = u - feedforward;
+                let stage = *by_position * e.square()
+                    + *by_velocity * error[1].square()
+                    + *by_speed * effort.square();
+                sum = sum + stage;
+                // the machine
+                let next = n + (share * (u - n)).clamp(-slew, slew);
+                let turned = T::lit(0.5) * (n + next);
+                n = next.clamp(-policy.limit, policy.limit);
+                let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
+                let force = p - holding - at.holding_slope * (x - first) - friction;
+                w = (h * at.acceleration).mul_add(force, w) * per_damping;
+                let bulk = model.bulk_modulus(p, estimate.transition_pressure, policy.beyond);
+                let turning = turned - model.leakage(p) + estimate.unknown_flow;
+                let inflow = model.displacement * turning - model.piston_area * w;
+                y = h.mul_add(w, y);
+                p = (h * model.stiffness(&at, bulk)).mul_add(inflow, p);
+            }
+        }
+        sum * periods + quadratic(&policy.cost_to_go, &error)
+    }
+}
+
+/// The machine under a hypothesis.
+struct Hypothesis<T> {
+    at: OperatingPoint<T>,
+    /// Pressure \[Pa\] that holds the load, and how much more that is than thought.
+    holding: T,
+    heavier: T,
+}
+
+/// What accelerates the load is a force, as estimated; or it is a payload: `a_p(m) (p − p_0(m) − p_C s) = w'`, which is linear in m.
+fn hypothesis<T: Real>(
+    policy: &Policy<T>,
+    at: &OperatingPoint<T>,
+    y: T,
+    w: T,
+    p: T,
+    is_payload: T::Mask,
+) -> Hypothesis<T> {
+    let (zero, one) = (T::zero(), T::one());
+    let (model, estimate) = (&policy.model, &policy.estimate);
+    let holding = at.holding_pressure + at.holding_slope * at.compliance * p - estimate.disturbance;
+    let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
+    let acceleration = at.acceleration * (p - holding - friction);
+    let (empty, full) = (model.at(y, zero), model.at(y, model.heaviest));
+    let mass = |a: &OperatingPoint<T>| one / a.acceleration;
+    let pressure_per_kg = (full.holding_pressure - empty.holding_pressure) / model.heaviest;
+    let mass_per_kg = (mass(&full) - mass(&empty)) / model.heaviest;
+    let left = p
+        - friction
+        - empty.holding_pressure
+        - empty.holding_slope * at.compliance * p
+        - acceleration * mass(&empty);
+    let payload =
+        (left / (pressure_per_kg + acceleration * mass_per_kg)).clamp(zero, model.heaviest);
+    let payload = T::select(is_payload, payload, estimate.payload);
+    let changed = model.at(y, payload);
+    let other = changed.holding_pressure + changed.holding_slope * at.compliance * p;
+    let other = T::select(is_payload, other, holding);
+    Hypothesis {
+        at: OperatingPoint { compliance: at.compliance, ..changed },
+        holding: other,
+        heavier: other - holding,
+    }
+}

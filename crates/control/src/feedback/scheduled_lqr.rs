@@ -1,0 +1,315 @@
+//! Gain-scheduled linear-quadratic regulator around the inverse dynamics of the reference.
+//!
+//! One control period, top to bottom: the estimated state when the command arrives; a feasible reference, smoothed; the governor's offset; state and motor speed along it by
+//! [inverse dynamics](super::inverse_dynamics); feedback of the error by the [regulator](super::riccati) of the present operating point, with
+//! [nested saturation](super::saturation); and, while that saturates, one-step [policy improvement](super::rollout).
+
+use super::inverse_dynamics::inverse_dynamics;
+use super::riccati::{LinearQuadratic, Matrix, ORDER, Regulator};
+use super::rollout::{Policy, Rollout, RolloutState};
+use super::saturation::NestedSaturation;
+use crate::estimation::reduced_model::{OperatingPoint, ReducedModel};
+use crate::estimation::state_estimator::{PredictedState, StateEstimator, StateEstimatorState};
+use crate::reference::governor::ReferenceGovernor;
+use crate::reference::preview::Preview;
+use crate::reference::profile::SetPoint;
+use crate::reference::smoothing::smoothed;
+use crate::reference::speed_limit::SpeedLimit;
+use hydroboom_math::{Real, record};
+
+record! {
+    /// Settings of the law; each is a key of the crane file.
+    pub struct ScheduledLqrSettings<T> {
+        /// Position error that costs one
+        #[unit = "m"]
+        pub position_tolerance: T,
+        /// Velocity error that costs one
+        #[unit = "m/s"]
+        pub velocity_tolerance: T,
+        /// Commanded piston velocity beyond feedforward that costs one
+        #[unit = "m/s"]
+        pub command_tolerance: T,
+        /// Share of the motor's speed that feedback may command
+        #[unit = "1"]
+        pub feedback_limit: T,
+        /// Share of the motor's speed that position feedback may command
+        #[unit = "1"]
+        pub position_limit: T,
+        /// Share of the motor's speed that filling the oil may take
+        #[unit = "1"]
+        pub filling_share: T,
+        /// Shortest smoothing window beside the drive's lag
+        #[unit = "s"]
+        pub shortest_window: T,
+        /// Longest smoothing window
+        #[unit = "s"]
+        pub longest_window: T,
+        /// Time constant in which the smoothing window adapts
+        #[unit = "s"]
+        pub window_time_constant: T,
+    }
+}
+
+/// The law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScheduledLqr<T> {
+    /// The reduced model.
+    pub model: ReducedModel<T>,
+    /// Settings.
+    pub settings: ScheduledLqrSettings<T>,
+    /// Reference governor.
+    pub governor: ReferenceGovernor<T>,
+    /// Policy improvement.
+    pub rollout: Rollout<T>,
+    /// Largest motor speed \[rev/s\].
+    pub motor_speed: T,
+    /// Change of motor speed \[rev/s\] in a period at the slew limit.
+    pub slew: T,
+    /// Control period \[s\].
+    pub period: T,
+}
+
+/// What the law carries from period to period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScheduledLqrState<T> {
+    /// The regulator.
+    pub regulator: Regulator<T>,
+    /// Offset of the reference from what is asked \[m\].
+    pub offset: T,
+    /// Smoothing window \[s\].
+    pub window: T,
+    speed_limit: SpeedLimit<T>,
+    rollout: RolloutState<T>,
+    /// Last command \[rev/s\].
+    pub command: T,
+}
+
+/// Riccati steps before the first period: the longest horizon of a regulator.
+const FIRST_STEPS: usize = 4000;
+
+impl<T: Real> ScheduledLqr<T> {
+    /// At rest at a piston position \[m\].
+    pub fn start(
+        &self,
+        estimator: &StateEstimator<T>,
+        estimated: &StateEstimatorState<T>,
+        position: T,
+    ) -> ScheduledLqrState<T> {
+        let now = estimator.predict(estimated);
+        let plant = self.plant(estimated, &self.operating(estimated, &now));
+        let mut regulator = Regulator::start(&plant);
+        for _ in 0..FIRST_STEPS {
+            regulator.step(&plant);
+        }
+        ScheduledLqrState {
+            regulator,
+            offset: T::zero(),
+            window: self.settings.shortest_window + estimated.drive.time_constant(self.period),
+            speed_limit: SpeedLimit::at_rest(position),
+            rollout: RolloutState::start(),
+            command: now.motor_speed,
+        }
+    }
+
+    /// Motor speed \[rev/s\] for the coming period.
+    pub fn update(
+        &self,
+        state: &mut ScheduledLqrState<T>,
+        estimator: &StateEstimator<T>,
+        estimated: &StateEstimatorState<T>,
+        preview: &Preview<T>,
+    ) -> T {
+        let estimate = &estimated.filter.estimate;
+        let beyond = estimated.pressure_beyond;
+        let now = estimator.predict(estimated);
+        let here = self.operating(estimated, &now);
+
+        // the reference that the motor can follow, when the command arrives
+        state.speed_limit.update(preview, self.fastest(estimated, &now));
+        let limit = &state.speed_limit;
+        let is_limited = limit.is_active();
+        let feasible = |after: T| {
+            let asked = preview.at(after);
+            if T::any(is_limited) {
+                let [offset, drift] = limit.at(after, self.period);
+                let zero = T::zero();
+                SetPoint {
+                    position: asked.position + T::select(is_limited, offset, zero),
+                    velocity: asked.velocity + T::select(is_limited, drift, zero),
+                }
+            } else {
+                asked
+            }
+        };
+        let largest_acceleration = preview.largest_acceleration();
+        state.window = self.window(state.window, estimated, &here, largest_acceleration);
+        let window = state.window;
+        let turning = largest_acceleration * window;
+        let lag = estimated.drive.time_constant(self.period);
+        let delay = estimator.command_delay();
+        let inverse = |after: T, offset: T, drift: T| {
+            let mut reference = smoothed(feasible, window, after);
+            reference.position = reference.position + offset;
+            reference.velocity = reference.velocity + drift;
+            (
+                inverse_dynamics(&self.model, estimate, &reference, turning, beyond),
+                reference.position,
+            )
+        };
+
+        // the governor's offset
+        let piston = here.at.compliance.mul_add(now.load_pressure, now.position);
+        let decay = self.governor.decay(here.natural_frequency);
+        let asked = smoothed(feasible, window, delay).position;
+        state.offset = self.governor.update(state.offset, piston - asked, decay, self.period);
+        let drift = self.governor.drift(state.offset, decay);
+
+        // state along the reference, and motor speed, led by the drive's lag
+        let (wanted, _) = inverse(delay, state.offset, drift);
+        let (led, _) = inverse(delay + lag, state.offset, drift);
+        let feedforward = led.motor_speed;
+
+        // feedback
+        let plant = self.plant(estimated, &here);
+        state.regulator.step(&plant);
+        let (wanted, found) = (wanted.to_array(), now.to_array());
+        let error: [T; ORDER] = core::array::from_fn(|i| wanted[i] - found[i]);
+        let saturation = self.saturation();
+        let (feedback, saturates) = saturation.feedback(&state.regulator.gain, &error);
+        let law = feedforward + feedback;
+
+        // what linear feedback cannot do
+        let moved = T::lit(0.1e-3).lt(state.offset.abs());
+        let policy = Policy {
+            model: self.model,
+            estimate: *estimate,
+            beyond,
+            drive: estimated.drive,
+            period: self.period,
+            limit: self.motor_speed,
+            slew: self.slew,
+            gain: state.regulator.gain,
+            cost_to_go: state.regulator.cost_to_go,
+            weights: self.weights(),
+            saturation,
+            governor: self.governor,
+            decay,
+        };
+        let ahead = |after: T| {
+            let zero = T::zero();
+            let (wanted, position) = inverse(delay + after, zero, zero);
+            let (led, _) = inverse(delay + after + lag, zero, zero);
+            (wanted, led.motor_speed, position)
+        };
+        self.rollout.update(
+            &mut state.rollout,
+            &policy,
+            &now,
+            state.offset,
+            saturates | moved,
+            ahead,
+        );
+        let command = state.rollout.command(law).clamp(-self.motor_speed, self.motor_speed);
+        state.command = command;
+        command
+    }
+
+    /// Coefficients of the present operating point, and the load's natural frequency at rest \[rad/s\].
+    fn operating(&self, estimated: &StateEstimatorState<T>, now: &PredictedState<T>) -> Here<T> {
+        let estimate = &estimated.filter.estimate;
+        let at = self.model.at(now.position, estimate.payload);
+        let rest = at.holding_pressure - estimate.disturbance;
+        let beyond = estimated.pressure_beyond;
+        let bulk_modulus = |p: T| self.model.bulk_modulus(p, estimate.transition_pressure, beyond);
+        let [here, bulk_modulus_at_rest] = [now.load_pressure, rest].map(bulk_modulus);
+        let stiffness = |bulk_modulus: T| self.model.stiffness(&at, bulk_modulus);
+        let at_rest = stiffness(bulk_modulus_at_rest);
+        let natural_frequency = (at.acceleration * at_rest * self.model.piston_area).sqrt();
+        Here {
+            at,
+            // as the oil is, and as it will be at rest
+            stiffness: stiffness((here * bulk_modulus_at_rest).sqrt()),
+            stiffness_at_rest: at_rest,
+            natural_frequency,
+        }
+    }
+
+    /// The linearised plant and the regulator's weights.
+    fn plant(&self, estimated: &StateEstimatorState<T>, here: &Here<T>) -> LinearQuadratic<T> {
+        let (zero, one) = (T::zero(), T::one());
+        let Here { at, stiffness, .. } = here;
+        let per_lag = one / estimated.drive.time_constant(self.period);
+        let a = [
+            [zero, one, zero, zero],
+            [zero, -at.acceleration * self.model.viscous, at.acceleration, zero],
+            [
+                zero,
+                -*stiffness * self.model.piston_area,
+                zero,
+                *stiffness * self.model.displacement,
+            ],
+            [zero, zero, zero, -per_lag],
+        ];
+        let b = [zero, zero, zero, per_lag];
+        let [by_position, by_velocity, by_speed] = self.weights();
+        // of the piston, x = y + γ p
+        let piston = [one, zero, at.compliance, zero];
+        let mut q: Matrix<T> =
+            core::array::from_fn(|i| core::array::from_fn(|j| by_position * piston[i] * piston[j]));
+        q[1][1] = q[1][1] + by_velocity;
+        LinearQuadratic::sampled(&a, &b, q, by_speed, self.period)
+    }
+
+    /// Weights of position error \[1/m²\], velocity error \[s²/m²\] and motor speed \[s²/rev²\] by Bryson's rule: one over the tolerance squared.
+    fn weights(&self) -> [T; 3] {
+        let s = &self.settings;
+        let speed = s.command_tolerance * self.model.revolutions_per_metre();
+        [s.position_tolerance, s.velocity_tolerance, speed].map(|size| T::one() / size.square())
+    }
+
+    fn saturation(&self) -> NestedSaturation<T> {
+        NestedSaturation {
+            position: self.settings.position_limit * self.motor_speed,
+            sum: self.settings.feedback_limit * self.motor_speed,
+        }
+    }
+
+    /// Largest speeds \[m/s\] of the piston outwards and inwards.
+    fn fastest(&self, estimated: &StateEstimatorState<T>, now: &PredictedState<T>) -> [T; 2] {
+        let flow = estimated.filter.estimate.unknown_flow;
+        let held = self.model.leakage(now.load_pressure) - flow;
+        [self.motor_speed - held, self.motor_speed + held]
+            .map(|speed| speed / self.model.revolutions_per_metre())
+    }
+
+    /// Smoothing window \[s\] a period later: so long that filling the oil takes no more than its share of the motor's speed.
+    fn window(
+        &self,
+        window: T,
+        estimated: &StateEstimatorState<T>,
+        here: &Here<T>,
+        largest_acceleration: T,
+    ) -> T {
+        let s = &self.settings;
+        // pressure by which acceleration and friction change it, and the oil that takes
+        let change = largest_acceleration / here.at.acceleration + T::lit(0.5) * self.model.coulomb;
+        let stiffness = here.stiffness.min(here.stiffness_at_rest);
+        let turns = change / (stiffness * self.model.displacement);
+        let shortest = s.shortest_window + estimated.drive.time_constant(self.period);
+        let wanted =
+            (turns / (s.filling_share * self.motor_speed)).max(shortest).min(s.longest_window);
+        let share = (self.period / s.window_time_constant).min(T::one());
+        share.mul_add(wanted - window, window)
+    }
+}
+
+/// The present operating point.
+struct Here<T> {
+    at: OperatingPoint<T>,
+    /// Pressure by oil \[Pa/m³\]: mean of now and at rest.
+    stiffness: T,
+    /// The same at rest.
+    stiffness_at_rest: T,
+    /// Natural frequency of the load at rest \[rad/s\].
+    natural_frequency: T,
+}

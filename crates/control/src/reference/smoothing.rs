@@ -1,0 +1,47 @@
+//! Zero-phase smoothing of a reference: a moving average over a window that reaches as far ahead as behind.
+//!
+//! Along a trapezoidal velocity profile its acceleration is continuous and its jerk limited, as inverse dynamics need it.
+
+use crate::reference::profile::SetPoint;
+use hydroboom_math::{Real, record};
+
+/// Positions by which the reference is averaged over the window.
+const POINTS: usize = 6;
+
+record! {
+    /// A reference with its derivatives.
+    pub struct SmoothSetPoint<T> {
+        /// Position
+        #[unit = "m"]
+        pub position: T,
+        /// Velocity
+        #[unit = "m/s"]
+        pub velocity: T,
+        /// Acceleration
+        #[unit = "m/s²"]
+        pub acceleration: T,
+        /// Jerk
+        #[unit = "m/s³"]
+        pub jerk: T,
+    }
+}
+
+/// A reference, `at` being its set point so long \[s\] after now, averaged over a window \[s\] about the time `after` \[s\].
+#[inline(always)]
+pub fn smoothed<T: Real>(at: impl Fn(T) -> SetPoint<T>, window: T, after: T) -> SmoothSetPoint<T> {
+    let half = T::lit(0.5) * window;
+    let position = (0..POINTS).fold(T::zero(), |sum, k| {
+        let share = (k as f64 + 0.5) / POINTS as f64 - 0.5;
+        sum + at(window.mul_add(T::lit(share), after)).position
+    }) / T::lit(POINTS as f64);
+    let (ahead, behind) = (at(after + half), at(after - half));
+    let near = T::lit(0.4) * half;
+    let acceleration =
+        |time: T| (at(time + near).velocity - at(time - near).velocity) / (near + near);
+    SmoothSetPoint {
+        position,
+        velocity: (ahead.position - behind.position) / window,
+        acceleration: (ahead.velocity - behind.velocity) / window,
+        jerk: (acceleration(after + half) - acceleration(after - half)) / window,
+    }
+}

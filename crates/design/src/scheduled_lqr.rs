@@ -1,0 +1,160 @@
+//! State estimator and gain-scheduled LQR for a crane.
+
+use crate::{DesignError, reduced_model_fit::reduced_model};
+use hydroboom_control::estimation::drive_identification::DriveIdentification;
+use hydroboom_control::estimation::extended_kalman_filter::ExtendedKalmanFilter;
+use hydroboom_control::estimation::innovation_test::InnovationTest;
+use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
+use hydroboom_control::estimation::state_estimator::StateEstimator;
+use hydroboom_control::feedback::rollout::Rollout;
+use hydroboom_control::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrSettings};
+use hydroboom_control::reference::governor::ReferenceGovernor;
+use hydroboom_description::Description;
+use std::f64::consts::TAU;
+
+/// The state estimator of the crane of a description, for measurements and commands that are late by so many cycles each.
+pub fn state_estimator(
+    description: &Description,
+    model: &ReducedModel<f64>,
+    delay_cycles: usize,
+) -> StateEstimator<f64> {
+    let (n, range) = (&description.numbers, description.ranges());
+    // where the crane file has no sensors, those of its virtual crane
+    let (equipped, _) = description.virtual_crane();
+    let sensors = &equipped.numbers;
+    // a range is taken for a uniform distribution
+    let deviation = |low: f64, high: f64| (high - low) / 12_f64.sqrt();
+    let middle = model.at(model.half_stroke, n.payload);
+    let per_kg = {
+        let heavy = model.at(model.half_stroke, model.heaviest).holding_pressure;
+        (heavy - model.at(model.half_stroke, 0.0).holding_pressure) / model.heaviest
+    };
+    let breakaway = (range.high.coulomb + range.high.stiction) / model.piston_area;
+    let worn = range.high.internal_leakage / n.internal_leakage.max(1e-15);
+    let leakage = model.leakage(middle.holding_pressure) * (worn - 1.0).clamp(0.5, 10.0);
+    let initial_deviation = MachineState {
+        position: 2e-5,
+        velocity: 5e-4,
+        load_pressure: 1e4,
+        friction: model.coulomb,
+        disturbance: n.estimator_initial_disturbance,
+        unknown_flow: leakage,
+        payload: breakaway / per_kg.abs() / 3_f64.sqrt(),
+        transition_pressure: deviation(range.low.transition, range.high.transition),
+    };
+    let process_noise = MachineState {
+        position: n.estimator_position_drift,
+        velocity: n.estimator_velocity_drift,
+        load_pressure: n.estimator_pressure_drift,
+        friction: n.estimator_friction_drift,
+        disturbance: n.estimator_disturbance_drift,
+        unknown_flow: n.estimator_flow_drift,
+        payload: n.estimator_payload_drift * model.heaviest,
+        transition_pressure: n.estimator_transition_drift,
+    };
+    let lowest = MachineState {
+        position: -n.stroke,
+        velocity: -10.0,
+        load_pressure: -5e6,
+        friction: -model.coulomb * 4.0,
+        disturbance: -1.5e7,
+        unknown_flow: -0.4 * n.motor_speed,
+        payload: 0.0,
+        transition_pressure: n.estimator_lowest_transition,
+    };
+    let highest = MachineState {
+        position: 2.0 * n.stroke,
+        velocity: 10.0,
+        load_pressure: 1e8,
+        friction: model.coulomb * 4.0,
+        disturbance: 1.5e7,
+        unknown_flow: 0.4 * n.motor_speed,
+        payload: model.heaviest,
+        transition_pressure: n.estimator_highest_transition,
+    };
+    let position = sensors.position_noise.hypot(sensors.position_resolution / 12_f64.sqrt());
+    let pressure = sensors.pressure_noise * sensors.pressure_span;
+    let filter = ExtendedKalmanFilter {
+        model: *model,
+        initial_deviation,
+        process_noise,
+        lowest,
+        highest,
+        measurement_noise: [
+            position.max(n.estimator_position_noise),
+            pressure.hypot(n.estimator_pressure_noise),
+        ],
+        noise_memory: n.estimator_noise_memory,
+        sensor_lag: match sensors.sensor_bandwidth > 0.0 {
+            true => 1.0 / (TAU * sensors.sensor_bandwidth),
+            false => 0.0,
+        },
+        innovation_test: InnovationTest {
+            time_constant: n.estimator_nis_time,
+            threshold: n.estimator_nis_threshold,
+            noise_factor: n.estimator_nis_factor,
+        },
+        period: n.control_period,
+    };
+    StateEstimator {
+        filter,
+        drive: DriveIdentification {
+            memory: n.estimator_drive_memory,
+            speed_noise: n.estimator_speed_noise,
+            largest_deviation: 0.1,
+            smallest: 0.005,
+            largest: 0.6,
+        },
+        drive_share: n.control_period / n.estimator_drive_lag,
+        slew: n.motor_slew * n.control_period,
+        delay_cycles,
+    }
+}
+
+/// The law for the crane of a description.
+pub fn scheduled_lqr(description: &Description, model: &ReducedModel<f64>) -> ScheduledLqr<f64> {
+    let n = &description.numbers;
+    ScheduledLqr {
+        model: *model,
+        settings: ScheduledLqrSettings {
+            position_tolerance: n.lqr_position,
+            velocity_tolerance: n.lqr_velocity,
+            command_tolerance: n.lqr_command,
+            feedback_limit: n.lqr_feedback,
+            position_limit: n.lqr_position_feedback,
+            filling_share: n.lqr_filling,
+            shortest_window: n.lqr_shortest_window,
+            longest_window: n.lqr_longest_window,
+            window_time_constant: n.lqr_window_time,
+        },
+        governor: ReferenceGovernor {
+            largest_error: n.lqr_governor_error,
+            rate: n.lqr_governor_rate,
+            rate_by_frequency: n.lqr_governor_rate_by_mode,
+            velocity: n.lqr_governor_speed * n.motor_speed / model.revolutions_per_metre(),
+        },
+        rollout: Rollout {
+            horizon: n.lqr_rollout_horizon,
+            short: n.lqr_rollout_short,
+            long: n.lqr_rollout_long,
+            improvement: n.lqr_rollout_improvement,
+            payload_probability: n.lqr_payload_probability,
+        },
+        motor_speed: n.motor_speed,
+        slew: n.motor_slew * n.control_period,
+        period: n.control_period,
+    }
+}
+
+/// Both.
+///
+/// # Errors
+///
+/// As [`reduced_model`].
+pub fn designed(
+    description: &Description,
+    delay_cycles: usize,
+) -> Result<(StateEstimator<f64>, ScheduledLqr<f64>), DesignError> {
+    let model = reduced_model(description)?;
+    Ok((state_estimator(description, &model, delay_cycles), scheduled_lqr(description, &model)))
+}
