@@ -9,8 +9,8 @@
 //! as much while it speeds up as while it slows down, and teaches nothing by that.
 
 use crate::belief::Belief;
+use crate::measurement::AxisSignals;
 use crate::out_of_range::OutOfRange;
-use crate::signals::Reading;
 use hydroboom_math::{Real, record};
 
 /// What is learned stays within so many standard deviations of what was known before.
@@ -74,7 +74,7 @@ impl CommandLagMemory {
     }
 
     /// A window begins with a reading, after what tells nothing.
-    pub fn begin_window(&mut self, reading: &Reading<f64>) {
+    pub fn begin_window(&mut self, reading: &AxisSignals<f64>) {
         (self.missing, self.count) = (0.0, 0);
         (self.begun, self.speed) = (reading.motor_speed, reading.motor_speed);
     }
@@ -82,7 +82,7 @@ impl CommandLagMemory {
 
 impl CommandLag {
     /// Nothing learned yet.
-    pub fn start(&self, reading: &Reading<f64>) -> CommandLagMemory {
+    pub fn start(&self, reading: &AxisSignals<f64>) -> CommandLagMemory {
         let belief = Belief::new([self.before], &[self.uncertainty]);
         let speed = reading.motor_speed;
         CommandLagMemory { belief, missing: 0.0, begun: speed, speed, count: 0, lag: self.before }
@@ -97,7 +97,7 @@ impl CommandLag {
         let belief = Belief { estimate: [believed.lag], covariance: [[believed.variance]] };
         belief.check(&[LAGS], &[self.uncertainty])?;
         let lag = self.bounded(believed.lag);
-        Ok(CommandLagMemory { belief, lag, ..self.start(&Reading::default()) })
+        Ok(CommandLagMemory { belief, lag, ..self.start(&AxisSignals::default()) })
     }
 
     /// Nothing is read before it is told.
@@ -107,7 +107,7 @@ impl CommandLag {
 
     /// A period at whose beginning the motor was told a speed \[rev/s\], and what was read at its end. A window with a number that is none is
     /// left out.
-    pub fn update(&self, memory: &mut CommandLagMemory, told: f64, reading: &Reading<f64>) {
+    pub fn update(&self, memory: &mut CommandLagMemory, told: f64, reading: &AxisSignals<f64>) {
         let speed = reading.motor_speed;
         memory.missing += (told - 0.5 * (memory.speed + speed)) * self.period;
         memory.speed = speed;
@@ -141,8 +141,8 @@ mod tests {
         }
     }
 
-    fn reading(motor_speed: f64) -> Reading<f64> {
-        Reading { motor_speed, ..Reading::default() }
+    fn reading(motor_speed: f64) -> AxisSignals<f64> {
+        AxisSignals { motor_speed, ..AxisSignals::default() }
     }
 
     /// A motor that is told speeds over time, and one reading of it in each period.

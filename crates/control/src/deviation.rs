@@ -5,7 +5,7 @@
 //! moved anything far. What was torn far off all the same is led back.
 
 use crate::deviation_memory::DeviationMemory;
-use crate::feedback::benchmark::Measured;
+use crate::feedback::benchmark::BenchmarkInput;
 use crate::reckoned::Reckoned;
 use crate::sooner::{Heard, SoonerDesign};
 use crate::stroke_by_pressure::StrokeByPressure;
@@ -29,8 +29,8 @@ record! {
 
 impl<T: Copy> Watched<T> {
     /// What is measured, with the motor's speed \[rev/s\].
-    pub fn of(measured: &Measured<T>, motor_speed: T) -> Self {
-        let Measured { stroke, load_pressure } = *measured;
+    pub fn of(measured: &BenchmarkInput<T>, motor_speed: T) -> Self {
+        let BenchmarkInput { stroke, load_pressure } = *measured;
         Self { stroke, load_pressure, motor_speed }
     }
 }

@@ -16,9 +16,9 @@
 
 use crate::belief::{Belief, FARTHEST, Off};
 use crate::likelihood::weights;
+use crate::measurement::AxisSignals;
 use crate::oil_stiffness::OilStiffness;
 use crate::out_of_range::OutOfRange;
-use crate::signals::Reading;
 use hydroboom_math::{Real, record};
 
 /// How many pressures at which the oil may stiffen are weighed.
@@ -200,7 +200,7 @@ impl FlowBalanceMemory {
     }
 
     /// A window begins with a reading, after what tells nothing.
-    pub fn begin_window(&mut self, reading: &Reading<f64>) {
+    pub fn begin_window(&mut self, reading: &AxisSignals<f64>) {
         (self.revolutions, self.across, self.count) = (0.0, 0.0, 0);
         (self.stroke, self.pressure) = (reading.stroke, reading.pressure_a);
         self.goes_on = false;
@@ -209,7 +209,7 @@ impl FlowBalanceMemory {
 
 impl FlowBalance {
     /// Nothing learned yet.
-    pub fn start(&self, reading: &Reading<f64>) -> FlowBalanceMemory {
+    pub fn start(&self, reading: &AxisSignals<f64>) -> FlowBalanceMemory {
         let middle = (TRANSITIONS / 2) as f64;
         let hypotheses = core::array::from_fn(|k| {
             // half a standard deviation apart
@@ -251,7 +251,7 @@ impl FlowBalance {
         &self,
         believed: &[Believed<f64>; TRANSITIONS],
     ) -> Result<FlowBalanceMemory, (usize, OutOfRange)> {
-        let mut memory = self.start(&Reading::default());
+        let mut memory = self.start(&AxisSignals::default());
         for (k, (h, b)) in memory.hypotheses.iter_mut().zip(believed).enumerate() {
             self.check(h, b).map_err(|wrong| (k, wrong))?;
             let covariance = [
@@ -295,7 +295,7 @@ impl FlowBalance {
     }
 
     /// A period that ended with a reading. True where something was learned. A window with a reading that is no number is left out.
-    pub fn update(&self, memory: &mut FlowBalanceMemory, reading: &Reading<f64>) -> bool {
+    pub fn update(&self, memory: &mut FlowBalanceMemory, reading: &AxisSignals<f64>) -> bool {
         let learned = self.weigh_next(memory);
         memory.revolutions += reading.motor_speed * self.period;
         memory.across += reading.pressure_pump_a - reading.pressure_pump_b;
@@ -306,8 +306,8 @@ impl FlowBalance {
         learned
     }
 
-    fn end_window(&self, memory: &mut FlowBalanceMemory, reading: &Reading<f64>) {
-        let Reading { stroke, pressure_a: pressure, .. } = *reading;
+    fn end_window(&self, memory: &mut FlowBalanceMemory, reading: &AxisSignals<f64>) {
+        let AxisSignals { stroke, pressure_a: pressure, .. } = *reading;
         let turned = memory.revolutions;
         let periods = f64::from(memory.count);
         let across = memory.across / periods;
@@ -444,14 +444,14 @@ mod tests {
     /// Pressure on the pump's other side \[Pa\].
     const SUCTION: f64 = 2e5;
 
-    fn reading(motor_speed: f64, stroke: f64, pressure: f64) -> Reading<f64> {
-        Reading {
+    fn reading(motor_speed: f64, stroke: f64, pressure: f64) -> AxisSignals<f64> {
+        AxisSignals {
             motor_speed,
             stroke,
             pressure_a: pressure,
             pressure_pump_a: pressure,
             pressure_pump_b: SUCTION,
-            ..Reading::default()
+            ..AxisSignals::default()
         }
     }
 

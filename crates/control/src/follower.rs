@@ -2,16 +2,17 @@
 
 use crate::boom::Boom;
 use crate::carried_load::CarriedLoad;
+use crate::controller::AxisState;
 use crate::deviation::Watched;
 use crate::deviation_memory::DeviationMemory;
-use crate::feedback::benchmark::Measured;
+use crate::feedback::benchmark::BenchmarkInput;
 use crate::learner::{Balances, Conditions, Known, Learner};
-use crate::model_following::{FollowingMemory, ModelFollowing, Seen};
+use crate::measurement::AxisSignals;
+use crate::model_following::{FollowingMemory, ModelFollowing};
 use crate::out_of_reach::AT_REST;
 use crate::out_of_reach::Led;
 use crate::reference::profile::SetPoint;
 use crate::schedule::Schedule;
-use crate::signals::Reading;
 use hydroboom_math::Real;
 
 /// The whole controller, but for the simulated crane itself.
@@ -44,8 +45,8 @@ impl Follower {
     pub fn start(
         schedule: &Schedule,
         balances: &Balances,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
+        reading: &AxisSignals<f64>,
+        measured: &BenchmarkInput<f64>,
     ) -> Self {
         let payload = schedule.payload(measured.stroke, measured.load_pressure);
         Self::new(Learner::start(schedule, balances, payload, reading, measured.load_pressure))
@@ -88,7 +89,7 @@ impl Follower {
     }
 
     /// Begins feedback where machine and simulated crane are now, both at rest, without a bump. The simulated crane is all that is known by now.
-    pub fn begin(&mut self, machine: &Watched<f64>, simulated: &Seen<f64>) {
+    pub fn begin(&mut self, machine: &Watched<f64>, simulated: &AxisState<f64>) {
         let known = self.known().conditions();
         self.law = self.learner.law();
         self.carried = CarriedLoad::weighed(known.payload);
@@ -100,7 +101,7 @@ impl Follower {
     }
 
     /// State feedback takes the simulated crane over from whatever turned its motor at `speed` \[rev/s\], without a bump.
-    pub fn take_over(&mut self, reference: &SetPoint<f64>, simulated: &Seen<f64>, speed: f64) {
+    pub fn take_over(&mut self, reference: &SetPoint<f64>, simulated: &AxisState<f64>, speed: f64) {
         self.simulated = (self.known().conditions(), self.learner.law());
         self.following = self.simulated.1.take_over(reference, simulated, speed);
         self.lead_nowhere();
@@ -125,9 +126,9 @@ impl Follower {
         &mut self,
         told: f64,
         reference: &SetPoint<f64>,
-        simulated: &Seen<f64>,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
+        simulated: &AxisState<f64>,
+        reading: &AxisSignals<f64>,
+        measured: &BenchmarkInput<f64>,
     ) -> [f64; 2] {
         self.learn(told, reference, simulated, reading, measured);
         let simulated_speed = self.lead(reference, simulated);
@@ -140,9 +141,9 @@ impl Follower {
         &mut self,
         told: f64,
         reference: &SetPoint<f64>,
-        simulated: &Seen<f64>,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
+        simulated: &AxisState<f64>,
+        reading: &AxisSignals<f64>,
+        measured: &BenchmarkInput<f64>,
     ) {
         self.begin_period();
         let balanced = self.learner.learn_in_motion(told, reading, measured.load_pressure);
@@ -162,7 +163,7 @@ impl Follower {
 
     /// Whether the machine seems to carry another load: what pushes it is what it carries beyond the simulated crane. What that carries is known while
     /// state feedback leads it.
-    fn carries_other(&mut self, simulated: &Seen<f64>) -> bool {
+    fn carries_other(&mut self, simulated: &AxisState<f64>) -> bool {
         let [_, before] = self.led;
         if before.is_none() {
             let weighed = CarriedLoad::weighed(self.known().weighed);
@@ -179,7 +180,7 @@ impl Follower {
     }
 
     /// Learns from a period in which valves hold the load.
-    pub fn weigh_held(&mut self, reading: &Reading<f64>, measured: &Measured<f64>) {
+    pub fn weigh_held(&mut self, reading: &AxisSignals<f64>, measured: &BenchmarkInput<f64>) {
         self.begin_period();
         self.learner.skip(reading);
         if self.learner.weighs_held(measured.stroke, measured.load_pressure) {
@@ -188,13 +189,13 @@ impl Follower {
     }
 
     /// A period from which nothing can be learned.
-    pub fn skip(&mut self, reading: &Reading<f64>) {
+    pub fn skip(&mut self, reading: &AxisSignals<f64>) {
         self.begin_period();
         self.learner.skip(reading);
     }
 
     /// Motor speed \[rev/s\] of the simulated crane for the coming period.
-    pub fn lead(&mut self, reference: &SetPoint<f64>, simulated: &Seen<f64>) -> f64 {
+    pub fn lead(&mut self, reference: &SetPoint<f64>, simulated: &AxisState<f64>) -> f64 {
         let known = self.known().conditions();
         let (conditions, law) = &mut self.simulated;
         let (mut gained, mut filling) = (0.0, 0.0);
@@ -218,8 +219,8 @@ impl Follower {
 
     /// What the machine's motor takes for the same motion as a simulated crane that is not quite like it: the same acceleration of another mass, on oil
     /// of another stiffness. The simulated motor turns at `speed` \[rev/s\] in the coming period, in which the simulated crane gains so much weight \[Pa\].
-    fn translate(&mut self, simulated: &Seen<f64>, speed: f64, gained: f64) {
-        let Seen { stroke, velocity, load_pressure } = *simulated;
+    fn translate(&mut self, simulated: &AxisState<f64>, speed: f64, gained: f64) {
+        let AxisState { stroke, velocity, load_pressure } = *simulated;
         let (theirs, law) = (&self.simulated.1, &self.law);
         let [at, own] = [theirs, law].map(|law| law.station(stroke));
         let slopes = [at, own].map(|station| station.rest.load_pressure_slope * velocity);
@@ -261,7 +262,7 @@ impl Follower {
     pub fn answer(
         &mut self,
         machine: &Watched<f64>,
-        simulated: &Seen<f64>,
+        simulated: &AxisState<f64>,
         simulated_speed: f64,
     ) -> f64 {
         let [correction, before] = self.correction;
@@ -284,6 +285,6 @@ impl Follower {
 }
 
 /// The boom where the simulated crane is, as feedback reckons with it.
-fn boom(law: &ModelFollowing<f64>, simulated: &Seen<f64>) -> Boom<f64> {
+fn boom(law: &ModelFollowing<f64>, simulated: &AxisState<f64>) -> Boom<f64> {
     law.deviation.boom(&law.station(simulated.stroke))
 }

@@ -1,8 +1,9 @@
 //! Feedback from the machine in model following: its deviation from the simulated crane, at what the oil is there.
 
+use crate::controller::AxisState;
 use crate::deviation::Watched;
 use crate::deviation_memory::DeviationMemory;
-use crate::model_following::{FollowingMemory, ModelFollowing, Seen};
+use crate::model_following::{FollowingMemory, ModelFollowing};
 use crate::out_of_reach::Led;
 use crate::reckoned::{MayBe, Reckoned};
 use crate::reference::profile::SetPoint;
@@ -15,7 +16,7 @@ const POSSIBLE: f64 = 2.0;
 
 impl<T: Real> ModelFollowing<T> {
     /// Begins feedback from the machine where it and the simulated crane are, both at rest.
-    pub fn begin(&self, machine: &Watched<T>, seen: &Seen<T>) -> DeviationMemory<T> {
+    pub fn begin(&self, machine: &Watched<T>, seen: &AxisState<T>) -> DeviationMemory<T> {
         let with = self.reckons(seen, machine.load_pressure);
         self.deviation.start(&with, &self.off(machine, seen))
     }
@@ -28,7 +29,7 @@ impl<T: Real> ModelFollowing<T> {
         &self,
         memory: &mut DeviationMemory<T>,
         machine: &Watched<T>,
-        seen: &Seen<T>,
+        seen: &AxisState<T>,
         feedforward: T,
         led: &Led<T>,
     ) -> T {
@@ -45,7 +46,7 @@ impl<T: Real> ModelFollowing<T> {
         &self,
         memory: &mut DeviationMemory<T>,
         machine: &Watched<T>,
-        seen: &Seen<T>,
+        seen: &AxisState<T>,
         feedforward: T,
         travels: T,
     ) -> T {
@@ -61,7 +62,7 @@ impl<T: Real> ModelFollowing<T> {
     /// is softer than it is thought to be, too much damping in oil that is stiffer: bandwidth is told how soft it may be, damping how stiff, which
     /// soft oil becomes within a swing.
     #[inline(always)]
-    pub fn reckons(&self, seen: &Seen<T>, load_pressure: T) -> Reckoned<T> {
+    pub fn reckons(&self, seen: &AxisState<T>, load_pressure: T) -> Reckoned<T> {
         let at = self.station(seen.stroke);
         let low = at.rest.load_pressure.min(seen.load_pressure);
         let high = low.max(load_pressure);
@@ -77,12 +78,12 @@ impl<T: Real> ModelFollowing<T> {
     /// The same where the crane rests at a position \[m\].
     pub fn reckons_at_rest(&self, stroke: T) -> Reckoned<T> {
         let load_pressure = self.station(stroke).rest.load_pressure;
-        self.reckons(&Seen { stroke, velocity: T::zero(), load_pressure }, load_pressure)
+        self.reckons(&AxisState { stroke, velocity: T::zero(), load_pressure }, load_pressure)
     }
 
     /// By how much the machine differs from where the simulated crane was a lead ago.
     #[inline(always)]
-    fn off(&self, machine: &Watched<T>, seen: &Seen<T>) -> Watched<T> {
+    fn off(&self, machine: &Watched<T>, seen: &AxisState<T>) -> Watched<T> {
         Watched {
             stroke: machine.stroke - (seen.stroke - self.lead * seen.velocity),
             load_pressure: machine.load_pressure - seen.load_pressure,

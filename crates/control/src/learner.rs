@@ -1,11 +1,12 @@
 //! What is learned of a machine while it works: what becomes of the oil, what the load pressure holds, and how late its motor is.
 
 use crate::command_lag::{CommandLag, CommandLagMemory};
+use crate::controller::AxisState;
 use crate::flow_balance::{Balance, FlowBalance, FlowBalanceMemory};
 use crate::load_balance::{HELD_BY_FRICTION, LoadBalance, LoadBalanceMemory};
-use crate::model_following::{ModelFollowing, Seen};
+use crate::measurement::AxisSignals;
+use crate::model_following::ModelFollowing;
 use crate::schedule::Schedule;
-use crate::signals::Reading;
 use hydroboom_math::Real;
 
 /// What is known of the machine by now, beyond its description.
@@ -124,7 +125,7 @@ impl Learner {
         schedule: &Schedule,
         balances: &Balances,
         payload: f64,
-        reading: &Reading<f64>,
+        reading: &AxisSignals<f64>,
         load_pressure: f64,
     ) -> Self {
         let now = Learned {
@@ -192,7 +193,7 @@ impl Learner {
     pub fn learn_in_motion(
         &mut self,
         told: f64,
-        reading: &Reading<f64>,
+        reading: &AxisSignals<f64>,
         load_pressure: f64,
     ) -> bool {
         let Balances { load, flow, lag } = &self.balances;
@@ -208,7 +209,7 @@ impl Learner {
 
     /// A period at a load pressure \[Pa\] in which the piston is told to rest, or is not, and what is simulated of it; true where the load
     /// weighs other than was thought.
-    pub fn weighs(&mut self, rests: bool, load_pressure: f64, simulated: &Seen<f64>) -> bool {
+    pub fn weighs(&mut self, rests: bool, load_pressure: f64, simulated: &AxisState<f64>) -> bool {
         let off = match self.is_quiet(rests, load_pressure) {
             true => self.mean - simulated.load_pressure,
             false => return false,
@@ -244,7 +245,7 @@ impl Learner {
     }
 
     /// A period that tells nothing of the machine in motion.
-    pub fn skip(&mut self, reading: &Reading<f64>) {
+    pub fn skip(&mut self, reading: &AxisSignals<f64>) {
         self.now.load.begin_window(reading.stroke);
         self.now.flow.begin_window(reading);
         self.now.lag.begin_window(reading);

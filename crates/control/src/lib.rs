@@ -15,10 +15,12 @@
 )]
 
 pub mod actuator_limits;
+pub mod command;
+pub mod controller;
 pub mod estimation;
 pub mod feedback;
+pub mod measurement;
 pub mod reference;
-pub mod signals;
 pub mod strategy;
 pub mod supervision;
 

@@ -12,8 +12,8 @@
 
 use crate::actuator_limits::ActuatorLimits;
 use crate::attainable::{Attainable, ReferenceMemory};
+use crate::controller::AxisState;
 use crate::deviation::DeviationFeedback;
-use crate::feedback::benchmark::Measured;
 use crate::feedback::filter::{Notch, NotchMemory};
 use crate::oil_spring::{Gains, OilSpring};
 use crate::oil_stiffness::OilStiffness;
@@ -21,28 +21,6 @@ use crate::reference::profile::SetPoint;
 use crate::reserve::Reserve;
 use crate::station::Station;
 use hydroboom_math::{Real, record};
-
-record! {
-    /// What is seen of the simulated crane.
-    pub struct Seen<T> {
-        /// Piston position, x_cyl
-        #[unit = "m"]
-        pub stroke: T,
-        /// Piston velocity, v_cyl
-        #[unit = "m/s"]
-        pub velocity: T,
-        /// Load pressure, p_L = p_A − (A_r/A_p) p_B
-        #[unit = "Pa"]
-        pub load_pressure: T,
-    }
-}
-
-impl<T: Real> Seen<T> {
-    /// What a measurement would show of it.
-    pub fn measured(&self) -> Measured<T> {
-        Measured { stroke: self.stroke, load_pressure: self.load_pressure }
-    }
-}
 
 record! {
     /// What the state feedback remembers.
@@ -275,7 +253,7 @@ impl<T: Real> ModelFollowing<T> {
         &self,
         memory: &mut FollowingMemory<T>,
         reference: &SetPoint<T>,
-        seen: &Seen<T>,
+        seen: &AxisState<T>,
     ) -> T {
         let mut refers = memory.reference();
         let attained = refers.attain(self, reference);
@@ -313,7 +291,7 @@ impl<T: Real> ModelFollowing<T> {
     pub fn take_over(
         &self,
         reference: &SetPoint<T>,
-        seen: &Seen<T>,
+        seen: &AxisState<T>,
         speed: T,
     ) -> FollowingMemory<T> {
         let begun = ReferenceMemory::even(self, reference);
@@ -330,7 +308,7 @@ impl<T: Real> ModelFollowing<T> {
     }
 
     #[inline(always)]
-    fn wanted(&self, summed: T, attained: &Attainable<T>, seen: &Seen<T>) -> Wanted<T> {
+    fn wanted(&self, summed: T, attained: &Attainable<T>, seen: &AxisState<T>) -> Wanted<T> {
         let half = T::lit(0.5);
         let Attainable { reference, acceleration, pressure_rate, .. } = *attained;
         let gained = self.lead * acceleration;
@@ -436,14 +414,14 @@ pub(crate) mod tests {
         // the second is faster than the motor
         for (velocity, seen, speed) in [(0.05, 0.045, 12.5), (0.3, 0.14, 45.0)] {
             let reference = SetPoint { position: 0.21, velocity };
-            let seen = Seen { stroke: 0.2095, velocity: seen, load_pressure: 66e5 };
+            let seen = AxisState { stroke: 0.2095, velocity: seen, load_pressure: 66e5 };
             let mut memory = law.take_over(&reference, &seen, speed);
             let next = law.update(&mut memory, &reference, &seen);
             assert!((next - speed).abs() < 1e-9, "{next}");
         }
         // farther from the reference's speed than feedback may ask for
         let reference = SetPoint { position: 0.21, velocity: 0.3 };
-        let seen = Seen { stroke: 0.2095, velocity: 0.045, load_pressure: 66e5 };
+        let seen = AxisState { stroke: 0.2095, velocity: 0.045, load_pressure: 66e5 };
         let mut memory = law.take_over(&reference, &seen, 12.5);
         let next = law.update(&mut memory, &reference, &seen);
         assert!((next - 12.5 - law.limits.slew * law.period).abs() < 1e-9, "{next}");
@@ -459,20 +437,20 @@ pub(crate) mod tests {
         // beside what friction takes, which is held by no position that is far off
         let held = law.gains_at_rest(0.25).pressure * law.friction_pressure;
         let most = POSITION * authority + held;
-        let after = |seen: Seen<f64>| {
+        let after = |seen: AxisState<f64>| {
             let mut memory = law.start();
             for _ in 0..1000 {
                 law.update(&mut memory, &reference, &seen);
             }
             memory
         };
-        let far = Seen { stroke: 0.45, velocity: 0.0, load_pressure: 65e5 };
-        let (behind, falling) = (after(far), after(Seen { velocity: -0.3, ..far }));
+        let far = AxisState { stroke: 0.45, velocity: 0.0, load_pressure: 65e5 };
+        let (behind, falling) = (after(far), after(AxisState { velocity: -0.3, ..far }));
         assert!((behind.motor_speed - holding + most).abs() < 1e-9);
         assert_eq!(behind.lag, 0.0);
         // what damps is heard beside it
         assert!(falling.motor_speed > behind.motor_speed + 1.0, "{falling:?}");
-        let pressed = after(Seen { load_pressure: 165e5, ..far });
+        let pressed = after(AxisState { load_pressure: 165e5, ..far });
         assert!((pressed.motor_speed - holding + authority).abs() < 1e-9);
     }
 
@@ -481,7 +459,7 @@ pub(crate) mod tests {
         let law = law::<f64>();
         // as fast as the machine's motor can, behind by what position may still ask for, and feedback on top of it
         let reference = SetPoint { position: 0.4, velocity: 0.15 };
-        let seen = Seen { stroke: 0.37, velocity: 0.0, load_pressure: 65e5 };
+        let seen = AxisState { stroke: 0.37, velocity: 0.0, load_pressure: 65e5 };
         let mut memory = law.start();
         memory.refer(ReferenceMemory::even(&law, &reference));
         for _ in 0..5000 {
@@ -496,7 +474,7 @@ pub(crate) mod tests {
         let (plain, lanes) = (law::<f64>(), law::<Lanes<4>>());
         let reference = SetPoint { position: 0.25, velocity: 0.1 };
         let mut together = lanes.start();
-        let seen = Seen {
+        let seen = AxisState {
             stroke: Lanes(strokes),
             velocity: Lanes([0.09; 4]),
             load_pressure: Lanes([40e5; 4]),
@@ -504,7 +482,7 @@ pub(crate) mod tests {
         let speeds = lanes.update(&mut together, &reference.map(|v| Lanes([v; 4])), &seen);
         for (lane, stroke) in strokes.into_iter().enumerate() {
             let mut memory = plain.start();
-            let seen = Seen { stroke, velocity: 0.09, load_pressure: 40e5 };
+            let seen = AxisState { stroke, velocity: 0.09, load_pressure: 40e5 };
             assert_eq!(plain.update(&mut memory, &reference, &seen), speeds.0[lane]);
             assert_eq!(memory.lag, together.lag.0[lane]);
         }

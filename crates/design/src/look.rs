@@ -3,7 +3,8 @@
 use crate::linear::{Mode, modes};
 use crate::linear_feedback::LinearFeedback;
 use crate::{DesignError, Lifting, Loop, Margins, margins};
-use hydroboom_control::model_following::{ModelFollowing, Seen};
+use hydroboom_control::controller::AxisState;
+use hydroboom_control::model_following::ModelFollowing;
 use hydroboom_control::oil_spring::Gains;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
@@ -108,7 +109,7 @@ pub fn step_response(
     for k in 0..(duration / law.period).round() as u32 {
         let time = f64::from(k) * law.period;
         let outputs = crane.outputs();
-        let seen = Seen {
+        let seen = AxisState {
             stroke: outputs.stroke,
             velocity: outputs.velocity,
             load_pressure: crane.load_pressure(),

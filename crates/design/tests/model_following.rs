@@ -2,13 +2,13 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+use hydroboom_control::controller::AxisState;
 use hydroboom_control::deviation::Watched;
-use hydroboom_control::feedback::benchmark::Benchmark;
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput};
 use hydroboom_control::follower::Follower;
 use hydroboom_control::learner::{Conditions, Learned, Learner};
-use hydroboom_control::model_following::Seen;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::Reading;
 use hydroboom_description::Description;
 use hydroboom_design::{
     Lifting, Loop, balances, informed, leakage, look, margins, model_following, oil_spring,
@@ -181,17 +181,17 @@ fn the_controllers_oil_is_the_models() {
 }
 
 /// A crane that goes where the simulated one goes, in the midst of a motion; and what is learned of it then.
-fn in_motion() -> (Follower, Learned, SetPoint<f64>, Seen<f64>, Watched<f64>) {
+fn in_motion() -> (Follower, Learned, SetPoint<f64>, AxisState<f64>, Watched<f64>) {
     let crane = Description::uia_single_boom().unwrap();
     let schedule = schedule(&crane).unwrap();
     let balances = balances(&crane, &schedule);
     let reference = SetPoint { position: 0.2, velocity: 0.1 };
-    let seen = Seen { stroke: 0.2, velocity: 0.1, load_pressure: 66e5 };
+    let seen = AxisState { stroke: 0.2, velocity: 0.1, load_pressure: 66e5 };
     let lead = crane.numbers.following_lead;
     let stroke = seen.stroke - lead * seen.velocity;
     let machine = Watched { stroke, load_pressure: seen.load_pressure, motor_speed: 0.0 };
     let learner =
-        Learner::start(&schedule, &balances, crane.numbers.payload, &Reading::default(), 66e5);
+        Learner::start(&schedule, &balances, crane.numbers.payload, &AxisSignals::default(), 66e5);
     let mut follower = Follower::new(learner);
     follower.begin(&machine, &seen);
     (follower, *learner.learned(), reference, seen, machine)
@@ -240,7 +240,7 @@ fn motion_is_translated_while_state_feedback_leads() {
     let speed = follower.lead(&reference, &seen);
     let mut unlike = follower;
     let translated = unlike.answer(&machine, &seen, speed);
-    let (reading, measured) = (Reading::default(), seen.measured());
+    let (reading, measured) = (AxisSignals::default(), BenchmarkInput::of_simulated(&seen));
     follower.learn(speed, &reference, &seen, &reading, &measured);
     let told = follower.answer(&machine, &seen, speed);
     assert!((told - speed).abs() < 0.5, "{told} for {speed}");
@@ -270,7 +270,7 @@ fn feedback_of_the_pressure_asks_for_less_where_the_oil_has_stiffened() {
     let mut law = model_following(&Description::uia_single_boom().unwrap()).unwrap();
     let rest = law.station(0.25).rest.load_pressure;
     (law.stiffness.transition, law.doubt) = (rest + 10e5, 0.0);
-    let seen = Seen { stroke: 0.25, velocity: 0.0, load_pressure: rest };
+    let seen = AxisState { stroke: 0.25, velocity: 0.0, load_pressure: rest };
     let at = |bar: f64| law.reckons(&seen, rest + bar * 1e5);
     // what comes back of a pressure, by the oil that is there
     let loops = [0.0, 10.0].map(|bar| {
@@ -365,12 +365,12 @@ fn a_crane_of_which_nothing_is_said_to_leak_learns_too() {
         tight.set(&format!("pump.{key}_m3_s_sqrtpa=0")).unwrap();
     }
     let flow = balances(&tight, &schedule(&tight).unwrap()).flow;
-    let reading = Reading {
+    let reading = AxisSignals {
         motor_speed: 0.2,
         stroke: 0.2,
         pressure_a: 65e5,
         pressure_pump_a: 65e5,
-        ..Reading::default()
+        ..AxisSignals::default()
     };
     let mut memory = flow.start(&reading);
     for _ in 0..10_000 {

@@ -6,9 +6,10 @@ use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::given::{motor_speed, noded, of_machine, parameters, remembered, variable};
 use crate::graph::Node;
+use hydroboom_control::controller::AxisState;
 use hydroboom_control::deviation::Watched;
 use hydroboom_control::deviation_memory::DeviationMemory;
-use hydroboom_control::model_following::{FollowingMemory, ModelFollowing, Seen};
+use hydroboom_control::model_following::{FollowingMemory, ModelFollowing};
 use hydroboom_control::out_of_reach::Led;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
@@ -35,14 +36,14 @@ pub(crate) fn recorded_law(
 }
 
 /// What is seen of the simulated crane, from outside.
-fn simulated() -> ([(Variable, E); 3], Seen<E>) {
+fn simulated() -> ([(Variable, E); 3], AxisState<E>) {
     let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
     let all = [
         input("simulated_stroke", "m", "Piston position of the simulated crane"),
         input("simulated_velocity", "m/s", "Its piston velocity"),
         input("simulated_load_pressure", "Pa", "Its load pressure"),
     ];
-    let seen = Seen { stroke: all[0].1, velocity: all[1].1, load_pressure: all[2].1 };
+    let seen = AxisState { stroke: all[0].1, velocity: all[1].1, load_pressure: all[2].1 };
     (all, seen)
 }
 

@@ -9,10 +9,11 @@ use crate::expression::{Expression, record};
 use crate::following::recorded_law;
 use crate::given::{gains, motor_speed, noded, of_machine, parameters, remembered, variable};
 use crate::graph::Node;
+use hydroboom_control::controller::AxisState;
 use hydroboom_control::deviation::Watched;
 use hydroboom_control::deviation_memory::DeviationMemory;
-use hydroboom_control::feedback::benchmark::Measured;
-use hydroboom_control::model_following::{FollowingMemory, ModelFollowing, Seen};
+use hydroboom_control::feedback::benchmark::BenchmarkInput;
+use hydroboom_control::model_following::{FollowingMemory, ModelFollowing};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::supervision::framed::SimulatedCrane;
 use hydroboom_description::Description;
@@ -28,8 +29,8 @@ type E = Expression;
 /// What the controllers of both cranes see in a period.
 struct Period {
     reference: SetPoint<E>,
-    measured: Measured<E>,
-    seen: Seen<E>,
+    measured: BenchmarkInput<E>,
+    seen: AxisState<E>,
 }
 
 /// What the controllers of both cranes do in a period.
@@ -155,7 +156,7 @@ fn following(at: &Period, law: &ModelFollowing<E>) -> Done {
     states.extend(more);
     let read = motor_speed();
 
-    let Measured { stroke, load_pressure } = *measured;
+    let BenchmarkInput { stroke, load_pressure } = *measured;
     let machine = Watched { stroke, load_pressure, motor_speed: read.1 };
     let begun = (law.start(), law.begin(&machine, seen));
     let turns = law.update(&mut following, reference, seen);
@@ -204,14 +205,14 @@ fn recording(
     let (mut states, now) = state(rest);
     let moving = states.len();
     let outputs = crane.outputs(&now);
-    let seen = Seen {
+    let seen = AxisState {
         stroke: outputs.stroke,
         velocity: outputs.velocity,
         load_pressure: crane.cylinder.load_pressure(outputs.pressure_a, outputs.pressure_b),
     };
     let period = Period {
         reference: SetPoint { position: position.1, velocity: velocity.1 },
-        measured: Measured { stroke: stroke.1, load_pressure: load.1 },
+        measured: BenchmarkInput { stroke: stroke.1, load_pressure: load.1 },
         seen,
     };
     let done = controls(&period, &given);

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::signals::Command;
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::supervision::fault::Cause;
 use hydroboom_control::supervision::frame::{
     FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
@@ -196,7 +196,7 @@ fn a_fault_is_left_by_a_reset_and_by_nothing_else() {
     let mut phases: Vec<f64> = Vec::new();
     let (mut controlled, mut since) = (0_u32, 0_u32);
     for k in 0..25_000_u32 {
-        let r = crane.reading();
+        let r = crane.signals();
         let controls = phases.last() == Some(&frame_phase::CONTROLLING);
         controlled += u32::from(controls || (500..520).contains(&controlled));
         // a transducer without a signal for twenty periods, half a second after the release
@@ -224,7 +224,7 @@ fn a_fault_is_left_by_a_reset_and_by_nothing_else() {
         }
         since += 1;
         let (motor_speed, holding_valve) = (output.motor_speed, output.holding_valve);
-        crane.advance(&Command { motor_speed, holding_valve }).unwrap();
+        crane.advance(&AxisCommand { motor_speed, holding_valve }).unwrap();
     }
     let released = [
         frame_phase::HOLDING,

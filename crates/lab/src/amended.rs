@@ -8,7 +8,8 @@ use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::WIDTH;
 use crate::hindsight::Log;
 use crate::stand_in::{StandIn, StandIns};
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::AxisSignals;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -46,7 +47,7 @@ pub(crate) fn amended(
     model: &StandIn,
     log: &Log<'_>,
     course: &dyn Course,
-) -> Result<Vec<Command<f64>>, LabError> {
+) -> Result<Vec<AxisCommand<f64>>, LabError> {
     let cycle = Cycle::new(model, log, course);
     let count = cycle.log.told.len() / cycle.apart + 2;
     let unchanged = DVector::zeros(count);
@@ -127,7 +128,7 @@ impl<'a> Cycle<'a> {
 
     /// How far the machine was from its reference \[m\].
     fn off(&self) -> DVector<f64> {
-        let off = |(k, at): (usize, &Reading<f64>)| at.stroke - self.reference(k);
+        let off = |(k, at): (usize, &AxisSignals<f64>)| at.stroke - self.reference(k);
         let off: Vec<f64> = self.log.read.iter().enumerate().map(off).collect();
         let around = (0..off.len()).step_by(EVERY).map(|k| {
             let near = &off[k.saturating_sub(AROUND)..(k + AROUND + 1).min(off.len())];
@@ -145,13 +146,13 @@ impl<'a> Cycle<'a> {
     }
 
     /// What the machine was told, and so much more \[rev/s\].
-    fn told(&self, by: &DVector<f64>) -> Vec<Command<f64>> {
+    fn told(&self, by: &DVector<f64>) -> Vec<AxisCommand<f64>> {
         let fastest = self.model.motor().fastest();
-        let more = |(k, command): (usize, &Command<f64>)| {
+        let more = |(k, command): (usize, &AxisCommand<f64>)| {
             let (i, share) = (k / self.apart, (k % self.apart) as f64 / self.apart as f64);
             let more = by[i] + share * (by[i + 1] - by[i]);
             let motor_speed = (command.motor_speed + more).clamp(-fastest, fastest);
-            Command { motor_speed, ..*command }
+            AxisCommand { motor_speed, ..*command }
         };
         self.log.told.iter().enumerate().map(more).collect()
     }
@@ -199,13 +200,13 @@ impl<'a> Cycle<'a> {
 /// Where a model goes that is told so from a control period on \[m\].
 fn onward(
     mut model: StandIn,
-    told: &[Command<f64>],
+    told: &[AxisCommand<f64>],
     from: usize,
     went: &mut DVector<f64>,
 ) -> Result<(), LabError> {
     for (k, command) in told.iter().enumerate().skip(from) {
         if k.is_multiple_of(EVERY) {
-            went[k / EVERY] = model.reading().stroke;
+            went[k / EVERY] = model.signals().stroke;
         }
         model.advance(command).map_err(LabError::during("the cycle amended"))?;
     }
@@ -215,7 +216,7 @@ fn onward(
 /// Where it goes by each of a few, \[m\], up to then where it was `before`: side by side, if it can.
 fn onward_together(
     model: &StandIn,
-    told: &[Vec<Command<f64>>],
+    told: &[Vec<AxisCommand<f64>>],
     from: usize,
     before: &DVector<f64>,
 ) -> Result<Vec<DVector<f64>>, LabError> {
@@ -257,12 +258,12 @@ mod tests {
     }
 
     /// What the velocity of the reference takes, as the paper's crane has it.
-    fn fed_forward(course: &dyn Course) -> Vec<Command<f64>> {
+    fn fed_forward(course: &dyn Course) -> Vec<AxisCommand<f64>> {
         let model = Description::uia_single_boom().unwrap();
         let (law, period) = (model.benchmark(), model.numbers.control_period);
         let told = |k: usize| {
             let reference = course.reference(k as f64 * period);
-            Command { motor_speed: law.velocity_feedforward(&reference), holding_valve: 1.0 }
+            AxisCommand { motor_speed: law.velocity_feedforward(&reference), holding_valve: 1.0 }
         };
         (0..(course.duration() / period) as usize).map(told).collect()
     }
@@ -276,16 +277,16 @@ mod tests {
     fn run(
         machine: &Description,
         course: &dyn Course,
-        told: &[Command<f64>],
-    ) -> (f64, Vec<Reading<f64>>) {
+        told: &[AxisCommand<f64>],
+    ) -> (f64, Vec<AxisSignals<f64>>) {
         let reference = |k: usize| course.reference(k as f64 * machine.numbers.control_period);
         let mut machine = stands_in(machine, course);
         let mut read = Vec::new();
         for command in told {
-            read.push(machine.reading());
+            read.push(machine.signals());
             machine.advance(command).unwrap();
         }
-        let off = |(k, at): (usize, &Reading<f64>)| (at.stroke - reference(k).position).powi(2);
+        let off = |(k, at): (usize, &AxisSignals<f64>)| (at.stroke - reference(k).position).powi(2);
         let square: f64 = read.iter().enumerate().map(off).sum();
         ((square / read.len() as f64).sqrt(), read)
     }

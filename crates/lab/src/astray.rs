@@ -4,7 +4,7 @@ use crate::LabError;
 use crate::closed_loop::scenario::Course;
 use crate::learning::Cycle;
 use crate::open_loop::at_rest;
-use hydroboom_control::signals::Command;
+use hydroboom_control::command::AxisCommand;
 use hydroboom_description::Description;
 
 /// So much more is it told \[rev/s\], for so long \[s\].
@@ -31,7 +31,7 @@ pub fn astray(
     more[from..to].iter_mut().for_each(|command| command.motor_speed += BY);
     // where they are: the last digit of what is read hides what grows
     let [mut led, mut other] = [at_rest(crane, course)?, at_rest(crane, course)?];
-    let apart = |(told, more): (&Command<f64>, &Command<f64>)| {
+    let apart = |(told, more): (&AxisCommand<f64>, &AxisCommand<f64>)| {
         let apart = other.truth().outputs.stroke - led.truth().outputs.stroke;
         led.advance(told).and_then(|()| other.advance(more)).map(|()| apart)
     };

@@ -5,8 +5,9 @@ use crate::closed_loop::monte_carlo::worn;
 use crate::closed_loop::scenario::{Course, scenarios};
 use crate::paper;
 use crate::virtual_run::{Contents, LogOrder, Task, virtual_run};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::trajectory::Trajectory as _;
-use hydroboom_control::signals::{Command, Reading};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_model::Outputs;
@@ -154,8 +155,8 @@ fn read_me(crane: &Description) -> String {
     }
     text += "\nColumns of the readings: time_s; where there is a reference, reference_position_mm and \
              reference_velocity_mm_s; then\n\n";
-    text += &meanings(&Command::NAMES, &Command::MEANINGS, "command_");
-    text += &meanings(&Reading::NAMES, &Reading::MEANINGS, "");
+    text += &meanings(&AxisCommand::NAMES, &AxisCommand::MEANINGS, "command_");
+    text += &meanings(&AxisSignals::NAMES, &AxisSignals::MEANINGS, "");
     text += "\nColumns of the truth, beside time_s:\n\n";
     text += &meanings(&Outputs::NAMES, &Outputs::MEANINGS, "true_");
     text += &meanings(&Truth::NAMES, &Truth::MEANINGS, "true_");

@@ -13,9 +13,10 @@ use crate::LabError;
 use crate::closed_loop::metrics::Metrics;
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
-use crate::closed_loop::simulation::{Feedback, Feedforward};
+use crate::closed_loop::simulation::{Feedback, Feedforward, area_ratio};
 use crate::{motion_test::Run, motion_test::run};
-use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::feedback::benchmark::BenchmarkInput;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_virtual_crane::VirtualCrane;
@@ -76,23 +77,26 @@ fn damped_once(
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(plant, &plant.start(start))?;
     let mut feedforward = Feedforward::new(model, strategy, start)?;
-    let beyond = |seen: Measured<f64>, simulated: Option<Measured<f64>>| Measured {
-        load_pressure: seen.load_pressure - simulated.map_or(0.0, |s| s.load_pressure),
-        ..seen
-    };
+    let beyond =
+        |seen: BenchmarkInput<f64>, simulated: Option<BenchmarkInput<f64>>| BenchmarkInput {
+            load_pressure: seen.load_pressure - simulated.map_or(0.0, |s| s.load_pressure),
+            ..seen
+        };
+    let area_ratio = area_ratio(model);
+    let of = |signals: &AxisSignals<f64>| BenchmarkInput::of(signals, area_ratio);
     let mut feedback =
-        Feedback::new(model, strategy, &beyond(crane.measured(), feedforward.simulated()));
+        Feedback::new(model, strategy, &beyond(of(&crane.signals()), feedforward.simulated()));
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut metrics = Metrics::new();
     for k in 0..=periods {
         let time = k as f64 * period;
         let reference = course.reference(time);
-        let seen = beyond(crane.measured(), feedforward.simulated());
+        let seen = beyond(of(&crane.signals()), feedforward.simulated());
         let speed =
             feedforward.speed(&reference).map_err(LabError::during("the simulated crane"))?;
         let command = feedback.command(&reference, &seen, speed);
-        let (reading, truth) = (crane.reading(), crane.truth());
+        let (reading, truth) = (crane.signals(), crane.truth());
         metrics.add(&Sample { time, reference, reading, truth, command });
         if k < periods {
             crane.advance(&command).map_err(LabError::during("damped once"))?;

@@ -1,13 +1,14 @@
 //! Model following on a virtual crane: the simulated crane beside it, and the controller.
 
 use crate::{LabError, Plant, plant};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::controller::AxisState;
 use hydroboom_control::deviation::Watched;
-use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::feedback::benchmark::BenchmarkInput;
 use hydroboom_control::follower::Follower;
 use hydroboom_control::learner::{Conditions, Learner};
-use hydroboom_control::model_following::Seen;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, schedule, under};
 use hydroboom_model::{Input, Scheme, SimulationError};
@@ -34,32 +35,29 @@ impl Following {
     /// At rest beside a machine, of which the model and what it reads are known.
     pub(crate) fn new(
         model: &Description,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
+        reading: &AxisSignals<f64>,
         start: f64,
     ) -> Result<Self, LabError> {
         let schedule = schedule(model)?;
         let balances = balances(model, &schedule);
-        let follower = Follower::start(&schedule, &balances, reading, measured);
-        Self::begun(model, follower, reading, measured, start)
+        let follower = Follower::start(&schedule, &balances, reading, &measured(model, reading));
+        Self::begun(model, follower, reading, start)
     }
 
     /// The same with what was learned before.
     pub(crate) fn resumed(
         model: &Description,
         learner: &Learner,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
+        reading: &AxisSignals<f64>,
         start: f64,
     ) -> Result<Self, LabError> {
-        Self::begun(model, Follower::new(*learner), reading, measured, start)
+        Self::begun(model, Follower::new(*learner), reading, start)
     }
 
     fn begun(
         model: &Description,
         mut follower: Follower,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
+        reading: &AxisSignals<f64>,
         start: f64,
     ) -> Result<Self, LabError> {
         let taken = follower.known().conditions();
@@ -67,7 +65,10 @@ impl Following {
         description.numbers = under(&taken, &model.numbers);
         let step = model.numbers.simulation_period;
         let simulated = plant(&description, &description.start(start), Scheme::Published, step)?;
-        follower.begin(&Watched::of(measured, reading.motor_speed), &seen(simulated.as_ref()));
+        follower.begin(
+            &Watched::of(&measured(model, reading), reading.motor_speed),
+            &seen(simulated.as_ref()),
+        );
         let count = (model.numbers.control_period / step).round() as u32;
         Ok(Self {
             description,
@@ -92,13 +93,13 @@ impl Following {
         &mut self,
         ahead: &dyn Fn(f64) -> SetPoint<f64>,
         speed: f64,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
-    ) -> Result<Command<f64>, LabError> {
+        reading: &AxisSignals<f64>,
+    ) -> Result<AxisCommand<f64>, LabError> {
         let seen = seen(self.simulated.as_ref());
+        let measured = measured(&self.description, reading);
         let reference = self.follower.foreseen(ahead, speed);
         let [simulated, speed] =
-            self.follower.period(self.told, &reference, &seen, reading, measured);
+            self.follower.period(self.told, &reference, &seen, reading, &measured);
         self.told = speed;
         self.periods += 1;
         let now = self.follower.known().conditions();
@@ -112,14 +113,20 @@ impl Following {
         let stopped: fn(SimulationError) -> LabError =
             |error| LabError::during("the simulated crane")(error);
         self.simulated.advance(&input, self.count).map_err(stopped)?;
-        Ok(Command { motor_speed: speed, holding_valve: 1.0 })
+        Ok(AxisCommand { motor_speed: speed, holding_valve: 1.0 })
     }
 }
 
+/// What is measured of a machine that has the cylinder of the model.
+fn measured(model: &Description, signals: &AxisSignals<f64>) -> BenchmarkInput<f64> {
+    let cylinder = model.cylinder();
+    BenchmarkInput::of(signals, cylinder.rod_side_area / cylinder.piston_area)
+}
+
 /// What state feedback sees of a simulated crane.
-pub(crate) fn seen(plant: &dyn Plant) -> Seen<f64> {
+pub(crate) fn seen(plant: &dyn Plant) -> AxisState<f64> {
     let outputs = plant.outputs();
-    Seen {
+    AxisState {
         stroke: outputs.stroke,
         velocity: outputs.velocity,
         load_pressure: plant.load_pressure(),

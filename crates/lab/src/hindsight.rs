@@ -9,10 +9,11 @@ use crate::LabError;
 use crate::closed_loop::simulation::WIDTH;
 use crate::motor_as_read::motor_as_read;
 use crate::stand_in::{StandIn, StandIns};
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::flow_balance::Balance;
 use hydroboom_control::learner::Known;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::schedule::Schedule;
-use hydroboom_control::signals::{Command, Reading};
 use hydroboom_description::schema::FrictionChoice;
 use hydroboom_description::{Description, Numbers};
 use hydroboom_design::{informed, schedule};
@@ -51,9 +52,9 @@ const FIRST: f64 = 10.0;
 /// What a machine was told from a rest on, and what was read of it.
 pub(crate) struct Log<'a> {
     /// Commands, each held for a control period.
-    pub told: &'a [Command<f64>],
+    pub told: &'a [AxisCommand<f64>],
     /// Readings at the beginning of each, as many.
-    pub read: &'a [Reading<f64>],
+    pub read: &'a [AxisSignals<f64>],
 }
 
 /// A model of a machine, fitted to a log of it. The payload and how late the motor is stay as they are known.
@@ -173,7 +174,7 @@ impl<'a> Hindsight<'a> {
     fn off_alone(&self, mut stand_in: StandIn) -> Result<DVector<f64>, LabError> {
         let mut went = Vec::with_capacity(self.log.told.len());
         for command in self.log.told {
-            let Reading { stroke, pressure_b, .. } = stand_in.reading();
+            let AxisSignals { stroke, pressure_b, .. } = stand_in.signals();
             went.push([stroke, pressure_b]);
             stand_in.advance(command).map_err(LabError::during("the cycle in hindsight"))?;
         }
@@ -235,7 +236,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Hindsight<'_> {
 }
 
 /// A model that starts from the pressures that are read of a machine at rest.
-fn resting(model: &Description, rest: &Reading<f64>) -> Description {
+fn resting(model: &Description, rest: &AxisSignals<f64>) -> Description {
     let mut model = model.clone();
     let n = &mut model.numbers;
     n.rod_side = rest.pressure_b;
@@ -255,18 +256,18 @@ mod tests {
     const STROKE: f64 = 0.2;
 
     /// Up at two speeds, down at two, and rests in between.
-    fn told() -> Vec<Command<f64>> {
+    fn told() -> Vec<AxisCommand<f64>> {
         let speeds = [0.0, 15.0, 30.0, 0.0, -15.0, -30.0, 0.0];
-        let each = |motor_speed: f64| [Command { motor_speed, holding_valve: 1.0 }; 800];
+        let each = |motor_speed: f64| [AxisCommand { motor_speed, holding_valve: 1.0 }; 800];
         speeds.into_iter().flat_map(each).collect()
     }
 
     /// What is read of a model that stands in for a machine under what is told.
-    fn read(machine: &Description, told: &[Command<f64>]) -> Vec<Reading<f64>> {
+    fn read(machine: &Description, told: &[AxisCommand<f64>]) -> Vec<AxisSignals<f64>> {
         let mut machine = StandIn::new(machine, STROKE).unwrap();
         let mut read = Vec::new();
         for command in told {
-            read.push(machine.reading());
+            read.push(machine.signals());
             machine.advance(command).unwrap();
         }
         read
@@ -299,7 +300,7 @@ mod tests {
         let mut stand_in = StandIn::new(&fitted, STROKE).unwrap();
         let mut square = 0.0;
         for (command, read) in told.iter().zip(&read) {
-            square += (stand_in.reading().stroke - read.stroke).powi(2);
+            square += (stand_in.signals().stroke - read.stroke).powi(2);
             stand_in.advance(command).unwrap();
         }
         let [before] = hindsight.off([&hindsight.moved]);

@@ -9,8 +9,9 @@ use crate::interruptible::as_long_as;
 use crate::open_loop::{OpenLoop, at_rest};
 use crate::rehearsal::Rehearsal;
 use crate::stand_in::StandIn;
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::learner::{Balances, Known, Learner};
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::Description;
 use hydroboom_design::{balances, overrides, schedule};
 use hydroboom_virtual_crane::VirtualCrane;
@@ -21,9 +22,9 @@ pub(crate) struct Cycle {
     /// What it has taught.
     pub learner: Learner,
     /// What the machine was told, each control period.
-    pub told: Vec<Command<f64>>,
+    pub told: Vec<AxisCommand<f64>>,
     /// What was read of it at the beginning of each.
-    pub read: Vec<Reading<f64>>,
+    pub read: Vec<AxisSignals<f64>>,
     /// The machine, where the cycle has left it.
     pub machine: VirtualCrane,
 }
@@ -37,15 +38,15 @@ impl Cycle {
     ) -> Result<Self, LabError> {
         let start = course.reference(0.0).position;
         let mut machine = at_rest(crane, course)?;
-        let mut following = Following::new(model, &machine.reading(), &machine.measured(), start)?;
+        let mut following = Following::new(model, &machine.signals(), start)?;
         let period = model.numbers.control_period;
         let periods = (course.duration() / period).round() as u64;
         let mut told = Vec::with_capacity(periods as usize);
         let mut read = Vec::with_capacity(periods as usize);
         for k in 0..periods {
             let ahead = |after: f64| course.reference(k as f64 * period + after);
-            let (reading, measured) = (machine.reading(), machine.measured());
-            let command = following.command(&ahead, course.speed(), &reading, &measured)?;
+            let reading = machine.signals();
+            let command = following.command(&ahead, course.speed(), &reading)?;
             machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
             told.push(command);
             read.push(reading);
@@ -55,14 +56,14 @@ impl Cycle {
 }
 
 /// Tracking errors \[m\] of a machine that was read each period \[s\] of a course.
-fn errors_of_read(read: &[Reading<f64>], period: f64, course: &dyn Course) -> Vec<f64> {
+fn errors_of_read(read: &[AxisSignals<f64>], period: f64, course: &dyn Course) -> Vec<f64> {
     let reference = |k: usize| course.reference(k as f64 * period).position;
     read.iter().enumerate().map(|(k, at)| at.stroke - reference(k)).collect()
 }
 
 /// Tracking errors \[m\] of a machine that is told what led one through the cycle and not looked at.
 fn errors_of_told(
-    told: &[Command<f64>],
+    told: &[AxisCommand<f64>],
     machine: &mut VirtualCrane,
     course: &dyn Course,
 ) -> Result<Vec<f64>, LabError> {
@@ -70,7 +71,7 @@ fn errors_of_told(
     let mut errors = Vec::with_capacity(told.len());
     for (k, command) in told.iter().enumerate() {
         let reference = course.reference(k as f64 * period);
-        errors.push(machine.reading().stroke - reference.position);
+        errors.push(machine.signals().stroke - reference.position);
         machine.advance(command).map_err(LabError::during("the cycle once more"))?;
     }
     Ok(errors)
@@ -166,7 +167,7 @@ fn cycle(
         // told the same from the same rest, another is left in the same state
         let mut another = at_rest(crane, course)?;
         if errors_of_told(&told, &mut another, course).is_ok() {
-            let straight_on = rehearsal.told(course, &told, another.reading().stroke);
+            let straight_on = rehearsal.told(course, &told, another.signals().stroke);
             taught.straight_on_mm = told_rms_mm(straight_on, &mut another, course);
         }
         taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
@@ -183,7 +184,7 @@ fn rms_mm(errors: Result<Vec<f64>, LabError>) -> Option<f64> {
 
 /// The same of a machine that is told so and not looked at.
 fn told_rms_mm(
-    told: Result<Vec<Command<f64>>, LabError>,
+    told: Result<Vec<AxisCommand<f64>>, LabError>,
     machine: &mut VirtualCrane,
     course: &dyn Course,
 ) -> Option<f64> {
@@ -226,7 +227,7 @@ mod tests {
         let Cycle { told, machine, .. } = Cycle::of(&model, &crane, course.as_ref()).unwrap();
         let mut another = at_rest(&crane, course.as_ref()).unwrap();
         errors_of_told(&told, &mut another, course.as_ref()).unwrap();
-        let [one, other] = [&machine, &another].map(|m| (m.truth().outputs, m.reading()));
+        let [one, other] = [&machine, &another].map(|m| (m.truth().outputs, m.signals()));
         assert_eq!(one, other);
     }
 }

@@ -4,7 +4,8 @@
 //! it cannot follow for lateness, too: 11 ms for 6 on crane 142 of seed 1.
 
 use crate::late_motor::LateMotor;
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::Numbers;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DVector, Dyn, OMatrix, U3, Vector3, storage::Owned};
@@ -23,8 +24,8 @@ const DAMPED: [f64; 2] = [0.3, 2.0];
 /// The numbers with the lateness, the drive's bandwidth and its damping that come nearest to the speeds that were read; with those that they have where nothing moved.
 pub(crate) fn motor_as_read(
     numbers: &Numbers<f64>,
-    told: &[Command<f64>],
-    read: &[Reading<f64>],
+    told: &[AxisCommand<f64>],
+    read: &[AxisSignals<f64>],
 ) -> Numbers<f64> {
     let beside = |dead: f64, lag: f64| {
         let moved = Vector3::new(dead / STEPS[0], lag / STEPS[1], numbers.drive_damping / STEPS[2]);
@@ -57,8 +58,8 @@ pub(crate) fn motor_as_read(
 /// A motor beside what was read of one.
 struct Beside<'a> {
     numbers: &'a Numbers<f64>,
-    told: &'a [Command<f64>],
-    read: &'a [Reading<f64>],
+    told: &'a [AxisCommand<f64>],
+    read: &'a [AxisSignals<f64>],
     /// Dead time, lag and damping ratio, in [`STEPS`].
     moved: Vector3<f64>,
 }
@@ -127,20 +128,20 @@ mod tests {
     use hydroboom_description::Description;
 
     /// Speeds between which the motor leaps farther than its slew lets it, as with noise.
-    fn told(scale: f64) -> Vec<Command<f64>> {
+    fn told(scale: f64) -> Vec<AxisCommand<f64>> {
         let leaping = |k: u32| {
             let motor_speed = scale * f64::sin(1e-4 * f64::from(k * k % 9001));
-            Command { motor_speed, holding_valve: 1.0 }
+            AxisCommand { motor_speed, holding_valve: 1.0 }
         };
         (0..2000).map(leaping).collect()
     }
 
-    fn read(numbers: &Numbers<f64>, told: &[Command<f64>]) -> Vec<Reading<f64>> {
+    fn read(numbers: &Numbers<f64>, told: &[AxisCommand<f64>]) -> Vec<AxisSignals<f64>> {
         let mut motor = LateMotor::new(numbers);
-        let reading = |told: &Command<f64>| {
+        let reading = |told: &AxisCommand<f64>| {
             let motor_speed = motor.speed();
             motor.told(told.motor_speed);
-            Reading { motor_speed, ..Reading::default() }
+            AxisSignals { motor_speed, ..AxisSignals::default() }
         };
         told.iter().map(reading).collect()
     }
@@ -175,8 +176,8 @@ mod tests {
         let course = CourseChoice::Motion(n.fast).of(&crane).unwrap();
         let mut machine = at_rest(&crane, course.as_ref()).unwrap();
         let told = told(10.0);
-        let reading = |told: &Command<f64>| {
-            let reading = machine.reading();
+        let reading = |told: &AxisCommand<f64>| {
+            let reading = machine.signals();
             machine.advance(told).unwrap();
             reading
         };

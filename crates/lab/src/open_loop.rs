@@ -3,10 +3,10 @@
 use crate::closed_loop::scenario::Course;
 use crate::following::seen;
 use crate::{LabError, Plant, plant};
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::learner::Known;
 use hydroboom_control::model_following::{FollowingMemory, ModelFollowing};
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::Command;
 use hydroboom_description::Description;
 use hydroboom_design::{informed, model_following, schedule};
 use hydroboom_model::{Input, Scheme};
@@ -50,9 +50,9 @@ impl OpenLoop {
         let mut errors = Vec::with_capacity(periods as usize + 1);
         for k in 0..=periods {
             let ahead = |after: f64| course.reference(k as f64 * period + after);
-            errors.push(machine.reading().stroke - ahead(0.0).position);
+            errors.push(machine.signals().stroke - ahead(0.0).position);
             let motor_speed = led.speed(&ahead, course.speed())?;
-            let command = Command { motor_speed, holding_valve: 1.0 };
+            let command = AxisCommand { motor_speed, holding_valve: 1.0 };
             machine.advance(&command).map_err(LabError::during("open loop"))?;
         }
         Ok(errors)

@@ -6,9 +6,9 @@ use crate::closed_loop::scenario::Course;
 use crate::following::Following;
 use crate::hindsight::Log;
 use crate::stand_in::StandIn;
-use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::learner::Learner;
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::Description;
 
 /// What is known of a machine once a cycle is over.
@@ -33,17 +33,17 @@ impl Rehearsal<'_> {
     pub(crate) fn told(
         &self,
         course: &dyn Course,
-        came: &[Command<f64>],
+        came: &[AxisCommand<f64>],
         stroke: f64,
-    ) -> Result<Vec<Command<f64>>, LabError> {
+    ) -> Result<Vec<AxisCommand<f64>>, LabError> {
         let here = self.here(came, course.reference(0.0).position)?;
         // by how much the machine is farther out than what stands in for it
-        let farther = stroke - here.reading().stroke;
+        let farther = stroke - here.signals().stroke;
         let told = self.led(here.clone(), farther, course)?;
         let mut read = Vec::with_capacity(told.len());
         let mut stand_in = here.clone();
         for command in &told {
-            read.push(read_of(&stand_in, farther).0);
+            read.push(read_of(&stand_in, farther));
             stand_in.advance(command).map_err(LabError::during("the rehearsal once more"))?;
         }
         amended(&here, &Log { told: &told, read: &read }, course)
@@ -51,7 +51,7 @@ impl Rehearsal<'_> {
 
     /// What stands in for the machine, where it has come to from its rest at `start` \[m\]: what friction holds, and the oil with it, hangs on how it
     /// came there.
-    fn here(&self, came: &[Command<f64>], start: f64) -> Result<StandIn, LabError> {
+    fn here(&self, came: &[AxisCommand<f64>], start: f64) -> Result<StandIn, LabError> {
         let mut stand_in = StandIn::new(self.machine, start)?;
         let during = LabError::during("what came before the rehearsal");
         came.iter().try_for_each(|command| stand_in.advance(command)).map_err(during)?;
@@ -64,32 +64,30 @@ impl Rehearsal<'_> {
         stand_in: StandIn,
         farther: f64,
         course: &dyn Course,
-    ) -> Result<Vec<Command<f64>>, LabError> {
+    ) -> Result<Vec<AxisCommand<f64>>, LabError> {
         // drive and sensors are late, but not by a dead time all of it: the loop around one that is 16 ms late rings on at rest
         let lead = self.model.numbers.following_lead;
         let sooner = self.machine.numbers.following_lead - lead;
         let mut machine = stand_in.late_by(lead);
         let start = course.reference(0.0).position;
-        let (reading, measured) = read_of(&machine, farther);
-        let mut following =
-            Following::resumed(self.model, self.learner, &reading, &measured, start)?;
+        let reading = read_of(&machine, farther);
+        let mut following = Following::resumed(self.model, self.learner, &reading, start)?;
         let period = machine.motor().period();
         let periods = (course.duration() / period).round() as u64;
         let command = |k: u64| {
             let ahead = |after: f64| course.reference(k as f64 * period + after + sooner);
-            let (reading, measured) = read_of(&machine, farther);
-            let command = following.command(&ahead, course.speed(), &reading, &measured)?;
+            let reading = read_of(&machine, farther);
+            let command = following.command(&ahead, course.speed(), &reading)?;
             machine.advance(&command).map_err(LabError::during("the rehearsal"))?;
-            Ok(Command { holding_valve: 1.0, ..command })
+            Ok(AxisCommand { holding_valve: 1.0, ..command })
         };
         (0..periods).map(command).collect()
     }
 }
 
 /// What would be read of a machine that is so much farther out than what stands in for it \[m\].
-fn read_of(stand_in: &StandIn, farther: f64) -> (Reading<f64>, Measured<f64>) {
-    let (mut reading, mut measured) = (stand_in.reading(), stand_in.measured());
+fn read_of(stand_in: &StandIn, farther: f64) -> AxisSignals<f64> {
+    let mut reading = stand_in.signals();
     reading.stroke += farther;
-    measured.stroke += farther;
-    (reading, measured)
+    reading
 }

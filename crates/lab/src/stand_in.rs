@@ -2,8 +2,8 @@
 
 use crate::late_motor::LateMotor;
 use crate::{LabError, Plant, plant};
-use hydroboom_control::feedback::benchmark::Measured;
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Outputs, Scheme, SimulationError};
 use hydroboom_plant::SideBySide;
@@ -47,9 +47,9 @@ impl StandIn {
     }
 
     /// What would be read of it.
-    pub(crate) fn reading(&self) -> Reading<f64> {
+    pub(crate) fn signals(&self) -> AxisSignals<f64> {
         let outputs = self.plant.outputs();
-        Reading {
+        AxisSignals {
             stroke: outputs.stroke,
             pressure_pump_a: outputs.pressure_pump_a,
             pressure_a: outputs.pressure_a,
@@ -60,17 +60,12 @@ impl StandIn {
         }
     }
 
-    /// What the benchmark controller would make of it.
-    pub(crate) fn measured(&self) -> Measured<f64> {
-        Measured { stroke: self.plant.outputs().stroke, load_pressure: self.plant.load_pressure() }
-    }
-
     /// A control period under a command.
     ///
     /// # Errors
     ///
     /// [`SimulationError`] when it leaves what the model holds for.
-    pub(crate) fn advance(&mut self, command: &Command<f64>) -> Result<(), SimulationError> {
+    pub(crate) fn advance(&mut self, command: &AxisCommand<f64>) -> Result<(), SimulationError> {
         let pump_speed = self.motor.told(command.motor_speed);
         self.plant.advance(&Input { pump_speed, holding_valve: command.holding_valve }, 1)
     }
@@ -118,7 +113,7 @@ impl<const W: usize> StandIns<W> {
     }
 
     /// A control period, each under its own command.
-    pub(crate) fn advance(&mut self, commands: &[Command<f64>; W]) {
+    pub(crate) fn advance(&mut self, commands: &[AxisCommand<f64>; W]) {
         let input = |lane: usize| Input {
             pump_speed: self.motors[lane].told(commands[lane].motor_speed),
             holding_valve: commands[lane].holding_valve,
@@ -133,9 +128,9 @@ mod tests {
     use super::*;
 
     /// Up and down in turn, with leaps that no motor follows.
-    fn command(k: usize, speed: f64) -> Command<f64> {
+    fn command(k: usize, speed: f64) -> AxisCommand<f64> {
         let motor_speed = if k % 200 < 100 { speed } else { -speed };
-        Command { motor_speed, holding_valve: 1.0 }
+        AxisCommand { motor_speed, holding_valve: 1.0 }
     }
 
     /// To the last digit.
@@ -152,7 +147,7 @@ mod tests {
             let seen = alone.each_ref().map(|one| one.plant.outputs());
             assert_eq!(together.outputs(), seen, "period {k}");
         }
-        assert!(alone[0].reading().stroke != alone[1].reading().stroke);
+        assert!(alone[0].signals().stroke != alone[1].signals().stroke);
     }
 
     #[test]

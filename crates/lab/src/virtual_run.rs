@@ -7,8 +7,9 @@ use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
 use crate::log::{Log, columns, scaled};
 use crate::simulate::Recording;
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::{Command, Reading};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_model::Outputs;
@@ -137,7 +138,7 @@ pub fn virtual_run(
             let real = VirtualCrane::new(crane, &start)?;
             let command = |time| {
                 let input = recording.at(time);
-                Command { motor_speed: input.pump_speed, holding_valve: input.holding_valve }
+                AxisCommand { motor_speed: input.pump_speed, holding_valve: input.holding_valve }
             };
             follow(real, duration, command, &mut observe)?;
         }
@@ -148,7 +149,7 @@ pub fn virtual_run(
             let mut real = VirtualCrane::new(crane, &start)?;
             real.lift(drop / crane.numbers.boom_length)
                 .map_err(LabError::during("lifting the boom"))?;
-            let held = Command { motor_speed: 0.0, holding_valve: 0.0 };
+            let held = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
             follow(real, duration, |_| held, &mut observe)?;
         }
     }
@@ -214,7 +215,7 @@ impl Summary {
 fn follow(
     mut real: VirtualCrane,
     duration: f64,
-    command: impl Fn(f64) -> Command<f64>,
+    command: impl Fn(f64) -> AxisCommand<f64>,
     observe: &mut dyn FnMut(&Sample) -> Result<(), LabError>,
 ) -> Result<(), LabError> {
     let period = real.period();
@@ -222,7 +223,7 @@ fn follow(
     for k in 0..=periods {
         let time = k as f64 * period;
         let command = command(time);
-        let reading = real.reading();
+        let reading = real.signals();
         // there is no reference to be away from
         let reference = SetPoint { position: reading.stroke, velocity: 0.0 };
         observe(&Sample { time, reference, reading, truth: real.truth(), command })?;
@@ -239,8 +240,8 @@ fn header(contents: Contents, task: &Task) -> Vec<String> {
         if matches!(task, Task::Course(..)) {
             header.extend(columns(&SetPoint::NAMES, &SetPoint::UNITS, "reference_"));
         }
-        header.extend(columns(&Command::NAMES, &Command::UNITS, "command_"));
-        header.extend(columns(&Reading::NAMES, &Reading::UNITS, ""));
+        header.extend(columns(&AxisCommand::NAMES, &AxisCommand::UNITS, "command_"));
+        header.extend(columns(&AxisSignals::NAMES, &AxisSignals::UNITS, ""));
     }
     if contents.truth() {
         header.extend(columns(&Outputs::NAMES, &Outputs::UNITS, "true_"));
@@ -255,8 +256,8 @@ fn row(contents: Contents, task: &Task, sample: &Sample) -> Vec<f64> {
         if matches!(task, Task::Course(..)) {
             row.extend(scaled(&sample.reference.to_array(), &SetPoint::UNITS));
         }
-        row.extend(scaled(&sample.command.to_array(), &Command::UNITS));
-        row.extend(scaled(&sample.reading.to_array(), &Reading::UNITS));
+        row.extend(scaled(&sample.command.to_array(), &AxisCommand::UNITS));
+        row.extend(scaled(&sample.reading.to_array(), &AxisSignals::UNITS));
     }
     if contents.truth() {
         row.extend(scaled(&sample.truth.outputs.to_array(), &Outputs::UNITS));

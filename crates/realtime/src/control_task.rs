@@ -4,11 +4,11 @@ use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::deviation::Watched;
-use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput, BenchmarkMemory};
 use hydroboom_control::follower::Follower;
 use hydroboom_control::learner::{Conditions, Known, Learned, Learner};
+use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::Reading;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_control::supervision::limits::{Limits, Observation};
@@ -73,10 +73,8 @@ pub struct Record {
     pub reference: SetPoint<f64>,
     /// What of it is the released piston's distance from the course's beginning, faded out \[m\].
     pub start_offset: f64,
-    /// What was read.
-    pub reading: Reading<f64>,
-    /// Its number.
-    pub sequence: u64,
+    /// What was measured.
+    pub measurement: Measurement,
     /// What the simulation showed.
     pub simulated: Option<Simulated>,
     /// What was decided and sent.
@@ -109,11 +107,16 @@ pub struct Deadlines {
 }
 
 impl Record {
+    /// Signals of the axis.
+    pub fn signals(&self) -> &AxisSignals<f64> {
+        &self.measurement.axes[0].signals
+    }
+
     /// Tracking error x − x_ref \[m\] while the course runs, the way to its beginning left out.
     pub fn error(&self) -> Option<f64> {
         self.course_time
             .filter(|time| *time >= 0.0)
-            .map(|_| self.reading.stroke - self.reference.position)
+            .map(|_| self.signals().stroke - self.reference.position)
     }
 }
 
@@ -121,8 +124,8 @@ impl Record {
 #[derive(Clone)]
 pub struct ControlTask {
     benchmark: Benchmark<f64>,
-    /// For its areas.
-    cylinder: Cylinder<f64>,
+    /// Rod-side area over piston area.
+    area_ratio: f64,
     course: Course,
     supervisor: Supervisor,
     /// Largest tracking error that is allowed now, with feedback, and without \[m\].
@@ -163,9 +166,8 @@ pub struct ControlTask {
     /// What is still left of a bump \[rev/s\].
     offset: f64,
     wanted: f64,
-    reading: Reading<f64>,
+    measurement: Measurement,
     valve: Option<ValveState>,
-    sequence: u64,
     age: f64,
 }
 
@@ -173,7 +175,7 @@ pub struct ControlTask {
 fn follower(model: &Description) -> Option<Follower> {
     let schedule = schedule(model).ok()?;
     let balances = balances(model, &schedule);
-    let nothing = Reading::default();
+    let nothing = AxisSignals::default();
     Some(Follower::new(Learner::start(&schedule, &balances, model.numbers.payload, &nothing, 0.0)))
 }
 
@@ -182,7 +184,8 @@ impl ControlTask {
     pub fn new(model: &Description, course: Course, limits: Limits, strategy: Strategy) -> Self {
         let n = &model.numbers;
         let benchmark = model.benchmark();
-        let nothing = Measured::default();
+        let Cylinder { piston_area, rod_side_area, .. } = model.cylinder();
+        let nothing = BenchmarkInput::default();
         Self {
             memory: benchmark.start(&nothing),
             simulated_memory: benchmark.start(&nothing),
@@ -192,7 +195,7 @@ impl ControlTask {
             described: conditions(n),
             follows: false,
             benchmark,
-            cylinder: model.cylinder(),
+            area_ratio: rod_side_area / piston_area,
             course,
             tracking: n.supervision_tracking_open_loop,
             closed_loop_tracking: n.supervision_tracking,
@@ -213,9 +216,8 @@ impl ControlTask {
             start_offset: 0.0,
             offset: 0.0,
             wanted: 0.0,
-            reading: Reading::default(),
+            measurement: Measurement::default(),
             valve: None,
-            sequence: 0,
             age: f64::INFINITY,
         }
     }
@@ -233,6 +235,11 @@ impl ControlTask {
     /// What was learned; none where nothing was to be.
     pub fn learned(&self) -> Option<Learned> {
         self.learner().map(|learner| *learner.learned())
+    }
+
+    /// Signals of the axis, as measured last.
+    fn signals(&self) -> &AxisSignals<f64> {
+        &self.measurement.axes[0].signals
     }
 
     fn learner(&self) -> Option<&Learner> {
@@ -272,25 +279,20 @@ impl ControlTask {
     /// One control period.
     pub fn period(&mut self, now: &Period) -> Record {
         let period = self.benchmark.period;
-        let before = self.sequence;
-        let newest = now.incoming.filter(|incoming| incoming.sequence != before);
+        let before = self.measurement.number;
+        let newest = now.incoming.filter(|incoming| incoming.measurement.number != before);
         // a machine that was restarted counts anew
-        let new_readings = newest.map_or(0, |i| match i.sequence.checked_sub(before) {
+        let new_readings = newest.map_or(0, |i| match i.measurement.number.checked_sub(before) {
             Some(more) => u32::try_from(more).unwrap_or(1),
             None => 1,
         });
         self.age += now.elapsed;
         if let Some(incoming) = newest {
-            self.reading = incoming.reading;
+            self.measurement = incoming.measurement;
             self.valve = incoming.valve;
-            self.sequence = incoming.sequence;
             self.age = 0.0;
         }
-        let r = &self.reading;
-        let measured = Measured {
-            stroke: r.stroke,
-            load_pressure: self.cylinder.load_pressure(r.pressure_a, r.pressure_b),
-        };
+        let measured = BenchmarkInput::of(self.signals(), self.area_ratio);
         let controls = self.decision.controls;
         if !controls {
             self.course_time = -self.course.approach();
@@ -313,7 +315,7 @@ impl ControlTask {
         }
         let observation = Observation {
             elapsed: now.elapsed,
-            reading: self.reading,
+            reading: *self.signals(),
             valve: self.valve,
             age: self.age,
             new_readings,
@@ -333,8 +335,7 @@ impl ControlTask {
             course_speed: self.course.speed(),
             reference,
             start_offset: if controls { self.start_offset } else { 0.0 },
-            reading: self.reading,
-            sequence: self.sequence,
+            measurement: self.measurement,
             simulated: now.simulated,
             decision: self.decision,
             strategy: self.strategy,
@@ -376,9 +377,9 @@ impl ControlTask {
 
     /// What this period tells of the machine: how it goes where the simulation goes, and what the load weighs while valves hold it. Where
     /// anything is wrong nothing is learned.
-    fn learn(&mut self, reference: &SetPoint<f64>, measured: &Measured<f64>, now: &Period) {
+    fn learn(&mut self, reference: &SetPoint<f64>, measured: &BenchmarkInput<f64>, now: &Period) {
         let Some(follower) = self.follower.as_mut().filter(|_| self.learns) else { return };
-        let reading = &self.reading;
+        let reading = &self.measurement.axes[0].signals;
         let is_fresh = self.age < FRESH * self.benchmark.period && now.strategy.follows();
         let simulated = now.simulated.filter(|s| !s.failed && !self.fallback);
         match (is_fresh, self.decision.state, simulated) {
@@ -400,10 +401,10 @@ impl ControlTask {
     }
 
     /// The load is the controller's from the next period on.
-    fn begin(&mut self, measured: &Measured<f64>, now: &Period) {
+    fn begin(&mut self, measured: &BenchmarkInput<f64>, now: &Period) {
         self.offset = 0.0;
         let beginning = self.course.reference(-self.course.approach()).position;
-        self.start_offset = self.reading.stroke - beginning;
+        self.start_offset = self.signals().stroke - beginning;
         // what follows a simulation takes over from the benchmark in the first period
         self.strategy = match self.asked(now) {
             asked if asked.follows() => Strategy::BenchmarkClosedLoop,
@@ -419,9 +420,11 @@ impl ControlTask {
         self.memory = self.benchmark.start(measured);
         if let Some(simulated) = now.simulated {
             self.epoch = simulated.epoch;
-            self.simulated_memory = self.benchmark.start(&simulated.seen.measured());
+            self.simulated_memory =
+                self.benchmark.start(&BenchmarkInput::of_simulated(&simulated.seen));
+            let machine = Watched::of(measured, self.signals().motor_speed);
             if let Some(follower) = &mut self.follower {
-                follower.begin(&Watched::of(measured, self.reading.motor_speed), &simulated.seen);
+                follower.begin(&machine, &simulated.seen);
             }
         }
         // what keeps the pump pre-loaded now is what the leakage takes
@@ -436,17 +439,17 @@ impl ControlTask {
     fn control(
         &mut self,
         [reference, foreseen]: [&SetPoint<f64>; 2],
-        measured: &Measured<f64>,
+        measured: &BenchmarkInput<f64>,
         now: &Period,
     ) {
         let b = &self.benchmark;
-        let machine = Watched::of(measured, self.reading.motor_speed);
+        let machine = Watched::of(measured, self.signals().motor_speed);
         let velocity_feedforward = b.velocity_feedforward(reference);
         if let Some(simulated) = now.simulated.filter(|s| s.epoch != self.epoch) {
             // it was set to where the machine is, at rest
             self.epoch = simulated.epoch;
             self.steps = simulated.steps;
-            self.simulated_memory = b.start(&simulated.seen.measured());
+            self.simulated_memory = b.start(&BenchmarkInput::of_simulated(&simulated.seen));
             if let Some(follower) = &mut self.follower {
                 follower.begin(&machine, &simulated.seen);
             }
@@ -467,7 +470,8 @@ impl ControlTask {
                     follower.lead(foreseen, seen)
                 }
                 None => {
-                    let (memory, seen) = (&mut self.simulated_memory, seen.measured());
+                    let (memory, seen) =
+                        (&mut self.simulated_memory, BenchmarkInput::of_simulated(seen));
                     if takes_over {
                         *memory = b.start(&seen);
                         b.take_over(memory, reference, &seen, velocity_feedforward, motor);

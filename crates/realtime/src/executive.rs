@@ -22,10 +22,11 @@ use crate::simulation_task::{AtRest, Simulated, SimulationTask};
 use crate::slot::Slot;
 use crate::timing::Timing;
 use crate::trouble::Tampering;
+use hydroboom_control::command::{AxisCommand, Command};
+use hydroboom_control::controller::AxisState;
 use hydroboom_control::learner::{Conditions, Learned};
-use hydroboom_control::model_following::Seen;
+use hydroboom_control::measurement::{AXES, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::{Command, Reading};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::fault::Cause;
 use hydroboom_control::supervision::supervisor::{Decision, State};
@@ -73,7 +74,8 @@ const SHOWN: u64 = 20;
 const RESTED: u32 = 200;
 
 /// The safe command: motor at zero, load held by its valves.
-const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
+const HELD: Command =
+    Command { axes: [AxisCommand { motor_speed: 0.0, holding_valve: 0.0 }; AXES] };
 
 /// What a run in real time came to.
 #[derive(Clone, Debug)]
@@ -289,7 +291,7 @@ fn from_words(words: &[u64; SIMULATED]) -> (Simulated, Shown) {
     let simulated = Simulated {
         steps: words[0],
         epoch: words[1],
-        seen: Seen { stroke: number(2), velocity: number(3), load_pressure: number(4) },
+        seen: AxisState { stroke: number(2), velocity: number(3), load_pressure: number(4) },
         angle: [number(5), number(6), number(7)],
         failed: words[8] != 0,
     };
@@ -408,7 +410,7 @@ fn hold(
     // who would read it has ended
     let _ = failures.send(Failure::Control(why));
     let decision = Decision {
-        command: HELD,
+        command: AxisCommand { motor_speed: 0.0, holding_valve: 0.0 },
         state: State::Fault,
         cause: Some(Cause::ControllerInvalid),
         ..Decision::IDLE
@@ -449,8 +451,7 @@ fn unrecorded(decision: Decision, strategy: Strategy) -> Record {
         course_speed: 0.0,
         reference: SetPoint::default(),
         start_offset: 0.0,
-        reading: Reading::default(),
-        sequence: 0,
+        measurement: Measurement::default(),
         simulated: None,
         decision,
         strategy,
@@ -510,7 +511,8 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> (Decision, Option<Learne
         *sequence += 1;
         // a command that was decided before a stop of this process is not sent after it
         let is_late = (now() - clock) as f64 * 1e-9 > task.watchdog();
-        machine.write(*sequence, if is_late { &HELD } else { &record.decision.command });
+        let command = Command { axes: [record.decision.command] };
+        machine.write(*sequence, if is_late { &HELD } else { &command });
         *last = Some(record);
         let pump = task.simulated_motor();
         let Conditions { payload, transition } = task.conditions();

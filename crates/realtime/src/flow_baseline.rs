@@ -85,7 +85,7 @@ impl FlowBaseline {
         let mut state = FlowMonitorState::default();
         let (mut rows, mut last): (Vec<[f64; 4]>, Option<&Record>) = (Vec::new(), None);
         for record in records.iter().filter(|r| r.course_time.is_some()) {
-            let r = &record.reading;
+            let r = record.signals();
             let (carrying, other) =
                 ([r.pressure_pump_a, r.pressure_a], [r.pressure_pump_b, r.pressure_b]);
             let ([pump, load], [pump_b, _]) =

@@ -5,7 +5,8 @@ use crate::machine::Incoming;
 use crate::posix::{now, pin_to, run_first, wait_until};
 use crate::shared::Shared;
 use crate::trouble::Trouble;
-use hydroboom_control::signals::Command;
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::Measurement;
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_virtual_crane::VirtualCrane;
@@ -31,7 +32,7 @@ pub fn host(
     // after the control task, whose core it shares
     let _ = pin_to(CORE).and_then(|()| run_first(PRIORITY));
     let period = (crane.period() * 1e9).round() as u64;
-    let held = Command { motor_speed: 0.0, holding_valve: 0.0 };
+    let held = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
     let mut trouble = Trouble::new(description);
     let mut command = held;
     let (mut number, mut age, mut abandoned, mut last, mut done) = (0, 0.0, 0.0, 0, 0);
@@ -42,8 +43,8 @@ pub fn host(
             done = order;
             trouble.tamper(what);
         }
-        let incoming =
-            Incoming { sequence: number, reading: crane.reading(), valve: crane.valve() };
+        let measurement = Measurement { number, ..crane.measurement() };
+        let incoming = Incoming { measurement, valve: crane.valve() };
         if let Some(shown) = trouble.reading(incoming) {
             shared.show(&shown);
         }
@@ -52,6 +53,7 @@ pub fn host(
         match shared.command() {
             Some((order, newest)) if order != last => {
                 (last, abandoned) = (order, 0.0);
+                let [newest] = newest.axes;
                 match trouble.command(newest) {
                     Some(arrived) => (command, age) = (arrived, 0.0),
                     None => age += crane.period(),

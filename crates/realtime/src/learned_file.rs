@@ -212,12 +212,12 @@ fn shown(number: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_control::feedback::benchmark::Measured;
+    use hydroboom_control::controller::AxisState;
+    use hydroboom_control::feedback::benchmark::BenchmarkInput;
     use hydroboom_control::follower::Follower;
     use hydroboom_control::learner::Learner;
-    use hydroboom_control::model_following::Seen;
+    use hydroboom_control::measurement::AxisSignals;
     use hydroboom_control::reference::profile::SetPoint;
-    use hydroboom_control::signals::Reading;
     use hydroboom_description::schema::Numbers;
     use proptest::prelude::*;
     use std::sync::LazyLock;
@@ -239,7 +239,7 @@ mod tests {
     /// What a machine is told and read: up and down, with a flow gain of its pump.
     struct Machine {
         told: f64,
-        reading: Reading<f64>,
+        reading: AxisSignals<f64>,
         delivers: f64,
         time: f64,
     }
@@ -247,13 +247,13 @@ mod tests {
     impl Machine {
         fn new(delivers: f64) -> Self {
             let pressure = 70e5;
-            let reading = Reading {
+            let reading = AxisSignals {
                 stroke: 0.2,
                 pressure_a: pressure,
                 pressure_pump_a: pressure,
                 pressure_b: 3e5,
                 pressure_pump_b: 3e5,
-                ..Reading::default()
+                ..AxisSignals::default()
             };
             Self { told: 0.0, reading, delivers, time: 0.0 }
         }
@@ -270,9 +270,9 @@ mod tests {
             reading.pressure_pump_a = reading.pressure_a;
         }
 
-        fn measured(&self) -> Measured<f64> {
-            let Reading { stroke, pressure_a, pressure_b, .. } = self.reading;
-            Measured { stroke, load_pressure: pressure_a - 0.7 * pressure_b }
+        fn measured(&self) -> BenchmarkInput<f64> {
+            let AxisSignals { stroke, pressure_a, pressure_b, .. } = self.reading;
+            BenchmarkInput { stroke, load_pressure: pressure_a - 0.7 * pressure_b }
         }
     }
 
@@ -419,7 +419,8 @@ mod tests {
         for k in 0..500 {
             machine.period();
             let measured = machine.measured();
-            let seen = Seen { stroke: measured.stroke + 1e-3, velocity: 0.01, load_pressure: 66e5 };
+            let seen =
+                AxisState { stroke: measured.stroke + 1e-3, velocity: 0.01, load_pressure: 66e5 };
             let reference = SetPoint { position: seen.stroke, velocity: 0.01 };
             let reading = &machine.reading;
             let speeds = follower.period(machine.told, &reference, &seen, reading, &measured);

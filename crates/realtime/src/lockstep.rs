@@ -11,9 +11,10 @@ use crate::session::{Lookout, Order};
 use crate::setup::SetupError;
 use crate::simulation_task::SimulationTask;
 use crate::trouble::{Tampering, Trouble};
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::learner::Learned;
+use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::trajectory::Trajectory;
-use hydroboom_control::signals::Command;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::limits::Limits;
 use hydroboom_control::supervision::supervisor::Decision;
@@ -31,11 +32,11 @@ pub trait Disturbance {
         Some(incoming)
     }
     /// What arrives of a command; none: nothing does, and the machine's own watchdog holds the load.
-    fn command(&mut self, command: Command<f64>) -> Option<Command<f64>> {
+    fn command(&mut self, command: AxisCommand<f64>) -> Option<AxisCommand<f64>> {
         Some(command)
     }
     /// What drive and valve do of the command that acts on them.
-    fn drive(&mut self, command: Command<f64>) -> Command<f64> {
+    fn drive(&mut self, command: AxisCommand<f64>) -> AxisCommand<f64> {
         command
     }
     /// How many of the simulation's steps are taken.
@@ -78,7 +79,7 @@ pub struct Lockstep {
     steps: u32,
     sequence: u64,
     /// The last command that arrived, and for how many periods none has.
-    arrived: (Command<f64>, u32),
+    arrived: (AxisCommand<f64>, u32),
     /// Periods in which control was held up since its last one.
     held_up: u32,
     /// Periods without a command after which the machine's own watchdog shuts it down.
@@ -158,8 +159,7 @@ impl Lockstep {
     ) -> Result<Record, SimulationError> {
         self.sequence += 1;
         let incoming = Incoming {
-            sequence: self.sequence,
-            reading: self.machine.reading(),
+            measurement: Measurement { number: self.sequence, ..self.machine.measurement() },
             valve: self.machine.valve(),
         };
         let incoming = disturbance.reading(incoming);
@@ -191,7 +191,7 @@ impl Lockstep {
     /// A period of simulation and machine, with the command that was sent, if any.
     fn move_machine(
         &mut self,
-        sent: Option<Command<f64>>,
+        sent: Option<AxisCommand<f64>>,
         disturbance: &mut dyn Disturbance,
     ) -> Result<(), SimulationError> {
         if let Some(speed) = self.control.simulated_motor() {
@@ -247,7 +247,7 @@ impl Lockstep {
     }
 }
 
-const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
+const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
 
 /// How time passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -317,7 +317,7 @@ impl Disturbance for Watched<'_> {
     fn reading(&mut self, incoming: Incoming) -> Option<Incoming> {
         self.trouble.reading(incoming)
     }
-    fn command(&mut self, command: Command<f64>) -> Option<Command<f64>> {
+    fn command(&mut self, command: AxisCommand<f64>) -> Option<AxisCommand<f64>> {
         self.trouble.command(command)
     }
     fn steps(&mut self, due: u32) -> u32 {
@@ -332,7 +332,7 @@ impl Disturbance for Watched<'_> {
     fn control_is_held_up(&mut self) -> bool {
         self.trouble.control_is_held_up()
     }
-    fn drive(&mut self, command: Command<f64>) -> Command<f64> {
+    fn drive(&mut self, command: AxisCommand<f64>) -> AxisCommand<f64> {
         self.trouble.drive(command)
     }
     fn machine(&mut self, machine: &mut VirtualCrane) -> Result<(), PlantError> {

@@ -6,8 +6,9 @@
 
 use crate::control_task::Record;
 use crate::posix::survive_large_files;
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::{Command, Reading};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::State;
 use mcap::records::MessageHeader;
@@ -67,20 +68,20 @@ const NUMBERS: [Number; 36] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("course_speed_mm_s", |r| r.course_time.map(|_| r.course_speed * 1e3)),
-    ("reading_number", |r| Some(r.sequence as f64)),
+    ("reading_number", |r| Some(r.measurement.number as f64)),
     ("start_offset_mm", |r| Some(r.start_offset * 1e3)),
     ("reference_position_mm", |r| Some(r.reference.position * 1e3)),
     ("reference_velocity_mm_s", |r| Some(r.reference.velocity * 1e3)),
-    ("stroke_mm", |r| Some(r.reading.stroke * 1e3)),
+    ("stroke_mm", |r| Some(r.signals().stroke * 1e3)),
     ("error_mm", |r| r.error().map(|e| e * 1e3)),
     ("simulated_stroke_mm", |r| r.simulated.map(|s| s.seen.stroke * 1e3)),
     ("simulated_load_pressure_bar", |r| r.simulated.map(|s| s.seen.load_pressure * 1e-5)),
-    ("pressure_pump_a_bar", |r| Some(r.reading.pressure_pump_a * 1e-5)),
-    ("pressure_a_bar", |r| Some(r.reading.pressure_a * 1e-5)),
-    ("pressure_b_bar", |r| Some(r.reading.pressure_b * 1e-5)),
-    ("pressure_pump_b_bar", |r| Some(r.reading.pressure_pump_b * 1e-5)),
-    ("pressure_accumulator_bar", |r| Some(r.reading.pressure_accumulator * 1e-5)),
-    ("motor_speed_rpm", |r| Some(r.reading.motor_speed * 60.0)),
+    ("pressure_pump_a_bar", |r| Some(r.signals().pressure_pump_a * 1e-5)),
+    ("pressure_a_bar", |r| Some(r.signals().pressure_a * 1e-5)),
+    ("pressure_b_bar", |r| Some(r.signals().pressure_b * 1e-5)),
+    ("pressure_pump_b_bar", |r| Some(r.signals().pressure_pump_b * 1e-5)),
+    ("pressure_accumulator_bar", |r| Some(r.signals().pressure_accumulator * 1e-5)),
+    ("motor_speed_rpm", |r| Some(r.signals().motor_speed * 60.0)),
     ("command_motor_speed_rpm", |r| Some(r.decision.command.motor_speed * 60.0)),
     ("command_holding_valve", |r| Some(r.decision.command.holding_valve)),
     ("releasing", |r| Some(f64::from(u8::from(r.decision.releasing)))),
@@ -219,10 +220,8 @@ pub fn csv(records: &[Record]) -> String {
 /// One control period of a log, as far as a replay needs it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// Number of the reading.
-    pub sequence: u64,
-    /// What was read; none before the first reading. What was no number is NaN.
-    pub reading: Option<Reading<f64>>,
+    /// What was measured; none before the first measurement. A signal that was no number is NaN. Its time is that of the row.
+    pub measurement: Option<Measurement>,
     /// Time of the course \[s\]; none while the load was not the controller's.
     pub course_time: Option<f64>,
     /// Largest speed of the course \[m/s\]; none while there was no time of it, and in logs from before it was logged.
@@ -232,7 +231,7 @@ pub struct Row {
     /// What of it was the released piston's distance from the course's beginning \[m\].
     pub start_offset: f64,
     /// What was sent.
-    pub command: Command<f64>,
+    pub command: AxisCommand<f64>,
     /// What the machine did.
     pub state: State,
     /// Whether a release was under way.
@@ -317,8 +316,9 @@ fn row(value: &Value) -> Result<Row, String> {
     let needed =
         |name: &str| value[name].as_f64().ok_or_else(|| format!("a message without {name}"));
     let (state, strategy) = (text("state")?, text("strategy")?);
-    let sequence = needed("reading_number")? as u64;
-    let reading = Reading {
+    let number_of_measurement = needed("reading_number")? as u64;
+    let time = needed("time_s")?;
+    let signals = AxisSignals {
         stroke: number("stroke_mm", 1e-3),
         pressure_pump_a: number("pressure_pump_a_bar", 1e5),
         pressure_a: number("pressure_a_bar", 1e5),
@@ -328,8 +328,8 @@ fn row(value: &Value) -> Result<Row, String> {
         motor_speed: number("motor_speed_rpm", 1.0 / 60.0),
     };
     Ok(Row {
-        sequence,
-        reading: (sequence > 0).then_some(reading),
+        measurement: (number_of_measurement > 0)
+            .then(|| Measurement::new(number_of_measurement, time, [signals])),
         course_time: value["course_time_s"].as_f64(),
         course_speed: value["course_speed_mm_s"].as_f64().map(|speed| speed * 1e-3),
         reference: SetPoint {
@@ -337,13 +337,13 @@ fn row(value: &Value) -> Result<Row, String> {
             velocity: needed("reference_velocity_mm_s")? * 1e-3,
         },
         start_offset: value["start_offset_mm"].as_f64().unwrap_or(0.0) * 1e-3,
-        command: Command {
+        command: AxisCommand {
             motor_speed: needed("command_motor_speed_rpm")? / 60.0,
             holding_valve: needed("command_holding_valve")?,
         },
         state: State::from_name(state).ok_or_else(|| format!("no state \"{state}\""))?,
         releasing: value["releasing"].as_f64().is_some_and(|is| is > 0.5),
-        time: needed("time_s")?,
+        time,
         cause: text("cause")?.into(),
         strategy: Strategy::from_name(strategy)
             .ok_or_else(|| format!("no strategy \"{strategy}\""))?,

@@ -1,15 +1,14 @@
 //! The machine, as the executive sees it: what a fieldbus is attached to.
 
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::Command;
+use hydroboom_control::measurement::Measurement;
 use hydroboom_control::supervision::limits::ValveState;
 
-/// A reading and its number, which grows by one with each.
+/// What comes from a machine in a control period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Incoming {
-    /// Number of the reading.
-    pub sequence: u64,
-    /// What the sensors show.
-    pub reading: Reading<f64>,
+    /// What its sensors show.
+    pub measurement: Measurement,
     /// State of the load-holding valve, where the machine can read it.
     pub valve: Option<ValveState>,
 }
@@ -17,8 +16,8 @@ pub struct Incoming {
 /// Sensors and actuators of a machine. Both calls are made in the real-time cycle: they must not
 /// allocate, lock or wait.
 pub trait Machine: Send {
-    /// The newest reading; none before the first.
+    /// The newest measurement; none before the first.
     fn read(&mut self) -> Option<Incoming>;
     /// Sends a command, with a number that grows with each.
-    fn write(&mut self, sequence: u64, command: &Command<f64>);
+    fn write(&mut self, sequence: u64, command: &Command);
 }

@@ -191,13 +191,13 @@ fn is_taken_up(decision: &Decision) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_control::signals::Command;
+    use hydroboom_control::command::AxisCommand;
     use hydroboom_control::strategy::Strategy;
 
     const PERIOD: f64 = 1e-3;
 
     fn decision(state: State, motor_speed: f64) -> Decision {
-        let command = Command { motor_speed, holding_valve: 0.0 };
+        let command = AxisCommand { motor_speed, holding_valve: 0.0 };
         let releasing = state == State::Holding && motor_speed != 0.0;
         Decision { command, state, releasing, ..Decision::IDLE }
     }

@@ -4,8 +4,8 @@
 use crate::lockstep::Lockstep;
 use crate::operator::Operator;
 use crate::setup::SetupError;
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::reference::profile::OutAndBack;
-use hydroboom_control::signals::Command;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::fault::Reaction;
 use hydroboom_control::supervision::supervisor::CONTROLLED_RAMP;
@@ -114,7 +114,7 @@ fn effect(
     for k in 0..(WATCHED / period) as u32 {
         let time = f64::from(k) * period;
         let left = (1.0 - time / ramp.max(period)).max(0.0);
-        moving.advance(&Command {
+        moving.advance(&AxisCommand {
             motor_speed: from.motor_speed * left,
             holding_valve: f64::from(u8::from(time < shut_after)),
         })?;
@@ -147,7 +147,7 @@ pub fn ideal_second_line(machine: &Description) -> Result<f64, ReactionError> {
     let held = crane.truth().outputs.stroke;
     let (mut drop, mut valve) = (0.0_f64, 1.0);
     for _ in 0..(WATCHED / crane.period()) as u32 {
-        crane.advance(&Command { motor_speed: 0.0, holding_valve: valve })?;
+        crane.advance(&AxisCommand { motor_speed: 0.0, holding_valve: valve })?;
         drop = drop.max(held - crane.truth().outputs.stroke);
         if drop > SEEN {
             valve = 0.0;

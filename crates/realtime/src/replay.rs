@@ -6,10 +6,11 @@ use crate::log::Row;
 use crate::machine::{Incoming, Machine};
 use crate::setup::SetupError;
 use crate::simulation_task::{AtRest, SimulationTask};
+use hydroboom_control::command::Command;
 use hydroboom_control::learner::Learned;
+use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::trajectory::Trajectory;
-use hydroboom_control::signals::{Command, Reading};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::{Request, State};
 use hydroboom_description::Description;
@@ -19,7 +20,7 @@ use std::sync::Arc;
 
 /// The readings of a log, one with each look.
 pub struct Replay {
-    readings: Vec<(u64, Option<Reading<f64>>)>,
+    measurements: Vec<Option<Measurement>>,
     next: usize,
     newest: Option<Incoming>,
 }
@@ -27,22 +28,22 @@ pub struct Replay {
 impl Replay {
     /// A machine that shows what was logged.
     pub fn new(rows: &[Row]) -> Self {
-        let readings = rows.iter().map(|row| (row.sequence, row.reading)).collect();
-        Self { readings, next: 0, newest: None }
+        let measurements = rows.iter().map(|row| row.measurement).collect();
+        Self { measurements, next: 0, newest: None }
     }
 }
 
 impl Machine for Replay {
     fn read(&mut self) -> Option<Incoming> {
-        let row = self.readings.get(self.next).copied();
+        let row = self.measurements.get(self.next).copied();
         self.next += 1;
-        if let Some((sequence, Some(reading))) = row {
-            self.newest = Some(Incoming { sequence, reading, valve: None });
+        if let Some(Some(measurement)) = row {
+            self.newest = Some(Incoming { measurement, valve: None });
         }
         self.newest
     }
 
-    fn write(&mut self, _sequence: u64, _command: &Command<f64>) {}
+    fn write(&mut self, _sequence: u64, _command: &Command) {}
 }
 
 /// Where the piston should have been, as logged.
@@ -86,8 +87,9 @@ pub fn replay(
 ) -> Result<Vec<Record>, SetupError> {
     let n = &model.numbers;
     let steps = (n.control_period / n.simulation_period).round() as u32;
-    let first = rows.iter().find_map(|row| row.reading);
-    let begin = first.map_or(n.motion_start, |reading| Real::clamp(reading.stroke, 0.0, n.stroke));
+    let first = rows.iter().find_map(|row| row.measurement);
+    let begin = first
+        .map_or(n.motion_start, |first| Real::clamp(first.axes[0].signals.stroke, 0.0, n.stroke));
     let strategy_of = |row: &Row| strategy.unwrap_or(row.strategy);
     let chosen = rows.first().map_or(Strategy::BenchmarkClosedLoop, strategy_of);
     let resting =

@@ -146,7 +146,7 @@ impl Session {
             let records = self.recent.iter().copied().collect();
             self.fault = Some(FaultData { cause, time: record.time, records });
         }
-        let apart = (record.reading.stroke - record.reference.position).abs();
+        let apart = (record.signals().stroke - record.reference.position).abs();
         let rests = record.fallback && record.reference.velocity == 0.0 && apart < TOGETHER;
         self.rested = if rests { self.rested + period } else { 0.0 };
     }
@@ -184,7 +184,7 @@ impl Session {
     ) -> Result<Vec<Order>, PlantError> {
         let begin = path.reference(0.0).position;
         let course = match self.last {
-            Some(record) => Course::from_stroke(Arc::clone(&path), record.reading.stroke),
+            Some(record) => Course::from_stroke(Arc::clone(&path), record.signals().stroke),
             None => Course::new(Arc::clone(&path)),
         };
         let stroke = if course.approach() > 0.0 { self.stroke(begin) } else { begin };
@@ -228,7 +228,7 @@ impl Session {
 
     /// Where the piston is \[m\].
     fn stroke(&self, otherwise: f64) -> f64 {
-        let stroke = self.last.map(|r| r.reading.stroke).filter(|stroke| stroke.is_finite());
+        let stroke = self.last.map(|r| r.signals().stroke).filter(|stroke| stroke.is_finite());
         Real::clamp(stroke.unwrap_or(otherwise), 0.0, self.model.numbers.stroke)
     }
 

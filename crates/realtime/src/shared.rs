@@ -3,7 +3,8 @@
 use crate::machine::{Incoming, Machine};
 use crate::slot::Slot;
 use crate::trouble::Tampering;
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::{AxisCommand, Command};
+use hydroboom_control::measurement::{AxisMeasurement, AxisSignals, Measurement, Validity};
 use hydroboom_control::supervision::limits::ValveState;
 use memmap2::MmapMut;
 use std::fs::OpenOptions;
@@ -11,15 +12,16 @@ use std::io;
 use std::path::Path;
 
 /// Tells our memory from anything else.
-const MAGIC: u64 = 0x6879_6472_6f62_6f6f;
+/// Its last digit counts the layouts.
+const MAGIC: u64 = 0x6879_6472_6f62_6f71;
 
 /// What both processes see.
 #[repr(C)]
 struct Layout {
     magic: Slot<1>,
-    /// Number, state of the valve, then the reading's fields.
-    reading: Slot<9>,
-    /// Number, then the command's fields.
+    /// Number, time and validity of the measurement, state of the valve, then the signals of its axis.
+    measurement: Slot<11>,
+    /// Number, then the command of its axis.
     command: Slot<3>,
     /// Number, then what is done to the machine.
     tampering: Slot<3>,
@@ -80,17 +82,20 @@ impl Shared {
     }
 
     /// For the machine's process: the newest command and its number.
-    pub fn command(&self) -> Option<(u64, Command<f64>)> {
+    pub fn command(&self) -> Option<(u64, Command)> {
         let (_, [sequence, speed, valve]) = self.layout().command.read()?;
         let (motor_speed, holding_valve) = (f64::from_bits(speed), f64::from_bits(valve));
-        Some((sequence, Command { motor_speed, holding_valve }))
+        Some((sequence, Command { axes: [AxisCommand { motor_speed, holding_valve }] }))
     }
 
-    /// For the machine's process: shows a reading.
+    /// For the machine's process: shows a measurement.
     pub fn show(&self, incoming: &Incoming) {
-        let [a, b, c, d, e, f, g] = incoming.reading.to_array().map(f64::to_bits);
-        let valve = valve_word(incoming.valve);
-        self.layout().reading.publish([incoming.sequence, valve, a, b, c, d, e, f, g]);
+        let Measurement { number, time, axes: [axis] } = incoming.measurement;
+        let [a, b, c, d, e, f, g] = axis.signals.to_array().map(f64::to_bits);
+        let words =
+            [number, time.to_bits(), validity_word(&axis.validity), valve_word(incoming.valve)];
+        let [number, time, validity, valve] = words;
+        self.layout().measurement.publish([number, time, validity, valve, a, b, c, d, e, f, g]);
     }
 
     /// For the machine's process: what was ordered to be done to it last, and its number.
@@ -120,15 +125,50 @@ fn valve_state(word: u64) -> Option<ValveState> {
     [ValveState::Shut, ValveState::Open].into_iter().find(|state| valve_word(Some(*state)) == word)
 }
 
+/// All validities, by their number.
+const VALIDITIES: [Validity; 4] =
+    [Validity::Good, Validity::Absent, Validity::OutOfRange, Validity::Stale];
+
+/// Validities of the signals as a word, two bits each, the first lowest.
+fn validity_word(of: &AxisSignals<Validity>) -> u64 {
+    of.to_array().iter().rev().fold(0, |word, validity| (word << 2) | *validity as u64)
+}
+
+/// Back again; every word means something.
+fn validity_of(word: u64) -> AxisSignals<Validity> {
+    let [a, b, c, d] = VALIDITIES;
+    AxisSignals::from_array(core::array::from_fn(|k| match (word >> (2 * k)) & 3 {
+        0 => a,
+        1 => b,
+        2 => c,
+        _ => d,
+    }))
+}
+
 impl Machine for Shared {
     fn read(&mut self) -> Option<Incoming> {
-        let (_, [sequence, valve, values @ ..]) = self.layout().reading.read()?;
-        let reading = Reading::from_array(values.map(f64::from_bits));
-        Some(Incoming { sequence, reading, valve: valve_state(valve) })
+        let (_, [number, time, validity, valve, values @ ..]) = self.layout().measurement.read()?;
+        let signals = AxisSignals::from_array(values.map(f64::from_bits));
+        let axis = AxisMeasurement { signals, validity: validity_of(validity) };
+        let measurement = Measurement { number, time: f64::from_bits(time), axes: [axis] };
+        Some(Incoming { measurement, valve: valve_state(valve) })
     }
 
-    fn write(&mut self, sequence: u64, command: &Command<f64>) {
-        let [speed, valve] = command.to_array().map(f64::to_bits);
+    fn write(&mut self, sequence: u64, command: &Command) {
+        let [axis] = command.axes;
+        let [speed, valve] = axis.to_array().map(f64::to_bits);
         self.layout().command.publish([sequence, speed, valve]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn validities_cross_to_the_other_process() {
+        let [good, absent, out_of_range, stale] = VALIDITIES;
+        let all = AxisSignals::from_array([stale, good, absent, out_of_range, good, stale, absent]);
+        assert_eq!(validity_of(validity_word(&all)), all);
     }
 }

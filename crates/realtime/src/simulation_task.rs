@@ -1,7 +1,7 @@
 //! The simulation beside the machine: a step of 50 us at a time.
 
+use hydroboom_control::controller::AxisState;
 use hydroboom_control::learner::Conditions;
-use hydroboom_control::model_following::Seen;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_design::{conditions, under};
 use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation};
@@ -41,7 +41,7 @@ pub struct Simulated {
     /// How often it was set to a state.
     pub epoch: u64,
     /// What the controllers look at.
-    pub seen: Seen<f64>,
+    pub seen: AxisState<f64>,
     /// Absolute angle of each boom segment \[rad\].
     pub angle: [f64; 3],
     /// Whether it left what the model holds for; it then stays where it was.
@@ -128,7 +128,7 @@ impl SimulationTask {
         let p = crane.circuit.pressures(&state.circuit);
         let pose = crane.boom.pose(&state.boom.angle);
         let cylinder = crane.boom.cylinder_pose(&pose);
-        self.simulated.seen = Seen {
+        self.simulated.seen = AxisState {
             stroke: cylinder.stroke,
             velocity: cylinder.velocity(&crane.boom, &state.boom.angular_velocity),
             load_pressure: crane.cylinder.load_pressure(p.a, p.b),

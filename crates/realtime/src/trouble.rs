@@ -3,7 +3,8 @@
 use crate::fault::{Fault, Sensor, WrongPosition, WrongPressure};
 use crate::lockstep::Disturbance;
 use crate::machine::Incoming;
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::{AxisMeasurement, AxisSignals};
 use hydroboom_description::Description;
 use hydroboom_math::Real;
 use hydroboom_plant::PlantError;
@@ -52,14 +53,14 @@ struct Active {
     /// Periods since it began.
     since: u32,
     /// The first reading under it.
-    first: Option<Reading<f64>>,
+    first: Option<AxisSignals<f64>>,
 }
 
 /// Faults at work, if any: a first one, and one that came on top of it.
 #[derive(Clone)]
 pub struct Trouble {
     active: [Option<Active>; 2],
-    before: VecDeque<Reading<f64>>,
+    before: VecDeque<AxisSignals<f64>>,
     /// What is still to be done to the machine.
     due: Option<Tampering>,
     sound: Description,
@@ -130,7 +131,7 @@ impl Trouble {
         self.faults().any(|(active, _)| active == fault)
     }
 
-    fn spoil(&self, sensor: usize, kind: Sensor, active: &Active, reading: &mut Reading<f64>) {
+    fn spoil(&self, sensor: usize, kind: Sensor, active: &Active, reading: &mut AxisSignals<f64>) {
         let mut values = reading.to_array();
         let first = active.first.unwrap_or(*reading);
         // a tenth of a range: position, pressures, motor speed
@@ -151,7 +152,7 @@ impl Trouble {
                 None => values[sensor],
             },
         };
-        *reading = Reading::from_array(values);
+        *reading = AxisSignals::from_array(values);
     }
 }
 
@@ -162,7 +163,7 @@ fn scatter(number: u32) -> f64 {
 }
 
 /// What transducers show that are plausible and wrong.
-fn mistake(wrong: WrongPressure, since: u32, r: &mut Reading<f64>) {
+fn mistake(wrong: WrongPressure, since: u32, r: &mut AxisSignals<f64>) {
     let noise = NOISE * scatter(since);
     match wrong {
         WrongPressure::LoadZero => r.pressure_a = noise,
@@ -185,14 +186,14 @@ fn is_silent(fault: Fault, since: u32) -> bool {
 
 impl Disturbance for Trouble {
     fn reading(&mut self, mut incoming: Incoming) -> Option<Incoming> {
-        self.before.push_back(incoming.reading);
+        self.before.push_back(incoming.measurement.axes[0].signals);
         if self.before.len() > LATE {
             self.before.pop_front();
         }
         for k in 0..self.active.len() {
             let Some(active) = &mut self.active[k] else { continue };
-            let first = *active.first.get_or_insert(incoming.reading);
-            let (active, reading) = (*active, &mut incoming.reading);
+            let first = *active.first.get_or_insert(incoming.measurement.axes[0].signals);
+            let (active, reading) = (*active, &mut incoming.measurement.axes[0].signals);
             let time = f64::from(active.since) * self.period;
             match active.fault {
                 fault if is_silent(fault, active.since) => return None,
@@ -206,14 +207,18 @@ impl Disturbance for Trouble {
                 Fault::Position(WrongPosition::Gain5) => {
                     reading.stroke += 0.05 * (reading.stroke - first.stroke);
                 }
-                Fault::MachineRestarted => incoming.sequence = u64::from(active.since) + 1,
+                Fault::MachineRestarted => {
+                    incoming.measurement.number = u64::from(active.since) + 1
+                }
                 _ => {}
             }
         }
+        incoming.measurement.axes =
+            incoming.measurement.axes.map(|axis| AxisMeasurement::new(axis.signals));
         Some(incoming)
     }
 
-    fn command(&mut self, command: Command<f64>) -> Option<Command<f64>> {
+    fn command(&mut self, command: AxisCommand<f64>) -> Option<AxisCommand<f64>> {
         let is_lost = self.faults().any(|(fault, since)| {
             // a machine that begins anew does not take commands at once
             is_silent(fault, since) || (fault == Fault::MachineRestarted && since < 500)
@@ -221,7 +226,7 @@ impl Disturbance for Trouble {
         (!is_lost).then_some(command)
     }
 
-    fn drive(&mut self, mut command: Command<f64>) -> Command<f64> {
+    fn drive(&mut self, mut command: AxisCommand<f64>) -> AxisCommand<f64> {
         for (fault, _) in self.faults() {
             let stands = command.motor_speed == 0.0;
             match fault {

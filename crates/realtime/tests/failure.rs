@@ -2,7 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::signals::Command;
+use hydroboom_control::command::{AxisCommand, Command};
+use hydroboom_control::measurement::Measurement;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::fault::Cause;
 use hydroboom_control::supervision::limits::Limits;
@@ -23,14 +24,14 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 const CLOSED: Strategy = Strategy::SimulationFeedforwardClosedLoop;
-const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
+const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
 
 /// What was asked of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Call {
     Read,
     Panic,
-    Write(u64, Command<f64>),
+    Write(u64, AxisCommand<f64>),
 }
 
 /// When a machine panics.
@@ -49,7 +50,7 @@ enum Panics {
 /// A virtual crane that moves on by a period with each look at it, and panics.
 struct Panicking {
     crane: VirtualCrane,
-    command: Command<f64>,
+    command: AxisCommand<f64>,
     sequence: u64,
     open: u32,
     panics: Panics,
@@ -78,14 +79,17 @@ impl Machine for Panicking {
         self.call(Call::Read);
         self.crane.advance(&self.command).unwrap();
         self.sequence += 1;
-        Some(Incoming { sequence: self.sequence, reading: self.crane.reading(), valve: None })
+        Some(Incoming {
+            measurement: Measurement { number: self.sequence, ..self.crane.measurement() },
+            valve: None,
+        })
     }
 
-    fn write(&mut self, sequence: u64, command: &Command<f64>) {
-        self.call(Call::Write(sequence, *command));
+    fn write(&mut self, sequence: u64, command: &Command) {
+        self.call(Call::Write(sequence, command.axes[0]));
         assert!(!(self.has && matches!(self.panics, Panics::ForGood)), "no bus any more");
-        self.command = *command;
-        self.open += u32::from(command.holding_valve > 0.0);
+        self.command = command.axes[0];
+        self.open += u32::from(self.command.holding_valve > 0.0);
     }
 }
 

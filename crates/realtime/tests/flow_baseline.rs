@@ -39,7 +39,7 @@ fn course(limits: Limits, speed: f64, wrong: Option<(Fault, f64)>) -> Course {
             trouble.tamper(Tampering::Fault(fault));
             wrong = None;
         }
-        course.wrong = record.reading.stroke - run.truth().outputs.stroke;
+        course.wrong = record.signals().stroke - run.truth().outputs.stroke;
         course.records.push(record);
     }
     course

@@ -71,12 +71,12 @@ fn every_strategy_runs_its_course_and_the_load_is_released_and_held_softly() {
         let end = &records[records.len() - 1];
         assert_eq!((end.decision.state, end.decision.cause), (State::Holding, None));
         let at = records.iter().position(|r| r.decision.state == State::Moving).unwrap();
-        let released = &records[at].reading;
+        let released = records[at].signals();
         let apart = (released.pressure_a - released.pressure_pump_a).abs();
         let most = limits(&case.model, 0.12).unwrap().release.pressure_tolerance;
         assert!(apart < most, "released with {apart} Pa between pump and load");
         let held = released.stroke;
-        let drop = records[at..at + 500].iter().map(|r| held - r.reading.stroke);
+        let drop = records[at..at + 500].iter().map(|r| held - r.signals().stroke);
         let drop = drop.fold(0.0, f64::max);
         assert!(drop < 1e-3, "dropped {drop} m");
         // and it is what the lab finds for the strategy, which starts from a released load
@@ -92,7 +92,7 @@ fn simulated_time_is_the_same_every_time_to_the_last_bit() {
     let (one, other) = (run(), run());
     assert_eq!(one.len(), other.len());
     for (a, b) in one.iter().zip(&other) {
-        assert_eq!((a.reading, a.decision), (b.reading, b.decision));
+        assert_eq!((a.measurement, a.decision), (b.measurement, b.decision));
     }
 }
 

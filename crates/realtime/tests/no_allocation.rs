@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
+use hydroboom_control::command::Command;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::{Request, State};
@@ -56,7 +57,7 @@ fn allocate_nothing(strategy: Strategy) {
     let mut state = State::Idle;
     for k in 0..10_000_u64 {
         // the machine is another process
-        shared.show(&Incoming { sequence: k + 1, reading: machine.reading(), valve: None });
+        shared.show(&Incoming { measurement: machine.measurement(), valve: None });
         // as the executive guards its tasks
         assert_eq!(assert_no_alloc(|| guarded(|| k)), Ok(k));
         let record = assert_no_alloc(|| {
@@ -78,7 +79,7 @@ fn allocate_nothing(strategy: Strategy) {
                 clock_jumped: false,
                 deadlines: None,
             });
-            shared.write(k, &record.decision.command);
+            shared.write(k, &Command { axes: [record.decision.command] });
             simulation.set_conditions(&control.conditions());
             for _ in 0..20 {
                 if let Some(speed) = control.simulated_motor() {

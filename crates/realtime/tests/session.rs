@@ -140,7 +140,8 @@ fn after_an_emergency_a_reset_and_an_approach_the_course_is_run_as_ever() {
     assert!(approach < -1.0, "no approach from the middle: {approach} s");
     // on the way to the beginning, too, the piston is where it should be
     let stray = again.iter().filter(|r| r.course_time.is_some());
-    let stray = stray.map(|r| (r.reading.stroke - r.reference.position).abs()).fold(0.0, f64::max);
+    let stray =
+        stray.map(|r| (r.signals().stroke - r.reference.position).abs()).fold(0.0, f64::max);
     assert!(stray < 6e-3, "{stray} m from its reference");
     assert!(rms_mm(&again) < 1.1, "{} mm", rms_mm(&again));
     assert!(!again.iter().any(|r| r.fallback), "the simulation was not followed");
@@ -171,7 +172,7 @@ fn a_simulation_that_drifted_away_is_set_to_the_machine_and_followed_again() {
     assert_eq!(after.reference.velocity, 0.0, "not at rest");
     let bump = after.decision.command.motor_speed - before.decision.command.motor_speed;
     assert!(bump.abs() < 0.6, "a bump of {bump} rev/s");
-    let near = after.simulated.unwrap().seen.stroke - after.reading.stroke;
+    let near = after.simulated.unwrap().seen.stroke - after.signals().stroke;
     assert!(near.abs() < 3e-3, "{near} m apart");
     // but not again and again: then it is the model that is wrong
     assert!((1..=3).contains(&script.session.synchronised_in_all()));
@@ -206,7 +207,7 @@ fn a_payload_that_is_set_down_on_the_way_is_borne() {
     assert!(script.session.fault().is_none());
     let pressure = |from: f64| {
         let some = script.records.iter().filter(|r| (from..from + 1.0).contains(&r.time));
-        let some: Vec<f64> = some.map(|r| r.reading.pressure_a).collect();
+        let some: Vec<f64> = some.map(|r| r.signals().pressure_a).collect();
         some.iter().sum::<f64>() / some.len() as f64
     };
     assert!(pressure(12.5) - pressure(15.5) > 10e5, "the load did not become lighter");
@@ -236,7 +237,7 @@ fn what_is_learned_of_a_machine_is_simulated_and_kept() {
     let begun = script.records.iter().find(|r| r.course_time.is_some()).unwrap();
     let [known, seen] = [begun.known.unwrap().payload, begun.simulated.unwrap().seen.load_pressure];
     assert!((known - 210.0).abs() < 30.0, "{known} kg");
-    let measured = begun.reading.pressure_a;
+    let measured = begun.signals().pressure_a;
     assert!((seen - measured).abs() < 8e5, "simulated {seen} Pa, measured {measured} Pa");
     assert!(script.records.iter().all(|r| !r.fallback), "the simulation was not followed");
 }

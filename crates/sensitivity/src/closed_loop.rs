@@ -2,7 +2,7 @@
 
 use crate::case::SEGMENTS;
 use crate::error::SensitivityError;
-use hydroboom_control::feedback::benchmark::{Benchmark, Measured};
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput};
 use hydroboom_control::reference::profile::{OutAndBack, SetPoint};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::schema::Numbers;
@@ -44,7 +44,7 @@ impl<T: Number> Loop<'_, T> {
     fn run(
         mut self,
         what: &str,
-        mut decide: impl FnMut(usize, &SetPoint<f64>, &Measured<T>, &Benchmark<T>, T) -> T,
+        mut decide: impl FnMut(usize, &SetPoint<f64>, &BenchmarkInput<T>, &Benchmark<T>, T) -> T,
     ) -> Result<(), SensitivityError> {
         let period = self.description.benchmark().period;
         let stepper = Stepper::new(&self.crane);
@@ -55,7 +55,7 @@ impl<T: Number> Loop<'_, T> {
             let reference = self.motion.reference(time);
             let p = self.crane.circuit.pressures(&self.state.circuit);
             let pose = self.crane.boom.pose(&self.state.boom.angle);
-            let seen = Measured {
+            let seen = BenchmarkInput {
                 stroke: self.crane.boom.cylinder_pose(&pose).stroke,
                 load_pressure: self.crane.cylinder.load_pressure(p.a, p.b),
             };

@@ -2,8 +2,8 @@
 
 use crate::equipment::{Equipment, Stepping};
 use crate::signals::Truth;
-use hydroboom_control::feedback::benchmark::Measured;
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_description::Description;
 use hydroboom_model::{Outputs, SimulationError, Start};
@@ -49,18 +49,23 @@ impl VirtualCrane {
     }
 
     /// What has arrived at the controller.
-    pub fn reading(&self) -> Reading<f64> {
-        self.equipment.reading()
+    pub fn signals(&self) -> AxisSignals<f64> {
+        self.equipment.signals()
+    }
+
+    /// The same with its number, and the time at which it was sampled.
+    pub fn measurement(&self) -> Measurement {
+        self.equipment.measurement()
+    }
+
+    /// Control periods from a command to the first measurement of what it did, as far as the fieldbus causes them.
+    pub fn delay_cycles(&self) -> u32 {
+        self.equipment.delay_cycles()
     }
 
     /// State of the load-holding valve as its position switch shows it; none where there is no switch.
     pub fn valve(&self) -> Option<ValveState> {
         self.equipment.valve_state()
-    }
-
-    /// What the benchmark controller makes of it.
-    pub fn measured(&self) -> Measured<f64> {
-        self.equipment.measured()
     }
 
     /// What nobody sees.
@@ -128,7 +133,7 @@ impl VirtualCrane {
     /// # Errors
     ///
     /// [`SimulationError`] when the crane leaves what the model holds for.
-    pub fn advance(&mut self, command: &Command<f64>) -> Result<(), SimulationError> {
+    pub fn advance(&mut self, command: &AxisCommand<f64>) -> Result<(), SimulationError> {
         let Some(command) = self.equipment.begin(command) else {
             return Err(SimulationError::Input { time: self.time() });
         };

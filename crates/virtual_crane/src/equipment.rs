@@ -10,12 +10,11 @@ use crate::signals::Truth;
 use crate::temperature::Temperature;
 use crate::valve::SwitchingValve;
 use hydroboom_control::actuator_limits::ActuatorLimits;
-use hydroboom_control::feedback::benchmark::Measured;
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_description::Description;
 use hydroboom_description::schema::PositionSwitchChoice;
-use hydroboom_model::hydraulics::Cylinder;
 use hydroboom_model::{Input, Nodes, Outputs, Scheme, Start};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -68,17 +67,15 @@ pub(crate) struct Equipment {
     air: Option<Air>,
     /// Power that is lost as heat \[W\].
     heat: f64,
-    /// Of position, then of the five pressures in the order of [`Reading`].
+    /// Of position, then of the five pressures in the order of [`AxisSignals`].
     sensors: [Sensor; 6],
     /// Whether a sensor must be shown every step, not only what it samples.
     sensors_lag: bool,
-    to_crane: Fieldbus<Command<f64>>,
-    to_controller: Fieldbus<Reading<f64>>,
-    reading: Reading<f64>,
+    to_crane: Fieldbus<AxisCommand<f64>>,
+    to_controller: Fieldbus<AxisSignals<f64>>,
+    signals: AxisSignals<f64>,
     random: Pcg64Mcg,
     periods: u64,
-    /// For its areas.
-    cylinder: Cylinder<f64>,
 }
 
 impl Equipment {
@@ -135,7 +132,7 @@ impl Equipment {
         ];
         let reading = sampled(&sensors, 0.0, &mut random);
         let cycles = n.fieldbus_delay.round() as usize;
-        let still = Command { motor_speed: 0.0, holding_valve: pilot };
+        let still = AxisCommand { motor_speed: 0.0, holding_valve: pilot };
         Self {
             period: n.control_period,
             drive,
@@ -160,10 +157,9 @@ impl Equipment {
             sensors_lag: n.sensor_bandwidth > 0.0,
             to_crane: Fieldbus::new(cycles, still),
             to_controller: Fieldbus::new(cycles, reading),
-            reading,
+            signals: reading,
             random,
             periods: 0,
-            cylinder: description.cylinder(),
         }
     }
 
@@ -173,8 +169,20 @@ impl Equipment {
     }
 
     /// What has arrived at the controller.
-    pub(crate) fn reading(&self) -> Reading<f64> {
-        self.reading
+    pub(crate) fn signals(&self) -> AxisSignals<f64> {
+        self.signals
+    }
+
+    /// The same with its number, and the time at which it was sampled.
+    pub(crate) fn measurement(&self) -> Measurement {
+        let late = self.to_controller.cycles() as u64;
+        let time = self.periods.saturating_sub(late) as f64 * self.period;
+        Measurement::new(self.periods + 1, time, [self.signals])
+    }
+
+    /// Control periods from a command to the first measurement of what it did, as far as the fieldbus causes them.
+    pub(crate) fn delay_cycles(&self) -> u32 {
+        (self.to_crane.cycles() + self.to_controller.cycles()) as u32
     }
 
     /// State of the load-holding valve as its position switch shows it; none where there is no switch.
@@ -183,15 +191,6 @@ impl Equipment {
             true => ValveState::Open,
             false => ValveState::Shut,
         })
-    }
-
-    /// What the benchmark controller makes of it.
-    pub(crate) fn measured(&self) -> Measured<f64> {
-        let r = &self.reading;
-        Measured {
-            stroke: r.stroke,
-            load_pressure: self.cylinder.load_pressure(r.pressure_a, r.pressure_b),
-        }
     }
 
     /// What nobody sees.
@@ -228,7 +227,7 @@ impl Equipment {
 
     /// Begins a control period with what the controller sends; what arrives at the crane, or none
     /// where it is not a number.
-    pub(crate) fn begin(&mut self, command: &Command<f64>) -> Option<Command<f64>> {
+    pub(crate) fn begin(&mut self, command: &AxisCommand<f64>) -> Option<AxisCommand<f64>> {
         let command = self.to_crane.exchange(*command);
         if !(command.motor_speed.is_finite() && command.holding_valve.is_finite()) {
             return None;
@@ -259,7 +258,7 @@ impl Equipment {
     /// What acts on the plant in the next step of `step` \[s\].
     pub(crate) fn step(
         &mut self,
-        command: &Command<f64>,
+        command: &AxisCommand<f64>,
         outputs: &Outputs<f64>,
         step: f64,
     ) -> Input<f64> {
@@ -296,7 +295,7 @@ impl Equipment {
             self.show(outputs);
         }
         let sent = sampled(&self.sensors, self.motor.speed, &mut self.random);
-        self.reading = self.to_controller.exchange(sent);
+        self.signals = self.to_controller.exchange(sent);
     }
 
     fn torque(&self, o: &Outputs<f64>) -> f64 {
@@ -353,10 +352,10 @@ fn pressures(outputs: &Outputs<f64>) -> Nodes<f64> {
     }
 }
 
-fn sampled(sensors: &[Sensor; 6], motor_speed: f64, random: &mut impl Rng) -> Reading<f64> {
+fn sampled(sensors: &[Sensor; 6], motor_speed: f64, random: &mut impl Rng) -> AxisSignals<f64> {
     let [stroke, pressure_pump_a, pressure_a, pressure_b, pressure_pump_b, pressure_accumulator] =
         sensors.each_ref().map(|sensor| sensor.sample(random));
-    Reading {
+    AxisSignals {
         stroke,
         pressure_pump_a,
         pressure_a,

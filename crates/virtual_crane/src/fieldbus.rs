@@ -14,6 +14,11 @@ impl<M: Clone> Fieldbus<M> {
         Self { on_the_way: std::iter::repeat_n(first, cycles).collect() }
     }
 
+    /// Its delay \[cycles\].
+    pub(crate) fn cycles(&self) -> usize {
+        self.on_the_way.len()
+    }
+
     /// Sends a message; what arrives in the same cycle.
     pub(crate) fn exchange(&mut self, message: M) -> M {
         self.on_the_way.push_back(message.clone());

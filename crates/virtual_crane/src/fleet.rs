@@ -2,8 +2,8 @@
 
 use crate::equipment::{Equipment, Stepping};
 use crate::signals::Truth;
-use hydroboom_control::feedback::benchmark::Measured;
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_description::Description;
 use hydroboom_model::{Outputs, Scheme, SimulationError, Start};
 use hydroboom_plant::{PlantError, SideBySide};
@@ -56,13 +56,18 @@ impl<const W: usize> Fleet<W> {
     }
 
     /// What has arrived at one crane's controller.
-    pub fn reading(&self, lane: usize) -> Reading<f64> {
-        self.equipment[lane].reading()
+    pub fn signals(&self, lane: usize) -> AxisSignals<f64> {
+        self.equipment[lane].signals()
     }
 
-    /// What the benchmark controller makes of it.
-    pub fn measured(&self, lane: usize) -> Measured<f64> {
-        self.equipment[lane].measured()
+    /// The same with its number, and the time at which it was sampled.
+    pub fn measurement(&self, lane: usize) -> Measurement {
+        self.equipment[lane].measurement()
+    }
+
+    /// Control periods from a command to the first measurement of what it did, as far as the fieldbus causes them.
+    pub fn delay_cycles(&self, lane: usize) -> u32 {
+        self.equipment[lane].delay_cycles()
     }
 
     /// What nobody sees of it.
@@ -86,9 +91,9 @@ impl<const W: usize> Fleet<W> {
     }
 
     /// One control period, each crane under its own command.
-    pub fn advance(&mut self, commands: &[Command<f64>; W]) {
-        let still = Command { motor_speed: 0.0, holding_valve: 0.0 };
-        let commands: [Command<f64>; W] = std::array::from_fn(|lane| {
+    pub fn advance(&mut self, commands: &[AxisCommand<f64>; W]) {
+        let still = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
+        let commands: [AxisCommand<f64>; W] = std::array::from_fn(|lane| {
             let time = self.equipment[lane].time();
             self.equipment[lane].begin(&commands[lane]).unwrap_or_else(|| {
                 self.stopped[lane].get_or_insert(SimulationError::Input { time });

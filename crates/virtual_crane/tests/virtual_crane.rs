@@ -2,7 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme};
 use hydroboom_plant::plant;
@@ -17,17 +18,17 @@ fn crane(overrides: &[&str]) -> Description {
 }
 
 /// A lively command: speeds that change every period.
-fn command(k: u32) -> Command<f64> {
+fn command(k: u32) -> AxisCommand<f64> {
     let t = f64::from(k) * 1e-3;
-    Command { motor_speed: 12.0 * (3.0 * t).sin() + 4.0 * (41.0 * t).sin(), holding_valve: 1.0 }
+    AxisCommand { motor_speed: 12.0 * (3.0 * t).sin() + 4.0 * (41.0 * t).sin(), holding_valve: 1.0 }
 }
 
-fn readings(description: &Description, periods: u32) -> Vec<Reading<f64>> {
+fn readings(description: &Description, periods: u32) -> Vec<AxisSignals<f64>> {
     let mut crane = VirtualCrane::new(description, &description.start(0.25)).unwrap();
     (0..periods)
         .map(|k| {
             crane.advance(&command(k)).unwrap();
-            crane.reading()
+            crane.signals()
         })
         .collect()
 }
@@ -88,7 +89,7 @@ fn the_load_is_let_go_only_after_the_valve_and_its_lines() {
     let mut start = description.start(0.25);
     start.preload = 0.0;
     let mut crane = VirtualCrane::new(&description, &start).unwrap();
-    let open = Command { motor_speed: 0.0, holding_valve: 1.0 };
+    let open = AxisCommand { motor_speed: 0.0, holding_valve: 1.0 };
     let before = crane.truth().outputs.stroke;
     for _ in 0..41 {
         crane.advance(&open).unwrap();
@@ -109,7 +110,7 @@ fn static_friction_holds_the_boom_with_the_pump_stopped() {
     let mut start = description.start(0.25);
     start.preload = 0.0;
     let mut crane = VirtualCrane::new(&description, &start).unwrap();
-    let still = Command { motor_speed: 0.0, holding_valve: 0.0 };
+    let still = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
     let before = crane.truth().outputs.stroke;
     for _ in 0..60_000 {
         crane.advance(&still).unwrap();
@@ -134,7 +135,7 @@ fn its_own_error_is_below_the_noise_of_its_sensors() {
     let mut fine = quiet.clone();
     fine.numbers.virtual_step = 0.25 * step;
     let (coarse, fine) = (readings(&quiet, 2000), readings(&fine, 2000));
-    let rms = |quantity: fn(&Reading<f64>) -> f64| {
+    let rms = |quantity: fn(&AxisSignals<f64>) -> f64| {
         let pairs = coarse.iter().zip(&fine);
         let sum: f64 = pairs.map(|(a, b)| (quantity(a) - quantity(b)).powi(2)).sum();
         (sum / coarse.len() as f64).sqrt()
@@ -177,7 +178,7 @@ fn cranes_side_by_side_do_what_each_does_alone() {
         fleet.advance(&commands);
         for (lane, single) in alone.iter_mut().enumerate() {
             assert_eq!(single.advance(&commands[lane]).err(), fleet.stopped(lane));
-            assert_eq!(single.reading(), fleet.reading(lane), "lane {lane}, period {k}");
+            assert_eq!(single.signals(), fleet.signals(lane), "lane {lane}, period {k}");
             assert_eq!(single.truth().outputs, fleet.truth(lane).outputs);
             assert_eq!(single.truth().heat, fleet.truth(lane).heat);
         }
@@ -213,7 +214,7 @@ fn halving_the_step_quarters_the_error() {
         let speed = |k: u32| 10.0 * (1.0 - (std::f64::consts::TAU * f64::from(k) * 1e-3).cos());
         (0..1000)
             .map(|k| {
-                crane.advance(&Command { motor_speed: speed(k), holding_valve: 1.0 }).unwrap();
+                crane.advance(&AxisCommand { motor_speed: speed(k), holding_valve: 1.0 }).unwrap();
                 crane.truth()
             })
             .collect()
@@ -236,11 +237,11 @@ fn motor_and_sensors_stay_within_their_limits() {
     for k in 0..1500 {
         // far more than the motor has, to and fro
         let motor_speed = if (k / 250) % 2 == 0 { 400.0 } else { -400.0 };
-        crane.advance(&Command { motor_speed, holding_valve: 1.0 }).unwrap();
+        crane.advance(&AxisCommand { motor_speed, holding_valve: 1.0 }).unwrap();
         let truth = crane.truth();
         fastest = fastest.max(truth.motor_speed.abs());
         steepest = steepest.max((truth.motor_speed - before).abs() / crane.period());
-        highest = highest.max(crane.reading().pressure_a);
+        highest = highest.max(crane.signals().pressure_a);
         before = truth.motor_speed;
     }
     assert!(fastest <= n.motor_speed && fastest > 0.99 * n.motor_speed, "{fastest} rev/s");
@@ -256,7 +257,7 @@ fn a_motor_too_weak_for_its_load_lets_it_down() {
     let described = crane(&["drive.max_torque_nm=6"]);
     let mut crane = VirtualCrane::new(&described, &described.start(0.25)).unwrap();
     for _ in 0..1000 {
-        crane.advance(&Command { motor_speed: 10.0, holding_valve: 1.0 }).unwrap();
+        crane.advance(&AxisCommand { motor_speed: 10.0, holding_valve: 1.0 }).unwrap();
     }
     assert!(crane.truth().motor_speed < 0.0, "{} rev/s", crane.truth().motor_speed);
 }

@@ -6,19 +6,35 @@
 //! of the velocity feedforward in closed loop (figure 15).
 
 use crate::actuator_limits::ActuatorLimits;
+use crate::controller::AxisState;
 use crate::feedback::filter::HighPass;
+use crate::measurement::AxisSignals;
 use crate::reference::profile::SetPoint;
 use hydroboom_math::{Real, record};
 
 record! {
-    /// What the controller sees of a crane, measured or simulated.
-    pub struct Measured<T> {
+    /// What the controller uses of a crane, measured or simulated.
+    pub struct BenchmarkInput<T> {
         /// Piston position, x_cyl
         #[unit = "m"]
         pub stroke: T,
         /// Load pressure, p_L = p_A − (A_r/A_p) p_B
         #[unit = "Pa"]
         pub load_pressure: T,
+    }
+}
+
+impl<T: Real> BenchmarkInput<T> {
+    /// From the signals of an axis, by the ratio of rod-side to piston area.
+    #[inline(always)]
+    pub fn of(signals: &AxisSignals<T>, area_ratio: T) -> Self {
+        Self { stroke: signals.stroke, load_pressure: signals.load_pressure(area_ratio) }
+    }
+
+    /// From the state of a simulated axis.
+    #[inline(always)]
+    pub fn of_simulated(state: &AxisState<T>) -> Self {
+        Self { stroke: state.stroke, load_pressure: state.load_pressure }
     }
 }
 
@@ -57,7 +73,7 @@ pub struct Benchmark<T> {
 
 impl<T: Real> Benchmark<T> {
     /// Memory to start with at the given load pressure \[Pa\], without a bump.
-    pub fn start(&self, measured: &Measured<T>) -> BenchmarkMemory<T> {
+    pub fn start(&self, measured: &BenchmarkInput<T>) -> BenchmarkMemory<T> {
         BenchmarkMemory { integral: T::zero(), low_passed: measured.load_pressure }
     }
 
@@ -77,7 +93,7 @@ impl<T: Real> Benchmark<T> {
         &self,
         memory: &mut BenchmarkMemory<T>,
         reference: &SetPoint<T>,
-        measured: &Measured<T>,
+        measured: &BenchmarkInput<T>,
         feedforward: T,
     ) -> T {
         let error = reference.position - measured.stroke;
@@ -102,7 +118,7 @@ impl<T: Real> Benchmark<T> {
         &self,
         memory: &mut BenchmarkMemory<T>,
         reference: &SetPoint<T>,
-        measured: &Measured<T>,
+        measured: &BenchmarkInput<T>,
         feedforward: T,
         speed: T,
     ) {
@@ -138,7 +154,7 @@ mod tests {
     fn it_takes_over_at_the_speed_that_it_finds() {
         let controller = benchmark::<f64>();
         let reference = SetPoint { position: 0.21, velocity: 0.05 };
-        let measured = Measured { stroke: 0.2, load_pressure: 71e5 };
+        let measured = BenchmarkInput { stroke: 0.2, load_pressure: 71e5 };
         let mut memory = BenchmarkMemory { integral: 0.3, low_passed: 68e5 };
         let feedforward = controller.velocity_feedforward(&reference);
         controller.take_over(&mut memory, &reference, &measured, feedforward, 12.5);
@@ -150,11 +166,12 @@ mod tests {
 
     #[test]
     fn steady_load_pressure_asks_for_no_speed() {
-        let (controller, measured) = (benchmark(), Measured { stroke: 0.2, load_pressure: 68e5 });
+        let (controller, measured) =
+            (benchmark(), BenchmarkInput { stroke: 0.2, load_pressure: 68e5 });
         let mut memory = controller.start(&measured);
         assert_eq!(controller.update(&mut memory, &STILL, &measured, 0.0), 0.0);
         // 1 bar more, at once: k_f/K_VP per Pascal, against the motion that raised it
-        let risen = Measured { load_pressure: 69e5, ..measured };
+        let risen = BenchmarkInput { load_pressure: 69e5, ..measured };
         let speed = controller.update(&mut memory, &STILL, &risen, 0.0);
         assert!((speed + 4.77e-11 / 10.6e-6 * 1e5).abs() < 1e-12, "{speed}");
     }
@@ -162,12 +179,12 @@ mod tests {
     #[test]
     fn a_limited_motor_does_not_wind_the_integral_up() {
         let controller = benchmark();
-        let far = Measured { stroke: -0.3, load_pressure: 0.0 };
+        let far = BenchmarkInput { stroke: -0.3, load_pressure: 0.0 };
         let mut memory = controller.start(&far);
         for _ in 0..5000 {
             assert_eq!(controller.update(&mut memory, &STILL, &far, 0.0), 50.0);
         }
-        let past = Measured { stroke: 0.21, load_pressure: 0.0 };
+        let past = BenchmarkInput { stroke: 0.21, load_pressure: 0.0 };
         assert!(controller.update(&mut memory, &STILL, &past, 0.0) < 0.0);
     }
 
@@ -176,12 +193,12 @@ mod tests {
         let errors = [-0.4, -1e-3, 1e-5, 0.3];
         let controller = benchmark();
         let lanes = benchmark::<Lanes<4>>();
-        let measured = Measured { stroke: Lanes(errors), load_pressure: Lanes([60e5; 4]) };
+        let measured = BenchmarkInput { stroke: Lanes(errors), load_pressure: Lanes([60e5; 4]) };
         let mut lane_memory = lanes.start(&measured.map(|v| v * Lanes([0.9; 4])));
         let reference = STILL.map(|v| Lanes([v; 4]));
         let speeds = lanes.update(&mut lane_memory, &reference, &measured, Lanes([0.1; 4]));
         for (lane, stroke) in errors.into_iter().enumerate() {
-            let measured = Measured { stroke, load_pressure: 60e5 };
+            let measured = BenchmarkInput { stroke, load_pressure: 60e5 };
             let mut memory = controller.start(&measured.map(|v| v * 0.9));
             let speed = controller.update(&mut memory, &STILL, &measured, 0.1);
             assert_eq!(speeds.0[lane], speed);

@@ -1,6 +1,6 @@
 //! Controllers within the frame: what is exported to run without the supervisor.
 
-use crate::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
+use crate::feedback::benchmark::{Benchmark, BenchmarkInput, BenchmarkMemory};
 use crate::reference::profile::SetPoint;
 use crate::supervision::frame::{Directive, Frame, FrameInput, FrameOutput, FrameState};
 use hydroboom_math::{Real, record};
@@ -151,7 +151,7 @@ impl<T: Real> FramedSimulationFeedforward<T> {
             & within(before.alignment.velocity, ALIGNED.1);
         let mut controller = before.controller;
         let mut alignment = before.alignment;
-        let shown = Measured { stroke: crane.stroke, load_pressure: crane.load_pressure };
+        let shown = BenchmarkInput { stroke: crane.stroke, load_pressure: crane.load_pressure };
         let (fresh, kept) = (b.start(&shown), before.simulated);
         let has_begun = T::lit(0.5).lt(before.frame.memory.has_begun);
         let mut simulated = BenchmarkMemory {
@@ -214,8 +214,11 @@ fn gains<T: Real>(benchmark: &Benchmark<T>, falls_back: T::Mask) -> Benchmark<T>
     }
 }
 
-fn measured<T: Real>(now: &Directive<T>, area_ratio: T) -> Measured<T> {
-    Measured { stroke: now.stroke, load_pressure: now.pressure_a - area_ratio * now.pressure_b }
+fn measured<T: Real>(now: &Directive<T>, area_ratio: T) -> BenchmarkInput<T> {
+    BenchmarkInput {
+        stroke: now.stroke,
+        load_pressure: now.pressure_a - area_ratio * now.pressure_b,
+    }
 }
 
 /// Motor speed \[rev/s\] of the benchmark; where it takes over, the one commanded until now.
@@ -223,7 +226,7 @@ fn led<T: Real>(
     benchmark: &Benchmark<T>,
     memory: &mut FramedMemory<T>,
     now: &Directive<T>,
-    measured: &Measured<T>,
+    measured: &BenchmarkInput<T>,
     feedforward: T,
     takes_over: T::Mask,
 ) -> T {

@@ -4,7 +4,7 @@ use super::drive_monitor::DriveMonitor;
 use super::flow_monitor::FlowMonitor;
 use super::release::Release;
 use super::supervisor::CONTROLLED_RAMP;
-use crate::signals::Reading;
+use crate::measurement::AxisSignals;
 use core::f64::consts::TAU;
 
 /// What is allowed, and the numbers of the monitors: all from a crane file.
@@ -91,7 +91,7 @@ pub struct Observation {
     /// Time since the last executed period, by the machine's clock \[s\].
     pub elapsed: f64,
     /// Newest reading.
-    pub reading: Reading<f64>,
+    pub reading: AxisSignals<f64>,
     /// State of the load-holding valve, as read; none where the machine cannot read it.
     pub valve: Option<ValveState>,
     /// Age of the reading \[s\].

@@ -2,7 +2,7 @@
 
 use super::fault::Cause;
 use super::limits::{Limits, Observation};
-use crate::signals::Reading;
+use crate::measurement::AxisSignals;
 
 /// A piston that is so many times as fast as its pump can drive it runs away.
 pub const RUNAWAY: f64 = 1.5;
@@ -20,7 +20,7 @@ const SIGNALS: usize = 6;
 /// State of the plausibility checks.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Plausibility {
-    last: Option<Reading<f64>>,
+    last: Option<AxisSignals<f64>>,
     /// Time for which each signal has repeated itself \[s\].
     repeated: [f64; SIGNALS],
     /// Mean square of each signal's second difference, a sixth of it.
@@ -139,7 +139,7 @@ impl Plausibility {
 }
 
 /// Position, then the pressures.
-fn signals(r: &Reading<f64>) -> [f64; SIGNALS] {
+fn signals(r: &AxisSignals<f64>) -> [f64; SIGNALS] {
     [
         r.stroke,
         r.pressure_pump_a,

@@ -20,7 +20,8 @@ use super::oscillation_detector::{OscillationDetector, OscillationState};
 use super::plausibility::{Plausibility, RUNAWAY};
 use super::release::{Refusal, ReleaseInput, ReleaseState, phase};
 use super::waiting::Waiting;
-use crate::signals::{Command, Reading};
+use crate::command::AxisCommand;
+use crate::measurement::AxisSignals;
 
 /// What the machine is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,7 +87,7 @@ pub enum Request {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Decision {
     /// What to send.
-    pub command: Command<f64>,
+    pub command: AxisCommand<f64>,
     /// What the machine is doing.
     pub state: State,
     /// Why it is in [`State::Fault`].
@@ -124,7 +125,7 @@ impl Decision {
 }
 
 /// Motor at zero, load held.
-const HELD: Command<f64> = Command { motor_speed: 0.0, holding_valve: 0.0 };
+const HELD: AxisCommand<f64> = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
 
 /// Time constant in which the peak velocity of a swinging load is forgotten, in periods of the load
 /// mode: what counts is the last swing.
@@ -148,7 +149,7 @@ pub struct Supervisor {
     limits: Limits,
     state: State,
     cause: Option<Cause>,
-    command: Command<f64>,
+    command: AxisCommand<f64>,
     /// Time in this state \[s\].
     since: f64,
     waiting: Waiting,
@@ -487,7 +488,7 @@ impl Supervisor {
 
     /// Begins a stop from the motor's speed as read; a reading that is not trusted counts as a motor
     /// at rest, which the drive's own slew limit brakes.
-    fn begin_stop(&mut self, reaction: Reaction, reading: &Reading<f64>, is_trusted: bool) {
+    fn begin_stop(&mut self, reaction: Reaction, reading: &AxisSignals<f64>, is_trusted: bool) {
         let most = self.limits.motor_speed;
         let from = match is_trusted && reading.motor_speed.is_finite() {
             // no faster than the drive can be after what it was commanded
@@ -558,7 +559,7 @@ impl Supervisor {
     }
 
     /// Pressures of the pump side and the cylinder chamber that carry the load, then of the others.
-    fn sides(&self, r: &Reading<f64>) -> [f64; 4] {
+    fn sides(&self, r: &AxisSignals<f64>) -> [f64; 4] {
         let (a, b) = ([r.pressure_pump_a, r.pressure_a], [r.pressure_pump_b, r.pressure_b]);
         match self.limits.release.direction > 0.0 {
             true => [a[0], a[1], b[0], b[1]],

@@ -1,7 +1,8 @@
 //! A machine in closed form for the supervisor's tests: an incompressible cylinder behind a check
 //! valve, on a pump side of constant stiffness.
 
-use hydroboom_control::signals::{Command, Reading};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::supervision::drive_monitor::DriveMonitor;
 use hydroboom_control::supervision::flow_monitor::{FlowMonitor, Range};
 use hydroboom_control::supervision::limits::ValveState;
@@ -128,7 +129,7 @@ pub struct Machine {
     /// Whether the pump side holds any pressure.
     pub lifts: bool,
     /// What acts on drive and valve.
-    pub command: Command<f64>,
+    pub command: AxisCommand<f64>,
     /// Readings made.
     readings: u32,
 }
@@ -136,12 +137,12 @@ pub struct Machine {
 impl Machine {
     /// At rest, the load held, the pump side empty.
     pub fn at_rest() -> Self {
-        let command = Command { motor_speed: 0.0, holding_valve: 0.0 };
+        let command = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
         Self { stroke: 0.2, pump: 3e5, lifts: true, command, readings: 0 }
     }
 
     /// Moves for a time \[s\] under a command.
-    pub fn advance(&mut self, command: &Command<f64>, time: f64) {
+    pub fn advance(&mut self, command: &AxisCommand<f64>, time: f64) {
         self.command = *command;
         let volume = command.motor_speed * DISPLACEMENT * time;
         if command.holding_valve > 0.0 {
@@ -164,7 +165,7 @@ impl Machine {
         let released = self.command.holding_valve > 0.0;
         Observation {
             elapsed,
-            reading: Reading {
+            reading: AxisSignals {
                 stroke: self.stroke + 1e-6 * alive,
                 pressure_pump_a: self.pump + 100.0 * alive,
                 pressure_a: LOAD - 90.0 * alive,

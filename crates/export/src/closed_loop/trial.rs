@@ -2,8 +2,8 @@
 
 use super::case::{Case, Moment};
 use super::target::{Target, TargetError};
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::reference::profile::{OutAndBack, RampShape};
-use hydroboom_control::signals::Command;
 use hydroboom_control::supervision::frame::{
     FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
 };
@@ -114,7 +114,7 @@ pub fn run(
     let longest = ((case.held + RELEASED_WITHIN + length) / period) as u32;
     for k in 0..longest {
         let time = f64::from(k) * period;
-        let reading = crane.reading();
+        let reading = crane.signals();
         let course_time = seen.controls_since.map(|since| f64::from(k - since) * period);
         let moved = course_time.filter(|_| case.moves).unwrap_or(0.0);
         let reference = course.reference(moved.min(case.rest + travel + 0.5 * AFTER));
@@ -151,7 +151,7 @@ pub fn run(
         let output = target.period(&wrong, gain)?;
         outcome.is_not_finite |= output.to_array().iter().any(|value| !value.is_finite());
         let command =
-            Command { motor_speed: output.motor_speed, holding_valve: output.holding_valve };
+            AxisCommand { motor_speed: output.motor_speed, holding_valve: output.holding_valve };
         if let Err(error) = crane.advance(&command) {
             outcome.broke = Some(error);
             break;

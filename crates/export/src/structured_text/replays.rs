@@ -3,7 +3,7 @@
 use super::bench::{CALLS, PERIODS, Replay, Values, ramp};
 use crate::crane::{SEGMENTS, resting};
 use crate::error::ExportError;
-use hydroboom_control::signals::Command;
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
 use hydroboom_control::supervision::framed::{
     FramedBenchmarkState, FramedSimulationState, SimulatedCrane,
@@ -174,7 +174,7 @@ impl Course {
         let mut readings = Vec::new();
         for period in 0..CALLS * PERIODS {
             let call = period / PERIODS;
-            let r = crane.reading();
+            let r = crane.signals();
             let moved = period.saturating_sub(MOVING * PERIODS) as f64 * n.control_period;
             let now = FrameInput {
                 enable: 1.0,
@@ -193,7 +193,7 @@ impl Course {
             let (next, output) = controller.advance(&state, &now);
             state = next;
             let (motor_speed, holding_valve) = (output.motor_speed, output.holding_valve);
-            crane.advance(&Command { motor_speed, holding_valve })?;
+            crane.advance(&AxisCommand { motor_speed, holding_valve })?;
             if period % PERIODS == PERIODS - 1 {
                 readings.push(now.map(short));
             }

@@ -1,8 +1,9 @@
 //! Model following in Rust with the crane that it simulates, on a machine that lags and rings.
 
+use hydroboom_control::controller::AxisState;
 use hydroboom_control::deviation::Watched;
 use hydroboom_control::deviation_memory::DeviationMemory;
-use hydroboom_control::model_following::{FollowingMemory, ModelFollowing, Seen};
+use hydroboom_control::model_following::{FollowingMemory, ModelFollowing};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
 use hydroboom_model::stepping::published;
@@ -63,10 +64,10 @@ impl Steered {
     }
 
     /// What is seen of the simulated crane.
-    pub fn seen(&self) -> Seen<f64> {
+    pub fn seen(&self) -> AxisState<f64> {
         let o = self.crane.outputs(&self.state);
         let load_pressure = self.crane.cylinder.load_pressure(o.pressure_a, o.pressure_b);
-        Seen { stroke: o.stroke, velocity: o.velocity, load_pressure }
+        AxisState { stroke: o.stroke, velocity: o.velocity, load_pressure }
     }
 
     /// Motor speed of the machine in a period; that of the simulated crane is changed.

@@ -85,7 +85,7 @@ fn course(records: &[Record]) -> Result<Markup, LabError> {
         h2 { "The course" }
         (figure("Position. Before the load is released the pump takes it over.", &draw("position [mm]", vec![
             ("reference", over(&|r| Some(r.reference.position * 1e3))),
-            ("machine", over(&|r| Some(r.reading.stroke * 1e3))),
+            ("machine", over(&|r| Some(r.signals().stroke * 1e3))),
             ("simulation", over(&|r| r.simulated.map(|s| s.seen.stroke * 1e3))),
         ])?))
         @if has_error {
@@ -94,15 +94,15 @@ fn course(records: &[Record]) -> Result<Markup, LabError> {
             ])?))
         }
         (figure("Pressures.", &draw("pressure [bar]", vec![
-            ("p_PA", bar(|r| r.reading.pressure_pump_a)),
-            ("p_A", bar(|r| r.reading.pressure_a)),
-            ("p_B", bar(|r| r.reading.pressure_b)),
-            ("p_PB", bar(|r| r.reading.pressure_pump_b)),
-            ("p_acc", bar(|r| r.reading.pressure_accumulator)),
+            ("p_PA", bar(|r| r.signals().pressure_pump_a)),
+            ("p_A", bar(|r| r.signals().pressure_a)),
+            ("p_B", bar(|r| r.signals().pressure_b)),
+            ("p_PB", bar(|r| r.signals().pressure_pump_b)),
+            ("p_acc", bar(|r| r.signals().pressure_accumulator)),
         ])?))
         (figure("Motor speed.", &draw("motor speed [rpm]", vec![
             ("asked for", over(&|r| Some(r.decision.command.motor_speed * 60.0))),
-            ("read", over(&|r| Some(r.reading.motor_speed * 60.0))),
+            ("read", over(&|r| Some(r.signals().motor_speed * 60.0))),
         ])?))
     })
 }

@@ -7,8 +7,8 @@
 //! makes of them. Or told so, and in time all its speed the other way, so that the piston is at rest when it is home.
 
 use super::{Case, Failure, Left};
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::Command;
 use hydroboom_description::Description;
 use hydroboom_virtual_crane::VirtualCrane;
 
@@ -40,18 +40,19 @@ pub enum Home {
 /// Whether what is read of a crane is another than of its twin by more than noise, which is the same for both.
 fn shows(crane: &Description, machine: &VirtualCrane, twin: &VirtualCrane) -> bool {
     let n = &crane.numbers;
-    let [here, there] = [machine, twin].map(VirtualCrane::measured);
+    let [here, there] = [machine, twin].map(VirtualCrane::signals);
     let areas = crane.cylinder();
     let rod_side: f64 = areas.rod_side_area / areas.piston_area;
     let load_pressure = n.pressure_noise * n.pressure_span * (1.0 + rod_side * rod_side).sqrt();
     (here.stroke - there.stroke).abs() > SHOWS * n.position_noise
-        || (here.load_pressure - there.load_pressure).abs() > SHOWS * load_pressure
+        || (here.load_pressure(rod_side) - there.load_pressure(rod_side)).abs()
+            > SHOWS * load_pressure
 }
 
 /// A crane whose load has changed, and what it is told in each period from then on.
 struct Pull {
     machine: VirtualCrane,
-    periods: Vec<(SetPoint<f64>, Command<f64>)>,
+    periods: Vec<(SetPoint<f64>, AxisCommand<f64>)>,
     /// Where the piston was off before \[m\].
     begins: f64,
     /// Motor speed against the pull \[rev/s\].

@@ -4,7 +4,7 @@ use super::Shown;
 use super::linear_plant::{ALL, LinearPlant};
 use super::riccati::least_variance;
 use crate::LabError;
-use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::feedback::benchmark::BenchmarkInput;
 use nalgebra::{SMatrix, SVector, matrix, vector};
 
 /// Standard deviations of what is read: position \[m\], load pressure \[Pa\].
@@ -21,7 +21,7 @@ impl KalmanFilter {
     pub(super) fn new(
         crane: &LinearPlant,
         drift: &[f64; ALL],
-        measured: &Measured<f64>,
+        measured: &BenchmarkInput<f64>,
         period: f64,
     ) -> Result<Self, LabError> {
         let reads = matrix![1.0, 0.0, 0.0, 0.0, 0.0; 0.0, 0.0, 1.0, 0.0, 0.0];

@@ -6,7 +6,7 @@ use super::linear_plant::{ALL, LinearPlant, MOVES};
 use super::lqg::Weights;
 use super::{Shown, Steers};
 use crate::LabError;
-use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::feedback::benchmark::BenchmarkInput;
 use hydroboom_description::Description;
 use nalgebra::{DMatrix, DVector, SMatrix, vector};
 
@@ -38,7 +38,7 @@ impl LinearMpc {
     pub(super) fn new(
         model: &Description,
         weights: &Weights,
-        measured: &Measured<f64>,
+        measured: &BenchmarkInput<f64>,
     ) -> Result<Self, LabError> {
         let period = model.numbers.control_period;
         let crane = LinearPlant::new(model, period)?;
@@ -106,14 +106,14 @@ impl Steers for LinearMpc {
 mod tests {
     use super::super::lqg::LQG;
     use super::*;
+    use hydroboom_control::measurement::AxisSignals;
     use hydroboom_control::reference::profile::SetPoint;
-    use hydroboom_control::signals::Reading;
 
     /// What comes after the horizon costs what feedback of least cost takes, and so the horizon changes nothing where no limit is met.
     #[test]
     fn without_a_limit_to_meet_it_is_the_feedback_of_least_cost() {
         let model = Description::uia_single_boom().unwrap();
-        let measured = Measured { stroke: 0.2, load_pressure: 66e5 };
+        let measured = BenchmarkInput { stroke: 0.2, load_pressure: 66e5 };
         let mut mpc = LinearMpc::new(&model, &LQG, &measured).unwrap();
         let (_, gain) = LQG.feedback(&mpc.blocks).unwrap();
         let still = SetPoint { position: 0.2, velocity: 0.0 };
@@ -121,13 +121,13 @@ mod tests {
         let off: nalgebra::SVector<f64, MOVES> = [2e-3, -0.01, 3e5].into();
         let at = rest + off;
         mpc.filter.state.fixed_rows_mut::<MOVES>(0).copy_from(&at);
-        let measured = Measured { stroke: at[0], load_pressure: at[2] };
+        let measured = BenchmarkInput { stroke: at[0], load_pressure: at[2] };
         let ahead = |_: f64| still;
         let shown = Shown {
             reference: still,
             ahead: &ahead,
             speed: 0.0,
-            reading: Reading::default(),
+            reading: AxisSignals::default(),
             measured,
         };
         // the observer, which the motor's reading moves on, is set back each time; the solver goes on where it was

@@ -5,7 +5,7 @@ use super::linear_plant::{LinearPlant, MOVES};
 use super::riccati::least_cost;
 use super::{Shown, Steers};
 use crate::LabError;
-use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::feedback::benchmark::BenchmarkInput;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector, matrix};
 
@@ -57,7 +57,7 @@ impl Lqg {
     pub(super) fn new(
         model: &Description,
         weights: &Weights,
-        measured: &Measured<f64>,
+        measured: &BenchmarkInput<f64>,
     ) -> Result<Self, LabError> {
         let period = model.numbers.control_period;
         let crane = LinearPlant::new(model, period)?;

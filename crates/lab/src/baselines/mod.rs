@@ -18,9 +18,9 @@ pub use lqg::{LQG, Weights};
 pub use retuned_benchmark::{Gains, RETUNED};
 
 use crate::LabError;
-use hydroboom_control::feedback::benchmark::Measured;
+use hydroboom_control::feedback::benchmark::BenchmarkInput;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::Reading;
 use hydroboom_description::Description;
 
 /// A controller that is only compared with.
@@ -61,9 +61,9 @@ pub(crate) struct Shown<'a> {
     /// Its largest speed \[m/s\].
     pub speed: f64,
     /// What is read of the machine.
-    pub reading: Reading<f64>,
+    pub reading: AxisSignals<f64>,
     /// Position and load pressure of that.
-    pub measured: Measured<f64>,
+    pub measured: BenchmarkInput<f64>,
 }
 
 /// A baseline at work.
@@ -76,7 +76,7 @@ pub(crate) trait Steers {
 pub(crate) fn baseline(
     which: Baseline,
     model: &Description,
-    measured: &Measured<f64>,
+    measured: &BenchmarkInput<f64>,
 ) -> Result<Box<dyn Steers>, LabError> {
     Ok(match which {
         Baseline::RetunedBenchmark(gains) => {

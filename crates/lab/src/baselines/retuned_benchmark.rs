@@ -1,7 +1,7 @@
 //! Retuned benchmark: the published controller with four gains found by search, the baseline that costs nothing more on a machine.
 
 use super::{Shown, Steers};
-use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput, BenchmarkMemory};
 use hydroboom_control::feedback::filter::HighPass;
 use hydroboom_description::Description;
 
@@ -43,7 +43,7 @@ pub(super) struct RetunedBenchmark {
 }
 
 impl RetunedBenchmark {
-    pub(super) fn new(model: &Description, gains: &Gains, measured: &Measured<f64>) -> Self {
+    pub(super) fn new(model: &Description, gains: &Gains, measured: &BenchmarkInput<f64>) -> Self {
         let controller = with_gains(model, gains);
         Self { controller, memory: controller.start(measured) }
     }

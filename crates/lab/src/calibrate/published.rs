@@ -3,8 +3,8 @@
 use crate::eigenfrequency::{locked_mode, without_friction};
 use crate::{LabError, paper};
 use crate::{motion_test::Run, motion_test::pressure_oscillation, motion_test::run};
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::OutAndBack;
-use hydroboom_control::signals::Reading;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use serde::Serialize;
@@ -130,7 +130,7 @@ pub fn table_6(model: &Description, crane: &Description) -> Result<[(f64, f64); 
 /// under the same input, in the table's units. (The paper does not say which it takes from which; so
 /// all six signs of its peaks agree with the calibrated crane's, the other way round none.)
 pub fn differences(simulated: &Run, crane: &Run) -> [(f64, f64); 6] {
-    let signals = |r: &Reading<f64>| {
+    let signals = |r: &AxisSignals<f64>| {
         [
             r.stroke * 1e3,
             r.pressure_a * 1e-5,

@@ -1,7 +1,8 @@
 //! A control period of a closed loop, for whoever looks on.
 
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::{Command, Reading};
 use hydroboom_virtual_crane::Truth;
 
 /// One control period of a run.
@@ -12,11 +13,11 @@ pub struct Sample {
     /// Where the piston should be.
     pub reference: SetPoint<f64>,
     /// What the controller sees of the plant.
-    pub reading: Reading<f64>,
+    pub reading: AxisSignals<f64>,
     /// The plant itself.
     pub truth: Truth,
     /// The command for the next period.
-    pub command: Command<f64>,
+    pub command: AxisCommand<f64>,
 }
 
 impl Sample {

@@ -6,10 +6,10 @@ use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, due};
 use crate::following::Following;
 use crate::{LabError, Plant, plant};
-use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkMemory, Measured};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput, BenchmarkMemory};
+use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::signals::Command;
-use hydroboom_control::signals::Reading;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_model::{Input, Scheme, SimulationError};
@@ -55,7 +55,7 @@ impl Feedforward {
     }
 
     /// What the simulated crane shows now; none where there is none.
-    pub(crate) fn simulated(&self) -> Option<Measured<f64>> {
+    pub(crate) fn simulated(&self) -> Option<BenchmarkInput<f64>> {
         self.simulated.as_ref().map(|crane| measured(crane.plant.as_ref()))
     }
 
@@ -73,8 +73,8 @@ impl Feedforward {
     }
 }
 
-fn measured(plant: &dyn Plant) -> Measured<f64> {
-    Measured { stroke: plant.outputs().stroke, load_pressure: plant.load_pressure() }
+fn measured(plant: &dyn Plant) -> BenchmarkInput<f64> {
+    BenchmarkInput { stroke: plant.outputs().stroke, load_pressure: plant.load_pressure() }
 }
 
 /// What is added once the machine has been looked at.
@@ -85,7 +85,7 @@ pub(crate) struct Feedback {
 }
 
 impl Feedback {
-    pub(crate) fn new(model: &Description, strategy: Strategy, seen: &Measured<f64>) -> Self {
+    pub(crate) fn new(model: &Description, strategy: Strategy, seen: &BenchmarkInput<f64>) -> Self {
         let controller = model.benchmark();
         let memory = controller.start(seen);
         Self { controller, memory, measures: strategy.measures() }
@@ -94,15 +94,21 @@ impl Feedback {
     pub(crate) fn command(
         &mut self,
         reference: &SetPoint<f64>,
-        seen: &Measured<f64>,
+        seen: &BenchmarkInput<f64>,
         feedforward: f64,
-    ) -> Command<f64> {
+    ) -> AxisCommand<f64> {
         let motor_speed = match self.measures {
             true => self.controller.update(&mut self.memory, reference, seen, feedforward),
             false => feedforward,
         };
-        Command { motor_speed, holding_valve: 1.0 }
+        AxisCommand { motor_speed, holding_valve: 1.0 }
     }
+}
+
+/// Rod-side area over piston area of a description's cylinder.
+pub(crate) fn area_ratio(model: &Description) -> f64 {
+    let cylinder = model.cylinder();
+    cylinder.rod_side_area / cylinder.piston_area
 }
 
 /// A controller that closes the loop.
@@ -117,8 +123,8 @@ impl Controller {
         model: &Description,
         choice: ControllerChoice,
         start: f64,
-        reading: &Reading<f64>,
-        measured: &Measured<f64>,
+        reading: &AxisSignals<f64>,
+        measured: &BenchmarkInput<f64>,
     ) -> Result<Self, LabError> {
         let strategy = match choice {
             ControllerChoice::Strategy(strategy) => strategy,
@@ -128,7 +134,7 @@ impl Controller {
             }
         };
         Ok(match strategy.follows() {
-            true => Self::Following(Box::new(Following::new(model, reading, measured, start)?)),
+            true => Self::Following(Box::new(Following::new(model, reading, start)?)),
             false => Self::Published(Box::new((
                 Feedforward::new(model, strategy, start)?,
                 Feedback::new(model, strategy, measured),
@@ -137,12 +143,12 @@ impl Controller {
     }
 
     /// The command for the coming period.
-    fn command(&mut self, shown: &Shown<'_>) -> Result<Command<f64>, LabError> {
+    fn command(&mut self, shown: &Shown<'_>) -> Result<AxisCommand<f64>, LabError> {
         let Shown { reference, ahead, speed, reading, measured } = shown;
         match self {
-            Self::Following(following) => following.command(ahead, *speed, reading, measured),
+            Self::Following(following) => following.command(ahead, *speed, reading),
             Self::Baseline(baseline) => {
-                Ok(Command { motor_speed: baseline.speed(shown), holding_valve: 1.0 })
+                Ok(AxisCommand { motor_speed: baseline.speed(shown), holding_valve: 1.0 })
             }
             Self::Published(pair) => {
                 let (feedforward, feedback) = pair.as_mut();
@@ -172,8 +178,10 @@ pub fn simulate_closed_loop(
     let choice = choice.into();
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
-    let mut controller =
-        Controller::new(model, choice, start, &crane.reading(), &crane.measured())?;
+    let area_ratio = area_ratio(model);
+    let of = |signals: &AxisSignals<f64>| BenchmarkInput::of(signals, area_ratio);
+    let signals = crane.signals();
+    let mut controller = Controller::new(model, choice, start, &signals, &of(&signals))?;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut loads = course.loads();
@@ -186,7 +194,8 @@ pub fn simulate_closed_loop(
         }
         let reference = course.reference(time);
         let ahead = |after: f64| course.reference(time + after);
-        let (reading, measured) = (crane.reading(), crane.measured());
+        let reading = crane.signals();
+        let measured = of(&reading);
         let speed = course.speed();
         let shown = Shown { reference, ahead: &ahead, speed, reading, measured };
         let command = controller.command(&shown)?;
@@ -270,8 +279,11 @@ fn side_by_side(
     // what is wrong with one of them is said where it is run alone
     let mut fleet = Fleet::new(&cranes, &starts).ok().flatten()?;
     let mut controllers = Vec::with_capacity(WIDTH);
+    let area_ratio = area_ratio(model);
+    let of = |signals: &AxisSignals<f64>| BenchmarkInput::of(signals, area_ratio);
     for (k, lane) in cases.iter().enumerate() {
-        let (reading, measured) = (fleet.reading(k), fleet.measured(k));
+        let reading = fleet.signals(k);
+        let measured = of(&reading);
         controllers
             .push(Controller::new(model, lane.controller, begins[k], &reading, &measured).ok()?);
     }
@@ -290,8 +302,9 @@ fn side_by_side(
             {
                 ends[lane] = Err(error.into());
             }
-            let (reading, measured) = (fleet.reading(lane), fleet.measured(lane));
-            let still = Command { motor_speed: 0.0, holding_valve: 1.0 };
+            let reading = fleet.signals(lane);
+            let measured = of(&reading);
+            let still = AxisCommand { motor_speed: 0.0, holding_valve: 1.0 };
             let course = cases[lane].course;
             let reference = course.reference(time);
             let goes_on = ends[lane].is_ok() && k <= periods[lane];

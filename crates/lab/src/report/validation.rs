@@ -4,10 +4,10 @@ use super::document::figure;
 use super::figure::{Axes, Figure, Series};
 use crate::LabError;
 use crate::motion_test::Run;
-use hydroboom_control::signals::Reading;
+use hydroboom_control::measurement::AxisSignals;
 use maud::{Markup, html};
 
-type Signal = (u32, &'static str, &'static str, fn(&Reading<f64>) -> f64);
+type Signal = (u32, &'static str, &'static str, fn(&AxisSignals<f64>) -> f64);
 
 /// Number of the paper's figure, signal, axis, value in the axis' unit.
 const SIGNALS: [Signal; 6] = [

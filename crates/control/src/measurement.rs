@@ -1,0 +1,147 @@
+//! Measurement: what a controller is given of a machine in a control period.
+
+use hydroboom_math::{Real, record};
+
+/// Axes of a machine, each a cylinder with its pump.
+pub const AXES: usize = 1;
+
+record! {
+    /// Signals of one axis, or something of each of them.
+    pub struct AxisSignals<T> {
+        /// Piston position
+        #[unit = "m"]
+        pub stroke: T,
+        /// Pressure on pump side A
+        #[unit = "Pa"]
+        pub pressure_pump_a: T,
+        /// Pressure on the piston side
+        #[unit = "Pa"]
+        pub pressure_a: T,
+        /// Pressure on the rod side
+        #[unit = "Pa"]
+        pub pressure_b: T,
+        /// Pressure on pump side B
+        #[unit = "Pa"]
+        pub pressure_pump_b: T,
+        /// Pressure in the accumulator
+        #[unit = "Pa"]
+        pub pressure_accumulator: T,
+        /// Motor speed, from the drive's encoder
+        #[unit = "rev/s"]
+        pub motor_speed: T,
+    }
+}
+
+impl<T: Real> AxisSignals<T> {
+    /// Load pressure p_L = p_A − (A_r/A_p) p_B \[Pa\], by the ratio of rod-side to piston area.
+    #[inline(always)]
+    pub fn load_pressure(&self, area_ratio: T) -> T {
+        self.pressure_a - area_ratio * self.pressure_b
+    }
+}
+
+/// Whether a signal may be used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Validity {
+    /// It is a measured value of this control period, give or take the cycles of the fieldbus.
+    #[default]
+    Good,
+    /// It is not measured, or is no number.
+    Absent,
+    /// It is beyond what can be.
+    OutOfRange,
+    /// It is older than the machine may leave a controller without a measurement.
+    Stale,
+}
+
+/// Signals of one axis, and which of them may be used.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AxisMeasurement {
+    /// The signals, in SI units, speeds in rev/s.
+    pub signals: AxisSignals<f64>,
+    /// The validity of each.
+    pub validity: AxisSignals<Validity>,
+}
+
+impl AxisMeasurement {
+    /// Signals that are good as far as they are numbers.
+    pub fn new(signals: AxisSignals<f64>) -> Self {
+        let validity = signals.map(|value| match value.is_finite() {
+            true => Validity::Good,
+            false => Validity::Absent,
+        });
+        Self { signals, validity }
+    }
+
+    /// With what is outside `ranges` (lowest, highest) marked as [`Validity::OutOfRange`].
+    #[must_use]
+    pub fn within(mut self, ranges: &AxisSignals<(f64, f64)>) -> Self {
+        let (values, ranges) = (self.signals.to_array(), ranges.to_array());
+        let mut validity = self.validity.to_array();
+        for ((validity, value), (lowest, highest)) in validity.iter_mut().zip(values).zip(ranges) {
+            if *validity == Validity::Good && !(lowest..=highest).contains(&value) {
+                *validity = Validity::OutOfRange;
+            }
+        }
+        self.validity = AxisSignals::from_array(validity);
+        self
+    }
+
+    /// With what was good marked as [`Validity::Stale`].
+    #[must_use]
+    pub fn stale(mut self) -> Self {
+        self.validity = self.validity.map(|validity| match validity {
+            Validity::Good => Validity::Stale,
+            other => other,
+        });
+        self
+    }
+}
+
+/// What was sampled of a machine at one time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measurement {
+    /// Its number, which grows by one with each; 0 before the first.
+    pub number: u64,
+    /// Time of sampling \[s\], by the machine's clock.
+    pub time: f64,
+    /// Each axis.
+    pub axes: [AxisMeasurement; AXES],
+}
+
+impl Measurement {
+    /// A measurement of good signals.
+    pub fn new(number: u64, time: f64, signals: [AxisSignals<f64>; AXES]) -> Self {
+        Self { number, time, axes: signals.map(AxisMeasurement::new) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_is_absent_and_what_cannot_be_is_out_of_range() {
+        let signals = AxisSignals {
+            stroke: 0.7,
+            pressure_a: f64::NAN,
+            pressure_b: 3e5,
+            ..Default::default()
+        };
+        let ranges = AxisSignals::from_array([(0.0, 0.5); 7].map(|(a, b)| (a, b)));
+        let measured = AxisMeasurement::new(signals).within(&ranges);
+        assert_eq!(measured.validity.stroke, Validity::OutOfRange);
+        assert_eq!(measured.validity.pressure_a, Validity::Absent);
+        assert_eq!(measured.validity.motor_speed, Validity::Good);
+        // old signals do not become better by it
+        let old = measured.stale().validity;
+        assert_eq!((old.stroke, old.pressure_a), (Validity::OutOfRange, Validity::Absent));
+        assert_eq!(old.motor_speed, Validity::Stale);
+    }
+
+    #[test]
+    fn the_rod_side_counts_by_its_area() {
+        let signals = AxisSignals { pressure_a: 70e5, pressure_b: 4e5, ..Default::default() };
+        assert_eq!(signals.load_pressure(0.5), 68e5);
+    }
+}
