@@ -1,6 +1,8 @@
 //! Controller: the one interface between a control law and whatever runs it, in simulation or in real time.
 
-use crate::measurement::AXES;
+use crate::command::Command;
+use crate::measurement::{AXES, Measurement};
+use crate::reference::preview::Preview;
 use hydroboom_math::record;
 
 record! {
@@ -23,4 +25,34 @@ record! {
 pub struct SimulatedState {
     /// Each axis.
     pub axes: [AxisState<f64>; AXES],
+}
+
+/// What a controller tells of itself after an update.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ControllerStatus {
+    /// Motor speeds \[rev/s\] that drive the crane simulated beside the machine in the coming control period; none where the
+    /// controller uses no simulated crane.
+    pub simulated_motor_speeds: Option<[f64; AXES]>,
+    /// Whether the command depends on measurements.
+    pub is_closed_loop: bool,
+}
+
+/// A controller. It knows its parameters, and remembers what it needs from one control period to the next; it allocates nothing
+/// after it was made, and does not panic.
+pub trait Controller: Send {
+    /// Begins control of a machine at rest with the load released. `delay_cycles` is the number of control periods between a
+    /// command and the first measurement that shows it, as far as the fieldbus causes them.
+    fn start(&mut self, measurement: &Measurement, delay_cycles: u32);
+
+    /// The command for the coming control period. `preview` is the reference around now; `simulated` the crane that is simulated
+    /// beside the machine, none where there is none, or where it is not valid.
+    fn update(
+        &mut self,
+        measurement: &Measurement,
+        preview: &Preview<f64>,
+        simulated: Option<&SimulatedState>,
+    ) -> Command;
+
+    /// The state after the last update.
+    fn status(&self) -> ControllerStatus;
 }

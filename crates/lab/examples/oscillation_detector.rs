@@ -85,7 +85,7 @@ fn main() {
             let period = model.numbers.control_period;
             // a crane that breaks has been counted above
             let _ = simulate_closed_loop(&model, &crane, benchmark, &longer, |sample: &Sample| {
-                let error = sample.reference.position - sample.reading.stroke;
+                let error = sample.reference.position - sample.signals.stroke;
                 let rests = sample.reference.velocity == 0.0;
                 let detector = OscillationDetector::POSITIONING;
                 fired |= detector.update(&mut state, error, rests, period);

@@ -10,13 +10,14 @@
 //! ```
 
 use crate::LabError;
+use crate::closed_loop::controller_choice::area_ratio;
 use crate::closed_loop::metrics::Metrics;
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
-use crate::closed_loop::simulation::{Feedback, Feedforward, area_ratio};
+use crate::closed_loop::simulated_crane::SimulatedCrane;
 use crate::{motion_test::Run, motion_test::run};
+use hydroboom_control::command::AxisCommand;
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
-use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_virtual_crane::VirtualCrane;
@@ -73,31 +74,37 @@ fn damped_once(
     plant: &Description,
     course: &dyn Course,
 ) -> Result<[f64; 2], LabError> {
-    let strategy = Strategy::SimulationFeedforwardClosedLoop;
+    let law = model.benchmark();
+    let area_ratio = area_ratio(model);
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(plant, &plant.start(start))?;
-    let mut feedforward = Feedforward::new(model, strategy, start)?;
-    let beyond =
-        |seen: BenchmarkInput<f64>, simulated: Option<BenchmarkInput<f64>>| BenchmarkInput {
-            load_pressure: seen.load_pressure - simulated.map_or(0.0, |s| s.load_pressure),
-            ..seen
-        };
-    let area_ratio = area_ratio(model);
-    let of = |signals: &AxisSignals<f64>| BenchmarkInput::of(signals, area_ratio);
-    let mut feedback =
-        Feedback::new(model, strategy, &beyond(of(&crane.signals()), feedforward.simulated()));
+    let mut simulated = SimulatedCrane::new(model, start)?;
+    let simulated_input =
+        |crane: &SimulatedCrane| BenchmarkInput::of_simulated(&crane.state().axes[0]);
+    let beyond = |crane: &VirtualCrane, simulated: &BenchmarkInput<f64>| {
+        let input = BenchmarkInput::of(&crane.signals(), area_ratio);
+        BenchmarkInput { load_pressure: input.load_pressure - simulated.load_pressure, ..input }
+    };
+    let of_simulated = simulated_input(&simulated);
+    let mut memory = law.start(&beyond(&crane, &of_simulated));
+    let mut simulated_memory = law.start(&of_simulated);
+    let mut simulated_speed = 0.0;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut metrics = Metrics::new();
     for k in 0..=periods {
         let time = k as f64 * period;
         let reference = course.reference(time);
-        let seen = beyond(of(&crane.signals()), feedforward.simulated());
-        let speed =
-            feedforward.speed(&reference).map_err(LabError::during("the simulated crane"))?;
-        let command = feedback.command(&reference, &seen, speed);
-        let (reading, truth) = (crane.signals(), crane.truth());
-        metrics.add(&Sample { time, reference, reading, truth, command });
+        let of_simulated = simulated_input(&simulated);
+        let input = beyond(&crane, &of_simulated);
+        let velocity = law.velocity_feedforward(&reference);
+        let wanted = law.update(&mut simulated_memory, &reference, &of_simulated, velocity);
+        simulated_speed = law.limits.follow(simulated_speed, wanted, law.period);
+        simulated.advance(simulated_speed)?;
+        let motor_speed = law.update(&mut memory, &reference, &input, simulated_speed);
+        let command = AxisCommand { motor_speed, holding_valve: 1.0 };
+        let (signals, truth) = (crane.signals(), crane.truth());
+        metrics.add(&Sample { time, reference, signals, truth, command });
         if k < periods {
             crane.advance(&command).map_err(LabError::during("damped once"))?;
         }

@@ -1,8 +1,9 @@
 //! Model following on a virtual crane: the simulated crane beside it, and the controller.
 
+use crate::closed_loop::controller_choice::area_ratio;
+use crate::closed_loop::simulated_crane::axis_state;
 use crate::{LabError, Plant, plant};
 use hydroboom_control::command::AxisCommand;
-use hydroboom_control::controller::AxisState;
 use hydroboom_control::deviation::Watched;
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
 use hydroboom_control::follower::Follower;
@@ -67,7 +68,7 @@ impl Following {
         let simulated = plant(&description, &description.start(start), Scheme::Published, step)?;
         follower.begin(
             &Watched::of(&measured(model, reading), reading.motor_speed),
-            &seen(simulated.as_ref()),
+            &axis_state(simulated.as_ref()),
         );
         let count = (model.numbers.control_period / step).round() as u32;
         Ok(Self {
@@ -95,7 +96,7 @@ impl Following {
         speed: f64,
         reading: &AxisSignals<f64>,
     ) -> Result<AxisCommand<f64>, LabError> {
-        let seen = seen(self.simulated.as_ref());
+        let seen = axis_state(self.simulated.as_ref());
         let measured = measured(&self.description, reading);
         let reference = self.follower.foreseen(ahead, speed);
         let [simulated, speed] =
@@ -119,16 +120,5 @@ impl Following {
 
 /// What is measured of a machine that has the cylinder of the model.
 fn measured(model: &Description, signals: &AxisSignals<f64>) -> BenchmarkInput<f64> {
-    let cylinder = model.cylinder();
-    BenchmarkInput::of(signals, cylinder.rod_side_area / cylinder.piston_area)
-}
-
-/// What state feedback sees of a simulated crane.
-pub(crate) fn seen(plant: &dyn Plant) -> AxisState<f64> {
-    let outputs = plant.outputs();
-    AxisState {
-        stroke: outputs.stroke,
-        velocity: outputs.velocity,
-        load_pressure: plant.load_pressure(),
-    }
+    BenchmarkInput::of(signals, area_ratio(model))
 }

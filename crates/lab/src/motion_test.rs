@@ -184,7 +184,7 @@ mod tests {
             let other = &together[strategy as usize];
             assert_eq!(alone.samples.len(), other.samples.len());
             for (a, b) in alone.samples.iter().zip(&other.samples) {
-                assert_eq!(a.reading, b.reading);
+                assert_eq!(a.signals, b.signals);
                 assert_eq!(a.command, b.command);
             }
         }

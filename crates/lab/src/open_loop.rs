@@ -1,7 +1,7 @@
 //! Simulation feedforward in open loop: a simulated crane is led along, and the machine is told its motor speed and not looked at.
 
 use crate::closed_loop::scenario::Course;
-use crate::following::seen;
+use crate::closed_loop::simulated_crane::axis_state;
 use crate::{LabError, Plant, plant};
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::learner::Known;
@@ -91,7 +91,8 @@ impl Led {
         fastest: f64,
     ) -> Result<f64, LabError> {
         let reference = self.law.foreseen(ahead, fastest);
-        let pump_speed = self.law.update(&mut self.memory, &reference, &seen(self.plant.as_ref()));
+        let pump_speed =
+            self.law.update(&mut self.memory, &reference, &axis_state(self.plant.as_ref()));
         let input = Input { pump_speed, holding_valve: 1.0 };
         self.plant.advance(&input, 1).map_err(LabError::during("the simulated crane"))?;
         Ok(pump_speed)

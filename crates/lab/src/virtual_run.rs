@@ -226,7 +226,7 @@ fn follow(
         let reading = real.signals();
         // there is no reference to be away from
         let reference = SetPoint { position: reading.stroke, velocity: 0.0 };
-        observe(&Sample { time, reference, reading, truth: real.truth(), command })?;
+        observe(&Sample { time, reference, signals: reading, truth: real.truth(), command })?;
         if k < periods {
             real.advance(&command).map_err(LabError::during("virtual crane"))?;
         }
@@ -257,7 +257,7 @@ fn row(contents: Contents, task: &Task, sample: &Sample) -> Vec<f64> {
             row.extend(scaled(&sample.reference.to_array(), &SetPoint::UNITS));
         }
         row.extend(scaled(&sample.command.to_array(), &AxisCommand::UNITS));
-        row.extend(scaled(&sample.reading.to_array(), &AxisSignals::UNITS));
+        row.extend(scaled(&sample.signals.to_array(), &AxisSignals::UNITS));
     }
     if contents.truth() {
         row.extend(scaled(&sample.truth.outputs.to_array(), &Outputs::UNITS));

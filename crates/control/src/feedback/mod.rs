@@ -3,6 +3,7 @@
 pub mod benchmark;
 pub mod filter;
 pub mod inverse_dynamics;
+pub mod published_strategy;
 pub mod riccati;
 pub mod rollout;
 pub mod saturation;

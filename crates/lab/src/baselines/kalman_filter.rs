@@ -1,6 +1,5 @@
 //! Steady-state Kalman filter of the linear plant and its disturbances, from position and load pressure.
 
-use super::Shown;
 use super::linear_plant::{ALL, LinearPlant};
 use super::riccati::least_variance;
 use crate::LabError;
@@ -17,11 +16,10 @@ pub(super) struct KalmanFilter {
 }
 
 impl KalmanFilter {
-    /// At rest where the machine is.
+    /// Of a plant that is sampled with `period` \[s\], its states drifting within a second by `drift` (standard deviations).
     pub(super) fn new(
         crane: &LinearPlant,
         drift: &[f64; ALL],
-        measured: &BenchmarkInput<f64>,
         period: f64,
     ) -> Result<Self, LabError> {
         let reads = matrix![1.0, 0.0, 0.0, 0.0, 0.0; 0.0, 0.0, 1.0, 0.0, 0.0];
@@ -38,23 +36,27 @@ impl KalmanFilter {
         let gain = least_variance(&a, &c, &q, &r)
             .ok_or(LabError::NoBaseline("no Kalman filter settles for this crane"))?;
         let back = units.map(|v| if v == 0.0 { 0.0 } else { 1.0 / v });
-        let push = vector![measured.stroke, 0.0, measured.load_pressure, 0.0, 0.0];
-        Ok(Self { gain: scale * gain * back, state: push })
+        Ok(Self { gain: scale * gain * back, state: SVector::zeros() })
     }
 
-    /// What is believed once more was read.
-    pub(super) fn correct(&mut self, shown: &Shown<'_>) {
-        let seen = vector![shown.measured.stroke, shown.measured.load_pressure];
-        self.state += self.gain * (seen - vector![self.state[0], self.state[2]]);
+    /// Begins at rest where the machine is.
+    pub(super) fn start(&mut self, measured: &BenchmarkInput<f64>) {
+        self.state = vector![measured.stroke, 0.0, measured.load_pressure, 0.0, 0.0];
     }
 
-    /// What is believed of the end of the coming period, the motor turning as it does.
+    /// Correction by a measurement.
+    pub(super) fn correct(&mut self, measured: &BenchmarkInput<f64>) {
+        let measured = vector![measured.stroke, measured.load_pressure];
+        self.state += self.gain * (measured - vector![self.state[0], self.state[2]]);
+    }
+
+    /// Prediction to the end of the coming period, at the motor speed \[rev/s\].
     pub(super) fn predict(&mut self, crane: &LinearPlant, motor_speed: f64) {
         let (pressure, holding) = crane.rest(self.state[0]);
         self.state = crane.a * self.state + crane.b * vector![motor_speed - holding, pressure];
     }
 
-    /// Acceleration and rate of the pressure that nobody knows of.
+    /// Estimated disturbances: acceleration \[m/s²\] and rate of the load pressure \[Pa/s\].
     pub(super) fn disturbances(&self) -> [f64; 2] {
         [self.state[3], self.state[4]]
     }

@@ -4,9 +4,13 @@ use super::box_qp::BoxQp;
 use super::kalman_filter::KalmanFilter;
 use super::linear_plant::{ALL, LinearPlant, MOVES};
 use super::lqg::Weights;
-use super::{Shown, Steers};
 use crate::LabError;
+use crate::closed_loop::controller_choice::area_ratio;
+use hydroboom_control::command::Command;
+use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
+use hydroboom_control::measurement::Measurement;
+use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use nalgebra::{DMatrix, DVector, SMatrix, vector};
 
@@ -19,10 +23,10 @@ const STEPS: u32 = 30;
 /// Those of LQG, which its costs have to be compared with.
 pub const MPC: Weights = super::LQG;
 
-/// It at work.
+/// Model-predictive control of the linear plant.
 pub(super) struct LinearMpc {
     /// Sampled with the control period, for the observer, and with a block's length.
-    crane: LinearPlant,
+    plant: LinearPlant,
     blocks: LinearPlant,
     filter: KalmanFilter,
     /// From motor speeds to all states to come.
@@ -32,18 +36,16 @@ pub(super) struct LinearMpc {
     by_speed: f64,
     program: BoxQp,
     speeds: DVector<f64>,
+    /// Rod-side area over piston area.
+    area_ratio: f64,
 }
 
 impl LinearMpc {
-    pub(super) fn new(
-        model: &Description,
-        weights: &Weights,
-        measured: &BenchmarkInput<f64>,
-    ) -> Result<Self, LabError> {
+    pub(super) fn new(model: &Description, weights: &Weights) -> Result<Self, LabError> {
         let period = model.numbers.control_period;
-        let crane = LinearPlant::new(model, period)?;
+        let plant = LinearPlant::new(model, period)?;
         let blocks = LinearPlant::new(model, BLOCK)?;
-        let filter = KalmanFilter::new(&crane, &weights.drift, measured, period)?;
+        let filter = KalmanFilter::new(&plant, &weights.drift, period)?;
         let (a, b) = blocks.moving();
         let (q, r) = weights.costs();
         let (to_go, _) = weights.feedback(&blocks)?;
@@ -67,19 +69,32 @@ impl LinearMpc {
             + DMatrix::identity(BLOCKS, BLOCKS) * by_speed;
         let program = BoxQp::new(hessian);
         let speeds = DVector::zeros(BLOCKS);
-        Ok(Self { crane, blocks, filter, response, costs, by_speed, program, speeds })
+        let area_ratio = area_ratio(model);
+        Ok(Self { plant, blocks, filter, response, costs, by_speed, program, speeds, area_ratio })
     }
 }
 
-impl Steers for LinearMpc {
-    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
-        self.filter.correct(shown);
+impl Controller for LinearMpc {
+    fn start(&mut self, measurement: &Measurement, _delay_cycles: u32) {
+        let signals = &measurement.axes[0].signals;
+        self.filter.start(&BenchmarkInput::of(signals, self.area_ratio));
+        self.speeds.fill(0.0);
+    }
+
+    fn update(
+        &mut self,
+        measurement: &Measurement,
+        preview: &Preview<f64>,
+        _simulated: Option<&SimulatedState>,
+    ) -> Command {
+        let signals = &measurement.axes[0].signals;
+        self.filter.correct(&BenchmarkInput::of(signals, self.area_ratio));
         // where the crane goes with the motor turning as the reference takes it, and by how much that is wrong
         let mut state: nalgebra::SVector<f64, ALL> = self.filter.state;
         let mut lacking = DVector::zeros(MOVES * BLOCKS);
         let mut own = DVector::zeros(BLOCKS);
         for k in 0..BLOCKS {
-            let [now, then, after] = [k, k + 1, k + 2].map(|k| (shown.ahead)(k as f64 * BLOCK));
+            let [now, then, after] = [k, k + 1, k + 2].map(|k| preview.at(k as f64 * BLOCK));
             let disturbances = self.filter.disturbances();
             let of = |a: f64, b: f64| (b - a) / BLOCK;
             let (_, speed) =
@@ -92,13 +107,17 @@ impl Steers for LinearMpc {
             let off = state.fixed_rows::<MOVES>(0) - wanted;
             lacking.rows_mut(MOVES * k, MOVES).copy_from(&off);
         }
-        let limit = self.crane.speed_limit();
+        let limit = self.plant.speed_limit();
         // in motor speeds themselves, which have limits: u = own + change
         let slope = self.response.transpose() * (&self.costs * (lacking - &self.response * &own))
             - &own * self.by_speed;
         self.program.least(&slope, &mut self.speeds, limit, STEPS);
-        self.filter.predict(&self.crane, shown.reading.motor_speed);
-        self.speeds[0]
+        self.filter.predict(&self.plant, signals.motor_speed);
+        Command::released([self.speeds[0]])
+    }
+
+    fn status(&self) -> ControllerStatus {
+        ControllerStatus { is_closed_loop: true, ..ControllerStatus::default() }
     }
 }
 
@@ -113,28 +132,21 @@ mod tests {
     #[test]
     fn without_a_limit_to_meet_it_is_the_feedback_of_least_cost() {
         let model = Description::uia_single_boom().unwrap();
-        let measured = BenchmarkInput { stroke: 0.2, load_pressure: 66e5 };
-        let mut mpc = LinearMpc::new(&model, &LQG, &measured).unwrap();
+        let mut mpc = LinearMpc::new(&model, &LQG).unwrap();
         let (_, gain) = LQG.feedback(&mpc.blocks).unwrap();
         let still = SetPoint { position: 0.2, velocity: 0.0 };
         let (rest, holding) = mpc.blocks.wanted(&still, 0.0, [0.0; 2]);
         let off: nalgebra::SVector<f64, MOVES> = [2e-3, -0.01, 3e5].into();
         let at = rest + off;
         mpc.filter.state.fixed_rows_mut::<MOVES>(0).copy_from(&at);
-        let measured = BenchmarkInput { stroke: at[0], load_pressure: at[2] };
-        let ahead = |_: f64| still;
-        let shown = Shown {
-            reference: still,
-            ahead: &ahead,
-            speed: 0.0,
-            reading: AxisSignals::default(),
-            measured,
-        };
-        // the observer, which the motor's reading moves on, is set back each time; the solver goes on where it was
-        let believed = mpc.filter.state;
+        let signals = AxisSignals { stroke: at[0], pressure_a: at[2], ..AxisSignals::default() };
+        let measurement = Measurement::new(1, 0.0, [signals]);
+        let preview = Preview::at_rest(model.numbers.control_period, still.position);
+        // the filter, which the measured motor speed moves on, is set back each time; the solver goes on where it was
+        let estimated = mpc.filter.state;
         for _ in 0..200 {
-            mpc.filter.state = believed;
-            mpc.speed(&shown);
+            mpc.filter.state = estimated;
+            mpc.update(&measurement, &preview, None);
         }
         let wanted = holding - (gain * off)[0];
         assert!((mpc.speeds[0] - wanted).abs() < 1e-6, "{} for {wanted}", mpc.speeds[0]);

@@ -1,11 +1,15 @@
-//! A plain LQG: state feedback of least quadratic cost on what a Kalman filter believes of the machine.
+//! LQG: state feedback of least quadratic cost on the state that a Kalman filter estimates of the machine.
 
 use super::kalman_filter::KalmanFilter;
 use super::linear_plant::{LinearPlant, MOVES};
 use super::riccati::least_cost;
-use super::{Shown, Steers};
 use crate::LabError;
+use crate::closed_loop::controller_choice::area_ratio;
+use hydroboom_control::command::Command;
+use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
+use hydroboom_control::measurement::Measurement;
+use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 use nalgebra::{SMatrix, SVector, matrix};
 
@@ -45,38 +49,52 @@ impl Weights {
     }
 }
 
-/// It at work.
+/// Linear-quadratic feedback of the Kalman filter's state.
 pub(super) struct Lqg {
-    crane: LinearPlant,
+    plant: LinearPlant,
     filter: KalmanFilter,
     gain: Feedback,
+    /// Control period \[s\].
     period: f64,
+    /// Rod-side area over piston area.
+    area_ratio: f64,
 }
 
 impl Lqg {
-    pub(super) fn new(
-        model: &Description,
-        weights: &Weights,
-        measured: &BenchmarkInput<f64>,
-    ) -> Result<Self, LabError> {
+    pub(super) fn new(model: &Description, weights: &Weights) -> Result<Self, LabError> {
         let period = model.numbers.control_period;
-        let crane = LinearPlant::new(model, period)?;
-        let filter = KalmanFilter::new(&crane, &weights.drift, measured, period)?;
-        let (_, gain) = weights.feedback(&crane)?;
-        Ok(Self { crane, filter, gain, period })
+        let plant = LinearPlant::new(model, period)?;
+        let filter = KalmanFilter::new(&plant, &weights.drift, period)?;
+        let (_, gain) = weights.feedback(&plant)?;
+        Ok(Self { plant, filter, gain, period, area_ratio: area_ratio(model) })
     }
 }
 
-impl Steers for Lqg {
-    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
-        self.filter.correct(shown);
-        let next = (shown.ahead)(self.period);
-        let acceleration = (next.velocity - shown.reference.velocity) / self.period;
-        let (wanted, speed) =
-            self.crane.wanted(&shown.reference, acceleration, self.filter.disturbances());
-        let believed = self.filter.state.fixed_rows::<MOVES>(0).into_owned();
-        self.filter.predict(&self.crane, shown.reading.motor_speed);
-        let limit = self.crane.speed_limit();
-        (speed + (self.gain * (wanted - believed))[0]).clamp(-limit, limit)
+impl Controller for Lqg {
+    fn start(&mut self, measurement: &Measurement, _delay_cycles: u32) {
+        let signals = &measurement.axes[0].signals;
+        self.filter.start(&BenchmarkInput::of(signals, self.area_ratio));
+    }
+
+    fn update(
+        &mut self,
+        measurement: &Measurement,
+        preview: &Preview<f64>,
+        _simulated: Option<&SimulatedState>,
+    ) -> Command {
+        let signals = &measurement.axes[0].signals;
+        self.filter.correct(&BenchmarkInput::of(signals, self.area_ratio));
+        let (now, next) = (preview.now(), preview.at(self.period));
+        let acceleration = (next.velocity - now.velocity) / self.period;
+        let (wanted, speed) = self.plant.wanted(&now, acceleration, self.filter.disturbances());
+        let estimated = self.filter.state.fixed_rows::<MOVES>(0).into_owned();
+        self.filter.predict(&self.plant, signals.motor_speed);
+        let limit = self.plant.speed_limit();
+        let speed = (speed + (self.gain * (wanted - estimated))[0]).clamp(-limit, limit);
+        Command::released([speed])
+    }
+
+    fn status(&self) -> ControllerStatus {
+        ControllerStatus { is_closed_loop: true, ..ControllerStatus::default() }
     }
 }

@@ -11,17 +11,17 @@ mod linear_plant;
 mod lqg;
 mod retuned_benchmark;
 mod riccati;
-mod scheduled;
 
 pub use linear_mpc::MPC;
 pub use lqg::{LQG, Weights};
 pub use retuned_benchmark::{Gains, RETUNED};
 
 use crate::LabError;
-use hydroboom_control::feedback::benchmark::BenchmarkInput;
-use hydroboom_control::measurement::AxisSignals;
-use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::controller::Controller;
 use hydroboom_description::Description;
+use linear_mpc::LinearMpc;
+use lqg::Lqg;
+use retuned_benchmark::RetunedBenchmark;
 
 /// A controller that is only compared with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,8 +32,6 @@ pub enum Baseline {
     Lqg(Weights),
     /// Linear model-predictive control on the same observer; it sees the reference half a second ahead, and the motor's limits.
     LinearMpc(Weights),
-    /// Scheduled LQR.
-    ScheduledLqr,
 }
 
 impl Baseline {
@@ -47,45 +45,19 @@ impl Baseline {
             Self::RetunedBenchmark(_) => "reoptimised-benchmark",
             Self::Lqg(_) => "lqg",
             Self::LinearMpc(_) => "linear-mpc",
-            Self::ScheduledLqr => "scheduled-lqr",
         }
     }
-}
 
-/// What a baseline is shown in a period.
-pub(crate) struct Shown<'a> {
-    /// Where the piston should be.
-    pub reference: SetPoint<f64>,
-    /// Where it should be so long after now \[s\].
-    pub ahead: &'a dyn Fn(f64) -> SetPoint<f64>,
-    /// Its largest speed \[m/s\].
-    pub speed: f64,
-    /// What is read of the machine.
-    pub reading: AxisSignals<f64>,
-    /// Position and load pressure of that.
-    pub measured: BenchmarkInput<f64>,
-}
-
-/// A baseline at work.
-pub(crate) trait Steers {
-    /// Motor speed \[rev/s\] for the coming period.
-    fn speed(&mut self, shown: &Shown<'_>) -> f64;
-}
-
-/// A baseline at rest beside a machine, of which the model and what it measures are known.
-pub(crate) fn baseline(
-    which: Baseline,
-    model: &Description,
-    measured: &BenchmarkInput<f64>,
-) -> Result<Box<dyn Steers>, LabError> {
-    Ok(match which {
-        Baseline::RetunedBenchmark(gains) => {
-            Box::new(retuned_benchmark::RetunedBenchmark::new(model, &gains, measured))
-        }
-        Baseline::Lqg(weights) => Box::new(lqg::Lqg::new(model, &weights, measured)?),
-        Baseline::ScheduledLqr => Box::new(scheduled::Scheduled::new(model)?),
-        Baseline::LinearMpc(weights) => {
-            Box::new(linear_mpc::LinearMpc::new(model, &weights, measured)?)
-        }
-    })
+    /// The controller for a machine of which the model is known.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::NoBaseline`] when it cannot be designed for the model.
+    pub(crate) fn controller(self, model: &Description) -> Result<Box<dyn Controller>, LabError> {
+        Ok(match self {
+            Self::RetunedBenchmark(gains) => Box::new(RetunedBenchmark::new(model, &gains)),
+            Self::Lqg(weights) => Box::new(Lqg::new(model, &weights)?),
+            Self::LinearMpc(weights) => Box::new(LinearMpc::new(model, &weights)?),
+        })
+    }
 }

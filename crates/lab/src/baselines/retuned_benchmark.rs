@@ -1,8 +1,12 @@
 //! Retuned benchmark: the published controller with four gains found by search, the baseline that costs nothing more on a machine.
 
-use super::{Shown, Steers};
+use crate::closed_loop::controller_choice::area_ratio;
+use hydroboom_control::command::Command;
+use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
 use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput, BenchmarkMemory};
 use hydroboom_control::feedback::filter::HighPass;
+use hydroboom_control::measurement::Measurement;
+use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
 
 /// The benchmark controller's four numbers.
@@ -36,23 +40,42 @@ fn with_gains(model: &Description, gains: &Gains) -> Benchmark<f64> {
     }
 }
 
-/// It at work.
+/// The benchmark controller with the retuned gains.
 pub(super) struct RetunedBenchmark {
-    controller: Benchmark<f64>,
+    law: Benchmark<f64>,
+    /// Rod-side area over piston area.
+    area_ratio: f64,
     memory: BenchmarkMemory<f64>,
 }
 
 impl RetunedBenchmark {
-    pub(super) fn new(model: &Description, gains: &Gains, measured: &BenchmarkInput<f64>) -> Self {
-        let controller = with_gains(model, gains);
-        Self { controller, memory: controller.start(measured) }
+    pub(super) fn new(model: &Description, gains: &Gains) -> Self {
+        let memory = BenchmarkMemory::default();
+        Self { law: with_gains(model, gains), area_ratio: area_ratio(model), memory }
+    }
+
+    fn input(&self, measurement: &Measurement) -> BenchmarkInput<f64> {
+        BenchmarkInput::of(&measurement.axes[0].signals, self.area_ratio)
     }
 }
 
-impl Steers for RetunedBenchmark {
-    fn speed(&mut self, shown: &Shown<'_>) -> f64 {
-        let feedforward = self.controller.velocity_feedforward(&shown.reference);
-        let Shown { reference, measured, .. } = shown;
-        self.controller.update(&mut self.memory, reference, measured, feedforward)
+impl Controller for RetunedBenchmark {
+    fn start(&mut self, measurement: &Measurement, _delay_cycles: u32) {
+        self.memory = self.law.start(&self.input(measurement));
+    }
+
+    fn update(
+        &mut self,
+        measurement: &Measurement,
+        preview: &Preview<f64>,
+        _simulated: Option<&SimulatedState>,
+    ) -> Command {
+        let (set_point, input) = (preview.now(), self.input(measurement));
+        let feedforward = self.law.velocity_feedforward(&set_point);
+        Command::released([self.law.update(&mut self.memory, &set_point, &input, feedforward)])
+    }
+
+    fn status(&self) -> ControllerStatus {
+        ControllerStatus { is_closed_loop: true, ..ControllerStatus::default() }
     }
 }

@@ -143,7 +143,7 @@ pub fn differences(simulated: &Run, crane: &Run) -> [(f64, f64); 6] {
     let mut squares = [0.0; 6];
     let mut peaks = [0.0_f64; 6];
     for (s, c) in simulated.samples.iter().zip(&crane.samples) {
-        let (s, c) = (signals(&s.reading), signals(&c.reading));
+        let (s, c) = (signals(&s.signals), signals(&c.signals));
         for k in 0..6 {
             let difference = c[k] - s[k];
             squares[k] += difference * difference;

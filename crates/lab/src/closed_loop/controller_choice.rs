@@ -1,7 +1,11 @@
-//! Which controller closes the loop: a strategy that is offered, or a baseline.
+//! Which controller closes the loop: a strategy that is offered, or a baseline. Here is the one list of them all.
 
+use crate::LabError;
 use crate::baselines::Baseline;
+use hydroboom_control::controller::Controller;
+use hydroboom_control::feedback::published_strategy::PublishedStrategy;
 use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
 use serde::{Serialize, Serializer};
 
 /// A controller, by its name and its numbers.
@@ -26,6 +30,26 @@ impl ControllerChoice {
         all
     }
 
+    /// The controller for a machine of which the model is known; none for model following, which has an interface of its own.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] when it cannot be designed for the model.
+    pub(crate) fn controller(
+        self,
+        model: &Description,
+    ) -> Result<Option<Box<dyn Controller>>, LabError> {
+        Ok(match self {
+            Self::Strategy(strategy) if strategy.follows() => None,
+            Self::Strategy(strategy) => Some(Box::new(PublishedStrategy::new(
+                strategy,
+                model.benchmark(),
+                area_ratio(model),
+            ))),
+            Self::Baseline(baseline) => Some(baseline.controller(model)?),
+        })
+    }
+
     /// Name in tables and JSON.
     pub fn name(self) -> &'static str {
         match self {
@@ -45,4 +69,10 @@ impl Serialize for ControllerChoice {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_str(self.name())
     }
+}
+
+/// Rod-side area over piston area of a description's cylinder.
+pub(crate) fn area_ratio(model: &Description) -> f64 {
+    let cylinder = model.cylinder();
+    cylinder.rod_side_area / cylinder.piston_area
 }

@@ -123,14 +123,14 @@ pub(crate) mod tests {
     pub(crate) fn metrics(off: impl Fn(f64) -> f64) -> Metrics {
         let description = Description::uia_virtual().unwrap();
         let crane = VirtualCrane::new(&description, &description.start(0.25)).unwrap();
-        let (reading, mut truth) = (crane.signals(), crane.truth());
+        let (signals, mut truth) = (crane.signals(), crane.truth());
         let mut metrics = Metrics::new();
         for k in 0..=3000 {
             let time = 1e-3 * f64::from(k);
             truth.outputs.stroke = 0.25 + off(time);
             let reference = SetPoint { position: 0.25, velocity: 0.0 };
             let command = AxisCommand { motor_speed: 0.0, holding_valve: 1.0 };
-            metrics.add(&Sample { time, reference, reading, truth, command });
+            metrics.add(&Sample { time, reference, signals, truth, command });
         }
         metrics
     }

@@ -7,5 +7,6 @@ pub mod monte_carlo;
 pub mod robustness;
 pub mod sample;
 pub mod scenario;
+pub(crate) mod simulated_crane;
 pub mod simulation;
 pub mod sustained_oscillation;

@@ -12,8 +12,8 @@ pub struct Sample {
     pub time: f64,
     /// Where the piston should be.
     pub reference: SetPoint<f64>,
-    /// What the controller sees of the plant.
-    pub reading: AxisSignals<f64>,
+    /// What was measured of the plant.
+    pub signals: AxisSignals<f64>,
     /// The plant itself.
     pub truth: Truth,
     /// The command for the next period.
@@ -23,6 +23,6 @@ pub struct Sample {
 impl Sample {
     /// Tracking error x − x_ref \[m\], as the controller sees it.
     pub fn error(&self) -> f64 {
-        self.reading.stroke - self.reference.position
+        self.signals.stroke - self.reference.position
     }
 }

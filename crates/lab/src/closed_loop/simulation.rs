@@ -1,161 +1,107 @@
 //! A strategy, or what it is compared with, at work on virtual cranes, one by one or side by side.
 
-use crate::baselines::{Shown, Steers, baseline};
+use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, due};
+use crate::closed_loop::simulated_crane::SimulatedCrane;
 use crate::following::Following;
-use crate::{LabError, Plant, plant};
-use hydroboom_control::command::AxisCommand;
-use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput, BenchmarkMemory};
-use hydroboom_control::measurement::AxisSignals;
+use hydroboom_control::command::{AxisCommand, Command};
+use hydroboom_control::controller::Controller;
+use hydroboom_control::measurement::Measurement;
+use hydroboom_control::reference::preview::Preview;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_model::{Input, Scheme, SimulationError};
 use hydroboom_virtual_crane::{Fleet, VirtualCrane};
 
 /// Cranes that are simulated side by side.
 pub const WIDTH: usize = 4;
 
-/// What drives the motor before anything has been measured. It knows the model and the course only,
-/// and so is the same for every crane.
-pub(crate) struct Feedforward {
-    controller: Benchmark<f64>,
-    simulated: Option<Simulated>,
-}
-
-/// The simulated crane beside the machine, under the benchmark controller.
-struct Simulated {
-    plant: Box<dyn Plant>,
-    memory: BenchmarkMemory<f64>,
-    motor: f64,
-    /// Steps in a control period.
-    count: u32,
-}
-
-impl Feedforward {
-    pub(crate) fn new(
-        model: &Description,
-        strategy: Strategy,
-        start: f64,
-    ) -> Result<Self, LabError> {
-        let controller = model.benchmark();
-        let simulated = match strategy.simulates() {
-            true => {
-                let step = model.numbers.simulation_period;
-                let plant = plant(model, &model.start(start), Scheme::Published, step)?;
-                let count = (controller.period / step).round() as u32;
-                let memory = controller.start(&measured(plant.as_ref()));
-                Some(Simulated { plant, memory, motor: 0.0, count })
-            }
-            false => None,
-        };
-        Ok(Self { controller, simulated })
-    }
-
-    /// What the simulated crane shows now; none where there is none.
-    pub(crate) fn simulated(&self) -> Option<BenchmarkInput<f64>> {
-        self.simulated.as_ref().map(|crane| measured(crane.plant.as_ref()))
-    }
-
-    /// Motor speed \[rev/s\] for the coming period; the simulated crane moves on with it.
-    pub(crate) fn speed(&mut self, reference: &SetPoint<f64>) -> Result<f64, SimulationError> {
-        let controller = &self.controller;
-        let velocity_feedforward = controller.velocity_feedforward(reference);
-        let Some(crane) = &mut self.simulated else { return Ok(velocity_feedforward) };
-        let seen = measured(crane.plant.as_ref());
-        let wanted = controller.update(&mut crane.memory, reference, &seen, velocity_feedforward);
-        crane.motor = controller.limits.follow(crane.motor, wanted, controller.period);
-        let input = Input { pump_speed: crane.motor, holding_valve: 1.0 };
-        crane.plant.advance(&input, crane.count)?;
-        Ok(crane.motor)
-    }
-}
-
-fn measured(plant: &dyn Plant) -> BenchmarkInput<f64> {
-    BenchmarkInput { stroke: plant.outputs().stroke, load_pressure: plant.load_pressure() }
-}
-
-/// What is added once the machine has been looked at.
-pub(crate) struct Feedback {
-    controller: Benchmark<f64>,
-    memory: BenchmarkMemory<f64>,
-    measures: bool,
-}
-
-impl Feedback {
-    pub(crate) fn new(model: &Description, strategy: Strategy, seen: &BenchmarkInput<f64>) -> Self {
-        let controller = model.benchmark();
-        let memory = controller.start(seen);
-        Self { controller, memory, measures: strategy.measures() }
-    }
-
-    pub(crate) fn command(
-        &mut self,
-        reference: &SetPoint<f64>,
-        seen: &BenchmarkInput<f64>,
-        feedforward: f64,
-    ) -> AxisCommand<f64> {
-        let motor_speed = match self.measures {
-            true => self.controller.update(&mut self.memory, reference, seen, feedforward),
-            false => feedforward,
-        };
-        AxisCommand { motor_speed, holding_valve: 1.0 }
-    }
-}
-
-/// Rod-side area over piston area of a description's cylinder.
-pub(crate) fn area_ratio(model: &Description) -> f64 {
-    let cylinder = model.cylinder();
-    cylinder.rod_side_area / cylinder.piston_area
-}
-
-/// A controller that closes the loop.
-enum Controller {
-    Published(Box<(Feedforward, Feedback)>),
+/// A controller at work, with what it needs beside the machine.
+enum Loop {
+    Controller(Box<ControllerLoop>),
     Following(Box<Following>),
-    Baseline(Box<dyn Steers>),
 }
 
-impl Controller {
-    fn new(
-        model: &Description,
-        choice: ControllerChoice,
-        start: f64,
-        reading: &AxisSignals<f64>,
-        measured: &BenchmarkInput<f64>,
-    ) -> Result<Self, LabError> {
-        let strategy = match choice {
-            ControllerChoice::Strategy(strategy) => strategy,
-            ControllerChoice::Baseline(which) => {
-                let baseline = baseline(which, model, measured)?;
-                return Ok(Self::Baseline(baseline));
-            }
-        };
-        Ok(match strategy.follows() {
-            true => Self::Following(Box::new(Following::new(model, reading, start)?)),
-            false => Self::Published(Box::new((
-                Feedforward::new(model, strategy, start)?,
-                Feedback::new(model, strategy, measured),
-            ))),
+/// A controller with its preview of the reference, and the simulated crane if it uses one.
+struct ControllerLoop {
+    controller: Box<dyn Controller>,
+    preview: Preview<f64>,
+    simulated: Option<SimulatedCrane>,
+}
+
+/// A control period of a course.
+#[derive(Clone, Copy)]
+struct Now<'a> {
+    course: &'a dyn Course,
+    /// Control period \[s\].
+    period: f64,
+    /// Its number.
+    number: u64,
+}
+
+impl Now<'_> {
+    /// Time of the course \[s\].
+    fn time(&self) -> f64 {
+        self.number as f64 * self.period
+    }
+
+    /// Set point so long \[s\] after now; a whole number of control periods later, the very one of then.
+    fn set_point(&self, after: f64) -> SetPoint<f64> {
+        let periods = after / self.period;
+        let whole = periods.round();
+        self.course.reference(match (periods - whole).abs() < 1e-6 {
+            true => (self.number as f64 + whole) * self.period,
+            false => self.time() + after,
         })
     }
+}
 
-    /// The command for the coming period.
-    fn command(&mut self, shown: &Shown<'_>) -> Result<AxisCommand<f64>, LabError> {
-        let Shown { reference, ahead, speed, reading, measured } = shown;
+impl Loop {
+    /// Begins with a machine at rest, at the beginning of a course.
+    fn start(
+        model: &Description,
+        choice: ControllerChoice,
+        course: &dyn Course,
+        measurement: &Measurement,
+        delay_cycles: u32,
+    ) -> Result<Self, LabError> {
+        let begin = Now { course, period: model.numbers.control_period, number: 0 };
+        let start = begin.set_point(0.0).position;
+        let Some(mut controller) = choice.controller(model)? else {
+            let following = Following::new(model, &measurement.axes[0].signals, start)?;
+            return Ok(Self::Following(Box::new(following)));
+        };
+        controller.start(measurement, delay_cycles);
+        let simulated = match controller.status().simulated_motor_speeds {
+            Some(_) => Some(SimulatedCrane::new(model, start)?),
+            None => None,
+        };
+        let preview = Preview::new(begin.period, |after| begin.set_point(after));
+        Ok(Self::Controller(Box::new(ControllerLoop { controller, preview, simulated })))
+    }
+
+    /// The command for the coming period; the simulated crane moves on by it.
+    fn command(&mut self, now: Now<'_>, measurement: &Measurement) -> Result<Command, LabError> {
         match self {
-            Self::Following(following) => following.command(ahead, *speed, reading),
-            Self::Baseline(baseline) => {
-                Ok(AxisCommand { motor_speed: baseline.speed(shown), holding_valve: 1.0 })
+            Self::Following(following) => {
+                let ahead = |after: f64| now.course.reference(now.time() + after);
+                let signals = &measurement.axes[0].signals;
+                let command = following.command(&ahead, now.course.speed(), signals)?;
+                Ok(Command { axes: [command] })
             }
-            Self::Published(pair) => {
-                let (feedforward, feedback) = pair.as_mut();
-                let speed = feedforward
-                    .speed(reference)
-                    .map_err(LabError::during("the simulated crane"))?;
-                Ok(feedback.command(reference, measured, speed))
+            Self::Controller(of) => {
+                let ControllerLoop { controller, preview, simulated } = of.as_mut();
+                if now.number > 0 {
+                    preview.advance(|after| now.set_point(after));
+                }
+                let state = simulated.as_ref().map(SimulatedCrane::state);
+                let command = controller.update(measurement, preview, state.as_ref());
+                let speeds = controller.status().simulated_motor_speeds;
+                if let (Some(crane), Some([motor_speed])) = (simulated, speeds) {
+                    crane.advance(motor_speed)?;
+                }
+                Ok(command)
             }
         }
     }
@@ -178,30 +124,24 @@ pub fn simulate_closed_loop(
     let choice = choice.into();
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
-    let area_ratio = area_ratio(model);
-    let of = |signals: &AxisSignals<f64>| BenchmarkInput::of(signals, area_ratio);
-    let signals = crane.signals();
-    let mut controller = Controller::new(model, choice, start, &signals, &of(&signals))?;
+    let mut controlled =
+        Loop::start(model, choice, course, &crane.measurement(), crane.delay_cycles())?;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut loads = course.loads();
     let during = format!("{}, {}", choice.name(), course.name());
 
-    for k in 0..=periods {
-        let time = k as f64 * period;
+    for number in 0..=periods {
+        let now = Now { course, period, number };
+        let time = now.time();
         if let Some(mass) = due(&mut loads, time) {
             crane.set_payload(mass)?;
         }
-        let reference = course.reference(time);
-        let ahead = |after: f64| course.reference(time + after);
-        let reading = crane.signals();
-        let measured = of(&reading);
-        let speed = course.speed();
-        let shown = Shown { reference, ahead: &ahead, speed, reading, measured };
-        let command = controller.command(&shown)?;
-        let truth = crane.truth();
-        observe(&Sample { time, reference, reading, truth, command })?;
-        if k < periods {
+        let measurement = crane.measurement();
+        let [command] = controlled.command(now, &measurement)?.axes;
+        let (reference, truth) = (course.reference(time), crane.truth());
+        observe(&Sample { time, reference, signals: measurement.axes[0].signals, truth, command })?;
+        if number < periods {
             crane.advance(&command).map_err(LabError::during(&during))?;
         }
     }
@@ -278,14 +218,11 @@ fn side_by_side(
     let starts = std::array::from_fn(|lane| cranes[lane].start(begins[lane]));
     // what is wrong with one of them is said where it is run alone
     let mut fleet = Fleet::new(&cranes, &starts).ok().flatten()?;
-    let mut controllers = Vec::with_capacity(WIDTH);
-    let area_ratio = area_ratio(model);
-    let of = |signals: &AxisSignals<f64>| BenchmarkInput::of(signals, area_ratio);
-    for (k, lane) in cases.iter().enumerate() {
-        let reading = fleet.signals(k);
-        let measured = of(&reading);
-        controllers
-            .push(Controller::new(model, lane.controller, begins[k], &reading, &measured).ok()?);
+    let mut loops = Vec::with_capacity(WIDTH);
+    for (k, case) in cases.iter().enumerate() {
+        let (measurement, delay_cycles) = (fleet.measurement(k), fleet.delay_cycles(k));
+        let Case { controller, course, .. } = *case;
+        loops.push(Loop::start(model, controller, course, &measurement, delay_cycles).ok()?);
     }
     let period = model.numbers.control_period;
     let periods = cases.map(|lane| (lane.course.duration() / period).round() as u64);
@@ -302,27 +239,27 @@ fn side_by_side(
             {
                 ends[lane] = Err(error.into());
             }
-            let reading = fleet.signals(lane);
-            let measured = of(&reading);
+            let measurement = fleet.measurement(lane);
             let still = AxisCommand { motor_speed: 0.0, holding_valve: 1.0 };
             let course = cases[lane].course;
-            let reference = course.reference(time);
             let goes_on = ends[lane].is_ok() && k <= periods[lane];
             let command = match goes_on {
                 true => {
-                    let ahead = |after: f64| course.reference(time + after);
-                    let speed = course.speed();
-                    let shown = Shown { reference, ahead: &ahead, speed, reading, measured };
-                    controllers[lane].command(&shown).unwrap_or_else(|error| {
-                        ends[lane] = Err(error);
-                        still
-                    })
+                    let now = Now { course, period, number: k };
+                    match loops[lane].command(now, &measurement) {
+                        Ok(Command { axes: [command] }) => command,
+                        Err(error) => {
+                            ends[lane] = Err(error);
+                            still
+                        }
+                    }
                 }
                 false => still,
             };
             if goes_on && ends[lane].is_ok() {
-                let truth = fleet.truth(lane);
-                observe(lane, &Sample { time, reference, reading, truth, command });
+                let (reference, truth) = (course.reference(time), fleet.truth(lane));
+                let signals = measurement.axes[0].signals;
+                observe(lane, &Sample { time, reference, signals, truth, command });
             }
             command
         });
@@ -359,14 +296,14 @@ mod tests {
             courses.each_ref().map(|c| Case { crane: &crane, controller, course: c.as_ref() });
         let mut together = [const { Vec::new() }; WIDTH];
         for end in
-            simulate_cases(&model, &cases, |lane, sample| together[lane].push(sample.reading))
+            simulate_cases(&model, &cases, |lane, sample| together[lane].push(sample.signals))
         {
             end.unwrap();
         }
         for (course, together) in courses.iter().zip(&together) {
             let mut alone = Vec::new();
             simulate_closed_loop(&model, &crane, controller, course.as_ref(), |sample| {
-                alone.push(sample.reading);
+                alone.push(sample.signals);
                 Ok(())
             })
             .unwrap();

@@ -280,13 +280,13 @@ fn pressures(study: &Study) -> Result<Markup, LabError> {
     };
     let bar = |pressure: fn(&Sample) -> f64| over_time(run, |s| pressure(s) * 1e-5);
     let high = Series::list([
-        ("p_PA", bar(|s| s.reading.pressure_pump_a)),
-        ("p_A", bar(|s| s.reading.pressure_a)),
+        ("p_PA", bar(|s| s.signals.pressure_pump_a)),
+        ("p_A", bar(|s| s.signals.pressure_a)),
     ]);
     let low = Series::list([
-        ("p_B", bar(|s| s.reading.pressure_b)),
-        ("p_PB", bar(|s| s.reading.pressure_pump_b)),
-        ("p_acc", bar(|s| s.reading.pressure_accumulator)),
+        ("p_B", bar(|s| s.signals.pressure_b)),
+        ("p_PB", bar(|s| s.signals.pressure_pump_b)),
+        ("p_acc", bar(|s| s.signals.pressure_accumulator)),
     ]);
     let high = Figure { x: "time [s]", y: "pressure [bar]", series: high, axes: Axes::Linear };
     let low = Figure { x: "time [s]", y: "pressure [bar]", series: low, axes: Axes::Linear };

@@ -55,7 +55,7 @@ pub fn panels<'a>(
         let mut errors = Vec::new();
         for (index, run) in strategies.into_iter().filter_map(&find).enumerate() {
             let (name, colour) = (run.strategy.name(), index + 1);
-            let points = over_time(run, |s| s.reading.stroke * 1e3);
+            let points = over_time(run, |s| s.signals.stroke * 1e3);
             positions.push(Series { name, points, colour });
             let points = over_time(run, |s| s.error() * 1e3);
             errors.push(Series { name, points, colour });

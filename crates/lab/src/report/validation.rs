@@ -28,10 +28,10 @@ pub fn panels(simulated: &Run, crane: &Run, name: &str) -> Result<Markup, LabErr
     let mut shown = Vec::new();
     for (number, signal, axis, of) in SIGNALS {
         let over = |run: &Run| -> Vec<(f64, f64)> {
-            run.samples.iter().map(|s| (s.time, of(&s.reading))).collect()
+            run.samples.iter().map(|s| (s.time, of(&s.signals))).collect()
         };
         let pairs = simulated.samples.iter().zip(&crane.samples);
-        let difference = pairs.map(|(s, c)| (s.time, of(&c.reading) - of(&s.reading))).collect();
+        let difference = pairs.map(|(s, c)| (s.time, of(&c.signals) - of(&s.signals))).collect();
         let svg = |y: &str, series| Figure { x: "time [s]", y, series, axes: Axes::Linear }.svg();
         let both = [(name, over(crane)), ("published model", over(simulated))];
         let difference = vec![Series { name: "difference", points: difference, colour: 2 }];
