@@ -3,19 +3,23 @@
 use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
+use hydroboom_control::controller::{Controller, SimulatedState};
 use hydroboom_control::deviation::Watched;
-use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput, BenchmarkMemory};
+use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput};
+use hydroboom_control::feedback::published_strategy::PublishedStrategy;
 use hydroboom_control::follower::Follower;
 use hydroboom_control::learner::{Conditions, Known, Learned, Learner};
 use hydroboom_control::measurement::{AxisSignals, Measurement};
+use hydroboom_control::reference::preview::{PERIODS_AHEAD, Preview};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
-use hydroboom_control::supervision::limits::ValveState;
-use hydroboom_control::supervision::limits::{Limits, Observation};
+use hydroboom_control::supervision::limits::{Limits, Observation, ValveState};
+use hydroboom_control::supervision::plausibility::ranges;
 use hydroboom_control::supervision::supervisor::{Decision, Request, State, Supervisor};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, conditions, schedule};
 use hydroboom_model::hydraulics::Cylinder;
+use std::cell::Cell;
 
 /// The simulation may be so far from the machine before the benchmark takes over, as a share of the
 /// largest tracking error: in closed loop, in open loop.
@@ -127,6 +131,10 @@ pub struct ControlTask {
     /// Rod-side area over piston area.
     area_ratio: f64,
     course: Course,
+    /// The course around now, without [`start_offset`](Self::start_offset).
+    preview: Preview<f64>,
+    /// Time of the course at the preview's last set point \[s\].
+    preview_end: f64,
     supervisor: Supervisor,
     /// Largest tracking error that is allowed now, with feedback, and without \[m\].
     tracking: f64,
@@ -149,8 +157,7 @@ pub struct ControlTask {
     decision: Decision,
     strategy: Strategy,
     fallback: bool,
-    memory: BenchmarkMemory<f64>,
-    simulated_memory: BenchmarkMemory<f64>,
+    published: PublishedStrategy,
     /// Model following; none for a crane that has no such design.
     follower: Option<Follower>,
     /// Whether it learns.
@@ -185,17 +192,18 @@ impl ControlTask {
         let n = &model.numbers;
         let benchmark = model.benchmark();
         let Cylinder { piston_area, rod_side_area, .. } = model.cylinder();
-        let nothing = BenchmarkInput::default();
+        let area_ratio = rod_side_area / piston_area;
         Self {
-            memory: benchmark.start(&nothing),
-            simulated_memory: benchmark.start(&nothing),
+            published: PublishedStrategy::new(strategy, benchmark, area_ratio),
             // the benchmark steers a crane that has none, as it does where a simulation is not true
             follower: follower(model),
             learns: false,
             described: conditions(n),
             follows: false,
             benchmark,
-            area_ratio: rod_side_area / piston_area,
+            area_ratio,
+            preview: Preview::at_rest(benchmark.period, 0.0),
+            preview_end: 0.0,
             course,
             tracking: n.supervision_tracking_open_loop,
             closed_loop_tracking: n.supervision_tracking,
@@ -297,13 +305,17 @@ impl ControlTask {
         if !controls {
             self.course_time = -self.course.approach();
         }
-        let mut reference = self.course.reference(self.course_time);
-        if controls {
-            // the course begins where the released piston is, and what that is off fades as it moves
-            let faded = reference.velocity.abs() * period / FADING;
-            self.start_offset *= 1.0 - faded.min(1.0);
-            reference.position += self.start_offset;
-        }
+        let reference = match controls {
+            true => {
+                let mut reference = self.preview.now();
+                // the course begins where the released piston is, and what that is off fades as it moves
+                let faded = reference.velocity.abs() * period / FADING;
+                self.start_offset *= 1.0 - faded.min(1.0);
+                reference.position += self.start_offset;
+                reference
+            }
+            false => self.course.reference(self.course_time),
+        };
         let foreseen = self.foreseen(&reference);
         self.learn(&foreseen, &measured, now);
         if controls {
@@ -335,7 +347,7 @@ impl ControlTask {
             course_speed: self.course.speed(),
             reference,
             start_offset: if controls { self.start_offset } else { 0.0 },
-            measurement: self.measurement,
+            measurement: self.judged(),
             simulated: now.simulated,
             decision: self.decision,
             strategy: self.strategy,
@@ -354,10 +366,60 @@ impl ControlTask {
         }
         match (before.controls, self.decision.controls) {
             (false, true) => self.begin(&measured, now),
-            (true, true) => self.course_time += period,
+            (true, true) => {
+                self.course_time += period;
+                self.advance_preview();
+            }
             (_, false) => {}
         }
         record
+    }
+
+    /// The newest measurement, and what of it may be used.
+    fn judged(&self) -> Measurement {
+        let is_stale = self.age > FRESH * self.benchmark.period;
+        let ranges = ranges(self.supervisor.limits());
+        let axes = self.measurement.axes.map(|axis| match is_stale {
+            true => axis.within(&ranges).stale(),
+            false => axis.within(&ranges),
+        });
+        Measurement { axes, ..self.measurement }
+    }
+
+    /// The preview where the course begins. Times ahead are summed up period by period as the course's time is, so that a set
+    /// point is the same when it is ahead and when it is now.
+    fn begin_preview(&mut self) {
+        let (course, period, begin) =
+            (&self.course, self.benchmark.period, -self.course.approach());
+        let clock = Cell::new((0.0, begin));
+        let time = |after: f64| {
+            let periods = after / period;
+            if periods < 0.5 {
+                return begin + after;
+            }
+            let (mut counted, mut time) = match clock.get() {
+                (counted, time) if counted < periods => (counted, time),
+                _ => (0.0, begin),
+            };
+            while counted + 0.5 < periods {
+                (counted, time) = (counted + 1.0, time + period);
+            }
+            clock.set((counted, time));
+            time
+        };
+        self.preview = Preview::new(period, |after| course.reference(time(after)));
+        self.preview_end = time(PERIODS_AHEAD as f64 * period);
+    }
+
+    /// The preview a period later.
+    fn advance_preview(&mut self) {
+        let (course, now, period) = (&self.course, self.course_time, self.benchmark.period);
+        self.preview_end += period;
+        let (end, ahead) = (self.preview_end, PERIODS_AHEAD as f64 * period);
+        self.preview.advance(|after| match (after - ahead).abs() < 0.5 * period {
+            true => course.reference(end),
+            false => course.reference(now + after),
+        });
     }
 
     /// The reference, as it suits the crane: the course is known ahead.
@@ -417,11 +479,9 @@ impl ControlTask {
         self.simulated_motor = 0.0;
         self.behind = 0.0;
         self.steps = now.simulated.map_or(0, |s| s.steps);
-        self.memory = self.benchmark.start(measured);
+        self.published.start_simulated(now.simulated.map(|s| s.seen).as_ref());
         if let Some(simulated) = now.simulated {
             self.epoch = simulated.epoch;
-            self.simulated_memory =
-                self.benchmark.start(&BenchmarkInput::of_simulated(&simulated.seen));
             let machine = Watched::of(measured, self.signals().motor_speed);
             if let Some(follower) = &mut self.follower {
                 follower.begin(&machine, &simulated.seen);
@@ -432,7 +492,8 @@ impl ControlTask {
         reference.position += self.start_offset;
         let speed = self.decision.command.motor_speed;
         self.wanted = speed;
-        self.benchmark.take_over(&mut self.memory, &reference, measured, 0.0, speed);
+        self.published.start_at(self.strategy, &self.measurement, &reference, speed);
+        self.begin_preview();
     }
 
     /// The speed the strategy wants, of a reference and what is foreseen of it.
@@ -442,14 +503,13 @@ impl ControlTask {
         measured: &BenchmarkInput<f64>,
         now: &Period,
     ) {
-        let b = &self.benchmark;
+        let b = self.benchmark;
         let machine = Watched::of(measured, self.signals().motor_speed);
-        let velocity_feedforward = b.velocity_feedforward(reference);
         if let Some(simulated) = now.simulated.filter(|s| s.epoch != self.epoch) {
             // it was set to where the machine is, at rest
             self.epoch = simulated.epoch;
             self.steps = simulated.steps;
-            self.simulated_memory = b.start(&BenchmarkInput::of_simulated(&simulated.seen));
+            self.published.start_simulated(Some(&simulated.seen));
             if let Some(follower) = &mut self.follower {
                 follower.begin(&machine, &simulated.seen);
             }
@@ -457,29 +517,28 @@ impl ControlTask {
         }
         let asked = self.asked(now);
         let has_none = asked.follows() && self.follower.is_none();
-        if let Some(simulated) = now.simulated.filter(|s| !s.failed) {
+        // the simulated crane is led under every strategy, so that any can be changed to
+        let simulated = now.simulated.filter(|s| !s.failed);
+        let mut led_by_published = None;
+        if let Some(simulated) = &simulated {
             let seen = &simulated.seen;
             let follower = self.follower.as_mut().filter(|_| asked.follows());
             let follows = follower.is_some();
             let (takes_over, motor) = (follows != self.follows, self.simulated_motor);
-            self.simulated_motor = match follower {
+            match follower {
                 Some(follower) => {
                     if takes_over {
                         follower.take_over(foreseen, seen, motor);
                     }
-                    follower.lead(foreseen, seen)
+                    self.simulated_motor = follower.lead(foreseen, seen);
                 }
                 None => {
-                    let (memory, seen) =
-                        (&mut self.simulated_memory, BenchmarkInput::of_simulated(seen));
                     if takes_over {
-                        *memory = b.start(&seen);
-                        b.take_over(memory, reference, &seen, velocity_feedforward, motor);
+                        self.published.take_over_simulated(reference, seen, motor);
                     }
-                    let wanted = b.update(memory, reference, &seen, velocity_feedforward);
-                    b.limits.follow(motor, wanted, b.period)
+                    led_by_published = Some(SimulatedState { axes: [*seen] });
                 }
-            };
+            }
             self.follows = follows;
         }
         // a strategy that needs a simulation that is not there, or not true, is not followed
@@ -508,31 +567,32 @@ impl ControlTask {
             true => Strategy::BenchmarkClosedLoop,
             false => asked,
         };
-        let feedforward = match strategy.simulates() {
-            true => self.simulated_motor,
-            false => velocity_feedforward,
-        };
-        // what the machine differs is watched under any strategy, and known where following begins
-        let watched = self.follower.as_mut().zip(now.simulated).filter(|(_, s)| !s.failed);
-        let following = watched.map(|(follower, simulated)| {
-            follower.answer(&machine, &simulated.seen, self.simulated_motor)
-        });
         let changes = strategy != self.strategy;
         if changes && self.strategy.follows() && strategy.measures() {
             // it has not looked at the machine since
-            self.memory = b.start(measured);
+            self.published.forget_measurements(&self.measurement);
         }
-        let asked = match following.filter(|_| strategy.follows()) {
-            Some(speed) => speed,
-            None if strategy.measures() => {
-                if changes {
-                    let (memory, speed) = (&mut self.memory, self.wanted);
-                    b.take_over(memory, reference, measured, feedforward, speed);
-                }
-                b.update(&mut self.memory, reference, measured, feedforward)
+        let published = (!strategy.follows()).then(|| {
+            if changes {
+                self.published.change_to(strategy, self.wanted);
             }
-            None => feedforward,
-        };
+            let mut preview = self.preview;
+            preview.shift(self.start_offset);
+            let measurement = self.judged();
+            let command = self.published.update(&measurement, &preview, led_by_published.as_ref());
+            command.axes[0].motor_speed
+        });
+        if let (Some(_), Some([speed])) =
+            (led_by_published, self.published.status().simulated_motor_speeds)
+        {
+            self.simulated_motor = speed;
+        }
+        // what the machine differs is watched under any strategy, and known where following begins
+        let watched = self.follower.as_mut().zip(simulated);
+        let following = watched.map(|(follower, simulated)| {
+            follower.answer(&machine, &simulated.seen, self.simulated_motor)
+        });
+        let asked = published.or(following).unwrap_or(self.wanted);
         if changes {
             self.offset = self.wanted - asked;
             self.strategy = strategy;

@@ -57,8 +57,15 @@ impl PublishedStrategy {
         self.takes_over_at = Some(motor_speed);
     }
 
-    /// Begins at a set point at which the machine rests with its motor at a speed \[rev/s\], without a bump.
-    pub fn start_at(&mut self, measurement: &Measurement, set_point: &SetPoint<f64>, speed: f64) {
+    /// Begins with a strategy at a set point at which the machine rests with its motor at a speed \[rev/s\], without a bump.
+    pub fn start_at(
+        &mut self,
+        strategy: Strategy,
+        measurement: &Measurement,
+        set_point: &SetPoint<f64>,
+        speed: f64,
+    ) {
+        self.strategy = strategy;
         self.forget_measurements(measurement);
         let input = self.input(measurement);
         self.law.take_over(&mut self.memory, set_point, &input, 0.0, speed);
@@ -70,9 +77,10 @@ impl PublishedStrategy {
         self.takes_over_at = None;
     }
 
-    /// Begins with the simulated crane anew: it was set to a state of rest.
-    pub fn forget_simulated(&mut self) {
-        self.simulated = SimulatedLoop::default();
+    /// Begins with the simulated crane anew, at its state of rest where there is one.
+    pub fn start_simulated(&mut self, state: Option<&AxisState<f64>>) {
+        let memory = state.map(|state| self.law.start(&BenchmarkInput::of_simulated(state)));
+        self.simulated = SimulatedLoop { memory, motor_speed: 0.0 };
     }
 
     /// Leads the simulated crane from its `state` on, that something else has led at a motor speed \[rev/s\], without a bump.
@@ -114,7 +122,7 @@ impl SimulatedLoop {
 impl Controller for PublishedStrategy {
     fn start(&mut self, measurement: &Measurement, _delay_cycles: u32) {
         self.forget_measurements(measurement);
-        self.forget_simulated();
+        self.start_simulated(None);
     }
 
     fn update(
@@ -144,10 +152,82 @@ impl Controller for PublishedStrategy {
     }
 
     fn status(&self) -> ControllerStatus {
-        let simulated = self.strategy.simulates().then_some([self.simulated.motor_speed]);
+        let leads = self.strategy.simulates() || self.simulated.memory.is_some();
         ControllerStatus {
-            simulated_motor_speeds: simulated,
+            simulated_motor_speeds: leads.then_some([self.simulated.motor_speed]),
             is_closed_loop: self.strategy.measures(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::actuator_limits::ActuatorLimits;
+    use crate::feedback::filter::HighPass;
+    use crate::measurement::AxisSignals;
+
+    fn controller(strategy: Strategy) -> PublishedStrategy {
+        let law = Benchmark {
+            proportional: 4.5,
+            integral: 14.45,
+            pressure_feedback: 4.77e-11,
+            high_pass: HighPass::new(1.04, 1e-3),
+            revolutions_per_metre: 313.05,
+            displacement: 10.6e-6,
+            limits: ActuatorLimits { speed: 50.0, slew: 500.0 },
+            period: 1e-3,
+        };
+        PublishedStrategy::new(strategy, law, 0.7)
+    }
+
+    fn measured(stroke: f64) -> Measurement {
+        let signals = AxisSignals { stroke, pressure_a: 68e5, ..AxisSignals::default() };
+        Measurement::new(1, 0.0, [signals])
+    }
+
+    fn moving() -> Preview<f64> {
+        Preview::new(1e-3, |t| SetPoint { position: 0.2 + 0.05 * t, velocity: 0.05 })
+    }
+
+    fn simulated(stroke: f64) -> SimulatedState {
+        SimulatedState { axes: [AxisState { stroke, velocity: 0.05, load_pressure: 66e5 }] }
+    }
+
+    #[test]
+    fn open_loop_depends_on_no_measurement() {
+        for strategy in [Strategy::VelocityFeedforward, Strategy::SimulationFeedforwardOpenLoop] {
+            let commands = [0.1, 0.3].map(|stroke| {
+                let mut controller = controller(strategy);
+                controller.start(&measured(0.2), 0);
+                controller.update(&measured(stroke), &moving(), Some(&simulated(0.19)))
+            });
+            assert_eq!(commands[0], commands[1]);
+            assert!(commands[0].axes[0].motor_speed > 0.0);
+        }
+    }
+
+    #[test]
+    fn the_feedforward_is_the_motor_speed_of_the_simulated_crane() {
+        let mut controller = controller(Strategy::SimulationFeedforwardOpenLoop);
+        controller.start(&measured(0.2), 0);
+        for k in 0..20 {
+            let command = controller.update(&measured(0.2), &moving(), Some(&simulated(0.19)));
+            let speeds = controller.status().simulated_motor_speeds;
+            assert_eq!(speeds, Some([command.axes[0].motor_speed]));
+            // its motor has a slew rate
+            assert!(command.axes[0].motor_speed <= 0.5 * f64::from(k + 1) + 1e-12);
+        }
+    }
+
+    #[test]
+    fn feedback_takes_over_at_the_speed_commanded_last() {
+        let mut controller = controller(Strategy::VelocityFeedforward);
+        controller.start(&measured(0.2), 0);
+        let closed = Strategy::SimulationFeedforwardClosedLoop;
+        controller.change_to(closed, 12.5);
+        let command = controller.update(&measured(0.21), &moving(), Some(&simulated(0.19)));
+        assert!((command.axes[0].motor_speed - 12.5).abs() < 1e-9, "{command:?}");
+        assert!(controller.status().is_closed_loop);
     }
 }

@@ -60,10 +60,13 @@ impl Plausibility {
             return Some(Cause::MachineLost);
         }
         let [stroke, pressures @ ..] = values;
-        if !(-STROKE_SLACK..=l.stroke + STROKE_SLACK).contains(&stroke) {
+        let [stroke_range, pressure_ranges @ ..] = signals(&ranges(l));
+        let is_within =
+            |value: &f64, (lowest, highest): (f64, f64)| (lowest..=highest).contains(value);
+        if !is_within(&stroke, stroke_range) {
             return Some(Cause::PositionImplausible);
         }
-        if pressures.iter().any(|p| *p < LOWEST_PRESSURE || *p > 2.0 * l.pressure) {
+        if !pressures.iter().zip(pressure_ranges).all(|(p, range)| is_within(p, range)) {
             return Some(Cause::PressureImplausible);
         }
         if let Some(last) = self.last.filter(|_| seen.new_readings > 0) {
@@ -138,8 +141,22 @@ impl Plausibility {
     }
 }
 
+/// What each signal of a machine within these limits can be: lowest and highest value.
+pub fn ranges(l: &Limits) -> AxisSignals<(f64, f64)> {
+    let pressure = (LOWEST_PRESSURE, 2.0 * l.pressure);
+    AxisSignals {
+        stroke: (-STROKE_SLACK, l.stroke + STROKE_SLACK),
+        pressure_pump_a: pressure,
+        pressure_a: pressure,
+        pressure_b: pressure,
+        pressure_pump_b: pressure,
+        pressure_accumulator: pressure,
+        motor_speed: (f64::NEG_INFINITY, f64::INFINITY),
+    }
+}
+
 /// Position, then the pressures.
-fn signals(r: &AxisSignals<f64>) -> [f64; SIGNALS] {
+fn signals<T: Copy>(r: &AxisSignals<T>) -> [T; SIGNALS] {
     [
         r.stroke,
         r.pressure_pump_a,
