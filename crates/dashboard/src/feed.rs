@@ -186,7 +186,7 @@ fn sample(r: &Record, worst: &Deadlines) -> Value {
         some(r.time),
         r.course_time.and_then(|_| some(r.reference.position * 1e3)),
         some(r.signals().stroke * 1e3),
-        r.simulated.and_then(|s| some(s.seen.stroke * 1e3)),
+        r.simulated.and_then(|s| some(s.axis().stroke * 1e3)),
         r.error().and_then(|e| some(e * 1e3)),
         bar(r.signals().pressure_pump_a),
         bar(r.signals().pressure_a),

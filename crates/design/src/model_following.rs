@@ -203,7 +203,7 @@ pub fn law<T: Real>(
         friction_speed: T::one() / n.steepness,
         stiffness: stiffness(n),
         doubt: lit(DOUBT),
-        beyond_load: cylinder.rod_side_area / cylinder.piston_area * n.rod_side,
+        beyond_load: cylinder.area_ratio() * n.rod_side,
         bending,
         notches: ModelFollowing::notches(bending, n.control_period),
         smoothing: T::one() - (-n.control_period / lit(SMOOTHING)).exp(),

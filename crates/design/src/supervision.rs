@@ -90,7 +90,7 @@ pub fn framed_benchmark(model: &Description) -> Result<FramedBenchmark<f64>, Des
     Ok(FramedBenchmark {
         frame: Frame::new(&limits(model, n.fast)?, n.supervision_tracking),
         benchmark: model.benchmark(),
-        area_ratio: cylinder.rod_side_area / cylinder.piston_area,
+        area_ratio: cylinder.area_ratio(),
     })
 }
 

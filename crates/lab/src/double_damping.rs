@@ -10,7 +10,6 @@
 //! ```
 
 use crate::LabError;
-use crate::closed_loop::controller_choice::area_ratio;
 use crate::closed_loop::metrics::Metrics;
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
@@ -75,7 +74,7 @@ fn damped_once(
     course: &dyn Course,
 ) -> Result<[f64; 2], LabError> {
     let law = model.benchmark();
-    let area_ratio = area_ratio(model);
+    let area_ratio = model.cylinder().area_ratio();
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(plant, &plant.start(start))?;
     let mut simulated = SimulatedCrane::new(model, start)?;

@@ -1,6 +1,5 @@
 //! Model following on a virtual crane: the simulated crane beside it, and the controller.
 
-use crate::closed_loop::controller_choice::area_ratio;
 use crate::closed_loop::simulated_crane::axis_state;
 use crate::{LabError, Plant, plant};
 use hydroboom_control::command::AxisCommand;
@@ -120,5 +119,5 @@ impl Following {
 
 /// What is measured of a machine that has the cylinder of the model.
 fn measured(model: &Description, signals: &AxisSignals<f64>) -> BenchmarkInput<f64> {
-    BenchmarkInput::of(signals, area_ratio(model))
+    BenchmarkInput::of(signals, model.cylinder().area_ratio())
 }

@@ -192,7 +192,7 @@ impl<const N: usize> Plant for Simulation<N> {
         self.crane().cylinder.load_pressure(p.a, p.b)
     }
     fn rod_side_ratio(&self) -> f64 {
-        self.crane().cylinder.rod_side_area / self.crane().cylinder.piston_area
+        self.crane().cylinder.area_ratio()
     }
     fn flows(&self, input: &Input<f64>) -> Flows<f64> {
         self.crane().flows(self.state(), input)

@@ -3,7 +3,7 @@
 use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
-use hydroboom_control::controller::{Controller, SimulatedState};
+use hydroboom_control::controller::Controller;
 use hydroboom_control::deviation::Watched;
 use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput};
 use hydroboom_control::feedback::published_strategy::PublishedStrategy;
@@ -18,7 +18,6 @@ use hydroboom_control::supervision::plausibility::ranges;
 use hydroboom_control::supervision::supervisor::{Decision, Request, State, Supervisor};
 use hydroboom_description::Description;
 use hydroboom_design::{balances, conditions, schedule};
-use hydroboom_model::hydraulics::Cylinder;
 use std::cell::Cell;
 
 /// The simulation may be so far from the machine before the benchmark takes over, as a share of the
@@ -191,8 +190,7 @@ impl ControlTask {
     pub fn new(model: &Description, course: Course, limits: Limits, strategy: Strategy) -> Self {
         let n = &model.numbers;
         let benchmark = model.benchmark();
-        let Cylinder { piston_area, rod_side_area, .. } = model.cylinder();
-        let area_ratio = rod_side_area / piston_area;
+        let area_ratio = model.cylinder().area_ratio();
         Self {
             published: PublishedStrategy::new(strategy, benchmark, area_ratio),
             // the benchmark steers a crane that has none, as it does where a simulation is not true
@@ -447,7 +445,7 @@ impl ControlTask {
         match (is_fresh, self.decision.state, simulated) {
             (true, State::Moving | State::Stopping, Some(simulated)) => {
                 let told = self.decision.command.motor_speed;
-                follower.learn(told, reference, &simulated.seen, reading, measured);
+                follower.learn(told, reference, simulated.axis(), reading, measured);
             }
             (true, State::Ready | State::Holding, _) => follower.weigh_held(reading, measured),
             _ => follower.skip(reading),
@@ -479,12 +477,12 @@ impl ControlTask {
         self.simulated_motor = 0.0;
         self.behind = 0.0;
         self.steps = now.simulated.map_or(0, |s| s.steps);
-        self.published.start_simulated(now.simulated.map(|s| s.seen).as_ref());
+        self.published.start_simulated(now.simulated.as_ref().map(Simulated::axis));
         if let Some(simulated) = now.simulated {
             self.epoch = simulated.epoch;
             let machine = Watched::of(measured, self.signals().motor_speed);
             if let Some(follower) = &mut self.follower {
-                follower.begin(&machine, &simulated.seen);
+                follower.begin(&machine, simulated.axis());
             }
         }
         // what keeps the pump pre-loaded now is what the leakage takes
@@ -509,9 +507,9 @@ impl ControlTask {
             // it was set to where the machine is, at rest
             self.epoch = simulated.epoch;
             self.steps = simulated.steps;
-            self.published.start_simulated(Some(&simulated.seen));
+            self.published.start_simulated(Some(simulated.axis()));
             if let Some(follower) = &mut self.follower {
-                follower.begin(&machine, &simulated.seen);
+                follower.begin(&machine, simulated.axis());
             }
             (self.simulated_motor, self.behind, self.trusted) = (0.0, 0.0, 0.0);
         }
@@ -521,7 +519,7 @@ impl ControlTask {
         let simulated = now.simulated.filter(|s| !s.failed);
         let mut led_by_published = None;
         if let Some(simulated) = &simulated {
-            let seen = &simulated.seen;
+            let seen = simulated.axis();
             let follower = self.follower.as_mut().filter(|_| asked.follows());
             let follows = follower.is_some();
             let (takes_over, motor) = (follows != self.follows, self.simulated_motor);
@@ -536,7 +534,7 @@ impl ControlTask {
                     if takes_over {
                         self.published.take_over_simulated(reference, seen, motor);
                     }
-                    led_by_published = Some(SimulatedState { axes: [*seen] });
+                    led_by_published = Some(simulated.state);
                 }
             }
             self.follows = follows;
@@ -552,7 +550,7 @@ impl ControlTask {
             self.steps = simulated.steps;
         }
         let alive = self.behind < BEHIND;
-        let near = |s: Simulated| (s.seen.stroke - measured.stroke).abs() <= most;
+        let near = |s: Simulated| (s.axis().stroke - measured.stroke).abs() <= most;
         let is_true = alive && now.simulated.is_some_and(|s| !s.failed && near(s));
         self.fallback |= asked.simulates() && !is_true;
         self.trusted = if is_true && self.fallback { self.trusted + b.period } else { 0.0 };
@@ -590,7 +588,7 @@ impl ControlTask {
         // what the machine differs is watched under any strategy, and known where following begins
         let watched = self.follower.as_mut().zip(simulated);
         let following = watched.map(|(follower, simulated)| {
-            follower.answer(&machine, &simulated.seen, self.simulated_motor)
+            follower.answer(&machine, simulated.axis(), self.simulated_motor)
         });
         let asked = published.or(following).unwrap_or(self.wanted);
         if changes {

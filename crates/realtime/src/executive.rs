@@ -23,7 +23,7 @@ use crate::slot::Slot;
 use crate::timing::Timing;
 use crate::trouble::Tampering;
 use hydroboom_control::command::{AxisCommand, Command};
-use hydroboom_control::controller::AxisState;
+use hydroboom_control::controller::{AxisState, SimulatedState};
 use hydroboom_control::learner::{Conditions, Learned};
 use hydroboom_control::measurement::{AXES, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
@@ -273,9 +273,9 @@ fn words(simulated: &Simulated, shown: &Shown) -> [u64; SIMULATED] {
     [
         simulated.steps,
         simulated.epoch,
-        simulated.seen.stroke.to_bits(),
-        simulated.seen.velocity.to_bits(),
-        simulated.seen.load_pressure.to_bits(),
+        simulated.axis().stroke.to_bits(),
+        simulated.axis().velocity.to_bits(),
+        simulated.axis().load_pressure.to_bits(),
         inner,
         middle,
         outer,
@@ -291,7 +291,9 @@ fn from_words(words: &[u64; SIMULATED]) -> (Simulated, Shown) {
     let simulated = Simulated {
         steps: words[0],
         epoch: words[1],
-        seen: AxisState { stroke: number(2), velocity: number(3), load_pressure: number(4) },
+        state: SimulatedState {
+            axes: [AxisState { stroke: number(2), velocity: number(3), load_pressure: number(4) }],
+        },
         angle: [number(5), number(6), number(7)],
         failed: words[8] != 0,
     };

@@ -1,6 +1,6 @@
 //! The simulation beside the machine: a step of 50 us at a time.
 
-use hydroboom_control::controller::AxisState;
+use hydroboom_control::controller::{AxisState, SimulatedState};
 use hydroboom_control::learner::Conditions;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_design::{conditions, under};
@@ -41,11 +41,18 @@ pub struct Simulated {
     /// How often it was set to a state.
     pub epoch: u64,
     /// What the controllers look at.
-    pub seen: AxisState<f64>,
+    pub state: SimulatedState,
     /// Absolute angle of each boom segment \[rad\].
     pub angle: [f64; 3],
     /// Whether it left what the model holds for; it then stays where it was.
     pub failed: bool,
+}
+
+impl Simulated {
+    /// State of its axis.
+    pub fn axis(&self) -> &AxisState<f64> {
+        &self.state.axes[0]
+    }
 }
 
 /// The simulated crane, three segments, published scheme.
@@ -128,11 +135,12 @@ impl SimulationTask {
         let p = crane.circuit.pressures(&state.circuit);
         let pose = crane.boom.pose(&state.boom.angle);
         let cylinder = crane.boom.cylinder_pose(&pose);
-        self.simulated.seen = AxisState {
+        let axis = AxisState {
             stroke: cylinder.stroke,
             velocity: cylinder.velocity(&crane.boom, &state.boom.angular_velocity),
             load_pressure: crane.cylinder.load_pressure(p.a, p.b),
         };
+        self.simulated.state = SimulatedState { axes: [axis] };
         self.simulated.angle = state.boom.angle;
     }
 

@@ -206,15 +206,15 @@ fn learning_goes_on_where_the_piston_is_by_then() {
 fn another_payload_is_taken_on_gently() {
     let model = Description::uia_single_boom().unwrap();
     let mut simulation = SimulationTask::new(&model, 0.2).unwrap();
-    let before = simulation.simulated().seen;
+    let before = *simulation.simulated().axis();
     let payload = model.numbers.payload - 100.0;
     simulation.set_conditions(&Conditions { payload, ..conditions(&model.numbers) });
     let mut fastest = 0.0_f64;
     for _ in 0..60_000 {
         simulation.step(0.0);
-        fastest = fastest.max(simulation.simulated().seen.velocity.abs());
+        fastest = fastest.max(simulation.simulated().axis().velocity.abs());
     }
-    let after = simulation.simulated().seen;
+    let after = *simulation.simulated().axis();
     assert!(fastest < 0.01, "{fastest} m/s");
     let [heavy, light] = [before, after].map(|seen| seen.load_pressure);
     assert!(light < 0.8 * heavy, "{light} Pa after {heavy} Pa");

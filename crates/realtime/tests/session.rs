@@ -172,7 +172,7 @@ fn a_simulation_that_drifted_away_is_set_to_the_machine_and_followed_again() {
     assert_eq!(after.reference.velocity, 0.0, "not at rest");
     let bump = after.decision.command.motor_speed - before.decision.command.motor_speed;
     assert!(bump.abs() < 0.6, "a bump of {bump} rev/s");
-    let near = after.simulated.unwrap().seen.stroke - after.signals().stroke;
+    let near = after.simulated.unwrap().axis().stroke - after.signals().stroke;
     assert!(near.abs() < 3e-3, "{near} m apart");
     // but not again and again: then it is the model that is wrong
     assert!((1..=3).contains(&script.session.synchronised_in_all()));
@@ -235,7 +235,8 @@ fn what_is_learned_of_a_machine_is_simulated_and_kept() {
     assert!((balance.transition - 28e5).abs() < 3e5, "{balance:?}");
     // before the pump has moved anything nothing is known of it, but what hangs there is, and the simulation rests with that
     let begun = script.records.iter().find(|r| r.course_time.is_some()).unwrap();
-    let [known, seen] = [begun.known.unwrap().payload, begun.simulated.unwrap().seen.load_pressure];
+    let [known, seen] =
+        [begun.known.unwrap().payload, begun.simulated.unwrap().axis().load_pressure];
     assert!((known - 210.0).abs() < 30.0, "{known} kg");
     let measured = begun.signals().pressure_a;
     assert!((seen - measured).abs() < 8e5, "simulated {seen} Pa, measured {measured} Pa");

@@ -86,7 +86,7 @@ fn course(records: &[Record]) -> Result<Markup, LabError> {
         (figure("Position. Before the load is released the pump takes it over.", &draw("position [mm]", vec![
             ("reference", over(&|r| Some(r.reference.position * 1e3))),
             ("machine", over(&|r| Some(r.signals().stroke * 1e3))),
-            ("simulation", over(&|r| r.simulated.map(|s| s.seen.stroke * 1e3))),
+            ("simulation", over(&|r| r.simulated.map(|s| s.axis().stroke * 1e3))),
         ])?))
         @if has_error {
             (figure("Tracking error.", &draw("x - x_ref [mm]", vec![

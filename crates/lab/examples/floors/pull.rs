@@ -41,8 +41,7 @@ pub enum Home {
 fn shows(crane: &Description, machine: &VirtualCrane, twin: &VirtualCrane) -> bool {
     let n = &crane.numbers;
     let [here, there] = [machine, twin].map(VirtualCrane::signals);
-    let areas = crane.cylinder();
-    let rod_side: f64 = areas.rod_side_area / areas.piston_area;
+    let rod_side: f64 = crane.cylinder().area_ratio();
     let load_pressure = n.pressure_noise * n.pressure_span * (1.0 + rod_side * rod_side).sqrt();
     (here.stroke - there.stroke).abs() > SHOWS * n.position_noise
         || (here.load_pressure(rod_side) - there.load_pressure(rod_side)).abs()

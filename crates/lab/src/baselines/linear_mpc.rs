@@ -5,7 +5,6 @@ use super::kalman_filter::KalmanFilter;
 use super::linear_plant::{ALL, LinearPlant, MOVES};
 use super::lqg::Weights;
 use crate::LabError;
-use crate::closed_loop::controller_choice::area_ratio;
 use hydroboom_control::command::Command;
 use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
@@ -69,7 +68,7 @@ impl LinearMpc {
             + DMatrix::identity(BLOCKS, BLOCKS) * by_speed;
         let program = BoxQp::new(hessian);
         let speeds = DVector::zeros(BLOCKS);
-        let area_ratio = area_ratio(model);
+        let area_ratio = model.cylinder().area_ratio();
         Ok(Self { plant, blocks, filter, response, costs, by_speed, program, speeds, area_ratio })
     }
 }

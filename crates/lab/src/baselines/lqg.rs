@@ -4,7 +4,6 @@ use super::kalman_filter::KalmanFilter;
 use super::linear_plant::{LinearPlant, MOVES};
 use super::riccati::least_cost;
 use crate::LabError;
-use crate::closed_loop::controller_choice::area_ratio;
 use hydroboom_control::command::Command;
 use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
@@ -66,7 +65,7 @@ impl Lqg {
         let plant = LinearPlant::new(model, period)?;
         let filter = KalmanFilter::new(&plant, &weights.drift, period)?;
         let (_, gain) = weights.feedback(&plant)?;
-        Ok(Self { plant, filter, gain, period, area_ratio: area_ratio(model) })
+        Ok(Self { plant, filter, gain, period, area_ratio: model.cylinder().area_ratio() })
     }
 }
 

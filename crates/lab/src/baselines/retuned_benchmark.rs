@@ -1,6 +1,5 @@
 //! Retuned benchmark: the published controller with four gains found by search, the baseline that costs nothing more on a machine.
 
-use crate::closed_loop::controller_choice::area_ratio;
 use hydroboom_control::command::Command;
 use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
 use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput, BenchmarkMemory};
@@ -51,7 +50,7 @@ pub(super) struct RetunedBenchmark {
 impl RetunedBenchmark {
     pub(super) fn new(model: &Description, gains: &Gains) -> Self {
         let memory = BenchmarkMemory::default();
-        Self { law: with_gains(model, gains), area_ratio: area_ratio(model), memory }
+        Self { law: with_gains(model, gains), area_ratio: model.cylinder().area_ratio(), memory }
     }
 
     fn input(&self, measurement: &Measurement) -> BenchmarkInput<f64> {

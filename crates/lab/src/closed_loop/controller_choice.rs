@@ -44,7 +44,7 @@ impl ControllerChoice {
             Self::Strategy(strategy) => Some(Box::new(PublishedStrategy::new(
                 strategy,
                 model.benchmark(),
-                area_ratio(model),
+                model.cylinder().area_ratio(),
             ))),
             Self::Baseline(baseline) => Some(baseline.controller(model)?),
         })
@@ -69,10 +69,4 @@ impl Serialize for ControllerChoice {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_str(self.name())
     }
-}
-
-/// Rod-side area over piston area of a description's cylinder.
-pub(crate) fn area_ratio(model: &Description) -> f64 {
-    let cylinder = model.cylinder();
-    cylinder.rod_side_area / cylinder.piston_area
 }

@@ -60,10 +60,16 @@ impl<T: Real> Cylinder<T> {
         self.piston_area * pressure_a - self.rod_side_area * pressure_b
     }
 
+    /// Rod-side area over piston area, A_r/A_p.
+    #[inline(always)]
+    pub fn area_ratio(&self) -> T {
+        self.rod_side_area / self.piston_area
+    }
+
     /// Load pressure p_L = p_A − (A_r/A_p) p_B \[Pa\].
     #[inline(always)]
     pub fn load_pressure(&self, pressure_a: T, pressure_b: T) -> T {
-        pressure_a - self.rod_side_area / self.piston_area * pressure_b
+        pressure_a - self.area_ratio() * pressure_b
     }
 }
 
