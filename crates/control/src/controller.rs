@@ -40,8 +40,8 @@ pub struct ControllerStatus {
 /// A controller. It knows its parameters, and remembers what it needs from one control period to the next; it allocates nothing
 /// after it was made, and does not panic.
 pub trait Controller: Send {
-    /// Begins control of a machine at rest with the load released. `delay_cycles` is the number of control periods between a
-    /// command and the first measurement that shows it, as far as the fieldbus causes them.
+    /// Begins control of a machine at rest with the load released. The fieldbus delays a measurement by `delay_cycles` control periods, and a
+    /// command by as many, as far as is known.
     fn start(&mut self, measurement: &Measurement, delay_cycles: u32);
 
     /// The command for the coming control period. `preview` is the reference around now; `simulated` the crane that is simulated

@@ -14,16 +14,19 @@ pub enum Strategy {
     /// State feedback makes the simulated crane follow the reference, an observer and feedback of what differs the machine the
     /// simulated crane (ours).
     ModelFollowing,
+    /// Gain-scheduled linear-quadratic regulator around the inverse dynamics of the reference, on a Kalman filter's estimates (ours).
+    ScheduledLqr,
 }
 
 impl Strategy {
     /// All strategies: the published ones in the paper's order, then ours.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::VelocityFeedforward,
         Self::SimulationFeedforwardOpenLoop,
         Self::BenchmarkClosedLoop,
         Self::SimulationFeedforwardClosedLoop,
         Self::ModelFollowing,
+        Self::ScheduledLqr,
     ];
 
     /// Name in commands, tables and JSON.
@@ -34,6 +37,7 @@ impl Strategy {
             Self::BenchmarkClosedLoop => "benchmark-closed-loop",
             Self::SimulationFeedforwardClosedLoop => "simulation-feedforward-closed-loop",
             Self::ModelFollowing => "model-following",
+            Self::ScheduledLqr => "scheduled-lqr",
         }
     }
 
@@ -44,12 +48,17 @@ impl Strategy {
 
     /// Whether a simulation runs beside the machine.
     pub fn simulates(self) -> bool {
-        !matches!(self, Self::VelocityFeedforward | Self::BenchmarkClosedLoop)
+        !matches!(self, Self::VelocityFeedforward | Self::BenchmarkClosedLoop | Self::ScheduledLqr)
     }
 
     /// Whether it looks at the machine.
     pub fn measures(self) -> bool {
         !matches!(self, Self::VelocityFeedforward | Self::SimulationFeedforwardOpenLoop)
+    }
+
+    /// Whether it is the scheduled LQR, on estimates of its own.
+    pub fn estimates(self) -> bool {
+        self == Self::ScheduledLqr
     }
 
     /// Whether feedback sees the machine's difference from the simulation, and not from the reference.

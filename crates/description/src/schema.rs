@@ -210,6 +210,7 @@ keys! {
     estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 50.0, "Time constant of the mean of normalised innovations squared (NIS)";
     estimator_nis_threshold: "estimator" "nis_threshold" ["-" = 1.0] 1.1..=100.0 or 3.0, "Mean NIS above which a load has changed: 0.05 % of a chi-square mean of 50 numbers lie above 2";
     estimator_nis_factor: "estimator" "nis_factor" ["-" = 1.0] 0.0..=1000.0 or 30.0, "Process noise of force and payload after a load change, over that without one";
+    estimator_divergence_time: "estimator" "divergence_time_s" ["s" = 1.0] 0.01..=100.0 or 2.0, "Time of a mean NIS above twice the threshold after which the filter has diverged, and the benchmark takes over";
     estimator_drive_lag: "estimator" "drive_lag_ms" ["ms" = MS] 1.0..=300.0 or 6.2, "Lag of the servo drive before any is identified";
     estimator_drive_memory: "estimator" "drive_memory_s" ["s" = 1.0] 0.1..=1000.0 or 2.0, "Time constant in which the identification of the drive forgets";
     estimator_speed_noise: "estimator" "speed_noise_rpm" ["rpm" = RPM] 0.01..=1000.0 or 12.0, "Noise of the motor speed that is read, and of what a first-order lag leaves out of the drive";

@@ -8,6 +8,7 @@ use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
 use hydroboom_control::estimation::state_estimator::StateEstimator;
 use hydroboom_control::feedback::rollout::Rollout;
 use hydroboom_control::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrSettings};
+use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_control::reference::governor::ReferenceGovernor;
 use hydroboom_description::Description;
 use std::f64::consts::TAU;
@@ -85,6 +86,7 @@ pub fn state_estimator(
             pressure.hypot(n.estimator_pressure_noise),
         ],
         noise_memory: n.estimator_noise_memory,
+        divergence_time: n.estimator_divergence_time,
         sensor_lag: match sensors.sensor_bandwidth > 0.0 {
             true => 1.0 / (TAU * sensors.sensor_bandwidth),
             false => 0.0,
@@ -146,7 +148,25 @@ pub fn scheduled_lqr(description: &Description, model: &ReducedModel<f64>) -> Sc
     }
 }
 
-/// Both.
+/// The controller of the crane of a description: estimator and law.
+///
+/// # Errors
+///
+/// As [`reduced_model`].
+pub fn scheduled_lqr_controller(
+    description: &Description,
+) -> Result<ScheduledLqrController, DesignError> {
+    let (estimator, law) = designed(description, known_delay(description) as usize)?;
+    Ok(ScheduledLqrController::new(estimator, law, description.cylinder().area_ratio()))
+}
+
+/// Delay of measurements and commands each \[cycles\], as the crane file says, or as a typical fieldbus has it.
+pub fn known_delay(description: &Description) -> u32 {
+    let (equipped, _) = description.virtual_crane();
+    equipped.numbers.fieldbus_delay.round() as u32
+}
+
+/// Estimator and law, for measurements and commands that are late by so many cycles each.
 ///
 /// # Errors
 ///

@@ -58,11 +58,6 @@ impl VirtualCrane {
         self.equipment.measurement()
     }
 
-    /// Control periods from a command to the first measurement of what it did, as far as the fieldbus causes them.
-    pub fn delay_cycles(&self) -> u32 {
-        self.equipment.delay_cycles()
-    }
-
     /// State of the load-holding valve as its position switch shows it; none where there is no switch.
     pub fn valve(&self) -> Option<ValveState> {
         self.equipment.valve_state()

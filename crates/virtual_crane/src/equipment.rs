@@ -180,11 +180,6 @@ impl Equipment {
         Measurement::new(self.periods + 1, time, [self.signals])
     }
 
-    /// Control periods from a command to the first measurement of what it did, as far as the fieldbus causes them.
-    pub(crate) fn delay_cycles(&self) -> u32 {
-        (self.to_crane.cycles() + self.to_controller.cycles()) as u32
-    }
-
     /// State of the load-holding valve as its position switch shows it; none where there is no switch.
     pub(crate) fn valve_state(&self) -> Option<ValveState> {
         self.has_position_switch.then_some(match self.pilot > 0.5 {

@@ -65,11 +65,6 @@ impl<const W: usize> Fleet<W> {
         self.equipment[lane].measurement()
     }
 
-    /// Control periods from a command to the first measurement of what it did, as far as the fieldbus causes them.
-    pub fn delay_cycles(&self, lane: usize) -> u32 {
-        self.equipment[lane].delay_cycles()
-    }
-
     /// What nobody sees of it.
     pub fn truth(&self, lane: usize) -> Truth {
         self.equipment[lane].truth(&self.outputs[lane])

@@ -41,6 +41,8 @@ pub struct ExtendedKalmanFilter<T> {
     pub measurement_noise: [T; 2],
     /// Averaging time of the measured noise \[s\].
     pub noise_memory: T,
+    /// Time of inconsistent innovations after which the filter has diverged \[s\].
+    pub divergence_time: T,
     /// Lag of the position sensor \[s\].
     pub sensor_lag: T,
     /// Innovation test.
@@ -82,6 +84,8 @@ pub struct EstimatorState<T> {
     pub covariance: Covariance<T>,
     /// Mean of the normalised innovations squared \[1\].
     pub mean_nis: T,
+    /// For how long the innovations have been inconsistent \[s\].
+    pub inconsistent_time: T,
     /// Innovations of position \[m\] and load pressure \[Pa\] of the last period.
     pub innovation: [T; 2],
     /// Normalised innovations squared \[1\] of the last period.
@@ -122,6 +126,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             estimate,
             covariance,
             mean_nis: T::one(),
+            inconsistent_time: zero,
             innovation: [zero; 2],
             nis: [T::one(); 2],
             noise: [measured.position, measured.load_pressure].map(NoiseEstimate::start),
@@ -132,6 +137,28 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     pub fn update(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
         self.predict(state, measured.motor_speed, measured.pressure_beyond);
         self.correct(state, measured);
+    }
+
+    /// One control period in which valves hold the load: nothing moves, position and load pressure are as measured, the payload may be another. What is known of
+    /// unknown flow and oil stays, since nothing is learned of them.
+    pub fn hold(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
+        let anew = self.start(measured);
+        let keep = |i: usize| PARAMETERS.contains(&i) && i != PAYLOAD;
+        let (old, new) = (state.estimate.to_array(), anew.estimate.to_array());
+        let estimate = core::array::from_fn(|i| if keep(i) { old[i] } else { new[i] });
+        let covariance = core::array::from_fn(|i| {
+            core::array::from_fn(|j| match keep(i) && keep(j) {
+                true => state.covariance[i][j],
+                false => anew.covariance[i][j],
+            })
+        });
+        *state =
+            EstimatorState { estimate: MachineState::from_array(estimate), covariance, ..anew };
+    }
+
+    /// Whether measurements have contradicted the filter for longer than the divergence time.
+    pub fn has_diverged(&self, state: &EstimatorState<T>) -> T::Mask {
+        self.divergence_time.lt(state.inconsistent_time)
     }
 
     /// A period on with the motor turning at a mean speed \[rev/s\].
@@ -231,6 +258,9 @@ impl<T: Real> ExtendedKalmanFilter<T> {
                 }
             }
         }
+        let consistent = self.innovation_test.is_consistent(state.mean_nis);
+        state.inconsistent_time =
+            T::select(consistent, zero, state.inconsistent_time + self.period);
         let (low, high) = (self.lowest.to_array(), self.highest.to_array());
         let z = state.estimate.to_array();
         state.estimate =

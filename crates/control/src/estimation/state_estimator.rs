@@ -103,6 +103,21 @@ impl<T: Real> StateEstimator<T> {
         state.pressure_beyond = measured.pressure_beyond;
     }
 
+    /// A control period in which valves hold the load. The identified drive stays.
+    pub fn hold(&self, state: &mut StateEstimatorState<T>, measured: &EstimatorInput<T>) {
+        self.filter.hold(&mut state.filter, measured);
+        state.commands = [measured.motor_speed; COMMANDS];
+        state.motor_speed = measured.motor_speed;
+        state.pressure_beyond = measured.pressure_beyond;
+    }
+
+    /// Motor speed \[rev/s\] that is to be read next, where it is not read.
+    pub fn predicted_speed(&self, state: &StateEstimatorState<T>) -> T {
+        // the command that drives the motor in the period that is to be measured, one newer than the last
+        let newer = (2 * self.delay_cycles.min(LARGEST_DELAY)).saturating_sub(1);
+        state.drive.next(state.motor_speed, state.commands[newer], self.slew)
+    }
+
     /// The state when the command arrives that is sent now.
     pub fn predict(&self, state: &StateEstimatorState<T>) -> PredictedState<T> {
         let (mut z, mut speed) = (state.filter.estimate, state.motor_speed);

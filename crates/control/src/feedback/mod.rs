@@ -8,3 +8,4 @@ pub mod riccati;
 pub mod rollout;
 pub mod saturation;
 pub mod scheduled_lqr;
+pub mod scheduled_lqr_controller;

@@ -58,7 +58,7 @@ fn main() {
             "reoptimised" => ControllerChoice::Baseline(Baseline::RetunedBenchmark(RETUNED)),
             "lqg" => ControllerChoice::Baseline(Baseline::Lqg(LQG)),
             "mpc" => ControllerChoice::Baseline(Baseline::LinearMpc(MPC)),
-            "scheduled" => ControllerChoice::Baseline(Baseline::ScheduledLqr),
+            "scheduled" => Strategy::ScheduledLqr.into(),
             other => panic!("{other}"),
         })
         .collect();

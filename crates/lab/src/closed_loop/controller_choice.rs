@@ -6,6 +6,7 @@ use hydroboom_control::controller::Controller;
 use hydroboom_control::feedback::published_strategy::PublishedStrategy;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use serde::{Serialize, Serializer};
 
 /// A controller, by its name and its numbers.
@@ -41,6 +42,9 @@ impl ControllerChoice {
     ) -> Result<Option<Box<dyn Controller>>, LabError> {
         Ok(match self {
             Self::Strategy(strategy) if strategy.follows() => None,
+            Self::Strategy(Strategy::ScheduledLqr) => {
+                Some(Box::new(scheduled_lqr_controller(model)?))
+            }
             Self::Strategy(strategy) => Some(Box::new(PublishedStrategy::new(
                 strategy,
                 model.benchmark(),

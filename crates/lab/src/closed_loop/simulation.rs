@@ -12,6 +12,7 @@ use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::preview::Preview;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_description::Description;
+use hydroboom_design::scheduled_lqr::known_delay;
 use hydroboom_virtual_crane::{Fleet, VirtualCrane};
 
 /// Cranes that are simulated side by side.
@@ -64,7 +65,6 @@ impl Loop {
         choice: ControllerChoice,
         course: &dyn Course,
         measurement: &Measurement,
-        delay_cycles: u32,
     ) -> Result<Self, LabError> {
         let begin = Now { course, period: model.numbers.control_period, number: 0 };
         let start = begin.set_point(0.0).position;
@@ -72,7 +72,8 @@ impl Loop {
             let following = Following::new(model, &measurement.axes[0].signals, start)?;
             return Ok(Self::Following(Box::new(following)));
         };
-        controller.start(measurement, delay_cycles);
+        // what the controller knows of the machine's fieldbus is its own crane file's
+        controller.start(measurement, known_delay(model));
         let simulated = match controller.status().simulated_motor_speeds {
             Some(_) => Some(SimulatedCrane::new(model, start)?),
             None => None,
@@ -124,8 +125,7 @@ pub fn simulate_closed_loop(
     let choice = choice.into();
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
-    let mut controlled =
-        Loop::start(model, choice, course, &crane.measurement(), crane.delay_cycles())?;
+    let mut controlled = Loop::start(model, choice, course, &crane.measurement())?;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut loads = course.loads();
@@ -220,9 +220,9 @@ fn side_by_side(
     let mut fleet = Fleet::new(&cranes, &starts).ok().flatten()?;
     let mut loops = Vec::with_capacity(WIDTH);
     for (k, case) in cases.iter().enumerate() {
-        let (measurement, delay_cycles) = (fleet.measurement(k), fleet.delay_cycles(k));
+        let measurement = fleet.measurement(k);
         let Case { controller, course, .. } = *case;
-        loops.push(Loop::start(model, controller, course, &measurement, delay_cycles).ok()?);
+        loops.push(Loop::start(model, controller, course, &measurement).ok()?);
     }
     let period = model.numbers.control_period;
     let periods = cases.map(|lane| (lane.course.duration() / period).round() as u64);

@@ -1,9 +1,10 @@
 //! The published benchmark controller, on the independent plant and on the virtual crane.
 
 use crate::plant::Readings;
-use hydroboom_control::Measured;
+use hydroboom_control::feedback::benchmark::BenchmarkInput;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_lab::motion_test::{Strategy, run};
+use hydroboom_lab::motion_test::run;
 
 /// The benchmark of the model along the motion at a speed \[m/s\], as a controller of the independent plant.
 pub fn benchmark(model: &Description, speed: f64) -> impl FnMut(&Readings) -> f64 {
@@ -13,7 +14,7 @@ pub fn benchmark(model: &Description, speed: f64) -> impl FnMut(&Readings) -> f6
     move |readings| {
         let reference = motion.reference(readings.time);
         let load_pressure = cylinder.load_pressure(readings.pressure_a, readings.pressure_b);
-        let measured = Measured { stroke: readings.stroke, load_pressure };
+        let measured = BenchmarkInput { stroke: readings.stroke, load_pressure };
         let memory = memory.get_or_insert_with(|| controller.start(&measured));
         let feedforward = controller.velocity_feedforward(&reference);
         controller.update(memory, &reference, &measured, feedforward)

@@ -5,11 +5,13 @@
 
 mod benchmark;
 mod plant;
+mod scheduled_lqr;
 
 use benchmark::{benchmark, rms_error_on_virtual_crane};
 use hydroboom_description::Description;
 use hydroboom_lab::eigenfrequency::{frequency, locked_mode, without_friction};
 use plant::{IndependentPlant, PayloadChange, Sample, rms_error};
+use scheduled_lqr::scheduled_lqr;
 use std::f64::consts::FRAC_PI_4;
 
 fn model() -> Description {
@@ -226,4 +228,23 @@ fn the_benchmark_tracks_as_on_the_virtual_crane() {
     let here = rms_error(&samples, |time| motion.reference(time).position);
     let there = rms_error_on_virtual_crane(&model, &crane, speed);
     assert!(here < 1.5 * there && there < 1.5 * here, "{here} {there}");
+}
+
+/// On a plant that is not the model, neither along the motion nor with a load that changes on the way.
+#[test]
+fn the_scheduled_lqr_tracks_with_a_tenth_of_the_benchmarks_error() {
+    let model = model();
+    let speed = model.numbers.fast;
+    let motion = model.motion(speed);
+    let changed = [PayloadChange { time: 3.5, mass: 250.0 }];
+    for (changes, share) in [(&[][..], 0.1), (&changed[..], 0.2)] {
+        let rms = |controller: &mut dyn FnMut(&plant::Readings) -> f64| {
+            let mut plant = IndependentPlant::start(&[]);
+            let samples = plant.control(motion.duration(), changes, controller);
+            rms_error(&samples, |time| motion.reference(time).position)
+        };
+        let lqr = rms(&mut scheduled_lqr(&model, speed));
+        let benchmark = rms(&mut benchmark(&model, speed));
+        assert!(lqr < share * benchmark, "{lqr} {benchmark}");
+    }
 }

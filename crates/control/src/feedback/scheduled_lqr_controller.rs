@@ -1,0 +1,183 @@
+//! Scheduled LQR with its state estimator as a controller of one axis.
+//!
+//! The estimator may run under any strategy ([`observe`](ScheduledLqrController::observe)), so that a hand-over finds it settled; while the load-holding valve is shut,
+//! [`observe_held`](ScheduledLqrController::observe_held) keeps its parameters and weighs the load.
+
+use super::scheduled_lqr::{ScheduledLqr, ScheduledLqrState};
+use crate::command::Command;
+use crate::controller::{Controller, ControllerStatus, SimulatedState};
+use crate::estimation::extended_kalman_filter::EstimatorInput;
+use crate::estimation::state_estimator::{StateEstimator, StateEstimatorState};
+use crate::measurement::{AxisMeasurement, Measurement, Validity};
+use crate::reference::preview::Preview;
+
+/// The controller.
+#[derive(Clone, Copy, Debug)]
+pub struct ScheduledLqrController {
+    estimator: StateEstimator<f64>,
+    law: ScheduledLqr<f64>,
+    /// Rod-side area over piston area.
+    area_ratio: f64,
+    /// None before the first measurement.
+    estimated: Option<StateEstimatorState<f64>>,
+    /// None before control begins.
+    state: Option<ScheduledLqrState<f64>>,
+    /// Number of the measurement that was observed last.
+    observed: Option<u64>,
+    /// The last good position \[m\] and load pressure \[Pa\], and what the piston side has beyond it.
+    last: [f64; 3],
+    /// Motor speed that was commanded last \[rev/s\].
+    command: f64,
+}
+
+impl ScheduledLqrController {
+    /// A controller of a cylinder of a ratio of rod-side to piston area.
+    pub fn new(estimator: StateEstimator<f64>, law: ScheduledLqr<f64>, area_ratio: f64) -> Self {
+        Self {
+            estimator,
+            law,
+            area_ratio,
+            estimated: None,
+            state: None,
+            observed: None,
+            last: [0.0; 3],
+            command: 0.0,
+        }
+    }
+
+    /// Estimates and their covariance; none before the first measurement.
+    pub fn estimated(&self) -> Option<&StateEstimatorState<f64>> {
+        self.estimated.as_ref()
+    }
+
+    /// The estimator.
+    pub fn estimator(&self) -> &StateEstimator<f64> {
+        &self.estimator
+    }
+
+    /// State of the law; none before control begins.
+    pub fn law_state(&self) -> Option<&ScheduledLqrState<f64>> {
+        self.state.as_ref()
+    }
+
+    /// Takes a measurement in, `command` being the motor speed \[rev/s\] that was sent in the period before.
+    ///
+    /// A measurement that was observed already counts as absent: the estimates go on by the model.
+    pub fn observe(&mut self, measurement: &Measurement, command: f64) {
+        let is_new = self.observed != Some(measurement.number);
+        let input = self.input(&measurement.axes[0], is_new);
+        self.observed = Some(measurement.number);
+        self.command = command;
+        match &mut self.estimated {
+            Some(estimated) => self.estimator.update(estimated, &input, command),
+            None => self.begin(&input),
+        }
+    }
+
+    /// Takes a measurement in while the load-holding valve is shut: position and load pressure are as measured, nothing moves, the payload may have changed;
+    /// parameters stay.
+    pub fn observe_held(&mut self, measurement: &Measurement) {
+        let is_new = self.observed != Some(measurement.number);
+        let input = self.input(&measurement.axes[0], is_new);
+        self.observed = Some(measurement.number);
+        self.command = 0.0;
+        self.state = None;
+        match &mut self.estimated {
+            Some(estimated) => self.estimator.hold(estimated, &input),
+            None => self.begin(&input),
+        }
+    }
+
+    /// Begins control where the machine is, whatever controlled it before. The reference starts anew at the piston and returns to `reference` \[m\]; the
+    /// regulator is that of the present operating point.
+    pub fn take_over(&mut self, reference: f64) {
+        if let Some(estimated) = &self.estimated {
+            self.state = Some(self.law.start(&self.estimator, estimated, reference));
+        }
+    }
+
+    /// Whether the estimates are finite and agree with the measurements.
+    pub fn is_valid(&self) -> bool {
+        self.estimated.as_ref().is_none_or(|estimated| {
+            let filter = &estimated.filter;
+            let finite = filter.estimate.to_array().into_iter().all(f64::is_finite)
+                && filter.covariance.iter().flatten().all(|c| c.is_finite());
+            finite && !self.estimator.filter.has_diverged(filter)
+        })
+    }
+
+    fn begin(&mut self, input: &EstimatorInput<f64>) {
+        // nothing is known before every signal was good once
+        if input.position_is_good + input.load_pressure_is_good > 1.5 {
+            self.estimated = Some(self.estimator.start(input));
+        }
+    }
+
+    /// What the estimator takes of a measurement.
+    fn input(&mut self, axis: &AxisMeasurement, is_new: bool) -> EstimatorInput<f64> {
+        let (signals, validity) = (&axis.signals, &axis.validity);
+        let good = |of: Validity| is_new && of == Validity::Good;
+        let has_position = good(validity.stroke) && signals.stroke.is_finite();
+        let pressure = signals.load_pressure(self.area_ratio);
+        let has_pressure =
+            good(validity.pressure_a) && good(validity.pressure_b) && pressure.is_finite();
+        let number = |is: bool| f64::from(u8::from(is));
+        if has_position {
+            self.last[0] = signals.stroke;
+        }
+        if has_pressure {
+            self.last[1] = pressure;
+            self.last[2] = self.area_ratio * signals.pressure_b;
+        }
+        let motor_speed = match good(validity.motor_speed) && signals.motor_speed.is_finite() {
+            true => signals.motor_speed,
+            // by the identified drive
+            false => self.estimated.as_ref().map_or(0.0, |e| self.estimator.predicted_speed(e)),
+        };
+        EstimatorInput {
+            position: self.last[0],
+            position_is_good: number(has_position),
+            load_pressure: self.last[1],
+            load_pressure_is_good: number(has_pressure),
+            pressure_beyond: self.last[2],
+            motor_speed,
+        }
+    }
+}
+
+impl Controller for ScheduledLqrController {
+    fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
+        self.estimator.delay_cycles = delay_cycles as usize;
+        (self.estimated, self.state, self.observed) = (None, None, None);
+        self.observe(measurement, 0.0);
+        let position = measurement.axes[0].signals.stroke;
+        self.take_over(position);
+    }
+
+    fn update(
+        &mut self,
+        measurement: &Measurement,
+        preview: &Preview<f64>,
+        _simulated: Option<&SimulatedState>,
+    ) -> Command {
+        if self.observed != Some(measurement.number) {
+            self.observe(measurement, self.command);
+        }
+        if self.state.is_none() {
+            self.take_over(preview.now().position);
+        }
+        let command = match (&mut self.state, &self.estimated) {
+            (Some(state), Some(estimated)) => {
+                self.law.update(state, &self.estimator, estimated, preview)
+            }
+            // nothing has been measured yet
+            _ => 0.0,
+        };
+        self.command = command;
+        Command::released([command])
+    }
+
+    fn status(&self) -> ControllerStatus {
+        ControllerStatus { simulated_motor_speeds: None, is_closed_loop: true }
+    }
+}
