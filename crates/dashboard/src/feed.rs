@@ -161,7 +161,7 @@ impl Feed {
             "start_waits_for": start_waits_for(&r.decision, operator.is_some()),
             "waiting": r.decision.waiting.text(), "waiting_s": shorter(r.decision.waited),
             "oscillation": r.decision.oscillation.map(|[amplitude, hz]| [shorter(amplitude * 1e3), shorter(hz)]),
-            "chosen": self.chosen.json(), "strategy": r.strategy.name(), "fallback": r.fallback,
+            "chosen": self.chosen.json(), "strategy": r.strategy.name(), "fallback": r.fallback.is_some(),
             "course_s": r.course_time.map(shorter), "valve": r.decision.command.holding_valve,
             "known": r.known.map(|k| [k.payload, k.balance.transition * 1e-5, k.balance.flow_gain]),
             "missed": r.deadlines.map(|d| [d.simulation_missed, d.control_missed]),

@@ -5,8 +5,10 @@ use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::controller::Controller;
 use hydroboom_control::deviation::Watched;
+use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput};
 use hydroboom_control::feedback::published_strategy::PublishedStrategy;
+use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_control::follower::Follower;
 use hydroboom_control::learner::{Conditions, Known, Learned, Learner};
 use hydroboom_control::measurement::{AxisSignals, Measurement};
@@ -17,6 +19,7 @@ use hydroboom_control::supervision::limits::{Limits, Observation, ValveState};
 use hydroboom_control::supervision::plausibility::ranges;
 use hydroboom_control::supervision::supervisor::{Decision, Request, State, Supervisor};
 use hydroboom_description::Description;
+use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
 use hydroboom_design::{balances, conditions, schedule};
 use std::cell::Cell;
 
@@ -31,7 +34,7 @@ const RECOVERY: f64 = 2.0;
 const BEHIND: f64 = 500.0;
 /// Travel over which the difference between the released piston and the course's beginning fades \[m\].
 const FADING: f64 = 0.01;
-/// A bump that a switch to open loop or to model following would make dies out with this time constant \[s\].
+/// A bump that a switch to open loop, to model following or to the scheduled LQR would make dies out with this time constant \[s\].
 const BUMP: f64 = 0.3;
 /// A reading that is older than so many periods teaches nothing.
 const FRESH: f64 = 5.5;
@@ -84,12 +87,51 @@ pub struct Record {
     pub decision: Decision,
     /// The strategy at work.
     pub strategy: Strategy,
-    /// Whether the benchmark had to take over from a simulation that drifted away or failed.
-    pub fallback: bool,
+    /// Why the benchmark had to take over; none where the strategy that was asked for is at work.
+    pub fallback: Option<Fallback>,
+    /// What the state estimator tells; none before the first measurement, and for a crane that has no such design.
+    pub estimates: Option<Estimates>,
     /// What is known of the machine beyond its description; none where nothing is learned.
     pub known: Option<Known>,
     /// How the tasks were on time; none in simulated time.
     pub deadlines: Option<Deadlines>,
+}
+
+/// Why the benchmark takes over from another strategy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fallback {
+    /// The simulation drifted away from the machine, is late, or failed.
+    Simulation,
+    /// The state estimator diverged, or yields no finite number.
+    Estimator,
+    /// The crane has no such design.
+    NoDesign,
+}
+
+impl Fallback {
+    /// Name in logs and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Simulation => "simulation-drifted",
+            Self::Estimator => "estimator-diverged",
+            Self::NoDesign => "no-design",
+        }
+    }
+}
+
+/// Estimates of the machine and how well they are known, at the time of the measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimates {
+    /// Estimates.
+    pub state: MachineState<f64>,
+    /// Their standard deviations.
+    pub deviation: MachineState<f64>,
+    /// Innovations of position \[m\] and load pressure \[Pa\].
+    pub innovation: [f64; 2],
+    /// Mean of the normalised innovations squared \[1\].
+    pub mean_nis: f64,
+    /// Identified lag of the drive \[s\].
+    pub drive_lag: f64,
 }
 
 /// How the tasks were on time, seen from the control task.
@@ -155,8 +197,10 @@ pub struct ControlTask {
     course_time: f64,
     decision: Decision,
     strategy: Strategy,
-    fallback: bool,
+    fallback: Option<Fallback>,
     published: PublishedStrategy,
+    /// Estimator and scheduled LQR; none for a crane that has no such design.
+    scheduled_lqr: Option<ScheduledLqrController>,
     /// Model following; none for a crane that has no such design.
     follower: Option<Follower>,
     /// Whether it learns.
@@ -193,6 +237,9 @@ impl ControlTask {
         let area_ratio = model.cylinder().area_ratio();
         Self {
             published: PublishedStrategy::new(strategy, benchmark, area_ratio),
+            scheduled_lqr: scheduled_lqr_controller(model)
+                .ok()
+                .map(|controller| controller.with_delay(known_delay(model))),
             // the benchmark steers a crane that has none, as it does where a simulation is not true
             follower: follower(model),
             learns: false,
@@ -217,7 +264,7 @@ impl ControlTask {
             course_time: 0.0,
             decision: Decision::IDLE,
             strategy,
-            fallback: false,
+            fallback: None,
             simulated_motor: 0.0,
             start_offset: 0.0,
             offset: 0.0,
@@ -314,6 +361,7 @@ impl ControlTask {
             }
             false => self.course.reference(self.course_time),
         };
+        self.estimate();
         let foreseen = self.foreseen(&reference);
         self.learn(&foreseen, &measured, now);
         if controls {
@@ -321,7 +369,7 @@ impl ControlTask {
         } else {
             self.wanted = 0.0;
             self.strategy = now.strategy;
-            self.fallback = false;
+            self.fallback = None;
         }
         let observation = Observation {
             elapsed: now.elapsed,
@@ -350,6 +398,7 @@ impl ControlTask {
             decision: self.decision,
             strategy: self.strategy,
             fallback: self.fallback,
+            estimates: self.estimates(),
             known: self.learner().map(Learner::known),
             deadlines: now.deadlines,
         };
@@ -371,6 +420,33 @@ impl ControlTask {
             (_, false) => {}
         }
         record
+    }
+
+    /// The state estimator runs under every strategy, so that a hand-over finds it settled.
+    fn estimate(&mut self) {
+        let measurement = self.judged();
+        // before the first measurement there is nothing to begin with
+        let Some(controller) = self.scheduled_lqr.as_mut().filter(|_| measurement.number > 0)
+        else {
+            return;
+        };
+        match self.decision.controls {
+            true => controller.observe(&measurement, self.decision.command.motor_speed),
+            false => controller.observe_held(&measurement),
+        }
+    }
+
+    fn estimates(&self) -> Option<Estimates> {
+        let controller = self.scheduled_lqr.as_ref()?;
+        let estimated = controller.estimated()?;
+        let filter = &estimated.filter;
+        Some(Estimates {
+            state: filter.estimate,
+            deviation: filter.deviation(),
+            innovation: filter.innovation,
+            mean_nis: filter.mean_nis,
+            drive_lag: estimated.drive.time_constant(self.benchmark.period),
+        })
     }
 
     /// The newest measurement, and what of it may be used.
@@ -441,7 +517,7 @@ impl ControlTask {
         let Some(follower) = self.follower.as_mut().filter(|_| self.learns) else { return };
         let reading = &self.measurement.axes[0].signals;
         let is_fresh = self.age < FRESH * self.benchmark.period && now.strategy.follows();
-        let simulated = now.simulated.filter(|s| !s.failed && !self.fallback);
+        let simulated = now.simulated.filter(|s| !s.failed && self.fallback.is_none());
         match (is_fresh, self.decision.state, simulated) {
             (true, State::Moving | State::Stopping, Some(simulated)) => {
                 let told = self.decision.command.motor_speed;
@@ -454,7 +530,7 @@ impl ControlTask {
 
     /// The strategy asked for; on the way to its beginning a course is measured, whatever comes then.
     fn asked(&self, now: &Period) -> Strategy {
-        match self.course_time < 0.0 {
+        match self.course_time < 0.0 && !now.strategy.estimates() {
             true => Strategy::BenchmarkClosedLoop,
             false => now.strategy,
         }
@@ -467,7 +543,7 @@ impl ControlTask {
         self.start_offset = self.signals().stroke - beginning;
         // what follows a simulation takes over from the benchmark in the first period
         self.strategy = match self.asked(now) {
-            asked if asked.follows() => Strategy::BenchmarkClosedLoop,
+            asked if asked.follows() || asked.estimates() => Strategy::BenchmarkClosedLoop,
             asked => asked,
         };
         self.tracking = match self.strategy.measures() {
@@ -552,25 +628,49 @@ impl ControlTask {
         let alive = self.behind < BEHIND;
         let near = |s: Simulated| (s.axis().stroke - measured.stroke).abs() <= most;
         let is_true = alive && now.simulated.is_some_and(|s| !s.failed && near(s));
-        self.fallback |= asked.simulates() && !is_true;
-        self.trusted = if is_true && self.fallback { self.trusted + b.period } else { 0.0 };
+        let estimator = asked.estimates().then_some(self.scheduled_lqr.as_ref());
+        let estimator = estimator.map(|c| c.map(ScheduledLqrController::is_valid));
+        // an estimator that has diverged begins anew with the next release
+        self.fallback = match (self.fallback, estimator) {
+            (Some(Fallback::Estimator), _) | (_, Some(Some(false))) => Some(Fallback::Estimator),
+            (_, Some(None)) => Some(Fallback::NoDesign),
+            _ if has_none => Some(Fallback::NoDesign),
+            _ if asked.simulates() && !is_true => Some(Fallback::Simulation),
+            (Some(Fallback::NoDesign), _) => None,
+            (before, _) => before,
+        };
+        let drifted = self.fallback == Some(Fallback::Simulation);
+        self.trusted = if is_true && drifted { self.trusted + b.period } else { 0.0 };
         // it is followed again only after it was set to the machine's state
-        if self.trusted >= TRUSTED && self.epoch != self.fallen_at {
-            self.fallback = false;
+        if drifted && self.trusted >= TRUSTED && self.epoch != self.fallen_at {
+            self.fallback = None;
         }
-        if !self.fallback {
+        if self.fallback != Some(Fallback::Simulation) {
             self.fallen_at = self.epoch;
         }
-        let strategy = match self.fallback || has_none {
+        let strategy = match self.fallback.is_some() {
             true => Strategy::BenchmarkClosedLoop,
             false => asked,
         };
         let changes = strategy != self.strategy;
-        if changes && self.strategy.follows() && strategy.measures() {
+        if changes && (self.strategy.follows() || self.strategy.estimates()) && strategy.measures()
+        {
             // it has not looked at the machine since
             self.published.forget_measurements(&self.measurement);
         }
-        let published = (!strategy.follows()).then(|| {
+        let estimated = match (strategy.estimates(), &mut self.scheduled_lqr) {
+            (true, Some(controller)) => {
+                let mut preview = self.preview;
+                preview.shift(self.start_offset);
+                if changes {
+                    controller.take_over(reference.position);
+                }
+                let command = controller.update(&self.measurement, &preview, None);
+                Some(command.axes[0].motor_speed)
+            }
+            _ => None,
+        };
+        let published = (!strategy.follows() && !strategy.estimates()).then(|| {
             if changes {
                 self.published.change_to(strategy, self.wanted);
             }
@@ -590,7 +690,7 @@ impl ControlTask {
         let following = watched.map(|(follower, simulated)| {
             follower.answer(&machine, simulated.axis(), self.simulated_motor)
         });
-        let asked = published.or(following).unwrap_or(self.wanted);
+        let asked = published.or(estimated).or(following).unwrap_or(self.wanted);
         if changes {
             self.offset = self.wanted - asked;
             self.strategy = strategy;

@@ -457,7 +457,8 @@ fn unrecorded(decision: Decision, strategy: Strategy) -> Record {
         simulated: None,
         decision,
         strategy,
-        fallback: false,
+        fallback: None,
+        estimates: None,
         known: None,
         deadlines: None,
     }

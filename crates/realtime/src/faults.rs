@@ -273,7 +273,7 @@ impl Underway {
             course_time = record.course_time.or(course_time);
             let truth = run.truth();
             let o = &truth.outputs;
-            outcome.fallback |= record.fallback;
+            outcome.fallback |= record.fallback.is_some();
             let pressures = [o.pressure_a, o.pressure_b, o.pressure_pump_a, o.pressure_pump_b];
             outcome.peak_pressure = pressures.into_iter().fold(outcome.peak_pressure, f64::max);
             let beyond = (o.stroke - n.stroke).max(-o.stroke).max(0.0);

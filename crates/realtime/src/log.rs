@@ -57,14 +57,14 @@ pub enum LogError {
 fn fields() -> Vec<(&'static str, &'static str)> {
     let mut fields: Vec<(&str, &str)> = NUMBERS.iter().map(|(name, _)| (*name, "number")).collect();
     fields.extend([("state", "string"), ("cause", "string"), ("strategy", "string")]);
-    fields.push(("fallback", "boolean"));
+    fields.extend([("fallback", "boolean"), ("fallback_cause", "string")]);
     fields
 }
 
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 36] = [
+const NUMBERS: [Number; 56] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("course_speed_mm_s", |r| r.course_time.map(|_| r.course_speed * 1e3)),
@@ -95,6 +95,26 @@ const NUMBERS: [Number; 36] = [
     ("known_leakage_l_min", |r| r.known.map(|k| k.balance.leakage * 60e3)),
     ("known_slip_cm3_per_rev_bar", |r| r.known.map(|k| k.balance.slip * 1e11)),
     ("known_lag_ms", |r| r.known.map(|k| k.lag * 1e3)),
+    ("estimated_position_mm", |r| r.estimates.map(|e| e.state.position * 1e3)),
+    ("estimated_velocity_mm_s", |r| r.estimates.map(|e| e.state.velocity * 1e3)),
+    ("estimated_load_pressure_bar", |r| r.estimates.map(|e| e.state.load_pressure * 1e-5)),
+    ("estimated_friction_bar", |r| r.estimates.map(|e| e.state.friction * 1e-5)),
+    ("estimated_disturbance_bar", |r| r.estimates.map(|e| e.state.disturbance * 1e-5)),
+    ("estimated_unknown_flow_rpm", |r| r.estimates.map(|e| e.state.unknown_flow * 60.0)),
+    ("estimated_payload_kg", |r| r.estimates.map(|e| e.state.payload)),
+    ("estimated_transition_bar", |r| r.estimates.map(|e| e.state.transition_pressure * 1e-5)),
+    ("deviation_position_mm", |r| r.estimates.map(|e| e.deviation.position * 1e3)),
+    ("deviation_velocity_mm_s", |r| r.estimates.map(|e| e.deviation.velocity * 1e3)),
+    ("deviation_load_pressure_bar", |r| r.estimates.map(|e| e.deviation.load_pressure * 1e-5)),
+    ("deviation_friction_bar", |r| r.estimates.map(|e| e.deviation.friction * 1e-5)),
+    ("deviation_disturbance_bar", |r| r.estimates.map(|e| e.deviation.disturbance * 1e-5)),
+    ("deviation_unknown_flow_rpm", |r| r.estimates.map(|e| e.deviation.unknown_flow * 60.0)),
+    ("deviation_payload_kg", |r| r.estimates.map(|e| e.deviation.payload)),
+    ("deviation_transition_bar", |r| r.estimates.map(|e| e.deviation.transition_pressure * 1e-5)),
+    ("innovation_position_mm", |r| r.estimates.map(|e| e.innovation[0] * 1e3)),
+    ("innovation_load_pressure_bar", |r| r.estimates.map(|e| e.innovation[1] * 1e-5)),
+    ("mean_nis", |r| r.estimates.map(|e| e.mean_nis)),
+    ("drive_lag_ms", |r| r.estimates.map(|e| e.drive_lag * 1e3)),
     ("control_late_us", |r| r.deadlines.map(|d| d.control_late as f64 * 1e-3)),
     ("control_execution_us", |r| r.deadlines.map(|d| d.control_execution as f64 * 1e-3)),
     ("control_missed", |r| r.deadlines.map(|d| d.control_missed as f64)),
@@ -163,7 +183,9 @@ impl LogWriter {
         message.insert("state".into(), json!(decision.state.name()));
         message.insert("cause".into(), json!(decision.cause.map_or("", |cause| cause.code())));
         message.insert("strategy".into(), json!(record.strategy.name()));
-        message.insert("fallback".into(), json!(record.fallback));
+        message.insert("fallback".into(), json!(record.fallback.is_some()));
+        let fallback = record.fallback.map_or("", |cause| cause.name());
+        message.insert("fallback_cause".into(), json!(fallback));
         let time = (record.time * 1e9).round() as u64;
         let header = MessageHeader {
             channel_id: self.channel,
@@ -210,7 +232,8 @@ pub fn csv(records: &[Record]) -> String {
         cells.extend(
             [record.decision.state.name(), cause, record.strategy.name()].map(String::from),
         );
-        cells.push(record.fallback.to_string());
+        cells.push(record.fallback.is_some().to_string());
+        cells.push(record.fallback.map_or("", |cause| cause.name()).into());
         text += &cells.join(",");
         text.push('\n');
     }

@@ -1,7 +1,7 @@
 //! A session at a machine: course after course, seen from an ordinary thread. What takes long is
 //! prepared here and handed to the real-time tasks as an [`Order`].
 
-use crate::control_task::Record;
+use crate::control_task::{Fallback, Record};
 use crate::course::Course;
 use crate::desk::Desk;
 use crate::failure::Failure;
@@ -147,7 +147,9 @@ impl Session {
             self.fault = Some(FaultData { cause, time: record.time, records });
         }
         let apart = (record.signals().stroke - record.reference.position).abs();
-        let rests = record.fallback && record.reference.velocity == 0.0 && apart < TOGETHER;
+        let rests = record.fallback == Some(Fallback::Simulation)
+            && record.reference.velocity == 0.0
+            && apart < TOGETHER;
         self.rested = if rests { self.rested + period } else { 0.0 };
     }
 

@@ -45,6 +45,13 @@ impl ScheduledLqrController {
         }
     }
 
+    /// The same with a fieldbus that delays measurements and commands by so many cycles each.
+    #[must_use]
+    pub fn with_delay(mut self, delay_cycles: u32) -> Self {
+        self.estimator.delay_cycles = delay_cycles as usize;
+        self
+    }
+
     /// Estimates and their covariance; none before the first measurement.
     pub fn estimated(&self) -> Option<&StateEstimatorState<f64>> {
         self.estimated.as_ref()

@@ -285,7 +285,7 @@ impl Running {
         self.then = record.strategy;
         self.sum += error_mm * error_mm;
         self.count += 1;
-        self.fallback |= record.fallback;
+        self.fallback |= record.fallback.is_some();
         if error_mm.abs() > self.peak.abs() {
             self.peak = error_mm;
         }
