@@ -75,7 +75,7 @@ pub struct Block {
     pub outputs: Vec<Variable>,
     /// What it does.
     pub entries: Vec<Entry>,
-    /// Its control period, where that is a number in the code and no parameter.
+    /// Its control period; none where it goes on by a step of its own.
     pub period: Option<ControlPeriod>,
     /// Names of what is in between, with a comment: the quantity, its equation.
     pub labels: HashMap<Node, (String, String)>,

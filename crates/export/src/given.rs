@@ -82,24 +82,3 @@ pub(crate) fn remembered(
     };
     all.map(of).collect()
 }
-
-/// What every controller of the machine is given: position and velocity that are wanted, position and load pressure that are measured.
-pub(crate) fn of_machine() -> [(Variable, E); 4] {
-    let input = |name: &str, unit: &str, meaning: &str| variable(name, unit, meaning, 0.0);
-    [
-        input("reference_position", "m", "Piston position that is wanted"),
-        input("reference_velocity", "m/s", "Piston velocity that is wanted"),
-        input("stroke", "m", "Piston position, measured"),
-        input("load_pressure", "Pa", "Load pressure, p_L = p_A - (A_r/A_p) p_B, measured"),
-    ]
-}
-
-/// What feedback of a deviation is given beside: the motor speed that the drive tells.
-pub(crate) fn motor_speed() -> (Variable, E) {
-    variable(
-        "motor_speed_read",
-        "rev/s",
-        "Motor speed, as the drive tells it; without one, the last that was asked for",
-        0.0,
-    )
-}

@@ -3,19 +3,17 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 mod course;
-mod steered;
 
 use course::inputs;
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_export::c::{Precision, Prefix, files, prefixed_files};
-use hydroboom_export::{blocks, controller, crane_model, model_following, simulation_feedforward};
+use hydroboom_export::{blocks, controller, crane_model, simulation_feedforward};
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use steered::{Steered, shown};
 
 const STEP: f64 = 50e-6;
 
@@ -304,79 +302,6 @@ int main(void)
     assert_eq!(off, 0.0);
 }
 
-#[test]
-fn model_following_steers_in_c_as_in_rust() {
-    let description = Description::uia_single_boom().unwrap();
-    let folder = folder("c-steered");
-    let block = model_following(&description).unwrap();
-    let made = files(std::slice::from_ref(&block), "steered", Precision::Double).unwrap();
-    std::fs::write(folder.join("steered.h"), made.header).unwrap();
-    std::fs::write(folder.join("steered.c"), made.source).unwrap();
-    {
-        let main = r#"
-#include "steered.h"
-#include <stdio.h>
-int main(void)
-{
-    NAME_parameters p;
-    NAME_prepared c;
-    NAME_state s;
-    NAME_input u = { 0 };
-    NAME_output y;
-    double given[5];
-    int begun = 0, k;
-    NAME_describe(&p);
-    NAME_prepare(&p, &c);
-    NAME_start(&s);
-    u.step = STEP;
-    while (fread(given, sizeof given, 1, stdin) == 1) {
-        u.reference_position = given[0];
-        u.reference_velocity = given[1];
-        u.stroke = given[2];
-        u.load_pressure = given[3];
-        READ
-        if (begun == 0) {
-            NAME_begin(&c, &s, &u);
-            begun = 1;
-        }
-        NAME_update(&c, &s, &u, &y);
-        for (k = 0; k < 20; k++) {
-            NAME_step(&c, &s, &u);
-        }
-        if (fwrite(&y.motor_speed, sizeof y.motor_speed, 1, stdout) != 1) {
-            return 1;
-        }
-    }
-    return 0;
-}
-"#;
-        let main = main.replace("NAME", &format!("hb_{}", block.name));
-        let main = main.replace("READ", "u.motor_speed_read = given[4];");
-        // a twentieth of a period to the last bit
-        let step = description.numbers.simulation_period;
-        let main = main.replace("STEP", &format!("{step:?}"));
-        std::fs::write(folder.join("main.c"), main).unwrap();
-        let options = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"];
-        let program = compiled(&folder, &["steered.c", "main.c"], &options);
-        let numbers: Vec<f64> = (0..500)
-            .flat_map(|k| {
-                let (r, m) = shown(k);
-                [r.position, r.velocity, m.stroke, m.load_pressure, m.motor_speed]
-            })
-            .collect();
-        let mut steers = Steered::new(&description);
-        let period = |k| {
-            let speed = steers.period(k);
-            (0..20).for_each(|_| steers.step());
-            vec![speed]
-        };
-        let rust: Vec<Vec<f64>> = (0..500).map(period).collect();
-        let off = apart(&rust, &answered(&program, &numbers));
-        assert_eq!(off, 0.0, "{}", block.name);
-        assert!(steers.steered > 1.0, "this course is no test: {}", steers.steered);
-    }
-}
-
 /// Two cranes that differ in everything that a header says of them, the number they compute with too.
 #[test]
 fn two_cranes_fit_into_one_program_in_cpp() {
@@ -399,7 +324,6 @@ fn two_cranes_fit_into_one_program_in_cpp() {
             boom,
             controller(crane).unwrap(),
             simulation_feedforward(crane).unwrap(),
-            model_following(crane).unwrap(),
         ];
         let name = format!("{}crane", prefix.as_str());
         let made = prefixed_files(&all, &name, precision, &prefix).unwrap();

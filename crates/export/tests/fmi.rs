@@ -4,8 +4,6 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-mod steered;
-
 use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -13,14 +11,13 @@ use hydroboom_export::closed_loop::{
     Bad, Case, Moment, Recorder, RustBenchmark, RustSimulationFeedforward, Target, cases, run,
 };
 use hydroboom_export::fmi::{System, Unit, Version, archive, binary, twincat_settings, unit};
-use hydroboom_export::{controller, crane_model, model_following, simulation_feedforward, slopes};
+use hydroboom_export::{controller, crane_model, simulation_feedforward, slopes};
 use hydroboom_math::Dual;
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, Input};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use steered::{Steered, shown};
 
 fn python() -> Option<String> {
     let found = std::env::var("HYDROBOOM_FMPY").ok().filter(|path| Path::new(path).exists());
@@ -44,12 +41,11 @@ fn model(crane: &Description, version: Version) -> Unit {
 }
 
 /// All controllers, by the names of their FMUs.
-const CONTROLLERS: [&str; 3] = ["controller", "simulation-feedforward", "model-following"];
+const CONTROLLERS: [&str; 2] = ["controller", "simulation-feedforward"];
 
 fn steering(crane: &Description, what: &str, version: Version) -> Unit {
     let block = match what {
         "simulation-feedforward" => simulation_feedforward(crane).unwrap(),
-        "model-following" => model_following(crane).unwrap(),
         _ => controller(crane).unwrap(),
     };
     unit(&block, None, crane, version).unwrap()
@@ -146,41 +142,6 @@ fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
     }
 }
 
-#[test]
-fn model_following_steers_as_that_of_rust() {
-    let Some(python) = python() else { return };
-    let description = Description::uia_single_boom().unwrap();
-    let periods = 2000;
-    let names = "reference_position,reference_velocity,stroke,load_pressure,motor_speed_read";
-    let mut inputs = format!("{names}\n");
-    for k in 0..periods {
-        let (r, m) = shown(k);
-        let row = [r.position, r.velocity, m.stroke, m.load_pressure, m.motor_speed];
-        writeln!(inputs, "{}", row.map(|v| format!("{v:?}")).join(",")).unwrap();
-    }
-    let table = folder().join("steered.csv");
-    std::fs::write(&table, inputs).unwrap();
-    let mut rust = Steered::new(&description);
-    let period = |k: usize| {
-        let seen = rust.seen();
-        let speed = rust.period(k);
-        (0..20).for_each(|_| rust.step());
-        [speed, rust.motor, seen.stroke, seen.load_pressure]
-    };
-    let wanted: Vec<[f64; 4]> = (0..periods).map(period).collect();
-    let outputs = "motor_speed+simulated_motor_speed+simulated_stroke+simulated_load_pressure";
-    for version in BOTH {
-        let path = written("steered", "model-following", version);
-        let said = fmpy(&python, &["simulated", &path, table.to_str().unwrap(), outputs]);
-        let found: Vec<Vec<f64>> =
-            said.lines().map(|l| l.split(',').map(|v| v.parse().unwrap()).collect()).collect();
-        assert_eq!(found.len(), wanted.len());
-        for (k, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
-            assert_eq!(found.as_slice(), wanted, "{version:?} in period {k}");
-        }
-    }
-}
-
 /// A release, a motion and wrong inputs as recorded in closed loop: the FMUs of both framed controllers show what Rust does.
 #[test]
 fn framed_controllers_are_those_of_rust() {
@@ -252,15 +213,6 @@ fn what_cannot_be_done_ends_with_an_error_and_never_with_ok() {
         wanted.extend(["no multiple"; 5]);
         wanted.extend(["only parameters"; 2]);
         told(&said, &wanted);
-    }
-}
-
-#[test]
-fn a_simulated_crane_takes_whole_steps_in_a_period_or_none() {
-    let Some(python) = python() else { return };
-    for version in BOTH {
-        let said = fmpy(&python, &["uneven", &written("uneven", "model-following", version)]);
-        told(&said, &[&["outside of its range"; 5][..], &["no multiple"; 2]].concat());
     }
 }
 

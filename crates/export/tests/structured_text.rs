@@ -5,7 +5,6 @@
 mod course;
 mod evaluator;
 mod on_plc;
-mod steered;
 
 use course::inputs;
 use evaluator::{Instance, Library};
@@ -19,7 +18,6 @@ use hydroboom_export::{blocks, controller};
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input, Outputs};
 use on_plc::rows;
-use steered::{Steered, shown};
 
 const STEP: f64 = 50e-6;
 
@@ -159,39 +157,6 @@ fn steering(description: &Description, name: &str) -> Instance {
         .map(Unit::text)
         .collect();
     Library::parse(texts.iter().map(String::as_str)).instance(name)
-}
-
-/// Model following, block by block as a PLC runs it, beside the Rust that steers; each step from the state that Rust has.
-#[test]
-fn the_simulation_that_steers_is_that_in_rust() {
-    let description = Description::uia_single_boom().unwrap();
-    let mut block = steering(&description, "FB_ModelFollowing");
-    let mut rust = Steered::new(&description);
-    for period in 0..600 {
-        let wanted = rust.period(period);
-        let (reference, measured) = shown(period);
-        let given = [
-            ("xRef", reference.position),
-            ("vRef", reference.velocity),
-            ("xCyl", measured.stroke),
-            ("pL", measured.load_pressure),
-            ("nRead", measured.motor_speed),
-        ];
-        for _ in 0..20 {
-            rust.step();
-            block.call(&given);
-            set_boom(block.inner("fbBoom"), &rust.state);
-            set_hydraulics(block.inner("fbHydraulics"), &rust.state);
-        }
-        let seen = rust.seen();
-        agrees("xSim", period, block.value("xSim"), seen.stroke, 0.1);
-        agrees("vSim", period, block.value("vSim"), seen.velocity, 0.1);
-        agrees("pLSim", period, block.value("pLSim"), seen.load_pressure, 1e7);
-        agrees("nSim", period, block.value("nSim"), rust.motor, 50.0);
-        agrees("nRef", period, block.value("nRef"), wanted, 50.0);
-    }
-    assert!(rust.motor.abs() > 5.0, "the motor hardly moved: {}", rust.motor);
-    assert!(rust.steered > 1.0, "this course is no test: {}", rust.steered);
 }
 
 /// Blocks that the test bench replays.
@@ -454,7 +419,7 @@ fn a_parameter_that_was_changed_counts_once_that_is_said() {
     assert!(((with - without) / wanted - 1.0).abs() < 1e-9, "{with} and {without} N, {wanted}");
 }
 
-/// Inputs that move a simulated crane: a reference, or a load that is held elsewhere.
+/// Inputs that move a simulated crane: a reference, and a load that is held elsewhere.
 const MOVED: [(&str, f64); 3] = [("xRef", 0.051), ("vRef", 0.02), ("xCyl", 0.052)];
 
 /// What a composed block shows over its next steps, a parameter of a block within it changed before step `changed`; which
@@ -482,72 +447,41 @@ fn shown_after(
 #[test]
 fn a_changed_parameter_counts_in_whichever_call_that_is_said() {
     let description = Description::uia_single_boom().unwrap();
-    let hydraulics = ("fbHydraulics", "cylinder_piston_mm", 66.0);
-    let boom = ("fbBoom", "payload_mass_kg", 200.0);
-    let composed = [
-        (
-            "FB_SimulationFeedforward",
-            [
-                ("fbController", "controller_pressure_feedback_m3_per_spa", 1e-9),
-                ("fbController", "controller_high_pass_s", 0.1),
-                hydraulics,
-                boom,
-            ],
-        ),
-        (
-            "FB_ModelFollowing",
-            [
-                ("fbStateFeedback", "motor_slew_rpm_per_s", 1.0),
-                ("fbController", "motor_max_speed_rpm", 1.0),
-                hydraulics,
-                boom,
-            ],
-        ),
+    let name = "FB_SimulationFeedforward";
+    let changes = [
+        ("fbController", "controller_pressure_feedback_m3_per_spa", 1e-9),
+        ("fbController", "controller_high_pass_s", 0.1),
+        ("fbHydraulics", "cylinder_piston_mm", 66.0),
+        ("fbBoom", "payload_mass_kg", 200.0),
     ];
-    for (name, changes) in composed {
-        let mut begun = steering(&description, name);
-        for _ in 0..400 {
-            begun.call(&MOVED);
+    let mut begun = steering(&description, name);
+    for _ in 0..400 {
+        begun.call(&MOVED);
+    }
+    for change in changes {
+        let never = shown_after(&begun, change, 0, |_| false);
+        for changed in [0, 1, 7, 19] {
+            let once = shown_after(&begun, change, changed, |step| step == changed);
+            let always = shown_after(&begun, change, changed, |step| step >= changed);
+            assert_eq!(once, always, "{change:?} at step {changed}");
+            assert!(once != never, "{change:?} at step {changed}");
         }
-        for change in changes {
-            let never = shown_after(&begun, change, 0, |_| false);
-            for changed in [0, 1, 7, 19] {
-                let once = shown_after(&begun, change, changed, |step| step == changed);
-                let always = shown_after(&begun, change, changed, |step| step >= changed);
-                assert_eq!(once, always, "{name}, {change:?} at step {changed}");
-                // the machine's controller does not move the simulated crane
-                let is_shown = (name, change.0) != ("FB_ModelFollowing", "fbController");
-                assert_eq!(once != never, is_shown, "{name}, {change:?} at step {changed}");
-            }
-        }
-        if name == "FB_ModelFollowing" {
-            let mut block = begun.clone();
-            assert!(block.value("nRef").abs() > 1.0 / 60.0, "{}", block.value("nRef"));
-            block.call(&[]);
-            block.inner("fbController").set("motor_max_speed_rpm", 1.0);
-            block.call_with(&[], &[("bPrepare", true)]);
-            for _ in 2..21 {
-                block.call(&[]);
-            }
-            assert!(block.value("nRef").abs() <= 1.0 / 60.0 + 1e-12, "{}", block.value("nRef"));
-        }
+    }
 
-        // together with a reset, and alone in the call that begins
-        for (resets, begins) in [(true, &begun), (false, &steering(&description, name))] {
-            let mut block = begins.clone();
-            let mut fresh = steering(&description, name);
-            for (inner, parameter, value) in changes {
-                block.inner(inner).set(parameter, value);
-                fresh.inner(inner).set(parameter, value);
-            }
-            let inputs = MOVED;
-            block.call_with(&inputs, &[("bReset", resets), ("bPrepare", true)]);
-            fresh.call(&inputs);
-            for _ in 0..40 {
-                assert_eq!(block.shown(), fresh.shown(), "{name}");
-                block.call(&inputs);
-                fresh.call(&inputs);
-            }
+    // together with a reset, and alone in the call that begins
+    for (resets, begins) in [(true, &begun), (false, &steering(&description, name))] {
+        let mut block = begins.clone();
+        let mut fresh = steering(&description, name);
+        for (inner, parameter, value) in changes {
+            block.inner(inner).set(parameter, value);
+            fresh.inner(inner).set(parameter, value);
+        }
+        block.call_with(&MOVED, &[("bReset", resets), ("bPrepare", true)]);
+        fresh.call(&MOVED);
+        for _ in 0..40 {
+            assert_eq!(block.shown(), fresh.shown());
+            block.call(&MOVED);
+            fresh.call(&MOVED);
         }
     }
 }

@@ -10,7 +10,6 @@ use crate::block::{Block, ControlPeriod, Variable};
 use crate::c::{Precision, files};
 use crate::crane::SEGMENTS;
 use crate::error::ExportError;
-use crate::graph::Node;
 use crate::plan::Plan;
 use bounds::Bounds;
 use hydroboom_description::{BuildError, Description};
@@ -497,46 +496,16 @@ fn balanced(block: &Block, parameters: &[&Variable]) -> String {
     )
 }
 
-/// The control period \[s\], in C.
-const CONTROL_PERIOD: &str = "1e-3 * n->p.controller_control_period_ms";
-
-/// How a block goes on in time.
-#[derive(Clone, Copy, PartialEq)]
-enum Pace {
-    /// By its own step, and shows its state.
-    Step,
-    /// By the control period.
-    Period,
-    /// By the control period, in each of which it simulates.
-    PeriodOfSteps,
-}
-
-impl Pace {
-    fn of(block: &Block) -> Self {
-        let has = |name: &str| block.entries.iter().any(|entry| entry.name == name);
-        match (has("update"), has("step")) {
-            (false, _) => Self::Step,
-            (true, false) => Self::Period,
-            (true, true) => Self::PeriodOfSteps,
-        }
-    }
-}
-
 /// What a master is told to step by \[s\], and what that has to be a whole number of: the control period, or the model's step, of
 /// which about a millisecond is a whole number.
 fn steps(block: &Block) -> [f64; 2] {
-    let of = |all: &[(Variable, Node)], name: &str| {
-        all.iter().find(|(v, _)| v.name == name).map_or(1e-3, |(v, _)| v.initial)
-    };
-    match Pace::of(block) {
-        Pace::Step => {
-            let step = of(&block.inputs, "step");
+    match block.period {
+        None => {
+            let own = block.inputs.iter().find(|(v, _)| v.name == "step");
+            let step = own.map_or(1e-3, |(v, _)| v.initial);
             [step * (1e-3 / step).round().max(1.0), step]
         }
-        Pace::Period | Pace::PeriodOfSteps => {
-            let tuned = 1e-3 * of(&block.parameters, "controller_control_period_ms");
-            [block.period.map_or(tuned, |period| period.length); 2]
-        }
+        Some(period) => [period.length; 2],
     }
 }
 
@@ -570,17 +539,13 @@ fn glue(
     for v in inputs {
         let _ = writeln!(fill, "    n->u.{} = {:?};", v.name, v.initial);
     }
-    let control_period = match block.period {
-        Some(period) => format!("{:?}", period.length),
-        None => CONTROL_PERIOD.to_string(),
-    };
-    let (one, show, period) = match (Pace::of(block), block.period) {
-        (Pace::Step, _) => (
+    let (one, show, period) = match block.period {
+        None => (
             format!("    {prefix}_step(&n->c, &n->s, &n->u);"),
             format!("    {prefix}_see(&n->c, &n->s, &n->y);"),
-            "n->u.step",
+            "n->u.step".to_string(),
         ),
-        (_, Some(ControlPeriod { steps, .. })) => {
+        Some(ControlPeriod { length, steps }) => {
             let mut one = format!("    {prefix}_update(&n->c, &n->s, &n->u, &n->y);");
             if steps > 0 {
                 one += &format!(
@@ -588,36 +553,15 @@ fn glue(
                      {prefix}_step(&n->s);\n        }}\n    }}"
                 );
             }
-            (one, "    (void)n;".to_string(), control_period.as_str())
+            (one, "    (void)n;".to_string(), format!("{length:?}"))
         }
-        (pace, None) => {
-            let begin = match pace {
-                Pace::PeriodOfSteps => "&n->c, &n->s, &n->u",
-                _ => "&n->s, &n->u",
-            };
-            let mut one = format!(
-                "    if (n->has_begun == 0) {{\n        {prefix}_begin({begin});\n        n->has_begun = 1;\n    }}\n    \
-                 {prefix}_update(&n->c, &n->s, &n->u, &n->y);"
-            );
-            if pace == Pace::PeriodOfSteps {
-                one += &format!(
-                    "\n    {{\n        long steps = (long)(hb_inner(n) + 0.5);\n        \
-                     while (steps-- > 0) {{\n            {prefix}_step(&n->c, &n->s, &n->u);\n        }}\n    }}"
-                );
-            }
-            (one, "    (void)n;".to_string(), control_period.as_str())
-        }
-    };
-    let inner = match (Pace::of(block), block.period) {
-        (Pace::PeriodOfSteps, None) => format!("{CONTROL_PERIOD} / n->u.step"),
-        _ => "1.0".into(),
     };
     let after = format!(
         "\n/* ---- the block ---- */\n\nstatic void hb_fill(hb_numbers *n)\n{{\n    {prefix}_describe(&n->p);\n    {prefix}_start(&n->s);\n\
          {fill}}}\n\nstatic void hb_prepare(hb_numbers *n)\n{{\n    {prefix}_prepare(&n->p, &n->c);\n}}\n\n\
          static void hb_one(hb_numbers *n)\n{{\n{one}\n}}\n\nstatic void hb_show(hb_numbers *n)\n{{\n{show}\n}}\n\n\
          static double hb_period(const hb_numbers *n)\n{{\n    (void)n;\n    return {period};\n}}\n\n\
-         static double hb_inner(const hb_numbers *n)\n{{\n    (void)n;\n    return {inner};\n}}\n"
+         static double hb_inner(const hb_numbers *n)\n{{\n    (void)n;\n    return 1.0;\n}}\n"
     );
     let seen = slopes.map_or(String::new(), |slopes| {
         let name = format!("hb_{}", slopes.name);

@@ -19,100 +19,6 @@ fn flag(name: &str, comment: &str) -> Declared {
     Declared::new(Section::Input, name, "BOOL", None, comment)
 }
 
-/// A function block that steers with a simulated crane: what is its own.
-struct Steering<'a> {
-    name: &'static str,
-    comment: &'static str,
-    inputs: Vec<Declared>,
-    outputs: Vec<Declared>,
-    blocks: Vec<Declared>,
-    /// Done as it begins, and at each first step of a control period.
-    begins: &'a str,
-    acts: &'a str,
-    /// The block that has the simulated crane's motor speed.
-    motor: &'static str,
-    shows: &'a str,
-}
-
-impl Steering<'_> {
-    /// The function block: `steps` simulation steps make a control period; each call is one step of `step` \[s\].
-    fn unit(self, steps: u32, step: &str) -> Unit {
-        let count = steps.to_string();
-        let Self { name, comment, inputs, outputs, blocks, begins, acts, motor, shows } = self;
-        let mut variables = vec![
-            flag("bReset", "Begin again: the simulated crane at rest at its start"),
-            flag("bPrepare", "A parameter of one of the blocks was changed; counts in any call"),
-        ];
-        variables.extend(inputs);
-        variables.extend([
-            input("tStep", step, "Simulation step [s]"),
-            Declared::new(
-                Section::Input,
-                "nPerPeriod",
-                "DINT",
-                Some(&count),
-                "Simulation steps in a control period",
-            ),
-        ]);
-        variables.extend(outputs);
-        variables.extend([
-            output("xSim", "Its piston position [m]"),
-            output("vSim", "Its piston velocity [m/s]"),
-            output("pLSim", "Its load pressure [Pa]"),
-        ]);
-        variables.extend(blocks);
-        variables.extend([
-            local("fbHydraulics", "FB_HydraulicModel", ""),
-            local("fbBoom", "FB_FlexibleBoom", ""),
-            local("iStep", "DINT", ""),
-            local("bBegins", "BOOL", ""),
-            local("bChanged", "BOOL", "A parameter was changed since the controllers acted"),
-            local("bReady", "BOOL", ""),
-        ]);
-        let body = format!(
-            "\
-bBegins := bReset OR NOT bReady;
-bChanged := bChanged OR bPrepare;
-IF bBegins THEN
-    (* a step of no length shows where the piston rests *)
-    fbBoom(bReset := TRUE, bPrepare := TRUE, fCyl := 0.0E0, tStep := 0.0E0);
-    fbHydraulics(bReset := TRUE, bPrepare := TRUE, nPump := 0.0E0, uValve := 1.0E0, xCyl := fbBoom.xCyl,
-        vCyl := fbBoom.vCyl, tStep := 0.0E0);
-{begins}    iStep := 0;
-    bReady := TRUE;
-END_IF;
-IF iStep = 0 THEN
-{acts}    bChanged := FALSE;
-END_IF;
-(* position, velocity and force of the step's beginning go between the blocks (section 5.1) *)
-fbHydraulics(bReset := FALSE, bPrepare := bPrepare, nPump := {motor}.nMotor, uValve := 1.0E0,
-    xCyl := fbBoom.xCyl, vCyl := fbBoom.vCyl, tStep := tStep);
-fbBoom(bReset := FALSE, bPrepare := bPrepare, fCyl := fbHydraulics.fCyl, tStep := tStep);
-iStep := (iStep + 1) MOD nPerPeriod;
-{shows}xSim := fbBoom.xCyl;
-vSim := fbBoom.vCyl;
-pLSim := fbHydraulics.pL;
-"
-        );
-        Unit {
-            kind: Kind::FunctionBlock,
-            name: name.into(),
-            comment: comment.into(),
-            variables,
-            body,
-            tasks: Vec::new(),
-        }
-    }
-}
-
-/// Position and velocity that are wanted.
-fn reference() -> [Declared; 2] {
-    [
-        input("xRef", "0.0E0", "Piston position that is wanted [m]"),
-        input("vRef", "0.0E0", "Piston velocity that is wanted [m/s]"),
-    ]
-}
-
 /// Inputs and outputs of a controller's block, but for what comes from a simulated crane.
 fn frame(controller: &Unit) -> [Vec<Declared>; 2] {
     let own = ["bReset", "bPrepare", "xSim", "vSim", "pLSim", "nMotor"];
@@ -129,61 +35,81 @@ fn arguments(inputs: &[Declared], before: &str) -> String {
     each.chunks(4).map(|some| some.join(", ")).collect::<Vec<_>>().join(",\n        ")
 }
 
-/// The benchmark controller with simulation feedforward and the crane that it simulates (section 4, figure 15).
+/// The benchmark controller with simulation feedforward and the crane that it simulates (section 4, figure 15): `steps` simulation
+/// steps make a control period; each call is one step of `step` \[s\].
 pub(super) fn simulation_feedforward(controller: &Unit, steps: u32, step: &str) -> Unit {
-    let [inputs, mut outputs] = frame(controller);
-    let acts = format!(
-        "    fbController(bReset := bBegins, bPrepare := bChanged, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl,
-        pLSim := fbHydraulics.pL, {});\n",
-        arguments(&inputs, "")
-    );
+    let [inputs, outputs] = frame(controller);
+    let given = arguments(&inputs, "");
     let shows: String =
         outputs.iter().map(|v| format!("{0} := fbController.{0};\n", v.name)).collect();
-    outputs.push(output("nSim", "Motor speed of the simulated crane [rev/s]"));
-    let steering = Steering {
-        name: "FB_SimulationFeedforward",
+    let count = steps.to_string();
+    let mut variables = vec![
+        flag("bReset", "Begin again: the simulated crane at rest at its start"),
+        flag("bPrepare", "A parameter of one of the blocks was changed; counts in any call"),
+    ];
+    variables.extend(inputs);
+    variables.extend([
+        input("tStep", step, "Simulation step [s]"),
+        Declared::new(
+            Section::Input,
+            "nPerPeriod",
+            "DINT",
+            Some(&count),
+            "Simulation steps in a control period",
+        ),
+    ]);
+    variables.extend(outputs);
+    variables.extend([
+        output("nSim", "Motor speed of the simulated crane [rev/s]"),
+        output("xSim", "Its piston position [m]"),
+        output("vSim", "Its piston velocity [m/s]"),
+        output("pLSim", "Its load pressure [Pa]"),
+        local("fbController", "FB_SimulationFeedforwardController", ""),
+        local("fbHydraulics", "FB_HydraulicModel", ""),
+        local("fbBoom", "FB_FlexibleBoom", ""),
+        local("iStep", "DINT", ""),
+        local("bBegins", "BOOL", ""),
+        local("bChanged", "BOOL", "A parameter was changed since the controllers acted"),
+        local("bReady", "BOOL", ""),
+    ]);
+    let body = format!(
+        "\
+bBegins := bReset OR NOT bReady;
+bChanged := bChanged OR bPrepare;
+IF bBegins THEN
+    (* a step of no length shows where the piston rests *)
+    fbBoom(bReset := TRUE, bPrepare := TRUE, fCyl := 0.0E0, tStep := 0.0E0);
+    fbHydraulics(bReset := TRUE, bPrepare := TRUE, nPump := 0.0E0, uValve := 1.0E0, xCyl := fbBoom.xCyl,
+        vCyl := fbBoom.vCyl, tStep := 0.0E0);
+    iStep := 0;
+    bReady := TRUE;
+END_IF;
+IF iStep = 0 THEN
+    fbController(bReset := bBegins, bPrepare := bChanged, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl,
+        pLSim := fbHydraulics.pL, {given});
+    bChanged := FALSE;
+END_IF;
+(* position, velocity and force of the step's beginning go between the blocks (section 5.1) *)
+fbHydraulics(bReset := FALSE, bPrepare := bPrepare, nPump := fbController.nMotor, uValve := 1.0E0,
+    xCyl := fbBoom.xCyl, vCyl := fbBoom.vCyl, tStep := tStep);
+fbBoom(bReset := FALSE, bPrepare := bPrepare, fCyl := fbHydraulics.fCyl, tStep := tStep);
+iStep := (iStep + 1) MOD nPerPeriod;
+{shows}nSim := fbController.nMotor;
+xSim := fbBoom.xCyl;
+vSim := fbBoom.vCyl;
+pLSim := fbHydraulics.pL;
+"
+    );
+    Unit {
+        kind: Kind::FunctionBlock,
+        name: "FB_SimulationFeedforward".into(),
         comment: "Benchmark controller with the motor speed of a simulated crane as feedforward (section 4, figure 15); holds and releases \
-                  the load. One call is one simulation step; the controller acts at each first of nPerPeriod.",
-        inputs,
-        outputs,
-        blocks: vec![local("fbController", "FB_SimulationFeedforwardController", "")],
-        begins: "",
-        acts: &acts,
-        motor: "fbController",
-        shows: &format!("{shows}nSim := fbController.nMotor;\n"),
-    };
-    steering.unit(steps, step)
-}
-
-/// Model following: state feedback on the simulated crane, an observer and feedback of what the machine differs.
-pub(super) fn model_following(steps: u32, step: &str) -> Unit {
-    let steering = Steering {
-        name: "FB_ModelFollowing",
-        comment: "State feedback makes the simulated crane follow the reference, feedback of what differs the machine the simulated \
-                  crane (docs/model-following.md). One call is one simulation step; nRef changes at each first of nPerPeriod.",
-        inputs: reference().into_iter().chain([
-            input("xCyl", "0.0E0", "Piston position of the machine [m]"),
-            input("pL", "0.0E0", "Load pressure of the machine, p_A - (A_r/A_p) p_B [Pa]"),
-            input("nRead", "0.0E0", "Motor speed of the machine, as its drive tells it [rev/s]"),
-        ]).collect(),
-        outputs: vec![
-            output("nRef", "Motor speed for the machine [rev/s]"),
-            output("nSim", "Motor speed of the simulated crane [rev/s]"),
-        ],
-        blocks: vec![
-            local("fbStateFeedback", "FB_StateFeedback", ""),
-            local("fbController", "FB_FollowingController", ""),
-        ],
-        begins: "",
-        acts: "    fbStateFeedback(bReset := bBegins, bPrepare := bChanged, xRef := xRef, vRef := vRef, xSim := fbBoom.xCyl,
-        vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);
-    fbController(bReset := bBegins, bPrepare := bChanged, xRef := xRef, vRef := vRef, xAhead := fbStateFeedback.xAhead,
-        nAhead := fbStateFeedback.nAhead, xCyl := xCyl, pL := pL, nRead := nRead,
-        nSim := fbStateFeedback.nMotor, xSim := fbBoom.xCyl, vSim := fbBoom.vCyl, pLSim := fbHydraulics.pL);\n",
-        motor: "fbStateFeedback",
-        shows: "nRef := fbController.nRef;\nnSim := fbStateFeedback.nMotor;\n",
-    };
-    steering.unit(steps, step)
+                  the load. One call is one simulation step; the controller acts at each first of nPerPeriod."
+            .into(),
+        variables,
+        body,
+        tasks: Vec::new(),
+    }
 }
 
 const RESTART: &str = "bRestart";

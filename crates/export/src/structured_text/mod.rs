@@ -18,7 +18,6 @@ use crate::block::{Block, Target, Variable};
 use crate::controller::{controller, simulation_feedforward_controller};
 use crate::crane::blocks;
 use crate::error::ExportError;
-use crate::following::{following_controller, state_feedback};
 use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
@@ -52,7 +51,7 @@ const RESERVED: &str = "\
     var_in_out var_input var_output var_temp wchar while with word wstring xint xor xorn xword";
 
 /// Names that people know from the paper, for what stands at a block's edge.
-const KNOWN: [(&str, &str); 40] = [
+const KNOWN: [(&str, &str); 37] = [
     ("stroke", "xCyl"),
     ("velocity", "vCyl"),
     ("pressure_pump_a", "pPA"),
@@ -78,7 +77,6 @@ const KNOWN: [(&str, &str); 40] = [
     ("reference_position", "xRef"),
     ("reference_velocity", "vRef"),
     ("load_pressure", "pL"),
-    ("simulated_speed", "nSim"),
     ("motor_speed_read", "nRead"),
     ("valve_state", "uValveRead"),
     ("status", "nStatus"),
@@ -89,8 +87,6 @@ const KNOWN: [(&str, &str); 40] = [
     ("motor_speed", "nRef"),
     ("wanted_speed", "nWanted"),
     ("simulated_motor_speed", "nMotor"),
-    ("reference_ahead", "xAhead"),
-    ("reference_motor_speed", "nAhead"),
     ("integral", "vInt"),
     ("low_passed", "pLow"),
 ];
@@ -306,25 +302,19 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         .map(|(node, (name, comment))| (*node, (edge_name(name), comment.clone())))
         .collect();
     let mut nexts = Vec::new();
-    let mut starting = String::new();
     let mut working = String::new();
     for (entry, order) in block.entries.iter().zip(&plan.entries) {
         let wanted: Vec<Node> = entry.results.iter().map(|(_, node)| *node).collect();
         let from = Source { graph, order, results: &wanted, given: &given, labels: &labels };
         let (said, results) = statements(&from, &StructuredText, &mut names);
-        let begins = entry.name == "begin";
-        let (body, depth) = if begins { (&mut starting, 1) } else { (&mut working, 0) };
-        lines(&said, body, depth);
+        lines(&said, &mut working, 0);
         let mut last = String::new();
         for ((target, _), text) in entry.results.iter().zip(&results) {
             match target {
-                Target::State(k) if begins => {
-                    last += &line(&format!("{} := {};", state_names[*k], text.text), depth);
-                }
                 Target::State(k) => {
                     let next = names.numbered("next");
-                    *body += &line(&format!("{next} := {};", text.text), depth);
-                    last += &line(&format!("{} := {next};", state_names[*k]), depth);
+                    working += &line(&format!("{next} := {};", text.text), 0);
+                    last += &line(&format!("{} := {next};", state_names[*k]), 0);
                     nexts.push(next);
                 }
                 Target::Output(k) => {
@@ -334,17 +324,17 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
                         "DINT" => format!("LREAL_TO_DINT({})", text.text),
                         _ => text.text.clone(),
                     };
-                    *body += &line(&format!("{name} := {text};"), depth);
+                    working += &line(&format!("{name} := {text};"), 0);
                 }
             }
         }
-        *body += &last;
+        working += &last;
     }
-    if starting.is_empty() {
-        for (v, name) in states.iter().zip(&state_names) {
-            starting += &line(&format!("{name} := {};", literal(v.initial)), 1);
-        }
-    }
+    let starting: String = states
+        .iter()
+        .zip(&state_names)
+        .map(|(v, name)| line(&format!("{name} := {};", literal(v.initial)), 1))
+        .collect();
 
     let mut variables = vec![
         Declared::new(Section::Input, "bReset", "BOOL", None, "Begin again at the start values"),
@@ -403,15 +393,6 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     all.extend([benchmark.clone(), feedforward.clone()]);
     let step = literal(n.simulation_period);
     all.push(composed::simulation_feedforward(&feedforward, steps, &step));
-    match (state_feedback(description), following_controller(description)) {
-        (Ok(feedback), Ok(controller)) => {
-            all.extend([function_block(&feedback)?, function_block(&controller)?]);
-            all.push(composed::model_following(steps, &step));
-        }
-        // a crane that it cannot be designed for has the published strategies
-        (Err(ExportError::Design(_)), _) | (_, Err(ExportError::Design(_))) => {}
-        (Err(error), _) | (_, Err(error)) => return Err(error),
-    }
     all.push(composed::control_task(&benchmark));
     all.extend([bench::comparison(), bench::test_bench(&replays::replays(description)?)]);
     // last, since it names the programs: some tools know only what they have read

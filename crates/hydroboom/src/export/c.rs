@@ -1,15 +1,15 @@
 //! `hydroboom export c`
 
-use super::{File, steered, written};
+use super::{File, written};
 use crate::crane_file::CraneFile;
 use clap::Args;
 use hydroboom_export::c::{Precision, Prefix, prefixed_files};
-use hydroboom_export::{blocks, controller, crane_model};
+use hydroboom_export::{blocks, controller, crane_model, simulation_feedforward};
 use miette::{IntoDiagnostic, Result};
 use std::path::PathBuf;
 
-/// C99: a header and a source with the whole crane, the same in two blocks, and the controllers: the benchmark's, and those with
-/// the crane that they simulate.
+/// C99: a header and a source with the whole crane, the same in two blocks, the benchmark controller, and simulation
+/// feedforward with the crane that it simulates.
 #[derive(Args)]
 #[command(
     after_help = "Example: hydroboom export c --out generated && cc -std=c99 -O2 -ffp-contract=off -c generated/hydroboom.c\n\
@@ -39,8 +39,9 @@ impl C {
         let crane = self.crane.read()?;
         let model = crane_model(&crane).into_diagnostic()?;
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
-        let mut all = vec![model, hydraulics, boom, controller(&crane).into_diagnostic()?];
-        all.extend(steered(&crane)?);
+        let benchmark = controller(&crane).into_diagnostic()?;
+        let feedforward = simulation_feedforward(&crane).into_diagnostic()?;
+        let all = [model, hydraulics, boom, benchmark, feedforward];
         let precision = if self.single { Precision::Single } else { Precision::Double };
         let name = match self.prefix == Prefix::default() {
             true => "hydroboom".into(),

@@ -1,10 +1,9 @@
 //! `hydroboom export count`
 
-use super::steered;
 use crate::crane_file::CraneFile;
 use crate::output;
 use clap::Args;
-use hydroboom_export::{Plan, blocks, controller, crane_model};
+use hydroboom_export::{Plan, blocks, controller, crane_model, simulation_feedforward};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
@@ -26,8 +25,9 @@ impl Count {
         let model = crane_model(&crane).into_diagnostic()?;
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
         let mut counts = Vec::new();
-        let all = [model, hydraulics, boom, controller(&crane).into_diagnostic()?];
-        for block in all.into_iter().chain(steered(&crane)?) {
+        let benchmark = controller(&crane).into_diagnostic()?;
+        let feedforward = simulation_feedforward(&crane).into_diagnostic()?;
+        for block in [model, hydraulics, boom, benchmark, feedforward] {
             let plan = Plan::of(&block).into_diagnostic()?;
             let prepares = ("prepare", &plan.preparing);
             let entries = block.entries.iter().map(|e| e.name.as_str()).zip(&plan.entries);

@@ -5,7 +5,7 @@ use crate::crane_file::CraneFile;
 use crate::output;
 use clap::{Args, ValueEnum};
 use hydroboom_export::fmi::{System, Version, archive, binary, twincat_settings, unit};
-use hydroboom_export::{controller, crane_model, model_following, simulation_feedforward, slopes};
+use hydroboom_export::{controller, crane_model, simulation_feedforward, slopes};
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -22,8 +22,19 @@ enum What {
     Controller,
     /// The same with the crane that it simulates, whose motor speed is the feedforward.
     SimulationFeedforward,
-    /// Model following, with the crane that it simulates.
+    /// Refused: it is exported no more.
+    #[value(hide = true)]
     ModelFollowing,
+}
+
+impl What {
+    /// Names of what can be exported, in one text.
+    fn exported() -> String {
+        let all = Self::value_variants().iter().filter_map(Self::to_possible_value);
+        let shown = all.filter(|value| !value.is_hide_set());
+        let names: Vec<String> = shown.map(|value| value.get_name().to_string()).collect();
+        names.join(", ")
+    }
 }
 
 /// An FMU (FMI 2.0 or 3.0, co-simulation) that carries its C source beside a binary for Linux, and for Windows where MinGW is here.
@@ -61,7 +72,10 @@ impl Fmu {
             What::SimulationFeedforward => {
                 (simulation_feedforward(&crane).into_diagnostic()?, None)
             }
-            What::ModelFollowing => (model_following(&crane).into_diagnostic()?, None),
+            What::ModelFollowing => miette::bail!(
+                "--what model-following: model following has been replaced by scheduled-lqr, whose exports come with a later version; today --what is one of {}",
+                What::exported()
+            ),
             What::Model | What::Plant => {
                 let mut block = crane_model(&crane).into_diagnostic()?;
                 if self.what == What::Plant {

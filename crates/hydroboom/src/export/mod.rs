@@ -8,8 +8,7 @@ mod st;
 
 use crate::output;
 use clap::{Args, Subcommand};
-use hydroboom_description::Description;
-use hydroboom_export::{Block, ExportError, Plan, model_following, simulation_feedforward};
+use hydroboom_export::{Block, ExportError, Plan};
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result, WrapErr};
 use serde_json::{Value, json};
@@ -83,17 +82,6 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
     let costs: Vec<String> = flops.iter().map(|(name, flops)| format!("{name} {flops}")).collect();
     said += &format!("\nfloating-point operations a call: {}", costs.join(", "));
     output::text(&said)
-}
-
-/// The controllers that simulate a crane. Model following is left out for a crane that it cannot be designed for.
-fn steered(crane: &Description) -> Result<Vec<Block>> {
-    let mut all = vec![simulation_feedforward(crane).into_diagnostic()?];
-    match model_following(crane) {
-        Ok(block) => all.push(block),
-        Err(ExportError::Design(_)) => {}
-        Err(error) => return Err(error).into_diagnostic(),
-    }
-    Ok(all)
 }
 
 /// Floating-point operations of each entry of some blocks.

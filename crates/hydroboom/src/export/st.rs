@@ -4,9 +4,7 @@ use super::{File, written};
 use crate::crane_file::CraneFile;
 use clap::Args;
 use hydroboom_export::structured_text::{plcopen, twincat, units};
-use hydroboom_export::{
-    blocks, controller, following_controller, simulation_feedforward_controller, state_feedback,
-};
+use hydroboom_export::{blocks, controller, simulation_feedforward_controller};
 use miette::{IntoDiagnostic, Result};
 use std::path::PathBuf;
 
@@ -39,17 +37,12 @@ impl St {
         }
         files.push(File { name: "hydroboom.xml".into(), content: plcopen::project(&units) });
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
-        let mut recorded = vec![
+        let recorded = [
             hydraulics,
             boom,
             controller(&crane).into_diagnostic()?,
             simulation_feedforward_controller(&crane).into_diagnostic()?,
         ];
-        if let (Ok(feedback), Ok(following)) =
-            (state_feedback(&crane), following_controller(&crane))
-        {
-            recorded.extend([feedback, following]);
-        }
         written(&self.out, &files, &recorded, self.json)
     }
 }
