@@ -197,7 +197,7 @@ keys! {
     estimator_noise_memory: "estimator" "noise_memory_s" ["s" = 1.0] 0.1..=1000.0 or 5.0, "Averaging time of the measured noise; long beside a load change";
     estimator_position_drift: "estimator" "position_drift_mm" ["mm" = MM] 1e-6..=10.0 or 0.01, "Process noise of the load's position in a second: half a boom mode's amplitude; estimate";
     estimator_velocity_drift: "estimator" "velocity_drift_mm_s" ["mm/s" = MM] 1e-4..=1000.0 or 1.0, "Process noise of the load's velocity in a second; estimate";
-    estimator_pressure_drift: "estimator" "pressure_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 1.0, "Process noise of the load pressure in a second: pump ripple; estimate";
+    estimator_flow_ripple: "estimator" "flow_ripple_rev" ["rev" = 1.0] 1e-6..=10.0 or 0.03, "Process noise of the delivered flow: standard deviation of what is pumped in a second, in revolutions; pump ripple, 1 bar where the oil is stiff";
     estimator_friction_drift: "estimator" "friction_drift_bar" ["bar" = BAR] 1e-4..=100.0 or 0.3, "Process noise of friction over the piston's area in a second; estimate";
     estimator_disturbance_drift: "estimator" "disturbance_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 1.5, "Process noise of the unknown force over the piston's area in a second; twice as much makes the motor noisy";
     estimator_initial_disturbance: "estimator" "initial_disturbance_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Standard deviation of the unknown force at the start: friction of the crane file and half as much again";

@@ -46,7 +46,7 @@ pub fn state_estimator(
     let process_noise = MachineState {
         position: n.estimator_position_drift,
         velocity: n.estimator_velocity_drift,
-        load_pressure: n.estimator_pressure_drift,
+        load_pressure: 0.0,
         friction: n.estimator_friction_drift,
         disturbance: n.estimator_disturbance_drift,
         unknown_flow: n.estimator_flow_drift,
@@ -79,6 +79,7 @@ pub fn state_estimator(
         model: *model,
         initial_deviation,
         process_noise,
+        flow_ripple: n.estimator_flow_ripple,
         lowest,
         highest,
         measurement_noise: [

@@ -115,7 +115,11 @@ fn the_filter_is_consistent_on_its_own_model() {
             let holding = model.leakage(z.load_pressure);
             let speed = holding + 15.0 * (3.0 * time).sin() + 4.0 * (11.0 * time).sin();
             z = model.step(&z, speed, BEYOND, PERIOD);
-            let q = filter.process_noise.to_array();
+            let at = model.at(z.position, z.payload);
+            let oil = model.bulk_modulus(z.load_pressure, z.transition_pressure, BEYOND);
+            let by_speed = model.displacement * model.stiffness(&at, oil);
+            let load_pressure = by_speed * filter.flow_ripple;
+            let q = MachineState { load_pressure, ..filter.process_noise }.to_array();
             let moved: [f64; STATES] = z.to_array();
             z = MachineState::from_array(std::array::from_fn(|i| {
                 moved[i] + q[i] * PERIOD.sqrt() * normal()

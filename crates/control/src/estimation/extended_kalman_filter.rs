@@ -31,8 +31,10 @@ pub struct ExtendedKalmanFilter<T> {
     pub model: ReducedModel<T>,
     /// Standard deviations before anything is measured.
     pub initial_deviation: MachineState<T>,
-    /// Process noise: standard deviation by which each changes in a second.
+    /// Process noise: standard deviation by which each changes in a second; that of the load pressure comes from the flow's.
     pub process_noise: MachineState<T>,
+    /// Process noise of the delivered flow, as a motor speed: standard deviation of its integral over a second \[rev\].
+    pub flow_ripple: T,
     /// Smallest and largest values that are possible.
     pub lowest: MachineState<T>,
     /// Largest values that are possible.
@@ -179,7 +181,14 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             })
         });
         let factor = self.innovation_test.factor(state.mean_nis);
-        for (i, noise) in self.process_noise.to_array().into_iter().enumerate() {
+        // what is not known of the flow changes the pressure by the stiffness of the oil
+        let at = self.model.at(state.estimate.position, state.estimate.payload);
+        let MachineState { load_pressure, transition_pressure, .. } = state.estimate;
+        let oil = self.model.bulk_modulus(load_pressure, transition_pressure, beyond);
+        let by_speed = self.model.displacement * self.model.stiffness(&at, oil);
+        let pressure = by_speed * self.flow_ripple;
+        let process_noise = MachineState { load_pressure: pressure, ..self.process_noise };
+        for (i, noise) in process_noise.to_array().into_iter().enumerate() {
             let changes = i == DISTURBANCE || i == PAYLOAD;
             let noise = if changes { noise * factor } else { noise };
             covariance[i][i] = covariance[i][i] + noise.square() * self.period;

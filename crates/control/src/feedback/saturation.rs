@@ -38,3 +38,28 @@ impl<T: Real> NestedSaturation<T> {
         (sum.clamp(-self.sum, self.sum), saturates)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GAIN: [f64; ORDER] = [8000.0, 400.0, 1e-5, 0.2];
+    const LIMITS: NestedSaturation<f64> = NestedSaturation { position: 10.0, sum: 20.0 };
+
+    #[test]
+    fn within_its_limits_it_is_the_gain() {
+        let error = [1e-3, 0.005, 1e5, 1.0];
+        let (feedback, saturates) = LIMITS.feedback(&GAIN, &error);
+        assert!((feedback - dot(&GAIN, &error)).abs() < 1e-12 && !saturates, "{feedback}");
+    }
+
+    /// However far off the position is, a velocity still changes the command: what damps stays.
+    #[test]
+    fn a_large_position_error_does_not_drown_the_damping() {
+        let far = |velocity: f64| LIMITS.feedback(&GAIN, &[0.5, velocity, 0.0, 0.0]).0;
+        assert_eq!(far(0.0), 10.0);
+        assert!((far(-0.02) - 2.0).abs() < 1e-12);
+        assert!(LIMITS.feedback(&GAIN, &[0.5, 0.0, 0.0, 0.0]).1);
+        assert_eq!(far(1.0), 20.0);
+    }
+}

@@ -9,19 +9,25 @@ pub const PERIODS_BEHIND: usize = 200;
 pub const PERIODS_AHEAD: usize = 800;
 const NEAR: usize = PERIODS_BEHIND + 1 + PERIODS_AHEAD;
 
-/// Time between two distant set points \[s\], from now to 2.5 s after it.
-pub const FAR_SPACING: f64 = 0.05;
-/// Distant set points.
-pub const FAR: usize = 51;
+/// Time between two distant set points \[s\], from the end of the near ones to 2.5 s after now.
+const FAR_SPACING: f64 = 0.05;
+/// Distant set points, the first 800 periods after now.
+const FAR: usize = 35;
 
-/// Set points at fixed times relative to now: every control period from 200 periods before it to 800 after it, and positions every 50 ms to
-/// 2.5 s. Moved on by [`advance`](Self::advance) once a period.
+/// Set points at fixed times relative to now: every control period from 200 periods before it to 800 after it, and positions every 50 ms for
+/// 1.7 s more: to 2.5 s where the control period is 1 ms. Moved on by [`advance`](Self::advance) once a period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preview<T> {
     position: [T; NEAR],
     velocity: [T; NEAR],
     far: [T; FAR],
     period: T,
+}
+
+/// Time of a distant set point after now \[s\].
+#[inline(always)]
+fn far_time<T: Real>(period: T, number: usize) -> T {
+    period * T::lit(PERIODS_AHEAD as f64) + T::lit(number as f64 * FAR_SPACING)
 }
 
 impl<T: Real> Preview<T> {
@@ -33,7 +39,7 @@ impl<T: Real> Preview<T> {
         Self {
             position: core::array::from_fn(|k| near(k).position),
             velocity: core::array::from_fn(|k| near(k).velocity),
-            far: core::array::from_fn(|k| at(T::lit(k as f64 * FAR_SPACING)).position),
+            far: core::array::from_fn(|k| at(far_time(period, k)).position),
             period,
         }
     }
@@ -55,7 +61,7 @@ impl<T: Real> Preview<T> {
         let newest = at(self.period * T::lit(PERIODS_AHEAD as f64));
         self.position[NEAR - 1] = newest.position;
         self.velocity[NEAR - 1] = newest.velocity;
-        self.far = core::array::from_fn(|k| at(T::lit(k as f64 * FAR_SPACING)).position);
+        self.far = core::array::from_fn(|k| at(far_time(self.period, k)).position);
     }
 
     /// Moves on by a control period where only the set point of now is known, as with a joystick: it is taken to keep its velocity.
@@ -67,7 +73,7 @@ impl<T: Real> Preview<T> {
             self.position[PERIODS_BEHIND + k] = at(self.period * T::lit(k as f64));
             self.velocity[PERIODS_BEHIND + k] = now.velocity;
         }
-        self.far = core::array::from_fn(|k| at(T::lit(k as f64 * FAR_SPACING)));
+        self.far = core::array::from_fn(|k| at(far_time(self.period, k)));
     }
 
     /// Moves the whole trajectory by a distance \[m\].
@@ -105,8 +111,9 @@ impl<T: Real> Preview<T> {
     pub fn position(&self, after: T) -> T {
         let near =
             T::interpolate(&self.position, after / self.period + T::lit(PERIODS_BEHIND as f64));
-        let far = T::interpolate(&self.far, after / T::lit(FAR_SPACING));
-        T::select(after.lt(self.period * T::lit(PERIODS_AHEAD as f64)), near, far)
+        let beyond = after - far_time(self.period, 0);
+        let far = T::interpolate(&self.far, beyond / T::lit(FAR_SPACING));
+        T::select(beyond.lt(T::zero()), near, far)
     }
 
     /// Largest acceleration \[m/s²\] of the reference between −0.2 and 0.8 s, as the mean over 30 ms.

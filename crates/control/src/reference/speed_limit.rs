@@ -2,8 +2,12 @@
 //!
 //! So it is as far ahead at first as it is behind in the end.
 
-use super::preview::{FAR, FAR_SPACING, PERIODS_BEHIND, Preview};
+use super::preview::{PERIODS_BEHIND, Preview};
 use hydroboom_math::Real;
+
+/// Time between two looks at the reference \[s\], and how many there are: up to 2.5 s after now.
+const SPACING: f64 = 0.05;
+const LOOKS: usize = 51;
 
 /// Offsets of the feasible reference from the asked one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,7 +17,7 @@ pub struct SpeedLimit<T> {
     /// Position \[m\] of the one that is begun sooner.
     feasible: T,
     /// Its offset \[m\] from what is asked, every 50 ms from now on.
-    ahead: [T; FAR],
+    ahead: [T; LOOKS],
     /// The same in the periods before now, the oldest first.
     behind: [T; PERIODS_BEHIND + 1],
 }
@@ -25,7 +29,7 @@ impl<T: Real> SpeedLimit<T> {
         Self {
             late: position,
             feasible: position,
-            ahead: [zero; FAR],
+            ahead: [zero; LOOKS],
             behind: [zero; PERIODS_BEHIND + 1],
         }
     }
@@ -33,21 +37,21 @@ impl<T: Real> SpeedLimit<T> {
     /// A period on; `fastest` \[m/s\] are the speeds that the motor reaches outwards and inwards.
     pub fn update(&mut self, preview: &Preview<T>, fastest: [T; 2]) {
         let period = preview.period();
-        let spacing = T::lit(FAR_SPACING);
+        let spacing = T::lit(SPACING);
         let [out, inwards] = fastest;
         let moved = |from: T, to: T, time: T| from + (to - from).clamp(-inwards * time, out * time);
         let mut late = self.late;
         let mut longest = T::zero();
-        for k in 1..FAR {
-            let asked = preview.position(T::lit(k as f64 * FAR_SPACING));
+        for k in 1..LOOKS {
+            let asked = preview.position(T::lit(k as f64 * SPACING));
             late = moved(late, asked, spacing);
             longest = longest.max((asked - late) / out).max((late - asked) / inwards);
         }
         let sooner = T::lit(0.5) * longest;
         let mut position = self.feasible;
         self.ahead[0] = position - preview.now().position;
-        for k in 1..FAR {
-            let time = T::lit(k as f64 * FAR_SPACING);
+        for k in 1..LOOKS {
+            let time = T::lit(k as f64 * SPACING);
             position = moved(position, preview.position(time + sooner), spacing);
             self.ahead[k] = position - preview.position(time);
         }
@@ -67,7 +71,7 @@ impl<T: Real> SpeedLimit<T> {
     /// Offset \[m\] of the feasible reference so long \[s\] after now, between −0.2 and 2.5 s, and its rate \[m/s\].
     #[inline(always)]
     pub fn at(&self, after: T, period: T) -> [T; 2] {
-        let spacing = T::lit(FAR_SPACING);
+        let spacing = T::lit(SPACING);
         let offset = |time: T| {
             let back = T::interpolate(&self.behind, time / period + T::lit(PERIODS_BEHIND as f64));
             T::select(time.lt(T::zero()), back, T::interpolate(&self.ahead, time / spacing))

@@ -91,7 +91,7 @@ fn main() {
         let members: Vec<_> = (0..WIDTH).map(|k| member(&nominal, seed, group[k.min(group.len() - 1)]).unwrap().crane).collect();
         let own: Vec<_> = members.iter().map(|m| courses[*c].of(m).unwrap()).collect();
         let lanes: [Case<'_>; WIDTH] = std::array::from_fn(|k| Case { crane: &members[k], controller: contenders[*s], course: own[k].as_ref() });
-        let mut scores = lanes.map(|lane| Metrics::new());
+        let mut scores = lanes.map(|_| Metrics::new());
         let mut truths = [TrueScore::default(); WIDTH];
         let ends = simulate_side_by_side(&model, &lanes, |k, sample| {
             scores[k].add(sample);
