@@ -30,9 +30,11 @@ mod linear_feedback;
 mod look;
 mod margins;
 mod model_following;
+pub mod observability;
 mod oil_spring;
 pub mod reduced_model_fit;
 pub mod scheduled_lqr;
+pub mod small_signal_controller;
 mod supervision;
 
 pub use balances::{balances, leakage};

@@ -9,7 +9,7 @@
 
 use super::innovation_test::InnovationTest;
 use super::noise_estimation::NoiseEstimate;
-use super::reduced_model::{MachineState, ReducedModel, STATES};
+use super::reduced_model::{MachineState, OperatingPoint, ReducedModel, STATES};
 use hydroboom_math::{Dual, Real, record};
 
 /// A covariance, rows first.
@@ -206,8 +206,8 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         state.covariance = covariance;
     }
 
-    /// The state a period later, and the Jacobian.
-    fn transition(
+    /// The state a period later with the motor turning at a mean speed \[rev/s\], and the Jacobian, exact by dual numbers.
+    pub fn transition(
         &self,
         z: &MachineState<T>,
         motor_speed: T,
@@ -222,14 +222,19 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         (next.map(|dual| dual.value), next.to_array().map(|dual| dual.slope))
     }
 
+    /// Position and load pressure that are read, by load position, velocity and load pressure: `x − τ x'` of the piston at x = y + γ p, with τ the sensor's lag.
+    pub fn measurement_rows(&self, at: &OperatingPoint<T>) -> [[T; 3]; 2] {
+        let (zero, one) = (T::zero(), T::one());
+        [[one, -self.sensor_lag, at.compliance], [zero, zero, one]]
+    }
+
     /// What position and load pressure tell.
     fn correct(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
-        let (zero, one) = (T::zero(), T::one());
+        let zero = T::zero();
         let at = self.model.at(state.estimate.position, state.estimate.payload);
         let values = [measured.position, measured.load_pressure];
         let good = [measured.position_is_good, measured.load_pressure_is_good];
-        // x − τ x' is read of the piston, x = y + γ p
-        let rows = [[one, -self.sensor_lag, at.compliance], [zero, zero, one]];
+        let rows = self.measurement_rows(&at);
         for k in 0..2 {
             let is_good = T::lit(0.5).lt(good[k]);
             let noise = &mut state.noise[k];

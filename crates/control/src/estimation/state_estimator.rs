@@ -61,6 +61,23 @@ pub struct StateEstimatorState<T> {
     pub pressure_beyond: T,
 }
 
+impl<T: Real> StateEstimatorState<T> {
+    /// The commands that are on their way \[rev/s\], newest first; more than the delays need are kept.
+    pub fn commands(&self) -> &[T] {
+        &self.commands
+    }
+
+    /// The same with other commands on their way \[rev/s\], newest first, and another motor speed that was read last \[rev/s\].
+    #[must_use]
+    pub fn with_commands(mut self, commands: &[T], motor_speed: T) -> Self {
+        for (kept, command) in self.commands.iter_mut().zip(commands) {
+            *kept = *command;
+        }
+        self.motor_speed = motor_speed;
+        self
+    }
+}
+
 impl<T: Real> StateEstimator<T> {
     /// At rest beside a machine. `measured` has the motor speed as it is read.
     pub fn start(&self, measured: &EstimatorInput<T>) -> StateEstimatorState<T> {

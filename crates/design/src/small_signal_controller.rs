@@ -1,0 +1,214 @@
+//! Scheduled LQR with its estimator, linearised at rest: a linear sampled controller from readings to motor speed.
+//!
+//! The controller itself is called with small changes of each state and reading about an operating point at which it has settled; the filter's covariance, the identified
+//! drive and the innovation test are frozen there.
+//!
+//! ```text
+//! x(k+1) = A x(k) + B y(k),    u(k) = C x(k) + D y(k)
+//! ```
+
+use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
+use hydroboom_control::estimation::reduced_model::{MachineState, STATES};
+use hydroboom_control::estimation::state_estimator::{StateEstimator, StateEstimatorState};
+use hydroboom_control::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrState};
+use hydroboom_control::reference::preview::Preview;
+use nalgebra::{Complex, DMatrix, DVector};
+
+/// Readings: position \[m\], load pressure \[Pa\], motor speed \[rev/s\].
+pub const READINGS: usize = 3;
+/// Sizes of the readings that are alike.
+const READING_SIZES: [f64; READINGS] = [1e-4, 1e4, 1.0];
+/// Sizes of the states that are alike, in the order of [`MachineState`].
+const STATE_SIZES: [f64; STATES] = [1e-4, 1e-3, 1e4, 1e4, 1e4, 0.1, 1.0, 1e5];
+/// Small against what the controller limits.
+const SMALL: f64 = 1e-3;
+/// Periods in which the covariance settles.
+const SETTLING: usize = 6000;
+
+/// The linearised controller.
+#[derive(Clone, Debug)]
+pub struct SmallSignalController {
+    a: DMatrix<f64>,
+    b: DMatrix<f64>,
+    c: DMatrix<f64>,
+    d: DMatrix<f64>,
+    period: f64,
+}
+
+impl SmallSignalController {
+    /// At rest at a piston position \[m\] with a payload \[kg\].
+    pub fn at_rest(
+        estimator: &StateEstimator<f64>,
+        law: &ScheduledLqr<f64>,
+        position: f64,
+        payload: f64,
+        pressure_beyond: f64,
+    ) -> Self {
+        let model = &estimator.filter.model;
+        let load_pressure = model.at(position, payload).holding_pressure;
+        let rest = EstimatorInput {
+            position,
+            position_is_good: 1.0,
+            load_pressure,
+            load_pressure_is_good: 1.0,
+            pressure_beyond,
+            motor_speed: model.leakage(load_pressure),
+        };
+        let mut estimated = estimator.start(&rest);
+        for _ in 0..SETTLING {
+            estimator.update(&mut estimated, &rest, rest.motor_speed);
+        }
+        let preview = Preview::at_rest(law.period, position);
+        let state = law.start(estimator, &estimated, position);
+        let settled = Settled { estimator, law, estimated, state, preview, rest };
+        let kept = 2 * estimator.delay_cycles + 1;
+        let order = STATES + 1 + kept;
+        let size = |i: usize| if i < STATES { STATE_SIZES[i] } else { 1.0 };
+        let (mut a, mut b) = (DMatrix::zeros(order, order), DMatrix::zeros(order, READINGS));
+        let (mut c, mut d) = (DMatrix::zeros(1, order), DMatrix::zeros(1, READINGS));
+        for j in 0..order + READINGS {
+            let (mut change, mut reading) = (DVector::zeros(order), [0.0; READINGS]);
+            match j.checked_sub(order) {
+                None => change[j] = SMALL * size(j),
+                Some(k) => reading[k] = SMALL * READING_SIZES[k],
+            }
+            let (up, u_up) = settled.period(&change, reading);
+            let (down, u_down) = settled.period(&-change, reading.map(|r| -r));
+            // states in units of their sizes, so that the matrix that is inverted is well conditioned
+            let column =
+                DVector::from_fn(order, |i, _| (up[i] - down[i]) / (2.0 * SMALL * size(i)));
+            let command = (u_up - u_down) / (2.0 * SMALL);
+            match j.checked_sub(order) {
+                None => {
+                    a.set_column(j, &column);
+                    c[(0, j)] = command;
+                }
+                Some(k) => {
+                    b.set_column(k, &(column / READING_SIZES[k]));
+                    d[(0, k)] = command / READING_SIZES[k];
+                }
+            }
+        }
+        Self { a, b, c, d, period: law.period }
+    }
+
+    /// Control period \[s\].
+    pub fn period(&self) -> f64 {
+        self.period
+    }
+
+    /// Commanded motor speed \[rev/s\] for readings that oscillate and grow as e to the s t, s in \[1/s\].
+    pub fn answer(&self, readings: [Complex<f64>; READINGS], s: Complex<f64>) -> Complex<f64> {
+        let complex = |m: &DMatrix<f64>| m.map(|v| Complex::new(v, 0.0));
+        let z = (s * self.period).exp();
+        let order = self.a.nrows();
+        let left = DMatrix::from_diagonal_element(order, order, z) - complex(&self.a);
+        let readings = DVector::from_column_slice(&readings);
+        let driven = complex(&self.b) * &readings;
+        let none = Complex::new(f64::NAN, f64::NAN);
+        left.lu()
+            .solve(&driven)
+            .map_or(none, |x| (complex(&self.c) * x + complex(&self.d) * readings)[0])
+    }
+}
+
+/// The controller at its operating point.
+struct Settled<'a> {
+    estimator: &'a StateEstimator<f64>,
+    law: &'a ScheduledLqr<f64>,
+    estimated: StateEstimatorState<f64>,
+    state: ScheduledLqrState<f64>,
+    preview: Preview<f64>,
+    rest: EstimatorInput<f64>,
+}
+
+impl Settled<'_> {
+    /// A period from a changed state with changed readings: the next state, and the command \[rev/s\], both as they differ from rest.
+    fn period(&self, change: &DVector<f64>, reading: [f64; READINGS]) -> (DVector<f64>, f64) {
+        let order = change.len();
+        let speed = self.rest.motor_speed;
+        let settled = self.estimated.filter.estimate.to_array();
+        let mut estimated = self.estimated;
+        estimated.filter.estimate =
+            MachineState::from_array(std::array::from_fn(|i| settled[i] + change[i]));
+        let commands: Vec<f64> = (STATES + 1..order).map(|i| speed + change[i]).collect();
+        let [newest, older @ ..] = &commands[..] else { return (change.clone(), f64::NAN) };
+        let mut estimated = estimated.with_commands(older, speed + change[STATES]);
+        let input = EstimatorInput {
+            position: self.rest.position + reading[0],
+            load_pressure: self.rest.load_pressure + reading[1],
+            motor_speed: speed + reading[2],
+            ..self.rest
+        };
+        self.estimator.update(&mut estimated, &input, *newest);
+        let mut state = self.state;
+        let command = self.law.update(&mut state, self.estimator, &estimated, &self.preview);
+        let estimate = estimated.filter.estimate.to_array();
+        let next = DVector::from_fn(order, |i, _| match i {
+            i if i < STATES => estimate[i] - settled[i],
+            STATES => reading[2],
+            i if i == STATES + 1 => command - speed,
+            i => commands[i - STATES - 2] - speed,
+        });
+        (next, command - speed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scheduled_lqr::designed;
+    use hydroboom_description::Description;
+    use std::f64::consts::TAU;
+
+    /// The controller itself is shown small sines for so long that only they are left.
+    #[test]
+    fn it_answers_sines_as_the_controller_does() {
+        let (estimator, law) = designed(&Description::uia_single_boom().unwrap(), 1).unwrap();
+        let (position, payload, beyond) = (0.25, 250.0, 1.5e5);
+        let linear = SmallSignalController::at_rest(&estimator, &law, position, payload, beyond);
+        let model = &estimator.filter.model;
+        let load_pressure = model.at(position, payload).holding_pressure;
+        let rest = EstimatorInput {
+            position,
+            position_is_good: 1.0,
+            load_pressure,
+            load_pressure_is_good: 1.0,
+            pressure_beyond: beyond,
+            motor_speed: model.leakage(load_pressure),
+        };
+        let preview = Preview::at_rest(law.period, position);
+        let sizes = [1e-7, 1e1, 1e-3];
+        for (which, frequency) in [(0, 1.0), (0, 8.0), (1, 2.0), (1, 20.0), (2, 5.0)] {
+            let turn = TAU * frequency * law.period;
+            let mut estimated = estimator.start(&rest);
+            let mut state = law.start(&estimator, &estimated, position);
+            let mut sum = Complex::new(0.0, 0.0);
+            let mut command = rest.motor_speed;
+            let (settle, count) = (10_000, 4_000);
+            for k in 0..settle + count {
+                let mut reading = [0.0; READINGS];
+                reading[which] = sizes[which] * (turn * f64::from(k)).cos();
+                let input = EstimatorInput {
+                    position: rest.position + reading[0],
+                    load_pressure: rest.load_pressure + reading[1],
+                    motor_speed: rest.motor_speed + reading[2],
+                    ..rest
+                };
+                estimator.update(&mut estimated, &input, command);
+                command = law.update(&mut state, &estimator, &estimated, &preview);
+                if k >= settle {
+                    sum += Complex::new(0.0, -turn * f64::from(k)).exp() * command;
+                }
+            }
+            let found = sum * 2.0 / f64::from(count);
+            let mut reading = [Complex::new(0.0, 0.0); READINGS];
+            reading[which] = Complex::from(sizes[which]);
+            let wanted = linear.answer(reading, Complex::new(0.0, TAU * frequency));
+            assert!(
+                (found - wanted).norm() < 0.05 * wanted.norm(),
+                "{which} at {frequency} Hz: {found} for {wanted}"
+            );
+        }
+    }
+}
