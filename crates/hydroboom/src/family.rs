@@ -72,19 +72,30 @@ fn table(rows: &[Row]) -> String {
                 r.course.clone(),
                 r.rms_mm.text(2),
                 r.peak_mm.text(2),
+                r.true_rms_mm.text(3),
                 format!("{:.1}", r.unstable_percent),
             ]
         })
         .collect();
-    output::table(&["strategy", "course", "RMS [mm]", "peak [mm]", "unstable [%]"], &cells)
+    output::table(
+        &["strategy", "course", "RMS [mm]", "peak [mm]", "true RMS [mm]", "unstable [%]"],
+        &cells,
+    )
 }
 
 /// What each has over the benchmark on the same crane; the re-optimised benchmark only where it is one of them.
 fn beside_the_benchmark(rows: &[Row]) -> String {
     let others: Vec<&Row> =
         rows.iter().filter(|r| r.controller != Strategy::BenchmarkClosedLoop.into()).collect();
-    let mut header =
-        vec!["strategy", "course", "RMS", "less RMS on [%]", "largest motor speed", "energy"];
+    let mut header = vec![
+        "strategy",
+        "course",
+        "RMS",
+        "true RMS",
+        "less RMS on [%]",
+        "largest motor speed",
+        "energy",
+    ];
     let mut cells: Vec<Vec<String>> = others
         .iter()
         .map(|r| {
@@ -92,6 +103,7 @@ fn beside_the_benchmark(rows: &[Row]) -> String {
                 r.controller.name().into(),
                 r.course.clone(),
                 r.rms_over_benchmark.text(2),
+                r.true_rms_over_benchmark.text(3),
                 format!("{:.0}", r.better_percent),
                 r.motor_speed_over_benchmark.text(3),
                 r.energy_over_benchmark.text(3),

@@ -1,5 +1,6 @@
 //! `hydroboom`: the command line. One file per command; no logic of its own.
 
+mod ablate;
 mod bench;
 mod calibrate;
 mod check;
@@ -60,6 +61,7 @@ enum Command {
     Motion(motion::MotionTests),
     Study(study::Study),
     Trials(trials::Trials),
+    Ablate(ablate::Ablate),
     Learn(learn::Learn),
     Validate(validate::Validate),
     Tune(tune::Tune),
@@ -98,6 +100,7 @@ fn main() -> Result<()> {
         Command::Motion(command) => command.run(),
         Command::Study(command) => command.run(),
         Command::Trials(command) => command.run(),
+        Command::Ablate(command) => command.run(),
         Command::Learn(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Tune(command) => command.run(),

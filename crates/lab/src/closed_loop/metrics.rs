@@ -25,6 +25,9 @@ pub struct Effort {
 pub struct Metrics {
     square: f64,
     peak: f64,
+    /// The same of the true piston.
+    true_square: f64,
+    true_peak: f64,
     count: u64,
     /// Detector of sustained oscillation, shown the piston itself.
     oscillation: OscillationState<f64>,
@@ -52,6 +55,11 @@ impl Metrics {
         self.count += 1;
         if error.abs() > self.peak.abs() {
             self.peak = error;
+        }
+        let error = sample.true_error();
+        self.true_square += error * error;
+        if error.abs() > self.true_peak.abs() {
+            self.true_peak = error;
         }
         self.add_effort(sample);
         let off = sample.reference.position - sample.truth.outputs.stroke;
@@ -89,7 +97,17 @@ impl Metrics {
         Effort { residual_vibration_mm: 1e3 * vibration, ..self.effort }
     }
 
-    /// Root mean square of the tracking error \[m\].
+    /// Root mean square of the true piston's tracking error \[m\], which no sensor and no fieldbus shows.
+    pub fn true_rms(&self) -> f64 {
+        (self.true_square / self.count.max(1) as f64).sqrt()
+    }
+
+    /// The true error of largest magnitude, with its sign \[m\].
+    pub fn true_peak(&self) -> f64 {
+        self.true_peak
+    }
+
+    /// Root mean square of the tracking error as it is measured \[m\].
     pub fn rms(&self) -> f64 {
         (self.square / self.count.max(1) as f64).sqrt()
     }

@@ -1,5 +1,6 @@
 //! Closed loops: a controller and virtual cranes along a course, alone, over trials of robustness and over families of cranes.
 
+pub mod ablation;
 pub mod controller_choice;
 pub mod family_margins;
 pub mod metrics;

@@ -114,10 +114,14 @@ pub fn worn(crane: &Description) -> Result<Description, LabError> {
 /// What one crane did under one strategy along one course.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Outcome {
-    /// RMS tracking error.
+    /// RMS tracking error as measured.
     pub rms_mm: f64,
-    /// Peak tracking error, with its sign.
+    /// Peak tracking error as measured, with its sign.
     pub peak_mm: f64,
+    /// RMS tracking error of the true piston.
+    pub true_rms_mm: f64,
+    /// Peak tracking error of the true piston, with its sign.
+    pub true_peak_mm: f64,
     /// What the course cost and left.
     #[serde(flatten)]
     pub effort: Effort,
@@ -202,6 +206,8 @@ fn together(
         Ok(()) => Outcome {
             rms_mm: scores[lane].rms() * 1e3,
             peak_mm: scores[lane].peak() * 1e3,
+            true_rms_mm: scores[lane].true_rms() * 1e3,
+            true_peak_mm: scores[lane].true_peak() * 1e3,
             effort: scores[lane].effort(),
             unstable: has_sustained_oscillation(
                 model,
@@ -214,6 +220,8 @@ fn together(
         Err(_) => Outcome {
             rms_mm: f64::NAN,
             peak_mm: f64::NAN,
+            true_rms_mm: f64::NAN,
+            true_peak_mm: f64::NAN,
             effort: Effort::default(),
             unstable: true,
         },
@@ -269,14 +277,18 @@ pub struct Row {
     pub controller: ControllerChoice,
     /// The course.
     pub course: String,
-    /// RMS tracking error.
+    /// RMS tracking error as measured.
     pub rms_mm: Spread,
-    /// Magnitude of the peak tracking error.
+    /// Magnitude of the peak tracking error as measured.
     pub peak_mm: Spread,
+    /// RMS tracking error of the true piston.
+    pub true_rms_mm: Spread,
     /// Share of cranes on which it is unstable.
     pub unstable_percent: f64,
     /// Its RMS over the benchmark's on the same crane: below 1 where it is better.
     pub rms_over_benchmark: Spread,
+    /// The same of the true piston.
+    pub true_rms_over_benchmark: Spread,
     /// Its RMS over that of the re-optimised benchmark on the same crane, where that is one of the controllers.
     pub rms_over_reoptimised_benchmark: Option<Spread>,
     /// Its peak over the benchmark's on the same crane.
@@ -322,6 +334,8 @@ pub fn rows(
                 course: course.clone(),
                 rms_mm: spread(&|o| o.rms_mm),
                 peak_mm: spread(&|o| o.peak_mm.abs()),
+                true_rms_mm: spread(&|o| o.true_rms_mm),
+                true_rms_over_benchmark: over(&|o| o.true_rms_mm),
                 unstable_percent: share(&|o| o[s][c].unstable),
                 rms_over_benchmark: over(&|o| o.rms_mm),
                 rms_over_reoptimised_benchmark: reoptimised

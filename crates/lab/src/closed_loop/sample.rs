@@ -25,4 +25,9 @@ impl Sample {
     pub fn error(&self) -> f64 {
         self.signals.stroke - self.reference.position
     }
+
+    /// True tracking error x − x_ref \[m\], of the piston itself.
+    pub fn true_error(&self) -> f64 {
+        self.truth.outputs.stroke - self.reference.position
+    }
 }
