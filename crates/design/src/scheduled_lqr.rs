@@ -11,6 +11,7 @@ use hydroboom_control::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrSetti
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_control::reference::governor::ReferenceGovernor;
 use hydroboom_description::Description;
+use hydroboom_math::Real;
 use std::f64::consts::TAU;
 
 /// The state estimator of the crane of a description, for measurements and commands that are late by so many cycles each.
@@ -32,7 +33,7 @@ pub fn state_estimator(
     };
     let breakaway = (range.high.coulomb + range.high.stiction) / model.piston_area;
     let worn = range.high.internal_leakage / n.internal_leakage.max(1e-15);
-    let leakage = model.leakage(middle.holding_pressure) * (worn - 1.0).clamp(0.5, 10.0);
+    let leakage = model.leakage(middle.holding_pressure) * Real::clamp(worn - 1.0, 0.5, 10.0);
     let initial_deviation = MachineState {
         position: 2e-5,
         velocity: 5e-4,
