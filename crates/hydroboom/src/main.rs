@@ -9,6 +9,7 @@ mod design;
 mod doctor;
 mod eigen;
 mod energy;
+mod estimator;
 mod export;
 mod family;
 mod faults;
@@ -62,6 +63,7 @@ enum Command {
     Study(study::Study),
     Trials(trials::Trials),
     Ablate(ablate::Ablate),
+    Estimator(estimator::Estimator),
     Learn(learn::Learn),
     Validate(validate::Validate),
     Tune(tune::Tune),
@@ -101,6 +103,7 @@ fn main() -> Result<()> {
         Command::Study(command) => command.run(),
         Command::Trials(command) => command.run(),
         Command::Ablate(command) => command.run(),
+        Command::Estimator(command) => command.run(),
         Command::Learn(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Tune(command) => command.run(),

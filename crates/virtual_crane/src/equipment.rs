@@ -197,6 +197,8 @@ impl Equipment {
             pilot: self.pilot,
             oil_temperature: self.temperature.oil(),
             heat: self.heat,
+            transition_pressure: self.temperature.transition_pressure()
+                - self.dissolved().map_or(0.0, |shift| shift.a),
         }
     }
 

@@ -17,6 +17,8 @@ pub struct Truth {
     pub oil_temperature: f64,
     /// Power lost as heat \[W\].
     pub heat: f64,
+    /// Pressure at which the oil on the piston side stiffens, by its temperature and dissolved air \[Pa\].
+    pub transition_pressure: f64,
 }
 
 impl Truth {

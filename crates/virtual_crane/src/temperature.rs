@@ -33,6 +33,12 @@ impl Temperature {
         (-n.viscosity_slope * (self.oil - n.reference_temperature)).exp()
     }
 
+    /// Pressure \[Pa\] at which oil without dissolved air stiffens, at its temperature.
+    pub(crate) fn transition_pressure(&self) -> f64 {
+        let n = &self.described.numbers;
+        (n.transition + n.air_slope * (self.oil - n.reference_temperature)).max(0.0)
+    }
+
     /// The crane at the oil's temperature: viscous friction and drag grow with the viscosity, gaps
     /// leak in inverse proportion, and the pressure at which the oil stiffens moves with its air.
     pub(crate) fn description(&self) -> Description {
@@ -42,8 +48,7 @@ impl Temperature {
             viscous: n.viscous * viscosity,
             slip_at_rest: n.slip_at_rest / viscosity,
             slip_per_speed: n.slip_per_speed / viscosity,
-            transition: (n.transition + n.air_slope * (self.oil - n.reference_temperature))
-                .max(0.0),
+            transition: self.transition_pressure(),
             ..*n
         };
         let mut description = self.described.clone();

@@ -204,6 +204,14 @@ impl<T: Real> ReducedModel<T> {
         at.compliance.mul_add(z.load_pressure, z.position)
     }
 
+    /// Piston velocity \[m/s\] of a state with the motor turning at a speed \[rev/s\], x' = w + d(γ p)/dt: the model's own rate of its piston position.
+    pub fn piston_velocity(&self, z: &MachineState<T>, motor_speed: T, beyond: T) -> T {
+        // so short that the step's own lag, half of it, is nothing; so long that a metre in f64 leaves 1e-9 m/s
+        let moment = T::lit(1e-6);
+        let next = self.step(z, motor_speed, beyond, moment);
+        (self.piston(&next) - self.piston(z)) / moment
+    }
+
     /// A step of `h` \[s\] with the motor turning at a mean speed \[rev/s\]: velocity linearly implicit in its own damping, position and pressure by the new
     /// velocity, friction implicit.
     #[inline(always)]

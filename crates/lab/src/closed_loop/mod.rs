@@ -1,7 +1,9 @@
 //! Closed loops: a controller and virtual cranes along a course, alone, over trials of robustness and over families of cranes.
 
 pub mod ablation;
+pub mod consistency_statistics;
 pub mod controller_choice;
+pub mod estimator_consistency;
 pub mod family_margins;
 pub mod metrics;
 pub mod monte_carlo;

@@ -1,0 +1,192 @@
+//! `hydroboom estimator`
+
+use crate::crane_file::CraneFile;
+use crate::interruptible::{Interruptible, of_asked};
+use crate::machine_choice::MachineChoice;
+use crate::output;
+use crate::virtual_crane::strategies;
+use clap::Args;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use hydroboom_lab::closed_loop::estimator_consistency::{
+    Consistency, ErrorRow, InnovationRow, consistency,
+};
+use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
+use miette::{IntoDiagnostic, Result, bail};
+use serde_json::json;
+
+/// Names of the motion at both speeds.
+const SLOW: &str = "slow";
+const FAST: &str = "fast";
+/// Eight hours: not among the courses unless it is named.
+const SHIFT: &str = "shift";
+
+/// Is the state estimator consistent: are innovations and errors on virtual cranes of the size that its covariance says?
+#[derive(Args)]
+#[command(after_help = "Examples:\n  hydroboom estimator --family 12 --seed 7\n  \
+    hydroboom estimator --family 4 --course payload-change,load-in-motion --strategy benchmark-closed-loop\n  \
+    hydroboom estimator --family 12 --set estimator.payload_drift_percent=2 --json")]
+pub struct Estimator {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Number of virtual cranes around the machine.
+    #[arg(long, value_name = "COUNT", default_value_t = 12, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    family: u64,
+    /// Seed of the family.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Number of the first crane.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=1_000_000_000))]
+    from: u64,
+    /// Courses: slow, fast (the motion at both speeds), or scenarios as `hydroboom scenarios` lists them; all but shift when not
+    /// given.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    course: Vec<String>,
+    /// Strategy that moves the cranes; the estimator looks on.
+    #[arg(long, value_parser = strategies(), default_value = Strategy::ScheduledLqr.name())]
+    strategy: Strategy,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Estimator {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let choice = MachineChoice::read(&self.crane, None)?;
+        let (model, nominal) = (&choice.model, &choice.machine);
+        let courses = self.courses(nominal);
+        let cranes = self.from..self.from + self.family;
+        // a course that does not exist is told before the bar appears
+        for course in &courses {
+            course.of(nominal).into_diagnostic()?;
+        }
+        let work = Interruptible::new(self.family, "cranes")?;
+        let go_on = |share: f64| work.done(share);
+        let controller = self.strategy.into();
+        let found = consistency(model, nominal, controller, &courses, (cranes, self.seed), &go_on);
+        drop(work);
+        let found = found.into_diagnostic()?;
+        if found.cranes.is_empty() {
+            bail!("none of {} cranes had gone all the way when it was interrupted", self.family);
+        }
+        if self.json {
+            return output::json(&json!({
+                "asked": self.family, "seed": self.seed, "from": self.from,
+                "strategy": self.strategy.name(), "consistency": found, "machine": choice.json(),
+            }));
+        }
+        let done = of_asked(found.cranes.len(), self.family as usize);
+        output::text(&format!(
+            "{done} virtual cranes around \"{}\", seed {}, first {}, under {}\n{}",
+            choice.name(),
+            self.seed,
+            self.from,
+            self.strategy.name(),
+            text(&found)
+        ))
+    }
+
+    fn courses(&self, nominal: &Description) -> Vec<CourseChoice> {
+        let n = &nominal.numbers;
+        let of = |name: &str| match name {
+            SLOW => CourseChoice::Motion(n.slow),
+            FAST => CourseChoice::Motion(n.fast),
+            other => CourseChoice::Scenario(other.into()),
+        };
+        if !self.course.is_empty() {
+            return self.course.iter().map(|name| of(name)).collect();
+        }
+        let scenarios = scenarios(nominal);
+        let names = scenarios.iter().map(|scenario| scenario.name).filter(|name| *name != SHIFT);
+        [SLOW, FAST].into_iter().chain(names).map(of).collect()
+    }
+}
+
+fn text(found: &Consistency) -> String {
+    let failed = match found.failed.is_empty() {
+        true => String::new(),
+        false => format!("\n\nnot finished, and not counted:\n  {}", found.failed.join("\n  ")),
+    };
+    let of = |is: &dyn Fn(&ErrorRow) -> bool| {
+        let cells: Vec<_> = found.errors.iter().filter(|row| is(row)).map(error_cells).collect();
+        let header = [
+            "",
+            "quantity",
+            "unit",
+            "instants",
+            "mean NEES",
+            "mean error",
+            "RMS error",
+            "mean sigma",
+            "sigma/RMS",
+            "in 2 sigma [%]",
+            "",
+        ];
+        output::table(&header, &cells)
+    };
+    let cells: Vec<_> = found.innovations.iter().map(innovation_cells).collect();
+    let header = [
+        "course",
+        "measured",
+        "windows",
+        "mean NIS",
+        "0.5 to 2 [%]",
+        "chi-square band [%]",
+        "autocorrelation: median",
+        "largest",
+        "at [ms]",
+        "",
+    ];
+    format!(
+        "Innovations (NIS): windows of 1 s without a load change; wanted: 90 % from 0.5 to 2. Autocorrelation of largest \
+         magnitude at lags from 20 to 200 ms; 0 is wanted\n{}\n\n\
+         Errors (NEES): wanted: 90 to 99 % within 2 sigma, sigma at most twice the RMS error\n{}\n\n\
+         The same by course, without the half second after a load change\n{}{failed}",
+        output::table(&header, &cells),
+        of(&|row| row.course.is_none()),
+        of(&|row| row.course.is_some()),
+    )
+}
+
+fn verdict(is_consistent: bool) -> String {
+    if is_consistent { "" } else { "inconsistent" }.into()
+}
+
+fn innovation_cells(row: &InnovationRow) -> Vec<String> {
+    let s = &row.summary;
+    vec![
+        row.course.clone().unwrap_or_else(|| "all".into()),
+        row.measured.into(),
+        s.windows.to_string(),
+        format!("{:.2}", s.mean_nis),
+        format!("{:.0}", s.within_percent),
+        format!("{:.0}", s.within_chi_square_percent),
+        format!("{:.2}", s.median_autocorrelation),
+        format!("{:.2}", s.largest_autocorrelation),
+        format!("{:.0}", row.largest_at_lag_ms),
+        verdict(row.is_consistent),
+    ]
+}
+
+fn error_cells(row: &ErrorRow) -> Vec<String> {
+    let s = &row.summary;
+    let small = |value: f64| match value.abs() < 10.0 {
+        true => format!("{value:.3}"),
+        false => format!("{value:.1}"),
+    };
+    let of = row.course.clone().or_else(|| row.situation.map(String::from));
+    vec![
+        of.unwrap_or_else(|| "all but 0.5 s after a load change".into()),
+        row.quantity.name().into(),
+        row.unit.into(),
+        s.instants.to_string(),
+        format!("{:.2}", s.mean_nees),
+        small(s.mean_error),
+        small(s.rms_error),
+        small(s.mean_deviation),
+        format!("{:.2}", s.deviation_over_rms),
+        format!("{:.0}", s.coverage_percent),
+        verdict(row.is_consistent),
+    ]
+}
