@@ -1,5 +1,9 @@
 //! The compared ways to find the motor's speed.
 
+use core::error::Error;
+use core::fmt;
+use core::str::FromStr;
+
 /// How the motor's speed is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
@@ -11,21 +15,20 @@ pub enum Strategy {
     BenchmarkClosedLoop,
     /// The benchmark controller with the simulation's speed in the place of u_FF (test 3).
     SimulationFeedforwardClosedLoop,
+    /// Gain-scheduled linear-quadratic regulator around the inverse dynamics of the reference, on a Kalman filter's estimates (ours).
+    ScheduledLqr,
     /// State feedback makes the simulated crane follow the reference, an observer and feedback of what differs the machine the
     /// simulated crane (ours).
     ModelFollowing,
-    /// Gain-scheduled linear-quadratic regulator around the inverse dynamics of the reference, on a Kalman filter's estimates (ours).
-    ScheduledLqr,
 }
 
 impl Strategy {
     /// All strategies: the published ones in the paper's order, then ours.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 5] = [
         Self::VelocityFeedforward,
         Self::SimulationFeedforwardOpenLoop,
         Self::BenchmarkClosedLoop,
         Self::SimulationFeedforwardClosedLoop,
-        Self::ModelFollowing,
         Self::ScheduledLqr,
     ];
 
@@ -39,11 +42,6 @@ impl Strategy {
             Self::ModelFollowing => "model-following",
             Self::ScheduledLqr => "scheduled-lqr",
         }
-    }
-
-    /// The strategy of this name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|strategy| strategy.name() == name)
     }
 
     /// Whether a simulation runs beside the machine.
@@ -64,5 +62,55 @@ impl Strategy {
     /// Whether feedback sees the machine's difference from the simulation, and not from the reference.
     pub fn follows(self) -> bool {
         self == Self::ModelFollowing
+    }
+}
+
+/// Why a name is no strategy's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoStrategy {
+    /// None was ever called so.
+    Unknown,
+    /// `model-following`, of an earlier version.
+    Replaced,
+}
+
+impl fmt::Display for NoStrategy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Replaced => f.write_str("model-following was replaced by scheduled-lqr"),
+            Self::Unknown => {
+                f.write_str("no such strategy; there are")?;
+                let mut names = Strategy::ALL.into_iter().map(Strategy::name);
+                names.try_for_each(|name| write!(f, " {name}"))
+            }
+        }
+    }
+}
+
+impl Error for NoStrategy {}
+
+impl FromStr for Strategy {
+    type Err = NoStrategy;
+
+    fn from_str(name: &str) -> Result<Self, NoStrategy> {
+        let found = Self::ALL.into_iter().find(|strategy| strategy.name() == name);
+        found.ok_or(match name {
+            "model-following" => NoStrategy::Replaced,
+            _ => NoStrategy::Unknown,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strategies_are_found_by_their_names_and_a_replaced_one_names_its_successor() {
+        for strategy in Strategy::ALL {
+            assert_eq!(strategy.name().parse(), Ok(strategy));
+        }
+        assert_eq!("model-following".parse::<Strategy>(), Err(NoStrategy::Replaced));
+        assert_eq!("lqr".parse::<Strategy>(), Err(NoStrategy::Unknown));
     }
 }

@@ -174,9 +174,9 @@ function draw() {
   $("role").textContent = page.isOperator ? "Give the operator's role back" : "Take the operator's role";
   $("role-now").textContent = page.isOperator ? "you operate" : frame.operator == null ? "nobody operates" : "somebody else operates";
   $("viewers").textContent = `${frame.viewers} viewer${frame.viewers === 1 ? "" : "s"}`;
-  const [payload, transition, gain] = frame.known ?? [];
-  $("known").textContent = frame.known
-    ? `learned: ${payload.toFixed(0)} kg, oil stiffens at ${transition.toFixed(0)} bar, pump ${(100 * gain).toFixed(1)} %` : "";
+  const [payload, transition] = frame.estimated ?? [];
+  $("estimated").textContent = frame.estimated
+    ? `estimated: ${payload.toFixed(0)} kg, transition pressure of the oil ${transition.toFixed(0)} bar` : "";
   $("missed").textContent = frame.missed ? `releases missed: simulation ${frame.missed[0]}, control ${frame.missed[1]}` : "";
   enable();
   const charts = page.charts;

@@ -95,7 +95,7 @@ impl Message {
 
 /// A strategy by its name.
 pub(crate) fn strategy(name: &str) -> Result<Strategy, String> {
-    Strategy::from_name(name).ok_or_else(|| format!("no strategy \"{}\"", shortened(name)))
+    name.parse::<Strategy>().map_err(|why| format!("\"{}\": {why}", shortened(name)))
 }
 
 /// A fault of the machine by its name.

@@ -163,7 +163,7 @@ impl Feed {
             "oscillation": r.decision.oscillation.map(|[amplitude, hz]| [shorter(amplitude * 1e3), shorter(hz)]),
             "chosen": self.chosen.json(), "strategy": r.strategy.name(), "fallback": r.fallback.is_some(),
             "course_s": r.course_time.map(shorter), "valve": r.decision.command.holding_valve,
-            "known": r.known.map(|k| [k.payload, k.balance.transition * 1e-5, k.balance.flow_gain]),
+            "estimated": r.estimates.map(|e| [e.state.payload, e.state.transition_pressure * 1e-5]),
             "missed": r.deadlines.map(|d| [d.simulation_missed, d.control_missed]),
             "crane": r.simulated.map(|s| scene.drawn(&s.angle, r.signals().stroke)),
             "simulated_failed": r.simulated.is_none_or(|s| s.failed),

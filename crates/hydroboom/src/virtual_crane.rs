@@ -3,7 +3,7 @@
 use crate::crane_file::{CraneFile, text};
 use crate::output;
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
@@ -18,8 +18,11 @@ use std::path::PathBuf;
 
 /// Strategies by their names, all that there are.
 pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
-    PossibleValuesParser::new(Strategy::ALL.map(Strategy::name))
-        .try_map(|name| Strategy::from_name(&name).ok_or("no such strategy"))
+    let offered = Strategy::ALL.map(|strategy| PossibleValue::new(strategy.name()));
+    // refused by a sentence of its own
+    let replaced = PossibleValue::new("model-following").hide(true);
+    PossibleValuesParser::new(offered.into_iter().chain([replaced]))
+        .try_map(|name| name.parse::<Strategy>())
 }
 
 /// Run the virtual crane, which stands in for a real one, and log what its sensors see.

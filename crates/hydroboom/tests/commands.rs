@@ -144,10 +144,8 @@ fn a_crane_file_that_is_named_is_the_machine() {
         assert_eq!(taught["crane"], "virtual crane of short");
     }
     run(&["trials", "shaping"]);
-    let courses = run(&["run", "--simulated-time", "--strategy", "model-following"]);
+    let courses = run(&["run", "--simulated-time", "--strategy", "scheduled-lqr"]);
     assert!(courses["fault"].is_null(), "{courses}");
-    let payload = courses["learned"]["payload_kg"].as_f64().unwrap();
-    assert!((payload - 250.0).abs() < 10.0, "{payload} kg");
     // and it is said where people look
     let report = folder.join("run.html");
     let path = report.to_str().unwrap();
@@ -164,7 +162,7 @@ fn a_machine_of_its_own_is_named_with_what_differs_most() {
     let text = std::fs::read_to_string(&crane).unwrap();
     let heavy = folder.join("heavy.toml");
     std::fs::write(&heavy, text.replace("value = 307.0,", "value = 330.0,")).unwrap();
-    let base = ["run", "--simulated-time", "--no-learning", "--crane", &crane];
+    let base = ["run", "--simulated-time", "--crane", &crane];
     let output =
         hydroboom(&[&base[..], &["--machine", heavy.to_str().unwrap(), "--json"]].concat());
     let said = String::from_utf8_lossy(&output.stderr);

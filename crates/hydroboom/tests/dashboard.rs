@@ -255,12 +255,12 @@ fn half_open_connections_shut_nobody_out() {
 
 #[test]
 fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_last() {
-    let run = Run::start_with(&["--strategy", "model-following", "--scenario", "reversal"]);
+    let run = Run::start_with(&["--strategy", "scheduled-lqr", "--scenario", "reversal"]);
     let mut page = Browser::open(&run.address(), (1280, 1000), false, false);
     page.wait_for("document.getElementById('chosen').textContent !== ''");
     let controls = "[document.getElementById('strategy').value, document.getElementById('motion').value].join()";
-    assert_eq!(page.value(controls), "model-following,reversal");
-    assert_eq!(page.text("chosen"), "chosen: model-following, reversal");
+    assert_eq!(page.value(controls), "scheduled-lqr,reversal");
+    assert_eq!(page.text("chosen"), "chosen: scheduled-lqr, reversal");
     // without a role nothing can be started, and it is said what for
     assert!(page.value("document.getElementById('start').disabled").as_bool().unwrap());
     page.wait_for(

@@ -33,24 +33,13 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
     assert!(!foreign.status.success());
 }
 
+/// What earlier versions took is refused with what stands in its place.
 #[test]
-fn a_run_begins_with_what_another_has_learned() {
-    let folder = folder("learned");
-    let file = folder.join("learned.json");
-    let file = file.to_str().unwrap();
-    let run = |more: &[&str]| {
-        let base = ["run", "--simulated-time", "--strategy", "model-following", "--json"];
-        parsed(&[&base, more].concat())
-    };
-    // the virtual crane's pump delivers more than the model's 91 %
-    let gain = |run: &serde_json::Value| run["learned"]["flow_gain"].as_f64().unwrap();
-    let (first, second) = (run(&["--learned", file]), run(&["--learned", file]));
-    assert!(gain(&first) > 0.92 && (gain(&second) - gain(&first)).abs() < 2e-3, "{first}{second}");
-    assert!(run(&["--no-learning"])["learned"].is_null());
-    let other = ["run", "--simulated-time", "--learned", file, "--set", "oil.transition_bar=30"];
-    says(&hydroboom(&other), "another crane file");
-    std::fs::write(file, "{").unwrap();
-    says(&hydroboom(&["run", "--simulated-time", "--learned", file]), "--learned");
+fn what_was_replaced_names_its_successor() {
+    says(&hydroboom(&["run", "--simulated-time", "--learned", "learned.json"]), "scheduled-lqr");
+    for command in ["run", "virtual"] {
+        says(&hydroboom(&[command, "--strategy", "model-following"]), "scheduled-lqr");
+    }
 }
 
 #[test]

@@ -37,7 +37,7 @@ fn cycle(strategy: Strategy) -> Result<Vec<f64>, Box<dyn Error>> {
     let model = Description::uia_single_boom()?;
     let machine = Description::uia_virtual()?;
     let motion = machine.motion(model.numbers.fast);
-    let mut run = Lockstep::new(&model, &machine, motion, strategy)?.learning(None);
+    let mut run = Lockstep::new(&model, &machine, motion, strategy)?;
     let mut operator = Operator::automatic(model.numbers.control_period);
     let mut watch = Stopwatch { started: Instant::now(), took: Vec::new() };
     while !operator.is_done() {

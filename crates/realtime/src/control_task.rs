@@ -1,26 +1,23 @@
 //! The control task: one control period from reading to command.
 
+use crate::conditions::Conditions;
 use crate::course::Course;
 use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::controller::Controller;
-use hydroboom_control::deviation::Watched;
 use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput};
 use hydroboom_control::feedback::published_strategy::PublishedStrategy;
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
-use hydroboom_control::follower::Follower;
-use hydroboom_control::learner::{Conditions, Known, Learned, Learner};
 use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::preview::{PERIODS_AHEAD, Preview};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::limits::{Limits, Observation, ValveState};
 use hydroboom_control::supervision::plausibility::ranges;
-use hydroboom_control::supervision::supervisor::{Decision, Request, State, Supervisor};
+use hydroboom_control::supervision::supervisor::{Decision, Request, Supervisor};
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
-use hydroboom_design::{balances, conditions, schedule};
 use std::cell::Cell;
 
 /// The simulation may be so far from the machine before the benchmark takes over, as a share of the
@@ -34,10 +31,12 @@ const RECOVERY: f64 = 2.0;
 const BEHIND: f64 = 500.0;
 /// Travel over which the difference between the released piston and the course's beginning fades \[m\].
 const FADING: f64 = 0.01;
-/// A bump that a switch to open loop, to model following or to the scheduled LQR would make dies out with this time constant \[s\].
+/// A bump that a switch to open loop or to the scheduled LQR would make dies out with this time constant \[s\].
 const BUMP: f64 = 0.3;
-/// A reading that is older than so many periods teaches nothing.
+/// A reading that is older than so many periods is stale.
 const FRESH: f64 = 5.5;
+/// Time constant of the mean over the payload's estimates while the load is held \[s\]: the boom swings on its locked cylinder.
+const PAYLOAD_MEAN: f64 = 1.0;
 /// A simulation that was set to the machine's state is followed again after it was true for so
 /// long \[s\].
 const TRUSTED: f64 = 0.5;
@@ -91,8 +90,8 @@ pub struct Record {
     pub fallback: Option<Fallback>,
     /// What the state estimator tells; none before the first measurement, and for a crane that has no such design.
     pub estimates: Option<Estimates>,
-    /// What is known of the machine beyond its description; none where nothing is learned.
-    pub known: Option<Known>,
+    /// Conditions of the crane simulated beside the machine.
+    pub conditions: Conditions,
     /// How the tasks were on time; none in simulated time.
     pub deadlines: Option<Deadlines>,
 }
@@ -201,14 +200,8 @@ pub struct ControlTask {
     published: PublishedStrategy,
     /// Estimator and scheduled LQR; none for a crane that has no such design.
     scheduled_lqr: Option<ScheduledLqrController>,
-    /// Model following; none for a crane that has no such design.
-    follower: Option<Follower>,
-    /// Whether it learns.
-    learns: bool,
-    /// Under what the description has the crane.
-    described: Conditions,
-    /// Whether state feedback steers the simulated crane now.
-    follows: bool,
+    /// Conditions of the simulated crane.
+    conditions: Conditions,
     /// Speed of the simulated crane's motor \[rev/s\].
     simulated_motor: f64,
     /// What is left of the difference between the released piston and the course's beginning \[m\].
@@ -219,14 +212,6 @@ pub struct ControlTask {
     measurement: Measurement,
     valve: Option<ValveState>,
     age: f64,
-}
-
-/// Model following for a crane whose payload is as described; none for a crane that has no such design.
-fn follower(model: &Description) -> Option<Follower> {
-    let schedule = schedule(model).ok()?;
-    let balances = balances(model, &schedule);
-    let nothing = AxisSignals::default();
-    Some(Follower::new(Learner::start(&schedule, &balances, model.numbers.payload, &nothing, 0.0)))
 }
 
 impl ControlTask {
@@ -240,11 +225,7 @@ impl ControlTask {
             scheduled_lqr: scheduled_lqr_controller(model)
                 .ok()
                 .map(|controller| controller.with_delay(known_delay(model))),
-            // the benchmark steers a crane that has none, as it does where a simulation is not true
-            follower: follower(model),
-            learns: false,
-            described: conditions(n),
-            follows: false,
+            conditions: Conditions::described(n),
             benchmark,
             area_ratio,
             preview: Preview::at_rest(benchmark.period, 0.0),
@@ -275,33 +256,15 @@ impl ControlTask {
         }
     }
 
-    /// Learns of the machine while it is led by model following, beginning with what was learned before, if anything.
-    #[must_use]
-    pub fn learning(mut self, before: Option<&Learned>) -> Self {
-        self.learns = true;
-        if let (Some(follower), Some(learned)) = (&mut self.follower, before) {
-            follower.set_learner(follower.learner().with(*learned));
-        }
-        self
-    }
-
-    /// What was learned; none where nothing was to be.
-    pub fn learned(&self) -> Option<Learned> {
-        self.learner().map(|learner| *learner.learned())
-    }
-
     /// Signals of the axis, as measured last.
     fn signals(&self) -> &AxisSignals<f64> {
         &self.measurement.axes[0].signals
     }
 
-    fn learner(&self) -> Option<&Learner> {
-        self.follower.as_ref().filter(|_| self.learns).map(Follower::learner)
-    }
-
-    /// Under what the crane is to be simulated.
+    /// Conditions under which the crane beside the machine is to be simulated. Under the scheduled LQR payload and transition pressure are those
+    /// estimated while the load was held last; as described before that.
     pub fn conditions(&self) -> Conditions {
-        self.learner().map_or(self.described, |learner| learner.known().conditions())
+        self.conditions
     }
 
     /// Takes another course, if the load is not the controller's just now.
@@ -362,10 +325,9 @@ impl ControlTask {
             false => self.course.reference(self.course_time),
         };
         self.estimate();
-        let foreseen = self.foreseen(&reference);
-        self.learn(&foreseen, &measured, now);
+        self.adopt_estimates(now);
         if controls {
-            self.control([&reference, &foreseen], &measured, now);
+            self.control(&reference, &measured, now);
         } else {
             self.wanted = 0.0;
             self.strategy = now.strategy;
@@ -399,20 +361,12 @@ impl ControlTask {
             strategy: self.strategy,
             fallback: self.fallback,
             estimates: self.estimates(),
-            known: self.learner().map(Learner::known),
+            conditions: self.conditions,
             deadlines: now.deadlines,
         };
         self.time += now.elapsed;
-        if let (Some(follower), true) = (&mut self.follower, self.learns)
-            && self.decision.state == State::Fault
-            && before.state != State::Fault
-        {
-            let mut learner = *follower.learner();
-            learner.forget_the_last();
-            follower.set_learner(learner);
-        }
         match (before.controls, self.decision.controls) {
-            (false, true) => self.begin(&measured, now),
+            (false, true) => self.begin(now),
             (true, true) => {
                 self.course_time += period;
                 self.advance_preview();
@@ -496,35 +450,20 @@ impl ControlTask {
         });
     }
 
-    /// The reference, as it suits the crane: the course is known ahead.
-    fn foreseen(&mut self, reference: &SetPoint<f64>) -> SetPoint<f64> {
-        match &mut self.follower {
-            Some(follower) if self.decision.controls => {
-                let path = |after| {
-                    let mut ahead = self.course.reference(self.course_time + after);
-                    ahead.position += self.start_offset;
-                    ahead
-                };
-                follower.foreseen(path, self.course.speed())
-            }
-            _ => *reference,
-        }
-    }
-
-    /// What this period tells of the machine: how it goes where the simulation goes, and what the load weighs while valves hold it. Where
-    /// anything is wrong nothing is learned.
-    fn learn(&mut self, reference: &SetPoint<f64>, measured: &BenchmarkInput<f64>, now: &Period) {
-        let Some(follower) = self.follower.as_mut().filter(|_| self.learns) else { return };
-        let reading = &self.measurement.axes[0].signals;
-        let is_fresh = self.age < FRESH * self.benchmark.period && now.strategy.follows();
-        let simulated = now.simulated.filter(|s| !s.failed && self.fallback.is_none());
-        match (is_fresh, self.decision.state, simulated) {
-            (true, State::Moving | State::Stopping, Some(simulated)) => {
-                let told = self.decision.command.motor_speed;
-                follower.learn(told, reference, simulated.axis(), reading, measured);
-            }
-            (true, State::Ready | State::Holding, _) => follower.weigh_held(reading, measured),
-            _ => follower.skip(reading),
+    /// The simulated crane takes payload and transition pressure from the estimator while the load is held. A change in motion would move it, and a
+    /// machine that is led by it.
+    fn adopt_estimates(&mut self, now: &Period) {
+        let is_held = !self.decision.controls && self.decision.command.holding_valve < 0.5;
+        let is_fresh = self.age < FRESH * self.benchmark.period;
+        let controller = self.scheduled_lqr.as_ref().filter(|controller| controller.is_valid());
+        let Some(estimated) = controller.and_then(ScheduledLqrController::estimated) else {
+            return;
+        };
+        if is_held && is_fresh && now.strategy.estimates() {
+            let MachineState { payload, transition_pressure, .. } = estimated.filter.estimate;
+            let share = self.benchmark.period / PAYLOAD_MEAN;
+            let payload = self.conditions.payload + share * (payload - self.conditions.payload);
+            self.conditions = Conditions { payload, transition_pressure };
         }
     }
 
@@ -537,13 +476,13 @@ impl ControlTask {
     }
 
     /// The load is the controller's from the next period on.
-    fn begin(&mut self, measured: &BenchmarkInput<f64>, now: &Period) {
+    fn begin(&mut self, now: &Period) {
         self.offset = 0.0;
         let beginning = self.course.reference(-self.course.approach()).position;
         self.start_offset = self.signals().stroke - beginning;
-        // what follows a simulation takes over from the benchmark in the first period
+        // the scheduled LQR takes over from the benchmark in the first period
         self.strategy = match self.asked(now) {
-            asked if asked.follows() || asked.estimates() => Strategy::BenchmarkClosedLoop,
+            asked if asked.estimates() => Strategy::BenchmarkClosedLoop,
             asked => asked,
         };
         self.tracking = match self.strategy.measures() {
@@ -556,10 +495,6 @@ impl ControlTask {
         self.published.start_simulated(now.simulated.as_ref().map(Simulated::axis));
         if let Some(simulated) = now.simulated {
             self.epoch = simulated.epoch;
-            let machine = Watched::of(measured, self.signals().motor_speed);
-            if let Some(follower) = &mut self.follower {
-                follower.begin(&machine, simulated.axis());
-            }
         }
         // what keeps the pump pre-loaded now is what the leakage takes
         let mut reference = self.course.reference(-self.course.approach());
@@ -570,51 +505,17 @@ impl ControlTask {
         self.begin_preview();
     }
 
-    /// The speed the strategy wants, of a reference and what is foreseen of it.
-    fn control(
-        &mut self,
-        [reference, foreseen]: [&SetPoint<f64>; 2],
-        measured: &BenchmarkInput<f64>,
-        now: &Period,
-    ) {
+    /// The speed the strategy wants.
+    fn control(&mut self, reference: &SetPoint<f64>, measured: &BenchmarkInput<f64>, now: &Period) {
         let b = self.benchmark;
-        let machine = Watched::of(measured, self.signals().motor_speed);
         if let Some(simulated) = now.simulated.filter(|s| s.epoch != self.epoch) {
             // it was set to where the machine is, at rest
             self.epoch = simulated.epoch;
             self.steps = simulated.steps;
             self.published.start_simulated(Some(simulated.axis()));
-            if let Some(follower) = &mut self.follower {
-                follower.begin(&machine, simulated.axis());
-            }
             (self.simulated_motor, self.behind, self.trusted) = (0.0, 0.0, 0.0);
         }
         let asked = self.asked(now);
-        let has_none = asked.follows() && self.follower.is_none();
-        // the simulated crane is led under every strategy, so that any can be changed to
-        let simulated = now.simulated.filter(|s| !s.failed);
-        let mut led_by_published = None;
-        if let Some(simulated) = &simulated {
-            let seen = simulated.axis();
-            let follower = self.follower.as_mut().filter(|_| asked.follows());
-            let follows = follower.is_some();
-            let (takes_over, motor) = (follows != self.follows, self.simulated_motor);
-            match follower {
-                Some(follower) => {
-                    if takes_over {
-                        follower.take_over(foreseen, seen, motor);
-                    }
-                    self.simulated_motor = follower.lead(foreseen, seen);
-                }
-                None => {
-                    if takes_over {
-                        self.published.take_over_simulated(reference, seen, motor);
-                    }
-                    led_by_published = Some(simulated.state);
-                }
-            }
-            self.follows = follows;
-        }
         // a strategy that needs a simulation that is not there, or not true, is not followed
         let most = match asked.measures() {
             true => DRIFT * self.closed_loop_tracking,
@@ -634,7 +535,6 @@ impl ControlTask {
         self.fallback = match (self.fallback, estimator) {
             (Some(Fallback::Estimator), _) | (_, Some(Some(false))) => Some(Fallback::Estimator),
             (_, Some(None)) => Some(Fallback::NoDesign),
-            _ if has_none => Some(Fallback::NoDesign),
             _ if asked.simulates() && !is_true => Some(Fallback::Simulation),
             (Some(Fallback::NoDesign), _) => None,
             (before, _) => before,
@@ -653,8 +553,7 @@ impl ControlTask {
             false => asked,
         };
         let changes = strategy != self.strategy;
-        if changes && (self.strategy.follows() || self.strategy.estimates()) && strategy.measures()
-        {
+        if changes && self.strategy.estimates() && strategy.measures() {
             // it has not looked at the machine since
             self.published.forget_measurements(&self.measurement);
         }
@@ -670,27 +569,21 @@ impl ControlTask {
             }
             _ => None,
         };
-        let published = (!strategy.follows() && !strategy.estimates()).then(|| {
-            if changes {
-                self.published.change_to(strategy, self.wanted);
-            }
-            let mut preview = self.preview;
-            preview.shift(self.start_offset);
-            let measurement = self.judged();
-            let command = self.published.update(&measurement, &preview, led_by_published.as_ref());
-            command.axes[0].motor_speed
-        });
+        if changes && !strategy.estimates() {
+            self.published.change_to(strategy, self.wanted);
+        }
+        // the simulated crane is led under every strategy, so that any can be changed to
+        let simulated = now.simulated.filter(|s| !s.failed).map(|s| s.state);
+        let mut preview = self.preview;
+        preview.shift(self.start_offset);
+        let measurement = self.judged();
+        let published = self.published.update(&measurement, &preview, simulated.as_ref());
         if let (Some(_), Some([speed])) =
-            (led_by_published, self.published.status().simulated_motor_speeds)
+            (simulated, self.published.status().simulated_motor_speeds)
         {
             self.simulated_motor = speed;
         }
-        // what the machine differs is watched under any strategy, and known where following begins
-        let watched = self.follower.as_mut().zip(simulated);
-        let following = watched.map(|(follower, simulated)| {
-            follower.answer(&machine, simulated.axis(), self.simulated_motor)
-        });
-        let asked = published.or(estimated).or(following).unwrap_or(self.wanted);
+        let asked = estimated.unwrap_or(published.axes[0].motor_speed);
         if changes {
             self.offset = self.wanted - asked;
             self.strategy = strategy;

@@ -8,6 +8,7 @@
 //! Neither task can end unseen. Where the control task panics its thread holds the load at once, and keeps on until the
 //! session ends; where the simulation does, it is shown as failed, and the benchmark takes over.
 
+use crate::conditions::Conditions;
 use crate::control_task::{ControlTask, Deadlines, Period, Record};
 use crate::course::Course;
 use crate::desk::Desk;
@@ -24,7 +25,6 @@ use crate::timing::Timing;
 use crate::trouble::Tampering;
 use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_control::controller::{AxisState, SimulatedState};
-use hydroboom_control::learner::{Conditions, Learned};
 use hydroboom_control::measurement::{AXES, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
@@ -95,8 +95,6 @@ pub struct RealTime {
     pub failures: Vec<Failure>,
     /// What was decided last.
     pub end: Decision,
-    /// What was learned; none where nothing was to be, or the control task failed.
-    pub learned: Option<Learned>,
 }
 
 /// Why there was no run.
@@ -213,14 +211,14 @@ pub fn run(
         let _closed = ClosesUnattended(desk);
         let failures = collect(to_observe, between, &failures, attendant, &mut hand_over);
         let ended = |_| ExecutiveError::Thread;
-        let ((control, end, learned), lost_by_control) = control.join().map_err(ended)?;
+        let ((control, end), lost_by_control) = control.join().map_err(ended)?;
         let (simulation, lost_by_simulation) = simulation.join().map_err(ended)?;
         lost.extend(lost_by_simulation);
         lost.extend(lost_by_control);
         let dropped = between.dropped.load(Ordering::Relaxed);
         let taken = |k: usize| Some(stolen(cores[k])? - stolen_before[k]?);
         let stolen = taken(0).zip(taken(1)).map(|(simulation, control)| [simulation, control]);
-        Ok(RealTime { simulation, control, lost, stolen, dropped, failures, end, learned })
+        Ok(RealTime { simulation, control, lost, stolen, dropped, failures, end })
     })
 }
 
@@ -349,9 +347,9 @@ fn simulate(with: &mut Simulating, between: &Between) {
                 task.synchronise(&at);
             }
             if let Some((_, [moves, numbers @ ..])) = between.asked.read() {
-                let [speed, payload, transition] = numbers.map(f64::from_bits);
+                let [speed, payload, transition_pressure] = numbers.map(f64::from_bits);
                 pump = (moves == 1).then_some(speed);
-                task.set_conditions(&Conditions { payload, transition });
+                task.set_conditions(&Conditions { payload, transition_pressure });
             }
             if let Some(speed) = pump {
                 task.step(speed);
@@ -386,12 +384,12 @@ fn steer_guarded(
     mut with: Steering<'_>,
     between: &Between,
     failures: &Sender<Failure>,
-) -> (Timing, Decision, Option<Learned>) {
-    let (end, learned) = match guarded(|| steer(&mut with, between)) {
+) -> (Timing, Decision) {
+    let end = match guarded(|| steer(&mut with, between)) {
         Ok(ended) => ended,
-        Err(why) => (hold(&mut with, between, why, failures), None),
+        Err(why) => hold(&mut with, between, why, failures),
     };
-    (with.timing, end, learned)
+    (with.timing, end)
 }
 
 /// Holds the load after the control task failed: at once, then in every period until the session ends.
@@ -401,7 +399,7 @@ fn hold(
     why: String,
     failures: &Sender<Failure>,
 ) -> Decision {
-    let Steering { machine, desk, records, ending, spin, timing, sequence, last, .. } = with;
+    let Steering { task, machine, desk, records, ending, spin, timing, sequence, last, .. } = with;
     let mut shut = || {
         *sequence += 1;
         guarded(|| machine.write(*sequence, &HELD)).is_ok()
@@ -421,7 +419,7 @@ fn hold(
         decision,
         course_time: None,
         deadlines: None,
-        ..last.unwrap_or_else(|| unrecorded(decision, desk.strategy()))
+        ..last.unwrap_or_else(|| unrecorded(decision, desk.strategy(), task.conditions()))
     };
     let period = timing.period as f64 * 1e-9;
     let mut release = now();
@@ -446,7 +444,7 @@ fn hold(
 }
 
 /// The record of a control task that has recorded nothing yet.
-fn unrecorded(decision: Decision, strategy: Strategy) -> Record {
+fn unrecorded(decision: Decision, strategy: Strategy, conditions: Conditions) -> Record {
     Record {
         time: 0.0,
         course_time: None,
@@ -459,13 +457,13 @@ fn unrecorded(decision: Decision, strategy: Strategy) -> Record {
         strategy,
         fallback: None,
         estimates: None,
-        known: None,
+        conditions,
         deadlines: None,
     }
 }
 
 /// The control task's cycle.
-fn steer(with: &mut Steering<'_>, between: &Between) -> (Decision, Option<Learned>) {
+fn steer(with: &mut Steering<'_>, between: &Between) -> Decision {
     let Steering { task, machine, desk, courses, records, ending, spin, timing, sequence, last } =
         with;
     let mut operator = Operator::new(timing.period as f64 * 1e-9);
@@ -518,10 +516,10 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> (Decision, Option<Learne
         machine.write(*sequence, if is_late { &HELD } else { &command });
         *last = Some(record);
         let pump = task.simulated_motor();
-        let Conditions { payload, transition } = task.conditions();
-        let [speed, payload, transition] =
-            [pump.unwrap_or(0.0), payload, transition].map(f64::to_bits);
-        between.asked.publish([u64::from(pump.is_some()), speed, payload, transition]);
+        let Conditions { payload, transition_pressure } = task.conditions();
+        let [speed, payload, transition_pressure] =
+            [pump.unwrap_or(0.0), payload, transition_pressure].map(f64::to_bits);
+        between.asked.publish([u64::from(pump.is_some()), speed, payload, transition_pressure]);
         if records.push(record).is_err() {
             between.dropped.fetch_add(1, Ordering::Relaxed);
         }
@@ -534,7 +532,7 @@ fn steer(with: &mut Steering<'_>, between: &Between) -> (Decision, Option<Learne
             false => 0,
         };
         if done_for > RESTED {
-            return (record.decision, task.learned());
+            return record.decision;
         }
     }
 }

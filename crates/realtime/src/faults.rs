@@ -173,7 +173,7 @@ impl Underway {
     ) -> Result<Self, SetupError> {
         let period = model.numbers.control_period;
         let mut way = Self {
-            run: Lockstep::new(model, machine, motion, strategy)?.learning(None),
+            run: Lockstep::new(model, machine, motion, strategy)?,
             operator: Operator::automatic(period),
             trouble: Trouble::new(machine),
             limits: limits(model, motion.speed)?,

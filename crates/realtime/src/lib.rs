@@ -20,6 +20,7 @@
 )]
 
 pub mod campaign_cranes;
+pub mod conditions;
 pub mod control_task;
 pub mod course;
 pub mod desk;
@@ -31,7 +32,6 @@ pub mod faults;
 pub mod flow_baseline;
 pub mod healthy;
 pub mod host;
-pub mod learned_file;
 pub mod lockstep;
 pub mod log;
 pub mod machine;

@@ -12,7 +12,6 @@ use crate::setup::SetupError;
 use crate::simulation_task::SimulationTask;
 use crate::trouble::{Tampering, Trouble};
 use hydroboom_control::command::AxisCommand;
-use hydroboom_control::learner::Learned;
 use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
@@ -214,18 +213,6 @@ impl Lockstep {
         self
     }
 
-    /// Learns of the machine, beginning with what was learned before, if anything.
-    #[must_use]
-    pub fn learning(mut self, before: Option<&Learned>) -> Self {
-        self.control = self.control.learning(before);
-        self
-    }
-
-    /// What was learned; none where nothing was to be.
-    pub fn learned(&self) -> Option<Learned> {
-        self.control.learned()
-    }
-
     /// Takes an order, but for tampering with the machine, which is a disturbance.
     pub fn take(&mut self, order: Order) -> Option<Tampering> {
         match order {
@@ -263,7 +250,7 @@ const ORDERS: u32 = 20;
 /// Periods for which the load has to rest before a run ends.
 const RESTED: u32 = 200;
 
-/// Runs a session in simulated time; what was decided last, and what was learned.
+/// Runs a session in simulated time; what was decided last.
 ///
 /// # Errors
 ///
@@ -273,7 +260,7 @@ pub fn run(
     machine: &Description,
     lookout: Lookout<'_>,
     pace: Pace,
-) -> Result<(Decision, Option<Learned>), SimulationError> {
+) -> Result<Decision, SimulationError> {
     let Lookout { desk, attendant, ending } = lookout;
     let mut operator = Operator::new(lockstep.machine.period());
     let mut watched = Watched { trouble: Trouble::new(machine), desk };
@@ -297,7 +284,7 @@ pub fn run(
             false => 0,
         };
         if rested > RESTED {
-            return Ok((record.decision, lockstep.learned()));
+            return Ok(record.decision);
         }
         if pace == Pace::Clock {
             // who fell behind goes on from now

@@ -64,7 +64,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 56] = [
+const NUMBERS: [Number; 48] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("course_speed_mm_s", |r| r.course_time.map(|_| r.course_speed * 1e3)),
@@ -87,14 +87,6 @@ const NUMBERS: [Number; 56] = [
     ("releasing", |r| Some(f64::from(u8::from(r.decision.releasing)))),
     ("waited_s", |r| Some(r.decision.waited)),
     ("controls", |r| Some(f64::from(u8::from(r.decision.controls)))),
-    ("known_payload_kg", |r| r.known.map(|k| k.payload)),
-    ("known_coulomb_friction", |r| r.known.map(|k| k.friction[0])),
-    ("known_viscous_friction", |r| r.known.map(|k| k.friction[1])),
-    ("known_transition_bar", |r| r.known.map(|k| k.balance.transition * 1e-5)),
-    ("known_flow_gain", |r| r.known.map(|k| k.balance.flow_gain)),
-    ("known_leakage_l_min", |r| r.known.map(|k| k.balance.leakage * 60e3)),
-    ("known_slip_cm3_per_rev_bar", |r| r.known.map(|k| k.balance.slip * 1e11)),
-    ("known_lag_ms", |r| r.known.map(|k| k.lag * 1e3)),
     ("estimated_position_mm", |r| r.estimates.map(|e| e.state.position * 1e3)),
     ("estimated_velocity_mm_s", |r| r.estimates.map(|e| e.state.velocity * 1e3)),
     ("estimated_load_pressure_bar", |r| r.estimates.map(|e| e.state.load_pressure * 1e-5)),
@@ -265,8 +257,6 @@ pub struct Row {
     pub cause: String,
     /// The strategy at work.
     pub strategy: Strategy,
-    /// Whether something was learned of the machine.
-    pub learns: bool,
 }
 
 /// Calls with every message of a log, in order. A log that was cut off is read up to where it was.
@@ -368,8 +358,6 @@ fn row(value: &Value) -> Result<Row, String> {
         releasing: value["releasing"].as_f64().is_some_and(|is| is > 0.5),
         time,
         cause: text("cause")?.into(),
-        strategy: Strategy::from_name(strategy)
-            .ok_or_else(|| format!("no strategy \"{strategy}\""))?,
-        learns: value["known_payload_kg"].is_number(),
+        strategy: strategy.parse::<Strategy>().map_err(|why| format!("\"{strategy}\": {why}"))?,
     })
 }

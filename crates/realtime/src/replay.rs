@@ -7,7 +7,6 @@ use crate::machine::{Incoming, Machine};
 use crate::setup::SetupError;
 use crate::simulation_task::{AtRest, SimulationTask};
 use hydroboom_control::command::Command;
-use hydroboom_control::learner::Learned;
 use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -74,7 +73,7 @@ impl Trajectory for Recorded {
 }
 
 /// The tasks beside a log: what they decide about its readings now, row for row. `strategy` stands in
-/// for the logged one. A log of a run that learned is learned from again, beginning with what was known `before` it.
+/// for the logged one.
 ///
 /// # Errors
 ///
@@ -83,7 +82,6 @@ pub fn replay(
     model: &Description,
     rows: &[Row],
     strategy: Option<Strategy>,
-    before: Option<&Learned>,
 ) -> Result<Vec<Record>, SetupError> {
     let n = &model.numbers;
     let steps = (n.control_period / n.simulation_period).round() as u32;
@@ -96,9 +94,6 @@ pub fn replay(
         Recorded { from: 0.0, period: n.control_period, references: vec![], speed: n.fast };
     let resting = Course::new(Arc::new(resting));
     let mut control = ControlTask::new(model, resting, limits(model, n.fast)?, chosen);
-    if rows.iter().any(|row| row.learns) {
-        control = control.learning(before);
-    }
     let mut simulation = SimulationTask::new(model, begin)?;
     let mut machine = Replay::new(rows);
     let mut records = Vec::with_capacity(rows.len());

@@ -1,6 +1,7 @@
 //! A session at a machine: course after course, seen from an ordinary thread. What takes long is
 //! prepared here and handed to the real-time tasks as an [`Order`].
 
+use crate::conditions::Conditions;
 use crate::control_task::{Fallback, Record};
 use crate::course::Course;
 use crate::desk::Desk;
@@ -9,12 +10,10 @@ use crate::operator::Operator;
 use crate::readiness::start_waits_for;
 use crate::simulation_task::AtRest;
 use crate::trouble::Tampering;
-use hydroboom_control::learner::Conditions;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::supervision::fault::Cause;
 use hydroboom_control::supervision::supervisor::Decision;
 use hydroboom_description::Description;
-use hydroboom_design::conditions;
 use hydroboom_math::Real;
 use hydroboom_plant::PlantError;
 use std::collections::VecDeque;
@@ -128,7 +127,7 @@ impl Session {
             rested: 0.0,
             synchronised: 0,
             synchronised_in_all: 0,
-            conditions: conditions(&model.numbers),
+            conditions: Conditions::described(&model.numbers),
         }
     }
 
@@ -208,7 +207,7 @@ impl Session {
             }
         }
         let is_held = self.last.is_some_and(|r| r.course_time.is_none());
-        if is_held && self.conditions.differ(&self.known()) {
+        if is_held && self.conditions.differ(&self.estimated()) {
             // weighed while it is held: the simulation rests with what hangs there
             orders.extend(self.at_rest_again());
         }
@@ -234,15 +233,15 @@ impl Session {
         Real::clamp(stroke.unwrap_or(otherwise), 0.0, self.model.numbers.stroke)
     }
 
-    /// Rest at a position \[m\], under what is known by now.
+    /// Rest at a position \[m\], under the newest conditions.
     fn at_rest(&mut self, stroke: f64) -> Result<AtRest, PlantError> {
-        self.conditions = self.known();
+        self.conditions = self.estimated();
         AtRest::new(&self.model, &self.conditions, stroke)
     }
 
-    /// Under what the crane is by now.
-    fn known(&self) -> Conditions {
-        let known = self.last.and_then(|record| record.known);
-        known.map_or(conditions(&self.model.numbers), |known| known.conditions())
+    /// The newest conditions, as described before the first record.
+    fn estimated(&self) -> Conditions {
+        let described = Conditions::described(&self.model.numbers);
+        self.last.map_or(described, |record| record.conditions)
     }
 }

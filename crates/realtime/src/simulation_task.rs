@@ -1,9 +1,8 @@
 //! The simulation beside the machine: a step of 50 us at a time.
 
+use crate::conditions::Conditions;
 use hydroboom_control::controller::{AxisState, SimulatedState};
-use hydroboom_control::learner::Conditions;
 use hydroboom_description::{BuildError, Description};
-use hydroboom_design::{conditions, under};
 use hydroboom_model::{Crane, CraneState, Input, Scheme, Simulation};
 use hydroboom_plant::PlantError;
 
@@ -27,7 +26,7 @@ impl AtRest {
         conditions: &Conditions,
         stroke: f64,
     ) -> Result<Self, PlantError> {
-        let crane = model.crane_over(&under(conditions, &model.numbers))?;
+        let crane = model.crane_over(&conditions.numbers(&model.numbers))?;
         let state = crane.at_rest(&model.start(stroke)).map_err(BuildError::from)?;
         Ok(Self { conditions: *conditions, crane, state })
     }
@@ -73,7 +72,7 @@ impl SimulationTask {
     ///
     /// [`PlantError`] when the description gives no model of three segments, or no state of rest.
     pub fn new(model: &Description, stroke: f64) -> Result<Self, PlantError> {
-        let at = AtRest::new(model, &conditions(&model.numbers), stroke)?;
+        let at = AtRest::new(model, &Conditions::described(&model.numbers), stroke)?;
         let step = model.numbers.simulation_period;
         let simulation = Simulation::new(at.crane, at.state, Scheme::Published, step)
             .map_err(PlantError::Simulation)?;
@@ -105,7 +104,7 @@ impl SimulationTask {
         }
     }
 
-    /// Takes on what is known by now, as it moves.
+    /// Conditions to change to, as it moves.
     pub fn set_conditions(&mut self, now: &Conditions) {
         self.wanted = *now;
     }
@@ -114,7 +113,7 @@ impl SimulationTask {
     fn take_on(&mut self) {
         self.conditions = self.conditions.towards(&self.wanted, self.simulation.step());
         // the crane is of the make that it was, so that there is one
-        if let Ok(crane) = self.model.crane_over(&under(&self.conditions, &self.model.numbers)) {
+        if let Ok(crane) = self.model.crane_over(&self.conditions.numbers(&self.model.numbers)) {
             self.simulation.set_crane(crane);
         }
     }

@@ -2,13 +2,13 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_control::learner::Conditions;
 use hydroboom_control::reference::profile::OutAndBack;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::fault::Cause;
 use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::{Description, UIA_SINGLE_BOOM};
-use hydroboom_design::{conditions, limits};
+use hydroboom_design::limits;
+use hydroboom_realtime::conditions::Conditions;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::lockstep::Lockstep;
 use hydroboom_realtime::operator::Operator;
@@ -176,31 +176,6 @@ fn stopped_while_the_pump_takes_the_load_over_it_is_not_released() {
     assert!(operator.is_done());
 }
 
-/// What was not looked at teaches nothing: the piston has gone a long way before model following is chosen again.
-#[test]
-fn learning_goes_on_where_the_piston_is_by_then() {
-    let case = case(&[]);
-    let first = Strategy::ModelFollowing;
-    let run = Lockstep::new(&case.model, &case.crane, case.motion, first).unwrap();
-    // in the cruise
-    let (from, at) = (3.5, 5.0);
-    let records = led(run.learning(None), first, |r| match r.course_time {
-        Some(time) if (from..at).contains(&time) => Strategy::BenchmarkClosedLoop,
-        _ => first,
-    });
-    let gain = |time: f64| {
-        let record = records.iter().find(|r| r.course_time.is_some_and(|t| t >= time)).unwrap();
-        record.known.unwrap().balance.flow_gain
-    };
-    let before = gain(from + 0.01);
-    assert_eq!(gain(at - 0.01), before);
-    // a window that counted what was not seen would say four times as much
-    for later in [0.15, 0.25, 0.35] {
-        let learned = gain(at + later);
-        assert!(learned != before && (learned / before - 1.0).abs() < 2e-3, "{before} {learned}");
-    }
-}
-
 /// A simulated crane that is found to carry less takes it on without jumping off.
 #[test]
 fn another_payload_is_taken_on_gently() {
@@ -208,7 +183,7 @@ fn another_payload_is_taken_on_gently() {
     let mut simulation = SimulationTask::new(&model, 0.2).unwrap();
     let before = *simulation.simulated().axis();
     let payload = model.numbers.payload - 100.0;
-    simulation.set_conditions(&Conditions { payload, ..conditions(&model.numbers) });
+    simulation.set_conditions(&Conditions { payload, ..Conditions::described(&model.numbers) });
     let mut fastest = 0.0_f64;
     for _ in 0..60_000 {
         simulation.step(0.0);

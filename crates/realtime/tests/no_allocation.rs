@@ -26,14 +26,14 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 
 #[test]
 fn simulation_control_and_exchange_allocate_nothing() {
-    for strategy in [Strategy::SimulationFeedforwardClosedLoop, Strategy::ModelFollowing] {
+    for strategy in [Strategy::SimulationFeedforwardClosedLoop, Strategy::ScheduledLqr] {
         allocate_nothing(strategy);
     }
 }
 
 fn allocate_nothing(strategy: Strategy) {
     let model = Description::uia_single_boom().unwrap();
-    // what hangs there is learned, and simulated then
+    // its payload is estimated, and simulated then
     let mut crane = Description::uia_virtual().unwrap();
     crane.set("payload.mass_kg=150").unwrap();
     let motion = crane.motion(model.numbers.fast);
@@ -42,8 +42,8 @@ fn allocate_nothing(strategy: Strategy) {
     let mut machine = VirtualCrane::new(&crane, &start).unwrap();
     let path: Arc<dyn Trajectory> = Arc::new(motion);
     let course = Course::new(Arc::clone(&path));
-    let control = ControlTask::new(&model, course, limits(&model, motion.speed).unwrap(), strategy);
-    let mut control = control.learning(None);
+    let mut control =
+        ControlTask::new(&model, course, limits(&model, motion.speed).unwrap(), strategy);
     let mut simulation = SimulationTask::new(&model, motion.start).unwrap();
     let mut timing = Timing::new(1_000_000).unwrap();
     let slot = Slot::<4>::default();
@@ -96,5 +96,5 @@ fn allocate_nothing(strategy: Strategy) {
         machine.advance(&record.decision.command).unwrap();
     }
     assert!(moved, "it ended in {state:?}");
-    assert!(before.differ(&control.conditions()) == strategy.follows());
+    assert!(before.differ(&control.conditions()) == strategy.estimates());
 }

@@ -83,20 +83,6 @@ impl PublishedStrategy {
         self.simulated = SimulatedLoop { memory, motor_speed: 0.0 };
     }
 
-    /// Leads the simulated crane from its `state` on, that something else has led at a motor speed \[rev/s\], without a bump.
-    pub fn take_over_simulated(
-        &mut self,
-        set_point: &SetPoint<f64>,
-        state: &AxisState<f64>,
-        motor_speed: f64,
-    ) {
-        let input = BenchmarkInput::of_simulated(state);
-        let mut memory = self.law.start(&input);
-        let feedforward = self.law.velocity_feedforward(set_point);
-        self.law.take_over(&mut memory, set_point, &input, feedforward, motor_speed);
-        self.simulated = SimulatedLoop { memory: Some(memory), motor_speed };
-    }
-
     fn input(&self, measurement: &Measurement) -> BenchmarkInput<f64> {
         BenchmarkInput::of(&measurement.axes[0].signals, self.area_ratio)
     }

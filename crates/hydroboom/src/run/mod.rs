@@ -11,13 +11,13 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::virtual_crane::strategies;
 use clap::Args;
-use hydroboom_control::learner::Learned;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::limits::Limits;
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Setup};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
+use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
 use hydroboom_lab::paper;
 use hydroboom_realtime::control_task::ControlTask;
@@ -25,7 +25,6 @@ use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
 use hydroboom_realtime::executive::{self, Placement, RealTime, Tasks};
 use hydroboom_realtime::flow_baseline::FlowBaseline;
-use hydroboom_realtime::learned_file;
 use hydroboom_realtime::lockstep::{self, Lockstep, Pace};
 use hydroboom_realtime::log::LogWriter;
 use hydroboom_realtime::session::{Ending, Lookout, Session};
@@ -44,7 +43,7 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom run --auto\n  hydroboom run --auto --strategy \
     benchmark-closed-loop --speed-mm-s 25\n  hydroboom run --dashboard\n  hydroboom run --auto --simulated-time\n  \
-    hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy model-following --learned learned.json\n\n\
+    hydroboom run --replay run.mcap\n  hydroboom run --auto --strategy scheduled-lqr\n\n\
     Ctrl-C stops under control, a second Ctrl-C holds the load at once.\n\
     The supervisor is no safety function in the sense of ISO 13849: at a real machine a hardware \
     emergency stop stays.")]
@@ -82,13 +81,8 @@ pub struct Run {
     /// Let the dashboard be reached from other computers, without encryption.
     #[arg(long, requires = "dashboard")]
     allow_remote: bool,
-    /// What model following learns of the machine (payload, friction, oil, pump, lag of the motor): begin with what this file says, where it is
-    /// there, and write it at the end.
-    #[arg(long, value_name = "FILE", conflicts_with = "no_learning")]
+    #[arg(long, value_name = "FILE", hide = true, value_parser = replaced_by_the_estimator)]
     learned: Option<PathBuf>,
-    /// Learn nothing of the machine: its payload and oil are the crane file's.
-    #[arg(long)]
-    no_learning: bool,
     /// Baseline of this machine's delivered flow, as recorded by --record-baseline: position is compared
     /// with it in place of the crane file's ranges.
     #[arg(long, value_name = "FILE")]
@@ -114,14 +108,6 @@ pub struct Run {
     json: bool,
 }
 
-/// What is learned of the machine.
-enum Learning {
-    /// Nothing.
-    Nothing,
-    /// All that can be, beginning with what was learned before.
-    From(Option<Box<Learned>>),
-}
-
 /// What runs, and with what.
 type Cranes = MachineChoice;
 
@@ -130,54 +116,43 @@ impl Run {
     pub fn run(self) -> Result<()> {
         let model = self.crane.read()?;
         if let Some(log) = &self.replay {
-            return replay::replay(&model, log, self.before(&model)?.as_ref(), self.json);
+            return replay::replay(&model, log, self.json);
         }
         let cranes = Cranes::of(model, &self.crane, self.machine.as_deref())?;
         let wanted = cranes.course(self.speed_mm_s, self.scenario.as_deref())?;
         let strategy = self.strategy;
         let then = self.then.unwrap_or(strategy);
-        if strategy.follows() || then.follows() {
+        if strategy.estimates() || then.estimates() {
             // a crane that has no such design is told so here, and not steered by the benchmark in silence
-            hydroboom_design::model_following(&cranes.model).into_diagnostic()?;
+            scheduled_lqr_controller(&cranes.model).into_diagnostic()?;
         }
         let switch = Switch { first: strategy, then, at: 0.5 * wanted.path.duration() };
-        let learning = match self.no_learning {
-            true => Learning::Nothing,
-            false => Learning::From(self.before(&cranes.model)?.map(Box::new)),
-        };
         let limits = self.limits(&cranes.model)?;
         let is_needless = self.simulated_time || self.dashboard.is_some();
-        let alone = cranes.beforehand(&wanted, switch, &learning, is_needless)?;
+        let alone = cranes.beforehand(&wanted, switch, is_needless)?;
         let desk = Arc::new(Desk::new(strategy));
         let mut watch = self.watch(&cranes, &desk, wanted, switch)?;
-        let (real_time, learned) = match self.simulated_time {
+        let real_time = match self.simulated_time {
             true => {
                 let pace = if self.dashboard.is_some() { Pace::Clock } else { Pace::Free };
                 if self.dashboard.is_some() {
                     attend(&desk)?;
                 }
-                let run = cranes.lockstep(strategy, &learning)?.within(limits);
+                let run = cranes.lockstep(strategy)?.within(limits);
                 let lookout =
                     Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
-                let ended = lockstep::run(run, &cranes.machine, lookout, pace);
-                (None, ended.into_diagnostic()?.1)
+                lockstep::run(run, &cranes.machine, lookout, pace).into_diagnostic()?;
+                None
             }
             false => {
                 attend(&desk)?;
                 let supervised = (strategy, limits);
-                let ended = self.in_real_time(&cranes, supervised, &learning, &desk, &mut watch)?;
-                let learned = ended.learned;
-                (Some(ended), learned)
+                Some(self.in_real_time(&cranes, supervised, &desk, &mut watch)?)
             }
         };
         watch.close_log();
-        if let (Some(path), Some(learned)) = (&self.learned, &learned) {
-            let text = learned_file::text(&cranes.model, learned).into_diagnostic()?;
-            output::file(path, text.as_bytes())?;
-        }
         self.record(&cranes.model, &watch)?;
-        let learned = learned.filter(|_| strategy.follows() || then.follows());
-        self.conclude(&cranes, &watch, alone.as_ref(), learned.as_ref(), real_time.as_ref())
+        self.conclude(&cranes, &watch, alone.as_ref(), real_time.as_ref())
     }
 
     /// Limits of the crane, its delivered flow against the baseline where one is named.
@@ -212,12 +187,6 @@ impl Run {
             path.display()
         );
         Ok(())
-    }
-
-    /// What was learned before.
-    fn before(&self, model: &Description) -> Result<Option<Learned>> {
-        let path = self.learned.as_ref().filter(|path| path.exists());
-        path.map(|path| learned_file::read(model, path)).transpose().into_diagnostic()
     }
 
     /// Who looks on.
@@ -277,7 +246,6 @@ impl Run {
         &self,
         cranes: &Cranes,
         (strategy, limits): (Strategy, Limits),
-        learning: &Learning,
         desk: &Arc<Desk>,
         watch: &mut Watch,
     ) -> Result<RealTime> {
@@ -292,12 +260,8 @@ impl Run {
         let n = &model.numbers;
         let motion = cranes.machine.motion(n.fast);
         let course = Course::new(Arc::new(motion));
-        let control = ControlTask::new(model, course, limits, strategy);
         let tasks = Tasks {
-            control: match learning {
-                Learning::From(before) => control.learning(before.as_deref()),
-                Learning::Nothing => control,
-            },
+            control: ControlTask::new(model, course, limits, strategy),
             simulation: SimulationTask::new(model, motion.start).into_diagnostic()?,
             machine: Box::new(shared),
             periods: (n.simulation_period, n.control_period),
@@ -320,7 +284,6 @@ impl Run {
         cranes: &Cranes,
         watch: &Watch,
         simulated: Option<&CourseResult>,
-        learned: Option<&Learned>,
         real_time: Option<&RealTime>,
     ) -> Result<()> {
         let results = &watch.results;
@@ -330,7 +293,6 @@ impl Run {
             simulated: simulated.filter(|_| real_time.is_some()),
             paper: self.paper(cranes, results),
             synchronised: watch.session().synchronised_in_all(),
-            learned,
             real_time,
         };
         if let Some(path) = &self.report {
@@ -348,9 +310,7 @@ impl Run {
             true => output::json(&report.json())?,
             false => {
                 let mut said = report.text();
-                let files =
-                    [("log", &self.log), ("report", &self.report), ("learned", &self.learned)];
-                for (what, path) in files {
+                for (what, path) in [("log", &self.log), ("report", &self.report)] {
                     if let Some(path) = path {
                         said += &format!("\n{what}: {}", path.display());
                     }
@@ -380,7 +340,7 @@ impl Run {
         let result = results.first().filter(|r| r.then.is_none() && self.scenario.is_none())?;
         let speed = self.speed_mm_s.unwrap_or(cranes.model.numbers.fast * 1e3);
         let column = paper::SPEEDS_MM_S.iter().position(|v| (v - speed).abs() < 1e-6)?;
-        let (rms, peak) = paper::tracking_mm(Strategy::from_name(result.strategy)?)?;
+        let (rms, peak) = paper::tracking_mm(result.strategy.parse().ok()?)?;
         Some([rms[column], peak[column]])
     }
 }
@@ -424,13 +384,9 @@ impl Cranes {
         })
     }
 
-    fn lockstep(&self, strategy: Strategy, learning: &Learning) -> Result<Lockstep> {
+    fn lockstep(&self, strategy: Strategy) -> Result<Lockstep> {
         let motion = self.machine.motion(self.model.numbers.fast);
-        let run = Lockstep::new(&self.model, &self.machine, motion, strategy).into_diagnostic()?;
-        Ok(match learning {
-            Learning::From(before) => run.learning(before.as_deref()),
-            Learning::Nothing => run,
-        })
+        Lockstep::new(&self.model, &self.machine, motion, strategy).into_diagnostic()
     }
 
     /// The course in simulated time, to compare with; none where nobody asks for it, or it is long.
@@ -438,7 +394,6 @@ impl Cranes {
         &self,
         wanted: &Wanted,
         switch: Switch,
-        learning: &Learning,
         is_needless: bool,
     ) -> Result<Option<CourseResult>> {
         if is_needless || wanted.path.duration() > LONGEST_BEFOREHAND {
@@ -451,10 +406,17 @@ impl Cranes {
             .with_switch(switch)
             .with_plan(plan);
         let lookout = Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
-        let run = self.lockstep(switch.first, learning)?;
+        let run = self.lockstep(switch.first)?;
         lockstep::run(run, &self.machine, lookout, Pace::Free).into_diagnostic()?;
         Ok(watch.results.pop())
     }
+}
+
+/// Refuses `--learned`.
+fn replaced_by_the_estimator(_: &str) -> Result<PathBuf, String> {
+    Err("the state estimator of scheduled-lqr, which runs in every run, replaced what was learned; a file of its estimates comes with a later \
+         version"
+        .into())
 }
 
 /// Ctrl-C stops and ends; once more holds the load at once.

@@ -1,7 +1,6 @@
 //! The tasks beside a log.
 
 use crate::output;
-use hydroboom_control::learner::Learned;
 use hydroboom_control::supervision::fault::Cause;
 use hydroboom_control::supervision::supervisor::State;
 use hydroboom_description::Description;
@@ -12,14 +11,9 @@ use serde_json::json;
 use std::path::Path;
 
 /// Shows the tasks a log's readings again, and says where they decide otherwise than they did.
-pub fn replay(
-    model: &Description,
-    path: &Path,
-    before: Option<&Learned>,
-    as_json: bool,
-) -> Result<()> {
+pub fn replay(model: &Description, path: &Path, as_json: bool) -> Result<()> {
     let rows = log::rows(path).into_diagnostic()?;
-    let records = run(model, &rows, None, before).into_diagnostic()?;
+    let records = run(model, &rows, None).into_diagnostic()?;
     let both = || rows.iter().zip(&records);
     let apart = |(row, record): (&log::Row, &hydroboom_realtime::control_task::Record)| {
         60.0 * (row.command.motor_speed - record.decision.command.motor_speed).abs()

@@ -3,7 +3,6 @@
 use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
-use hydroboom_control::learner::Learned;
 use hydroboom_description::Description;
 use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
@@ -21,14 +20,9 @@ pub struct Report<'a> {
     pub paper: Option<[f64; 2]>,
     /// How often the simulation was set to the machine's state in the midst of a course.
     pub synchronised: u32,
-    /// What was learned, where model following led the machine.
-    pub learned: Option<&'a Learned>,
     /// What the deadlines came to.
     pub real_time: Option<&'a RealTime>,
 }
-
-/// cm³/(rev bar) in a m³/(rev Pa).
-const SLIP: f64 = 1e11;
 
 /// More courses than these are not listed one by one.
 const LISTED: usize = 12;
@@ -48,7 +42,7 @@ impl Report<'_> {
             "courses": self.results, "rms_mm": last.map(|r| r.rms_mm), "peak_mm": last.map(|r| r.peak_mm),
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| [s.rms_mm, s.peak_mm]),
-            "synchronised": self.synchronised, "learned": self.learned.map(learned_json), "timing": timing, "processor": processor(),
+            "synchronised": self.synchronised, "timing": timing, "processor": processor(),
             "machine": self.cranes.json(),
         })
     }
@@ -98,36 +92,10 @@ impl Report<'_> {
         if self.synchronised > 0 {
             said += &format!("\nthe simulation was set to the machine {} times", self.synchronised);
         }
-        if let Some(learned) = self.learned {
-            said += &format!("\n{}", self.learned(learned));
-        }
         if let Some(real_time) = self.real_time {
             said += &timing_table(&self.cranes.model, real_time);
         }
         said
-    }
-
-    /// What was learned, beside what the crane file says.
-    fn learned(&self, learned: &Learned) -> String {
-        let (n, balance) = (&self.cranes.model.numbers, &learned.flow.balance);
-        let [coulomb, viscous] = learned.load.friction();
-        format!(
-            "learned: payload {:.0} kg (crane file {:.0}), friction {:.2} (Coulomb) and {:.2} times (viscous) the crane file's, oil stiffens at {:.1} +- {:.1} bar ({:.1}), pump delivers {:.3} of its displacement ({:.3}), leakage {:.3} L/min, slip {:.5} cm3/(rev bar) ({:.5}), motor {:.1} ms late ({:.1})",
-            learned.load.payload(),
-            n.payload,
-            coulomb,
-            viscous,
-            balance.transition * 1e-5,
-            learned.flow.doubt * 1e-5,
-            n.transition * 1e-5,
-            balance.flow_gain,
-            n.flow_gain,
-            balance.leakage * 60e3,
-            balance.slip * SLIP,
-            n.slip_per_speed * SLIP,
-            learned.lag.lag * 1e3,
-            n.following_lead * 1e3,
-        )
     }
 
     /// Whether anything grew over many courses.
@@ -151,19 +119,6 @@ impl Report<'_> {
             last.rms_mm,
         ))
     }
-}
-
-fn learned_json(learned: &Learned) -> Value {
-    let balance = &learned.flow.balance;
-    let [coulomb, viscous] = learned.load.friction();
-    json!({
-        "payload_kg": learned.load.payload(),
-        "coulomb_friction": coulomb, "viscous_friction": viscous,
-        "transition_bar": balance.transition * 1e-5,
-        "transition_deviation_bar": learned.flow.doubt * 1e-5,
-        "flow_gain": balance.flow_gain, "leakage_l_min": balance.leakage * 60e3,
-        "slip_cm3_per_rev_bar": balance.slip * SLIP, "lag_ms": learned.lag.lag * 1e3,
-    })
 }
 
 /// What else is to be said of the deadlines.
