@@ -404,6 +404,8 @@ mod tests {
             [Strategy::BenchmarkClosedLoop.into(), Strategy::ModelFollowing.into(), reoptimised];
         let outcome = |rms_mm| Outcome {
             rms_mm,
+            true_rms_mm: rms_mm,
+            true_peak_mm: 0.0,
             peak_mm: rms_mm,
             effort: Effort::default(),
             unstable: false,
