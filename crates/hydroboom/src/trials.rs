@@ -34,7 +34,7 @@ pub struct Trials {
     what: What,
     #[command(flatten)]
     crane: CraneFile,
-    /// Beside the benchmark and model following: the benchmark with numbers found anew, LQG, MPC.
+    /// Beside the benchmark and the scheduled LQR: the benchmark with numbers found anew, LQG, MPC.
     #[arg(long)]
     rivals: bool,
     /// Write trials.html into this folder.
@@ -56,7 +56,7 @@ impl Trials {
         };
         let trials = trials.into_diagnostic()?;
         let mut controllers: Vec<ControllerChoice> =
-            vec![Strategy::BenchmarkClosedLoop.into(), Strategy::ModelFollowing.into()];
+            vec![Strategy::BenchmarkClosedLoop.into(), Strategy::ScheduledLqr.into()];
         if self.rivals {
             controllers.extend(Baseline::ALL.map(ControllerChoice::Baseline));
         }
@@ -77,6 +77,7 @@ impl Trials {
             "strategy",
             "RMS [mm]",
             "peak [mm]",
+            "true RMS [mm]",
             "motor peak [rpm]",
             "ripple at rest [rpm]",
             "tip deflection [mm]",
@@ -99,6 +100,7 @@ fn row(o: &Outcome) -> Vec<String> {
         o.controller.name().into(),
         output::optional(o.rms_mm, 3),
         output::optional(o.peak_mm, 2),
+        output::optional(o.true_rms_mm, 3),
         format!("{:.0}", o.effort.motor_speed_rpm),
         format!("{:.1}", o.motor_ripple_rpm),
         format!("{:.1}", o.effort.tip_deflection_mm),

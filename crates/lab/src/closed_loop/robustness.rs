@@ -30,10 +30,12 @@ pub struct Outcome {
     /// The controller.
     #[serde(rename = "strategy")]
     pub controller: ControllerChoice,
-    /// RMS tracking error; none where it could not be finished.
+    /// RMS tracking error as measured; none where it could not be finished.
     pub rms_mm: Option<f64>,
-    /// Peak tracking error, with its sign.
+    /// Peak tracking error as measured, with its sign.
     pub peak_mm: Option<f64>,
+    /// RMS tracking error of the true piston.
+    pub true_rms_mm: Option<f64>,
     /// Standard deviation of the motor speed asked for in the last second, in which the reference rests: what noise and friction make of it.
     pub motor_ripple_rpm: f64,
     /// What the course cost and left.
@@ -66,8 +68,30 @@ pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>
         with(&name, &fast, &[format!("fieldbus.delay_cycles={cycles}")])
     };
     let of = |key: &str, value: f64| format!("{key}={value}");
+    let fast_with = |name: &str, key: &str, value: f64| with(name, &fast, &[of(key, value)]);
+    let mass = n.payload;
     [
         with("as it is, fast", &fast, &[]),
+        fast_with("ramps of 0.1 s", "motion.ramp_s", 0.1),
+        fast_with("ramps of 0.2 s", "motion.ramp_s", 0.2),
+        fast_with("ramps of 0.5 s", "motion.ramp_s", 0.5),
+        fast_with("empty hook", "payload.mass_kg", 0.0),
+        fast_with("half the payload", "payload.mass_kg", 0.5 * mass),
+        fast_with("1.45 times the payload", "payload.mass_kg", 1.45 * mass),
+        fast_with("oil that stiffens at 10 bar", "oil.transition_bar", 10.0),
+        fast_with("oil that stiffens at 65 bar", "oil.transition_bar", 65.0),
+        fast_with(
+            "beam with 0.7 times the stiffness",
+            "boom.youngs_modulus_gpa",
+            0.7e-9 * n.youngs_modulus,
+        ),
+        fast_with(
+            "pressure sensors off by 0.5 % of their span",
+            "sensors.pressure_error_percent",
+            0.5,
+        ),
+        fast_with("sensors of 200 Hz", "sensors.bandwidth_hz", 200.0),
+        fast_with("encoder of 0.2 mm", "sensors.position_resolution_mm", 0.2),
         delay(0),
         delay(1),
         delay(2),
@@ -80,7 +104,8 @@ pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>
                 of("sensors.pressure_noise_percent", 400.0 * n.pressure_noise),
             ],
         ),
-        with("drive of 15 Hz", &fast, &[of("drive.bandwidth_hz", 15.0)]),
+        fast_with("drive of 15 Hz", "drive.bandwidth_hz", 15.0),
+        fast_with("drive of 1.5 Hz", "drive.bandwidth_hz", 1.5),
         with("starts slowly, as it is", &slow, &[]),
         with(
             "starts slowly, twice the stiction",
@@ -193,6 +218,7 @@ fn one(model: &Description, trial: &Trial, controller: ControllerChoice) -> Outc
         controller,
         rms_mm: done.then(|| metrics.rms() * 1e3),
         peak_mm: done.then(|| metrics.peak() * 1e3),
+        true_rms_mm: done.then(|| metrics.true_rms() * 1e3),
         motor_ripple_rpm: variance.sqrt(),
         effort: metrics.effort(),
         unstable: !done

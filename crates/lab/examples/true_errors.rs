@@ -1,0 +1,107 @@
+//! True and measured tracking errors, crane by crane, as CSV: `true_errors CONTROLLERS COURSES SEED FROM TO [KEY=VALUE ...]`.
+//!
+//! Controllers: names of strategies or baselines; courses: `slow`, `fast`, or names of scenarios; both separated by commas. Overrides change what the controllers
+//! know. The columns are those of `docs/notebook/2026-11-28-baseline.csv`.
+
+#![expect(clippy::unwrap_used, reason = "an experiment that cannot go on stops")]
+
+use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::metrics::Metrics;
+use hydroboom_lab::closed_loop::monte_carlo::member;
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
+use hydroboom_lab::closed_loop::simulation::{Case, WIDTH, simulate_side_by_side};
+use hydroboom_lab::closed_loop::sustained_oscillation::has_sustained_oscillation;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    let [_, controllers, courses, seed, from, to, overrides @ ..] = &arguments[..] else {
+        eprintln!("true_errors CONTROLLERS COURSES SEED FROM TO [KEY=VALUE ...]");
+        std::process::exit(2);
+    };
+    let mut model = Description::uia_single_boom().unwrap();
+    overrides.iter().for_each(|assignment| model.set(assignment).unwrap());
+    let nominal = Description::uia_virtual().unwrap();
+    let all = ControllerChoice::all();
+    let controllers: Vec<ControllerChoice> = controllers
+        .split(',')
+        .map(|name| match Strategy::from_name(name) {
+            Some(strategy) => strategy.into(),
+            None => *all.iter().find(|choice| choice.name() == name).unwrap(),
+        })
+        .collect();
+    let courses: Vec<CourseChoice> = courses
+        .split(',')
+        .map(|name| match name {
+            "slow" => CourseChoice::Motion(model.numbers.slow),
+            "fast" => CourseChoice::Motion(model.numbers.fast),
+            other => CourseChoice::Scenario(other.into()),
+        })
+        .collect();
+    let seed: u64 = seed.parse().unwrap();
+    let numbers: Vec<u64> = (from.parse().unwrap()..to.parse().unwrap()).collect();
+    let mut jobs = Vec::new();
+    for group in numbers.chunks(WIDTH) {
+        for course in &courses {
+            jobs.extend(controllers.iter().map(|controller| (group, course, *controller)));
+        }
+    }
+    println!(
+        "course,seed,crane,controller,true_rms_mm,measured_rms_mm,true_peak_mm,sustained_oscillation,motor_speed_rpm,energy_kj"
+    );
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some((group, course, controller)) =
+                    jobs.get(next.fetch_add(1, Ordering::Relaxed))
+                {
+                    run(&model, &nominal, seed, group, course, *controller);
+                }
+            });
+        }
+    });
+}
+
+/// Up to four cranes side by side; the last crane fills the places that are left.
+fn run(
+    model: &Description,
+    nominal: &Description,
+    seed: u64,
+    group: &[u64],
+    course: &CourseChoice,
+    controller: ControllerChoice,
+) {
+    let number = |lane: usize| group[lane.min(group.len() - 1)];
+    let cranes: [Description; WIDTH] =
+        std::array::from_fn(|lane| member(nominal, seed, number(lane)).unwrap().crane);
+    let courses = cranes.each_ref().map(|crane| course.of(crane).unwrap());
+    let cases: [Case<'_>; WIDTH] = std::array::from_fn(|lane| Case {
+        crane: &cranes[lane],
+        controller,
+        course: courses[lane].as_ref(),
+    });
+    let mut metrics = [Metrics::new(); WIDTH];
+    let ends = simulate_side_by_side(model, &cases, |lane, sample| metrics[lane].add(sample));
+    for (lane, crane) in group.iter().enumerate() {
+        let Case { course, .. } = cases[lane];
+        let m = &metrics[lane];
+        let effort = m.effort();
+        let ended = ends[lane].is_ok();
+        let oscillates =
+            !ended || has_sustained_oscillation(model, cases[lane].crane, controller, course, m);
+        let error = |value: f64| if ended { format!("{:.5}", value * 1e3) } else { String::new() };
+        println!(
+            "{},{seed},{crane},{},{},{},{},{oscillates},{:.2},{:.4}",
+            course.name(),
+            controller.name(),
+            error(m.true_rms()),
+            error(m.rms()),
+            error(m.true_peak()),
+            effort.motor_speed_rpm,
+            effort.energy_kj,
+        );
+    }
+}
