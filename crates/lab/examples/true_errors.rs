@@ -5,7 +5,6 @@
 
 #![expect(clippy::unwrap_used, reason = "an experiment that cannot go on stops")]
 
-use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::Metrics;
@@ -27,10 +26,7 @@ fn main() {
     let all = ControllerChoice::all();
     let controllers: Vec<ControllerChoice> = controllers
         .split(',')
-        .map(|name| match Strategy::from_name(name) {
-            Some(strategy) => strategy.into(),
-            None => *all.iter().find(|choice| choice.name() == name).unwrap(),
-        })
+        .map(|name| *all.iter().find(|choice| choice.name() == name).unwrap())
         .collect();
     let courses: Vec<CourseChoice> = courses
         .split(',')
@@ -42,7 +38,7 @@ fn main() {
         .collect();
     let seed: u64 = seed.parse().unwrap();
     let numbers: Vec<u64> = (from.parse().unwrap()..to.parse().unwrap()).collect();
-    let mut jobs = Vec::new();
+    let mut jobs: Vec<(&[u64], &CourseChoice, ControllerChoice)> = Vec::new();
     for group in numbers.chunks(WIDTH) {
         for course in &courses {
             jobs.extend(controllers.iter().map(|controller| (group, course, *controller)));
