@@ -17,9 +17,6 @@ pub enum Strategy {
     SimulationFeedforwardClosedLoop,
     /// Gain-scheduled linear-quadratic regulator around the inverse dynamics of the reference, on a Kalman filter's estimates (ours).
     ScheduledLqr,
-    /// State feedback makes the simulated crane follow the reference, an observer and feedback of what differs the machine the
-    /// simulated crane (ours).
-    ModelFollowing,
 }
 
 impl Strategy {
@@ -39,7 +36,6 @@ impl Strategy {
             Self::SimulationFeedforwardOpenLoop => "simulation-feedforward-open-loop",
             Self::BenchmarkClosedLoop => "benchmark-closed-loop",
             Self::SimulationFeedforwardClosedLoop => "simulation-feedforward-closed-loop",
-            Self::ModelFollowing => "model-following",
             Self::ScheduledLqr => "scheduled-lqr",
         }
     }
@@ -57,11 +53,6 @@ impl Strategy {
     /// Whether it is the scheduled LQR, on estimates of its own.
     pub fn estimates(self) -> bool {
         self == Self::ScheduledLqr
-    }
-
-    /// Whether feedback sees the machine's difference from the simulation, and not from the reference.
-    pub fn follows(self) -> bool {
-        self == Self::ModelFollowing
     }
 }
 

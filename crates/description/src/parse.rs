@@ -25,6 +25,9 @@ fn known_paths() -> impl Iterator<Item = String> {
 
 /// "did you mean ...?" for an unknown path.
 fn suggestion(path: &str) -> String {
+    if path == "following" || path.starts_with("following.") {
+        return "model following was replaced by the scheduled LQR: its keys are in [estimator] and [scheduled_lqr]".into();
+    }
     let name = |path: &str| path.rsplit('.').next().unwrap_or_default().to_string();
     let near = known_paths()
         .map(|known| {

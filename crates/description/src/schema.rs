@@ -186,11 +186,6 @@ keys! {
     high_pass_time: "controller" "high_pass_s" ["s" = 1.0] 1e-3..=1e3, "Time constant of the pressure feedback's high-pass, tau";
     control_period: "controller" "control_period_ms" ["ms" = 1e-3] 0.01..=1000.0, "Sample time of the controller";
     simulation_period: "controller" "simulation_period_us" ["us" = 1e-6] 0.1..=10_000.0, "Step of the simulation beside the machine";
-    following_bandwidth: "following" "bandwidth_hz" ["Hz" = 1.0] 0.05..=50.0 or 2.0, "Model following: bandwidth of the simulated crane's position, where the oil is stiff enough";
-    following_damping: "following" "damping_ratio" ["-" = 1.0] 0.1..=5.0 or 0.7, "Model following: damping ratio that the simulated crane's ringing is given";
-    following_lead: "following" "lead_ms" ["ms" = 1e-3] 0.0..=500.0 or 5.0, "Model following: time from a command to what is read of it, drive, fieldbus and sensors together";
-    following_observer: "following" "observer_hz" ["Hz" = 1.0] 1.0..=200.0 or 22.0, "Model following: how fast feedback believes what pushes the machine off the simulated crane, for a crane that rings as fast; with the root of its ringing";
-    following_effort: "following" "effort_percent" ["%" = PERCENT] 1.0..=100.0 or 30.0, "Model following: what feedback from the machine may ask for at once, of the motor's largest speed; on soft oil up to three times as much, as far as travel takes it";
 
     estimator_position_noise: "estimator" "position_noise_mm" ["mm" = MM] 1e-4..=10.0 or 0.011, "Position measurement beside the sensor's data sheet: boom modes and pump ripple that the reduced model leaves out, RMS; estimate";
     estimator_pressure_noise: "estimator" "pressure_noise_bar" ["bar" = BAR] 1e-4..=50.0 or 0.08, "The same of the load pressure; estimate, with the experiment of 28 November 2026";
@@ -500,7 +495,7 @@ choices! {
 
 /// Sections that only a self-contained crane has: its pump and valves, its drive, and what the published tests do
 /// with them.
-const OF_SELF_CONTAINED: [&str; 23] = [
+const OF_SELF_CONTAINED: [&str; 22] = [
     "pump",
     "holding_valve",
     "return_valve",
@@ -510,7 +505,6 @@ const OF_SELF_CONTAINED: [&str; 23] = [
     "accumulator",
     "motor",
     "controller",
-    "following",
     "estimator",
     "scheduled_lqr",
     "motion",

@@ -113,6 +113,19 @@ fn truncated_binary_and_huge_files_are_refused() {
     refused(&"# padding\n".repeat(200_000));
 }
 
+/// Keys of model following are refused with what replaced them, in a file and as overrides.
+#[test]
+fn keys_that_were_replaced_name_their_successors() {
+    let text = format!("{UIA_SINGLE_BOOM}\n[following]\nbandwidth_hz = 2.0\n");
+    let message = refused(&text);
+    assert!(message.contains("`following.bandwidth_hz`"), "{message}");
+    assert!(message.contains("[estimator]") && message.contains("[scheduled_lqr]"), "{message}");
+    let mut crane = Description::uia_single_boom().unwrap();
+    let error = crane.set("following.lead_ms=5").unwrap_err();
+    let help: String = error.problems.iter().filter_map(|p| p.help.clone()).collect();
+    assert!(help.contains("[scheduled_lqr]"), "{help}");
+}
+
 #[test]
 fn overrides_are_checked_like_the_file() {
     let mut crane = Description::uia_single_boom().unwrap();

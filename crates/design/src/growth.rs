@@ -29,12 +29,11 @@ pub(crate) fn growing(crane: &Lifting, around: &Loop) -> Result<u32, DesignError
         let s = Complex::new(SLOW, TAU * frequency);
         Ok::<_, DesignError>(around.gain_at(&crane.responses_at(s)?, s) + 1.0)
     };
-    let highest = HIGHEST.min(around.highest());
     let mut turned = 0.0;
     let mut last = (0.0, at(0.0)?);
     for k in 1..=POINTS {
         // evenly over the frequency's root: modes of boom and oil lie low
-        let frequency = highest * (f64::from(k) / f64::from(POINTS)).powi(2);
+        let frequency = HIGHEST * (f64::from(k) / f64::from(POINTS)).powi(2);
         let next = (frequency, at(frequency)?);
         turned += turn(&at, last, next, HALVINGS)?;
         last = next;

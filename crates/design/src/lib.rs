@@ -3,10 +3,9 @@
 //! ```text
 //! Description -> linear (the crane linearised, its modes and responses)
 //!             -> lifting (as it is once the pump lifts)
-//!             -> oil_spring (what of that a controller of piston and load pressure sees)
-//!             -> model_following (scheduled over stroke and payload), linear_feedback (what it makes of readings)
-//!             -> balances (by what is learned of the crane), informed (the description with what was learned)
-//!             -> growth (whether a closed loop rings on), margins (how far it is from that), look (all of a design)
+//!             -> oil_spring_fit (a mass on an oil spring, fitted to that) -> operating_points (over the stroke)
+//!             -> reduced_model_fit (over stroke and payload) -> scheduled_lqr (estimator and law)
+//!             -> growth (whether a closed loop is unstable), margins (stability margins), look (all of a design)
 //!             -> supervision (limits, monitors and the release of the load)
 //! ```
 
@@ -20,32 +19,25 @@
     clippy::unreachable
 )]
 
-mod balances;
 mod error;
 mod growth;
-mod informed;
 mod lifting;
 pub mod linear;
-mod linear_feedback;
 mod look;
 mod margins;
-mod model_following;
 pub mod observability;
-mod oil_spring;
+mod oil_spring_fit;
+pub mod operating_points;
 pub mod reduced_model_fit;
 pub mod scheduled_lqr;
 pub mod small_signal_controller;
 mod supervision;
 
-pub use balances::{balances, leakage};
 pub use error::DesignError;
-pub use informed::{informed, overrides};
 pub use lifting::{Lifting, Responses};
-pub use linear_feedback::LinearFeedback;
-pub use look::{Look, look, machine_loops, step_response};
+pub use look::{Look, benchmark_loop, look};
 pub use margins::{Loop, Margins, margins};
-pub use model_following::{bending, conditions, law, model_following, schedule, stations, under};
-pub use oil_spring::oil_spring;
+pub use oil_spring_fit::{ElasticLoad, OilSpring, oil_spring};
 pub use supervision::{
     LoadPressure, framed_benchmark, framed_simulation_feedforward, limits, load_pressure,
 };

@@ -1,8 +1,8 @@
 //! Fit of the reduced model: statics and linearised crane over stroke and payload, as polynomials.
 
-use crate::{DesignError, stations};
+use crate::DesignError;
+use crate::operating_points::{OperatingPoints, POINTS};
 use hydroboom_control::estimation::reduced_model::{COEFFICIENTS, Polynomial, ReducedModel};
-use hydroboom_control::model_following::STATIONS;
 use hydroboom_description::Description;
 use hydroboom_model::hydraulics::Oil;
 use nalgebra::{DMatrix, DVector};
@@ -11,10 +11,8 @@ use nalgebra::{DMatrix, DVector};
 const SHARES: [f64; 6] = [0.0, 0.1, 0.25, 0.45, 0.7, 1.0];
 /// Heaviest payload that is thought of, over the largest of the crane file's range.
 const OVERLOAD: f64 = 1.25;
-/// Stations keep so far from the ends of the stroke \[m\].
-const MARGIN: f64 = 0.005;
 
-/// What is known of the crane at a station.
+/// An operating point.
 struct Sample {
     /// Place over the stroke, −1 to 1, and payload \[kg\].
     place: f64,
@@ -37,23 +35,23 @@ pub fn reduced_model(description: &Description) -> Result<ReducedModel<f64>, Des
     let range = description.range("payload.mass_kg").map_or(n.payload, |range| range.high);
     let heaviest = OVERLOAD * range.max(n.payload).max(1.0);
     let half = 0.5 * n.stroke;
-    let mut samples = Vec::with_capacity(SHARES.len() * STATIONS);
+    let mut samples = Vec::with_capacity(SHARES.len() * POINTS);
     let mut leakage = 0.0;
     for share in SHARES {
         let mut loaded = description.clone();
         loaded.numbers.payload = share * heaviest;
-        for (k, station) in stations(&loaded)?.into_iter().enumerate() {
-            let spacing = (n.stroke - 2.0 * MARGIN) / (STATIONS - 1) as f64;
-            let position = MARGIN + k as f64 * spacing;
+        let all = OperatingPoints::new(&loaded)?;
+        for (k, point) in all.points.iter().enumerate() {
+            let equilibrium = &point.equilibrium;
             samples.push(Sample {
-                place: (position - half) / half,
+                place: (all.position(k) - half) / half,
                 payload: share * heaviest,
-                holding_pressure: station.rest.load_pressure,
-                equivalent_mass: 1.0 / station.boom.acceleration_by_pressure,
-                compliance: station.boom.give,
+                holding_pressure: equilibrium.load_pressure,
+                equivalent_mass: 1.0 / point.load.acceleration_by_pressure,
+                compliance: point.load.compliance,
             });
             // of the heaviest, last
-            leakage = station.rest.holding_speed / station.rest.load_pressure.max(1.0).sqrt();
+            leakage = equilibrium.holding_speed / equilibrium.load_pressure.max(1.0).sqrt();
         }
     }
     let holding_pressure = fit(&samples, |s| (s.holding_pressure, 1e6))?;
@@ -130,18 +128,19 @@ fn fit<const POWERS: usize>(
 mod tests {
     use super::*;
 
-    /// The polynomials at every station, against the stations themselves.
+    /// The polynomials at every operating point, against the points themselves.
     #[test]
-    fn the_reduced_model_is_the_crane_at_its_stations() {
+    fn the_reduced_model_is_the_crane_at_its_operating_points() {
         let description = Description::uia_single_boom().unwrap();
         let model = reduced_model(&description).unwrap();
         for payload in [20.0, 150.0, 307.0, 400.0] {
             let mut loaded = description.clone();
             loaded.numbers.payload = payload;
-            for (k, station) in stations(&loaded).unwrap().into_iter().enumerate() {
-                let position = MARGIN + k as f64 * (0.5 - 2.0 * MARGIN) / (STATIONS - 1) as f64;
+            let all = OperatingPoints::new(&loaded).unwrap();
+            for (k, point) in all.points.iter().enumerate() {
+                let position = all.position(k);
                 let at = model.at(position, payload);
-                let (rest, boom) = (station.rest, station.boom);
+                let (rest, load) = (point.equilibrium, point.load);
                 let alike = |found: f64, wanted: f64, tolerance: f64| {
                     let off = f64::abs(found / wanted - 1.0);
                     assert!(off < tolerance, "{payload} kg, {position} m: {found} for {wanted}");
@@ -149,12 +148,12 @@ mod tests {
                 let off = f64::abs(at.holding_pressure - rest.load_pressure);
                 assert!(off < 0.02e5, "{payload} kg, {position} m: {off} Pa");
                 alike(at.holding_slope, rest.load_pressure_slope, 0.05);
-                alike(at.acceleration, boom.acceleration_by_pressure, 2e-3);
-                alike(at.compliance, boom.give, 0.03);
+                alike(at.acceleration, load.acceleration_by_pressure, 2e-3);
+                alike(at.compliance, load.compliance, 0.03);
                 // pressure by travel and by pumping, where the oil is stiff
                 let oil = model.oil.bulk_modulus_max / at.volume;
-                alike(-model.piston_area * oil, station.stiff.pressure_by_velocity, 0.04);
-                alike(model.displacement * oil, station.stiff.pressure_by_speed, 0.06);
+                alike(-model.piston_area * oil, point.stiff.pressure_by_velocity, 0.04);
+                alike(model.displacement * oil, point.stiff.pressure_by_speed, 0.06);
                 alike(model.leakage(rest.load_pressure), rest.holding_speed, 0.03);
             }
         }

@@ -3,7 +3,7 @@
 use crate::crane_file::CraneFile;
 use crate::output;
 use clap::Args;
-use hydroboom_design::{Look, look, model_following, step_response};
+use hydroboom_design::{Look, look};
 use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
@@ -12,16 +12,14 @@ use std::path::PathBuf;
 
 /// Piston positions that are looked at, as shares of the stroke.
 const AT: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
-/// Height of the step that is shown \[m\], and for how long \[s\].
-const STEP: f64 = 1e-3;
-const DURATION: f64 = 4.0;
 
-/// Model following, designed and looked at before anything moves: poles, margins, Bode and step figures.
+/// The benchmark's loop before anything moves: natural frequency of the load, stability margins, Bode figures.
 #[derive(Args)]
-#[command(
-    after_help = "Examples:\n  hydroboom design --out design\n  hydroboom design --set following.bandwidth_hz=1 --set following.damping_ratio=0.9\n  \
-    hydroboom design --family 50\n  docs/model-following.md says what is done, and why"
-)]
+#[command(after_help = "Examples:
+  hydroboom design --out design
+  hydroboom design --set controller.proportional_per_s=6
+  \
+    hydroboom design --family 50")]
 pub struct Design {
     #[command(flatten)]
     crane: CraneFile,
@@ -43,39 +41,29 @@ impl Design {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
-        let law = model_following(&crane).into_diagnostic()?;
-        let at = |share: &f64| look(&law, &crane, share * crane.numbers.stroke);
+        let at = |share: &f64| look(&crane, share * crane.numbers.stroke);
         let looks = AT.iter().map(at).collect::<Result<Vec<Look>, _>>().into_diagnostic()?;
         let family = self.family.map(|count| family_margins(&crane, count, self.seed));
         let family = family.transpose().into_diagnostic()?;
         if let Some(folder) = &self.out {
-            let middle = 0.5 * crane.numbers.stroke;
-            let step = step_response(&law, &crane, middle, STEP, DURATION).into_diagnostic()?;
-            let page = report::design_page(&crane, &law, &looks, &step).into_diagnostic()?;
+            let page = report::design_page(&crane, &looks).into_diagnostic()?;
             std::fs::create_dir_all(folder).into_diagnostic()?;
             output::file(&folder.join("design.html"), page.as_bytes())?;
         }
         if self.json {
             return output::json(&json!({
-                "crane": crane.name, "bandwidth_hz": crane.numbers.following_bandwidth,
-                "damping_ratio": crane.numbers.following_damping, "lead_ms": crane.numbers.following_lead * 1e3,
-                "observer_hz": crane.numbers.following_observer, "effort_percent": crane.numbers.following_effort * 100.0,
-                "positions": looks, "family": family,
+                "crane": crane.name, "positions": looks, "family": family,
             }));
         }
-        let n = &crane.numbers;
         let mut text = format!(
-            "{}: model following, bandwidth {} Hz, damping ratio {}, lead {} ms, observer {} Hz, effort {} %\n\n{}",
+            "{}: the benchmark's loop
+
+{}",
             crane.name,
-            n.following_bandwidth,
-            n.following_damping,
-            n.following_lead * 1e3,
-            n.following_observer,
-            n.following_effort * 100.0,
             table(&looks)
         );
-        text += "\nPM phase margin, GM gain margin, d distance from -1. State feedback is the simulated crane's own loop; the others \
-                 are around a machine that is like the model, with the lead as delay.";
+        text += "
+PM phase margin, GM gain margin, d distance from -1, around a machine that is like the model, with the lags of drive and fieldbus.";
         if let Some(family) = &family {
             text += &format!("\n\n{}", over_family(family));
         }
@@ -87,7 +75,7 @@ fn gain(factor: f64) -> String {
     if factor.is_finite() { format!("{factor:.1}") } else { "-".into() }
 }
 
-fn over_family(family: &[FamilyMargins]) -> String {
+fn over_family(of: &FamilyMargins) -> String {
     let header = [
         "over the family",
         "ring on",
@@ -98,29 +86,23 @@ fn over_family(family: &[FamilyMargins]) -> String {
         "GM",
         "PM [deg]",
     ];
-    let rows: Vec<Vec<String>> = family
-        .iter()
-        .map(|of| {
-            let m = &of.worst.margins;
-            let margins = match m.growing {
-                0 => [format!("{:.2}", m.distance), gain(m.gain), format!("{:.0}", m.phase_deg)],
-                _ => ["rings on".into(), "-".into(), "-".into()],
-            };
-            let mut row = vec![
-                of.controller.into(),
-                format!("{} of {}", of.ringing_on, of.count),
-                format!("{:.2}", of.distance_median),
-                format!("{:.2}", of.distance_p5),
-                format!("{}, {:.0}", of.worst.crane, of.worst.stroke_mm),
-            ];
-            row.extend(margins);
-            row
-        })
-        .collect();
+    let m = &of.worst.margins;
+    let margins = match m.growing {
+        0 => [format!("{:.2}", m.distance), gain(m.gain), format!("{:.0}", m.phase_deg)],
+        _ => ["rings on".into(), "-".into(), "-".into()],
+    };
+    let mut row = vec![
+        of.controller.into(),
+        format!("{} of {}", of.ringing_on, of.count),
+        format!("{:.2}", of.distance_median),
+        format!("{:.2}", of.distance_p5),
+        format!("{}, {:.0}", of.worst.crane, of.worst.stroke_mm),
+    ];
+    row.extend(margins);
     format!(
         "{}\nEvery crane of the family at three piston positions, linearised at rest as its pump begins to lift, friction left out. \
          d is negative where a loop rings on. Cranes are numbered from 0.",
-        output::table(&header, &rows)
+        output::table(&header, &[row])
     )
 }
 
@@ -128,35 +110,16 @@ fn table(looks: &[Look]) -> String {
     let rows: Vec<Vec<String>> = looks
         .iter()
         .map(|l| {
-            let placed: Vec<String> = l
-                .poles
-                .iter()
-                .take(3)
-                .map(|p| match p.imaginary > 0.0 {
-                    true => format!("{:.1}+{:.1}i", p.real, p.imaginary),
-                    false => format!("{:.1}", p.real),
-                })
-                .collect();
             let margins = |m: &hydroboom_design::Margins| {
                 format!("{:.0} / {} / {:.2}", m.phase_deg, gain(m.gain), m.distance)
             };
             vec![
                 format!("{:.0}", l.stroke_mm),
                 format!("{:.2} Hz, {:.3}", l.rings.frequency_hz, l.rings.damping_ratio),
-                placed.join("  "),
-                margins(&l.state_feedback),
-                margins(&l.machine),
                 margins(&l.benchmark),
             ]
         })
         .collect();
-    let header = [
-        "stroke [mm]",
-        "rings at, damping",
-        "slowest poles with state feedback [1/s]",
-        "state feedback PM [deg] / GM / d",
-        "machine",
-        "benchmark",
-    ];
+    let header = ["stroke [mm]", "rings at, damping", "PM [deg] / GM / d"];
     output::table(&header, &rows)
 }

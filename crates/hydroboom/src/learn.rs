@@ -14,14 +14,14 @@ use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// What one cycle under model following teaches of a virtual crane: payload, friction, oil, pump flow, slip, leakage and how late its motor is, and what open loop is worth with it:
-/// the machine is told the motor speed of a simulated crane, and not looked at. From the rest that the cycle began from, of one under state feedback by what was learned on the way,
-/// and of a model fitted to the whole cycle in hindsight, on which model following rehearses, what that is off being known and amended; and straight on from where it ended; there, too, with the very motor speed that led it through the cycle, which tells what a perfect model would come to that does not know in what state the cycle left the oil.
+/// What one cycle under the scheduled LQR tells of a virtual crane, and what open loop is worth with it: the machine is commanded what a model was commanded in a
+/// rehearsal under the scheduled LQR, and not looked at. From the rest that the cycle began from, by the model as described, and by a model fitted to the
+/// whole cycle in hindsight; the cycle's own commands amended by its errors; and, straight on from where the cycle ended, the rehearsal, and the very commands of
+/// the cycle, which tell what a perfect model would come to that does not know in what state the cycle left the oil.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  hydroboom learn --member 134 --set following.effort_percent=90\n  \
-    What is known in hindsight is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it.\n  \
-    --json has what was learned on the way, too"
+    after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  hydroboom learn --member 134\n  \
+    What is known in hindsight is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it."
 )]
 pub struct Learn {
     #[command(flatten)]
@@ -77,7 +77,6 @@ impl Learn {
                     t.course.clone(),
                     output::optional(t.closed_loop_mm, 2),
                     output::optional(t.before_mm, 2),
-                    output::optional(t.after_mm, 2),
                     output::optional(t.in_hindsight_mm, 2),
                     output::optional(t.amended_mm, 2),
                     output::optional(t.straight_on_mm, 2),
@@ -90,7 +89,6 @@ impl Learn {
             "course",
             "closed loop [mm]",
             "open loop before [mm]",
-            "learned on the way [mm]",
             "in hindsight [mm]",
             "cycle amended [mm]",
             "straight on [mm]",
@@ -163,10 +161,9 @@ fn summed_up(all: &[Taught], asked: usize) -> String {
         format!("{:.2} mm, below 1 mm on {below}", Spread::of(errors.into_iter()).median)
     };
     format!(
-        "\n\nin the median of {}: {} before, {} by what was learned on the way, {} in hindsight, {} told the cycle amended, {} straight on from where the cycle ended, {} told its own motor speed again there",
+        "\n\nin the median of {}: {} before, {} in hindsight, {} told the cycle amended, {} straight on from where the cycle ended, {} told its own motor speed again there",
         of_asked(all.len(), asked),
         sum(|t| t.before_mm),
-        sum(|t| t.after_mm),
         sum(|t| t.in_hindsight_mm),
         sum(|t| t.amended_mm),
         sum(|t| t.straight_on_mm),

@@ -335,8 +335,8 @@ pub fn table(rows: &[Row]) -> String {
         "motor [rpm]",
     ];
     format!(
-        "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane. Model following is ours, and looks\n\
-         along the path: by up to 0.15 s, and by 2.5 s for what is faster than the motor.\n\
+        "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane. The scheduled LQR is ours, and looks\n\
+         0.4 s along the path.\n\
          Beside it the RMS of the tip's vibration at rest, the motor's work, and its largest speed.\n{}",
         output::table(&header, &cells)
     )

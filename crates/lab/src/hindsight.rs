@@ -1,8 +1,8 @@
 //! What a whole cycle tells in hindsight: a model of the machine, fitted until it goes where the machine went.
 //!
-//! What is learned on the way comes of balances over a tenth of a second. What those leave open, as how much of friction is viscous, or where the oil
-//! stiffens by a bar, moves soft oil by millimetres over a cycle. So does what the published model leaves out: seals that hold a piston at rest, and with
-//! it any pressure that they can. So the model is told from start to end what the machine was told, from the pressures that were read at the start,
+//! The state estimator tells payload and transition pressure. What that leaves open, as what the pump delivers and leaks, how much of friction is viscous, or
+//! where the oil stiffens by a bar, moves soft oil by millimetres over a cycle. So does what the published model leaves out: seals that hold a piston at rest,
+//! and with it any pressure that they can. So the model is told from start to end what the machine was told, from the pressures that were read at the start,
 //! with friction that holds at rest; and its numbers are moved until it is where the machine was read to be.
 
 use crate::LabError;
@@ -10,13 +10,10 @@ use crate::closed_loop::simulation::WIDTH;
 use crate::motor_as_read::motor_as_read;
 use crate::stand_in::{StandIn, StandIns};
 use hydroboom_control::command::AxisCommand;
-use hydroboom_control::flow_balance::Balance;
-use hydroboom_control::learner::Known;
 use hydroboom_control::measurement::AxisSignals;
-use hydroboom_control::schedule::Schedule;
 use hydroboom_description::schema::FrictionChoice;
-use hydroboom_description::{Description, Numbers};
-use hydroboom_design::{informed, schedule};
+use hydroboom_description::{Description, Difference, Numbers};
+use hydroboom_design::operating_points::OperatingPoints;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, storage::Owned};
 
@@ -27,7 +24,7 @@ const FITTED: usize = 13;
 /// static friction has become, \[Pa\], a share of the pressure that the valves take, a share; \[Pa\], \[Pa\], a share.
 const STEPS: [f64; FITTED] =
     [1e-3, 5e-8, 5e4, 5e-16, 0.03, 0.03, 0.1, 5e3, 1.0, 0.03, 1e4, 1e4, 0.01];
-/// So many such steps it may be off by what was learned on the way.
+/// So many such steps it may be off by what is known before.
 const DOUBTS: [f64; FITTED] =
     [5.0, 10.0, 30.0, 10.0, 10.0, 17.0, 10.0, 6.0, 20.0, 10.0, 1.0, 1.0, 1.0];
 /// A number that is moved by as much weighs as one position that is off by this \[m\]: it decides only what the cycle leaves open, as how much of
@@ -61,22 +58,37 @@ pub(crate) struct Log<'a> {
 ///
 /// # Errors
 ///
-/// [`LabError`] when no state feedback can be designed for the model, or the log is empty.
-pub(crate) fn fitted(
-    model: &Description,
-    known: &Known,
-    log: &Log,
-) -> Result<Description, LabError> {
-    let found = Hindsight::new(model, known, log)?.searched();
+/// [`LabError`] when the model is nowhere at rest.
+pub(crate) fn fitted(model: &Description, log: &Log) -> Result<Description, LabError> {
+    let found = Hindsight::new(model, log)?.searched();
     Ok(found.machine(&found.moved))
+}
+
+/// What of a description was fitted, as overrides (`--set`) that every command takes.
+pub(crate) fn overrides(model: &Description, fitted: &Description) -> Vec<String> {
+    let of = |difference: Difference| match difference.there.parse::<f64>() {
+        Ok(value) => format!("{}={}", difference.key, six_digits(value)),
+        Err(_) => difference.assignment(),
+    };
+    model.differences(fitted).into_iter().map(of).collect()
+}
+
+/// More digits than a log tells.
+fn six_digits(value: f64) -> String {
+    match (1e-3..1e6).contains(&value.abs()) {
+        true => {
+            let whole = value.abs().log10().floor().max(0.0) as usize;
+            format!("{value:.0$}", 5_usize.saturating_sub(whole))
+        }
+        false => format!("{value:.5e}"),
+    }
 }
 
 /// The model beside a log.
 struct Hindsight<'a> {
     model: &'a Description,
-    schedule: Schedule,
-    /// What was learned on the way.
-    before: Known,
+    /// What leaks of it at rest at mid-stroke \[m³/s\].
+    leakage: f64,
     log: &'a Log<'a>,
     /// The motor that comes nearest to the speeds that were read.
     motor: Numbers<f64>,
@@ -85,12 +97,14 @@ struct Hindsight<'a> {
 }
 
 impl<'a> Hindsight<'a> {
-    fn new(model: &'a Description, known: &Known, log: &'a Log) -> Result<Self, LabError> {
-        let schedule = schedule(model)?;
-        let late = Numbers { following_lead: known.lag, ..model.numbers };
-        let motor = motor_as_read(&late, log.told, log.read);
+    fn new(model: &'a Description, log: &'a Log) -> Result<Self, LabError> {
+        let n = &model.numbers;
+        let points = OperatingPoints::new(model)?;
+        let resting = points.at(0.5 * n.stroke).equilibrium;
+        let leakage = resting.holding_speed * n.displacement * n.flow_gain;
+        let motor = motor_as_read(n, log.told, log.read);
         let moved = DVector::zeros(FITTED);
-        Ok(Self { model, schedule, before: *known, log, motor, moved })
+        Ok(Self { model, leakage, log, motor, moved })
     }
 
     /// With its numbers moved to where the model goes as the machine went.
@@ -103,25 +117,37 @@ impl<'a> Hindsight<'a> {
     /// The model with its numbers moved.
     fn machine(&self, moved: &DVector<f64>) -> Description {
         let by = |k: usize| STEPS[k] * moved[k];
-        let Known { balance, friction, .. } = self.before;
         let [transition, share] = LOWEST;
-        let known = Known {
-            balance: Balance {
-                flow_gain: balance.flow_gain + by(0),
-                leakage: (balance.leakage + by(1)).max(0.0),
-                transition: (balance.transition + by(2)).max(transition),
-                slip: (balance.slip + by(3)).max(0.0),
-            },
-            friction: [friction[0] + by(4), friction[1] + by(5)].map(|f| f.max(share)),
-            ..self.before
-        };
-        let mut machine = informed(self.model, &self.schedule, &known);
+        let mut machine = self.model.clone();
+        let n = &mut machine.numbers;
+        // a crane file's pump delivers no more than it displaces
+        let flow_gain = n.flow_gain + by(0);
+        n.displacement *= flow_gain.max(1.0);
+        n.flow_gain = flow_gain.min(1.0);
+        // what leaks is fitted, and not where: all by the same factor
+        let leakage = (self.leakage + by(1)).max(0.0);
+        let worn = if self.leakage > 0.0 { leakage / self.leakage } else { 1.0 };
+        for leakage in [
+            &mut n.internal_leakage,
+            &mut n.slip_at_rest,
+            &mut n.case_leakage_a,
+            &mut n.case_leakage_b,
+        ] {
+            *leakage *= worn;
+        }
+        n.transition = (n.transition + by(2)).max(transition);
+        n.slip_per_speed = (n.slip_per_speed + by(3)).max(0.0);
+        let [coulomb, viscous] = [1.0 + by(4), 1.0 + by(5)].map(|f| f.max(share));
+        // what breaks away is seals, as what slides slowly is
+        n.coulomb *= coulomb;
+        n.stiction *= coulomb;
+        n.viscous *= viscous;
         machine.choices.friction = FrictionChoice::LuGre;
         if let Some(rest) = self.log.read.first() {
             machine = resting(&machine, rest);
         }
         let n = &mut machine.numbers;
-        n.following_lead = self.motor.following_lead;
+        n.estimator_drive_lag = self.motor.estimator_drive_lag;
         n.drive_bandwidth = self.motor.drive_bandwidth;
         n.drive_damping = self.motor.drive_damping;
         n.stiction *= (1.0 + by(6)).max(0.0);
@@ -251,7 +277,6 @@ fn resting(model: &Description, rest: &AxisSignals<f64>) -> Description {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::learning::believed;
 
     const STROKE: f64 = 0.2;
 
@@ -273,11 +298,10 @@ mod tests {
         read
     }
 
-    /// What was learned a little wrong on the way, and what is not learned there, is known in hindsight by as much as moves the piston.
+    /// What is known a little wrong before, and what is not estimated, is known in hindsight by as much as moves the piston.
     #[test]
     fn the_model_goes_where_the_machine_went() {
         let model = Description::uia_single_boom().unwrap();
-        let known = believed(&model).unwrap();
         let mut machine = model.clone();
         machine.set("friction.law=lugre").unwrap();
         let n = &mut machine.numbers;
@@ -294,8 +318,8 @@ mod tests {
         let told = told();
         let read = read(&machine, &told);
         let log = Log { told: &told, read: &read };
-        let hindsight = Hindsight::new(&model, &known, &log).unwrap();
-        let fitted = fitted(&model, &known, &log).unwrap();
+        let hindsight = Hindsight::new(&model, &log).unwrap();
+        let fitted = fitted(&model, &log).unwrap();
         // told the same, it is where the machine was
         let mut stand_in = StandIn::new(&fitted, STROKE).unwrap();
         let mut square = 0.0;
@@ -321,16 +345,15 @@ mod tests {
 
     /// A model that already goes there is left as it is, but for the law of its friction, and starts from what was read.
     #[test]
-    fn what_was_learned_right_stays() {
+    fn what_is_known_stays() {
         let mut model = Description::uia_single_boom().unwrap();
         model.set("friction.law=lugre").unwrap();
-        let known = believed(&model).unwrap();
         let told = told();
         let read = read(&model, &told);
         let log = Log { told: &told, read: &read };
-        let hindsight = Hindsight::new(&model, &known, &log).unwrap().searched();
+        let hindsight = Hindsight::new(&model, &log).unwrap().searched();
         assert!(hindsight.moved.amax() < 1e-9, "{} steps", hindsight.moved);
-        let fitted = fitted(&model, &known, &log).unwrap();
+        let fitted = fitted(&model, &log).unwrap();
         for difference in model.differences(&fitted) {
             let [here, there] = [&difference.here, &difference.there]
                 .map(|value| value.parse::<f64>().expect("no choice differs"));

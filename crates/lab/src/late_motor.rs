@@ -25,7 +25,7 @@ pub(crate) struct LateMotor {
 }
 
 impl LateMotor {
-    /// At rest, as late as `following.lead_ms`, of which the drive's bandwidth takes what it can, within the limits of the same crane file.
+    /// At rest, as late as `estimator.drive_lag_ms`, of which the drive's bandwidth takes what it can, within the limits of the same crane file.
     pub(crate) fn new(numbers: &Numbers<f64>) -> Self {
         let limits = ActuatorLimits { speed: numbers.motor_speed, slew: numbers.motor_slew };
         let period = numbers.control_period;
@@ -39,22 +39,25 @@ impl LateMotor {
         });
         let by_drive = drive.map_or(0.0, |drive| 2.0 * drive.damping / drive.frequency);
         let (followed, dead, state) = (Vec::new(), (0, 0.0), DriveState::default());
-        let prompt = Self { limits, period, followed, dead, drive: None, state };
-        let dead = prompt.late_by((numbers.following_lead - by_drive).max(0.0));
-        Self { drive, ..dead }
+        let prompt = Self { limits, period, followed, dead, drive, state };
+        prompt.with_dead_time((numbers.estimator_drive_lag - by_drive).max(0.0))
     }
 
-    /// The same, from now on late by a dead time of so much \[s\], and no lag.
-    pub(crate) fn late_by(mut self, late: f64) -> Self {
-        let late = late / self.period;
-        self.dead = (late as usize, late.fract());
-        let reach = self.dead.0 + 2;
-        if self.drive.take().is_some() {
-            self.followed = vec![self.state.speed; reach];
-        }
-        let missing = reach.saturating_sub(self.followed.len());
-        self.followed.splice(0..0, std::iter::repeat_n(0.0, missing));
+    fn with_dead_time(mut self, time: f64) -> Self {
+        let periods = time / self.period;
+        self.dead = (periods as usize, periods.fract());
+        self.followed = vec![0.0; self.dead.0 + 2];
         self
+    }
+
+    /// The same, from now on without dead time.
+    pub(crate) fn without_dead_time(self) -> Self {
+        Self { dead: (0, 0.0), ..self }
+    }
+
+    /// Its dead time \[s\].
+    pub(crate) fn dead_time(&self) -> f64 {
+        (self.dead.0 as f64 + self.dead.1) * self.period
     }
 
     /// Its control period \[s\].
@@ -101,7 +104,7 @@ mod tests {
 
     fn motor(late_periods: f64) -> LateMotor {
         let mut numbers = Description::uia_single_boom().unwrap().numbers;
-        numbers.following_lead = late_periods * numbers.control_period;
+        numbers.estimator_drive_lag = late_periods * numbers.control_period;
         LateMotor::new(&numbers)
     }
 
@@ -114,12 +117,9 @@ mod tests {
             let (turned, expected) = (motor.told(speed(k)), (f64::from(k) - 2.25).max(0.0));
             assert!((turned - 0.1 * expected).abs() < 1e-12, "period {k}: {turned}");
         }
-        // told 9 tenths last: what it turns at is what it was told then, whether that was by a later motor or not
-        let period = motor.period();
-        let later = motor.late_by(4.0 * period);
-        assert!((later.speed() - 0.5).abs() < 1e-12);
-        let prompt = later.late_by(0.5 * period);
-        assert!((prompt.speed() - 0.85).abs() < 1e-12);
+        // told 9 tenths last: what it turns at without dead time
+        assert!((motor.dead_time() / motor.period() - 2.25).abs() < 1e-12);
+        assert!((motor.without_dead_time().speed() - 0.9).abs() < 1e-12);
     }
 
     /// By the area between what it is told and what it turns, where its slew does not count.
@@ -128,7 +128,7 @@ mod tests {
         let mut numbers = Description::uia_single_boom().unwrap().numbers;
         let step = 1e-3 * numbers.motor_slew * numbers.control_period;
         for (late, bandwidth) in [(8e-3, 60.0), (20e-3, 15.0)] {
-            (numbers.following_lead, numbers.drive_bandwidth) = (late, bandwidth);
+            (numbers.estimator_drive_lag, numbers.drive_bandwidth) = (late, bandwidth);
             let mut motor = LateMotor::new(&numbers);
             let turned: Vec<f64> = (0..400).map(|_| motor.told(step)).collect();
             let missed: f64 = turned.iter().map(|turned| 1.0 - turned / step).sum();

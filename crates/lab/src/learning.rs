@@ -1,58 +1,70 @@
-//! What a cycle teaches of a machine, and what open loop is worth with it.
+//! What a cycle under the scheduled LQR tells of a machine, and what open loop is worth with it.
 
 use crate::LabError;
 use crate::amended::amended;
 use crate::closed_loop::scenario::{Course, CourseChoice};
-use crate::following::Following;
-use crate::hindsight::{Log, fitted};
+use crate::closed_loop::simulation::{Loop, Now};
+use crate::hindsight::{Log, fitted, overrides};
 use crate::interruptible::as_long_as;
-use crate::open_loop::{OpenLoop, at_rest};
-use crate::rehearsal::Rehearsal;
+use crate::rehearsal::rehearsed;
 use crate::stand_in::StandIn;
 use hydroboom_control::command::AxisCommand;
-use hydroboom_control::learner::{Balances, Known, Learner};
 use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::Description;
-use hydroboom_design::{balances, overrides, schedule};
+use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
 use hydroboom_virtual_crane::VirtualCrane;
 use serde::Serialize;
 
-/// A cycle under model following.
-pub(crate) struct Cycle {
-    /// What it has taught.
-    pub learner: Learner,
-    /// What the machine was told, each control period.
-    pub told: Vec<AxisCommand<f64>>,
-    /// What was read of it at the beginning of each.
-    pub read: Vec<AxisSignals<f64>>,
+/// A cycle under the scheduled LQR.
+struct Cycle {
+    /// The model with mean payload and transition pressure of the second half, and the drive's lag at the end, as estimated.
+    estimated: Description,
+    /// Commands, each control period.
+    told: Vec<AxisCommand<f64>>,
+    /// Readings at the beginning of each.
+    read: Vec<AxisSignals<f64>>,
     /// The machine, where the cycle has left it.
-    pub machine: VirtualCrane,
+    machine: VirtualCrane,
 }
 
 impl Cycle {
-    /// Model following leads a crane along a course.
-    pub(crate) fn of(
-        model: &Description,
-        crane: &Description,
-        course: &dyn Course,
-    ) -> Result<Self, LabError> {
-        let start = course.reference(0.0).position;
+    /// The scheduled LQR leads a crane along a course.
+    fn of(model: &Description, crane: &Description, course: &dyn Course) -> Result<Self, LabError> {
         let mut machine = at_rest(crane, course)?;
-        let mut following = Following::new(model, &machine.signals(), start)?;
+        let controller = Box::new(scheduled_lqr_controller(model)?);
+        let mut controlled =
+            Loop::start(model, controller, known_delay(model), course, &machine.measurement())?;
         let period = model.numbers.control_period;
         let periods = (course.duration() / period).round() as u64;
         let mut told = Vec::with_capacity(periods as usize);
         let mut read = Vec::with_capacity(periods as usize);
-        for k in 0..periods {
-            let ahead = |after: f64| course.reference(k as f64 * period + after);
-            let reading = machine.signals();
-            let command = following.command(&ahead, course.speed(), &reading)?;
-            machine.advance(&command).map_err(LabError::during("the cycle that teaches"))?;
+        let mut estimated = model.clone();
+        let [mut payload, mut transition, mut count] = [0.0; 3];
+        for number in 0..periods {
+            let measurement = machine.measurement();
+            let now = Now { course, period, number };
+            let [command] = controlled.command(now, &measurement)?.axes;
+            machine.advance(&command).map_err(LabError::during("the cycle"))?;
             told.push(command);
-            read.push(reading);
+            read.push(measurement.axes[0].signals);
+            if let (Some(of), true) = (controlled.controller.estimated(), 2 * number >= periods) {
+                payload += of.filter.estimate.payload;
+                transition += of.filter.estimate.transition_pressure;
+                count += 1.0;
+                estimated.numbers.estimator_drive_lag = of.drive.time_constant(period);
+            }
         }
-        Ok(Self { learner: *following.learner(), told, read, machine })
+        if count > 0.0 {
+            estimated.numbers.payload = payload / count;
+            estimated.numbers.transition = transition / count;
+        }
+        Ok(Self { estimated, told, read, machine })
     }
+}
+
+/// A crane that has long been at rest where a course begins.
+pub(crate) fn at_rest(crane: &Description, course: &dyn Course) -> Result<VirtualCrane, LabError> {
+    Ok(VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?)
 }
 
 /// Tracking errors \[m\] of a machine that was read each period \[s\] of a course.
@@ -77,7 +89,7 @@ fn errors_of_told(
     Ok(errors)
 }
 
-/// What a cycle under model following is worth for one crane.
+/// What a cycle under the scheduled LQR is worth for one crane.
 #[derive(Clone, Debug, Serialize)]
 pub struct Taught {
     /// Its name.
@@ -86,11 +98,9 @@ pub struct Taught {
     pub course: String,
     /// RMS error in closed loop, in the cycle that taught; none where it could not be run.
     pub closed_loop_mm: Option<f64>,
-    /// RMS error in open loop, the model as it is; none where it could not be run.
+    /// RMS error in open loop, commanded as the model was in a rehearsal, the model as it is described; none where it could not be run.
     pub before_mm: Option<f64>,
-    /// The same with what was learned on the way.
-    pub after_mm: Option<f64>,
-    /// The same with that fitted in hindsight, until the model goes through the cycle as the machine went.
+    /// The same with the model fitted to the cycle in hindsight, until it goes through it as the machine went.
     pub in_hindsight_mm: Option<f64>,
     /// A machine that rests as it did and is told what led it through the cycle, amended by what that model says it takes to be where the reference is. Of all
     /// in open loop it hangs least on the model, and most on the rest.
@@ -101,9 +111,7 @@ pub struct Taught {
     /// What comes of it, straight on, if the machine is told the very motor speed once more that led it through the cycle: as a model that
     /// knows the machine perfectly, but not in what state the cycle has left it.
     pub told_again_mm: Option<f64>,
-    /// What was learned on the way, as overrides of the model's crane file.
-    pub set: Vec<String>,
-    /// The same in hindsight: it suits the course of the cycle.
+    /// What was fitted in hindsight, as overrides of the model's crane file: it suits the course of the cycle.
     pub set_in_hindsight: Vec<String>,
 }
 
@@ -133,41 +141,33 @@ fn cycle(
     name: &str,
     course: &dyn Course,
 ) -> Result<Taught, LabError> {
-    let before = OpenLoop::new(model, &believed(model)?)?;
+    let start = course.reference(0.0).position;
+    let before = rehearsed(model, course, &[], start);
     let mut taught = Taught {
         crane: name.into(),
         course: course.name(),
         closed_loop_mm: None,
-        before_mm: rms_mm(before.errors(crane, course)),
-        after_mm: None,
+        before_mm: told_rms_mm(before, &mut at_rest(crane, course)?, course),
         in_hindsight_mm: None,
         amended_mm: None,
         straight_on_mm: None,
         told_again_mm: None,
-        set: Vec::new(),
         set_in_hindsight: Vec::new(),
     };
-    if let Ok(Cycle { learner, told, read, mut machine }) = Cycle::of(model, crane, course) {
+    if let Ok(Cycle { estimated, told, read, mut machine }) = Cycle::of(model, crane, course) {
         taught.closed_loop_mm = rms_mm(Ok(errors_of_read(&read, machine.period(), course)));
-        let known = learner.known();
-        // a crane for which no state feedback can be designed has nothing to show, and the others have
-        if let Ok(learned) = OpenLoop::new(model, &known) {
-            taught.after_mm = rms_mm(learned.errors(crane, course));
-            taught.set = overrides(model, learned.informed());
-        }
         let log = Log { told: &told, read: &read };
-        let fitted = fitted(model, &known, &log)?;
+        let fitted = fitted(&estimated, &log)?;
         taught.set_in_hindsight = overrides(model, &fitted);
         let begun = read.first().map_or(0.0, |reading| reading.stroke);
         let amended = StandIn::new(&fitted, begun).and_then(|begun| amended(&begun, &log, course));
         taught.amended_mm = told_rms_mm(amended, &mut at_rest(crane, course)?, course);
-        let rehearsal = Rehearsal { model, learner: &learner, machine: &fitted };
-        let in_hindsight = rehearsal.told(course, &[], begun);
+        let in_hindsight = rehearsed(&fitted, course, &[], begun);
         taught.in_hindsight_mm = told_rms_mm(in_hindsight, &mut at_rest(crane, course)?, course);
         // told the same from the same rest, another is left in the same state
         let mut another = at_rest(crane, course)?;
         if errors_of_told(&told, &mut another, course).is_ok() {
-            let straight_on = rehearsal.told(course, &told, another.signals().stroke);
+            let straight_on = rehearsed(&fitted, course, &told, another.signals().stroke);
             taught.straight_on_mm = told_rms_mm(straight_on, &mut another, course);
         }
         taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
@@ -191,32 +191,9 @@ fn told_rms_mm(
     rms_mm(told.and_then(|told| errors_of_told(&told, machine, course)))
 }
 
-/// What the model has before anything is learned.
-pub(crate) fn believed(model: &Description) -> Result<Known, LabError> {
-    let Balances { flow, lag, .. } = balances(model, &schedule(model)?);
-    let payload = model.numbers.payload;
-    let (balance, lag) = (flow.before, lag.before);
-    Ok(Known { weighed: payload, payload, friction: [1.0; 2], balance, lag })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::closed_loop::monte_carlo::member;
-
-    /// An empty boom whose pressure has to fall by 11 bar on oil an eightieth as stiff as it gets, as it starts down: where feedback may ask for no more of
-    /// the motor than on stiff oil it is 2 mm off, and no model amends that.
-    #[test]
-    fn a_light_crane_on_soft_oil_is_within_a_millimetre_in_closed_loop() {
-        let model = Description::uia_single_boom().unwrap();
-        let nominal = Description::uia_virtual().unwrap();
-        let crane = member(&nominal, 1, 134).unwrap().crane;
-        let course = CourseChoice::Motion(model.numbers.fast).of(&crane).unwrap();
-        let Cycle { read, .. } = Cycle::of(&model, &crane, course.as_ref()).unwrap();
-        let errors = errors_of_read(&read, model.numbers.control_period, course.as_ref());
-        let closed_loop = rms_mm(Ok(errors)).unwrap();
-        assert!(closed_loop < 1.0, "{closed_loop} mm");
-    }
 
     /// What is measured straight on rests on it.
     #[test]

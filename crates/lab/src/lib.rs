@@ -4,7 +4,6 @@
 //! number of segments behind a [`Plant`].
 
 mod amended;
-pub mod astray;
 pub mod baselines;
 pub mod benchmark;
 pub mod calibrate;
@@ -15,7 +14,6 @@ pub mod double_damping;
 pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
-mod following;
 mod hindsight;
 mod interruptible;
 mod late_motor;
@@ -25,7 +23,6 @@ pub mod mat_file;
 pub mod motion_test;
 mod motor_as_read;
 pub mod numerical_damping;
-pub mod open_loop;
 pub mod paper;
 mod rehearsal;
 pub mod report;

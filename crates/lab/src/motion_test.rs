@@ -178,7 +178,7 @@ mod tests {
         for strategy in [
             Strategy::VelocityFeedforward,
             Strategy::SimulationFeedforwardClosedLoop,
-            Strategy::ModelFollowing,
+            Strategy::ScheduledLqr,
         ] {
             let alone = run(&model, &crane, strategy, course.as_ref()).unwrap();
             let other = &together[strategy as usize];

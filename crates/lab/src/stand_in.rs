@@ -22,7 +22,7 @@ impl Clone for StandIn {
 }
 
 impl StandIn {
-    /// The model as late as its `following.lead_ms`, at rest with the piston at `stroke` \[m\].
+    /// The model as late as its `estimator.drive_lag_ms`, at rest with the piston at `stroke` \[m\].
     ///
     /// The published scheme chatters at the load-holding valves and loses oil by it where that is soft, up to 0.7 % of what is pumped: implicit steps do
     /// not.
@@ -36,9 +36,9 @@ impl StandIn {
         Ok(Self { model: model.clone(), plant, motor })
     }
 
-    /// The same with a motor that from now on is late by so much \[s\].
-    pub(crate) fn late_by(self, late: f64) -> Self {
-        Self { motor: self.motor.late_by(late), ..self }
+    /// The same with a motor that from now on has the lag of its drive, and no dead time.
+    pub(crate) fn without_dead_time(self) -> Self {
+        Self { motor: self.motor.without_dead_time(), ..self }
     }
 
     /// Its motor.
@@ -155,7 +155,7 @@ mod tests {
         let models = [0.9, 1.0].map(|flow_gain| {
             let mut model = Description::uia_single_boom().unwrap();
             model.numbers.flow_gain = flow_gain;
-            model.numbers.following_lead *= flow_gain;
+            model.numbers.estimator_drive_lag *= flow_gain;
             model
         });
         let together = StandIns::new(&models, 0.2).unwrap().unwrap();

@@ -1,4 +1,4 @@
-//! What model following is held against has to be worth it, and trials have to tell what they are made for.
+//! What the scheduled LQR is compared with has to be worth it, and trials have to tell what they are made for.
 
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -28,9 +28,9 @@ fn baselines_are_better_than_the_published_benchmark() {
 fn trials_show_what_they_are_made_for() {
     let (model, crane) =
         (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
-    let following = [ControllerChoice::from(Strategy::ModelFollowing)];
+    let scheduled = [ControllerChoice::from(Strategy::ScheduledLqr)];
     let of = |trials, name: &str| {
-        let outcomes = run(&model, trials, &following, &|| ());
+        let outcomes = run(&model, trials, &scheduled, &|| ());
         let found = outcomes.into_iter().find(|o| o.trial.contains(name));
         found.unwrap_or_else(|| panic!("no trial {name}"))
     };

@@ -3,8 +3,7 @@
 //! while its pressure changes, so that one on soft oil may have less.
 
 use super::{Case, Failure, Left};
-use hydroboom_control::model_following::ModelFollowing;
-use hydroboom_design::schedule;
+use hydroboom_design::operating_points::OperatingPoints;
 
 /// Duration of a step \[s\].
 const STEP: f64 = 1e-3;
@@ -13,30 +12,32 @@ const RESTS: f64 = 1e-9;
 
 /// Such a piston, and where it is to be at the end of each step \[m\].
 struct Piston {
-    law: ModelFollowing<f64>,
-    /// The crane's pump flow over that of the model, whose law it is.
+    points: OperatingPoints,
+    /// Largest motor speed \[rev/s\].
+    motor_speed: f64,
+    /// The crane's pump flow over that of the model, whose operating points these are.
     delivers: f64,
     wanted: Vec<f64>,
 }
 
 impl Piston {
     fn new(Case { model, crane, course, .. }: &Case) -> Result<Self, Failure> {
-        let law = schedule(model)?.at(crane.numbers.payload);
+        let points = super::operating_points(model, crane)?;
         let delivers = crane.numbers.flow_gain / model.numbers.flow_gain;
         let steps = (course.duration() / STEP).round() as u64;
         let wanted = (0..=steps).map(|k| course.reference(k as f64 * STEP).position).collect();
-        Ok(Self { law, delivers, wanted })
+        Ok(Self { points, motor_speed: model.numbers.motor_speed, delivers, wanted })
     }
 
     /// How far it can move in and out within a step, at a position \[m\].
     fn farthest(&self, position: f64) -> [f64; 2] {
-        let at = self.law.station(position);
-        let spring = at.spring(self.law.stiffness_at(at.rest.load_pressure));
+        let at = self.points.at(position);
+        let rest = &at.equilibrium;
+        let spring = at.spring(self.points.stiffness(rest.load_pressure));
         let speed_per_velocity =
-            (at.rest.load_pressure_slope - spring.pressure_by_velocity) / spring.pressure_by_speed;
-        [-self.law.limits.speed, self.law.limits.speed].map(|speed| {
-            STEP * (self.delivers * speed - at.rest.holding_speed) / speed_per_velocity
-        })
+            (rest.load_pressure_slope - spring.pressure_by_velocity) / spring.pressure_by_speed;
+        [-self.motor_speed, self.motor_speed]
+            .map(|speed| STEP * (self.delivers * speed - rest.holding_speed) / speed_per_velocity)
     }
 
     /// Where it is at the end of each step that nobody told where it will have to be \[m\].

@@ -1,4 +1,4 @@
-//! What is left of a scenario's error whoever controls, beside what benchmark and model following have, on cranes of the family.
+//! What is left of a scenario's error whoever controls, beside what benchmark and scheduled LQR have, on cranes of the family.
 //!
 //! `floors -- start-stop 24` for the first 24 cranes of seed 1, or another scenario; without a number for 16.
 
@@ -8,6 +8,7 @@ mod spring;
 
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_design::operating_points::OperatingPoints;
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::monte_carlo::{Spread, member};
 use hydroboom_lab::closed_loop::scenario::{Course, CourseChoice};
@@ -22,18 +23,25 @@ const SEED: u64 = 1;
 /// Without a number.
 const CRANES: u64 = 16;
 
-/// A crane along a course, and how model following steers it.
+/// A crane along a course, and a run under the scheduled LQR.
 struct Case {
     model: Description,
     crane: Description,
     course: Box<dyn Course>,
-    following: Run,
+    scheduled: Run,
 }
 
 impl Case {
     fn loads_change(&self) -> bool {
         !self.course.loads().is_empty()
     }
+}
+
+/// Operating points of the model with a crane's payload.
+fn operating_points(model: &Description, crane: &Description) -> Result<OperatingPoints, Failure> {
+    let mut loaded = model.clone();
+    loaded.numbers.payload = crane.numbers.payload;
+    Ok(OperatingPoints::new(&loaded)?)
 }
 
 /// A motor that turns no faster than so many times the benchmark's is as good as that.
@@ -44,7 +52,7 @@ const WITHIN: &str = "so within 1.05";
 const SHOWN_WITHIN: &str = "shown, in 1.05";
 /// And braked by that motor, too.
 const BRAKED: &str = "and braked";
-const FOLLOWING: &str = "model following";
+const SCHEDULED: &str = "scheduled LQR";
 const BENCHMARK: &str = "benchmark";
 
 /// An error \[m\]: root of its mean square, and the farthest.
@@ -87,7 +95,7 @@ fn floors(case: &Case, scenario: &str, most: f64) -> Result<Vec<(&'static str, L
 struct Row {
     /// Names of what is left, by whom, and what is.
     columns: Vec<(&'static str, Left)>,
-    /// Its largest motor speed under model following over that under the benchmark.
+    /// Its largest motor speed under the scheduled LQR over that under the benchmark.
     motor: f64,
 }
 
@@ -97,13 +105,13 @@ impl Row {
         let along =
             |strategy| -> Result<Run, LabError> { run(model, &crane, strategy, course.as_ref()) };
         let benchmark = along(Strategy::BenchmarkClosedLoop)?;
-        let following = along(Strategy::ModelFollowing)?;
+        let scheduled = along(Strategy::ScheduledLqr)?;
         let [most, own] =
-            [&benchmark, &following].map(|run| run.metrics().effort().motor_speed_rpm / 60.0);
-        let [benchmark, left] = [&benchmark, &following].map(Left::from);
-        let case = Case { model: model.clone(), crane, course, following };
+            [&benchmark, &scheduled].map(|run| run.metrics().effort().motor_speed_rpm / 60.0);
+        let [benchmark, left] = [&benchmark, &scheduled].map(Left::from);
+        let case = Case { model: model.clone(), crane, course, scheduled };
         let mut columns = floors(&case, scenario, most)?;
-        columns.extend([(FOLLOWING, left), (BENCHMARK, benchmark)]);
+        columns.extend([(SCHEDULED, left), (BENCHMARK, benchmark)]);
         Ok(Self { columns, motor: own / most })
     }
 
@@ -152,7 +160,7 @@ fn main() -> Result<(), Failure> {
     print_spreads(rows.iter());
     let within = |row: &Row| row.over_benchmark(WITHIN);
     let beyond = rows.iter().filter(|row| within(row).is_some() && row.motor > TWENTIETH);
-    let behind = |row: &&Row| within(row) > row.over_benchmark(FOLLOWING);
+    let behind = |row: &&Row| within(row) > row.over_benchmark(SCHEDULED);
     let (beyond_count, behind) = (beyond.clone().count(), beyond.clone().filter(behind).count());
     if beyond_count > 0 {
         println!(

@@ -1,4 +1,4 @@
-//! What a load that changes leaves of the error whoever controls. A crane is steered by model following up to the change; from that very instant, as if
+//! What a load that changes leaves of the error whoever controls. A crane is led by the scheduled LQR up to the change; from that very instant, as if
 //! it had been known, the motor is told all its speed against the pull, and as soon as the piston is home it counts as being there at rest
 //! for the rest of the course. Nothing that turns this motor has less: oil that is delivered moves a mass on an oil spring that way, and not the other
 //! way before a full swing is over, however the oil stiffens; so more of it leaves less of the pull until the piston is home.
@@ -74,12 +74,12 @@ struct Pulled {
 impl Pull {
     /// By the change of the given number, of a crane led until then as in the run, and then with a motor that turns so fast \[rev/s\].
     fn by(case: &Case, number: usize, motor_speed: f64, knows: Knows) -> Result<Self, Failure> {
-        let Case { crane, course, following, .. } = case;
+        let Case { crane, course, scheduled, .. } = case;
         let change = &course.loads()[number];
         let mut machine = VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?;
         let mut loads = course.loads()[..number].iter().peekable();
         let mut mass = crane.numbers.payload;
-        let mut samples = following.samples.iter();
+        let mut samples = scheduled.samples.iter();
         for sample in samples.by_ref().take_while(|sample| sample.time < change.time) {
             while let Some(load) = loads.next_if(|load| load.time <= sample.time) {
                 mass = load.mass;
@@ -87,8 +87,8 @@ impl Pull {
             }
             machine.advance(&sample.command)?;
         }
-        let begun = following.samples.partition_point(|sample| sample.time < change.time);
-        let after = &following.samples[begun..];
+        let begun = scheduled.samples.partition_point(|sample| sample.time < change.time);
+        let after = &scheduled.samples[begun..];
         let until = after.partition_point(|sample| sample.time <= change.time + LONGEST);
         let periods: Vec<_> =
             after[..until].iter().map(|sample| (sample.reference, sample.command)).collect();
@@ -173,6 +173,6 @@ pub fn left(case: &Case, motor_speed: f64, knows: Knows, home: Home) -> Result<L
         square += pulled.square;
         farthest = farthest.max(pulled.farthest);
     }
-    let rms = (square / case.following.samples.len() as f64).sqrt();
+    let rms = (square / case.scheduled.samples.len() as f64).sqrt();
     Ok(Left { rms, farthest })
 }

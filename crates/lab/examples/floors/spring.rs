@@ -8,10 +8,9 @@
 
 use super::{Case, Failure, Left};
 use hydroboom_control::actuator_limits::ActuatorLimits;
-use hydroboom_control::model_following::ModelFollowing;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::station::Station;
-use hydroboom_design::schedule;
+use hydroboom_design::OilSpring;
+use hydroboom_design::operating_points::{OperatingPoint, OperatingPoints};
 use nalgebra::{Matrix4, RowVector4, Vector4};
 use std::ops::Range;
 
@@ -20,8 +19,10 @@ const STEP: f64 = 1e-3;
 /// What a motor that changes its speed by 1 rev/s in a second costs as an error \[m\]: next to nothing, so that a best is one.
 const SLEW_AS_ERROR: f64 = 1e-9;
 const SWEEPS: usize = 200;
-/// Shares of state feedback to begin with.
+/// Shares of state feedback to begin with, whose poles are a pair of the natural frequency with a damping ratio, and another \[rad/s\].
 const STARTS: [f64; 3] = [0.1, 0.4, 1.0];
+const DAMPING: f64 = 0.7;
+const BANDWIDTH: f64 = 12.6;
 /// A change of the reference's acceleration \[m/s²\] that counts.
 const CHANGE: f64 = 1e-3;
 /// No sweep that brings less than this share of the sum of squares is followed by another.
@@ -30,12 +31,16 @@ const WORTH: f64 = 1e-3;
 /// The crane at a step, where the reference is.
 struct Step {
     reference: SetPoint<f64>,
-    station: Station<f64>,
+    point: OperatingPoint,
 }
 
 /// A mass on its oil spring: position \[m\], velocity \[m/s\], load pressure \[Pa\] and motor speed \[rev/s\].
 struct Spring {
-    law: ModelFollowing<f64>,
+    points: OperatingPoints,
+    limits: ActuatorLimits<f64>,
+    /// Friction over the piston area \[Pa\], and the velocity at which it is near that \[m/s\].
+    friction: f64,
+    friction_speed: f64,
     steps: Vec<Step>,
 }
 
@@ -50,31 +55,36 @@ impl Spring {
     /// Of a crane along a course: the model's with its payload, and what its oil, pump and friction are themselves.
     fn new(Case { model, crane, course, .. }: &Case) -> Result<Self, Failure> {
         let (modelled, own) = (&model.numbers, &crane.numbers);
-        let mut law = schedule(model)?.at(own.payload);
-        law.stiffness.transition = own.transition;
-        law.friction_pressure *= own.coulomb / modelled.coulomb;
-        for station in &mut law.stations {
-            station.stiff.pressure_by_speed *= own.flow_gain / modelled.flow_gain;
-            station.stiff.acceleration_by_velocity *= own.viscous / modelled.viscous;
+        let mut points = super::operating_points(model, crane)?;
+        points.transition[0] = own.transition;
+        for point in &mut points.points {
+            point.stiff.pressure_by_speed *= own.flow_gain / modelled.flow_gain;
+            point.stiff.acceleration_by_velocity *= own.viscous / modelled.viscous;
         }
         let count = (course.duration() / STEP).round() as usize;
         let step = |k: usize| {
             let reference = course.reference(k as f64 * STEP);
-            Step { station: law.station(reference.position), reference }
+            Step { point: points.at(reference.position), reference }
         };
-        Ok(Self { steps: (0..=count).map(step).collect(), law })
+        Ok(Self {
+            steps: (0..=count).map(step).collect(),
+            points,
+            limits: ActuatorLimits { speed: modelled.motor_speed, slew: modelled.motor_slew },
+            friction: own.coulomb / model.cylinder().piston_area,
+            friction_speed: 1.0 / modelled.steepness,
+        })
     }
 
     /// How fast a motor at a speed \[rev/s\] can change it, down and up \[rev/s²\].
     fn slews(&self, speed: f64) -> [f64; 2] {
-        let ActuatorLimits { speed: limit, slew } = self.law.limits;
+        let ActuatorLimits { speed: limit, slew } = self.limits;
         [(-limit - speed) / STEP, (limit - speed) / STEP].map(|rate| rate.clamp(-slew, slew))
     }
 
     /// Motor speed \[rev/s\] of the reference in even motion.
     fn evenly(&self, at: &Step) -> f64 {
-        let rest = &at.station.rest;
-        let spring = at.station.spring(self.law.stiffness_at(rest.load_pressure));
+        let rest = &at.point.equilibrium;
+        let spring = at.point.spring(self.points.stiffness(rest.load_pressure));
         let rate = rest.load_pressure_slope - spring.pressure_by_velocity;
         rest.holding_speed + rate / spring.pressure_by_speed * at.reference.velocity
     }
@@ -96,27 +106,27 @@ impl Spring {
 
     /// Exactly on the reference at a step, at the acceleration that it had.
     fn on_reference(&self, at: usize) -> Vector4<f64> {
-        let Step { reference, station } = &self.steps[at];
+        let Step { reference, point } = &self.steps[at];
         let acceleration = if at == 0 { 0.0 } else { self.acceleration(at - 1) };
-        let Station { rest, stiff, .. } = station;
+        let OperatingPoint { equilibrium: rest, stiff, .. } = point;
         let drag = stiff.acceleration_by_velocity * reference.velocity;
-        let rubs = (reference.velocity / self.law.friction_speed).tanh();
+        let rubs = (reference.velocity / self.friction_speed).tanh();
         let moving = (acceleration - drag) / stiff.acceleration_by_pressure;
-        let pressure = rest.load_pressure + moving + self.law.friction_pressure * rubs;
+        let pressure = rest.load_pressure + moving + self.friction * rubs;
         let speed = self.evenly(&self.steps[at]);
         Vector4::new(reference.position, reference.velocity, pressure, speed)
     }
 
     /// `v' = a_v v + a_p (p − p_0 − p_fr(v))`, `p' = s(p) (c_v v + b (n − n_0))`.
     fn next(&self, at: &Step, state: &Vector4<f64>, slew: f64) -> Next {
-        let Station { rest, stiff, .. } = &at.station;
+        let OperatingPoint { equilibrium: rest, stiff, .. } = &at.point;
         let [x, v, p] = [state[0], state[1], state[2]];
         let speed = state[3] + STEP * slew;
         let (a_v, a_p) = (stiff.acceleration_by_velocity, stiff.acceleration_by_pressure);
         let (c_v, b) = (stiff.pressure_by_velocity, stiff.pressure_by_speed);
-        let turned = (v / self.law.friction_speed).tanh();
-        let turning = (1.0 - turned * turned) / self.law.friction_speed;
-        let friction = self.law.friction_pressure;
+        let turned = (v / self.friction_speed).tanh();
+        let turning = (1.0 - turned * turned) / self.friction_speed;
+        let friction = self.friction;
         let held = rest.load_pressure + rest.load_pressure_slope * (x - at.reference.position);
         let acceleration = a_v * v + a_p * (p - held - friction * turned);
         let v_next = v + STEP * acceleration;
@@ -126,10 +136,10 @@ impl Spring {
             STEP * a_p,
             0.0,
         );
-        let stiffness = self.law.stiffness_at(p);
+        let stiffness = self.points.stiffness(p);
         let apart = 1e3;
         let stiffens =
-            (self.law.stiffness_at(p + apart) - self.law.stiffness_at(p - apart)) / (2.0 * apart);
+            (self.points.stiffness(p + apart) - self.points.stiffness(p - apart)) / (2.0 * apart);
         let rate = c_v * v_next + b * (speed - rest.holding_speed);
         let x_by = RowVector4::new(1.0, 0.0, 0.0, 0.0) + STEP * v_by;
         let pumped = STEP * stiffness * b;
@@ -168,9 +178,10 @@ impl Spring {
     fn begin(&self, part: &Range<usize>, share: f64) -> Option<Tried> {
         self.roll(part, |k, state| {
             let step = &self.steps[part.start + k];
-            let gains = self.law.gains_at_rest(step.reference.position);
+            let pressure = step.point.equilibrium.load_pressure;
+            let gains = gains(&step.point.spring(self.points.stiffness(pressure)));
             let off = self.on_reference(part.start + k) - state;
-            let back = gains.position * off[0] + gains.velocity * off[1] + gains.pressure * off[2];
+            let back = gains[0] * off[0] + gains[1] * off[1] + gains[2] * off[2];
             (self.evenly(step) + share * back - state[3]) / STEP
         })
     }
@@ -250,6 +261,17 @@ impl Spring {
         let rms = (square / self.steps.len() as f64).sqrt();
         Some(Left { rms, farthest: best.iter().map(|tried| tried.farthest).fold(0.0, f64::max) })
     }
+}
+
+/// Gains of position, velocity and pressure that place the poles, by comparing coefficients of `(s + b k_p)(s² − a_v s) − a_p c_v s + a_p b (k_x + k_v s)`.
+fn gains(spring: &OilSpring) -> [f64; 3] {
+    let (a_v, a_p) = (spring.acceleration_by_velocity, spring.acceleration_by_pressure);
+    let (c_v, b) = (spring.pressure_by_velocity, spring.pressure_by_speed);
+    let frequency = spring.natural_frequency();
+    let (square, pair) = (frequency * frequency, 2.0 * DAMPING * frequency);
+    let kept = pair + BANDWIDTH + a_v;
+    let velocity = (square + pair * BANDWIDTH + a_v * kept + a_p * c_v) / (a_p * b);
+    [square * BANDWIDTH / (a_p * b), velocity, kept / b]
 }
 
 /// Rates of the motor speed \[rev/s²\] that were tried, the states that they lead through, the sum of squared errors \[m²\] and the farthest \[m\].

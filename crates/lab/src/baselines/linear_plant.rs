@@ -1,11 +1,9 @@
 //! Linear plant: a mass on the spring of the oil, linearised in mid-stroke and sampled, with two disturbance states.
 
 use crate::LabError;
-use hydroboom_control::model_following::ModelFollowing;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_control::station::Station;
 use hydroboom_description::Description;
-use hydroboom_design::model_following;
+use hydroboom_design::operating_points::{OperatingPoint, OperatingPoints};
 use nalgebra::{SMatrix, SVector, matrix};
 
 /// Position, velocity, load pressure.
@@ -16,8 +14,10 @@ pub(super) const ALL: usize = 5;
 
 /// `z' = A z + B_n (n − n_0) + B_p p_0`, sampled.
 pub(super) struct LinearPlant {
-    law: ModelFollowing<f64>,
-    at: Station<f64>,
+    points: OperatingPoints,
+    at: OperatingPoint,
+    /// Largest motor speed \[rev/s\].
+    speed_limit: f64,
     /// Of all five.
     pub a: SMatrix<f64, ALL, ALL>,
     /// By motor speed, and by the load pressure at rest.
@@ -27,10 +27,11 @@ pub(super) struct LinearPlant {
 impl LinearPlant {
     /// Of a description with the piston in the middle of its stroke, sampled with `period` \[s\].
     pub(super) fn new(model: &Description, period: f64) -> Result<Self, LabError> {
-        let law = model_following(model)?;
-        let at = law.station(0.5 * model.numbers.stroke);
-        let spring = at.spring(law.stiffness_at(at.rest.load_pressure));
-        let [_, a_v, a_p, _, c_v, _, b] = spring.to_array();
+        let points = OperatingPoints::new(model)?;
+        let at = points.at(0.5 * model.numbers.stroke);
+        let spring = at.spring(points.stiffness(at.equilibrium.load_pressure));
+        let (a_v, a_p) = (spring.acceleration_by_velocity, spring.acceleration_by_pressure);
+        let (c_v, b) = (spring.pressure_by_velocity, spring.pressure_by_speed);
         // the two inputs as states that do not change: one exponential samples all
         #[rustfmt::skip]
         let whole: SMatrix<f64, 7, 7> = matrix![
@@ -44,8 +45,9 @@ impl LinearPlant {
         ];
         let sampled = (whole * period).exp();
         Ok(Self {
-            law,
+            points,
             at,
+            speed_limit: model.numbers.motor_speed,
             a: sampled.fixed_view::<ALL, ALL>(0, 0).into_owned(),
             b: sampled.fixed_view::<ALL, 2>(0, ALL).into_owned(),
         })
@@ -59,7 +61,7 @@ impl LinearPlant {
 
     /// Load pressure at rest at a position \[m\], and motor speed that holds it there \[rev/s\].
     pub(super) fn rest(&self, stroke: f64) -> (f64, f64) {
-        let rest = self.law.station(stroke).rest;
+        let rest = self.points.at(stroke).equilibrium;
         (rest.load_pressure, rest.holding_speed)
     }
 
@@ -70,8 +72,8 @@ impl LinearPlant {
         acceleration: f64,
         [push, rate]: [f64; 2],
     ) -> (SVector<f64, MOVES>, f64) {
-        let spring = self.at.spring(self.law.stiffness_at(self.at.rest.load_pressure));
-        let rest = self.law.station(reference.position).rest;
+        let spring = self.at.spring(self.points.stiffness(self.at.equilibrium.load_pressure));
+        let rest = self.points.at(reference.position).equilibrium;
         let v = reference.velocity;
         let moving = acceleration - spring.acceleration_by_velocity * v - push;
         let pressure = rest.load_pressure + moving / spring.acceleration_by_pressure;
@@ -82,6 +84,6 @@ impl LinearPlant {
 
     /// Largest motor speed \[rev/s\].
     pub(super) fn speed_limit(&self) -> f64 {
-        self.law.limits.speed
+        self.speed_limit
     }
 }

@@ -31,26 +31,20 @@ impl ControllerChoice {
         all
     }
 
-    /// The controller for a machine of which the model is known; none for model following, which has an interface of its own.
+    /// The controller for a machine of which the model is known.
     ///
     /// # Errors
     ///
     /// [`LabError`] when it cannot be designed for the model.
-    pub(crate) fn controller(
-        self,
-        model: &Description,
-    ) -> Result<Option<Box<dyn Controller>>, LabError> {
+    pub(crate) fn controller(self, model: &Description) -> Result<Box<dyn Controller>, LabError> {
         Ok(match self {
-            Self::Strategy(strategy) if strategy.follows() => None,
-            Self::Strategy(Strategy::ScheduledLqr) => {
-                Some(Box::new(scheduled_lqr_controller(model)?))
-            }
-            Self::Strategy(strategy) => Some(Box::new(PublishedStrategy::new(
+            Self::Strategy(Strategy::ScheduledLqr) => Box::new(scheduled_lqr_controller(model)?),
+            Self::Strategy(strategy) => Box::new(PublishedStrategy::new(
                 strategy,
                 model.benchmark(),
                 model.cylinder().area_ratio(),
-            ))),
-            Self::Baseline(baseline) => Some(baseline.controller(model)?),
+            )),
+            Self::Baseline(baseline) => baseline.controller(model)?,
         })
     }
 

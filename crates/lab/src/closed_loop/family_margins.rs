@@ -1,9 +1,9 @@
-//! How far the loops around a family of virtual cranes are from ringing on.
+//! Stability margins of the benchmark's loop around a family of virtual cranes.
 
 use crate::LabError;
 use crate::closed_loop::monte_carlo::{Spread, member};
 use hydroboom_description::Description;
-use hydroboom_design::{Lifting, Loop, Margins, machine_loops, margins, schedule};
+use hydroboom_design::{Lifting, Margins, benchmark_loop, margins};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -31,7 +31,7 @@ impl MemberMargins {
 /// Margins of a controller's loop over a family.
 #[derive(Clone, Debug, Serialize)]
 pub struct FamilyMargins {
-    /// The controller: in model following, or the benchmark.
+    /// The controller.
     pub controller: &'static str,
     /// Cranes and piston positions that were looked at.
     pub count: usize,
@@ -60,8 +60,8 @@ impl FamilyMargins {
     }
 }
 
-/// Margins of both loops around the machine over a family of virtual cranes, each at three piston positions: controllers that know the
-/// model alone, its payload weighed, around cranes that are linearised as they are.
+/// Margins of the benchmark's loop over a family of virtual cranes, each at three piston positions: a controller that knows the model alone, around cranes that
+/// are linearised as they are.
 ///
 /// # Errors
 ///
@@ -70,27 +70,18 @@ pub fn family_margins(
     model: &Description,
     count: u64,
     seed: u64,
-) -> Result<[FamilyMargins; 2], LabError> {
+) -> Result<FamilyMargins, LabError> {
     let nominal = Description::uia_virtual()?;
-    let schedule = schedule(model)?;
+    let around = benchmark_loop(model);
     let cases: Vec<(u64, f64)> =
         (0..count).flat_map(|k| [0.1, 0.5, 0.9].map(|share| (k, share))).collect();
-    let of = |(number, share): &(u64, f64)| -> Result<[MemberMargins; 2], LabError> {
+    let of = |(number, share): &(u64, f64)| -> Result<MemberMargins, LabError> {
         let crane = member(&nominal, seed, *number)?.crane;
         let stroke = share * model.numbers.stroke;
-        let law = schedule.at(crane.numbers.payload);
-        let linear = Lifting::new(&crane, stroke)?;
-        let of = |around: &Loop| -> Result<MemberMargins, LabError> {
-            let margins = margins(&linear, around)?;
-            Ok(MemberMargins { crane: *number, stroke_mm: stroke * 1e3, margins })
-        };
-        let [own, benchmark] = machine_loops(&law, model, stroke);
-        Ok([of(&own)?, of(&benchmark)?])
+        let margins = margins(&Lifting::new(&crane, stroke)?, &around)?;
+        Ok(MemberMargins { crane: *number, stroke_mm: stroke * 1e3, margins })
     };
     let all = cases.par_iter().map(of).collect::<Result<Vec<_>, LabError>>()?;
-    let (own, benchmark) = all.into_iter().map(|[own, benchmark]| (own, benchmark)).unzip();
-    match (FamilyMargins::of("model-following", own), FamilyMargins::of("benchmark", benchmark)) {
-        (Some(own), Some(benchmark)) => Ok([own, benchmark]),
-        _ => Err(LabError::NoOscillation("a family of no cranes has no margins".into())),
-    }
+    let none = || LabError::NoOscillation("a family of no cranes has no margins".into());
+    FamilyMargins::of("benchmark", all).ok_or_else(none)
 }

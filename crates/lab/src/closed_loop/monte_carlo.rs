@@ -401,7 +401,7 @@ mod tests {
     fn errors_are_told_over_those_of_both_benchmarks_on_the_same_crane() {
         let reoptimised = ControllerChoice::Baseline(Baseline::ALL[0]);
         let controllers =
-            [Strategy::BenchmarkClosedLoop.into(), Strategy::ModelFollowing.into(), reoptimised];
+            [Strategy::BenchmarkClosedLoop.into(), Strategy::ScheduledLqr.into(), reoptimised];
         let outcome = |rms_mm| Outcome {
             rms_mm,
             true_rms_mm: rms_mm,

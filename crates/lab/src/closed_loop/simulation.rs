@@ -5,7 +5,6 @@ use crate::closed_loop::controller_choice::ControllerChoice;
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, due};
 use crate::closed_loop::simulated_crane::SimulatedCrane;
-use crate::following::Following;
 use hydroboom_control::command::{AxisCommand, Command};
 use hydroboom_control::controller::Controller;
 use hydroboom_control::measurement::Measurement;
@@ -18,27 +17,23 @@ use hydroboom_virtual_crane::{Fleet, VirtualCrane};
 /// Cranes that are simulated side by side.
 pub const WIDTH: usize = 4;
 
-/// A controller at work, with what it needs beside the machine.
-enum Loop {
-    Controller(Box<ControllerLoop>),
-    Following(Box<Following>),
-}
-
 /// A controller with its preview of the reference, and the simulated crane if it uses one.
-struct ControllerLoop {
-    controller: Box<dyn Controller>,
+pub(crate) struct Loop<C: ?Sized = dyn Controller> {
+    /// The controller.
+    pub controller: Box<C>,
     preview: Preview<f64>,
     simulated: Option<SimulatedCrane>,
 }
 
 /// A control period of a course.
 #[derive(Clone, Copy)]
-struct Now<'a> {
-    course: &'a dyn Course,
+pub(crate) struct Now<'a> {
+    /// The course.
+    pub course: &'a dyn Course,
     /// Control period \[s\].
-    period: f64,
+    pub period: f64,
     /// Its number.
-    number: u64,
+    pub number: u64,
 }
 
 impl Now<'_> {
@@ -58,54 +53,54 @@ impl Now<'_> {
     }
 }
 
-impl Loop {
-    /// Begins with a machine at rest, at the beginning of a course.
-    fn start(
+impl<C: Controller + ?Sized> Loop<C> {
+    /// Begins with a machine at rest, at the beginning of a course. The fieldbus delays measurement and command by so many cycles each, as far as the controller
+    /// knows.
+    pub(crate) fn start(
         model: &Description,
-        choice: ControllerChoice,
+        mut controller: Box<C>,
+        delay_cycles: u32,
         course: &dyn Course,
         measurement: &Measurement,
     ) -> Result<Self, LabError> {
         let begin = Now { course, period: model.numbers.control_period, number: 0 };
-        let start = begin.set_point(0.0).position;
-        let Some(mut controller) = choice.controller(model)? else {
-            let following = Following::new(model, &measurement.axes[0].signals, start)?;
-            return Ok(Self::Following(Box::new(following)));
-        };
-        // what the controller knows of the machine's fieldbus is its own crane file's
-        controller.start(measurement, known_delay(model));
+        controller.start(measurement, delay_cycles);
         let simulated = match controller.status().simulated_motor_speeds {
-            Some(_) => Some(SimulatedCrane::new(model, start)?),
+            Some(_) => Some(SimulatedCrane::new(model, begin.set_point(0.0).position)?),
             None => None,
         };
         let preview = Preview::new(begin.period, |after| begin.set_point(after));
-        Ok(Self::Controller(Box::new(ControllerLoop { controller, preview, simulated })))
+        Ok(Self { controller, preview, simulated })
     }
 
     /// The command for the coming period; the simulated crane moves on by it.
-    fn command(&mut self, now: Now<'_>, measurement: &Measurement) -> Result<Command, LabError> {
-        match self {
-            Self::Following(following) => {
-                let ahead = |after: f64| now.course.reference(now.time() + after);
-                let signals = &measurement.axes[0].signals;
-                let command = following.command(&ahead, now.course.speed(), signals)?;
-                Ok(Command { axes: [command] })
-            }
-            Self::Controller(of) => {
-                let ControllerLoop { controller, preview, simulated } = of.as_mut();
-                if now.number > 0 {
-                    preview.advance(|after| now.set_point(after));
-                }
-                let state = simulated.as_ref().map(SimulatedCrane::state);
-                let command = controller.update(measurement, preview, state.as_ref());
-                let speeds = controller.status().simulated_motor_speeds;
-                if let (Some(crane), Some([motor_speed])) = (simulated, speeds) {
-                    crane.advance(motor_speed)?;
-                }
-                Ok(command)
-            }
+    pub(crate) fn command(
+        &mut self,
+        now: Now<'_>,
+        measurement: &Measurement,
+    ) -> Result<Command, LabError> {
+        let Self { controller, preview, simulated } = self;
+        if now.number > 0 {
+            preview.advance(|after| now.set_point(after));
         }
+        let state = simulated.as_ref().map(SimulatedCrane::state);
+        let command = controller.update(measurement, preview, state.as_ref());
+        let speeds = controller.status().simulated_motor_speeds;
+        if let (Some(crane), Some([motor_speed])) = (simulated, speeds) {
+            crane.advance(motor_speed)?;
+        }
+        Ok(command)
     }
+}
+
+/// A loop of a choice of controller, which knows of the machine's fieldbus what its own crane file says.
+fn chosen(
+    model: &Description,
+    choice: ControllerChoice,
+    course: &dyn Course,
+    measurement: &Measurement,
+) -> Result<Loop, LabError> {
+    Loop::start(model, choice.controller(model)?, known_delay(model), course, measurement)
 }
 
 /// One controller on one crane along a course, each control period shown to `observe`, which may stop
@@ -125,7 +120,7 @@ pub fn simulate_closed_loop(
     let choice = choice.into();
     let start = course.reference(0.0).position;
     let mut crane = VirtualCrane::new(crane, &crane.start(start))?;
-    let mut controlled = Loop::start(model, choice, course, &crane.measurement())?;
+    let mut controlled = chosen(model, choice, course, &crane.measurement())?;
     let period = model.numbers.control_period;
     let periods = (course.duration() / period).round() as u64;
     let mut loads = course.loads();
@@ -222,7 +217,7 @@ fn side_by_side(
     for (k, case) in cases.iter().enumerate() {
         let measurement = fleet.measurement(k);
         let Case { controller, course, .. } = *case;
-        loops.push(Loop::start(model, controller, course, &measurement).ok()?);
+        loops.push(chosen(model, controller, course, &measurement).ok()?);
     }
     let period = model.numbers.control_period;
     let periods = cases.map(|lane| (lane.course.duration() / period).round() as u64);

@@ -127,9 +127,8 @@ fn explanation() -> Markup {
             "remedy is to feed back what differs from the simulation, not what it expects."
         }
         p {
-            "Model following (ours) does that, and steers the simulation itself better: its state is known and free of "
-            "noise, so that state feedback makes it follow the reference closely. What the machine lacks is then all that "
-            "feedback sees, E'' = (1 − G" sub { "x" } "/G" sub { "x,sim" } ")/(1 + L) of the reference: the model's error, and no more."
+            "The scheduled LQR (ours) needs no simulated crane for that: it feeds back what estimates of the machine's state differ from the "
+            "inverse dynamics of the reference, so that nothing is damped twice."
         }
     }
 }

@@ -24,8 +24,8 @@ const COMPARED: [(&str, [Strategy; 2]); 4] = [
         [Strategy::BenchmarkClosedLoop, Strategy::SimulationFeedforwardClosedLoop],
     ),
     (
-        "Test 4 (ours): model following against the benchmark",
-        [Strategy::BenchmarkClosedLoop, Strategy::ModelFollowing],
+        "Test 4 (ours): scheduled LQR against the benchmark",
+        [Strategy::BenchmarkClosedLoop, Strategy::ScheduledLqr],
     ),
 ];
 

@@ -1,0 +1,146 @@
+//! The crane at a piston position as a mass on an oil spring, fitted to its exact linearisation.
+
+use crate::{DesignError, Lifting};
+use nalgebra::{Complex, DMatrix, DVector};
+use std::f64::consts::TAU;
+
+/// Frequencies at which responses are matched, over the natural frequency of the load on the oil.
+const FREQUENCIES: [f64; 8] = [0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.15, 1.3];
+
+/// A mass on an oil spring, in small changes of piston position x, velocity v, load pressure p and motor speed n:
+/// `v' = a_x x + a_v v + a_p p`, `p' = c_x x + c_v v + c_p p + b n`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OilSpring {
+    /// a_x \[1/s²\].
+    pub acceleration_by_position: f64,
+    /// a_v \[1/s\].
+    pub acceleration_by_velocity: f64,
+    /// a_p \[m/(s² Pa)\].
+    pub acceleration_by_pressure: f64,
+    /// c_x \[Pa/(s m)\].
+    pub pressure_by_position: f64,
+    /// c_v \[Pa/m\].
+    pub pressure_by_velocity: f64,
+    /// c_p \[1/s\].
+    pub pressure_by_pressure: f64,
+    /// b \[Pa/rev\].
+    pub pressure_by_speed: f64,
+}
+
+impl OilSpring {
+    /// Natural frequency of the mass on the oil \[rad/s\].
+    pub fn natural_frequency(&self) -> f64 {
+        (-self.acceleration_by_pressure * self.pressure_by_velocity).sqrt()
+    }
+}
+
+/// The load on the cylinder's rod by a boom that bends: it is at x − γ p in the piston's travel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ElasticLoad {
+    /// Acceleration of the load by the load pressure, in the piston's travel \[m/(s² Pa)\].
+    pub acceleration_by_pressure: f64,
+    /// Compliance of the boom, γ \[m/Pa\].
+    pub compliance: f64,
+}
+
+/// Oil spring and load of a crane: least squares to the responses of its exact linearisation to the motor speed.
+///
+/// `s v = a_x x + a_v v + a_p p` for the oil spring, in which the boom is rigid; with another a_p and `γ s² p` beside for the load. A boom without
+/// compliance by that is rigid.
+///
+/// # Errors
+///
+/// [`DesignError`] when the crane does not oscillate on its oil, or its responses cannot be computed.
+pub fn oil_spring(crane: &Lifting) -> Result<(OilSpring, ElasticLoad), DesignError> {
+    let natural_frequency = crane.ringing()?.frequency_hz;
+    let rows = 2 * FREQUENCIES.len();
+    let (mut rigid, mut acceleration) = (DMatrix::zeros(rows, 3), DVector::zeros(rows));
+    let mut elastic = DMatrix::zeros(rows, 4);
+    let (mut oil, mut pressure_rate) = (DMatrix::zeros(rows, 4), DVector::zeros(rows));
+    for (k, share) in FREQUENCIES.into_iter().enumerate() {
+        let frequency = share * natural_frequency;
+        let s = Complex::new(0.0, TAU * frequency);
+        let responses = crane.responses(frequency)?;
+        let (x, v, p) = (responses.position, responses.velocity, responses.pressure);
+        // each frequency weighs the same, whatever the size of the responses
+        let (sv, sp) = (1.0 / (s * v).norm(), 1.0 / (s * p).norm());
+        for (part, i) in [2 * k, 2 * k + 1].into_iter().enumerate() {
+            let of = |z: Complex<f64>| if part == 0 { z.re } else { z.im };
+            for (column, z) in [x, v, p].into_iter().enumerate() {
+                rigid[(i, column)] = of(z) * sv;
+                elastic[(i, column)] = of(z) * sv;
+                oil[(i, column)] = of(z) * sp;
+            }
+            elastic[(i, 3)] = of(s * s * p) * sv;
+            oil[(i, 3)] = if part == 0 { sp } else { 0.0 };
+            acceleration[i] = of(s * v) * sv;
+            pressure_rate[i] = of(s * p) * sp;
+        }
+    }
+    let none = || crane.none("no mass on an oil spring answers as it does");
+    let [_, _, acceleration_by_pressure, compliance] =
+        solved(elastic, &acceleration).ok_or_else(none)?;
+    let [a_x, a_v, a_p] = solved(rigid, &acceleration).ok_or_else(none)?;
+    let [c_x, c_v, c_p, b] = solved(oil, &pressure_rate).ok_or_else(none)?;
+    let is_finite = [a_x, a_v, a_p, c_x, c_v, c_p, b].into_iter().all(f64::is_finite);
+    if !(is_finite && a_p > 0.0 && b > 0.0 && c_v < 0.0) {
+        return Err(crane.none("the motor does not lift it"));
+    }
+    let spring = OilSpring {
+        acceleration_by_position: a_x,
+        acceleration_by_velocity: a_v,
+        acceleration_by_pressure: a_p,
+        pressure_by_position: c_x,
+        pressure_by_velocity: c_v,
+        pressure_by_pressure: c_p,
+        pressure_by_speed: b,
+    };
+    let load = match compliance > 0.0 && acceleration_by_pressure > 0.0 {
+        true => ElasticLoad { acceleration_by_pressure, compliance },
+        false => ElasticLoad { acceleration_by_pressure: a_p, compliance: 0.0 },
+    };
+    Ok((spring, load))
+}
+
+/// Least squares with columns of like size.
+fn solved<const N: usize>(mut left: DMatrix<f64>, right: &DVector<f64>) -> Option<[f64; N]> {
+    let scale: Vec<f64> = left.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
+    for (mut column, scale) in left.column_iter_mut().zip(&scale) {
+        column /= *scale;
+    }
+    let found = left.svd(true, true).solve(right, 1e-12).ok()?;
+    Some(std::array::from_fn(|k| found[k] / scale[k]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_description::Description;
+
+    /// The piston stands still where the boom alone oscillates: the load does on the boom's compliance. Oil and boom are springs in series, whose squares of periods
+    /// add up to that of the linearised crane.
+    #[test]
+    fn oil_and_boom_are_springs_in_series() {
+        let description = Description::uia_single_boom().unwrap();
+        let crane = Lifting::new(&description, 0.2).unwrap();
+        let (spring, load) = oil_spring(&crane).unwrap();
+        let on_oil =
+            OilSpring { acceleration_by_pressure: load.acceleration_by_pressure, ..spring };
+        let on_boom = (load.acceleration_by_pressure / load.compliance).sqrt();
+        let squares = on_oil.natural_frequency().powi(-2) + on_boom.powi(-2);
+        let both = squares.powf(-0.5) / TAU;
+        let exact = crane.ringing().unwrap().frequency_hz;
+        assert!((both / exact - 1.0).abs() < 0.02, "{both} Hz for {exact} Hz");
+    }
+
+    /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike change nothing.
+    #[test]
+    fn bristles_that_slide_change_nothing() {
+        let [one, other] = ["stribeck", "lugre"].map(|law| {
+            let mut crane = Description::uia_single_boom().unwrap();
+            crane.set(&format!("friction.law={law}")).unwrap();
+            oil_spring(&Lifting::new(&crane, 0.25).unwrap()).unwrap()
+        });
+        assert_eq!(one, other);
+    }
+}
