@@ -127,7 +127,7 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<String, LabError> {
         p.soft {
             "Simulated: the model steers, the " (tests.plant) " follows, and is seen through its sensors. "
             "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement. "
-            "Model following looks along the path, by up to 0.15 s, and by 2.5 s for what is faster than the motor; the published strategies are told no more than where it is."
+            "The scheduled LQR looks 0.4 s along the path; the published strategies are told no more than where it is."
             @if let Some(remark) = tests.remark { " " strong { (remark) } "." }
         }
         @for (course, table, figures) in &sections {
