@@ -35,7 +35,7 @@ mod supervision;
 
 pub use error::DesignError;
 pub use lifting::{Lifting, Responses};
-pub use look::{Look, benchmark_loop, look};
+pub use look::{Look, benchmark_loop, look, scheduled_lqr_loop};
 pub use margins::{Loop, Margins, margins};
 pub use oil_spring_fit::{ElasticLoad, OilSpring, oil_spring};
 pub use supervision::{

@@ -1,6 +1,7 @@
 //! Stability margins of a loop.
 
 use crate::growth::growing;
+use crate::small_signal_controller::SmallSignalController;
 use crate::{DesignError, Lifting, Responses};
 use hydroboom_control::feedback::benchmark::Benchmark;
 use nalgebra::Complex;
@@ -11,15 +12,29 @@ use std::f64::consts::TAU;
 const FREQUENCIES: [f64; 2] = [0.02, 300.0];
 const POINTS: u32 = 1200;
 
-/// The benchmark's loop (PI and pressure feedback), broken at the motor.
+/// A loop, broken at the commanded motor speed.
 #[derive(Clone, Debug)]
-pub struct Loop {
-    /// The controller.
-    pub controller: Benchmark<f64>,
-    /// Time constant of its high-pass \[s\].
-    pub high_pass: f64,
-    /// Time from a command to what is read of it \[s\].
-    pub delay: f64,
+pub enum Loop {
+    /// PI and pressure feedback.
+    Benchmark {
+        /// The controller.
+        controller: Benchmark<f64>,
+        /// Time constant of its high-pass \[s\].
+        high_pass: f64,
+        /// Time from a command to what is read of it \[s\].
+        delay: f64,
+    },
+    /// Scheduled LQR with its state estimator.
+    ScheduledLqr {
+        /// The controller.
+        controller: Box<SmallSignalController>,
+        /// Time from a command to what is read of it beside drive and sensors \[s\].
+        delay: f64,
+        /// Time constant of the drive \[s\].
+        drive_lag: f64,
+        /// Time constant of the position sensor \[s\].
+        sensor_lag: f64,
+    },
 }
 
 impl Loop {
@@ -30,11 +45,20 @@ impl Loop {
 
     /// The same for a motor speed that grows as e to the s t, s in \[1/s\].
     pub(crate) fn gain_at(&self, crane: &Responses, s: Complex<f64>) -> Complex<f64> {
-        let Self { controller: c, high_pass, delay } = self;
-        let position = (c.proportional + c.integral / s) * c.revolutions_per_metre;
-        let high = s * *high_pass / (s * *high_pass + 1.0);
-        let pressure = high * (c.pressure_feedback / c.displacement);
-        (position * crane.position + pressure * crane.pressure) * (-s * *delay).exp()
+        match self {
+            Self::Benchmark { controller: c, high_pass, delay } => {
+                let position = (c.proportional + c.integral / s) * c.revolutions_per_metre;
+                let high = s * *high_pass / (s * *high_pass + 1.0);
+                let pressure = high * (c.pressure_feedback / c.displacement);
+                (position * crane.position + pressure * crane.pressure) * (-s * *delay).exp()
+            }
+            Self::ScheduledLqr { controller, delay, drive_lag, sensor_lag } => {
+                let position = crane.position / (s * *sensor_lag + 1.0);
+                let readings = [position, crane.pressure, Complex::from(1.0)];
+                let drive = Complex::from(1.0) / (s * *drive_lag + 1.0);
+                -controller.answer(readings, s) * drive * (-s * *delay).exp()
+            }
+        }
     }
 }
 

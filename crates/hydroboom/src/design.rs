@@ -3,6 +3,9 @@
 use crate::crane_file::CraneFile;
 use crate::output;
 use clap::Args;
+use hydroboom_control::estimation::reduced_model::MachineState;
+use hydroboom_description::Description;
+use hydroboom_design::observability::observability;
 use hydroboom_design::{Look, look};
 use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
@@ -13,11 +16,12 @@ use std::path::PathBuf;
 /// Piston positions that are looked at, as shares of the stroke.
 const AT: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
-/// The benchmark's loop before anything moves: natural frequency of the load, stability margins, Bode figures.
+/// Loops of the benchmark and of the scheduled LQR before anything moves: natural frequency of the load, stability margins, Bode figures; observability of the estimator's states.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hydroboom design --out design
   hydroboom design --set controller.proportional_per_s=6
+  hydroboom design --observability
   \
     hydroboom design --family 50")]
 pub struct Design {
@@ -29,6 +33,9 @@ pub struct Design {
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// By how much each phase of the motion alone brings down the standard deviation of each state that the Kalman filter estimates.
+    #[arg(long)]
+    observability: bool,
     /// Write design.html into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -41,6 +48,9 @@ impl Design {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
+        if self.observability {
+            return self.observability_of(&crane);
+        }
         let at = |share: &f64| look(&crane, share * crane.numbers.stroke);
         let looks = AT.iter().map(at).collect::<Result<Vec<Look>, _>>().into_diagnostic()?;
         let family = self.family.map(|count| family_margins(&crane, count, self.seed));
@@ -56,18 +66,51 @@ impl Design {
             }));
         }
         let mut text = format!(
-            "{}: the benchmark's loop
+            "{}: loops of the benchmark and of the scheduled LQR
 
 {}",
             crane.name,
             table(&looks)
         );
         text += "
-PM phase margin, GM gain margin, d distance from -1, around a machine that is like the model, with the lags of drive and fieldbus.";
+PM phase margin, GM gain margin, d modulus margin (smallest distance from -1), around a machine that is like the model, with the lags of drive and fieldbus.";
         if let Some(family) = &family {
             text += &format!("\n\n{}", over_family(family));
         }
         output::text(&text)
+    }
+
+    fn observability_of(&self, crane: &Description) -> Result<()> {
+        let phases = observability(crane, crane.numbers.fast).into_diagnostic()?;
+        if self.json {
+            return output::json(&json!({
+                "crane": crane.name, "states": MachineState::NAMES, "phases": phases,
+            }));
+        }
+        let states = MachineState::NAMES.map(|name| name.replace('_', " "));
+        let mut header = vec!["phase", "from [s]", "to [s]"];
+        header.extend(states.iter().map(String::as_str));
+        let rows: Vec<Vec<String>> = phases
+            .iter()
+            .map(|phase| {
+                let mut row = vec![
+                    phase.name.into(),
+                    format!("{:.2}", phase.begin_s),
+                    format!("{:.2}", phase.end_s),
+                ];
+                row.extend(phase.reduction.iter().map(|q| match *q < 9.95 {
+                    true => format!("{q:.1}"),
+                    false => format!("{q:.0}"),
+                }));
+                row
+            })
+            .collect();
+        output::text(&format!(
+            "{}: by what factor a phase of the motion at {:.0} mm/s alone brings down the standard deviation of a state, without process noise; 1.0: not excited\n{}",
+            crane.name,
+            crane.numbers.fast * 1e3,
+            output::table(&header, &rows)
+        ))
     }
 }
 
@@ -117,9 +160,15 @@ fn table(looks: &[Look]) -> String {
                 format!("{:.0}", l.stroke_mm),
                 format!("{:.2} Hz, {:.3}", l.rings.frequency_hz, l.rings.damping_ratio),
                 margins(&l.benchmark),
+                margins(&l.scheduled_lqr),
             ]
         })
         .collect();
-    let header = ["stroke [mm]", "rings at, damping", "PM [deg] / GM / d"];
+    let header = [
+        "stroke [mm]",
+        "load mode, damping ratio",
+        "benchmark: PM [deg] / GM / d",
+        "scheduled LQR: PM [deg] / GM / d",
+    ];
     output::table(&header, &rows)
 }
