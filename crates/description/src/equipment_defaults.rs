@@ -138,13 +138,15 @@ impl Description {
     /// The machine with ideal equipment: a drive and a valve that follow at once, exact sensors, no
     /// fieldbus, as in the published model.
     pub fn without_equipment(&self) -> Self {
+        let mut without = self.clone();
         let mut numbers = self.numbers.to_array();
         for (index, key) in KEYS.iter().enumerate() {
             if let Some(value) = key.absent.filter(|_| is_equipment(key.section)) {
                 numbers[index] = key.to_si(value);
+                without.origins[index] = Origin::absent();
             }
         }
-        Self { numbers: crate::Numbers::from_array(numbers), ..self.clone() }
+        Self { numbers: crate::Numbers::from_array(numbers), ..without }
     }
 
     /// Whether the readings of the machine's position and pressures scatter, so that one that repeats

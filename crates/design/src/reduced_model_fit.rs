@@ -154,7 +154,9 @@ mod tests {
                 let oil = model.oil.bulk_modulus_max / at.volume;
                 alike(-model.piston_area * oil, point.stiff.pressure_by_velocity, 0.04);
                 alike(model.displacement * oil, point.stiff.pressure_by_speed, 0.06);
-                alike(model.leakage(rest.load_pressure), rest.holding_speed, 0.03);
+                // leakage within 0.01 mm/s of travel
+                let off = model.leakage(rest.load_pressure) - rest.holding_speed;
+                assert!(off.abs() < 1e-5 * model.revolutions_per_metre(), "{off} rev/s");
             }
         }
     }

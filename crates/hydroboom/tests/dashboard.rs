@@ -65,7 +65,7 @@ fn a_course_is_run_from_the_page_and_stopped_in_an_emergency() {
     page.wait_for("page.frame.course_s >= 0");
     let (_, data) = run.get("/fault.csv", "");
     assert!(data.lines().count() > 900, "not a second of data:\n{}", data.len());
-    assert!(data.trim_end().ends_with("false") && data.contains(",Fault,emergency-stop,"));
+    assert!(data.trim_end().ends_with("false,") && data.contains(",Fault,emergency-stop,"));
     let (head, report) = run.get("/report", "");
     assert!(head.starts_with("HTTP/1.1 200"), "{head}");
     assert!(report.contains("<svg") && report.contains("Tracking error"));
@@ -364,7 +364,7 @@ fn strangers_pages_and_what_is_no_message_are_refused() {
     while flood.next().is_some() {}
     // wrong speeds and names are answered, and nothing moves
     for (rest, reason) in [
-        (json!({ "strategy": "magic" }), "no strategy"),
+        (json!({ "strategy": "magic" }), "no such strategy"),
         (json!({ "strategy": FAST, "scenario": "none" }), "no scenario"),
         (json!({ "strategy": FAST, "speed_mm_s": 1e9 }), "mm/s: it is"),
     ] {
