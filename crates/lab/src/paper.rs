@@ -25,7 +25,7 @@ pub const TABLE_6: [(&str, &str, f64, f64); 6] = [
 /// Section 5.3: speeds \[mm/s\].
 pub const SPEEDS_MM_S: [f64; 2] = [25.0, 120.0];
 /// Tables 7 to 9: RMS and peak tracking errors \[mm\] on the real crane at both speeds, in the
-/// order of [`Strategy::ALL`](crate::motion_test::Strategy::ALL).
+/// order of [`Strategy::ALL`](hydroboom_control::strategy::Strategy::ALL).
 pub const TRACKING_MM: [([f64; 2], [f64; 2]); 4] = [
     ([31.94, 25.11], [-46.19, -37.32]),
     ([5.39, 5.37], [-8.94, -9.39]),

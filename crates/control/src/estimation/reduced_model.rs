@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Sources: piston-side pressure build-up, equation (6) with oil (7) of doi:10.3390/act14020080; boom compliance in series and equivalent mass by a fit
-//! to the linearised crane ([`hydroboom-design`]'s `reduced_model_fit`); friction: P. Dahl, *A solid friction model*, 1968.
+//! to the linearised crane (`reduced_model_fit` in the crate `hydroboom-design`); friction: P. Dahl, *A solid friction model*, 1968.
 
 use hydroboom_math::{Real, record};
 use hydroboom_model::hydraulics::Oil;

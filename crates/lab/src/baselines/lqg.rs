@@ -22,7 +22,7 @@ pub struct Weights {
     pub drift: [f64; 5],
 }
 
-/// Found as [`RETUNED`](super::REOPTIMISED) was, by `reoptimise lqg`.
+/// Found as [`RETUNED`](super::RETUNED) was, by `reoptimise lqg`.
 pub const LQG: Weights =
     Weights { alike: [1e-3, 2.13e-2, 1.58e6, 3.74], drift: [1e-5, 1.51e-3, 1.65e6, 0.241, 4.26e6] };
 
