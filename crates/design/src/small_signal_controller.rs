@@ -59,7 +59,12 @@ impl SmallSignalController {
             estimator.update(&mut estimated, &rest, rest.motor_speed);
         }
         let preview = Preview::at_rest(law.period, position);
-        let state = law.start(estimator, &estimated, position);
+        let state = law.start(
+            law.settled_regulator(estimator, &estimated),
+            estimator,
+            &estimated,
+            position,
+        );
         let settled = Settled { estimator, law, estimated, state, preview, rest };
         let kept = 2 * estimator.delay_cycles + 1;
         let order = STATES + 1 + kept;
@@ -182,7 +187,12 @@ mod tests {
         for (which, frequency) in [(0, 1.0), (0, 8.0), (1, 2.0), (1, 20.0), (2, 5.0)] {
             let turn = TAU * frequency * law.period;
             let mut estimated = estimator.start(&rest);
-            let mut state = law.start(&estimator, &estimated, position);
+            let mut state = law.start(
+                law.settled_regulator(&estimator, &estimated),
+                &estimator,
+                &estimated,
+                position,
+            );
             let mut sum = Complex::new(0.0, 0.0);
             let mut command = rest.motor_speed;
             let (settle, count) = (10_000, 4_000);

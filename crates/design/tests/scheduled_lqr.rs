@@ -185,7 +185,12 @@ fn the_law_follows_the_reference_on_the_reduced_model() {
         let mut speed = model.leakage(z.load_pressure);
         let first = measured(&model, &z, speed);
         let mut estimated = estimator.start(&first);
-        let mut state = law.start(&estimator, &estimated, first.position);
+        let mut state = law.start(
+            law.settled_regulator(&estimator, &estimated),
+            &estimator,
+            &estimated,
+            first.position,
+        );
         let mut preview = Preview::new(PERIOD, reference);
         let mut readings = vec![first; delay_cycles + 1];
         let mut commands = vec![speed; delay_cycles + 1];
@@ -221,7 +226,12 @@ fn commands_stay_within_the_motor_whatever_is_measured() {
     let first = measured(&model, &z, 0.0);
     let mut random = Pcg64Mcg::seed_from_u64(7);
     let mut estimated = estimator.start(&first);
-    let mut state = law.start(&estimator, &estimated, first.position);
+    let mut state = law.start(
+        law.settled_regulator(&estimator, &estimated),
+        &estimator,
+        &estimated,
+        first.position,
+    );
     let preview = Preview::at_rest(PERIOD, 0.2);
     for _ in 0..3000 {
         let wild = EstimatorInput {
@@ -236,5 +246,25 @@ fn commands_stay_within_the_motor_whatever_is_measured() {
         assert!(command.abs() <= law.motor_speed, "{command}");
         let deviations = estimated.filter.deviation().to_array();
         assert!(deviations.into_iter().all(f64::is_finite), "{deviations:?}");
+    }
+}
+
+/// One Riccati step a period comes to the settled regulator within two seconds, from nothing; so no period needs more than one.
+#[test]
+fn one_riccati_step_a_period_settles() {
+    let (estimator, law) = crane(1);
+    let model = estimator.filter.model;
+    for payload in [0.0, 100.0, 307.0] {
+        let z = at_rest(&model, 0.25, payload);
+        let estimated = estimator.start(&measured(&model, &z, 0.0));
+        let settled = law.settled_regulator(&estimator, &estimated);
+        let mut followed = None;
+        for _ in 0..2000 {
+            followed = Some(law.follow_operating_point(followed, &estimator, &estimated));
+        }
+        let gains = followed.unwrap().gain.into_iter().zip(settled.gain);
+        for (found, wanted) in gains {
+            assert!((found - wanted).abs() < 1e-3 * wanted.abs(), "{payload} kg: {found} {wanted}");
+        }
     }
 }

@@ -567,6 +567,10 @@ impl ControlTask {
                 let command = controller.update(&self.measurement, &preview, None);
                 Some(command.axes[0].motor_speed)
             }
+            (false, Some(controller)) => {
+                controller.hand_over();
+                None
+            }
             _ => None,
         };
         if changes && !strategy.estimates() {

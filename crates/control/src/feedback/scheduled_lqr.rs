@@ -84,31 +84,57 @@ pub struct ScheduledLqrState<T> {
     pub command: T,
 }
 
-/// Riccati steps before the first period: the longest horizon of a regulator.
-const FIRST_STEPS: usize = 4000;
+/// Riccati steps after which a regulator has settled: 4 s at a control period of 1 ms.
+const SETTLING_STEPS: usize = 4000;
+/// Offset of the reference beyond which alternatives are predicted \[m\].
+const MOVED: f64 = 0.1e-3;
 
 impl<T: Real> ScheduledLqr<T> {
-    /// At rest at a piston position \[m\].
+    /// Begins at a reference position \[m\] with a regulator of about the present operating point.
     pub fn start(
         &self,
+        regulator: Regulator<T>,
         estimator: &StateEstimator<T>,
         estimated: &StateEstimatorState<T>,
         position: T,
     ) -> ScheduledLqrState<T> {
-        let now = estimator.predict(estimated);
-        let plant = self.plant(estimated, &self.operating(estimated, &now));
-        let mut regulator = Regulator::start(&plant);
-        for _ in 0..FIRST_STEPS {
-            regulator.step(&plant);
-        }
         ScheduledLqrState {
             regulator,
             offset: T::zero(),
             window: self.settings.shortest_window + estimated.drive.time_constant(self.period),
             speed_limit: SpeedLimit::at_rest(position),
             rollout: RolloutState::start(),
-            command: now.motor_speed,
+            command: estimator.predict(estimated).motor_speed,
         }
+    }
+
+    /// The regulator of the present operating point, settled: thousands of Riccati steps, none of them for the control cycle.
+    pub fn settled_regulator(
+        &self,
+        estimator: &StateEstimator<T>,
+        estimated: &StateEstimatorState<T>,
+    ) -> Regulator<T> {
+        let now = estimator.predict(estimated);
+        let plant = self.plant(estimated, &self.operating(estimated, &now));
+        let mut regulator = Regulator::start(&plant);
+        for _ in 0..SETTLING_STEPS {
+            regulator.step(&plant);
+        }
+        regulator
+    }
+
+    /// One Riccati step of the present operating point, while another controller commands: begun anew where there is no regulator yet.
+    pub fn follow_operating_point(
+        &self,
+        regulator: Option<Regulator<T>>,
+        estimator: &StateEstimator<T>,
+        estimated: &StateEstimatorState<T>,
+    ) -> Regulator<T> {
+        let now = estimator.predict(estimated);
+        let plant = self.plant(estimated, &self.operating(estimated, &now));
+        let mut regulator = regulator.unwrap_or_else(|| Regulator::start(&plant));
+        regulator.step(&plant);
+        regulator
     }
 
     /// Motor speed \[rev/s\] for the coming period.
@@ -179,7 +205,7 @@ impl<T: Real> ScheduledLqr<T> {
         let law = feedforward + feedback;
 
         // what linear feedback cannot do
-        let moved = T::lit(0.1e-3).lt(state.offset.abs());
+        let moved = T::lit(MOVED).lt(state.offset.abs());
         let policy = Policy {
             model: self.model,
             estimate: *estimate,

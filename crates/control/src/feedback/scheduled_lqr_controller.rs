@@ -3,6 +3,7 @@
 //! The estimator may run under any strategy ([`observe`](ScheduledLqrController::observe)), so that a hand-over finds it settled; while the load-holding valve is shut,
 //! [`observe_held`](ScheduledLqrController::observe_held) keeps its parameters and weighs the load.
 
+use super::riccati::Regulator;
 use super::scheduled_lqr::{ScheduledLqr, ScheduledLqrState};
 use crate::command::Command;
 use crate::controller::{Controller, ControllerStatus, SimulatedState};
@@ -20,6 +21,8 @@ pub struct ScheduledLqrController {
     area_ratio: f64,
     /// None before the first measurement.
     estimated: Option<StateEstimatorState<f64>>,
+    /// Regulator of the operating point while another controller commands; none before the first measurement.
+    regulator: Option<Regulator<f64>>,
     /// None before control begins.
     state: Option<ScheduledLqrState<f64>>,
     /// Number of the measurement that was observed last.
@@ -38,6 +41,7 @@ impl ScheduledLqrController {
             law,
             area_ratio,
             estimated: None,
+            regulator: None,
             state: None,
             observed: None,
             last: [0.0; 3],
@@ -79,6 +83,9 @@ impl ScheduledLqrController {
             Some(estimated) => self.estimator.update(estimated, &input, command),
             None => self.begin(&input),
         }
+        if self.state.is_none() {
+            self.follow_operating_point();
+        }
     }
 
     /// Takes a measurement in while the load-holding valve is shut: position and load pressure are as measured, nothing moves, the payload may have changed;
@@ -88,18 +95,33 @@ impl ScheduledLqrController {
         let input = self.input(&measurement.axes[0], is_new);
         self.observed = Some(measurement.number);
         self.command = 0.0;
-        self.state = None;
+        self.hand_over();
         match &mut self.estimated {
             Some(estimated) => self.estimator.hold(estimated, &input),
             None => self.begin(&input),
         }
+        self.follow_operating_point();
     }
 
-    /// Begins control where the machine is, whatever controlled it before. The reference starts anew at the piston and returns to `reference` \[m\]; the
-    /// regulator is that of the present operating point.
+    /// Begins control where the machine is, whatever controlled it before: the reference returns to `reference` \[m\] from the piston, the regulator has followed the
+    /// operating point.
     pub fn take_over(&mut self, reference: f64) {
+        if let (Some(estimated), Some(regulator)) = (&self.estimated, self.regulator) {
+            self.state = Some(self.law.start(regulator, &self.estimator, estimated, reference));
+        }
+    }
+
+    /// Control goes to another controller; the regulator goes on with the operating point.
+    pub fn hand_over(&mut self) {
+        if let Some(state) = self.state.take() {
+            self.regulator = Some(state.regulator);
+        }
+    }
+
+    fn follow_operating_point(&mut self) {
         if let Some(estimated) = &self.estimated {
-            self.state = Some(self.law.start(&self.estimator, estimated, reference));
+            let (law, before) = (&self.law, self.regulator.take());
+            self.regulator = Some(law.follow_operating_point(before, &self.estimator, estimated));
         }
     }
 
@@ -155,8 +177,12 @@ impl ScheduledLqrController {
 impl Controller for ScheduledLqrController {
     fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
         self.estimator.delay_cycles = delay_cycles as usize;
-        (self.estimated, self.state, self.observed) = (None, None, None);
+        (self.estimated, self.regulator, self.state, self.observed) = (None, None, None, None);
         self.observe(measurement, 0.0);
+        // this is no control period: the regulator settles at once
+        if let Some(estimated) = &self.estimated {
+            self.regulator = Some(self.law.settled_regulator(&self.estimator, estimated));
+        }
         let position = measurement.axes[0].signals.stroke;
         self.take_over(position);
     }
