@@ -268,3 +268,41 @@ fn one_riccati_step_a_period_settles() {
         }
     }
 }
+
+/// A load that is taken off at once throws the piston up by more than feedback may command: with the rollout it is back sooner.
+#[test]
+fn the_rollout_brings_a_thrown_piston_back_sooner() {
+    let squares = |improvement: f64| {
+        let (estimator, mut law) = crane(1);
+        law.rollout.improvement = improvement;
+        let model = estimator.filter.model;
+        let mut z = at_rest(&model, 0.25, 250.0);
+        z.transition_pressure = 45e5;
+        let mut speed = model.leakage(z.load_pressure);
+        let first = measured(&model, &z, speed);
+        let mut estimated = estimator.start(&first);
+        let regulator = law.settled_regulator(&estimator, &estimated);
+        let mut state = law.start(regulator, &estimator, &estimated, first.position);
+        let preview = Preview::at_rest(PERIOD, 0.25);
+        let (mut readings, mut commands) = (vec![first; 2], vec![speed; 2]);
+        let mut sum = 0.0;
+        for k in 0..9000 {
+            if k == 500 {
+                z.payload = 100.0;
+            }
+            let command = law.update(&mut state, &estimator, &estimated, &preview);
+            commands.push(command);
+            let arrived = commands[commands.len() - 2];
+            let next = (speed + 0.15 * (arrived - speed)).clamp(speed - law.slew, speed + law.slew);
+            z = model.step(&z, 0.5 * (speed + next), BEYOND, PERIOD);
+            speed = next;
+            readings.push(measured(&model, &z, speed));
+            estimator.update(&mut estimated, &readings[readings.len() - 2], command);
+            sum += (model.piston(&z) - 0.25).powi(2) * PERIOD;
+        }
+        assert!((model.piston(&z) - 0.25).abs() < 0.5e-3, "{z:?}");
+        sum
+    };
+    let (with, without) = (squares(0.01), squares(1.0));
+    assert!(with < 0.9 * without, "{with} with, {without} without");
+}
