@@ -188,8 +188,11 @@ keys! {
     simulation_period: "controller" "simulation_period_us" ["us" = 1e-6] 0.1..=10_000.0, "Step of the simulation beside the machine";
 
     estimator_position_noise: "estimator" "position_noise_mm" ["mm" = MM] 1e-4..=10.0 or 0.011, "Position measurement beside the sensor's data sheet: boom modes and pump ripple that the reduced model leaves out, RMS; estimate";
-    estimator_pressure_noise: "estimator" "pressure_noise_bar" ["bar" = BAR] 1e-4..=50.0 or 0.08, "The same of the load pressure; estimate, with the experiment of 28 November 2026";
+    estimator_pressure_noise: "estimator" "pressure_noise_bar" ["bar" = BAR] 1e-4..=50.0 or 0.05, "The same of the load pressure; estimate, by the mean NIS of virtual cranes";
     estimator_noise_memory: "estimator" "noise_memory_s" ["s" = 1.0] 0.1..=1000.0 or 5.0, "Averaging time of the measured noise; long beside a load change";
+    estimator_initial_position: "estimator" "initial_position_mm" ["mm" = MM] 1e-6..=100.0 or 0.02, "Standard deviation of the load's position at the start: noise and compliance; estimate";
+    estimator_initial_velocity: "estimator" "initial_velocity_mm_s" ["mm/s" = MM] 1e-6..=1e4 or 0.5, "Standard deviation of the load's velocity at the start, at rest; estimate";
+    estimator_initial_pressure: "estimator" "initial_pressure_bar" ["bar" = BAR] 1e-4..=100.0 or 0.1, "Standard deviation of the load pressure at the start; measurement noise";
     estimator_position_drift: "estimator" "position_drift_mm" ["mm" = MM] 1e-6..=10.0 or 0.01, "Process noise of the load's position in a second: half a boom mode's amplitude; estimate";
     estimator_velocity_drift: "estimator" "velocity_drift_mm_s" ["mm/s" = MM] 1e-4..=1000.0 or 1.0, "Process noise of the load's velocity in a second; estimate";
     estimator_flow_ripple: "estimator" "flow_ripple_rev" ["rev" = 1.0] 1e-6..=10.0 or 0.03, "Process noise of the delivered flow: standard deviation of what is pumped in a second, in revolutions; pump ripple, 1 bar where the oil is stiff";
@@ -197,18 +200,29 @@ keys! {
     estimator_disturbance_drift: "estimator" "disturbance_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 1.5, "Process noise of the unknown force over the piston's area in a second; twice as much makes the motor noisy";
     estimator_initial_disturbance: "estimator" "initial_disturbance_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Standard deviation of the unknown force at the start: friction of the crane file and half as much again";
     estimator_disturbance_time: "estimator" "disturbance_time_s" ["s" = 1.0] 0.05..=100.0 or 1.0, "Time in which an unknown force decays; what lasts longer is taken for payload";
+    estimator_largest_disturbance: "estimator" "largest_disturbance_bar" ["bar" = BAR] 1.0..=1e4 or 150.0, "Largest unknown force over the piston's area that is estimated; twice the heaviest load of the paper's crane";
+    estimator_largest_friction: "estimator" "largest_friction" ["-" = 1.0] 1.0..=100.0 or 4.0, "Largest friction that is estimated, over Coulomb friction of the crane file";
+    estimator_largest_velocity: "estimator" "largest_velocity_mm_s" ["mm/s" = MM] 1.0..=1e6 or 10_000.0, "Largest velocity that is estimated: beyond what any crane does";
+    estimator_largest_pressure: "estimator" "largest_pressure_bar" ["bar" = BAR] 1.0..=1e4 or 1000.0, "Largest load pressure that is estimated: beyond what any cylinder bears";
     estimator_flow_drift: "estimator" "flow_drift_rpm" ["rpm" = RPM] 1e-3..=1000.0 or 18.0, "Process noise of the unknown flow in a second, as a motor speed; estimate";
-    estimator_payload_drift: "estimator" "payload_drift_percent" ["%" = PERCENT] 1e-3..=100.0 or 0.43, "Process noise of the payload in a second, of the heaviest that is thought of; estimate";
+    estimator_largest_flow: "estimator" "largest_flow_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest unknown flow that is estimated, of the motor's speed; a pump worn out";
+    estimator_payload_drift: "estimator" "payload_drift_percent" ["%" = PERCENT] 1e-3..=100.0 or 1.0, "Process noise of the payload in a second, of the heaviest that is thought of; estimate";
+    estimator_payload_variance_limit: "estimator" "payload_variance_limit" ["-" = 1.0] 1.0..=1e6 or 30.0, "Largest variance of the payload in the filter, over that at the start";
     estimator_transition_drift: "estimator" "transition_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Process noise of the oil's transition pressure in a second: air dissolves within seconds";
     estimator_lowest_transition: "estimator" "lowest_transition_bar" ["bar" = BAR] 0.0..=500.0 or 8.0, "Lowest transition pressure that is estimated; oil without undissolved air";
     estimator_highest_transition: "estimator" "highest_transition_bar" ["bar" = BAR] 0.1..=500.0 or 65.0, "Highest transition pressure that is estimated; oil with a tenth of air";
     estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 50.0, "Time constant of the mean of normalised innovations squared (NIS)";
     estimator_nis_threshold: "estimator" "nis_threshold" ["-" = 1.0] 1.1..=100.0 or 3.0, "Mean NIS above which a load has changed: 0.05 % of a chi-square mean of 50 numbers lie above 2";
-    estimator_nis_factor: "estimator" "nis_factor" ["-" = 1.0] 0.0..=1000.0 or 30.0, "Process noise of force and payload after a load change, over that without one";
     estimator_divergence_time: "estimator" "divergence_time_s" ["s" = 1.0] 0.01..=100.0 or 2.0, "Time of a mean NIS above twice the threshold after which the filter has diverged, and the benchmark takes over";
     estimator_drive_lag: "estimator" "drive_lag_ms" ["ms" = MS] 1.0..=300.0 or 6.2, "Lag of the servo drive before any is identified";
     estimator_drive_memory: "estimator" "drive_memory_s" ["s" = 1.0] 0.1..=1000.0 or 2.0, "Time constant in which the identification of the drive forgets";
+    estimator_drive_deviation: "estimator" "drive_deviation_percent" ["%" = PERCENT] 0.1..=100.0 or 10.0, "Standard deviation of the share of the way to its command that the motor goes in a period: at the start, and at most";
+    estimator_shortest_drive_lag: "estimator" "shortest_drive_lag_ms" ["ms" = MS] 0.1..=300.0 or 1.7, "Shortest lag of the drive that is identified: 94 Hz";
+    estimator_longest_drive_lag: "estimator" "longest_drive_lag_ms" ["ms" = MS] 1.0..=10_000.0 or 200.0, "Longest lag of the drive that is identified: 0.8 Hz";
+    estimator_free_slew: "estimator" "free_slew_percent" ["%" = PERCENT] 1.0..=100.0 or 80.0, "Change of the motor's speed up to which its lag is identified, of the slew limit";
     estimator_speed_noise: "estimator" "speed_noise_rpm" ["rpm" = RPM] 0.01..=1000.0 or 12.0, "Noise of the motor speed that is read, and of what a first-order lag leaves out of the drive";
+    estimator_mass_deviation: "estimator" "mass_deviation_percent" ["%" = PERCENT] 0.0..=100.0 or 5.0, "Standard deviation of the equivalent mass about that of the model; considered, not estimated: base and modes that the reduced model leaves out; estimate";
+    estimator_sensor_lag: "estimator" "sensor_lag_deviation_ms" ["ms" = MS] 0.0..=100.0 or 0.1, "Standard deviation of the position sensor's lag about that of its data sheet; considered, not estimated; 0.2 ms are a fifth of a control period";
 
     lqr_position: "scheduled_lqr" "position_tolerance_mm" ["mm" = MM] 1e-3..=1000.0 or 1.0, "Position error that costs one (Bryson); only ratios of the three tolerances count";
     lqr_velocity: "scheduled_lqr" "velocity_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 40.0, "Velocity error that costs one; damping of the load's mode";
@@ -227,6 +241,7 @@ keys! {
     lqr_rollout_short: "scheduled_lqr" "rollout_short_ms" ["ms" = MS] 1.0..=500.0 or 30.0, "Short time for which an alternative holds the motor's limit";
     lqr_rollout_long: "scheduled_lqr" "rollout_long_ms" ["ms" = MS] 1.0..=500.0 or 100.0, "Long time for which an alternative holds the motor's limit: about that to reach it at the slew limit";
     lqr_rollout_improvement: "scheduled_lqr" "rollout_improvement_percent" ["%" = PERCENT] 0.0..=100.0 or 1.0, "An alternative must cost less than the law by this share";
+    lqr_rollout_offset: "scheduled_lqr" "rollout_offset_mm" ["mm" = MM] 1e-3..=100.0 or 0.1, "Offset of the governed reference from the asked one beyond which alternatives are predicted";
     lqr_payload_probability: "scheduled_lqr" "payload_probability_percent" ["%" = PERCENT] 0.0..=100.0 or 70.0, "Probability that a load that has changed is a payload, and not a force";
 
     motion_start: "motion" "start_mm" ["mm" = MM] 0.0..=2e4, "First piston position";

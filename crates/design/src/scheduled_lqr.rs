@@ -2,6 +2,7 @@
 
 use crate::{DesignError, reduced_model_fit::reduced_model};
 use hydroboom_control::estimation::drive_identification::DriveIdentification;
+use hydroboom_control::estimation::error_covariance::ConsideredParameters;
 use hydroboom_control::estimation::extended_kalman_filter::ExtendedKalmanFilter;
 use hydroboom_control::estimation::innovation_test::InnovationTest;
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
@@ -35,9 +36,9 @@ pub fn state_estimator(
     let worn = range.high.internal_leakage / n.internal_leakage.max(1e-15);
     let leakage = model.leakage(middle.holding_pressure) * Real::clamp(worn - 1.0, 0.5, 10.0);
     let initial_deviation = MachineState {
-        position: 2e-5,
-        velocity: 5e-4,
-        load_pressure: 1e4,
+        position: n.estimator_initial_position,
+        velocity: n.estimator_initial_velocity,
+        load_pressure: n.estimator_initial_pressure,
         friction: model.coulomb,
         disturbance: n.estimator_initial_disturbance,
         unknown_flow: leakage,
@@ -54,25 +55,29 @@ pub fn state_estimator(
         payload: n.estimator_payload_drift * model.heaviest,
         transition_pressure: n.estimator_transition_drift,
     };
-    let lowest = MachineState {
-        position: -n.stroke,
-        velocity: -10.0,
-        load_pressure: -5e6,
-        friction: -model.coulomb * 4.0,
-        disturbance: -1.5e7,
-        unknown_flow: -0.4 * n.motor_speed,
-        payload: 0.0,
-        transition_pressure: n.estimator_lowest_transition,
-    };
-    let highest = MachineState {
+    let largest = MachineState {
         position: 2.0 * n.stroke,
-        velocity: 10.0,
-        load_pressure: 1e8,
-        friction: model.coulomb * 4.0,
-        disturbance: 1.5e7,
-        unknown_flow: 0.4 * n.motor_speed,
+        velocity: n.estimator_largest_velocity,
+        load_pressure: n.estimator_largest_pressure,
+        friction: n.estimator_largest_friction * model.coulomb,
+        disturbance: n.estimator_largest_disturbance,
+        unknown_flow: n.estimator_largest_flow * n.motor_speed,
         payload: model.heaviest,
         transition_pressure: n.estimator_highest_transition,
+    };
+    let lowest = MachineState {
+        payload: 0.0,
+        transition_pressure: n.estimator_lowest_transition,
+        ..largest.map(|value| -value)
+    };
+    let considered = ConsideredParameters {
+        coulomb: deviation(range.low.coulomb, range.high.coulomb) / model.piston_area,
+        viscous: deviation(range.low.viscous, range.high.viscous) / model.piston_area,
+        displacement: model.displacement
+            * (deviation(range.low.displacement, range.high.displacement) / n.displacement)
+                .hypot(deviation(range.low.flow_gain, range.high.flow_gain) / n.flow_gain),
+        equivalent_mass: n.estimator_mass_deviation,
+        sensor_lag: n.estimator_sensor_lag,
     };
     let position = sensors.position_noise.hypot(sensors.position_resolution / 12_f64.sqrt());
     let pressure = sensors.pressure_noise * sensors.pressure_span;
@@ -82,7 +87,7 @@ pub fn state_estimator(
         process_noise,
         flow_ripple: n.estimator_flow_ripple,
         lowest,
-        highest,
+        highest: largest,
         measurement_noise: [
             position.max(n.estimator_position_noise),
             pressure.hypot(n.estimator_pressure_noise),
@@ -93,10 +98,13 @@ pub fn state_estimator(
             true => 1.0 / (TAU * sensors.sensor_bandwidth),
             false => 0.0,
         },
+        considered,
+        payload_change: deviation(0.0, model.heaviest),
+        force_change: deviation(0.0, model.heaviest) * per_kg.abs(),
+        payload_variance_limit: n.estimator_payload_variance_limit,
         innovation_test: InnovationTest {
             time_constant: n.estimator_nis_time,
             threshold: n.estimator_nis_threshold,
-            noise_factor: n.estimator_nis_factor,
         },
         period: n.control_period,
     };
@@ -105,12 +113,13 @@ pub fn state_estimator(
         drive: DriveIdentification {
             memory: n.estimator_drive_memory,
             speed_noise: n.estimator_speed_noise,
-            largest_deviation: 0.1,
-            smallest: 0.005,
-            largest: 0.6,
+            largest_deviation: n.estimator_drive_deviation,
+            smallest: n.control_period / n.estimator_longest_drive_lag,
+            largest: (n.control_period / n.estimator_shortest_drive_lag).min(1.0),
         },
         drive_share: n.control_period / n.estimator_drive_lag,
         slew: n.motor_slew * n.control_period,
+        free_slew: n.estimator_free_slew,
         delay_cycles,
     }
 }
@@ -142,6 +151,7 @@ pub fn scheduled_lqr(description: &Description, model: &ReducedModel<f64>) -> Sc
             short: n.lqr_rollout_short,
             long: n.lqr_rollout_long,
             improvement: n.lqr_rollout_improvement,
+            offset: n.lqr_rollout_offset,
             payload_probability: n.lqr_payload_probability,
         },
         motor_speed: n.motor_speed,

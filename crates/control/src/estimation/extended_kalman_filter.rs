@@ -1,19 +1,20 @@
 //! Extended Kalman filter of the machine: states, unknown inputs and parameters of the [reduced model](super::reduced_model).
 //!
 //! Per control period: prediction `ẑ = f(ẑ, n)`, `P = F P Fᵀ + Q` with the exact Jacobian F by dual numbers; then position and load pressure, one after the
-//! other: innovation ν, variance `S = H P Hᵀ + R`, gain `K = P Hᵀ/S`, `ẑ = ẑ + K ν`, and P by Joseph's form, expanded for one number:
-//! `P − K (H P) − (P Hᵀ) Kᵀ + K S Kᵀ`.
+//! other: innovation ν, variance `S = H P Hᵀ + R`, gain `K = P Hᵀ/S`, `ẑ = ẑ + K ν`, and P by Joseph's form. Beside P, which gives the gain, the
+//! [error covariance](super::error_covariance) follows what the filter takes for exact too; it is what is reported.
 //!
-//! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968 (covariance); process noise adapted by the
+//! Sources: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 6.1; Bucy and Joseph, 1968 (covariance). A load change is told by the
 //! [innovation test](super::innovation_test).
 
+use super::error_covariance::{
+    ConsideredParameters, Covariance, ERRORS, corrected, independent, limit, propagated,
+    with_considered,
+};
 use super::innovation_test::InnovationTest;
 use super::noise_estimation::NoiseEstimate;
 use super::reduced_model::{MachineState, OperatingPoint, ReducedModel, STATES};
 use hydroboom_math::{Dual, Real, record};
-
-/// A covariance, rows first.
-pub type Covariance<T> = [[T; STATES]; STATES];
 
 /// Place of the load's position, of its velocity, … in a state.
 const POSITION: usize = 0;
@@ -21,7 +22,9 @@ const VELOCITY: usize = 1;
 const LOAD_PRESSURE: usize = 2;
 const DISTURBANCE: usize = 4;
 const PAYLOAD: usize = 6;
-/// The first of the states that are parameters, or nearly so.
+/// Place of the considered lag of the position sensor among all errors.
+const SENSOR_LAG: usize = ERRORS - 1;
+/// States that are parameters, or nearly so.
 const PARAMETERS: [usize; 3] = [5, 6, 7];
 
 /// Settings of the filter.
@@ -47,6 +50,14 @@ pub struct ExtendedKalmanFilter<T> {
     pub divergence_time: T,
     /// Lag of the position sensor \[s\].
     pub sensor_lag: T,
+    /// Standard deviations of what is taken for exact.
+    pub considered: ConsideredParameters<T>,
+    /// Standard deviation of a payload that has changed \[kg\]: it may be any.
+    pub payload_change: T,
+    /// Standard deviation of a force that has changed, over the piston's area \[Pa\]: it may be as large as that of a payload.
+    pub force_change: T,
+    /// Largest variance of the payload in the filter, over that at the start \[1\].
+    pub payload_variance_limit: T,
     /// Innovation test.
     pub innovation_test: InnovationTest<T>,
     /// Control period \[s\].
@@ -82,8 +93,10 @@ record! {
 pub struct EstimatorState<T> {
     /// Estimates.
     pub estimate: MachineState<T>,
-    /// Their covariance.
+    /// The filter's covariance, which gives its gain.
     pub covariance: Covariance<T>,
+    /// Error covariance of the estimates and of the considered parameters.
+    pub errors: Covariance<T, ERRORS>,
     /// Mean of the normalised innovations squared \[1\].
     pub mean_nis: T,
     /// For how long the innovations have been inconsistent \[s\].
@@ -97,9 +110,9 @@ pub struct EstimatorState<T> {
 }
 
 impl<T: Real> EstimatorState<T> {
-    /// Standard deviations of the estimates.
+    /// Standard deviations of the estimates, by the error covariance.
     pub fn deviation(&self) -> MachineState<T> {
-        let variance = |i: usize| self.covariance[i][i].max(T::zero());
+        let variance = |i: usize| self.errors[i][i].max(T::zero());
         MachineState::from_array(core::array::from_fn(|i| variance(i).sqrt()))
     }
 }
@@ -121,12 +134,15 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             transition_pressure: self.model.oil.transition_pressure,
         };
         let deviations = self.initial_deviation.to_array();
-        let covariance = core::array::from_fn(|i| {
-            core::array::from_fn(|j| if i == j { deviations[i].square() } else { zero })
+        let considered = self.considered.to_array();
+        let all: [T; ERRORS] = core::array::from_fn(|i| match i.checked_sub(STATES) {
+            Some(parameter) => considered[parameter],
+            None => deviations[i],
         });
         EstimatorState {
             estimate,
-            covariance,
+            covariance: independent(&deviations),
+            errors: independent(&all),
             mean_nis: T::one(),
             inconsistent_time: zero,
             innovation: [zero; 2],
@@ -148,14 +164,12 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         let keep = |i: usize| PARAMETERS.contains(&i) && i != PAYLOAD;
         let (old, new) = (state.estimate.to_array(), anew.estimate.to_array());
         let estimate = core::array::from_fn(|i| if keep(i) { old[i] } else { new[i] });
-        let covariance = core::array::from_fn(|i| {
-            core::array::from_fn(|j| match keep(i) && keep(j) {
-                true => state.covariance[i][j],
-                false => anew.covariance[i][j],
-            })
-        });
-        *state =
-            EstimatorState { estimate: MachineState::from_array(estimate), covariance, ..anew };
+        let (covariance, errors) = (
+            kept(&state.covariance, &anew.covariance, keep),
+            kept(&state.errors, &anew.errors, keep),
+        );
+        let estimate = MachineState::from_array(estimate);
+        *state = EstimatorState { estimate, covariance, errors, ..anew };
     }
 
     /// Whether measurements have contradicted the filter for longer than the divergence time.
@@ -167,20 +181,9 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     fn predict(&self, state: &mut EstimatorState<T>, motor_speed: T, beyond: T) {
         let (estimate, jacobian) = self.transition(&state.estimate, motor_speed, beyond);
         state.estimate = estimate;
-        let p = &state.covariance;
-        // F P, then F P Fᵀ
-        let left: Covariance<T> = core::array::from_fn(|i| {
-            let row = &jacobian[i];
-            (0..STATES).fold([T::zero(); STATES], |sum, k| {
-                core::array::from_fn(|j| row[k].mul_add(p[k][j], sum[j]))
-            })
-        });
-        let mut covariance: Covariance<T> = core::array::from_fn(|i| {
-            core::array::from_fn(|j| {
-                (0..STATES).fold(T::zero(), |sum, k| left[i][k].mul_add(jacobian[j][k], sum))
-            })
-        });
-        let factor = self.innovation_test.factor(state.mean_nis);
+        let own = jacobian.map(|row| core::array::from_fn(|j| row[j]));
+        state.covariance = propagated(&state.covariance, &own);
+        state.errors = propagated(&state.errors, &jacobian);
         // what is not known of the flow changes the pressure by the stiffness of the oil
         let at = self.model.at(state.estimate.position, state.estimate.payload);
         let MachineState { load_pressure, transition_pressure, .. } = state.estimate;
@@ -189,34 +192,40 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         let pressure = by_speed * self.flow_ripple;
         let process_noise = MachineState { load_pressure: pressure, ..self.process_noise };
         for (i, noise) in process_noise.to_array().into_iter().enumerate() {
-            let changes = i == DISTURBANCE || i == PAYLOAD;
-            let noise = if changes { noise * factor } else { noise };
-            covariance[i][i] = covariance[i][i] + noise.square() * self.period;
+            let (own, all) = (&mut state.covariance[i][i], &mut state.errors[i][i]);
+            *own = *own + noise.square() * self.period;
+            *all = *all + noise.square() * self.period;
         }
-        // a parameter is never known less than before anything was measured; a payload that has changed may be any
-        for i in PARAMETERS {
-            let known = self.initial_deviation.to_array()[i].square();
-            let most = if i == PAYLOAD { T::lit(30.0) * known } else { known };
-            let scale = (most / covariance[i][i]).min(T::one()).sqrt();
-            for j in 0..STATES {
-                covariance[i][j] = covariance[i][j] * scale;
-                covariance[j][i] = covariance[j][i] * scale;
-            }
+        // what the innovations do not explain is a load that has changed, which may be any, or a force as large
+        let share = self.innovation_test.share(state.mean_nis);
+        for (i, change) in [(PAYLOAD, self.payload_change), (DISTURBANCE, self.force_change)] {
+            let variance = &mut state.errors[i][i];
+            *variance = variance.max(share * change.square());
         }
-        state.covariance = covariance;
+        // a parameter is never known less than before anything was measured
+        let initial = self.initial_deviation.to_array();
+        let most = |payload: T| {
+            let known = |i: usize| if i == PAYLOAD { payload } else { initial[i].square() };
+            PARAMETERS.map(|i| (i, known(i)))
+        };
+        limit(
+            &mut state.covariance,
+            &most(self.payload_variance_limit * initial[PAYLOAD].square()),
+        );
+        limit(&mut state.errors, &most(self.payload_change.square()));
     }
 
-    /// The state a period later with the motor turning at a mean speed \[rev/s\], and the Jacobian, exact by dual numbers.
+    /// The state a period later with the motor turning at a mean speed \[rev/s\], and its Jacobian by state and considered parameters, exact by dual numbers.
     pub fn transition(
         &self,
         z: &MachineState<T>,
         motor_speed: T,
         beyond: T,
-    ) -> (MachineState<T>, Covariance<T>) {
-        let constant = Dual::<T, STATES>::constant;
+    ) -> (MachineState<T>, [[T; ERRORS]; STATES]) {
+        let constant = Dual::<T, ERRORS>::constant;
         let mut direction = 0..STATES;
         let variables = z.map(|value| Dual::variable(value, direction.next().unwrap_or(0)));
-        let model = self.model.map(constant);
+        let model = with_considered(&self.model);
         let next =
             model.step(&variables, constant(motor_speed), constant(beyond), constant(self.period));
         (next.map(|dual| dual.value), next.to_array().map(|dual| dual.slope))
@@ -245,14 +254,12 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             let row = &rows[k];
             let z = state.estimate.to_array();
             let predicted = row[0] * z[POSITION] + row[1] * z[VELOCITY] + row[2] * z[LOAD_PRESSURE];
-            let p = &state.covariance;
-            let shared: [T; STATES] = core::array::from_fn(|i| {
-                row[0] * p[i][POSITION] + row[1] * p[i][VELOCITY] + row[2] * p[i][LOAD_PRESSURE]
-            });
-            let s = row[0] * shared[POSITION]
-                + row[1] * shared[VELOCITY]
-                + row[2] * shared[LOAD_PRESSURE]
-                + variance;
+            // by the considered lag of the position sensor
+            let by_lag = if k == 0 { -z[VELOCITY] } else { zero };
+            let shared = seen(&state.covariance, row, zero);
+            let shared_errors = seen(&state.errors, row, by_lag);
+            let s = variance_seen(&shared, row, zero) + variance;
+            let s_errors = variance_seen(&shared_errors, row, by_lag) + variance;
             let innovation = T::select(is_good, value - predicted, zero);
             let nis = innovation.square() / s;
             let mean = self.innovation_test.update(state.mean_nis, nis, self.period);
@@ -262,15 +269,10 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             state.estimate = MachineState::from_array(core::array::from_fn(|i| {
                 gain[i].mul_add(innovation, z[i])
             }));
-            let before = state.covariance;
-            for i in 0..STATES {
-                for j in 0..=i {
-                    let joseph = before[i][j] - gain[i] * shared[j] - shared[i] * gain[j]
-                        + gain[i] * gain[j] * s;
-                    state.covariance[i][j] = joseph;
-                    state.covariance[j][i] = joseph;
-                }
-            }
+            corrected(&mut state.covariance, &gain, &shared, s);
+            // considered parameters are not estimated
+            let of_all = core::array::from_fn(|i| gain.get(i).copied().unwrap_or(zero));
+            corrected(&mut state.errors, &of_all, &shared_errors, s_errors);
         }
         let consistent = self.innovation_test.is_consistent(state.mean_nis);
         state.inconsistent_time =
@@ -280,4 +282,33 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         state.estimate =
             MachineState::from_array(core::array::from_fn(|i| z[i].clamp(low[i], high[i])));
     }
+}
+
+/// A covariance in which the errors that are kept have their old block, and the others are new.
+fn kept<T: Real, const N: usize>(
+    old: &Covariance<T, N>,
+    new: &Covariance<T, N>,
+    keep: impl Fn(usize) -> bool,
+) -> Covariance<T, N> {
+    core::array::from_fn(|i| {
+        core::array::from_fn(|j| if keep(i) && keep(j) { old[i][j] } else { new[i][j] })
+    })
+}
+
+/// Covariance of each error with a measured number, `P Hᵀ`: by position, velocity, load pressure, and the considered lag.
+#[inline(always)]
+fn seen<T: Real, const N: usize>(p: &Covariance<T, N>, row: &[T; 3], by_lag: T) -> [T; N] {
+    core::array::from_fn(|i| {
+        let states =
+            row[0] * p[i][POSITION] + row[1] * p[i][VELOCITY] + row[2] * p[i][LOAD_PRESSURE];
+        p[i].get(SENSOR_LAG).map_or(states, |lag| by_lag.mul_add(*lag, states))
+    })
+}
+
+/// Variance of a measured number without its noise, `H P Hᵀ`.
+#[inline(always)]
+fn variance_seen<T: Real, const N: usize>(shared: &[T; N], row: &[T; 3], by_lag: T) -> T {
+    let states =
+        row[0] * shared[POSITION] + row[1] * shared[VELOCITY] + row[2] * shared[LOAD_PRESSURE];
+    shared.get(SENSOR_LAG).map_or(states, |lag| by_lag.mul_add(*lag, states))
 }

@@ -13,9 +13,6 @@ record! {
         /// Mean above which a load has changed; without change it is about 1
         #[unit = "1"]
         pub threshold: T,
-        /// Standard deviation of the process noise of force and payload at five times the threshold, over that without change
-        #[unit = "1"]
-        pub noise_factor: T,
     }
 }
 
@@ -27,11 +24,11 @@ impl<T: Real> InnovationTest<T> {
         share.mul_add(nis - mean, mean)
     }
 
-    /// Factor \[1\] on the process noise of force and payload: 1 below the threshold, rising linearly to the largest at five times the threshold.
+    /// How much a mean tells of a change \[1\]: 0 up to the threshold, rising linearly to 1 at five times the threshold.
     #[inline(always)]
-    pub fn factor(&self, mean: T) -> T {
+    pub fn share(&self, mean: T) -> T {
         let above = T::lit(0.25) * (mean / self.threshold - T::one());
-        self.noise_factor.mul_add(above.clamp(T::zero(), T::one()), T::one())
+        above.clamp(T::zero(), T::one())
     }
 
     /// Whether the innovations are explained: the mean is below twice the threshold.

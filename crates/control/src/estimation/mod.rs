@@ -1,6 +1,7 @@
 //! State and parameter estimation.
 
 pub mod drive_identification;
+pub mod error_covariance;
 pub mod extended_kalman_filter;
 pub mod innovation_test;
 pub mod noise_estimation;

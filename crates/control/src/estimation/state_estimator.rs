@@ -24,6 +24,8 @@ pub struct StateEstimator<T> {
     pub drive_share: T,
     /// Change of motor speed \[rev/s\] in a period at the slew limit.
     pub slew: T,
+    /// Share of that up to which the drive's lag is identified \[1\].
+    pub free_slew: T,
     /// Delay of a measurement, and of a command \[cycles\].
     pub delay_cycles: usize,
 }
@@ -102,7 +104,7 @@ impl<T: Real> StateEstimator<T> {
         let speed = measured.motor_speed;
         let mean = T::lit(0.5) * (state.motor_speed + speed);
         // a motor at its torque or slew limit tells nothing of its lag
-        let is_free = (speed - state.motor_speed).abs().lt(T::lit(0.8) * self.slew);
+        let is_free = (speed - state.motor_speed).abs().lt(self.free_slew * self.slew);
         let is_informative =
             is_free & self.filter.innovation_test.is_consistent(state.filter.mean_nis);
         let driven = state.commands[2 * self.delay_cycles.min(LARGEST_DELAY)];

@@ -40,6 +40,9 @@ record! {
         /// Share of the cost by which an alternative must be better than the law
         #[unit = "1"]
         pub improvement: T,
+        /// Offset of the governed reference beyond which alternatives are predicted
+        #[unit = "m"]
+        pub offset: T,
         /// Probability that a payload has changed, and not a force
         #[unit = "1"]
         pub payload_probability: T,

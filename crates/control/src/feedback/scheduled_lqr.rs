@@ -86,8 +86,6 @@ pub struct ScheduledLqrState<T> {
 
 /// Riccati steps after which a regulator has settled: 4 s at a control period of 1 ms.
 const SETTLING_STEPS: usize = 4000;
-/// Offset of the reference beyond which alternatives are predicted \[m\].
-const MOVED: f64 = 0.1e-3;
 
 impl<T: Real> ScheduledLqr<T> {
     /// Begins at a reference position \[m\] with a regulator of about the present operating point.
@@ -205,7 +203,7 @@ impl<T: Real> ScheduledLqr<T> {
         let law = feedforward + feedback;
 
         // what linear feedback cannot do
-        let moved = T::lit(MOVED).lt(state.offset.abs());
+        let moved = self.rollout.offset.lt(state.offset.abs());
         let policy = Policy {
             model: self.model,
             estimate: *estimate,

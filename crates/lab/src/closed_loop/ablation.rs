@@ -17,7 +17,7 @@ pub struct Mechanism {
 }
 
 /// Mechanisms of estimator and law.
-pub const MECHANISMS: [Mechanism; 11] = [
+pub const MECHANISMS: [Mechanism; 10] = [
     Mechanism {
         name: "transition pressure estimated",
         overrides: &["estimator.lowest_transition_bar=35", "estimator.highest_transition_bar=35"],
@@ -27,11 +27,9 @@ pub const MECHANISMS: [Mechanism; 11] = [
         overrides: &[
             "estimator.disturbance_drift_bar=0.001",
             "estimator.initial_disturbance_bar=0.001",
-            "estimator.nis_factor=0",
         ],
     },
     Mechanism { name: "unknown flow estimated", overrides: &["estimator.flow_drift_rpm=0.001"] },
-    Mechanism { name: "innovation test", overrides: &["estimator.nis_factor=0"] },
     Mechanism {
         name: "drive lag identified",
         overrides: &["estimator.speed_noise_rpm=1000", "estimator.drive_memory_s=1000"],

@@ -15,6 +15,7 @@ use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::closed_loop::simulation::{Case, WIDTH, simulate_cases};
 use crate::interruptible::as_long_as;
+use hydroboom_control::estimation::error_covariance::{ERRORS, with_considered};
 use hydroboom_control::estimation::extended_kalman_filter::EstimatorState;
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
@@ -174,12 +175,12 @@ fn estimates(
     motor_speed: f64,
     beyond: f64,
 ) -> [(f64, f64); Quantity::ALL.len()] {
-    let constant = Dual::<f64, STATES>::constant;
+    let constant = Dual::<f64, ERRORS>::constant;
     let mut direction = 0..STATES;
     let z = state.estimate.map(|value| Dual::variable(value, direction.next().unwrap_or(0)));
-    let model = model.map(constant);
+    let model = with_considered(model);
     quantities(&model, &z, constant(motor_speed), constant(beyond)).map(|h| {
-        let rows = h.slope.iter().zip(&state.covariance);
+        let rows = h.slope.iter().zip(&state.errors);
         let variance: f64 = rows
             .map(|(slope, row)| slope * row.iter().zip(&h.slope).map(|(p, s)| p * s).sum::<f64>())
             .sum();
@@ -516,6 +517,7 @@ fn error_rows(names: &[String], by_course: &[Vec<Run>]) -> Vec<ErrorRow> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hydroboom_control::estimation::error_covariance::{ERRORS, with_considered};
     use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
     use hydroboom_control::strategy::Strategy;
     use std::sync::atomic::{AtomicUsize, Ordering};

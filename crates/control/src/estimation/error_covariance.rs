@@ -1,0 +1,118 @@
+//! Error covariance of the filter's estimates, with what the filter takes for exact.
+//!
+//! The filter's own covariance P gives its gain K; it takes the parameters of the reduced model for exact, and a load for one that hardly changes. The error
+//! covariance takes K as given, and follows the errors e of the states together with those of considered parameters c, which are constant and never estimated:
+//!
+//! ```text
+//! e⁻ = F e + G c + w,   e = e⁻ − K (H e⁻ + H_c c + v)
+//! ```
+//!
+//! It is what is reported. It changes no estimate.
+//!
+//! Sources: S. Schmidt, *Application of State-Space Methods to Navigation Problems*, 1966 (considered parameters); A. Gelb (ed.), *Applied Optimal Estimation*,
+//! 1974, chapter 7 (covariance of a filter whose gain is given).
+
+use super::reduced_model::{ReducedModel, STATES};
+use hydroboom_math::{Dual, Real, record};
+
+record! {
+    /// Parameters that the filter takes for exact; here, the standard deviation of each.
+    pub struct ConsideredParameters<T> {
+        /// Coulomb friction over the piston's area, p_C
+        #[unit = "Pa"]
+        pub coulomb: T,
+        /// Viscous friction over the piston's area, p_v
+        #[unit = "Pa s/m"]
+        pub viscous: T,
+        /// Oil that a revolution delivers, D
+        #[unit = "m³/rev"]
+        pub displacement: T,
+        /// Equivalent mass, as a factor on that of the model
+        #[unit = "1"]
+        pub equivalent_mass: T,
+        /// Lag of the position sensor
+        #[unit = "s"]
+        pub sensor_lag: T,
+    }
+}
+
+/// Parameters that are considered.
+pub const CONSIDERED: usize = ConsideredParameters::NAMES.len();
+/// States, and after them the considered parameters.
+pub const ERRORS: usize = STATES + CONSIDERED;
+
+/// A covariance of N errors, rows first; the first of them are those of the states.
+pub type Covariance<T, const N: usize = STATES> = [[T; N]; N];
+
+/// The model with the considered parameters as variables: its slopes are those by the states, and after them by these.
+pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T, ERRORS>> {
+    let variable = |value: T, parameter: usize| Dual::variable(value, STATES + parameter);
+    let exact = model.map(Dual::constant);
+    let factor = variable(T::one(), 3);
+    ReducedModel {
+        coulomb: variable(model.coulomb, 0),
+        viscous: variable(model.viscous, 1),
+        displacement: variable(model.displacement, 2),
+        equivalent_mass: exact.equivalent_mass.map(|mass| mass.map(|c| c * factor)),
+        ..exact
+    }
+}
+
+/// Independent errors of given standard deviations.
+pub fn independent<T: Real, const N: usize>(deviations: &[T; N]) -> Covariance<T, N> {
+    core::array::from_fn(|i| {
+        core::array::from_fn(|j| if i == j { deviations[i].square() } else { T::zero() })
+    })
+}
+
+/// A period on: `J P Jᵀ`, `rows` being those of the states in J; what comes after the states is constant.
+#[inline(always)]
+pub fn propagated<T: Real, const N: usize>(
+    p: &Covariance<T, N>,
+    rows: &[[T; N]; STATES],
+) -> Covariance<T, N> {
+    // J P, then J P Jᵀ
+    let left: Covariance<T, N> = core::array::from_fn(|i| match rows.get(i) {
+        Some(row) => (0..N).fold([T::zero(); N], |sum, k| {
+            core::array::from_fn(|j| row[k].mul_add(p[k][j], sum[j]))
+        }),
+        None => p[i],
+    });
+    core::array::from_fn(|i| {
+        core::array::from_fn(|j| match rows.get(j) {
+            Some(row) => (0..N).fold(T::zero(), |sum, k| left[i][k].mul_add(row[k], sum)),
+            None => left[i][j],
+        })
+    })
+}
+
+/// After one measured number by Joseph's form, which holds for any gain K and is expanded for one number: `P − K (H P) − (P Hᵀ) Kᵀ + K S Kᵀ`, with `shared` being
+/// `P Hᵀ`, and `s` the innovation's variance S.
+#[inline(always)]
+pub fn corrected<T: Real, const N: usize>(
+    p: &mut Covariance<T, N>,
+    gain: &[T; N],
+    shared: &[T; N],
+    s: T,
+) {
+    for i in 0..N {
+        for j in 0..=i {
+            let joseph =
+                p[i][j] - gain[i] * shared[j] - shared[i] * gain[j] + gain[i] * gain[j] * s;
+            p[i][j] = joseph;
+            p[j][i] = joseph;
+        }
+    }
+}
+
+/// Scales the errors at some places so that none has more than its largest variance.
+#[inline(always)]
+pub fn limit<T: Real, const N: usize>(p: &mut Covariance<T, N>, most: &[(usize, T)]) {
+    for (place, most) in most {
+        let scale = (*most / p[*place][*place]).min(T::one()).sqrt();
+        for other in 0..N {
+            p[*place][other] = p[*place][other] * scale;
+            p[other][*place] = p[other][*place] * scale;
+        }
+    }
+}
