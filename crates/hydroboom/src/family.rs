@@ -73,12 +73,21 @@ fn table(rows: &[Row]) -> String {
                 r.rms_mm.text(2),
                 r.peak_mm.text(2),
                 r.true_rms_mm.text(3),
+                r.motor_ripple_rpm.text(1),
                 format!("{:.1}", r.unstable_percent),
             ]
         })
         .collect();
     output::table(
-        &["strategy", "course", "RMS [mm]", "peak [mm]", "true RMS [mm]", "unstable [%]"],
+        &[
+            "strategy",
+            "course",
+            "RMS [mm]",
+            "peak [mm]",
+            "true RMS [mm]",
+            "motor ripple at rest [rpm]",
+            "unstable [%]",
+        ],
         &cells,
     )
 }

@@ -102,7 +102,7 @@ fn row(o: &Outcome) -> Vec<String> {
         output::optional(o.peak_mm, 2),
         output::optional(o.true_rms_mm, 3),
         format!("{:.0}", o.effort.motor_speed_rpm),
-        format!("{:.1}", o.motor_ripple_rpm),
+        format!("{:.1}", o.effort.motor_ripple_rpm),
         format!("{:.1}", o.effort.tip_deflection_mm),
         format!("{:.3}", o.effort.residual_vibration_mm),
         if o.unstable { "swings on" } else { "" }.into(),

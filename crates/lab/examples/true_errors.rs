@@ -1,7 +1,8 @@
 //! True and measured tracking errors, crane by crane, as CSV: `true_errors CONTROLLERS COURSES SEED FROM TO [KEY=VALUE ...]`.
 //!
 //! Controllers: names of strategies or baselines; courses: `slow`, `fast`, or names of scenarios; both separated by commas. Overrides change what the controllers
-//! know. The columns are those of `docs/notebook/2026-11-28-baseline.csv`.
+//! know. The columns are those of
+//! `docs/notebook/2026-11-28-scheduled-lqr.csv`, and last the motor's ripple at rest.
 
 #![expect(clippy::unwrap_used, reason = "an experiment that cannot go on stops")]
 
@@ -45,7 +46,7 @@ fn main() {
         }
     }
     println!(
-        "course,seed,crane,controller,true_rms_mm,measured_rms_mm,true_peak_mm,sustained_oscillation,motor_speed_rpm,energy_kj"
+        "course,seed,crane,controller,true_rms_mm,measured_rms_mm,true_peak_mm,sustained_oscillation,motor_speed_rpm,energy_kj,motor_ripple_rpm"
     );
     let next = AtomicUsize::new(0);
     std::thread::scope(|scope| {
@@ -90,7 +91,7 @@ fn run(
             !ended || has_sustained_oscillation(model, cases[lane].crane, controller, course, m);
         let error = |value: f64| if ended { format!("{:.5}", value * 1e3) } else { String::new() };
         println!(
-            "{},{seed},{crane},{},{},{},{},{oscillates},{:.2},{:.4}",
+            "{},{seed},{crane},{},{},{},{},{oscillates},{:.2},{:.4},{:.3}",
             course.name(),
             controller.name(),
             error(m.true_rms()),
@@ -98,6 +99,7 @@ fn run(
             error(m.true_peak()),
             effort.motor_speed_rpm,
             effort.energy_kj,
+            effort.motor_ripple_rpm,
         );
     }
 }

@@ -226,7 +226,14 @@ fn follow(
         let reading = real.signals();
         // there is no reference to be away from
         let reference = SetPoint { position: reading.stroke, velocity: 0.0 };
-        observe(&Sample { time, reference, signals: reading, truth: real.truth(), command })?;
+        observe(&Sample {
+            time,
+            reference,
+            signals: reading,
+            load_changed: false,
+            truth: real.truth(),
+            command,
+        })?;
         if k < periods {
             real.advance(&command).map_err(LabError::during("virtual crane"))?;
         }

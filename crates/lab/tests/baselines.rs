@@ -43,6 +43,6 @@ fn trials_show_what_they_are_made_for() {
     assert!(zvd < zv && zv < published && zvd < 0.8 * published, "{published}, {zv}, {zvd}");
     let mut hard = robustness(&model, &crane).unwrap();
     hard.retain(|trial| trial.name.contains("as it is, fast") || trial.name.contains("noisy"));
-    let ripple = |name: &str| of(&hard, name).motor_ripple_rpm;
+    let ripple = |name: &str| of(&hard, name).effort.motor_ripple_rpm;
     assert!(ripple("noisy") > 1.5 * ripple("as it is"));
 }

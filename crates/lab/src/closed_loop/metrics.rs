@@ -6,6 +6,10 @@ use serde::Serialize;
 
 /// What is slower than this in the tip's deflection is no vibration \[s\]: the boom rings at some Hz.
 const SLOW: f64 = 0.5;
+/// Time after the end of a motion, or after another load, from which the motor's ripple counts \[s\].
+const SETTLING: f64 = 1.0;
+/// Window of the motor's ripple \[s\]: what is slower, leakage and what an integrator still makes good, is no ripple.
+const WINDOW: f64 = 1.0;
 
 /// What a course cost and left, beside its tracking error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -18,6 +22,66 @@ pub struct Effort {
     pub tip_deflection_mm: f64,
     /// Root mean square of the tip's vibration while the crane should rest, from the first motion on.
     pub residual_vibration_mm: f64,
+    /// Motor ripple at rest: standard deviation of the commanded motor speed within windows of 1 s, while the reference has rested for at least 1 s
+    /// and no load was changed within 1 s. This is what noise and friction make of it.
+    ///
+    /// Windows follow each other from the first second of a rest on; the last may be shorter. Each has its own mean, and their squares are pooled. Not
+    /// a number where the course has no such rest.
+    pub motor_ripple_rpm: f64,
+}
+
+impl Effort {
+    /// That of a course that was not finished: no numbers.
+    pub const UNFINISHED: Self = Self {
+        motor_speed_rpm: f64::NAN,
+        energy_kj: f64::NAN,
+        tip_deflection_mm: f64::NAN,
+        residual_vibration_mm: f64::NAN,
+        motor_ripple_rpm: f64::NAN,
+    };
+}
+
+/// Pooled variance of the commanded motor speed over windows at rest.
+#[derive(Clone, Copy, Debug, Default)]
+struct MotorRipple {
+    /// Time since which the reference has rested under the same load \[s\]; none in motion.
+    since: Option<f64>,
+    /// End of this window \[s\], samples in it, and their mean \[rpm\].
+    window: (f64, u64, f64),
+    /// Samples of all windows, and the sum of their squares about the means \[rpm²\].
+    count: u64,
+    square: f64,
+}
+
+impl MotorRipple {
+    fn add(&mut self, sample: &Sample) {
+        if sample.reference.velocity != 0.0 {
+            self.since = None;
+            return;
+        }
+        let since = self.since.filter(|_| !sample.load_changed).unwrap_or(sample.time);
+        self.since = Some(since);
+        if sample.time - since < SETTLING {
+            self.window = (since + SETTLING, 0, 0.0);
+            return;
+        }
+        let (end, count, mean) = match self.window {
+            (end, ..) if sample.time >= end => (end + WINDOW, 0, 0.0),
+            begun => begun,
+        };
+        // Welford's recursion
+        let speed = 60.0 * sample.command.motor_speed;
+        let off = speed - mean;
+        let mean = mean + off / (count + 1) as f64;
+        self.window = (end, count + 1, mean);
+        self.count += 1;
+        self.square += off * (speed - mean);
+    }
+
+    /// Standard deviation \[rpm\].
+    fn deviation(&self) -> f64 {
+        (self.square / self.count as f64).sqrt()
+    }
 }
 
 /// Tracking errors gathered along a course.
@@ -40,6 +104,7 @@ pub struct Metrics {
     has_moved: bool,
     vibration: f64,
     resting: u64,
+    ripple: MotorRipple,
 }
 
 impl Metrics {
@@ -62,6 +127,7 @@ impl Metrics {
             self.true_peak = error;
         }
         self.add_effort(sample);
+        self.ripple.add(sample);
         let off = sample.reference.position - sample.truth.outputs.stroke;
         let rests = sample.reference.velocity == 0.0;
         let passed = sample.time - self.time;
@@ -94,7 +160,11 @@ impl Metrics {
     /// What the course cost and left.
     pub fn effort(&self) -> Effort {
         let vibration = (self.vibration / self.resting.max(1) as f64).sqrt();
-        Effort { residual_vibration_mm: 1e3 * vibration, ..self.effort }
+        Effort {
+            residual_vibration_mm: 1e3 * vibration,
+            motor_ripple_rpm: self.ripple.deviation(),
+            ..self.effort
+        }
     }
 
     /// Root mean square of the true piston's tracking error \[m\], which no sensor and no fieldbus shows.
@@ -148,7 +218,8 @@ pub(crate) mod tests {
             truth.outputs.stroke = 0.25 + off(time);
             let reference = SetPoint { position: 0.25, velocity: 0.0 };
             let command = AxisCommand { motor_speed: 0.0, holding_valve: 1.0 };
-            metrics.add(&Sample { time, reference, signals, truth, command });
+            let load_changed = false;
+            metrics.add(&Sample { time, reference, signals, load_changed, truth, command });
         }
         metrics
     }
@@ -165,5 +236,45 @@ pub(crate) mod tests {
         // the first half-cycles may be one
         let late = |time: f64| if time > 2.0 { swing(time) } else { 0.0 };
         assert!(metrics(late).may_oscillate() && !metrics(late).oscillates());
+    }
+
+    /// The motor is commanded a sine of 3 rpm about a speed of its own in each rest, which in the first drifts by 1 rpm a second. Moving, and in the second after a motion and after another
+    /// load, it is commanded 1000 rpm more.
+    #[test]
+    fn motor_ripple_is_told_of_settled_rests_alone_about_the_speed_of_each() {
+        let description = Description::uia_virtual().unwrap();
+        let crane = VirtualCrane::new(&description, &description.start(0.25)).unwrap();
+        let (signals, truth) = (crane.signals(), crane.truth());
+        let ripple_until = |end: u32| {
+            let mut metrics = Metrics::new();
+            for k in 0..end {
+                let time = 1e-3 * f64::from(k);
+                // rests from 0, 6 and 10 s on, the last of them under another load
+                let (mean, since) = match k {
+                    ..5000 => (20.0 + time, 0),
+                    5000..6000 => (1000.0, k),
+                    6000..10000 => (50.0, 6000),
+                    _ => (-30.0, 10000),
+                };
+                let unsettled = if k - since < 1000 { 1000.0 } else { 0.0 };
+                let speed = mean + unsettled + 3.0 * (std::f64::consts::TAU * 20.0 * time).sin();
+                let velocity = if (5000..6000).contains(&k) { 0.1 } else { 0.0 };
+                metrics.add(&Sample {
+                    time,
+                    reference: SetPoint { position: 0.25, velocity },
+                    signals,
+                    load_changed: k == 10000,
+                    truth,
+                    command: AxisCommand { motor_speed: speed / 60.0, holding_valve: 1.0 },
+                });
+            }
+            metrics.effort().motor_ripple_rpm
+        };
+        let deviation = 3.0 / 2_f64.sqrt();
+        for end in [3000, 5000, 6000, 10000, 13000] {
+            let ripple = ripple_until(end);
+            assert!((ripple - deviation).abs() < 1e-2, "{ripple} rpm by {end} ms");
+        }
+        assert!(ripple_until(900).is_nan());
     }
 }

@@ -222,7 +222,7 @@ fn together(
             peak_mm: f64::NAN,
             true_rms_mm: f64::NAN,
             true_peak_mm: f64::NAN,
-            effort: Effort::default(),
+            effort: Effort::UNFINISHED,
             unstable: true,
         },
     }))
@@ -299,6 +299,8 @@ pub struct Row {
     pub motor_speed_over_benchmark: Spread,
     /// Its residual vibration of the tip over the benchmark's on the same crane.
     pub vibration_over_benchmark: Spread,
+    /// Its motor ripple at rest.
+    pub motor_ripple_rpm: Spread,
     /// Share of cranes on which its RMS is smaller.
     pub better_percent: f64,
 }
@@ -344,6 +346,7 @@ pub fn rows(
                 energy_over_benchmark: over(&|o| o.effort.energy_kj),
                 motor_speed_over_benchmark: over(&|o| o.effort.motor_speed_rpm),
                 vibration_over_benchmark: over(&|o| o.effort.residual_vibration_mm),
+                motor_ripple_rpm: spread(&|o| o.effort.motor_ripple_rpm),
                 better_percent: share(&|o| o[s][c].rms_mm < o[benchmark][c].rms_mm),
             });
         }

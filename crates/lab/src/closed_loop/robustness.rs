@@ -36,17 +36,12 @@ pub struct Outcome {
     pub peak_mm: Option<f64>,
     /// RMS tracking error of the true piston.
     pub true_rms_mm: Option<f64>,
-    /// Standard deviation of the motor speed asked for in the last second, in which the reference rests: what noise and friction make of it.
-    pub motor_ripple_rpm: f64,
     /// What the course cost and left.
     #[serde(flatten)]
     pub effort: Effort,
     /// Whether it swung on at the end, or could not be finished.
     pub unstable: bool,
 }
-
-/// The last part of a course in which the motor's speed is looked at \[s\].
-const LAST: f64 = 1.0;
 
 /// What is hard: delays, noise, friction, limits, loads that change in motion. Around a virtual crane, for which the controllers know the model only.
 ///
@@ -201,25 +196,17 @@ pub fn run(
 fn one(model: &Description, trial: &Trial, controller: ControllerChoice) -> Outcome {
     let course = trial.course.as_ref();
     let mut metrics = Metrics::new();
-    let mut speeds = Vec::new();
     let end = simulate_closed_loop(model, &trial.crane, controller, course, |sample| {
         metrics.add(sample);
-        if sample.time > course.duration() - LAST {
-            speeds.push(60.0 * sample.command.motor_speed);
-        }
         Ok(())
     });
     let done = end.is_ok();
-    let count = speeds.len().max(1) as f64;
-    let mean = speeds.iter().sum::<f64>() / count;
-    let variance = speeds.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count;
     Outcome {
         trial: trial.name.clone(),
         controller,
         rms_mm: done.then(|| metrics.rms() * 1e3),
         peak_mm: done.then(|| metrics.peak() * 1e3),
         true_rms_mm: done.then(|| metrics.true_rms() * 1e3),
-        motor_ripple_rpm: variance.sqrt(),
         effort: metrics.effort(),
         unstable: !done
             || has_sustained_oscillation(model, &trial.crane, controller, course, &metrics),

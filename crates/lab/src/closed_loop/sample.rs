@@ -14,6 +14,8 @@ pub struct Sample {
     pub reference: SetPoint<f64>,
     /// What was measured of the plant.
     pub signals: AxisSignals<f64>,
+    /// Whether another payload was hung on at this time.
+    pub load_changed: bool,
     /// The plant itself.
     pub truth: Truth,
     /// The command for the next period.

@@ -129,13 +129,15 @@ pub fn simulate_closed_loop(
     for number in 0..=periods {
         let now = Now { course, period, number };
         let time = now.time();
-        if let Some(mass) = due(&mut loads, time) {
+        let load = due(&mut loads, time);
+        if let Some(mass) = load {
             crane.set_payload(mass)?;
         }
         let measurement = crane.measurement();
         let [command] = controlled.command(now, &measurement)?.axes;
         let (reference, truth) = (course.reference(time), crane.truth());
-        observe(&Sample { time, reference, signals: measurement.axes[0].signals, truth, command })?;
+        let (signals, load_changed) = (measurement.axes[0].signals, load.is_some());
+        observe(&Sample { time, reference, signals, load_changed, truth, command })?;
         if number < periods {
             crane.advance(&command).map_err(LabError::during(&during))?;
         }
@@ -228,7 +230,8 @@ fn side_by_side(
     for k in 0..=last {
         let time = k as f64 * period;
         let commands = std::array::from_fn(|lane| {
-            if let Some(mass) = due(&mut loads[lane], time)
+            let load = due(&mut loads[lane], time);
+            if let Some(mass) = load
                 && let Err(error) = fleet.set_payload(lane, mass)
                 && ends[lane].is_ok()
             {
@@ -253,8 +256,8 @@ fn side_by_side(
             };
             if goes_on && ends[lane].is_ok() {
                 let (reference, truth) = (course.reference(time), fleet.truth(lane));
-                let signals = measurement.axes[0].signals;
-                observe(lane, &Sample { time, reference, signals, truth, command });
+                let (signals, load_changed) = (measurement.axes[0].signals, load.is_some());
+                observe(lane, &Sample { time, reference, signals, load_changed, truth, command });
             }
             command
         });

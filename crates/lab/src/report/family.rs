@@ -56,12 +56,12 @@ fn table(rows: &[&Row]) -> Markup {
         div.wide { table {
             thead { tr {
                 th { "strategy" } th { "RMS [mm]: median (5 .. 95 %), worst" }
-                th { "peak [mm]: median (5 .. 95 %), worst" } th { "unstable [%]" }
+                th { "peak [mm]: median (5 .. 95 %), worst" } th { "motor ripple at rest [rpm]: median (5 .. 95 %), worst" } th { "unstable [%]" }
             } }
             tbody { @for r in rows {
                 tr {
                     td { (name(r)) } td { (r.rms_mm.text(2)) } td { (r.peak_mm.text(2)) }
-                    td { (format!("{:.1}", r.unstable_percent)) }
+                    td { (r.motor_ripple_rpm.text(1)) } td { (format!("{:.1}", r.unstable_percent)) }
                 }
             } }
         } }

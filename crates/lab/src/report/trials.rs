@@ -103,7 +103,7 @@ fn table(rows: &[&Outcome]) -> Markup {
             tbody { @for o in rows {
                 tr {
                     td { (o.controller.name()) } td { (millimetres(o.rms_mm)) } td { (millimetres(o.peak_mm)) }
-                    td { (format!("{:.0}", o.effort.motor_speed_rpm)) } td { (format!("{:.1}", o.motor_ripple_rpm)) }
+                    td { (format!("{:.0}", o.effort.motor_speed_rpm)) } td { (format!("{:.1}", o.effort.motor_ripple_rpm)) }
                     td { (format!("{:.1}", o.effort.energy_kj)) } td { (format!("{:.1}", o.effort.tip_deflection_mm)) }
                     td { (format!("{:.3}", o.effort.residual_vibration_mm)) } td { @if o.unstable { "swings on" } }
                 }
