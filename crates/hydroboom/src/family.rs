@@ -5,7 +5,7 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
-use hydroboom_lab::closed_loop::monte_carlo::{Row, VARIATIONS, family, rows};
+use hydroboom_lab::closed_loop::monte_carlo::{Row, family, members, rows, variations};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result, bail};
@@ -13,12 +13,12 @@ use serde_json::json;
 use std::path::Path;
 
 /// Runs every contender along every course on `count` virtual cranes drawn around the chosen machine
-/// with `seed`.
+/// with `seed`, widened or not.
 pub fn run(
     choice: &MachineChoice,
     controllers: &[ControllerChoice],
     courses: &[CourseChoice],
-    (count, seed): (u64, u64),
+    (count, seed, is_widened): (u64, u64, bool),
     out: Option<&Path>,
     as_json: bool,
 ) -> Result<()> {
@@ -28,9 +28,10 @@ pub fn run(
         .map(|course| course.of(nominal).map(|course| course.name()))
         .collect::<Result<Vec<_>, _>>()
         .into_diagnostic()?;
+    let cranes = members(nominal, (count, seed), is_widened).into_diagnostic()?;
     let work = Interruptible::new(count, "cranes")?;
     let go_on = |share: f64| work.done(share);
-    let results = family(model, nominal, controllers, courses, count, seed, &go_on);
+    let results = family(model, cranes, controllers, courses, &go_on);
     drop(work);
     let results = results.into_diagnostic()?;
     if results.is_empty() {
@@ -39,7 +40,7 @@ pub fn run(
     let rows = rows(controllers, &names, &results);
     if let Some(folder) = out {
         std::fs::create_dir_all(folder).into_diagnostic()?;
-        let page = report::family_page(&choice.name(), results.len(), seed, &rows);
+        let page = report::family_page(&choice.name(), results.len(), seed, is_widened, &rows);
         output::file(&folder.join("family.html"), page.as_bytes())?;
     }
     if as_json {
@@ -49,14 +50,15 @@ pub fn run(
             .collect();
         let strategies: Vec<_> = controllers.iter().map(|c| c.name()).collect();
         return output::json(&json!({
-            "asked": count, "family": rows, "seed": seed, "variations": VARIATIONS,
+            "asked": count, "family": rows, "seed": seed, "variations": variations(is_widened),
             "strategies": strategies, "courses": names, "cranes": cranes,
             "machine": choice.json(),
         }));
     }
     output::text(&format!(
-        "{} virtual cranes around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}\n\nover the benchmark's on the same crane\n{}",
+        "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}\n\nover the benchmark's on the same crane\n{}",
         of_asked(results.len(), count as usize),
+        if is_widened { "of a widened family " } else { "" },
         choice.name(),
         table(&rows),
         beside_the_benchmark(&rows)

@@ -43,6 +43,10 @@ pub struct MotionTests {
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Vary what the model is sure of too: stiffness of beam and base, dead volumes, errors of the pressure transducers, lag of the sensors, delay of
+    /// the fieldbus.
+    #[arg(long, requires = "family")]
+    widened: bool,
     /// Beside the strategies, in a family, what they are compared with: the benchmark with numbers found anew, LQG, MPC.
     #[arg(long, requires = "family")]
     rivals: bool,
@@ -80,7 +84,7 @@ impl MotionTests {
             let out = self.out.as_deref();
             let controllers =
                 if self.rivals { ControllerChoice::all() } else { ControllerChoice::strategies() };
-            let family = (count, self.seed);
+            let family = (count, self.seed, self.widened);
             return family::run(&choice, &controllers, &courses, family, out, self.json);
         }
         // the virtual crane differs in all it has: `hydroboom show` lists that

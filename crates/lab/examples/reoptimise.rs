@@ -8,7 +8,7 @@ use hydroboom_description::Description;
 use hydroboom_lab::LabError;
 use hydroboom_lab::baselines::{Baseline, Gains, LQG, MPC, RETUNED, Weights};
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
-use hydroboom_lab::closed_loop::monte_carlo::{Outcome, family};
+use hydroboom_lab::closed_loop::monte_carlo::{Outcome, family, members};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 
 /// Cranes, and the seed they are drawn with; families that are reported have another.
@@ -57,8 +57,9 @@ fn main() -> Result<(), LabError> {
     let nominal = Description::uia_virtual()?;
     let n = &model.numbers;
     let courses = [n.slow, n.fast].map(CourseChoice::Motion);
+    let cranes = members(&nominal, (CRANES, SEED), false)?;
     let run = |controller: ControllerChoice| -> Result<Vec<Outcome>, LabError> {
-        let all = family(&model, &nominal, &[controller], &courses, CRANES, SEED, &|_| true)?;
+        let all = family(&model, cranes.clone(), &[controller], &courses, &|_| true)?;
         Ok(all.into_iter().flat_map(|(_, outcomes)| outcomes).flatten().collect())
     };
     let benchmark = run(Strategy::BenchmarkClosedLoop.into())?;

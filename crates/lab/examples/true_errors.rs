@@ -1,7 +1,7 @@
-//! True and measured tracking errors, crane by crane, as CSV: `true_errors CONTROLLERS COURSES SEED FROM TO [KEY=VALUE ...]`.
+//! True and measured tracking errors, crane by crane, as CSV: `true_errors [--widened] CONTROLLERS COURSES SEED FROM TO [KEY=VALUE ...]`.
 //!
 //! Controllers: names of strategies or baselines; courses: `slow`, `fast`, or names of scenarios; both separated by commas. Overrides change what the controllers
-//! know. The columns are those of
+//! know. With `--widened` the cranes vary in what `monte_carlo::WIDENED` lists too. The columns are those of
 //! `docs/notebook/2026-11-28-scheduled-lqr.csv`, and last the motor's ripple at rest.
 
 #![expect(clippy::unwrap_used, reason = "an experiment that cannot go on stops")]
@@ -9,16 +9,23 @@
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::Metrics;
-use hydroboom_lab::closed_loop::monte_carlo::member;
+use hydroboom_lab::closed_loop::monte_carlo::{Member, member, widened};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::closed_loop::simulation::{Case, WIDTH, simulate_side_by_side};
 use hydroboom_lab::closed_loop::sustained_oscillation::has_sustained_oscillation;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+/// Numbered cranes that run side by side.
+type Group<'a> = &'a [(u64, Member)];
+
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let [_, controllers, courses, seed, from, to, overrides @ ..] = &arguments[..] else {
-        eprintln!("true_errors CONTROLLERS COURSES SEED FROM TO [KEY=VALUE ...]");
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let is_widened = arguments.first().is_some_and(|argument| argument == "--widened");
+    if is_widened {
+        arguments.remove(0);
+    }
+    let [controllers, courses, seed, from, to, overrides @ ..] = &arguments[..] else {
+        eprintln!("true_errors [--widened] CONTROLLERS COURSES SEED FROM TO [KEY=VALUE ...]");
         std::process::exit(2);
     };
     let mut model = Description::uia_single_boom().unwrap();
@@ -39,8 +46,11 @@ fn main() {
         .collect();
     let seed: u64 = seed.parse().unwrap();
     let numbers: Vec<u64> = (from.parse().unwrap()..to.parse().unwrap()).collect();
-    let mut jobs: Vec<(&[u64], &CourseChoice, ControllerChoice)> = Vec::new();
-    for group in numbers.chunks(WIDTH) {
+    let draw = if is_widened { widened } else { member };
+    let cranes: Vec<(u64, Member)> =
+        numbers.iter().map(|number| (*number, draw(&nominal, seed, *number).unwrap())).collect();
+    let mut jobs: Vec<(Group<'_>, &CourseChoice, ControllerChoice)> = Vec::new();
+    for group in cranes.chunks(WIDTH) {
         for course in &courses {
             jobs.extend(controllers.iter().map(|controller| (group, course, *controller)));
         }
@@ -55,7 +65,7 @@ fn main() {
                 while let Some((group, course, controller)) =
                     jobs.get(next.fetch_add(1, Ordering::Relaxed))
                 {
-                    run(&model, &nominal, seed, group, course, *controller);
+                    run(&model, seed, group, course, *controller);
                 }
             });
         }
@@ -65,24 +75,22 @@ fn main() {
 /// Up to four cranes side by side; the last crane fills the places that are left.
 fn run(
     model: &Description,
-    nominal: &Description,
     seed: u64,
-    group: &[u64],
+    group: Group<'_>,
     course: &CourseChoice,
     controller: ControllerChoice,
 ) {
-    let number = |lane: usize| group[lane.min(group.len() - 1)];
-    let cranes: [Description; WIDTH] =
-        std::array::from_fn(|lane| member(nominal, seed, number(lane)).unwrap().crane);
-    let courses = cranes.each_ref().map(|crane| course.of(crane).unwrap());
+    let cranes: [&Description; WIDTH] =
+        std::array::from_fn(|lane| &group[lane.min(group.len() - 1)].1.crane);
+    let courses = cranes.map(|crane| course.of(crane).unwrap());
     let cases: [Case<'_>; WIDTH] = std::array::from_fn(|lane| Case {
-        crane: &cranes[lane],
+        crane: cranes[lane],
         controller,
         course: courses[lane].as_ref(),
     });
     let mut metrics = [Metrics::new(); WIDTH];
     let ends = simulate_side_by_side(model, &cases, |lane, sample| metrics[lane].add(sample));
-    for (lane, crane) in group.iter().enumerate() {
+    for (lane, (crane, _)) in group.iter().enumerate() {
         let Case { course, .. } = cases[lane];
         let m = &metrics[lane];
         let effort = m.effort();

@@ -1,7 +1,7 @@
 //! Ablation of the scheduled LQR: each mechanism switched off by keys of the controller's crane file, one at a time, on cranes of a family.
 
 use crate::LabError;
-use crate::closed_loop::monte_carlo::family;
+use crate::closed_loop::monte_carlo::{family, members};
 use crate::closed_loop::scenario::CourseChoice;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -90,10 +90,11 @@ pub fn ablation(
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<Vec<Row>, LabError> {
     let controller = [Strategy::ScheduledLqr.into()];
+    let cranes = members(nominal, (count, seed), false)?;
     let parts = (MECHANISMS.len() + 1) as f64;
     let run = |model: &Description, part: f64| {
         let share = |share: f64| go_on((part + share) / parts);
-        family(model, nominal, &controller, courses, count, seed, &share)
+        family(model, cranes.clone(), &controller, courses, &share)
     };
     let whole = run(model, 0.0)?;
     let mut rows = Vec::new();

@@ -14,6 +14,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
 use statrs::statistics::{Data, OrderStatistics};
+use std::f64::consts::TAU;
 
 /// What varies from crane to crane, evenly within its range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -44,11 +45,24 @@ pub const VARIATIONS: [Variation; 10] = [
     vary("accumulator pressure [bar]", 2.0, 3.2),
 ];
 
+/// What varies beyond [`VARIATIONS`] in a widened family, in the order in which it is drawn; the last is drawn by the crane, each transducer for itself.
+pub const WIDENED: [Variation; 6] = [
+    vary("beam: Young's modulus [times the nominal]", 0.8, 1.2),
+    vary("base: stiffness [times the nominal]", 0.7, 1.3),
+    vary("lines: dead volumes of cylinder and pump [times the nominal]", 0.7, 1.3),
+    vary("sensors: lag [ms beyond the nominal]", -0.2, 0.2),
+    vary("fieldbus: delay each way [whole cycles beyond the nominal]", -1.0, 1.0),
+    vary("pressure transducers: constant error [% of the span]", -0.5, 0.5),
+];
+
+/// Sensors that lag by less have no lag \[s\]: their bandwidth cannot be stated.
+const SHORTEST_LAG: f64 = 1e-5;
+
 /// One crane of the family.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// Its values of [`VARIATIONS`].
-    pub values: [f64; VARIATIONS.len()],
+    /// Its values of [`VARIATIONS`], and in a widened family of [`WIDENED`] but the last.
+    pub values: Vec<f64>,
     /// The crane.
     pub crane: Description,
 }
@@ -87,7 +101,66 @@ pub fn member(nominal: &Description, seed: u64, number: u64) -> Result<Member, L
     }
     crane.numbers.slip_at_rest *= wear;
     crane.numbers.slip_per_speed *= wear;
+    Ok(Member { values: values.to_vec(), crane })
+}
+
+/// The same crane in a widened family: it is [`member`] with the variations of [`WIDENED`] too, drawn from a stream of their own.
+///
+/// # Errors
+///
+/// [`LabError::Description`] when such a machine cannot exist.
+pub fn widened(nominal: &Description, seed: u64, number: u64) -> Result<Member, LabError> {
+    let Member { mut values, mut crane } = member(nominal, seed, number)?;
+    let stream = seed.rotate_left(32) ^ number.wrapping_mul(0xd1b5_4a32_d192_ed03);
+    let mut random = Pcg64Mcg::seed_from_u64(!stream);
+    let [beam, base, volumes, lag, delay, transducers] = WIDENED;
+    let [beam, base, volumes, lag] =
+        [beam, base, volumes, lag].map(|v| random.random_range(v.low..=v.high));
+    let cycles = random.random_range(delay.low as i32..=delay.high as i32);
+    let transducer_seed = random.random_range(1..=1_u64 << 50);
+    let n = &nominal.numbers;
+    let known_lag = match n.sensor_bandwidth > 0.0 {
+        true => 1.0 / (TAU * n.sensor_bandwidth),
+        false => 0.0,
+    };
+    let sensor_lag = known_lag + lag * 1e-3;
+    let bandwidth = if sensor_lag > SHORTEST_LAG { 1.0 / (TAU * sensor_lag) } else { 0.0 };
+    for assignment in [
+        format!("boom.youngs_modulus_gpa={}", n.youngs_modulus * 1e-9 * beam),
+        format!("base.stiffness_knm_per_rad={}", n.base_stiffness * 1e-3 * base),
+        format!("cylinder.dead_volume_a_l={}", n.dead_volume_a * 1e3 * volumes),
+        format!("cylinder.dead_volume_b_l={}", n.dead_volume_b * 1e3 * volumes),
+        format!("pump.volume_a_l={}", n.volume_pump_a * 1e3 * volumes),
+        format!("pump.volume_b_l={}", n.volume_pump_b * 1e3 * volumes),
+        format!("sensors.bandwidth_hz={bandwidth}"),
+        format!("fieldbus.delay_cycles={}", (n.fieldbus_delay + f64::from(cycles)).max(0.0)),
+        format!("sensors.pressure_error_percent={}", transducers.high),
+        format!("virtual.seed={transducer_seed}"),
+    ] {
+        crane.set(&assignment)?;
+    }
+    values.extend([beam, base, volumes, lag, f64::from(cycles)]);
     Ok(Member { values, crane })
+}
+
+/// Cranes 0 to `count` - 1 of a family, widened or not.
+///
+/// # Errors
+///
+/// [`LabError::Description`] when one of them cannot exist.
+pub fn members(
+    nominal: &Description,
+    (count, seed): (u64, u64),
+    is_widened: bool,
+) -> Result<Vec<Member>, LabError> {
+    let of = if is_widened { widened } else { member };
+    (0..count).map(|number| of(nominal, seed, number)).collect()
+}
+
+/// What varies in a family, widened or not.
+pub fn variations(is_widened: bool) -> Vec<Variation> {
+    let more: &[Variation] = if is_widened { &WIDENED } else { &[] };
+    [&VARIATIONS, more].concat()
 }
 
 /// The same crane after years: three times the leakage, a third more friction, more air in its oil.
@@ -132,7 +205,7 @@ pub struct Outcome {
 /// What one crane did: outcomes by controller, then by course.
 pub type Outcomes = Vec<Vec<Outcome>>;
 
-/// Runs all controllers along all courses on cranes 0 to `count` - 1, side by side in lanes and on all
+/// Runs all controllers along all courses on cranes of a family, side by side in lanes and on all
 /// cores. `go_on` is told the share done and says whether to: if not, those cranes that have gone all the way by then are all
 /// there is.
 ///
@@ -141,15 +214,11 @@ pub type Outcomes = Vec<Vec<Outcome>>;
 /// [`LabError`] when a crane cannot be built. One that cannot finish a course counts as unstable.
 pub fn family(
     model: &Description,
-    nominal: &Description,
+    members: Vec<Member>,
     controllers: &[ControllerChoice],
     courses: &[CourseChoice],
-    count: u64,
-    seed: u64,
     go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<Vec<(Member, Outcomes)>, LabError> {
-    let members =
-        (0..count).map(|number| member(nominal, seed, number)).collect::<Result<Vec<_>, _>>()?;
     let groups: Vec<&[Member]> = members.chunks(WIDTH).collect();
     let jobs: Vec<_> = groups
         .iter()
@@ -373,6 +442,41 @@ mod tests {
         }
     }
 
+    /// It is the same crane, but for what is varied beyond, and that depends on seed and number alone.
+    #[test]
+    fn a_widened_member_is_the_member_with_further_variations() {
+        let nominal = Description::uia_virtual().unwrap();
+        let known = member(&nominal, 1, 5).unwrap();
+        let wide = |seed, number| widened(&nominal, seed, number).unwrap();
+        assert_eq!(wide(1, 5).crane.numbers, wide(1, 5).crane.numbers);
+        assert_eq!(wide(1, 5).values[..VARIATIONS.len()], known.values);
+        let mut back = wide(1, 5).crane.numbers;
+        let n = &known.crane.numbers;
+        (back.youngs_modulus, back.base_stiffness) = (n.youngs_modulus, n.base_stiffness);
+        (back.dead_volume_a, back.dead_volume_b) = (n.dead_volume_a, n.dead_volume_b);
+        (back.volume_pump_a, back.volume_pump_b) = (n.volume_pump_a, n.volume_pump_b);
+        (back.sensor_bandwidth, back.fieldbus_delay) = (n.sensor_bandwidth, n.fieldbus_delay);
+        (back.pressure_error, back.seed) = (n.pressure_error, n.seed);
+        assert_eq!(back, *n);
+        let beyond = |seed, number| wide(seed, number).values[VARIATIONS.len()..].to_vec();
+        assert!(beyond(1, 5) != beyond(1, 6) && beyond(1, 5) != beyond(2, 5));
+        let lag = |crane: &Description| 1e3 / (TAU * crane.numbers.sensor_bandwidth);
+        let mut delays = [false; 3];
+        for number in 0..100 {
+            let Member { values, crane } = wide(3, number);
+            for (value, range) in values.iter().zip(variations(true)) {
+                assert!((range.low..=range.high).contains(value), "{}: {value}", range.name);
+            }
+            let off = lag(&crane) - lag(&nominal);
+            assert!(off.abs() <= 0.2 + 1e-9, "{off} ms");
+            delays[crane.numbers.fieldbus_delay as usize] = true;
+            assert!(
+                (0.7..1.3).contains(&(crane.numbers.dead_volume_a / nominal.numbers.dead_volume_a))
+            );
+        }
+        assert_eq!(delays, [true; 3]);
+    }
+
     /// On one core a group goes along all courses before the next one begins.
     #[test]
     fn cranes_of_an_interrupted_family_have_gone_all_the_way() {
@@ -380,15 +484,13 @@ mod tests {
         let nominal = Description::uia_virtual().unwrap();
         let controllers = [ControllerChoice::Strategy(Strategy::BenchmarkClosedLoop)];
         let courses = [1, 2, 3].map(|_| CourseChoice::Motion(nominal.numbers.fast));
-        let count = 3 * WIDTH;
+        let cranes = members(&nominal, (3 * WIDTH as u64, 1), false).unwrap();
         let interrupted = |after: usize| {
             let done = AtomicUsize::new(0);
             let go_on = |_| done.fetch_add(1, Ordering::Relaxed) + 1 < after;
             let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
             one_thread
-                .install(|| {
-                    family(&model, &nominal, &controllers, &courses, count as u64, 1, &go_on)
-                })
+                .install(|| family(&model, cranes.clone(), &controllers, &courses, &go_on))
                 .unwrap()
         };
         assert!(interrupted(2).is_empty());

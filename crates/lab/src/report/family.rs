@@ -1,13 +1,13 @@
 //! What a family of virtual cranes makes of the strategies: boxes and tables.
 
 use super::document::{document, figure};
-use crate::closed_loop::monte_carlo::{Row, Spread, VARIATIONS};
+use crate::closed_loop::monte_carlo::{Row, Spread, variations};
 use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
 use std::fmt::Write;
 
-/// The page of a family of `count` cranes drawn with `seed`.
-pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String {
+/// The page of a family of `count` cranes drawn with `seed`, widened or not.
+pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows: &[Row]) -> String {
     let first = rows.first().map(|row| row.controller);
     let courses: Vec<&str> = rows
         .iter()
@@ -25,7 +25,7 @@ pub fn family_page(crane: &str, count: usize, seed: u64, rows: &[Row]) -> String
         h2 { "What varies" }
         table {
             thead { tr { th { "quantity" } th { "from" } th { "to" } } }
-            tbody { @for v in VARIATIONS { tr { td { (v.name) } td { (v.low) } td { (v.high) } } } }
+            tbody { @for v in variations(is_widened) { tr { td { (v.name) } td { (v.low) } td { (v.high) } } } }
         }
         @for course in &courses {
             h2 { (course) }
