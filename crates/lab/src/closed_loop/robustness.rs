@@ -3,7 +3,7 @@
 use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
 use crate::closed_loop::metrics::{Effort, Metrics};
-use crate::closed_loop::scenario::{Course, CourseChoice};
+use crate::closed_loop::scenario::{Course, CourseChoice, Load};
 use crate::closed_loop::simulation::simulate_closed_loop;
 use crate::closed_loop::sustained_oscillation::has_sustained_oscillation;
 use crate::eigenfrequency::locked_mode;
@@ -101,6 +101,11 @@ pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>
         ),
         fast_with("drive of 15 Hz", "drive.bandwidth_hz", 15.0),
         fast_with("drive of 1.5 Hz", "drive.bandwidth_hz", 1.5),
+        Ok(Trial {
+            name: "reference known only up to now, fast".into(),
+            course: Box::new(Joystick(fast.of(crane)?)),
+            crane: crane.clone(),
+        }),
         with("starts slowly, as it is", &slow, &[]),
         with(
             "starts slowly, twice the stiction",
@@ -116,6 +121,33 @@ pub fn robustness(model: &Description, crane: &Description) -> Result<Vec<Trial>
     ]
     .into_iter()
     .collect()
+}
+
+/// A course of which a controller knows the set point of now alone, as of a joystick.
+struct Joystick(Box<dyn Course>);
+
+impl Trajectory for Joystick {
+    fn reference(&self, t: f64) -> SetPoint<f64> {
+        self.0.reference(t)
+    }
+    fn duration(&self) -> f64 {
+        self.0.duration()
+    }
+    fn speed(&self) -> f64 {
+        self.0.speed()
+    }
+}
+
+impl Course for Joystick {
+    fn name(&self) -> String {
+        self.0.name()
+    }
+    fn loads(&self) -> &[Load] {
+        self.0.loads()
+    }
+    fn is_known_ahead(&self) -> bool {
+        false
+    }
 }
 
 /// A motion under a name of its own.

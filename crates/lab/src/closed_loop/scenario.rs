@@ -14,6 +14,10 @@ pub trait Course: Trajectory {
     fn loads(&self) -> &[Load] {
         &[]
     }
+    /// Whether controllers know it ahead; where not, as with a joystick, they know the set point of now and those before it.
+    fn is_known_ahead(&self) -> bool {
+        true
+    }
 }
 
 /// Name of the motion at a speed.

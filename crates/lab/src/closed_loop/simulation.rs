@@ -69,7 +69,10 @@ impl<C: Controller + ?Sized> Loop<C> {
             Some(_) => Some(SimulatedCrane::new(model, begin.set_point(0.0).position)?),
             None => None,
         };
-        let preview = Preview::new(begin.period, |after| begin.set_point(after));
+        let preview = match course.is_known_ahead() {
+            true => Preview::new(begin.period, |after| begin.set_point(after)),
+            false => Preview::at_rest(begin.period, begin.set_point(0.0).position),
+        };
         Ok(Self { controller, preview, simulated })
     }
 
@@ -80,8 +83,10 @@ impl<C: Controller + ?Sized> Loop<C> {
         measurement: &Measurement,
     ) -> Result<Command, LabError> {
         let Self { controller, preview, simulated } = self;
-        if now.number > 0 {
-            preview.advance(|after| now.set_point(after));
+        match now.course.is_known_ahead() {
+            _ if now.number == 0 => {}
+            true => preview.advance(|after| now.set_point(after)),
+            false => preview.advance_without_preview(now.set_point(0.0)),
         }
         let state = simulated.as_ref().map(SimulatedCrane::state);
         let command = controller.update(measurement, preview, state.as_ref());
@@ -280,7 +285,55 @@ fn side_by_side(
 mod tests {
     use super::*;
     use crate::closed_loop::scenario::CourseChoice;
+    use hydroboom_control::reference::trajectory::Trajectory;
     use hydroboom_control::strategy::Strategy;
+
+    /// What is commanded by a time does not depend on what comes later.
+    #[test]
+    fn a_course_that_is_not_known_ahead_is_followed_without_looking_ahead() {
+        /// Rests, and then goes out at 0.1 m/s where it is the one that goes.
+        struct Joystick {
+            goes: bool,
+            is_known_ahead: bool,
+        }
+        impl Trajectory for Joystick {
+            fn reference(&self, t: f64) -> SetPoint<f64> {
+                let after = if self.goes { (t - 0.5).max(0.0) } else { 0.0 };
+                let velocity = if after > 0.0 { 0.1 } else { 0.0 };
+                SetPoint { position: 0.2 + 0.1 * after, velocity }
+            }
+            fn duration(&self) -> f64 {
+                0.6
+            }
+            fn speed(&self) -> f64 {
+                0.1
+            }
+        }
+        impl Course for Joystick {
+            fn name(&self) -> String {
+                "joystick".into()
+            }
+            fn is_known_ahead(&self) -> bool {
+                self.is_known_ahead
+            }
+        }
+        let model = Description::uia_single_boom().unwrap();
+        let crane = Description::uia_virtual().unwrap();
+        let commands = |goes, is_known_ahead| {
+            let mut commands = Vec::new();
+            let course = Joystick { goes, is_known_ahead };
+            simulate_closed_loop(&model, &crane, Strategy::ScheduledLqr, &course, |sample| {
+                commands.push(sample.command.motor_speed);
+                Ok(())
+            })
+            .unwrap();
+            commands
+        };
+        let [rests, goes] = [false, true].map(|goes| commands(goes, false));
+        assert_eq!(rests[..500], goes[..500]);
+        assert!(goes[599] > rests[599] + 1.0, "{} rev/s", goes[599]);
+        assert_ne!(commands(true, true)[..500], goes[..500]);
+    }
 
     /// Courses of other shape and duration, each begun, led and ended as it is alone.
     #[test]

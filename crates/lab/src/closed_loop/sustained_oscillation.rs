@@ -34,6 +34,9 @@ impl Course for WithRest<'_> {
     fn loads(&self) -> &[Load] {
         self.0.loads()
     }
+    fn is_known_ahead(&self) -> bool {
+        self.0.is_known_ahead()
+    }
 }
 
 /// Whether a crane that followed a course with the given metrics was in a sustained oscillation while its reference
