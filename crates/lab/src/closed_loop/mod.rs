@@ -3,6 +3,7 @@
 pub mod ablation;
 pub mod consistency_statistics;
 pub mod controller_choice;
+pub mod error_table;
 pub mod estimator_consistency;
 pub mod family_margins;
 pub mod metrics;

@@ -1,0 +1,337 @@
+//! Table of the figures by which a controller is judged over a family: its errors and its effort over the benchmark's on the same crane.
+//!
+//! Rows are read from CSV as the example `true_errors` writes it. Columns that an older file does not have are left out.
+
+use crate::LabError;
+use crate::closed_loop::monte_carlo::Spread;
+use hydroboom_control::strategy::Strategy;
+use std::collections::{BTreeMap, HashMap};
+use std::fmt::Write;
+
+/// What older files call the benchmark.
+const BENCHMARK_BEFORE: &str = "benchmark";
+/// Motor speed and energy over the benchmark's that count as more.
+const MORE: f64 = 1.05;
+
+/// What one crane did along one course under one controller; numbers that are not known are none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Outcome {
+    true_rms_mm: Option<f64>,
+    measured_rms_mm: Option<f64>,
+    sustained_oscillation: bool,
+    motor_speed_rpm: Option<f64>,
+    energy_kj: Option<f64>,
+    motor_ripple_rpm: Option<f64>,
+}
+
+/// Course, seed and number of a crane.
+type Place = (String, String, String);
+
+/// Outcomes of one or more files.
+#[derive(Clone, Debug, Default)]
+pub struct ErrorTable {
+    /// By controller, in the order in which they were read.
+    controllers: Vec<(String, HashMap<Place, Outcome>)>,
+    /// Courses in the order in which they were read.
+    courses: Vec<String>,
+    benchmark: HashMap<Place, Outcome>,
+}
+
+/// A controller along a course, beside the benchmark.
+#[derive(Clone, Debug, PartialEq)]
+struct Row {
+    course: String,
+    controller: String,
+    /// Cranes that both were run on.
+    cranes: usize,
+    true_rms: Option<Spread>,
+    true_rms_mm: Option<Spread>,
+    /// Its true RMS is larger, or it alone could not finish.
+    worse: usize,
+    oscillating: usize,
+    /// Of these, the benchmark does not.
+    oscillating_alone: usize,
+    measured_rms: Option<Spread>,
+    motor_speed: Option<(Spread, usize)>,
+    energy: Option<(Spread, usize)>,
+    ripple_rpm: Option<Spread>,
+    benchmark_ripple_rpm: Option<Spread>,
+}
+
+impl ErrorTable {
+    /// Adds the rows of a file.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Input`] with file, line and column where a row cannot be read, or tells of a crane for the second time.
+    pub fn read(&mut self, file: &str, content: impl std::io::Read) -> Result<(), LabError> {
+        let failed = |reason: String| LabError::Input { file: file.into(), reason };
+        let mut reader = csv::Reader::from_reader(content);
+        let headings = reader.headers().map_err(|e| failed(e.to_string()))?.clone();
+        let place = |name: &str| headings.iter().position(|heading| heading.trim() == name);
+        let needed = |name: &str| {
+            place(name).ok_or_else(|| {
+                let there: Vec<&str> = headings.iter().collect();
+                failed(format!("line 1 has no column {name}, but {}", there.join(", ")))
+            })
+        };
+        let [course, seed, crane, controller] = ["course", "seed", "crane", "controller"];
+        let keys = [needed(course)?, needed(seed)?, needed(crane)?, needed(controller)?];
+        let oscillation = needed("sustained_oscillation")?;
+        needed("true_rms_mm")?;
+        for record in reader.records() {
+            let record = record.map_err(|e| failed(e.to_string()))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let text = |k: usize| record.get(k).unwrap_or_default().trim();
+            let number = |name: &str| match place(name).map(text) {
+                None | Some("" | "NaN") => Ok(None),
+                Some(read) => match read.parse::<f64>() {
+                    Ok(value) if value.is_finite() => Ok(Some(value)),
+                    _ => Err(failed(format!(
+                        "line {line}, {name}: \"{read}\" is no number; where there is none, leave it empty"
+                    ))),
+                },
+            };
+            let outcome = Outcome {
+                true_rms_mm: number("true_rms_mm")?,
+                measured_rms_mm: number("measured_rms_mm")?,
+                sustained_oscillation: match text(oscillation) {
+                    "true" => true,
+                    "false" => false,
+                    read => {
+                        return Err(failed(format!(
+                            "line {line}, sustained_oscillation: \"{read}\" is neither true nor false"
+                        )));
+                    }
+                },
+                motor_speed_rpm: number("motor_speed_rpm")?,
+                energy_kj: number("energy_kj")?,
+                motor_ripple_rpm: number("motor_ripple_rpm")?,
+            };
+            let [course, seed, crane, controller] = keys.map(|k| text(k).to_string());
+            if !self.courses.contains(&course) {
+                self.courses.push(course.clone());
+            }
+            let of = self.of(&controller);
+            let place = (course, seed, crane);
+            if of.contains_key(&place) {
+                let (course, seed, crane) = place;
+                return Err(failed(format!(
+                    "line {line}: crane {crane} of seed {seed} along {course} under {controller} was read before; \
+                     give each run once"
+                )));
+            }
+            of.insert(place, outcome);
+        }
+        Ok(())
+    }
+
+    /// Outcomes of a controller, which is made room for.
+    fn of(&mut self, controller: &str) -> &mut HashMap<Place, Outcome> {
+        if controller == BENCHMARK_BEFORE || controller == Strategy::BenchmarkClosedLoop.name() {
+            return &mut self.benchmark;
+        }
+        let known = self.controllers.iter().position(|(name, _)| name == controller);
+        let k = known.unwrap_or_else(|| {
+            self.controllers.push((controller.into(), HashMap::new()));
+            self.controllers.len() - 1
+        });
+        &mut self.controllers[k].1
+    }
+
+    fn rows(&self) -> Vec<Row> {
+        let mut rows = Vec::new();
+        for course in &self.courses {
+            for (controller, outcomes) in &self.controllers {
+                // in a fixed order
+                let pairs: BTreeMap<&Place, (&Outcome, &Outcome)> = outcomes
+                    .iter()
+                    .filter(|((along, ..), _)| along == course)
+                    .filter_map(|(place, own)| Some((place, (own, self.benchmark.get(place)?))))
+                    .collect();
+                if !pairs.is_empty() {
+                    let pairs: Vec<_> = pairs.into_values().collect();
+                    rows.push(row(course, controller, &pairs));
+                }
+            }
+        }
+        rows
+    }
+
+    /// The table as Markdown, a row for each course and controller; columns of which nothing is known are left out.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Input`] when no crane was run both under the benchmark and under another controller.
+    pub fn markdown(&self) -> Result<String, LabError> {
+        let rows = self.rows();
+        if rows.is_empty() {
+            let reason = format!(
+                "no crane was run under both {} and another controller, along the same course and with the same seed",
+                Strategy::BenchmarkClosedLoop.name()
+            );
+            return Err(LabError::Input { file: "all files".into(), reason });
+        }
+        let mut table = String::from(
+            "Ratios are over the benchmark's on the same crane, seed and course: median / 95th percentile / largest.\n\
+             Percentiles are median-unbiased (Hyndman and Fan 1996, type 8).\n\n",
+        );
+        let columns: Vec<&Column> =
+            COLUMNS.iter().filter(|(_, cell)| rows.iter().any(|row| cell(row).is_some())).collect();
+        let headings: Vec<&str> = columns.iter().map(|(heading, _)| *heading).collect();
+        let _ = writeln!(table, "| {} |\n|{}", headings.join(" | "), "---|".repeat(headings.len()));
+        for row in &rows {
+            let cells: Vec<String> =
+                columns.iter().map(|(_, cell)| cell(row).unwrap_or_else(|| "-".into())).collect();
+            let _ = writeln!(table, "| {} |", cells.join(" | "));
+        }
+        Ok(table)
+    }
+}
+
+/// A heading, and what stands below it for a row.
+type Column = (&'static str, fn(&Row) -> Option<String>);
+
+const COLUMNS: [Column; 12] = [
+    ("course", |r| Some(r.course.clone())),
+    ("controller", |r| Some(r.controller.clone())),
+    ("cranes", |r| Some(r.cranes.to_string())),
+    ("true RMS ratio", |r| Some(three(&r.true_rms?))),
+    ("its median, mm", |r| Some(format!("{:.3}", r.true_rms_mm?.median))),
+    ("worse than the benchmark", |r| Some(r.worse.to_string())),
+    ("sustained oscillation (of these, not the benchmark)", |r| {
+        Some(format!("{} ({})", r.oscillating, r.oscillating_alone))
+    }),
+    ("measured RMS ratio", |r| Some(three(&r.measured_rms?))),
+    ("motor speed ratio: median (number over 1.05)", |r| Some(more(r.motor_speed?))),
+    ("energy ratio: median (number over 1.05)", |r| Some(more(r.energy?))),
+    ("motor ripple at rest, rpm: median / largest", |r| Some(two(&r.ripple_rpm?))),
+    ("the benchmark's", |r| Some(two(&r.benchmark_ripple_rpm?))),
+];
+
+fn three(s: &Spread) -> String {
+    format!("{:.3} / {:.2} / {:.2}", s.median, s.p95, s.worst)
+}
+
+fn more((spread, count): (Spread, usize)) -> String {
+    format!("{:.3} ({count})", spread.median)
+}
+
+fn two(s: &Spread) -> String {
+    format!("{:.1} / {:.1}", s.median, s.worst)
+}
+
+/// A controller beside the benchmark on the same cranes.
+fn row(course: &str, controller: &str, pairs: &[(&Outcome, &Outcome)]) -> Row {
+    let spread = |values: Vec<f64>| (!values.is_empty()).then(|| Spread::of(values));
+    let all = |of: fn(&(&Outcome, &Outcome)) -> Option<f64>| -> Vec<f64> {
+        pairs.iter().filter_map(of).collect()
+    };
+    let with_more = |ratios: Vec<f64>| {
+        let more = ratios.iter().filter(|ratio| **ratio > MORE).count();
+        spread(ratios).map(|spread| (spread, more))
+    };
+    let count = |of: fn(&(&Outcome, &Outcome)) -> bool| pairs.iter().filter(|p| of(p)).count();
+    Row {
+        course: course.into(),
+        controller: controller.into(),
+        cranes: pairs.len(),
+        true_rms: spread(all(|(own, other)| Some(own.true_rms_mm? / other.true_rms_mm?))),
+        true_rms_mm: spread(all(|(own, _)| own.true_rms_mm)),
+        worse: count(|(own, other)| match (own.true_rms_mm, other.true_rms_mm) {
+            (Some(own), Some(other)) => own > other,
+            (own, other) => own.is_none() && other.is_some(),
+        }),
+        oscillating: count(|(own, _)| own.sustained_oscillation),
+        oscillating_alone: count(|(own, other)| {
+            own.sustained_oscillation && !other.sustained_oscillation
+        }),
+        measured_rms: spread(all(|(own, other)| {
+            Some(own.measured_rms_mm? / other.measured_rms_mm?)
+        })),
+        motor_speed: with_more(all(|(own, other)| {
+            Some(own.motor_speed_rpm? / other.motor_speed_rpm?)
+        })),
+        energy: with_more(all(|(own, other)| Some(own.energy_kj? / other.energy_kj?))),
+        ripple_rpm: spread(all(|(own, _)| own.motor_ripple_rpm)),
+        benchmark_ripple_rpm: spread(all(|(_, other)| other.motor_ripple_rpm)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BENCHMARK: &str = "\
+course,seed,crane,controller,true_rms_mm,measured_rms_mm,true_peak_mm,lead_ms,sustained_oscillation,motor_speed_rpm,energy_kj
+fast,1,0,benchmark,2.0,4.0,1,0,false,1000,10
+fast,1,1,benchmark,4.0,4.0,1,0,true,1000,10
+fast,1,2,benchmark,1.0,4.0,1,0,false,1000,10
+fast,2,0,benchmark,8.0,4.0,1,0,false,1000,10
+";
+    const OURS: &str = "\
+course,seed,crane,controller,true_rms_mm,measured_rms_mm,true_peak_mm,sustained_oscillation,motor_speed_rpm,energy_kj,motor_ripple_rpm
+fast,1,0,scheduled-lqr,1.0,1.0,1,true,1060,11,3
+fast,1,1,scheduled-lqr,1.0,2.0,1,true,1040,9,NaN
+fast,1,2,scheduled-lqr,1.5,3.0,1,false,900,9,5
+fast,1,3,scheduled-lqr,9.0,9.0,1,true,9000,90,99
+fast,2,0,scheduled-lqr,,,,true,900,9,4
+slow,1,0,scheduled-lqr,1.0,1.0,1,false,1060,11,3
+";
+
+    fn table(files: &[&str]) -> Result<ErrorTable, LabError> {
+        let mut table = ErrorTable::default();
+        files.iter().try_for_each(|content| table.read("a.csv", content.as_bytes()))?;
+        Ok(table)
+    }
+
+    /// By hand: true ratios 0.5, 0.25 and 1.5, the fourth not finished; the fifth crane and the slow course have no benchmark.
+    #[test]
+    fn ratios_are_those_on_the_same_crane_seed_and_course() {
+        let rows = table(&[BENCHMARK, OURS]).unwrap().rows();
+        let [row] = &rows[..] else { panic!("{rows:?}") };
+        assert_eq!((row.course.as_str(), row.controller.as_str()), ("fast", "scheduled-lqr"));
+        assert_eq!((row.cranes, row.worse), (4, 2));
+        assert_eq!((row.oscillating, row.oscillating_alone), (3, 2));
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} for {b}");
+        let (true_rms, measured) = (row.true_rms.unwrap(), row.measured_rms.unwrap());
+        close(true_rms.median, 0.5);
+        close(true_rms.worst, 1.5);
+        close(measured.median, 0.5);
+        close(measured.worst, 0.75);
+        let ((speed, faster), (energy, costlier)) = (row.motor_speed.unwrap(), row.energy.unwrap());
+        close(speed.median, 0.97);
+        close(energy.median, 0.9);
+        assert_eq!((faster, costlier), (1, 1));
+        let ripple = row.ripple_rpm.unwrap();
+        close(ripple.median, 4.0);
+        close(ripple.worst, 5.0);
+        assert_eq!(row.benchmark_ripple_rpm, None);
+    }
+
+    #[test]
+    fn columns_that_no_file_has_are_left_out() {
+        let both = table(&[BENCHMARK, OURS]).unwrap().markdown().unwrap();
+        assert!(both.contains("motor ripple at rest") && !both.contains("| the benchmark's |"));
+        let before = OURS.lines().map(|line| &line[..line.rfind(',').unwrap()]);
+        let before: Vec<&str> = before.collect();
+        let older = table(&[BENCHMARK, &before.join("\n")]).unwrap().markdown().unwrap();
+        assert!(!older.contains("ripple"), "{older}");
+        let columns: Vec<usize> =
+            older.lines().filter(|l| l.starts_with('|')).map(|l| l.matches('|').count()).collect();
+        assert_eq!(columns, [11; 3]);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_says_where() {
+        let says = |files: &[&str], what: &str| {
+            let error = table(files).unwrap_err().to_string();
+            assert!(error.contains("a.csv") && error.contains(what), "{error}");
+        };
+        says(&[BENCHMARK, BENCHMARK], "line 2: crane 0 of seed 1");
+        says(&[&BENCHMARK.replace("8.0", "eight")], "line 5, true_rms_mm: \"eight\"");
+        says(&[&BENCHMARK.replace("true,1000", "yes,1000")], "line 3, sustained_oscillation");
+        says(&[&BENCHMARK.replace("crane,", "number,")], "no column crane");
+        assert!(table(&[OURS]).unwrap().markdown().is_err());
+    }
+}
