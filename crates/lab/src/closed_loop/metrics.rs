@@ -10,6 +10,8 @@ const SLOW: f64 = 0.5;
 const SETTLING: f64 = 1.0;
 /// Window of the motor's ripple \[s\]: what is slower, leakage and what an integrator still makes good, is no ripple.
 const WINDOW: f64 = 1.0;
+/// Time before a motion in which a controller that knows it ahead may begin with it \[s\].
+const AHEAD: f64 = 0.5;
 
 /// What a course cost and left, beside its tracking error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -22,11 +24,11 @@ pub struct Effort {
     pub tip_deflection_mm: f64,
     /// Root mean square of the tip's vibration while the crane should rest, from the first motion on.
     pub residual_vibration_mm: f64,
-    /// Motor ripple at rest: standard deviation of the commanded motor speed within windows of 1 s, while the reference has rested for at least 1 s
-    /// and no load was changed within 1 s. This is what noise and friction make of it.
+    /// Motor ripple at rest: standard deviation of the commanded motor speed within windows of 1 s, while the reference has rested for at least 1 s,
+    /// no load was changed within 1 s, and no motion begins within 0.5 s, which a controller may know ahead. This is what noise and friction make of it.
     ///
-    /// Windows follow each other from the first second of a rest on; the last may be shorter. Each has its own mean, and their squares are pooled. Not
-    /// a number where the course has no such rest.
+    /// Windows follow each other from the first second of a rest on; before a load change and at the end of the course the last may be shorter. Each
+    /// has its own mean, and their squares are pooled. Not a number where the course has no such rest.
     pub motor_ripple_rpm: f64,
 }
 
@@ -41,46 +43,68 @@ impl Effort {
     };
 }
 
+/// Samples, and the sum of their squares about a mean \[rpm²\].
+type Squares = (u64, f64);
+
+fn both(a: Squares, b: Squares) -> Squares {
+    (a.0 + b.0, a.1 + b.1)
+}
+
 /// Pooled variance of the commanded motor speed over windows at rest.
 #[derive(Clone, Copy, Debug, Default)]
 struct MotorRipple {
     /// Time since which the reference has rested under the same load \[s\]; none in motion.
     since: Option<f64>,
-    /// End of this window \[s\], samples in it, and their mean \[rpm\].
-    window: (f64, u64, f64),
-    /// Samples of all windows, and the sum of their squares about the means \[rpm²\].
-    count: u64,
-    square: f64,
+    /// End of this window \[s\], and mean \[rpm\] and squares so far.
+    end: f64,
+    mean: f64,
+    window: Squares,
+    /// The window before, which counts unless a motion begins soon after it.
+    before: Squares,
+    /// Those that count.
+    counted: Squares,
 }
 
 impl MotorRipple {
     fn add(&mut self, sample: &Sample) {
+        let time = sample.time;
         if sample.reference.velocity != 0.0 {
-            self.since = None;
+            *self = Self { counted: self.counted, ..Self::default() };
             return;
         }
-        let since = self.since.filter(|_| !sample.load_changed).unwrap_or(sample.time);
-        self.since = Some(since);
-        if sample.time - since < SETTLING {
-            self.window = (since + SETTLING, 0, 0.0);
+        let since = self.since.filter(|_| !sample.load_changed).unwrap_or(time);
+        if self.since != Some(since) {
+            let end = since + SETTLING + WINDOW;
+            *self = Self { since: Some(since), end, counted: self.until_now(), ..Self::default() };
+        }
+        if time - since < SETTLING {
             return;
         }
-        let (end, count, mean) = match self.window {
-            (end, ..) if sample.time >= end => (end + WINDOW, 0, 0.0),
-            begun => begun,
-        };
+        if time >= self.end {
+            self.before = self.window;
+            (self.end, self.mean, self.window) = (self.end + WINDOW, 0.0, (0, 0.0));
+        }
+        if time >= self.end - WINDOW + AHEAD {
+            self.counted = both(self.counted, self.before);
+            self.before = (0, 0.0);
+        }
         // Welford's recursion
         let speed = 60.0 * sample.command.motor_speed;
-        let off = speed - mean;
-        let mean = mean + off / (count + 1) as f64;
-        self.window = (end, count + 1, mean);
-        self.count += 1;
-        self.square += off * (speed - mean);
+        let off = speed - self.mean;
+        let count = self.window.0 + 1;
+        self.mean += off / count as f64;
+        self.window = (count, self.window.1 + off * (speed - self.mean));
+    }
+
+    /// All of it, where no motion follows.
+    fn until_now(&self) -> Squares {
+        both(self.counted, both(self.before, self.window))
     }
 
     /// Standard deviation \[rpm\].
     fn deviation(&self) -> f64 {
-        (self.square / self.count as f64).sqrt()
+        let (count, square) = self.until_now();
+        (square / count as f64).sqrt()
     }
 }
 
@@ -238,8 +262,8 @@ pub(crate) mod tests {
         assert!(metrics(late).may_oscillate() && !metrics(late).oscillates());
     }
 
-    /// The motor is commanded a sine of 3 rpm about a speed of its own in each rest, which in the first drifts by 1 rpm a second. Moving, and in the second after a motion and after another
-    /// load, it is commanded 1000 rpm more.
+    /// The motor is commanded a sine of 3 rpm about a speed of its own in each rest, which in the first drifts by 1 rpm a second. Moving, in the second
+    /// after a motion and after another load, and in the 0.4 s before a motion, it is commanded 1000 rpm more.
     #[test]
     fn motor_ripple_is_told_of_settled_rests_alone_about_the_speed_of_each() {
         let description = Description::uia_virtual().unwrap();
@@ -256,7 +280,8 @@ pub(crate) mod tests {
                     6000..10000 => (50.0, 6000),
                     _ => (-30.0, 10000),
                 };
-                let unsettled = if k - since < 1000 { 1000.0 } else { 0.0 };
+                let unsettled =
+                    if k - since < 1000 || (4600..5000).contains(&k) { 1000.0 } else { 0.0 };
                 let speed = mean + unsettled + 3.0 * (std::f64::consts::TAU * 20.0 * time).sin();
                 let velocity = if (5000..6000).contains(&k) { 0.1 } else { 0.0 };
                 metrics.add(&Sample {
@@ -271,7 +296,7 @@ pub(crate) mod tests {
             metrics.effort().motor_ripple_rpm
         };
         let deviation = 3.0 / 2_f64.sqrt();
-        for end in [3000, 5000, 6000, 10000, 13000] {
+        for end in [3000, 4500, 6000, 10000, 13000] {
             let ripple = ripple_until(end);
             assert!((ripple - deviation).abs() < 1e-2, "{ripple} rpm by {end} ms");
         }
