@@ -35,8 +35,8 @@ mod supervision;
 
 pub use error::DesignError;
 pub use lifting::{Lifting, Responses};
-pub use look::{Look, benchmark_loop, look, scheduled_lqr_loop};
-pub use margins::{Loop, Margins, margins};
+pub use look::{Look, benchmark_loop, look, scheduled_lqr_loop, scheduled_lqr_loop_at};
+pub use margins::{Actuation, Loop, Margins, margins};
 pub use oil_spring_fit::{ElasticLoad, OilSpring, oil_spring};
 pub use supervision::{
     LoadPressure, framed_benchmark, framed_simulation_feedforward, limits, load_pressure,

@@ -3,7 +3,9 @@
 use crate::linear::Mode;
 use crate::scheduled_lqr::{designed, known_delay};
 use crate::small_signal_controller::SmallSignalController;
-use crate::{DesignError, Lifting, Loop, Margins, margins};
+use crate::{Actuation, DesignError, Lifting, Loop, Margins, margins};
+use hydroboom_control::estimation::state_estimator::StateEstimator;
+use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
 use hydroboom_description::Description;
 use serde::Serialize;
 
@@ -28,7 +30,11 @@ pub fn benchmark_loop(description: &Description) -> Loop {
     Loop::Benchmark {
         controller: description.benchmark(),
         high_pass: n.high_pass_time,
-        delay: n.estimator_drive_lag + fieldbus + 0.5 * n.control_period,
+        actuation: Actuation {
+            delay: n.estimator_drive_lag + fieldbus + 0.5 * n.control_period,
+            drive: [0.0; 2],
+            sensor_lag: 0.0,
+        },
     }
 }
 
@@ -41,17 +47,33 @@ const BEYOND: f64 = 1.5e5;
 ///
 /// As [`designed`].
 pub fn scheduled_lqr_loop(description: &Description, stroke: f64) -> Result<Loop, DesignError> {
+    let design = designed(description, known_delay(description) as usize)?;
+    Ok(scheduled_lqr_loop_at(description, &design, stroke, description.numbers.payload))
+}
+
+/// The same for estimator and law [`designed`] for the description, settled at rest with a payload \[kg\] that the estimator has weighed.
+///
+/// Its friction slides, as that of the crane it is around: friction that sticks is a spring to the estimator, and around a crane that slides the loop would not
+/// be stable.
+pub fn scheduled_lqr_loop_at(
+    description: &Description,
+    (estimator, law): &(StateEstimator<f64>, ScheduledLqr<f64>),
+    stroke: f64,
+    payload: f64,
+) -> Loop {
     let n = &description.numbers;
-    let cycles = known_delay(description);
-    let (mut estimator, law) = designed(description, cycles as usize)?;
+    let mut estimator = *estimator;
+    estimator.filter.model.presliding_stiffness = 0.0;
     estimator.drive_share = n.control_period / n.estimator_drive_lag;
-    let controller = SmallSignalController::at_rest(&estimator, &law, stroke, n.payload, BEYOND);
-    Ok(Loop::ScheduledLqr {
+    let controller = SmallSignalController::at_rest(&estimator, law, stroke, payload, BEYOND);
+    Loop::ScheduledLqr {
         controller: Box::new(controller),
-        delay: (2.0 * f64::from(cycles) + 0.5) * n.control_period,
-        drive_lag: n.estimator_drive_lag,
-        sensor_lag: estimator.filter.sensor_lag,
-    })
+        actuation: Actuation {
+            delay: (2.0 * f64::from(known_delay(description)) + 0.5) * n.control_period,
+            drive: [n.estimator_drive_lag, 0.0],
+            sensor_lag: estimator.filter.sensor_lag,
+        },
+    }
 }
 
 /// The loop at a piston position \[m\] of a crane.
@@ -67,4 +89,19 @@ pub fn look(description: &Description, stroke: f64) -> Result<Look, DesignError>
         benchmark: margins(&crane, &benchmark_loop(description))?,
         scheduled_lqr: margins(&crane, &scheduled_lqr_loop(description, stroke)?)?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By the argument principle, not by distances, which an unstable loop has too.
+    #[test]
+    fn both_loops_are_stable_over_the_stroke() {
+        let description = Description::uia_single_boom().unwrap();
+        for share in [0.05, 0.5, 0.95] {
+            let look = look(&description, share * description.numbers.stroke).unwrap();
+            assert_eq!((look.benchmark.growing, look.scheduled_lqr.growing), (0, 0), "{look:?}");
+        }
+    }
 }

@@ -4,6 +4,7 @@ use crate::growth::growing;
 use crate::small_signal_controller::SmallSignalController;
 use crate::{DesignError, Lifting, Responses};
 use hydroboom_control::feedback::benchmark::Benchmark;
+use hydroboom_description::Description;
 use nalgebra::Complex;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -11,6 +12,38 @@ use std::f64::consts::TAU;
 /// Lowest and highest frequency that is looked at \[Hz\], and points between them.
 const FREQUENCIES: [f64; 2] = [0.02, 300.0];
 const POINTS: u32 = 1200;
+
+/// What is between a commanded motor speed and the readings beside the crane itself: drive, fieldbus, sampling, position sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Actuation {
+    /// Dead time of fieldbus and sampling \[s\].
+    pub delay: f64,
+    /// Time constant of the drive \[s\], and the square term of one of second order \[s²\].
+    pub drive: [f64; 2],
+    /// Time constant of the position sensor \[s\].
+    pub sensor_lag: f64,
+}
+
+impl Actuation {
+    /// That of a machine as its crane file has it; the sampling delays by half a period.
+    pub fn of(machine: &Description) -> Self {
+        let n = &machine.numbers;
+        // a bandwidth of zero stands for none
+        let lag = |bandwidth: f64| if bandwidth > 0.0 { 1.0 / (TAU * bandwidth) } else { 0.0 };
+        let drive = lag(n.drive_bandwidth);
+        Self {
+            delay: (2.0 * n.fieldbus_delay.round() + 0.5) * n.control_period,
+            drive: [2.0 * n.drive_damping * drive, drive * drive],
+            sensor_lag: lag(n.sensor_bandwidth),
+        }
+    }
+
+    /// From a command to the motor's speed as it is read.
+    fn motor_speed(&self, s: Complex<f64>) -> Complex<f64> {
+        let [lag, square] = self.drive;
+        (-s * self.delay).exp() / (s * s * square + s * lag + 1.0)
+    }
+}
 
 /// A loop, broken at the commanded motor speed.
 #[derive(Clone, Debug)]
@@ -21,23 +54,26 @@ pub enum Loop {
         controller: Benchmark<f64>,
         /// Time constant of its high-pass \[s\].
         high_pass: f64,
-        /// Time from a command to what is read of it \[s\].
-        delay: f64,
+        /// What is around it.
+        actuation: Actuation,
     },
     /// Scheduled LQR with its state estimator.
     ScheduledLqr {
         /// The controller.
         controller: Box<SmallSignalController>,
-        /// Time from a command to what is read of it beside drive and sensors \[s\].
-        delay: f64,
-        /// Time constant of the drive \[s\].
-        drive_lag: f64,
-        /// Time constant of the position sensor \[s\].
-        sensor_lag: f64,
+        /// What is around it.
+        actuation: Actuation,
     },
 }
 
 impl Loop {
+    /// The same controller, with drive, fieldbus and sensors as a machine has them.
+    pub fn on(mut self, machine: &Description) -> Self {
+        let (Self::Benchmark { actuation, .. } | Self::ScheduledLqr { actuation, .. }) = &mut self;
+        *actuation = Actuation::of(machine);
+        self
+    }
+
     /// Loop gain at a frequency \[Hz\], with the sign that makes −1 the critical point.
     pub fn gain(&self, crane: &Responses, frequency: f64) -> Complex<f64> {
         self.gain_at(crane, Complex::new(0.0, TAU * frequency))
@@ -46,17 +82,17 @@ impl Loop {
     /// The same for a motor speed that grows as e to the s t, s in \[1/s\].
     pub(crate) fn gain_at(&self, crane: &Responses, s: Complex<f64>) -> Complex<f64> {
         match self {
-            Self::Benchmark { controller: c, high_pass, delay } => {
+            Self::Benchmark { controller: c, high_pass, actuation } => {
                 let position = (c.proportional + c.integral / s) * c.revolutions_per_metre;
                 let high = s * *high_pass / (s * *high_pass + 1.0);
                 let pressure = high * (c.pressure_feedback / c.displacement);
-                (position * crane.position + pressure * crane.pressure) * (-s * *delay).exp()
+                let read = crane.position / (s * actuation.sensor_lag + 1.0);
+                (position * read + pressure * crane.pressure) * actuation.motor_speed(s)
             }
-            Self::ScheduledLqr { controller, delay, drive_lag, sensor_lag } => {
-                let position = crane.position / (s * *sensor_lag + 1.0);
+            Self::ScheduledLqr { controller, actuation } => {
+                let position = crane.position / (s * actuation.sensor_lag + 1.0);
                 let readings = [position, crane.pressure, Complex::from(1.0)];
-                let drive = Complex::from(1.0) / (s * *drive_lag + 1.0);
-                -controller.answer(readings, s) * drive * (-s * *delay).exp()
+                -controller.answer(readings, s) * actuation.motor_speed(s)
             }
         }
     }

@@ -118,43 +118,51 @@ fn gain(factor: f64) -> String {
     if factor.is_finite() { format!("{factor:.1}") } else { "-".into() }
 }
 
-fn over_family(of: &FamilyMargins) -> String {
+fn over_family(family: &[FamilyMargins]) -> String {
     let header = [
         "over the family",
-        "ring on",
-        "d median",
-        "d 5th percentile",
+        "unstable",
+        "PM [deg]: median, 5th percentile",
+        "GM",
+        "d",
         "worst: crane, stroke [mm]",
         "d",
         "GM",
         "PM [deg]",
     ];
+    format!(
+        "{}\nEvery crane of the family at three piston positions, linearised at rest as its pump begins to lift, friction left out, with its own drive, \
+         fieldbus and sensors. The controllers know the model file and the weighed payload. PM and GM are those of the stable loops; \
+         d is negative where a loop is unstable. Cranes are numbered from 0.",
+        output::table(&header, &family.iter().map(over_family_row).collect::<Vec<_>>())
+    )
+}
+
+fn over_family_row(of: &FamilyMargins) -> Vec<String> {
     let m = &of.worst.margins;
     let margins = match m.growing {
         0 => [format!("{:.2}", m.distance), gain(m.gain), format!("{:.0}", m.phase_deg)],
-        _ => ["rings on".into(), "-".into(), "-".into()],
+        _ => ["unstable".into(), "-".into(), "-".into()],
     };
     let mut row = vec![
         of.controller.into(),
         format!("{} of {}", of.ringing_on, of.count),
-        format!("{:.2}", of.distance_median),
-        format!("{:.2}", of.distance_p5),
+        format!("{:.0}, {:.0}", of.phase_median_deg, of.phase_p5_deg),
+        format!("{}, {}", gain(of.gain_median), gain(of.gain_p5)),
+        format!("{:.2}, {:.2}", of.distance_median, of.distance_p5),
         format!("{}, {:.0}", of.worst.crane, of.worst.stroke_mm),
     ];
     row.extend(margins);
-    format!(
-        "{}\nEvery crane of the family at three piston positions, linearised at rest as its pump begins to lift, friction left out. \
-         d is negative where a loop rings on. Cranes are numbered from 0.",
-        output::table(&header, &[row])
-    )
+    row
 }
 
 fn table(looks: &[Look]) -> String {
     let rows: Vec<Vec<String>> = looks
         .iter()
         .map(|l| {
-            let margins = |m: &hydroboom_design::Margins| {
-                format!("{:.0} / {} / {:.2}", m.phase_deg, gain(m.gain), m.distance)
+            let margins = |m: &hydroboom_design::Margins| match m.growing {
+                0 => format!("{:.0} / {} / {:.2}", m.phase_deg, gain(m.gain), m.distance),
+                _ => "unstable".into(),
             };
             vec![
                 format!("{:.0}", l.stroke_mm),

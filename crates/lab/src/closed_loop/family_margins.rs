@@ -1,9 +1,10 @@
-//! Stability margins of the benchmark's loop around a family of virtual cranes.
+//! Stability margins of the loops of benchmark and scheduled LQR around a family of virtual cranes.
 
 use crate::LabError;
 use crate::closed_loop::monte_carlo::{Spread, member};
 use hydroboom_description::Description;
-use hydroboom_design::{Lifting, Margins, benchmark_loop, margins};
+use hydroboom_design::scheduled_lqr::{designed, known_delay};
+use hydroboom_design::{Lifting, Loop, Margins, benchmark_loop, margins, scheduled_lqr_loop_at};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -41,6 +42,14 @@ pub struct FamilyMargins {
     pub distance_p5: f64,
     /// Half are below.
     pub distance_median: f64,
+    /// Phase margin of the stable loops: a twentieth is below.
+    pub phase_p5_deg: f64,
+    /// Half are below.
+    pub phase_median_deg: f64,
+    /// Gain margin of the stable loops that have one: a twentieth is below.
+    pub gain_p5: f64,
+    /// Half are below.
+    pub gain_median: f64,
     /// The crane and position nearest to ringing on, or furthest beyond.
     pub worst: MemberMargins,
 }
@@ -49,19 +58,28 @@ impl FamilyMargins {
     fn of(controller: &'static str, mut all: Vec<MemberMargins>) -> Option<Self> {
         all.sort_by(|a, b| a.signed_distance().total_cmp(&b.signed_distance()));
         let distances = Spread::of(all.iter().map(MemberMargins::signed_distance));
+        let stable = || all.iter().filter(|m| m.margins.growing == 0).map(|m| m.margins);
+        let phases = Spread::of(stable().map(|m| m.phase_deg));
+        let gains = Spread::of(stable().map(|m| m.gain));
         Some(Self {
             controller,
             count: all.len(),
             ringing_on: all.iter().filter(|m| m.margins.growing > 0).count(),
             distance_p5: distances.p5,
             distance_median: distances.median,
+            phase_p5_deg: phases.p5,
+            phase_median_deg: phases.median,
+            gain_p5: gains.p5,
+            gain_median: gains.median,
             worst: all.into_iter().next()?,
         })
     }
 }
 
-/// Margins of the benchmark's loop over a family of virtual cranes, each at three piston positions: a controller that knows the model alone, around cranes that
-/// are linearised as they are.
+/// Margins of the loops of benchmark and scheduled LQR, in this order, over a family of virtual cranes, each at three piston positions.
+///
+/// The controllers know the model alone, but for the payload, which the estimator weighs at rest; lag of the drive and stiffness of the oil are those of the
+/// crane file, before any are identified. The cranes are linearised as they are, with drive, fieldbus and position sensor of their own.
 ///
 /// # Errors
 ///
@@ -70,18 +88,44 @@ pub fn family_margins(
     model: &Description,
     count: u64,
     seed: u64,
-) -> Result<FamilyMargins, LabError> {
+) -> Result<Vec<FamilyMargins>, LabError> {
     let nominal = Description::uia_virtual()?;
-    let around = benchmark_loop(model);
+    let benchmark = benchmark_loop(model);
+    let design = designed(model, known_delay(model) as usize)?;
     let cases: Vec<(u64, f64)> =
         (0..count).flat_map(|k| [0.1, 0.5, 0.9].map(|share| (k, share))).collect();
-    let of = |(number, share): &(u64, f64)| -> Result<MemberMargins, LabError> {
+    let of = |(number, share): &(u64, f64)| -> Result<[MemberMargins; 2], LabError> {
         let crane = member(&nominal, seed, *number)?.crane;
         let stroke = share * model.numbers.stroke;
-        let margins = margins(&Lifting::new(&crane, stroke)?, &around)?;
-        Ok(MemberMargins { crane: *number, stroke_mm: stroke * 1e3, margins })
+        let linear = Lifting::new(&crane, stroke)?;
+        let scheduled_lqr = scheduled_lqr_loop_at(model, &design, stroke, crane.numbers.payload);
+        let around = |looked_at: Loop| -> Result<MemberMargins, LabError> {
+            let margins = margins(&linear, &looked_at.on(&crane))?;
+            Ok(MemberMargins { crane: *number, stroke_mm: stroke * 1e3, margins })
+        };
+        Ok([around(benchmark.clone())?, around(scheduled_lqr)?])
     };
     let all = cases.par_iter().map(of).collect::<Result<Vec<_>, LabError>>()?;
+    let (benchmark, scheduled_lqr) = all.into_iter().map(|[a, b]| (a, b)).unzip();
+    let named = [("benchmark", benchmark), ("scheduled LQR", scheduled_lqr)];
     let none = || LabError::NoOscillation("a family of no cranes has no margins".into());
-    FamilyMargins::of("benchmark", all).ok_or_else(none)
+    named.into_iter().map(|(name, all)| FamilyMargins::of(name, all).ok_or_else(none)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two cranes with loads that both controllers are made for.
+    #[test]
+    fn both_controllers_are_looked_at_around_the_same_cranes() {
+        let model = Description::uia_single_boom().unwrap();
+        let [benchmark, scheduled_lqr] = &family_margins(&model, 2, 1).unwrap()[..] else {
+            panic!("two controllers are looked at")
+        };
+        assert_eq!((benchmark.count, scheduled_lqr.count), (6, 6));
+        assert_eq!((benchmark.ringing_on, scheduled_lqr.ringing_on), (0, 0));
+        assert!(scheduled_lqr.distance_p5 > benchmark.distance_p5, "{scheduled_lqr:?}");
+        assert!(scheduled_lqr.phase_p5_deg > benchmark.phase_p5_deg, "{benchmark:?}");
+    }
 }
