@@ -103,6 +103,8 @@ pub enum Fallback {
     Simulation,
     /// The state estimator diverged, or yields no finite number.
     Estimator,
+    /// The strategy's command is no finite number.
+    Command,
     /// The crane has no such design.
     NoDesign,
 }
@@ -113,6 +115,7 @@ impl Fallback {
         match self {
             Self::Simulation => "simulation-drifted",
             Self::Estimator => "estimator-diverged",
+            Self::Command => "command-not-finite",
             Self::NoDesign => "no-design",
         }
     }
@@ -127,6 +130,8 @@ pub struct Estimates {
     pub deviation: MachineState<f64>,
     /// Innovations of position \[m\] and load pressure \[Pa\].
     pub innovation: [f64; 2],
+    /// Their standard deviations by the filter; not a number where an innovation is nought, as while the load is held.
+    pub innovation_deviation: [f64; 2],
     /// Mean of the normalised innovations squared \[1\].
     pub mean_nis: f64,
     /// Identified lag of the drive \[s\].
@@ -398,6 +403,9 @@ impl ControlTask {
             state: filter.estimate,
             deviation: filter.deviation(),
             innovation: filter.innovation,
+            innovation_deviation: core::array::from_fn(|k| {
+                filter.innovation[k].abs() / filter.nis[k].sqrt()
+            }),
             mean_nis: filter.mean_nis,
             drive_lag: estimated.drive.time_constant(self.benchmark.period),
         })
@@ -505,6 +513,19 @@ impl ControlTask {
         self.begin_preview();
     }
 
+    /// Motor speed of the scheduled LQR \[rev/s\]; none under another strategy.
+    fn estimated_command(&mut self, strategy: Strategy, reference: &SetPoint<f64>) -> Option<f64> {
+        let takes_over = strategy != self.strategy;
+        let controller = self.scheduled_lqr.as_mut().filter(|_| strategy.estimates())?;
+        let mut preview = self.preview;
+        preview.shift(self.start_offset);
+        if takes_over {
+            controller.take_over(reference.position);
+        }
+        let [command] = controller.update(&self.measurement, &preview, None).axes;
+        Some(command.motor_speed)
+    }
+
     /// The speed the strategy wants.
     fn control(&mut self, reference: &SetPoint<f64>, measured: &BenchmarkInput<f64>, now: &Period) {
         let b = self.benchmark;
@@ -531,9 +552,10 @@ impl ControlTask {
         let is_true = alive && now.simulated.is_some_and(|s| !s.failed && near(s));
         let estimator = asked.estimates().then_some(self.scheduled_lqr.as_ref());
         let estimator = estimator.map(|c| c.map(ScheduledLqrController::is_valid));
-        // an estimator that has diverged begins anew with the next release
+        // an estimator that has diverged begins anew with the next release, and so does a law without a command
         self.fallback = match (self.fallback, estimator) {
             (Some(Fallback::Estimator), _) | (_, Some(Some(false))) => Some(Fallback::Estimator),
+            (Some(Fallback::Command), _) => Some(Fallback::Command),
             (_, Some(None)) => Some(Fallback::NoDesign),
             _ if asked.simulates() && !is_true => Some(Fallback::Simulation),
             (Some(Fallback::NoDesign), _) => None,
@@ -548,31 +570,24 @@ impl ControlTask {
         if self.fallback != Some(Fallback::Simulation) {
             self.fallen_at = self.epoch;
         }
-        let strategy = match self.fallback.is_some() {
+        let mut strategy = match self.fallback.is_some() {
             true => Strategy::BenchmarkClosedLoop,
             false => asked,
         };
+        let estimated = self.estimated_command(strategy, reference);
+        if estimated.is_some_and(|speed| !speed.is_finite()) {
+            self.fallback = Some(Fallback::Command);
+            strategy = Strategy::BenchmarkClosedLoop;
+        }
+        let estimated = estimated.filter(|speed| speed.is_finite());
+        if let (None, Some(controller)) = (estimated, &mut self.scheduled_lqr) {
+            controller.hand_over();
+        }
         let changes = strategy != self.strategy;
         if changes && self.strategy.estimates() && strategy.measures() {
             // it has not looked at the machine since
             self.published.forget_measurements(&self.measurement);
         }
-        let estimated = match (strategy.estimates(), &mut self.scheduled_lqr) {
-            (true, Some(controller)) => {
-                let mut preview = self.preview;
-                preview.shift(self.start_offset);
-                if changes {
-                    controller.take_over(reference.position);
-                }
-                let command = controller.update(&self.measurement, &preview, None);
-                Some(command.axes[0].motor_speed)
-            }
-            (false, Some(controller)) => {
-                controller.hand_over();
-                None
-            }
-            _ => None,
-        };
         if changes && !strategy.estimates() {
             self.published.change_to(strategy, self.wanted);
         }
@@ -603,3 +618,6 @@ impl ControlTask {
         };
     }
 }
+
+#[cfg(test)]
+mod tests;

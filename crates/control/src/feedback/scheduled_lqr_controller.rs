@@ -89,13 +89,17 @@ impl ScheduledLqrController {
     }
 
     /// Takes a measurement in while the load-holding valve is shut: position and load pressure are as measured, nothing moves, the payload may have changed;
-    /// parameters stay.
+    /// parameters stay. An estimator that has diverged begins anew, and so does a regulator that is not finite.
     pub fn observe_held(&mut self, measurement: &Measurement) {
         let is_new = self.observed != Some(measurement.number);
         let input = self.input(&measurement.axes[0], is_new);
         self.observed = Some(measurement.number);
         self.command = 0.0;
         self.hand_over();
+        if !self.is_valid() {
+            (self.estimated, self.regulator) = (None, None);
+        }
+        self.regulator = self.regulator.filter(is_finite);
         match &mut self.estimated {
             Some(estimated) => self.estimator.hold(estimated, &input),
             None => self.begin(&input),
@@ -172,6 +176,12 @@ impl ScheduledLqrController {
             motor_speed,
         }
     }
+}
+
+/// Whether gain and cost are finite.
+fn is_finite(regulator: &Regulator<f64>) -> bool {
+    let Regulator { cost_to_go, gain } = regulator;
+    cost_to_go.iter().flatten().chain(gain).all(|number| number.is_finite())
 }
 
 impl Controller for ScheduledLqrController {
