@@ -17,12 +17,13 @@ use rayon::prelude::*;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Run the fault-injection campaign: every fault, under every strategy and at five moments of the
-/// cycle, in simulated time, judged on the simulated machine.
+/// Run the fault-injection campaign: every fault, under every strategy or those named, and at five moments
+/// of the cycle, in simulated time, judged on the simulated machine.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom faults\n  hydroboom faults --only p_A --report faults.html\n  \
-    hydroboom faults --all --report faults.html"
+    hydroboom faults --all --report faults.html\n  \
+    hydroboom faults --strategy scheduled-lqr --strategy benchmark-closed-loop"
 )]
 pub struct Faults {
     #[command(flatten)]
@@ -44,9 +45,9 @@ pub struct Faults {
     /// Seed of the family.
     #[arg(long, default_value_t = 1, requires = "healthy")]
     seed: u64,
-    /// Strategies of the healthy cranes; the benchmark and simulation feedforward in closed loop where none
-    /// is named. Can be repeated.
-    #[arg(long, value_parser = strategies(), requires = "healthy")]
+    /// Only under this strategy; can be repeated. Where none is named faults come under every strategy, and
+    /// healthy cranes run under the benchmark and simulation feedforward in closed loop.
+    #[arg(long, value_parser = strategies())]
     strategy: Vec<Strategy>,
     /// Report to write (HTML): every case.
     #[arg(long, value_name = "FILE")]
@@ -80,7 +81,8 @@ impl Faults {
         let cranes = self.cranes()?;
         let mut cases = Vec::new();
         let pairs = faults.len() * (1 + 3 * usize::from(self.pairs || self.all));
-        let ways = Strategy::ALL.len() * Moment::ALL.len();
+        let strategies = self.strategies();
+        let ways = strategies.len() * Moment::ALL.len();
         let total = ways * (cranes.len() * faults.len() + pairs - faults.len());
         let bar = ProgressBar::new(total as u64);
         for (k, (name, crane)) in cranes.iter().enumerate() {
@@ -89,26 +91,27 @@ impl Faults {
                 true => [None].into_iter().chain(Fault::seconds().map(Some)).collect(),
                 false => vec![None],
             };
-            cases.extend(campaign(name, crane, &faults, &seconds, &bar)?);
+            cases.extend(campaign(name, crane, &strategies, &faults, &seconds, &bar)?);
         }
         bar.finish_and_clear();
         if let Some(path) = &self.report {
-            output::file(path, page(&faults, &cases).as_bytes())?;
+            output::file(path, page(&strategies, &faults, &cases).as_bytes())?;
         }
         let beyond: Vec<&Case> = cases.iter().filter(|c| !c.outcome.is_within_bounds()).collect();
         if self.json {
             let list: Vec<_> = cases.iter().map(in_json).collect();
             return output::json(&json!({
-                "faults": faults.len(), "beyond_bounds": beyond.len(), "outcomes": list
+                "faults": faults.len(), "strategies": names(&strategies), "beyond_bounds": beyond.len(), "outcomes": list
             }));
         }
         let rows: Vec<Vec<String>> = faults.iter().map(|fault| row(*fault, &cases)).collect();
         let mut said = format!(
-            "{} faults, {} cases: the worst of each over cranes, strategies and moments. Moved: off the course until the\n\
+            "{} faults, {} cases under {}: the worst of each over cranes, strategies and moments. Moved: off the course until the\n\
              stop, and from there; safe: pilots without pressure, motor at rest (a machine that is not enabled yet waits\n\
              supervision.wait_s before it gives up); dropped: below where the load was held\n{}\n",
             faults.len(),
             cases.len(),
+            names(&strategies).join(", "),
             output::table(&HEADER, &rows)
         );
         said += &match beyond.is_empty() {
@@ -127,6 +130,12 @@ impl Faults {
             said += &format!("\nreport: {}", path.display());
         }
         output::text(&said)
+    }
+
+    /// The strategies named, each once and in their order; all where none is.
+    fn strategies(&self) -> Vec<Strategy> {
+        let is_wanted = |s: &Strategy| self.strategy.is_empty() || self.strategy.contains(s);
+        Strategy::ALL.into_iter().filter(is_wanted).collect()
     }
 
     fn cranes(&self) -> Result<Vec<(String, CampaignCrane)>> {
@@ -155,15 +164,16 @@ impl Faults {
 fn campaign(
     name: &str,
     crane: &CampaignCrane,
+    strategies: &[Strategy],
     faults: &[Fault],
     seconds: &[Option<Fault>],
     bar: &ProgressBar,
 ) -> Result<Vec<Case>> {
     let CampaignCrane { model, machine, .. } = crane;
     let motion = machine.motion(model.numbers.fast);
-    let ways: Vec<_> = Strategy::ALL
-        .into_iter()
-        .flat_map(|strategy| Moment::ALL.map(|moment| (strategy, moment)))
+    let ways: Vec<_> = strategies
+        .iter()
+        .flat_map(|strategy| Moment::ALL.map(|moment| (*strategy, moment)))
         .collect();
     let ways = ways
         .into_par_iter()
@@ -186,6 +196,10 @@ fn campaign(
             Case { crane: name.to_string(), outcome }
         })
         .collect())
+}
+
+fn names(strategies: &[Strategy]) -> Vec<&'static str> {
+    strategies.iter().map(|strategy| strategy.name()).collect()
 }
 
 fn in_json(case: &Case) -> serde_json::Value {
@@ -252,11 +266,11 @@ fn detail(case: &Case) -> Vec<String> {
 }
 
 /// All cases as a page.
-fn page(faults: &[Fault], cases: &[Case]) -> String {
+fn page(strategies: &[Strategy], faults: &[Fault], cases: &[Case]) -> String {
     let body = html! {
         p.soft {
-            "Every fault under all strategies at five moments of the fast cycle, in simulated time, on virtual "
-            "cranes: nothing here was measured on a real machine. \"Safe\" is the machine, not its command: pilots "
+            "Every fault under " (names(strategies).join(", ")) " at five moments of the fast cycle, in simulated "
+            "time, on virtual cranes: nothing here was measured on a real machine. \"Safe\" is the machine, not its command: pilots "
             "without pressure, motor at rest. \"Moved\" is how far the piston went off its course until the stop "
             "began, and from there; its bound follows from detection time, reaction and tracking limit. \"Dropped\" "
             "is how far a held load sank. Pressures and forces are the machine's largest after the fault."

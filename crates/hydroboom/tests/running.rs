@@ -145,4 +145,11 @@ fn the_fault_campaign_says_what_became_of_every_case() {
         assert!(o["moved_mm"].as_f64().unwrap() <= o["movement_bound_mm"].as_f64().unwrap(), "{o}");
         assert!(o["peak_pressure_bar"].as_f64().unwrap() > 10.0, "{o}");
     }
+    // under one strategy the same cases come to the same
+    let one = ["faults", "--only", "p_A shows", "--strategy", "scheduled-lqr", "--json"];
+    let part = parsed(&one);
+    let is_of_it = |o: &&serde_json::Value| o["strategy"] == "scheduled-lqr";
+    let expected: Vec<_> = outcomes.iter().filter(is_of_it).collect();
+    assert_eq!(expected.len() as u64, 5 * faults);
+    assert_eq!(part["outcomes"].as_array().unwrap().iter().collect::<Vec<_>>(), expected);
 }
