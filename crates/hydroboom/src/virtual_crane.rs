@@ -9,6 +9,7 @@ use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::dataset::dataset;
 use hydroboom_lab::simulate::Recording;
+use hydroboom_lab::virtual_estimates::Compared;
 use hydroboom_lab::virtual_run::{Contents, LogOrder, Task, virtual_run};
 use hydroboom_virtual_crane::Effect;
 use indicatif::ProgressBar;
@@ -25,7 +26,8 @@ pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
         .try_map(|name| name.parse::<Strategy>())
 }
 
-/// Run the virtual crane, which stands in for a real one, and log what its sensors see.
+/// Run the virtual crane, which stands in for a real one, and log what its sensors see and the state
+/// estimator makes of that.
 #[derive(Args)]
 #[command(after_help = "Examples:\n  hydroboom virtual --log out.csv\n  \
     hydroboom virtual --strategy benchmark-closed-loop --speed-mm-s 25 --truth --log out.csv\n  \
@@ -117,7 +119,8 @@ impl Virtual {
         let contents = if self.truth { Contents::Truth } else { Contents::Readings };
         let bar = ProgressBar::new(1000);
         let interval = self.log_ms * 1e-3;
-        let log = self.log.as_deref().map(|path| LogOrder { path, contents, interval });
+        let log =
+            self.log.as_deref().map(|path| LogOrder { path, contents, estimates: true, interval });
         let logs: Vec<_> = log.into_iter().collect();
         let result = virtual_run(&model, &crane, &task, &logs, |share| {
             bar.set_position((share * 1000.0) as u64);
@@ -138,9 +141,30 @@ impl Virtual {
             "; at the end x_cyl {:.3} mm, p_A {:.2} bar, oil {:.2} C; largest motor torque {:.1} N m",
             summary.stroke_mm, summary.pressure_a_bar, summary.oil_c, summary.torque_nm
         );
+        if let Some(estimates) = &summary.estimates {
+            said += &format!(
+                "\n\nstate estimator of scheduled-lqr beside the virtual crane, at the end:\n{}",
+                output::table(&ESTIMATES, &estimates.iter().map(estimate).collect::<Vec<_>>())
+            );
+        }
         if let Some(log) = &self.log {
             said += &format!("\nlog: {}", log.display());
         }
         output::text(&said)
     }
+}
+
+const ESTIMATES: [&str; 5] =
+    ["quantity", "estimated", "standard deviation", "true", "RMS error over the run"];
+
+fn estimate((name, compared): (&str, &Compared)) -> Vec<String> {
+    let Compared { estimated, deviation, true_value, rms_error } = compared;
+    let shown = |value: Option<f64>| output::optional(value, 3);
+    vec![
+        name.into(),
+        shown(Some(*estimated)),
+        shown(*deviation),
+        shown(*true_value),
+        shown(*rms_error),
+    ]
 }

@@ -364,8 +364,41 @@ fn the_virtual_crane_logs_what_a_data_acquisition_would_see() {
     assert!(!header.contains("true_"), "{header}");
     assert_eq!(seen, run(&[]), "the same seed gives the same log");
     assert!(run(&["--truth"]).lines().next().unwrap().contains("true_oil_temperature_c"));
+    for column in
+        ["estimated_payload_kg", "deviation_payload_kg", "innovation_position_mm", "mean_nis"]
+    {
+        assert!(header.split(',').any(|name| name == column), "no {column}: {header}");
+    }
     says(&hydroboom(&["virtual", "--without", "gravity"]), "no effect \"gravity\"");
     says(&hydroboom(&["virtual", "--scenario", "lunch"]), "no scenario \"lunch\"");
+}
+
+/// The estimator runs under a strategy that does not use it, and knows nothing but what is measured: each error has the size that its standard deviation
+/// says, within four of them.
+#[test]
+fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
+    let run = ["virtual", "--scenario", "small-moves", "--strategy", "benchmark-closed-loop"];
+    let said = parsed(&[&run[..], &["--json"]].concat());
+    let of = |name: &str, what: &str| said["estimates"][name][what].as_f64();
+    for name in
+        ["payload_kg", "load_pressure_bar", "piston_velocity_mm_s", "transition_pressure_bar"]
+    {
+        let [estimated, deviation, truth] =
+            ["estimated", "deviation", "true"].map(|what| of(name, what).unwrap());
+        assert!(deviation > 0.0, "{name}: {said}");
+        assert!((estimated - truth).abs() < 4.0 * deviation, "{name}: {said}");
+        assert!(of(name, "rms_error").unwrap() > 0.0, "{name}: {said}");
+    }
+    let payload = of("payload_kg", "true").unwrap();
+    assert!((300.0..340.0).contains(&payload), "{payload} kg");
+    // what no crane has is not compared
+    assert_eq!((of("disturbance_bar", "true"), of("drive_lag_ms", "deviation")), (None, None));
+    assert!(of("drive_lag_ms", "estimated").unwrap() > 1.0);
+    let table = String::from_utf8(hydroboom(&run).stdout).unwrap();
+    assert!(
+        table.contains("transition_pressure_bar") && table.contains("standard deviation"),
+        "{table}"
+    );
 }
 
 #[test]

@@ -68,6 +68,7 @@ pub fn dataset(
                 .map(|(k, path)| LogOrder {
                     path,
                     contents: if k < 2 { Contents::Readings } else { Contents::TruthAlone },
+                    estimates: false,
                     interval: INTERVAL,
                 })
                 .collect();

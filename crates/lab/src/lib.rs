@@ -29,6 +29,7 @@ pub mod report;
 pub mod simulate;
 mod stand_in;
 pub mod study;
+pub mod virtual_estimates;
 pub mod virtual_run;
 pub mod work_precision;
 

@@ -7,6 +7,7 @@ use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
 use crate::log::{Log, columns, scaled};
 use crate::simulate::Recording;
+use crate::virtual_estimates::{EstimateSummary, EstimatorBeside};
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
@@ -63,6 +64,8 @@ pub struct LogOrder<'a> {
     pub path: &'a Path,
     /// What.
     pub contents: Contents,
+    /// What the state estimator tells, too.
+    pub estimates: bool,
     /// Interval between rows \[s\].
     pub interval: f64,
 }
@@ -84,6 +87,8 @@ pub struct Summary {
     pub torque_nm: f64,
     /// Oil temperature at the end.
     pub oil_c: f64,
+    /// What the state estimator tells at the end; none for a crane that has no such design.
+    pub estimates: Option<EstimateSummary>,
 }
 
 /// Runs the virtual crane and logs what is ordered; `progress` is told the share done.
@@ -99,11 +104,22 @@ pub fn virtual_run(
     mut progress: impl FnMut(f64),
 ) -> Result<Summary, LabError> {
     let period = crane.numbers.control_period;
+    let (loads, is_released) = match task {
+        Task::Course(course, _) => (course.loads(), true),
+        Task::Recording(recording) => (&[][..], recording.at(0.0).holding_valve >= 0.5),
+        Task::Oscillation { .. } => (&[][..], false),
+    };
+    let mut estimator = EstimatorBeside::new(model, crane, loads, is_released);
     let mut writers = Vec::with_capacity(logs.len());
     for order in logs {
-        let log = Log::begin(order.path, &header(order.contents, task))?;
+        let mut header = header(order.contents, task);
+        let estimates = order.estimates && estimator.is_some();
+        if estimates {
+            header.extend(EstimatorBeside::header());
+        }
+        let log = Log::begin(order.path, &header)?;
         let every = (order.interval / period).round().max(1.0) as u64;
-        writers.push((log, order.contents, every));
+        writers.push((log, order.contents, estimates, every));
     }
     let duration = match task {
         Task::Course(course, _) => course.duration(),
@@ -113,9 +129,16 @@ pub fn virtual_run(
     let mut summary = Summary { duration_s: duration, ..Summary::default() };
     let (mut metrics, mut count) = (Metrics::new(), 0_u64);
     let mut observe = |sample: &Sample| {
-        for (log, contents, every) in &mut writers {
+        if let Some(estimator) = &mut estimator {
+            estimator.see(sample);
+        }
+        for (log, contents, estimates, every) in &mut writers {
             if count % *every == 0 {
-                log.row(&row(*contents, task, sample))?;
+                let mut row = row(*contents, task, sample);
+                if let Some(estimator) = estimator.as_ref().filter(|_| *estimates) {
+                    row.extend(estimator.row());
+                }
+                log.row(&row)?;
             }
         }
         summary.add(sample);
@@ -156,6 +179,7 @@ pub fn virtual_run(
     if matches!(task, Task::Course(..)) {
         summary.finish(&metrics);
     }
+    summary.estimates = estimator.and_then(|estimator| estimator.summary());
     writers.into_iter().try_for_each(|(log, ..)| log.finish())?;
     Ok(summary)
 }

@@ -48,8 +48,20 @@ pub struct Suspicion {
 }
 
 /// Names of columns that are not what was measured.
-const OTHERS: [&str; 9] =
-    ["ref", "simulated", "sim", "error", "setpoint", "target", "model", "filtered", "number"];
+const OTHERS: [&str; 12] = [
+    "ref",
+    "simulated",
+    "sim",
+    "error",
+    "setpoint",
+    "target",
+    "model",
+    "filtered",
+    "number",
+    "estimate",
+    "deviation",
+    "innovation",
+];
 
 /// A clock is not off by more \[ppm\].
 const MOST_DRIFT: f64 = 1e5;

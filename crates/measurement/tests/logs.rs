@@ -221,8 +221,9 @@ fn a_quote_that_nobody_closed_ends_with_an_error_and_not_with_the_memory() {
 fn columns_are_guessed_and_what_was_only_wanted_is_not_taken_for_measured() {
     let head = "time_s,reference_position_mm,stroke_mm,simulated_stroke_mm,pressure_pump_a_bar,\
                 pressure_a_bar,pressure_b_bar,pressure_pump_b_bar,pressure_accumulator_bar,motor_speed_rpm,\
-                command_motor_speed_rpm,command_holding_valve";
-    let row = |k: u32| format!("{},{}", f64::from(k) * 1e-3, ["1"; 11].join(","));
+                command_motor_speed_rpm,command_holding_valve,estimated_position_mm,deviation_position_mm,\
+                innovation_position_mm,estimated_load_pressure_bar,estimated_unknown_flow_rpm";
+    let row = |k: u32| format!("{},{}", f64::from(k) * 1e-3, ["1"; 16].join(","));
     let log = log("run.csv", format!("{head}\n{}\n{}\n{}\n", row(0), row(1), row(2)));
     let mapping = Mapping::guess(&log);
     let column = |s: Signal| mapping.entries.get(&s).map(|e| e.column.as_str());
@@ -233,6 +234,11 @@ fn columns_are_guessed_and_what_was_only_wanted_is_not_taken_for_measured() {
     assert_eq!(column(Signal::MotorSpeed), Some("motor_speed_rpm"));
     assert_eq!(column(Signal::MotorCommand), Some("command_motor_speed_rpm"));
     assert_eq!(column(Signal::HoldingValve), Some("command_holding_valve"));
+    let taken = mapping.entries.values().map(|entry| entry.column.as_str());
+    let estimates = ["estimated_", "deviation_", "innovation_"];
+    for column in taken {
+        assert!(!estimates.iter().any(|prefix| column.starts_with(prefix)), "{column}");
+    }
 }
 
 #[test]

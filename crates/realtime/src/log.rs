@@ -94,7 +94,9 @@ const NUMBERS: [Number; 48] = [
     ("estimated_disturbance_bar", |r| r.estimates.map(|e| e.state.disturbance * 1e-5)),
     ("estimated_unknown_flow_rpm", |r| r.estimates.map(|e| e.state.unknown_flow * 60.0)),
     ("estimated_payload_kg", |r| r.estimates.map(|e| e.state.payload)),
-    ("estimated_transition_bar", |r| r.estimates.map(|e| e.state.transition_pressure * 1e-5)),
+    ("estimated_transition_pressure_bar", |r| {
+        r.estimates.map(|e| e.state.transition_pressure * 1e-5)
+    }),
     ("deviation_position_mm", |r| r.estimates.map(|e| e.deviation.position * 1e3)),
     ("deviation_velocity_mm_s", |r| r.estimates.map(|e| e.deviation.velocity * 1e3)),
     ("deviation_load_pressure_bar", |r| r.estimates.map(|e| e.deviation.load_pressure * 1e-5)),
@@ -102,7 +104,9 @@ const NUMBERS: [Number; 48] = [
     ("deviation_disturbance_bar", |r| r.estimates.map(|e| e.deviation.disturbance * 1e-5)),
     ("deviation_unknown_flow_rpm", |r| r.estimates.map(|e| e.deviation.unknown_flow * 60.0)),
     ("deviation_payload_kg", |r| r.estimates.map(|e| e.deviation.payload)),
-    ("deviation_transition_bar", |r| r.estimates.map(|e| e.deviation.transition_pressure * 1e-5)),
+    ("deviation_transition_pressure_bar", |r| {
+        r.estimates.map(|e| e.deviation.transition_pressure * 1e-5)
+    }),
     ("innovation_position_mm", |r| r.estimates.map(|e| e.innovation[0] * 1e3)),
     ("innovation_load_pressure_bar", |r| r.estimates.map(|e| e.innovation[1] * 1e-5)),
     ("mean_nis", |r| r.estimates.map(|e| e.mean_nis)),

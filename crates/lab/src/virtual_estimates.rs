@@ -1,0 +1,229 @@
+//! Estimates beside true values: the state estimator of the scheduled LQR runs beside the virtual crane, whatever commands it.
+//!
+//! It is designed for the model's crane file alone; its inputs are what is measured, and what is commanded. True values are those of the time of the
+//! measurement, which is as many control periods old as the fieldbus delays it. Outputs that are no states have their standard deviation from the covariance P
+//! by first-order propagation, σ² = ∇h P ∇hᵀ, with exact derivatives.
+
+use crate::closed_loop::sample::Sample;
+use crate::closed_loop::scenario::{Load, due};
+use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
+use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
+use hydroboom_control::measurement::Measurement;
+use hydroboom_description::Description;
+use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
+use hydroboom_math::{Dual, Real};
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+use std::collections::VecDeque;
+
+/// Names of the estimates with their units, and those in SI units.
+const QUANTITIES: [(&str, f64); 8] = [
+    ("payload_kg", 1.0),
+    ("load_pressure_bar", 1e5),
+    ("piston_velocity_mm_s", 1e-3),
+    ("transition_pressure_bar", 1e5),
+    // of the cylinder, pre-sliding and viscous
+    ("friction_n", 1.0),
+    ("disturbance_bar", 1e5),
+    ("unknown_flow_rpm", 1.0 / 60.0),
+    ("drive_lag_ms", 1e-3),
+];
+/// All but the last come from the filter's state.
+const FILTERED: usize = QUANTITIES.len() - 1;
+/// What the innovations are of, with their units, and those in SI units.
+const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_bar", 1e5)];
+
+/// An estimate beside the true value, in the unit of its name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Compared {
+    /// Estimate at the end.
+    pub estimated: f64,
+    /// Its standard deviation; none of the drive's lag, which recursive least squares identify.
+    pub deviation: Option<f64>,
+    /// True value at the end; none where the crane has no such quantity.
+    #[serde(rename = "true")]
+    pub true_value: Option<f64>,
+    /// RMS error over the run.
+    pub rms_error: Option<f64>,
+}
+
+/// What is estimated at the end of a run, and how far off it was on the way.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EstimateSummary([Compared; QUANTITIES.len()]);
+
+impl EstimateSummary {
+    /// Every estimate with its name, which ends in its unit.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Compared)> {
+        QUANTITIES.iter().map(|(name, _)| *name).zip(&self.0)
+    }
+}
+
+impl Serialize for EstimateSummary {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut map = to.serialize_map(Some(QUANTITIES.len()))?;
+        for (name, compared) in self.iter() {
+            map.serialize_entry(name, compared)?;
+        }
+        map.end()
+    }
+}
+
+/// The estimator, and what it is compared with.
+pub(crate) struct EstimatorBeside<'a> {
+    controller: ScheduledLqrController,
+    area_ratio: f64,
+    delay: usize,
+    /// Payload \[kg\], and changes that are to come.
+    payload: f64,
+    loads: &'a [Load],
+    /// Whether the load-holding valve was open in the last period, and the motor speed that was commanded \[rev/s\].
+    is_released: bool,
+    command: f64,
+    number: u64,
+    /// True values since the measurement that arrives next was taken, newest last.
+    past: VecDeque<[Option<f64>; FILTERED]>,
+    /// In SI units.
+    estimated: [f64; QUANTITIES.len()],
+    deviation: [f64; FILTERED],
+    truth: [Option<f64>; FILTERED],
+    square_errors: [f64; FILTERED],
+    compared: u64,
+}
+
+impl<'a> EstimatorBeside<'a> {
+    /// None where the model has no such design, or another control period than the crane.
+    pub(crate) fn new(
+        model: &Description,
+        crane: &Description,
+        loads: &'a [Load],
+        is_released: bool,
+    ) -> Option<Self> {
+        if model.numbers.control_period != crane.numbers.control_period {
+            return None;
+        }
+        Some(Self {
+            controller: scheduled_lqr_controller(model).ok()?,
+            area_ratio: crane.cylinder().area_ratio(),
+            delay: crane.numbers.fieldbus_delay.round() as usize,
+            payload: crane.numbers.payload,
+            loads,
+            is_released,
+            command: 0.0,
+            number: 0,
+            past: VecDeque::new(),
+            estimated: [f64::NAN; QUANTITIES.len()],
+            deviation: [f64::NAN; FILTERED],
+            truth: [None; FILTERED],
+            square_errors: [0.0; FILTERED],
+            compared: 0,
+        })
+    }
+
+    /// Names of the columns of [`row`](Self::row).
+    pub(crate) fn header() -> impl Iterator<Item = String> {
+        let estimated = QUANTITIES.iter().map(|(name, _)| format!("estimated_{name}"));
+        let deviation = QUANTITIES[..FILTERED].iter().map(|(name, _)| format!("deviation_{name}"));
+        let innovation = INNOVATIONS.iter().map(|(name, _)| format!("innovation_{name}"));
+        estimated.chain(deviation).chain(innovation).chain(["mean_nis".into()])
+    }
+
+    /// Estimates, their standard deviations and the innovations, in the units of their names.
+    pub(crate) fn row(&self) -> impl Iterator<Item = f64> {
+        let (mut innovation, mut mean_nis) = ([f64::NAN; INNOVATIONS.len()], f64::NAN);
+        if let Some(estimated) = self.controller.estimated() {
+            (innovation, mean_nis) = (estimated.filter.innovation, estimated.filter.mean_nis);
+        }
+        let units = QUANTITIES.iter().map(|(_, unit)| unit);
+        let estimated = self.estimated.into_iter().zip(units.clone()).map(|(v, unit)| v / unit);
+        let deviation = self.deviation.into_iter().zip(units).map(|(v, unit)| v / unit);
+        let innovation = innovation.into_iter().zip(INNOVATIONS).map(|(v, (_, unit))| v / unit);
+        estimated.chain(deviation).chain(innovation).chain([mean_nis])
+    }
+
+    /// One more control period.
+    pub(crate) fn see(&mut self, sample: &Sample) {
+        self.number += 1;
+        let measurement = Measurement::new(self.number, sample.time, [sample.signals]);
+        match self.is_released {
+            true => self.controller.observe(&measurement, self.command),
+            false => self.controller.observe_held(&measurement),
+        }
+        self.is_released = sample.command.holding_valve >= 0.5;
+        self.command = sample.command.motor_speed;
+        self.payload = due(&mut self.loads, sample.time).unwrap_or(self.payload);
+        self.past.push_back(self.true_values(sample));
+        // what is measured before the first measurement has arrived is that of the start
+        if self.past.len() > self.delay + 1 {
+            self.past.pop_front();
+        }
+        self.estimate(sample.signals.motor_speed);
+    }
+
+    fn true_values(&self, sample: &Sample) -> [Option<f64>; FILTERED] {
+        let o = &sample.truth.outputs;
+        let load_pressure = o.pressure_a - self.area_ratio * o.pressure_b;
+        let transition = sample.truth.transition_pressure;
+        let known = [self.payload, load_pressure, o.velocity, transition, o.friction_force];
+        core::array::from_fn(|k| known.get(k).copied())
+    }
+
+    /// The newest estimates beside the truth of their measurement, with the motor speed that was read \[rev/s\].
+    fn estimate(&mut self, motor_speed: f64) {
+        let Some(estimated) = self.controller.estimated() else { return };
+        let (filter, beyond) = (&estimated.filter, estimated.pressure_beyond);
+        let settings = &self.controller.estimator().filter;
+        let constant = Dual::<f64, STATES>::constant;
+        let mut direction = 0..STATES;
+        let z = filter.estimate.map(|v| Dual::variable(v, direction.next().unwrap_or(0)));
+        let model = settings.model.map(constant);
+        let found = quantities(&model, &z, constant(motor_speed), constant(beyond));
+        self.truth = self.past.front().copied().unwrap_or_default();
+        for (k, h) in found.iter().enumerate() {
+            let rows = h.slope.iter().zip(&filter.covariance);
+            let variance: f64 = rows
+                .map(|(slope, row)| {
+                    slope * row.iter().zip(&h.slope).map(|(p, s)| p * s).sum::<f64>()
+                })
+                .sum();
+            (self.estimated[k], self.deviation[k]) = (h.value, variance.max(0.0).sqrt());
+            self.square_errors[k] += (h.value - self.truth[k].unwrap_or(h.value)).powi(2);
+        }
+        self.estimated[FILTERED] = estimated.drive.time_constant(settings.period);
+        self.compared += 1;
+    }
+
+    /// What came of it; none where nothing was estimated.
+    pub(crate) fn summary(&self) -> Option<EstimateSummary> {
+        (self.compared > 0).then(|| {
+            EstimateSummary(core::array::from_fn(|k| {
+                let unit = QUANTITIES[k].1;
+                let truth = self.truth.get(k).copied().flatten();
+                let rms = |sum: f64| (sum / self.compared as f64).sqrt() / unit;
+                Compared {
+                    estimated: self.estimated[k] / unit,
+                    deviation: self.deviation.get(k).map(|deviation| deviation / unit),
+                    true_value: truth.map(|value| value / unit),
+                    rms_error: truth.and(self.square_errors.get(k).copied()).map(rms),
+                }
+            }))
+        })
+    }
+}
+
+/// The filter's quantities of a state in the order of [`QUANTITIES`], with the motor turning at a speed \[rev/s\].
+fn quantities<T: Real>(
+    model: &ReducedModel<T>,
+    z: &MachineState<T>,
+    motor_speed: T,
+    beyond: T,
+) -> [T; FILTERED] {
+    [
+        z.payload,
+        z.load_pressure,
+        model.piston_velocity(z, motor_speed, beyond),
+        z.transition_pressure,
+        model.piston_area * model.viscous.mul_add(z.velocity, z.friction),
+        z.disturbance,
+        z.unknown_flow,
+    ]
+}
