@@ -135,6 +135,29 @@ function news(all) {
   $("fault-data").hidden = !all.has_fault_data;
 }
 
+// What the state estimator tells: name, unit, key of the frame, digits.
+const ESTIMATES = [
+  ["payload", "kg", "payload_kg", 1],
+  ["transition pressure of the oil", "bar", "transition_pressure_bar", 1],
+  ["unknown force over the piston's area", "bar", "disturbance_bar", 2],
+  ["unknown flow", "rpm", "unknown_flow_rpm", 1],
+  ["velocity of the load", "mm/s", "velocity_mm_s", 1],
+  ["lag of the drive", "ms", "drive_lag_ms", 1],
+  ["mean NIS", "1", "mean_nis", 2],
+];
+
+function estimates(estimated) {
+  $("estimates").hidden = estimated == null;
+  if (estimated == null) return;
+  $("estimated").replaceChildren(...ESTIMATES.map(([name, unit, key, digits]) => {
+    const [value, deviation] = [estimated[key]].flat();
+    const shown = (number) => (number == null ? "-" : number.toFixed(digits));
+    const row = document.createElement("tr");
+    row.append(cell(name), cell(unit), cell(shown(value)), cell(deviation == null ? "" : shown(2 * deviation)));
+    return row;
+  }));
+}
+
 function badge(text, kind) {
   if ($("state").textContent !== text) $("state").textContent = text;
   $("state").className = `badge ${kind}`;
@@ -165,7 +188,7 @@ function draw() {
   $("chosen").textContent = `chosen: ${inWords(frame.chosen)}`;
   $("clock").textContent = `${frame.time_s.toFixed(1)} s` + (frame.course_s == null ? "" : `, course ${frame.course_s.toFixed(1)} s`);
   $("strategy-now").textContent = frame.state === "Moving"
-    ? frame.strategy + (frame.fallback ? " (took over: the simulation is not true)" : "") : "";
+    ? frame.strategy + (frame.fallback != null ? ` (took over: ${frame.fallback})` : "") : "";
   $("alarm").hidden = frame.cause == null;
   if (frame.cause != null) {
     $("alarm-code").textContent = frame.cause;
@@ -174,9 +197,7 @@ function draw() {
   $("role").textContent = page.isOperator ? "Give the operator's role back" : "Take the operator's role";
   $("role-now").textContent = page.isOperator ? "you operate" : frame.operator == null ? "nobody operates" : "somebody else operates";
   $("viewers").textContent = `${frame.viewers} viewer${frame.viewers === 1 ? "" : "s"}`;
-  const [payload, transition] = frame.estimated ?? [];
-  $("estimated").textContent = frame.estimated
-    ? `estimated: ${payload.toFixed(0)} kg, transition pressure of the oil ${transition.toFixed(0)} bar` : "";
+  estimates(frame.estimated);
   $("missed").textContent = frame.missed ? `releases missed: simulation ${frame.missed[0]}, control ${frame.missed[1]}` : "";
   enable();
   const charts = page.charts;

@@ -2,7 +2,8 @@
 
 use crate::choice::Choice;
 use crate::scene::{Scene, shorter};
-use hydroboom_realtime::control_task::{Deadlines, Record};
+use hydroboom_control::estimation::reduced_model::MachineState;
+use hydroboom_realtime::control_task::{Deadlines, Estimates, Fallback, Record};
 use hydroboom_realtime::log;
 use hydroboom_realtime::readiness::start_waits_for;
 use hydroboom_realtime::session::FaultData;
@@ -19,7 +20,7 @@ const WAITING: usize = 100;
 const KEPT: usize = 20;
 
 /// Names of a sample's numbers, in order.
-pub(crate) const SAMPLE: [&str; 16] = [
+pub(crate) const SAMPLE: [&str; 26] = [
     "time_s",
     "reference_mm",
     "stroke_mm",
@@ -36,6 +37,16 @@ pub(crate) const SAMPLE: [&str; 16] = [
     "control_execution_us",
     "simulation_late_us",
     "control_late_us",
+    "estimated_payload_kg",
+    "deviation_payload_kg",
+    "estimated_transition_pressure_bar",
+    "deviation_transition_pressure_bar",
+    "estimated_disturbance_bar",
+    "deviation_disturbance_bar",
+    "innovation_position_mm",
+    "deviation_innovation_position_mm",
+    "innovation_load_pressure_bar",
+    "deviation_innovation_load_pressure_bar",
 ];
 
 /// What viewers are shown.
@@ -161,9 +172,9 @@ impl Feed {
             "start_waits_for": start_waits_for(&r.decision, operator.is_some()),
             "waiting": r.decision.waiting.text(), "waiting_s": shorter(r.decision.waited),
             "oscillation": r.decision.oscillation.map(|[amplitude, hz]| [shorter(amplitude * 1e3), shorter(hz)]),
-            "chosen": self.chosen.json(), "strategy": r.strategy.name(), "fallback": r.fallback.is_some(),
+            "chosen": self.chosen.json(), "strategy": r.strategy.name(), "fallback": r.fallback.map(Fallback::name),
             "course_s": r.course_time.map(shorter), "valve": r.decision.command.holding_valve,
-            "estimated": r.estimates.map(|e| [e.state.payload, e.state.transition_pressure * 1e-5]),
+            "estimated": r.estimates.as_ref().map(estimated),
             "missed": r.deadlines.map(|d| [d.simulation_missed, d.control_missed]),
             "crane": r.simulated.map(|s| scene.drawn(&s.angle, r.signals().stroke)),
             "simulated_failed": r.simulated.is_none_or(|s| s.failed),
@@ -177,10 +188,24 @@ impl Feed {
     }
 }
 
+/// What is estimated now, each with its standard deviation.
+fn estimated(e: &Estimates) -> Value {
+    let both = |of: fn(&MachineState<f64>) -> f64| [of(&e.state), of(&e.deviation)].map(shorter);
+    json!({
+        "payload_kg": both(|z| z.payload),
+        "transition_pressure_bar": both(|z| z.transition_pressure * 1e-5),
+        "disturbance_bar": both(|z| z.disturbance * 1e-5),
+        "unknown_flow_rpm": both(|z| z.unknown_flow * 60.0),
+        "velocity_mm_s": both(|z| z.velocity * 1e3),
+        "drive_lag_ms": shorter(e.drive_lag * 1e3), "mean_nis": shorter(e.mean_nis),
+    })
+}
+
 /// Numbers in the order of [`SAMPLE`]; null where there is none.
 fn sample(r: &Record, worst: &Deadlines) -> Value {
     let some = |value: f64| value.is_finite().then(|| (value * 1e3).round() * 1e-3);
     let bar = |pascal: f64| some(pascal * 1e-5);
+    let estimates = |of: fn(&Estimates) -> f64| r.estimates.as_ref().and_then(|e| some(of(e)));
     let us = |nanoseconds: u64| r.deadlines.and_then(|_| some(nanoseconds as f64 * 1e-3));
     json!([
         some(r.time),
@@ -199,5 +224,15 @@ fn sample(r: &Record, worst: &Deadlines) -> Value {
         us(worst.control_execution),
         us(worst.simulation_late),
         us(worst.control_late),
+        estimates(|e| e.state.payload),
+        estimates(|e| e.deviation.payload),
+        estimates(|e| e.state.transition_pressure * 1e-5),
+        estimates(|e| e.deviation.transition_pressure * 1e-5),
+        estimates(|e| e.state.disturbance * 1e-5),
+        estimates(|e| e.deviation.disturbance * 1e-5),
+        estimates(|e| e.innovation[0] * 1e3),
+        estimates(|e| e.innovation_deviation[0] * 1e3),
+        estimates(|e| e.innovation[1] * 1e-5),
+        estimates(|e| e.innovation_deviation[1] * 1e-5),
     ])
 }

@@ -300,6 +300,17 @@ fn the_page_begins_with_what_was_asked_for_and_shows_everybody_what_was_chosen_l
     page.click("start");
     page.wait_for("page.frame.state === 'Moving'");
     assert_eq!(page.value("page.frame.strategy"), "benchmark-closed-loop");
+    // the estimator runs under every strategy: its values with their deviations, and its curves with their bands
+    page.wait_for("page.frame.course_s > 2.5");
+    let table = page.text("estimated");
+    assert!(table.contains("payload") && table.contains("transition pressure"), "{table}");
+    let band = "(() => { const data = page.charts.list.find((c) => c.holder.id === 'chart-payload').plot.data; \
+                const k = data[2].length - 1; return [1, 2, 3].map((s) => data[s][k]); })()";
+    let band = page.value(band);
+    assert!([0, 1, 2].iter().all(|k| band[*k].is_number()), "{band}");
+    let [estimated, high, low] = [0, 1, 2].map(|k| band[k].as_f64().unwrap());
+    assert!(low < estimated && estimated < high && (low..high).contains(&316.0), "{band}");
+    page.screenshot(&pictures().join("estimates-light.png"), true);
     // what a frame says is drawn a moment later
     page.wait_for(
         "document.getElementById('waits').textContent.startsWith('a start waits for the end of the course')",
