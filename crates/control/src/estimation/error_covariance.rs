@@ -54,6 +54,8 @@ pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T,
         viscous: variable(model.viscous, 1),
         displacement: variable(model.displacement, 2),
         equivalent_mass: exact.equivalent_mass.map(|mass| mass.map(|c| c * factor)),
+        // which is a polynomial times the acceleration squared, and stays
+        compliance: exact.compliance.map(|compliance| compliance.map(|c| c * factor.square())),
         ..exact
     }
 }
