@@ -355,3 +355,33 @@ fn the_rollout_brings_a_thrown_piston_back_sooner() {
     let (with, without) = (squares(0.01), squares(1.0));
     assert!(with < 0.9 * without, "{with} with, {without} without");
 }
+
+/// A piston that is found 60 mm from its reference: the governor leaves to feedback no more than its largest error, and the reference returns no faster than its velocity.
+#[test]
+fn the_governor_moves_the_reference_to_a_piston_that_is_far_off() {
+    let (estimator, law) = crane(0);
+    let model = estimator.filter.model;
+    let mut z = at_rest(&model, 0.31, 250.0);
+    let mut speed = model.leakage(z.load_pressure);
+    let mut estimated = estimator.start(&measured(&model, &z, speed));
+    let regulator = law.settled_regulator(&estimator, &estimated);
+    let mut state = law.start(regulator, &estimator, &estimated, 0.25);
+    let preview = Preview::at_rest(PERIOD, 0.25);
+    let mut before = None;
+    for _ in 0..9000 {
+        let found = model.piston(&estimated.filter.estimate);
+        let command = law.update(&mut state, &estimator, &estimated, &preview);
+        let left = found - 0.25 - state.offset;
+        assert!(left.abs() < law.governor.largest_error + 1e-9, "{left} m are left to feedback");
+        if let Some(before) = before.replace(state.offset) {
+            let velocity = (before - state.offset) / PERIOD;
+            // the piston may hold it back, and pull it no faster
+            assert!(velocity < law.governor.velocity + 1e-9, "{velocity} m/s");
+        }
+        let next = (speed + 0.15 * (command - speed)).clamp(speed - law.slew, speed + law.slew);
+        z = model.step(&z, 0.5 * (speed + next), BEYOND, PERIOD);
+        speed = next;
+        estimator.update(&mut estimated, &measured(&model, &z, speed), command);
+    }
+    assert!((model.piston(&z) - 0.25).abs() < 0.1e-3 && state.offset.abs() < 0.1e-3, "{z:?}");
+}

@@ -32,7 +32,7 @@ impl<T: Real> ReferenceGovernor<T> {
     /// The offset \[m\] a period later, for a piston that is `error` \[m\] beyond the reference without offset.
     #[inline(always)]
     pub fn update(&self, offset: T, error: T, decay: T, period: T) -> T {
-        let returned = offset * (T::one() - decay * period);
+        let returned = self.drift(offset, decay).mul_add(period, offset);
         let left = error - returned;
         let kept = left.clamp(-self.largest_error, self.largest_error);
         returned + left - kept
