@@ -16,6 +16,7 @@ th:first-child,td:first-child{text-align:left}thead th{border-bottom:2px solid v
 tr:nth-child(even) td{background:var(--band)}
 td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-size:.92rem}
 .wide{overflow-x:auto}.wide td:not(.text){white-space:nowrap}small,.soft{color:var(--soft)}code{font-size:.92em}
+.pair{display:flex;flex-wrap:wrap;gap:0 1rem}.pair figure{flex:1 1 20rem;max-width:30rem}
 details{margin:.6em 0}summary{cursor:pointer}";
 
 /// A whole page.

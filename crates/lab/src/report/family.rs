@@ -1,9 +1,12 @@
 //! What a family of virtual cranes makes of the strategies: boxes and tables.
 
 use super::document::{document, figure};
+use super::figure::COLOURS;
+use super::pareto::{Mark, Pareto};
 use crate::closed_loop::monte_carlo::{Row, Spread, variations};
 use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
+use plotters::style::RGBColor;
 use std::fmt::Write;
 
 /// The page of a family of `count` cranes drawn with `seed`, widened or not.
@@ -39,12 +42,54 @@ pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows:
                 "RMS error over the benchmark's on the same crane, which is 1: left of it the strategy is better.",
                 &boxes("times the benchmark's", &of(course).iter()
                     .map(|r| (name(r), r.rms_over_benchmark)).collect::<Vec<_>>())))
+            (pareto(&of(course)))
             (table(&of(course)))
             (beside_the_benchmark(&of(course)))
         }
         (explanation())
     };
     document(&format!("A family of virtual cranes: {crane}"), &body)
+}
+
+/// Error over effort, both over the benchmark's on the same crane: motor speed, and energy.
+fn pareto(rows: &[&Row]) -> Markup {
+    let drawn = |effort: &str, of: fn(&Row) -> Spread| {
+        let marks = rows
+            .iter()
+            .enumerate()
+            .map(|(k, row)| Mark {
+                name: name(row),
+                colour: colour(name(row), k),
+                effort: of(row),
+                error: row.true_rms_over_benchmark,
+            })
+            .collect();
+        Pareto { effort, error: "true RMS error, times the benchmark's", marks }.svg().ok()
+    };
+    let figures = [
+        (
+            drawn("largest motor speed, times the benchmark's", |r| r.motor_speed_over_benchmark),
+            "largest motor speed",
+        ),
+        (drawn("energy, times the benchmark's", |r| r.energy_over_benchmark), "energy"),
+    ];
+    html! {
+        div.pair {
+            @for (svg, effort) in figures {
+                @if let Some(svg) = svg {
+                    (figure(&format!(
+                        "True RMS error over {effort}, on the same crane: median, bars from 5 to 95 %. \
+                         Lower left is better; the benchmark is at 1, 1."
+                    ), &svg))
+                }
+            }
+        }
+    }
+}
+
+/// Which of the palette's colours a controller has: that of its strategy, or the next ones over again.
+fn colour(name: &str, place: usize) -> usize {
+    Strategy::ALL.iter().position(|strategy| strategy.name() == name).unwrap_or(place)
 }
 
 fn name(row: &Row) -> &'static str {
@@ -181,9 +226,8 @@ fn boxes(axis: &str, rows: &[(&str, Spread)]) -> String {
     );
     for (k, (name, s)) in rows.iter().enumerate() {
         let y = 10.0 + LINE * (k as f64 + 0.5);
-        let known = Strategy::ALL.iter().position(|strategy| strategy.name() == *name);
-        let colour =
-            ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00"][known.unwrap_or(k) % 5];
+        let RGBColor(red, green, blue) = COLOURS[colour(name, k) % COLOURS.len()];
+        let colour = format!("#{red:02x}{green:02x}{blue:02x}");
         let (edge, top, end) = (x(s.p25), y - 9.0, y + 9.0);
         let (width, median) = (x(s.p75) - edge, x(s.median));
         let _ = write!(

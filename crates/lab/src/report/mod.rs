@@ -9,6 +9,7 @@ mod drawing;
 mod family;
 mod figure;
 mod page;
+mod pareto;
 mod tracking;
 mod trials;
 mod validation;
