@@ -517,7 +517,6 @@ fn error_rows(names: &[String], by_course: &[Vec<Run>]) -> Vec<ErrorRow> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_control::estimation::error_covariance::{ERRORS, with_considered};
     use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
     use hydroboom_control::strategy::Strategy;
     use std::sync::atomic::{AtomicUsize, Ordering};

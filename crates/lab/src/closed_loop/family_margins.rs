@@ -76,10 +76,11 @@ impl FamilyMargins {
     }
 }
 
-/// Margins of the loops of benchmark and scheduled LQR, in this order, over a family of virtual cranes, each at three piston positions.
+/// Margins over a family of virtual cranes, each at three piston positions: of the benchmark's loop, of the scheduled LQR's before anything is identified, and of
+/// the scheduled LQR's with oil and drive identified.
 ///
-/// The controllers know the model alone, but for the payload, which the estimator weighs at rest; lag of the drive and stiffness of the oil are those of the
-/// crane file, before any are identified. The cranes are linearised as they are, with drive, fieldbus and position sensor of their own.
+/// The controllers know the model alone, but for the payload, which the estimator weighs at rest. Lag of the drive and stiffness of the oil are those of the
+/// crane file, or, where they are identified, those of the crane. The cranes are linearised as they are, with drive, fieldbus and position sensor of their own.
 ///
 /// # Errors
 ///
@@ -94,22 +95,43 @@ pub fn family_margins(
     let design = designed(model, known_delay(model) as usize)?;
     let cases: Vec<(u64, f64)> =
         (0..count).flat_map(|k| [0.1, 0.5, 0.9].map(|share| (k, share))).collect();
-    let of = |(number, share): &(u64, f64)| -> Result<[MemberMargins; 2], LabError> {
+    let of = |(number, share): &(u64, f64)| -> Result<[MemberMargins; 3], LabError> {
         let crane = member(&nominal, seed, *number)?.crane;
         let stroke = share * model.numbers.stroke;
         let linear = Lifting::new(&crane, stroke)?;
-        let scheduled_lqr = scheduled_lqr_loop_at(model, &design, stroke, crane.numbers.payload);
+        let payload = crane.numbers.payload;
+        let scheduled_lqr = scheduled_lqr_loop_at(model, &design, stroke, payload);
+        let known = with_identified(model, &crane);
+        let identified = designed(&known, known_delay(&known) as usize)?;
+        let identified = scheduled_lqr_loop_at(&known, &identified, stroke, payload);
         let around = |looked_at: Loop| -> Result<MemberMargins, LabError> {
             let margins = margins(&linear, &looked_at.on(&crane))?;
             Ok(MemberMargins { crane: *number, stroke_mm: stroke * 1e3, margins })
         };
-        Ok([around(benchmark.clone())?, around(scheduled_lqr)?])
+        Ok([around(benchmark.clone())?, around(scheduled_lqr)?, around(identified)?])
     };
     let all = cases.par_iter().map(of).collect::<Result<Vec<_>, LabError>>()?;
-    let (benchmark, scheduled_lqr) = all.into_iter().map(|[a, b]| (a, b)).unzip();
-    let named = [("benchmark", benchmark), ("scheduled LQR", scheduled_lqr)];
     let none = || LabError::NoOscillation("a family of no cranes has no margins".into());
-    named.into_iter().map(|(name, all)| FamilyMargins::of(name, all).ok_or_else(none)).collect()
+    ["benchmark", "scheduled LQR", "scheduled LQR, oil and drive identified"]
+        .into_iter()
+        .enumerate()
+        .map(|(k, name)| {
+            let of = all.iter().map(|margins| margins[k].clone()).collect();
+            FamilyMargins::of(name, of).ok_or_else(none)
+        })
+        .collect()
+}
+
+/// What a controller knows that has identified the crane's oil and drive.
+fn with_identified(model: &Description, crane: &Description) -> Description {
+    let mut known = model.clone();
+    let n = &mut known.numbers;
+    let limits = (n.estimator_lowest_transition, n.estimator_highest_transition);
+    n.transition = crane.numbers.transition.clamp(limits.0, limits.1);
+    if crane.numbers.drive_bandwidth > 0.0 {
+        n.estimator_drive_lag = 1.0 / (std::f64::consts::TAU * crane.numbers.drive_bandwidth);
+    }
+    known
 }
 
 #[cfg(test)]
@@ -120,10 +142,12 @@ mod tests {
     #[test]
     fn both_controllers_are_looked_at_around_the_same_cranes() {
         let model = Description::uia_single_boom().unwrap();
-        let [benchmark, scheduled_lqr] = &family_margins(&model, 2, 1).unwrap()[..] else {
-            panic!("two controllers are looked at")
+        let [benchmark, scheduled_lqr, identified] = &family_margins(&model, 2, 1).unwrap()[..]
+        else {
+            panic!("three loops are looked at")
         };
-        assert_eq!((benchmark.count, scheduled_lqr.count), (6, 6));
+        assert_eq!((benchmark.count, scheduled_lqr.count, identified.count), (6, 6, 6));
+        assert_eq!(identified.ringing_on, 0);
         assert_eq!((benchmark.ringing_on, scheduled_lqr.ringing_on), (0, 0));
         assert!(scheduled_lqr.distance_p5 > benchmark.distance_p5, "{scheduled_lqr:?}");
         assert!(scheduled_lqr.phase_p5_deg > benchmark.phase_p5_deg, "{benchmark:?}");
