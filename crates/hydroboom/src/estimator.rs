@@ -138,11 +138,19 @@ fn text(found: &Consistency) -> String {
         "at [ms]",
         "",
     ];
+    let longest =
+        found.inconsistent.iter().max_by(|a, b| a.longest_s.total_cmp(&b.longest_s)).map(|t| {
+            format!(
+                "; mean NIS beyond twice the threshold for {:.2} s at most ({})",
+                t.longest_s, t.course
+            )
+        });
     format!(
         "Innovations (NIS): windows of 1 s without a load change; wanted: 90 % from 0.5 to 2. Autocorrelation of largest \
-         magnitude at lags from 20 to 200 ms; 0 is wanted\n{}\n\n\
+         magnitude at lags from 20 to 200 ms; 0 is wanted{}\n{}\n\n\
          Errors (NEES): wanted: 90 to 99 % within 2 sigma, sigma at most twice the RMS error\n{}\n\n\
          The same by course, without the half second after a load change\n{}{failed}",
+        longest.unwrap_or_default(),
         output::table(&header, &cells),
         of(&|row| row.course.is_none()),
         of(&|row| row.course.is_some()),

@@ -146,6 +146,8 @@ type ErrorTable = [[Errors; Quantity::ALL.len()]; Situation::ALL.len()];
 #[derive(Clone, Debug)]
 struct Run {
     innovations: [Innovations; 2],
+    /// Longest time for which the innovations were inconsistent \[s\].
+    longest_inconsistent: f64,
     errors: ErrorTable,
 }
 
@@ -229,6 +231,7 @@ impl<'a> Observer<'a> {
             direction: (0.0, f64::NEG_INFINITY),
             run: Run {
                 innovations: [innovations.clone(), innovations],
+                longest_inconsistent: 0.0,
                 errors: ErrorTable::default(),
             },
         }
@@ -265,6 +268,7 @@ impl<'a> Observer<'a> {
     fn compare(&mut self, measured: &Sample, motor_speed: f64) {
         let Some(estimated) = self.controller.estimated() else { return };
         let filter = &estimated.filter;
+        self.run.longest_inconsistent = self.run.longest_inconsistent.max(filter.inconsistent_time);
         let situation = self.situation(measured.time);
         let is_load_change = situation == Situation::AfterLoadChange;
         for (k, innovations) in self.run.innovations.iter_mut().enumerate() {
@@ -361,6 +365,15 @@ pub struct ErrorRow {
     pub is_consistent: bool,
 }
 
+/// For how long innovations were inconsistent along a course.
+#[derive(Clone, Debug, Serialize)]
+pub struct InconsistentTime {
+    /// The course.
+    pub course: String,
+    /// The longest time over its cranes.
+    pub longest_s: f64,
+}
+
 /// What was found.
 #[derive(Clone, Debug, Serialize)]
 pub struct Consistency {
@@ -368,6 +381,8 @@ pub struct Consistency {
     pub cranes: Vec<u64>,
     /// Courses that a crane could not finish; they do not count.
     pub failed: Vec<String>,
+    /// By course: longest time for which the mean NIS was above twice the threshold; `estimator.divergence_time_s` is to be longer.
+    pub inconsistent: Vec<InconsistentTime>,
     /// Innovations: over all courses, then by course.
     pub innovations: Vec<InnovationRow>,
     /// Errors: over all courses, by situation, and by course.
@@ -427,7 +442,16 @@ pub fn consistency(
         }
     }
     let period = model.numbers.control_period;
+    let inconsistent = names
+        .iter()
+        .zip(&by_course)
+        .map(|(name, runs)| InconsistentTime {
+            course: name.clone(),
+            longest_s: runs.iter().map(|run| run.longest_inconsistent).fold(0.0, f64::max),
+        })
+        .collect();
     Ok(Consistency {
+        inconsistent,
         cranes: finished,
         failed,
         innovations: innovation_rows(&names, &by_course, period),
