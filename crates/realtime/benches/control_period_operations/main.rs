@@ -1,0 +1,270 @@
+//! Operations of a control period under the scheduled LQR: `cargo bench -p hydroboom-realtime --bench control_period_operations`.
+//!
+//! Estimator, law and preview run with numbers that [count](counted) what is done to them, beside the same in `f64`, which commands a machine that is the reduced
+//! model itself. Values must agree to the last bit. There are two courses, one of 120 mm/s and one that is faster than the motor, so that the reference is limited in
+//! speed. At full speed a part of the payload is taken off, so that the law predicts alternatives (rollout).
+//!
+//! Each part is shown in the period of median and in that of largest sum, the weighting of interpolations included.
+
+mod counted;
+
+use counted::{Counted, KINDS, Operation, Operations, operations};
+use hydroboom_control::estimation::extended_kalman_filter::{EstimatorInput, ExtendedKalmanFilter};
+use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
+use hydroboom_control::estimation::state_estimator::StateEstimator;
+use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
+use hydroboom_control::reference::preview::Preview;
+use hydroboom_control::reference::profile::OutAndBack;
+use hydroboom_description::Description;
+use hydroboom_design::scheduled_lqr::{designed, known_delay};
+use std::error::Error;
+use std::fmt::Debug;
+
+/// The faster course, over the largest speed that the motor gives the piston.
+const FASTER: f64 = 1.2;
+/// When the payload changes \[s\], and what it is of the first.
+const LOAD_CHANGE: f64 = 3.5;
+const PAYLOAD: f64 = 0.7;
+/// Pressure \[Pa\] that the piston side has beyond the load pressure.
+const BEYOND: f64 = 1.5e5;
+/// Share of the way to its command that the motor goes in a period.
+const DRIVE_SHARE: f64 = 0.15;
+
+/// The same with numbers that count.
+fn counting_filter(filter: &ExtendedKalmanFilter<f64>) -> ExtendedKalmanFilter<Counted> {
+    ExtendedKalmanFilter {
+        model: filter.model.map(Counted),
+        initial_deviation: filter.initial_deviation.map(Counted),
+        process_noise: filter.process_noise.map(Counted),
+        flow_ripple: Counted(filter.flow_ripple),
+        lowest: filter.lowest.map(Counted),
+        highest: filter.highest.map(Counted),
+        measurement_noise: filter.measurement_noise.map(Counted),
+        noise_memory: Counted(filter.noise_memory),
+        divergence_time: Counted(filter.divergence_time),
+        sensor_lag: Counted(filter.sensor_lag),
+        considered: filter.considered.map(Counted),
+        payload_change: Counted(filter.payload_change),
+        force_change: Counted(filter.force_change),
+        payload_variance_limit: Counted(filter.payload_variance_limit),
+        innovation_test: filter.innovation_test.map(Counted),
+        period: Counted(filter.period),
+    }
+}
+
+fn counting_estimator(estimator: &StateEstimator<f64>) -> StateEstimator<Counted> {
+    StateEstimator {
+        filter: counting_filter(&estimator.filter),
+        drive: estimator.drive.map(Counted),
+        drive_share: Counted(estimator.drive_share),
+        slew: Counted(estimator.slew),
+        free_slew: Counted(estimator.free_slew),
+        delay_cycles: estimator.delay_cycles,
+    }
+}
+
+fn counting_law(law: &ScheduledLqr<f64>) -> ScheduledLqr<Counted> {
+    ScheduledLqr {
+        model: law.model.map(Counted),
+        settings: law.settings.map(Counted),
+        governor: law.governor.map(Counted),
+        rollout: law.rollout.map(Counted),
+        motor_speed: Counted(law.motor_speed),
+        slew: Counted(law.slew),
+        period: Counted(law.period),
+    }
+}
+
+fn counting_motion(motion: &OutAndBack<f64>) -> OutAndBack<Counted> {
+    OutAndBack {
+        start: Counted(motion.start),
+        end: Counted(motion.end),
+        speed: Counted(motion.speed),
+        ramp: Counted(motion.ramp),
+        dwell: Counted(motion.dwell),
+        rest: Counted(motion.rest),
+        profile: motion.profile,
+    }
+}
+
+/// The machine at rest at a piston position \[m\] with a payload \[kg\].
+fn at_rest(model: &ReducedModel<f64>, position: f64, payload: f64) -> MachineState<f64> {
+    let at = model.at(position, payload);
+    MachineState {
+        position: position - at.compliance * at.holding_pressure,
+        velocity: 0.0,
+        load_pressure: at.holding_pressure,
+        friction: 0.0,
+        disturbance: 0.0,
+        unknown_flow: 0.0,
+        payload,
+        transition_pressure: model.oil.transition_pressure,
+    }
+}
+
+fn measured(model: &ReducedModel<f64>, z: &MachineState<f64>, speed: f64) -> EstimatorInput<f64> {
+    EstimatorInput {
+        position: model.piston(z),
+        position_is_good: 1.0,
+        load_pressure: z.load_pressure,
+        load_pressure_is_good: 1.0,
+        pressure_beyond: BEYOND,
+        motor_speed: speed,
+    }
+}
+
+/// Operations of the parts in one period.
+struct Period {
+    preview: Operations,
+    filter: Operations,
+    drive: Operations,
+    prediction: Operations,
+    /// Without the prediction over the delays, which it asks for and which is shown apart.
+    law: Operations,
+}
+
+/// Operations of every period of the course at a speed \[m/s\].
+fn course(
+    description: &Description,
+    (estimator, law): &(StateEstimator<f64>, ScheduledLqr<f64>),
+    speed: f64,
+) -> Vec<Period> {
+    let motion = description.motion(speed);
+    let (model, period) = (estimator.filter.model, law.period);
+    let delay = estimator.delay_cycles;
+    let counting = (counting_estimator(estimator), counting_law(law), counting_motion(&motion));
+
+    let mut z = at_rest(&model, motion.start, description.numbers.payload);
+    let mut speed = model.leakage(z.load_pressure);
+    let first = measured(&model, &z, speed);
+    let mut estimated = estimator.start(&first);
+    let regulator = law.settled_regulator(estimator, &estimated);
+    let mut state = law.start(regulator, estimator, &estimated, motion.start);
+    let mut preview = Preview::new(period, |after| motion.reference(after));
+
+    let mut estimated_counting = counting.0.start(&first.map(Counted));
+    let regulator = counting.1.settled_regulator(&counting.0, &estimated_counting);
+    let mut state_counting =
+        counting.1.start(regulator, &counting.0, &estimated_counting, Counted(motion.start));
+    let mut preview_counting = Preview::new(Counted(period), |after| counting.2.reference(after));
+
+    let (mut readings, mut commands) = (vec![first; delay + 1], vec![speed; delay + 1]);
+    let mut periods = Vec::new();
+    for k in 0..(motion.duration() / period).ceil() as usize {
+        let time = k as f64 * period;
+        if time >= LOAD_CHANGE {
+            z.payload = PAYLOAD * description.numbers.payload;
+        }
+        let command = law.update(&mut state, estimator, &estimated, &preview);
+        let (_, prediction) = operations(|| counting.0.predict(&estimated_counting));
+        let (command_counting, with_prediction) = operations(|| {
+            let estimated = &estimated_counting;
+            counting.1.update(&mut state_counting, &counting.0, estimated, &preview_counting)
+        });
+        assert_eq!(command.to_bits(), command_counting.0.to_bits(), "command at {time} s");
+
+        commands.push(command);
+        let arrived = commands[commands.len() - 1 - delay];
+        let way = (DRIVE_SHARE * (arrived - speed)).clamp(-law.slew, law.slew);
+        z = model.step(&z, speed + 0.5 * way, BEYOND, period);
+        speed += way;
+        readings.push(measured(&model, &z, speed));
+        let read = readings[readings.len() - 1 - delay];
+
+        estimator.update(&mut estimated, &read, command);
+        let read = read.map(Counted);
+        let mut alone = estimated_counting.filter;
+        let ((), filter) = operations(|| counting.0.filter.update(&mut alone, &read));
+        let ((), with_filter) = operations(|| {
+            counting.0.update(&mut estimated_counting, &read, command_counting);
+        });
+
+        let now = time + period;
+        preview.advance(|after| motion.reference(now + after));
+        let ((), preview) = operations(|| {
+            preview_counting.advance(|after| counting.2.reference(Counted(now) + after));
+        });
+        periods.push(Period {
+            preview,
+            filter,
+            drive: with_filter - filter,
+            prediction,
+            law: with_prediction - prediction,
+        });
+    }
+    // everything that they carry, to the last bit
+    assert_alike("estimator", &estimated, &estimated_counting);
+    assert_alike("law", &state, &state_counting);
+    assert_alike("preview", &preview, &preview_counting);
+    periods
+}
+
+/// The text of a floating-point number is another for every value.
+fn assert_alike(what: &str, plain: &impl Debug, counting: &impl Debug) {
+    assert_eq!(format!("{plain:?}"), format!("{counting:?}"), "{what} at the end of the course");
+}
+
+/// What the law does in a period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Work {
+    Law,
+    /// The first period of a decision of the rollout.
+    SamplesReference,
+    /// Every other.
+    PredictsAlternative,
+}
+
+/// Told by the functions: nothing but a prediction raises to a power, and inverse dynamics along the reference ahead take more hyperbolic tangents than the law's own.
+fn work(law: &Operations, least: u64) -> Work {
+    if law.of(Operation::Exponential) > 0 {
+        Work::PredictsAlternative
+    } else if law.of(Operation::Tanh) > least {
+        Work::SamplesReference
+    } else {
+        Work::Law
+    }
+}
+
+/// A row each for the period of median and of largest sum.
+fn print(name: &str, operations: impl Iterator<Item = Operations>) {
+    let mut sorted: Vec<_> = operations.collect();
+    sorted.sort_by_key(|o| o.sum() + o.weighting);
+    let (Some(median), Some(largest)) = (sorted.get(sorted.len() / 2), sorted.last()) else {
+        println!("{name:32} in no period");
+        return;
+    };
+    for (which, operations) in [("median", median), ("largest", largest)] {
+        print!("{name:32}{:>8} {which:8}", sorted.len());
+        operations.kinds.iter().for_each(|number| print!("{number:>8}"));
+        println!("{:>8}{:>10}", operations.sum(), operations.weighting);
+    }
+}
+
+/// The table of a course.
+fn table(periods: &[Period], speed: f64) {
+    print!("{:32}{:>8} {:8}", format!("course of {:.0} mm/s", speed * 1e3), "periods", "");
+    KINDS.iter().for_each(|kind| print!("{kind:>8}"));
+    println!("{:>8}{:>10}", "sum", "weighting");
+    let least = periods.iter().map(|p| p.law.of(Operation::Tanh)).min().unwrap_or(0);
+    let law =
+        |wanted: Work| periods.iter().map(|p| p.law).filter(move |law| work(law, least) == wanted);
+    print("preview", periods.iter().map(|p| p.preview));
+    print("estimator", periods.iter().map(|p| p.filter + p.drive + p.prediction));
+    print("  filter", periods.iter().map(|p| p.filter));
+    print("  drive identification", periods.iter().map(|p| p.drive));
+    print("  prediction over the delays", periods.iter().map(|p| p.prediction));
+    print("law", law(Work::Law));
+    print("  reference sampled (rollout)", law(Work::SamplesReference));
+    print("  alternative predicted (rollout)", law(Work::PredictsAlternative));
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let description = Description::uia_single_boom()?;
+    let controller = designed(&description, known_delay(&description) as usize)?;
+    let (_, law) = &controller;
+    let fastest = law.motor_speed / law.model.revolutions_per_metre();
+    for speed in [description.numbers.fast, FASTER * fastest] {
+        table(&course(&description, &controller, speed), speed);
+    }
+    Ok(())
+}
