@@ -211,8 +211,8 @@ keys! {
     estimator_transition_drift: "estimator" "transition_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Process noise of the oil's transition pressure in a second: air dissolves within seconds";
     estimator_lowest_transition: "estimator" "lowest_transition_bar" ["bar" = BAR] 0.0..=500.0 or 8.0, "Lowest transition pressure that is estimated; oil without undissolved air";
     estimator_highest_transition: "estimator" "highest_transition_bar" ["bar" = BAR] 0.1..=500.0 or 65.0, "Highest transition pressure that is estimated; oil with a tenth of air";
-    estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 50.0, "Time constant of the mean of normalised innovations squared (NIS)";
-    estimator_nis_threshold: "estimator" "nis_threshold" ["-" = 1.0] 1.1..=100.0 or 3.0, "Mean NIS above which a load has changed: 0.05 % of a chi-square mean of 50 numbers lie above 2";
+    estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 25.0, "Time constant of the mean of normalised innovations squared (NIS)";
+    estimator_nis_threshold: "estimator" "nis_threshold" ["-" = 1.0] 1.1..=100.0 or 3.0, "Mean NIS above which a load has changed: three times what it is without a change";
     estimator_divergence_time: "estimator" "divergence_time_s" ["s" = 1.0] 0.01..=100.0 or 2.0, "Time of a mean NIS above twice the threshold after which the filter has diverged, and the benchmark takes over";
     estimator_drive_lag: "estimator" "drive_lag_ms" ["ms" = MS] 1.0..=300.0 or 6.2, "Lag of the servo drive before any is identified";
     estimator_drive_memory: "estimator" "drive_memory_s" ["s" = 1.0] 0.1..=1000.0 or 2.0, "Time constant in which the identification of the drive forgets";
@@ -222,7 +222,7 @@ keys! {
     estimator_free_slew: "estimator" "free_slew_percent" ["%" = PERCENT] 1.0..=100.0 or 80.0, "Change of the motor's speed up to which its lag is identified, of the slew limit";
     estimator_speed_noise: "estimator" "speed_noise_rpm" ["rpm" = RPM] 0.01..=1000.0 or 12.0, "Noise of the motor speed that is read, and of what a first-order lag leaves out of the drive";
     estimator_mass_deviation: "estimator" "mass_deviation_percent" ["%" = PERCENT] 0.0..=100.0 or 5.0, "Standard deviation of the equivalent mass about that of the model; considered, not estimated: base and modes that the reduced model leaves out; estimate";
-    estimator_sensor_lag: "estimator" "sensor_lag_deviation_ms" ["ms" = MS] 0.0..=100.0 or 0.1, "Standard deviation of the position sensor's lag about that of its data sheet; considered, not estimated; 0.2 ms are a fifth of a control period";
+    estimator_sensor_lag: "estimator" "sensor_lag_deviation_ms" ["ms" = MS] 0.0..=100.0 or 0.1, "Standard deviation of the position sensor's lag about that of its data sheet; considered, not estimated: a typical bandwidth is not known better";
 
     lqr_position: "scheduled_lqr" "position_tolerance_mm" ["mm" = MM] 1e-3..=1000.0 or 1.0, "Position error that costs one (Bryson); only ratios of the three tolerances count";
     lqr_velocity: "scheduled_lqr" "velocity_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 40.0, "Velocity error that costs one; damping of the load's mode";
@@ -231,7 +231,7 @@ keys! {
     lqr_position_feedback: "scheduled_lqr" "position_feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest speed that feedback of the position may command, of the motor's (nested saturation)";
     lqr_filling: "scheduled_lqr" "filling_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest motor speed that filling the oil may take along the reference, of the motor's; sets the smoothing window";
     lqr_shortest_window: "scheduled_lqr" "shortest_window_ms" ["ms" = MS] 2.0..=300.0 or 15.0, "Shortest smoothing window of the reference, beside the drive's lag";
-    lqr_longest_window: "scheduled_lqr" "longest_window_ms" ["ms" = MS] 2.0..=400.0 or 400.0, "Longest smoothing window of the reference; the preview keeps 200 ms of the past";
+    lqr_longest_window: "scheduled_lqr" "longest_window_ms" ["ms" = MS] 2.0..=400.0 or 400.0, "Longest smoothing window of the reference; at a control period of 1 ms the preview keeps 300 ms of the past, of which this takes 280";
     lqr_window_time: "scheduled_lqr" "window_time_ms" ["ms" = MS] 1.0..=10_000.0 or 200.0, "Time constant in which the smoothing window adapts";
     lqr_governor_error: "scheduled_lqr" "governor_error_mm" ["mm" = MM] 1e-2..=1e4 or 4.0, "Largest tracking error that is left to feedback; beyond it the reference starts anew at the piston";
     lqr_governor_rate: "scheduled_lqr" "governor_rate_per_s" ["1/s" = 1.0] 0.01..=100.0 or 1.5, "Largest rate at which the reference returns";

@@ -64,7 +64,6 @@ pub fn scheduled_lqr_loop_at(
     let n = &description.numbers;
     let mut estimator = *estimator;
     estimator.filter.model.presliding_stiffness = 0.0;
-    estimator.drive_share = n.control_period / n.estimator_drive_lag;
     let controller = SmallSignalController::at_rest(&estimator, law, stroke, payload, BEYOND);
     Loop::ScheduledLqr {
         controller: Box::new(controller),

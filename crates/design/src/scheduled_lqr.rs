@@ -108,16 +108,18 @@ pub fn state_estimator(
         },
         period: n.control_period,
     };
+    // of a first-order lag in a period
+    let share = |lag: f64| 1.0 - (-n.control_period / lag).exp();
     StateEstimator {
         filter,
         drive: DriveIdentification {
             memory: n.estimator_drive_memory,
             speed_noise: n.estimator_speed_noise,
             largest_deviation: n.estimator_drive_deviation,
-            smallest: n.control_period / n.estimator_longest_drive_lag,
-            largest: (n.control_period / n.estimator_shortest_drive_lag).min(1.0),
+            smallest: share(n.estimator_longest_drive_lag),
+            largest: share(n.estimator_shortest_drive_lag),
         },
-        drive_share: n.control_period / n.estimator_drive_lag,
+        drive_share: share(n.estimator_drive_lag),
         slew: n.motor_slew * n.control_period,
         free_slew: n.estimator_free_slew,
         delay_cycles,

@@ -375,8 +375,10 @@ fn the_governor_moves_the_reference_to_a_piston_that_is_far_off() {
         assert!(left.abs() < law.governor.largest_error + 1e-9, "{left} m are left to feedback");
         if let Some(before) = before.replace(state.offset) {
             let velocity = (before - state.offset) / PERIOD;
-            // the piston may hold it back, and pull it no faster
-            assert!(velocity < law.governor.velocity + 1e-9, "{velocity} m/s");
+            // where the piston, which may be faster, does not take it along
+            let returns = left.abs() < law.governor.largest_error - 1e-9;
+            let is_slow = velocity < law.governor.velocity + 1e-9;
+            assert!(is_slow || !returns, "{velocity} m/s");
         }
         let next = (speed + 0.15 * (command - speed)).clamp(speed - law.slew, speed + law.slew);
         z = model.step(&z, 0.5 * (speed + next), BEYOND, PERIOD);

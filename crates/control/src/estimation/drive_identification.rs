@@ -49,9 +49,15 @@ impl<T: Real> DriveLag<T> {
         next.clamp(speed - slew, speed + slew)
     }
 
-    /// Time constant \[s\] of the lag.
+    /// Time constant \[s\] of the lag, τ = −T/ln(1 − g).
     #[inline(always)]
     pub fn time_constant(&self, period: T) -> T {
+        -period / (T::one() - self.share).ln()
+    }
+
+    /// Time \[s\] by which the motor's speed follows a ramp of its command late, T/g.
+    #[inline(always)]
+    pub fn ramp_delay(&self, period: T) -> T {
         period / self.share
     }
 }
@@ -109,6 +115,8 @@ mod tests {
                 speed = next;
             }
             assert!((lag.share / share - 1.0).abs() < 1e-3, "{lag:?} for {share}");
+            let lag_s = lag.time_constant(1e-3);
+            assert!(((-1e-3 / lag_s).exp() - (1.0 - lag.share)).abs() < 1e-12, "{lag_s}");
         }
     }
 }

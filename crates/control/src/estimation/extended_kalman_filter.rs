@@ -161,12 +161,12 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     /// unknown flow and oil stays, since nothing is learned of them.
     pub fn hold(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
         let anew = self.start(measured);
-        let keep = |i: usize| PARAMETERS.contains(&i) && i != PAYLOAD;
+        let keep = |i: usize| (PARAMETERS.contains(&i) && i != PAYLOAD) || i >= STATES;
         let (old, new) = (state.estimate.to_array(), anew.estimate.to_array());
         let estimate = core::array::from_fn(|i| if keep(i) { old[i] } else { new[i] });
         let (covariance, errors) = (
-            kept(&state.covariance, &anew.covariance, keep),
-            kept(&state.errors, &anew.errors, keep),
+            retain_block(&state.covariance, &anew.covariance, keep),
+            retain_block(&state.errors, &anew.errors, keep),
         );
         let estimate = MachineState::from_array(estimate);
         *state = EstimatorState { estimate, covariance, errors, ..anew };
@@ -202,7 +202,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             let variance = &mut state.errors[i][i];
             *variance = variance.max(share * change.square());
         }
-        // a parameter is never known less than before anything was measured
+        // what is not excited does not become less certain for ever
         let initial = self.initial_deviation.to_array();
         let most = |payload: T| {
             let known = |i: usize| if i == PAYLOAD { payload } else { initial[i].square() };
@@ -249,20 +249,22 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             let noise = &mut state.noise[k];
             // a lost value repeats the last one
             let value = T::select(is_good, values[k], noise.last);
-            noise.update(value, self.period / self.noise_memory);
+            noise.update(value, is_good, self.period / self.noise_memory);
             let variance = self.measurement_noise[k].square().max(noise.variance);
             let row = &rows[k];
             let z = state.estimate.to_array();
             let predicted = row[0] * z[POSITION] + row[1] * z[VELOCITY] + row[2] * z[LOAD_PRESSURE];
             // by the considered lag of the position sensor
             let by_lag = if k == 0 { -z[VELOCITY] } else { zero };
-            let shared = seen(&state.covariance, row, zero);
-            let shared_errors = seen(&state.errors, row, by_lag);
-            let s = variance_seen(&shared, row, zero) + variance;
-            let s_errors = variance_seen(&shared_errors, row, by_lag) + variance;
+            let shared = cross_covariance(&state.covariance, row, zero);
+            let shared_errors = cross_covariance(&state.errors, row, by_lag);
+            let s = output_variance(&shared, row, zero) + variance;
+            let s_errors = output_variance(&shared_errors, row, by_lag) + variance;
             let innovation = T::select(is_good, value - predicted, zero);
             let nis = innovation.square() / s;
-            let mean = self.innovation_test.update(state.mean_nis, nis, self.period);
+            // two numbers a period
+            let since = T::lit(0.5) * self.period;
+            let mean = self.innovation_test.update(state.mean_nis, nis, since);
             state.mean_nis = T::select(is_good, mean, state.mean_nis);
             (state.innovation[k], state.nis[k]) = (innovation, nis);
             let gain = shared.map(|shared| T::select(is_good, shared / s, zero));
@@ -285,7 +287,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
 }
 
 /// A covariance in which the errors that are kept have their old block, and the others are new.
-fn kept<T: Real, const N: usize>(
+fn retain_block<T: Real, const N: usize>(
     old: &Covariance<T, N>,
     new: &Covariance<T, N>,
     keep: impl Fn(usize) -> bool,
@@ -297,7 +299,11 @@ fn kept<T: Real, const N: usize>(
 
 /// Covariance of each error with a measured number, `P Hᵀ`: by position, velocity, load pressure, and the considered lag.
 #[inline(always)]
-fn seen<T: Real, const N: usize>(p: &Covariance<T, N>, row: &[T; 3], by_lag: T) -> [T; N] {
+fn cross_covariance<T: Real, const N: usize>(
+    p: &Covariance<T, N>,
+    row: &[T; 3],
+    by_lag: T,
+) -> [T; N] {
     core::array::from_fn(|i| {
         let states =
             row[0] * p[i][POSITION] + row[1] * p[i][VELOCITY] + row[2] * p[i][LOAD_PRESSURE];
@@ -307,7 +313,7 @@ fn seen<T: Real, const N: usize>(p: &Covariance<T, N>, row: &[T; 3], by_lag: T) 
 
 /// Variance of a measured number without its noise, `H P Hᵀ`.
 #[inline(always)]
-fn variance_seen<T: Real, const N: usize>(shared: &[T; N], row: &[T; 3], by_lag: T) -> T {
+fn output_variance<T: Real, const N: usize>(shared: &[T; N], row: &[T; 3], by_lag: T) -> T {
     let states =
         row[0] * shared[POSITION] + row[1] * shared[VELOCITY] + row[2] * shared[LOAD_PRESSURE];
     shared.get(SENSOR_LAG).map_or(states, |lag| by_lag.mul_add(*lag, states))

@@ -17,10 +17,10 @@ record! {
 }
 
 impl<T: Real> InnovationTest<T> {
-    /// The mean \[1\] after one more normalised innovation squared \[1\], of which there are so many \[1/s\].
+    /// The mean \[1\] after one more normalised innovation squared \[1\], `since` \[s\] after the last one.
     #[inline(always)]
-    pub fn update(&self, mean: T, nis: T, period: T) -> T {
-        let share = (period / self.time_constant).min(T::one());
+    pub fn update(&self, mean: T, nis: T, since: T) -> T {
+        let share = (since / self.time_constant).min(T::one());
         share.mul_add(nis - mean, mean)
     }
 

@@ -16,21 +16,28 @@ record! {
         /// The value before
         #[unit = "1"]
         pub before: T,
+        /// Good values in succession, up to two
+        #[unit = "1"]
+        pub good: T,
     }
 }
 
 impl<T: Real> NoiseEstimate<T> {
     /// Of a signal that has long had a value.
     pub fn start(value: T) -> Self {
-        Self { variance: T::zero(), last: value, before: value }
+        Self { variance: T::zero(), last: value, before: value, good: T::lit(2.0) }
     }
 
-    /// One more value, `share` \[1\] being the period over the averaging time.
+    /// One more value, `share` \[1\] being the period over the averaging time. A value that is not good counts for nothing, and neither do the two after it.
     #[inline(always)]
-    pub fn update(&mut self, value: T, share: T) {
+    pub fn update(&mut self, value: T, is_good: T::Mask, share: T) {
         let difference = value - self.last - (self.last - self.before);
         let sample = difference.square() / T::lit(6.0);
-        self.variance = share.mul_add(sample - self.variance, self.variance);
+        let counts = is_good & T::lit(1.5).lt(self.good);
+        let variance = share.mul_add(sample - self.variance, self.variance);
+        self.variance = T::select(counts, variance, self.variance);
+        let more = (self.good + T::one()).min(T::lit(2.0));
+        self.good = T::select(is_good, more, T::zero());
         (self.before, self.last) = (self.last, value);
     }
 }
@@ -45,8 +52,8 @@ mod tests {
         let mut ramp = NoiseEstimate::start(0.0);
         let mut alternating = NoiseEstimate::start(0.5);
         for k in 0..20_000 {
-            ramp.update(2.0 + 1e-3 * f64::from(k), 1e-3);
-            alternating.update(if k % 2 == 0 { -0.5 } else { 0.5 }, 1e-3);
+            ramp.update(2.0 + 1e-3 * f64::from(k), k % 100 > 9, 1e-3);
+            alternating.update(if k % 2 == 0 { -0.5 } else { 0.5 }, true, 1e-3);
         }
         assert!(ramp.variance < 1e-8, "{ramp:?}");
         assert!((alternating.variance - 4.0 / 6.0).abs() < 1e-6, "{alternating:?}");

@@ -2,7 +2,7 @@
 //! applied.
 //!
 //! An alternative holds the motor's limit, either way, for a short or a long time, then the law goes on. Stage costs are the regulator's, the end cost its cost to go.
-//! What pushed the machine off is a force or a payload: each alternative is predicted under both hypotheses. A decision takes eleven periods: in the first the
+//! The cause of the deviation is a force or a payload: each alternative is predicted under both hypotheses. A decision takes eleven periods: in the first the
 //! reference ahead is sampled, in each of the others one prediction is made, from the state of the first on.
 //!
 //! Source: D. Bertsekas, *Reinforcement Learning and Optimal Control*, 2019, section 2.4.
@@ -51,7 +51,7 @@ record! {
 
 /// The reference ahead as the law follows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Ahead<T> {
+struct ReferenceSample<T> {
     wanted: [T; ORDER],
     feedforward: T,
     position: T,
@@ -98,7 +98,7 @@ pub struct RolloutState<T> {
     /// Where it began: state, and offset of the reference \[m\].
     begin: PredictedState<T>,
     offset: T,
-    ahead: [Ahead<T>; SAMPLES],
+    ahead: [ReferenceSample<T>; SAMPLES],
     /// Costs so far, over the hypotheses weighted.
     costs: [T; ALTERNATIVES],
     /// Speed that is applied \[rev/s\], and whether one is \[1\].
@@ -110,7 +110,7 @@ impl<T: Real> RolloutState<T> {
     /// Nothing is decided.
     pub fn start() -> Self {
         let zero = T::zero();
-        let nowhere = Ahead { wanted: [zero; ORDER], feedforward: zero, position: zero };
+        let nowhere = ReferenceSample { wanted: [zero; ORDER], feedforward: zero, position: zero };
         Self {
             phase: zero,
             decides: zero,
@@ -156,9 +156,9 @@ impl<T: Real> Rollout<T> {
         state.applies = T::select(decides, state.applies, zero);
         if T::any(begins & decides) {
             let spacing = self.horizon / T::lit((SAMPLES - 1) as f64);
-            let sampled: [Ahead<T>; SAMPLES] = core::array::from_fn(|k| {
+            let sampled: [ReferenceSample<T>; SAMPLES] = core::array::from_fn(|k| {
                 let (wanted, feedforward, position) = ahead(spacing * T::lit(k as f64));
-                Ahead { wanted: wanted.to_array(), feedforward, position }
+                ReferenceSample { wanted: wanted.to_array(), feedforward, position }
             });
             let pick = |new: T, old: T| T::select(begins, new, old);
             for (kept, new) in state.ahead.iter_mut().zip(sampled) {
@@ -259,7 +259,6 @@ impl<T: Real> Rollout<T> {
         let until_decision = policy.period * T::lit(PERIODS as f64 - 1.0);
         let until_hold_ends = until_decision + hold;
         let mut sum = T::zero();
-        let mut error = [T::zero(); ORDER];
         for k in 0..SAMPLES - 1 {
             let (from, to) = (&state.ahead[k], &state.ahead[k + 1]);
             for part in 0..STEPS_BETWEEN {
@@ -276,7 +275,7 @@ impl<T: Real> Rollout<T> {
                 let x = at.compliance.mul_add(p, y);
                 offset = policy.governor.update(offset, x - asked, policy.decay, h);
                 let drift = policy.governor.drift(offset, policy.decay);
-                error = [wanted[0] - y, wanted[1] - w, wanted[2] - p, wanted[3] - n];
+                let error = [wanted[0] - y, wanted[1] - w, wanted[2] - p, wanted[3] - n];
                 let turning = revolutions * drift;
                 let led = [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
                 let (feedback, _) = policy.saturation.feedback(&policy.gain, &led);
@@ -305,6 +304,10 @@ impl<T: Real> Rollout<T> {
                 p = (h * model.stiffness(&at, bulk)).mul_add(inflow, p);
             }
         }
+        let mut end = state.ahead[SAMPLES - 1].wanted;
+        end[0] = end[0] - at.compliance * heavier;
+        end[2] = end[2] + heavier;
+        let error = [end[0] - y, end[1] - w, end[2] - p, end[3] - n];
         sum * periods + quadratic(&policy.cost_to_go, &error)
     }
 }
@@ -317,7 +320,7 @@ struct Hypothesis<T> {
     heavier: T,
 }
 
-/// What accelerates the load is a force, as estimated; or it is a payload: `a_p(m) (p − p_0(m) − p_C s) = w'`, which is linear in m.
+/// What accelerates the load is a force, as estimated; or it is a payload: `a_p(m) (p − p_0(m) − p_C s − p_v w) = w'`, which is linear in m.
 fn hypothesis<T: Real>(
     policy: &Policy<T>,
     at: &OperatingPoint<T>,
@@ -329,7 +332,8 @@ fn hypothesis<T: Real>(
     let (zero, one) = (T::zero(), T::one());
     let (model, estimate) = (&policy.model, &policy.estimate);
     let holding = at.holding_pressure + at.holding_slope * at.compliance * p - estimate.disturbance;
-    let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
+    let friction =
+        model.viscous.mul_add(w, model.coulomb * (w / model.sliding_velocity).clamp(-one, one));
     let acceleration = at.acceleration * (p - holding - friction);
     let (empty, full) = (model.at(y, zero), model.at(y, model.heaviest));
     let mass = |a: &OperatingPoint<T>| one / a.acceleration;

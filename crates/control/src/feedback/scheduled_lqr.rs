@@ -99,7 +99,7 @@ impl<T: Real> ScheduledLqr<T> {
         ScheduledLqrState {
             regulator,
             offset: T::zero(),
-            window: self.settings.shortest_window + estimated.drive.time_constant(self.period),
+            window: self.settings.shortest_window + estimated.drive.ramp_delay(self.period),
             speed_limit: SpeedLimit::at_rest(position),
             rollout: RolloutState::start(),
             command: estimator.predict(estimated).motor_speed,
@@ -113,7 +113,7 @@ impl<T: Real> ScheduledLqr<T> {
         estimated: &StateEstimatorState<T>,
     ) -> Regulator<T> {
         let now = estimator.predict(estimated);
-        let plant = self.plant(estimated, &self.operating(estimated, &now));
+        let plant = self.plant(estimated, &self.scheduling_point(estimated, &now));
         let mut regulator = Regulator::start(&plant);
         for _ in 0..SETTLING_STEPS {
             regulator.step(&plant);
@@ -129,7 +129,7 @@ impl<T: Real> ScheduledLqr<T> {
         estimated: &StateEstimatorState<T>,
     ) -> Regulator<T> {
         let now = estimator.predict(estimated);
-        let plant = self.plant(estimated, &self.operating(estimated, &now));
+        let plant = self.plant(estimated, &self.scheduling_point(estimated, &now));
         let mut regulator = regulator.unwrap_or_else(|| Regulator::start(&plant));
         regulator.step(&plant);
         regulator
@@ -146,7 +146,7 @@ impl<T: Real> ScheduledLqr<T> {
         let estimate = &estimated.filter.estimate;
         let beyond = estimated.pressure_beyond;
         let now = estimator.predict(estimated);
-        let here = self.operating(estimated, &now);
+        let here = self.scheduling_point(estimated, &now);
 
         // the reference that the motor can follow, when the command arrives
         state.speed_limit.update(preview, self.fastest(estimated, &now));
@@ -169,7 +169,7 @@ impl<T: Real> ScheduledLqr<T> {
         state.window = self.window(state.window, estimated, &here, largest_acceleration);
         let window = state.window;
         let turning = largest_acceleration * window;
-        let lag = estimated.drive.time_constant(self.period);
+        let lag = estimated.drive.ramp_delay(self.period);
         let delay = estimator.command_delay();
         let inverse = |after: T, offset: T, drift: T| {
             let mut reference = smoothed(feasible, window, after);
@@ -202,7 +202,7 @@ impl<T: Real> ScheduledLqr<T> {
         let (feedback, saturates) = saturation.feedback(&state.regulator.gain, &error);
         let law = feedforward + feedback;
 
-        // what linear feedback cannot do
+        // policy improvement while feedback saturates
         let moved = self.rollout.offset.lt(state.offset.abs());
         let policy = Policy {
             model: self.model,
@@ -239,7 +239,11 @@ impl<T: Real> ScheduledLqr<T> {
     }
 
     /// Coefficients of the present operating point, and the load's natural frequency at rest \[rad/s\].
-    fn operating(&self, estimated: &StateEstimatorState<T>, now: &PredictedState<T>) -> Here<T> {
+    fn scheduling_point(
+        &self,
+        estimated: &StateEstimatorState<T>,
+        now: &PredictedState<T>,
+    ) -> SchedulingPoint<T> {
         let estimate = &estimated.filter.estimate;
         let at = self.model.at(now.position, estimate.payload);
         let rest = at.holding_pressure - estimate.disturbance;
@@ -249,9 +253,9 @@ impl<T: Real> ScheduledLqr<T> {
         let stiffness = |bulk_modulus: T| self.model.stiffness(&at, bulk_modulus);
         let at_rest = stiffness(bulk_modulus_at_rest);
         let natural_frequency = (at.acceleration * at_rest * self.model.piston_area).sqrt();
-        Here {
+        SchedulingPoint {
             at,
-            // as the oil is, and as it will be at rest
+            // geometric mean of the present bulk modulus and that at rest
             stiffness: stiffness((here * bulk_modulus_at_rest).sqrt()),
             stiffness_at_rest: at_rest,
             natural_frequency,
@@ -259,10 +263,14 @@ impl<T: Real> ScheduledLqr<T> {
     }
 
     /// The linearised plant and the regulator's weights.
-    fn plant(&self, estimated: &StateEstimatorState<T>, here: &Here<T>) -> LinearQuadratic<T> {
+    fn plant(
+        &self,
+        estimated: &StateEstimatorState<T>,
+        here: &SchedulingPoint<T>,
+    ) -> LinearQuadratic<T> {
         let (zero, one) = (T::zero(), T::one());
-        let Here { at, stiffness, .. } = here;
-        let per_lag = one / estimated.drive.time_constant(self.period);
+        let SchedulingPoint { at, stiffness, .. } = here;
+        let per_lag = one / estimated.drive.ramp_delay(self.period);
         let a = [
             [zero, one, zero, zero],
             [zero, -at.acceleration * self.model.viscous, at.acceleration, zero],
@@ -311,7 +319,7 @@ impl<T: Real> ScheduledLqr<T> {
         &self,
         window: T,
         estimated: &StateEstimatorState<T>,
-        here: &Here<T>,
+        here: &SchedulingPoint<T>,
         largest_acceleration: T,
     ) -> T {
         let s = &self.settings;
@@ -319,7 +327,7 @@ impl<T: Real> ScheduledLqr<T> {
         let change = largest_acceleration / here.at.acceleration + T::lit(0.5) * self.model.coulomb;
         let stiffness = here.stiffness.min(here.stiffness_at_rest);
         let turns = change / (stiffness * self.model.displacement);
-        let shortest = s.shortest_window + estimated.drive.time_constant(self.period);
+        let shortest = s.shortest_window + estimated.drive.ramp_delay(self.period);
         let wanted =
             (turns / (s.filling_share * self.motor_speed)).max(shortest).min(s.longest_window);
         let share = (self.period / s.window_time_constant).min(T::one());
@@ -328,7 +336,7 @@ impl<T: Real> ScheduledLqr<T> {
 }
 
 /// The present operating point.
-struct Here<T> {
+struct SchedulingPoint<T> {
     at: OperatingPoint<T>,
     /// Pressure by oil \[Pa/m³\]: mean of now and at rest.
     stiffness: T,

@@ -1,10 +1,10 @@
-//! Reference preview: the set points of the next seconds, and of the last two tenths.
+//! Reference preview: the set points of the next seconds, and of the last three tenths.
 
 use crate::reference::profile::SetPoint;
 use hydroboom_math::Real;
 
 /// Control periods before now of which every set point is kept.
-pub const PERIODS_BEHIND: usize = 200;
+pub const PERIODS_BEHIND: usize = 300;
 /// Control periods after now.
 pub const PERIODS_AHEAD: usize = 800;
 const NEAR: usize = PERIODS_BEHIND + 1 + PERIODS_AHEAD;
@@ -14,7 +14,7 @@ const FAR_SPACING: f64 = 0.05;
 /// Distant set points, the first 800 periods after now.
 const FAR: usize = 35;
 
-/// Set points at fixed times relative to now: every control period from 200 periods before it to 800 after it, and positions every 50 ms for
+/// Set points at fixed times relative to now: every control period from 300 periods before it to 800 after it, and positions every 50 ms for
 /// 1.7 s more: to 2.5 s where the control period is 1 ms. Moved on by [`advance`](Self::advance) once a period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preview<T> {

@@ -7,7 +7,7 @@ use hydroboom_math::Real;
 
 /// Time between two looks at the reference \[s\], and how many there are: up to 2.5 s after now.
 const SPACING: f64 = 0.05;
-const LOOKS: usize = 51;
+const PREVIEW_POINTS: usize = 51;
 
 /// Offsets of the feasible reference from the asked one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub struct SpeedLimit<T> {
     /// Position \[m\] of the one that is begun sooner.
     feasible: T,
     /// Its offset \[m\] from what is asked, every 50 ms from now on.
-    ahead: [T; LOOKS],
+    ahead: [T; PREVIEW_POINTS],
     /// The same in the periods before now, the oldest first.
     behind: [T; PERIODS_BEHIND + 1],
 }
@@ -29,7 +29,7 @@ impl<T: Real> SpeedLimit<T> {
         Self {
             late: position,
             feasible: position,
-            ahead: [zero; LOOKS],
+            ahead: [zero; PREVIEW_POINTS],
             behind: [zero; PERIODS_BEHIND + 1],
         }
     }
@@ -42,7 +42,7 @@ impl<T: Real> SpeedLimit<T> {
         let moved = |from: T, to: T, time: T| from + (to - from).clamp(-inwards * time, out * time);
         let mut late = self.late;
         let mut longest = T::zero();
-        for k in 1..LOOKS {
+        for k in 1..PREVIEW_POINTS {
             let asked = preview.position(T::lit(k as f64 * SPACING));
             late = moved(late, asked, spacing);
             longest = longest.max((asked - late) / out).max((late - asked) / inwards);
@@ -50,7 +50,7 @@ impl<T: Real> SpeedLimit<T> {
         let sooner = T::lit(0.5) * longest;
         let mut position = self.feasible;
         self.ahead[0] = position - preview.now().position;
-        for k in 1..LOOKS {
+        for k in 1..PREVIEW_POINTS {
             let time = T::lit(k as f64 * SPACING);
             position = moved(position, preview.position(time + sooner), spacing);
             self.ahead[k] = position - preview.position(time);
