@@ -1,7 +1,7 @@
 //! Machines that cannot exist, and those that probably should not.
 
 use crate::Description;
-use crate::schema::{CircuitChoice, FrictionChoice, ReliefChoice, StructureChoice};
+use crate::schema::{CircuitChoice, FrictionChoice, KEYS, ReliefChoice, StructureChoice};
 use hydroboom_math::Dual;
 use hydroboom_model::EquilibriumError;
 use hydroboom_model::hydraulics::{FrictionLaw, Stribeck};
@@ -56,6 +56,9 @@ impl Description {
                     .into(),
             ));
         }
+        if let Some(contradiction) = self.contradicting_limits() {
+            return Some(contradiction);
+        }
         if n.bulk_modulus_min > n.bulk_modulus_max {
             return Some((
                 "oil.bulk_modulus_min_mpa",
@@ -71,6 +74,34 @@ impl Description {
     }
 
     /// The same of a valve-controlled circuit.
+    /// Limits of estimator and law that contradict each other.
+    fn contradicting_limits(&self) -> Option<(&'static str, String, String)> {
+        let n = &self.numbers;
+        let pairs = [
+            ("estimator.lowest_transition_bar", "estimator.highest_transition_bar"),
+            ("estimator.shortest_drive_lag_ms", "estimator.drive_lag_ms"),
+            ("estimator.drive_lag_ms", "estimator.longest_drive_lag_ms"),
+            ("scheduled_lqr.shortest_window_ms", "scheduled_lqr.longest_window_ms"),
+            ("scheduled_lqr.rollout_short_ms", "scheduled_lqr.rollout_long_ms"),
+            ("scheduled_lqr.position_feedback_percent", "scheduled_lqr.feedback_percent"),
+        ];
+        let numbers = n.to_array();
+        let value = |path: &str| {
+            let index = KEYS.iter().position(|key| key.path() == path)?;
+            Some((KEYS[index].to_unit(numbers[index]), KEYS[index].unit))
+        };
+        pairs.into_iter().find_map(|(low, high)| {
+            let ((less, unit), (more, _)) = (value(low)?, value(high)?);
+            (less > more).then(|| {
+                (
+                    low,
+                    format!("{low} is {less:.6} {unit}, and {high} is {more:.6} {unit}"),
+                    format!("{low} is {high} at most"),
+                )
+            })
+        })
+    }
+
     fn impossible_valve(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         (n.spool_neutral == n.spool_full).then(|| {

@@ -205,7 +205,7 @@ keys! {
     estimator_largest_velocity: "estimator" "largest_velocity_mm_s" ["mm/s" = MM] 1.0..=1e6 or 10_000.0, "Largest velocity that is estimated: beyond what any crane does";
     estimator_largest_pressure: "estimator" "largest_pressure_bar" ["bar" = BAR] 1.0..=1e4 or 1000.0, "Largest load pressure that is estimated: beyond what any cylinder bears";
     estimator_flow_drift: "estimator" "flow_drift_rpm" ["rpm" = RPM] 1e-3..=1000.0 or 18.0, "Process noise of the unknown flow in a second, as a motor speed; estimate";
-    estimator_largest_flow: "estimator" "largest_flow_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest unknown flow that is estimated, of the motor's speed; a pump worn out";
+    estimator_largest_flow: "estimator" "largest_flow_percent" ["%" = PERCENT] 0.01..=100.0 or 40.0, "Largest unknown flow that is estimated, of the motor's speed; a pump worn out";
     estimator_payload_drift: "estimator" "payload_drift_percent" ["%" = PERCENT] 1e-3..=100.0 or 1.0, "Process noise of the payload in a second, of the heaviest that is thought of; estimate";
     estimator_payload_variance_limit: "estimator" "payload_variance_limit" ["-" = 1.0] 1.0..=1e6 or 30.0, "Largest variance of the payload in the filter, over that at the start";
     estimator_transition_drift: "estimator" "transition_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Process noise of the oil's transition pressure in a second: air dissolves within seconds";

@@ -40,6 +40,11 @@ impl CraneFile {
         self.crane.as_deref().map_or_else(|| Ok(UIA_SINGLE_BOOM.into()), text)
     }
 
+    /// The overrides, as they were given.
+    pub fn overrides(&self) -> &[String] {
+        &self.set
+    }
+
     /// Whether keys are overridden.
     pub fn is_overridden(&self) -> bool {
         !self.set.is_empty()

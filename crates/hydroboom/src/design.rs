@@ -132,8 +132,8 @@ fn over_family(family: &[FamilyMargins]) -> String {
     ];
     format!(
         "{}\nEvery crane of the family at three piston positions, linearised at rest as its pump begins to lift, friction left out, with its own drive, \
-         fieldbus and sensors. The controllers know the model file and the weighed payload. PM and GM are those of the stable loops; \
-         d is negative where a loop is unstable. Cranes are numbered from 0.",
+         fieldbus and sensors. The controllers know the model file and the weighed payload. PM, GM and d are those of the stable loops. \
+         Cranes are numbered from 0.",
         output::table(&header, &family.iter().map(over_family_row).collect::<Vec<_>>())
     )
 }
@@ -146,7 +146,7 @@ fn over_family_row(of: &FamilyMargins) -> Vec<String> {
     };
     let mut row = vec![
         of.controller.into(),
-        format!("{} of {}", of.ringing_on, of.count),
+        format!("{} of {}", of.unstable, of.count),
         format!("{:.0}, {:.0}", of.phase_median_deg, of.phase_p5_deg),
         format!("{}, {}", gain(of.gain_median), gain(of.gain_p5)),
         format!("{:.2}, {:.2}", of.distance_median, of.distance_p5),

@@ -157,8 +157,13 @@ fn text(found: &Consistency) -> String {
     )
 }
 
-fn verdict(is_consistent: bool) -> String {
-    if is_consistent { "" } else { "inconsistent" }.into()
+fn verdict(is_consistent: Option<bool>) -> String {
+    match is_consistent {
+        Some(true) => "",
+        Some(false) => "inconsistent",
+        None => "too few",
+    }
+    .into()
 }
 
 fn innovation_cells(row: &InnovationRow) -> Vec<String> {
@@ -173,7 +178,7 @@ fn innovation_cells(row: &InnovationRow) -> Vec<String> {
         format!("{:.2}", s.median_autocorrelation),
         format!("{:.2}", s.largest_autocorrelation),
         format!("{:.0}", row.largest_at_lag_ms),
-        verdict(row.is_consistent),
+        verdict(Some(row.is_consistent)),
     ]
 }
 

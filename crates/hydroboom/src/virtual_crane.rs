@@ -39,6 +39,9 @@ pub struct Virtual {
     /// Crane file of the model that the controllers know; the paper's crane when not given.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// Override a key of that model, e.g. --model-set estimator.payload_drift_percent=2; can be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    model_set: Vec<String>,
     /// Effects to switch off: segments, payload-shape, base, friction, slip, torque-losses, ripple,
     /// drive, valve, air, temperature, sensors, fieldbus.
     #[arg(long, value_name = "EFFECTS", value_delimiter = ',')]
@@ -83,10 +86,22 @@ impl Virtual {
             })?;
             effect.remove_from(&mut crane)?;
         }
-        let model = match &self.model {
+        if let Some(assignment) = self.crane.overrides().iter().find(|a| is_of_controller(a)) {
+            miette::bail!(
+                help = format!("--model-set {assignment}"),
+                "--set {assignment}: --set changes the machine, and this is what its controller knows"
+            );
+        }
+        let mut model = match &self.model {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
             None => Description::uia_single_boom()?,
         };
+        for assignment in &self.model_set {
+            model.set_within_range(assignment)?;
+        }
+        if !(self.log_ms > 0.0 && self.log_ms.is_finite()) {
+            miette::bail!("--log-ms is a positive number, not {}", self.log_ms);
+        }
         if let Some(folder) = &self.dataset {
             let bar = ProgressBar::new(1000);
             let files = dataset(&model, &crane, folder, |share| {
@@ -152,6 +167,11 @@ impl Virtual {
         }
         output::text(&said)
     }
+}
+
+/// Whether an override is of a setting of estimator or law.
+fn is_of_controller(assignment: &str) -> bool {
+    ["estimator.", "scheduled_lqr."].iter().any(|section| assignment.trim().starts_with(section))
 }
 
 const ESTIMATES: [&str; 5] =

@@ -29,12 +29,20 @@ fn main() {
         std::process::exit(2);
     };
     let mut model = Description::uia_single_boom().unwrap();
-    overrides.iter().for_each(|assignment| model.set(assignment).unwrap());
+    for assignment in overrides {
+        model.set(assignment).unwrap_or_else(|error| refuse(&error));
+    }
     let nominal = Description::uia_virtual().unwrap();
     let all = ControllerChoice::all();
     let controllers: Vec<ControllerChoice> = controllers
         .split(',')
-        .map(|name| *all.iter().find(|choice| choice.name() == name).unwrap())
+        .map(|name| {
+            let names: Vec<_> = all.iter().map(|choice| choice.name()).collect();
+            let found = all.iter().find(|choice| choice.name() == name);
+            *found.unwrap_or_else(|| {
+                refuse(&format!("no controller \"{name}\"; there are {}", names.join(", ")))
+            })
+        })
         .collect();
     let courses: Vec<CourseChoice> = courses
         .split(',')
@@ -44,8 +52,17 @@ fn main() {
             other => CourseChoice::Scenario(other.into()),
         })
         .collect();
-    let seed: u64 = seed.parse().unwrap();
-    let numbers: Vec<u64> = (from.parse().unwrap()..to.parse().unwrap()).collect();
+    for course in &courses {
+        course.of(&nominal).unwrap_or_else(|error| refuse(&error));
+    }
+    let number = |name: &str, text: &str| -> u64 {
+        text.parse().unwrap_or_else(|_| refuse(&format!("{name} is a whole number, not {text}")))
+    };
+    let seed = number("SEED", seed);
+    let numbers: Vec<u64> = (number("FROM", from)..number("TO", to)).collect();
+    if numbers.is_empty() {
+        refuse(&format!("no cranes from {from} to below {to}"));
+    }
     let draw = if is_widened { widened } else { member };
     let cranes: Vec<(u64, Member)> =
         numbers.iter().map(|number| (*number, draw(&nominal, seed, *number).unwrap())).collect();
@@ -70,6 +87,12 @@ fn main() {
             });
         }
     });
+}
+
+/// Ends with what is wrong with the arguments.
+fn refuse(what: &dyn std::fmt::Display) -> ! {
+    eprintln!("true_errors: {what}");
+    std::process::exit(2)
 }
 
 /// Up to four cranes side by side; the last crane fills the places that are left.

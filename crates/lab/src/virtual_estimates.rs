@@ -1,11 +1,12 @@
 //! Estimates beside true values: the state estimator of the scheduled LQR runs beside the virtual crane, whatever commands it.
 //!
 //! It is designed for the model's crane file alone; its inputs are what is measured, and what is commanded. True values are those of the time of the
-//! measurement, which is as many control periods old as the fieldbus delays it. Outputs that are no states have their standard deviation from the covariance P
-//! by first-order propagation, σ² = ∇h P ∇hᵀ, with exact derivatives.
+//! measurement, which is as many control periods old as the fieldbus delays it. Outputs that are no states have their standard deviation from the error
+//! covariance P by first-order propagation, σ² = ∇h P ∇hᵀ, with exact derivatives.
 
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Load, due};
+use hydroboom_control::estimation::error_covariance::{ERRORS, output_deviation, with_considered};
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_control::measurement::Measurement;
@@ -69,7 +70,7 @@ impl Serialize for EstimateSummary {
 }
 
 /// The estimator, and what it is compared with.
-pub(crate) struct EstimatorBeside<'a> {
+pub(crate) struct ParallelEstimator<'a> {
     controller: ScheduledLqrController,
     area_ratio: f64,
     delay: usize,
@@ -90,7 +91,7 @@ pub(crate) struct EstimatorBeside<'a> {
     compared: u64,
 }
 
-impl<'a> EstimatorBeside<'a> {
+impl<'a> ParallelEstimator<'a> {
     /// None where the model has no such design, or another control period than the crane.
     pub(crate) fn new(
         model: &Description,
@@ -172,20 +173,15 @@ impl<'a> EstimatorBeside<'a> {
         let Some(estimated) = self.controller.estimated() else { return };
         let (filter, beyond) = (&estimated.filter, estimated.pressure_beyond);
         let settings = &self.controller.estimator().filter;
-        let constant = Dual::<f64, STATES>::constant;
+        let constant = Dual::<f64, ERRORS>::constant;
         let mut direction = 0..STATES;
         let z = filter.estimate.map(|v| Dual::variable(v, direction.next().unwrap_or(0)));
-        let model = settings.model.map(constant);
+        let model = with_considered(&settings.model);
         let found = quantities(&model, &z, constant(motor_speed), constant(beyond));
         self.truth = self.past.front().copied().unwrap_or_default();
         for (k, h) in found.iter().enumerate() {
-            let rows = h.slope.iter().zip(&filter.covariance);
-            let variance: f64 = rows
-                .map(|(slope, row)| {
-                    slope * row.iter().zip(&h.slope).map(|(p, s)| p * s).sum::<f64>()
-                })
-                .sum();
-            (self.estimated[k], self.deviation[k]) = (h.value, variance.max(0.0).sqrt());
+            let deviation = output_deviation(&filter.errors, &h.slope);
+            (self.estimated[k], self.deviation[k]) = (h.value, deviation);
             self.square_errors[k] += (h.value - self.truth[k].unwrap_or(h.value)).powi(2);
         }
         self.estimated[FILTERED] = estimated.drive.time_constant(settings.period);

@@ -7,7 +7,7 @@ use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
 use crate::log::{Log, columns, scaled};
 use crate::simulate::Recording;
-use crate::virtual_estimates::{EstimateSummary, EstimatorBeside};
+use crate::virtual_estimates::{EstimateSummary, ParallelEstimator};
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
@@ -109,13 +109,13 @@ pub fn virtual_run(
         Task::Recording(recording) => (&[][..], recording.at(0.0).holding_valve >= 0.5),
         Task::Oscillation { .. } => (&[][..], false),
     };
-    let mut estimator = EstimatorBeside::new(model, crane, loads, is_released);
+    let mut estimator = ParallelEstimator::new(model, crane, loads, is_released);
     let mut writers = Vec::with_capacity(logs.len());
     for order in logs {
         let mut header = header(order.contents, task);
         let estimates = order.estimates && estimator.is_some();
         if estimates {
-            header.extend(EstimatorBeside::header());
+            header.extend(ParallelEstimator::header());
         }
         let log = Log::begin(order.path, &header)?;
         let every = (order.interval / period).round().max(1.0) as u64;

@@ -60,6 +60,15 @@ pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T,
     }
 }
 
+/// Standard deviation of a function of states and considered parameters by its slopes: σ² = ∇h P ∇hᵀ.
+pub fn output_deviation<T: Real>(p: &Covariance<T, ERRORS>, slopes: &[T; ERRORS]) -> T {
+    let variance = p.iter().zip(slopes).fold(T::zero(), |sum, (row, slope)| {
+        let product = row.iter().zip(slopes).fold(T::zero(), |sum, (p, s)| p.mul_add(*s, sum));
+        slope.mul_add(product, sum)
+    });
+    variance.max(T::zero()).sqrt()
+}
+
 /// Independent errors of given standard deviations.
 pub fn independent<T: Real, const N: usize>(deviations: &[T; N]) -> Covariance<T, N> {
     core::array::from_fn(|i| {

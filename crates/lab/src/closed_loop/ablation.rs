@@ -29,7 +29,10 @@ pub const MECHANISMS: [Mechanism; 10] = [
             "estimator.initial_disturbance_bar=0.001",
         ],
     },
-    Mechanism { name: "unknown flow estimated", overrides: &["estimator.flow_drift_rpm=0.001"] },
+    Mechanism {
+        name: "unknown flow estimated",
+        overrides: &["estimator.flow_drift_rpm=0.001", "estimator.largest_flow_percent=0.01"],
+    },
     Mechanism {
         name: "drive lag identified",
         overrides: &["estimator.speed_noise_rpm=1000", "estimator.drive_memory_s=1000"],
@@ -48,7 +51,7 @@ pub const MECHANISMS: [Mechanism; 10] = [
     },
     Mechanism {
         name: "nested saturation",
-        overrides: &["scheduled_lqr.position_feedback_percent=100"],
+        overrides: &["scheduled_lqr.position_feedback_percent=40"],
     },
     Mechanism { name: "rollout", overrides: &["scheduled_lqr.rollout_improvement_percent=100"] },
     Mechanism {

@@ -21,6 +21,8 @@ pub const NIS_RANGE: RangeInclusive<f64> = 0.5..=2.0;
 pub const NIS_SHARE: f64 = 90.0;
 /// Share of errors \[%\] that is to be within two standard deviations; 95.4 of a normal distribution are.
 pub const COVERAGE: RangeInclusive<f64> = 90.0..=99.0;
+/// Instants below which coverage tells nothing: of so many, a normal distribution leaves five outside on average.
+pub const FEWEST_INSTANTS: usize = 100;
 /// Largest mean standard deviation over RMS error that is wanted: beyond it the filter knows more than it says.
 pub const LARGEST_DEVIATION: f64 = 2.0;
 
@@ -242,9 +244,11 @@ pub struct ErrorSummary {
 }
 
 impl ErrorSummary {
-    /// Whether coverage and standard deviation are as wanted.
-    pub fn is_consistent(&self) -> bool {
-        COVERAGE.contains(&self.coverage_percent) && self.deviation_over_rms <= LARGEST_DEVIATION
+    /// Whether coverage and standard deviation are as wanted; none where there are too few instants to tell.
+    pub fn is_consistent(&self) -> Option<bool> {
+        let is_as_wanted = COVERAGE.contains(&self.coverage_percent)
+            && self.deviation_over_rms <= LARGEST_DEVIATION;
+        (self.instants as usize >= FEWEST_INSTANTS).then_some(is_as_wanted)
     }
 }
 
@@ -332,17 +336,18 @@ mod tests {
             errors.summary(1e-3).unwrap()
         };
         let right = of(1.0, 1.0);
-        assert!(right.is_consistent(), "{right:?}");
+        assert_eq!(right.is_consistent(), Some(true), "{right:?}");
         assert!((right.mean_nees - 1.0).abs() < 0.05, "{right:?}");
         assert!((right.coverage_percent - 95.4).abs() < 0.7, "{right:?}");
         // root of the mean of 1, 4 and 9; in thousandths
         assert!((right.rms_error / (14.0_f64 / 3.0).sqrt() / 10.0 - 1.0).abs() < 0.03, "{right:?}");
         let doubled = of(2.0, 1.0);
-        assert!(!doubled.is_consistent() && (doubled.mean_nees - 4.0).abs() < 0.2, "{doubled:?}");
+        assert_eq!(doubled.is_consistent(), Some(false));
+        assert!((doubled.mean_nees - 4.0).abs() < 0.2, "{doubled:?}");
         // 68.3 % of a normal distribution
         assert!((doubled.coverage_percent - 68.3).abs() < 1.5, "{doubled:?}");
         // who says three times the error is not consistent, either
-        assert!(!of(1.0, 3.0).is_consistent());
+        assert_eq!(of(1.0, 3.0).is_consistent(), Some(false));
     }
 
     #[test]

@@ -15,7 +15,7 @@ use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::closed_loop::simulation::{Case, WIDTH, simulate_cases};
 use crate::interruptible::as_long_as;
-use hydroboom_control::estimation::error_covariance::{ERRORS, with_considered};
+use hydroboom_control::estimation::error_covariance::{ERRORS, output_deviation, with_considered};
 use hydroboom_control::estimation::extended_kalman_filter::EstimatorState;
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
@@ -181,13 +181,8 @@ fn estimates(
     let mut direction = 0..STATES;
     let z = state.estimate.map(|value| Dual::variable(value, direction.next().unwrap_or(0)));
     let model = with_considered(model);
-    quantities(&model, &z, constant(motor_speed), constant(beyond)).map(|h| {
-        let rows = h.slope.iter().zip(&state.errors);
-        let variance: f64 = rows
-            .map(|(slope, row)| slope * row.iter().zip(&h.slope).map(|(p, s)| p * s).sum::<f64>())
-            .sum();
-        (h.value, variance.max(0.0).sqrt())
-    })
+    quantities(&model, &z, constant(motor_speed), constant(beyond))
+        .map(|h| (h.value, output_deviation(&state.errors, &h.slope)))
 }
 
 /// An estimator that looks on at a crane, and what is compared with it.
@@ -361,8 +356,8 @@ pub struct ErrorRow {
     /// Its errors.
     #[serde(flatten)]
     pub summary: ErrorSummary,
-    /// Whether it is as wanted.
-    pub is_consistent: bool,
+    /// Whether it is as wanted; none where there are too few instants to tell.
+    pub is_consistent: Option<bool>,
 }
 
 /// For how long innovations were inconsistent along a course.

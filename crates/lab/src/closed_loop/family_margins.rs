@@ -4,7 +4,9 @@ use crate::LabError;
 use crate::closed_loop::monte_carlo::{Spread, member};
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{designed, known_delay};
-use hydroboom_design::{Lifting, Loop, Margins, benchmark_loop, margins, scheduled_lqr_loop_at};
+use hydroboom_design::{
+    Actuation, Lifting, Loop, Margins, benchmark_loop, margins, scheduled_lqr_loop_at,
+};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -20,7 +22,7 @@ pub struct MemberMargins {
 }
 
 impl MemberMargins {
-    /// Distance from −1, negative where the loop is unstable.
+    /// Distance from −1, negative where the loop is unstable: orders loops by how near they are to instability.
     fn signed_distance(&self) -> f64 {
         match self.margins.growing {
             0 => self.margins.distance,
@@ -37,34 +39,34 @@ pub struct FamilyMargins {
     /// Cranes and piston positions that were looked at.
     pub count: usize,
     /// Of these, the loop is unstable.
-    pub ringing_on: usize,
-    /// Distance from −1, negative where the loop is unstable: a twentieth is below.
+    pub unstable: usize,
+    /// Modulus margin of the stable loops: 5th percentile.
     pub distance_p5: f64,
-    /// Half are below.
+    /// Median.
     pub distance_median: f64,
-    /// Phase margin of the stable loops: a twentieth is below.
+    /// Phase margin of the stable loops: 5th percentile.
     pub phase_p5_deg: f64,
-    /// Half are below.
+    /// Median.
     pub phase_median_deg: f64,
-    /// Gain margin of the stable loops that have one: a twentieth is below.
+    /// Gain margin of the stable loops that have one: 5th percentile.
     pub gain_p5: f64,
-    /// Half are below.
+    /// Median.
     pub gain_median: f64,
-    /// The crane and position nearest to ringing on, or furthest beyond.
+    /// The crane and position nearest to instability, or furthest beyond.
     pub worst: MemberMargins,
 }
 
 impl FamilyMargins {
     fn of(controller: &'static str, mut all: Vec<MemberMargins>) -> Option<Self> {
         all.sort_by(|a, b| a.signed_distance().total_cmp(&b.signed_distance()));
-        let distances = Spread::of(all.iter().map(MemberMargins::signed_distance));
         let stable = || all.iter().filter(|m| m.margins.growing == 0).map(|m| m.margins);
+        let distances = Spread::of(stable().map(|m| m.distance));
         let phases = Spread::of(stable().map(|m| m.phase_deg));
         let gains = Spread::of(stable().map(|m| m.gain));
         Some(Self {
             controller,
             count: all.len(),
-            ringing_on: all.iter().filter(|m| m.margins.growing > 0).count(),
+            unstable: all.iter().filter(|m| m.margins.growing > 0).count(),
             distance_p5: distances.p5,
             distance_median: distances.median,
             phase_p5_deg: phases.p5,
@@ -112,7 +114,7 @@ pub fn family_margins(
     };
     let all = cases.par_iter().map(of).collect::<Result<Vec<_>, LabError>>()?;
     let none = || LabError::NoOscillation("a family of no cranes has no margins".into());
-    ["benchmark", "scheduled LQR", "scheduled LQR, oil and drive identified"]
+    ["benchmark", "scheduled LQR, nothing identified", "scheduled LQR, oil and drive identified"]
         .into_iter()
         .enumerate()
         .map(|(k, name)| {
@@ -128,9 +130,9 @@ fn with_identified(model: &Description, crane: &Description) -> Description {
     let n = &mut known.numbers;
     let limits = (n.estimator_lowest_transition, n.estimator_highest_transition);
     n.transition = crane.numbers.transition.clamp(limits.0, limits.1);
-    if crane.numbers.drive_bandwidth > 0.0 {
-        n.estimator_drive_lag = 1.0 / (std::f64::consts::TAU * crane.numbers.drive_bandwidth);
-    }
+    let drive = Actuation::of(crane).drive[0];
+    n.estimator_drive_lag =
+        drive.clamp(n.estimator_shortest_drive_lag, n.estimator_longest_drive_lag);
     known
 }
 
@@ -147,8 +149,8 @@ mod tests {
             panic!("three loops are looked at")
         };
         assert_eq!((benchmark.count, scheduled_lqr.count, identified.count), (6, 6, 6));
-        assert_eq!(identified.ringing_on, 0);
-        assert_eq!((benchmark.ringing_on, scheduled_lqr.ringing_on), (0, 0));
+        assert_eq!(identified.unstable, 0);
+        assert_eq!((benchmark.unstable, scheduled_lqr.unstable), (0, 0));
         assert!(scheduled_lqr.distance_p5 > benchmark.distance_p5, "{scheduled_lqr:?}");
         assert!(scheduled_lqr.phase_p5_deg > benchmark.phase_p5_deg, "{benchmark:?}");
     }
