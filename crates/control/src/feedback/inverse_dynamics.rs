@@ -1,13 +1,14 @@
-//! Feedforward by the inverse of the reduced model: state and motor speed along a reference.
+//! Feedforward by an approximate inverse of the reduced model: state and motor speed along a reference.
 //!
-//! The piston position is a flat output: with x and its derivatives given,
+//! The boom bends quasi-statically: acceleration and friction of the load are those of the piston, γ p'' is left out. With x and its derivatives given,
 //!
 //! ```text
 //! p = p_0(x) + x''/a_p + p_v x' + p_C s + f (1 − |s|) − d,    s = tanh(x'/v_s)
 //! w = x' − γ p',    n = (p'/c + A w)/D + n_l(p) − r,          c = β/(V + γ A β)
 //! ```
 //!
-//! Source: M. Fliess, J. Lévine, P. Martin, P. Rouchon, *Flatness and defect of non-linear systems*, 1995.
+//! The load's position is a flat output of the reduced model (M. Fliess, J. Lévine, P. Martin, P. Rouchon, *Flatness and defect of non-linear systems*, 1995);
+//! the piston's would leave the boom's own mode as internal dynamics.
 
 use crate::estimation::reduced_model::{MachineState, ReducedModel};
 use crate::estimation::state_estimator::PredictedState;

@@ -1,6 +1,6 @@
 //! Nested saturation of state feedback.
 //!
-//! The position's share is limited first, and then the sum: what damps is not drowned by a large position error. There is no integrator, so nothing winds up.
+//! The position's share is limited first, and then the sum: position feedback cannot take the authority of the terms that damp. There is no integrator in the law.
 //!
 //! Source: A. Teel, *Global stabilization and restricted tracking for multiple integrators with bounded controls*, 1992.
 

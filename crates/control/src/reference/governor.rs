@@ -1,6 +1,8 @@
-//! Reference governor: a reference that the machine has been torn off by more than feedback's range starts anew at the machine, and returns at a limited rate.
+//! Reference governor: where the tracking error exceeds what is left to feedback, the reference is offset so that the error equals it; the offset decays at a limited rate.
 //!
-//! Source: E. Garone, S. Di Cairano, I. Kolmanovsky, *Reference and command governors for systems with constraints: A survey*, 2017.
+//! It conditions the reference by the error alone and predicts no constraint, the simplest member of its family.
+//!
+//! Sources: R. Hanus, M. Kinnaert, J.-L. Henrotte, *Conditioning technique, a general anti-windup and bumpless transfer method*, 1987; E. Garone, S. Di Cairano, I. Kolmanovsky, *Reference and command governors for systems with constraints: A survey*, 2017.
 
 use hydroboom_math::{Real, record};
 
