@@ -149,7 +149,6 @@ mod tests {
         assert!(rest.reduction[oil] < 1.05, "{rest:?}");
         assert!(all.reduction[oil] > rest.reduction[oil], "{all:?}");
         for phase in &phases {
-            assert!(phase.reduction.iter().all(|q| *q >= 1.0 - 1e-9), "{phase:?}");
             assert!(phase.reduction[2] > 3.0, "{phase:?}");
         }
     }

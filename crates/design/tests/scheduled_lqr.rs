@@ -99,6 +99,9 @@ fn the_filter_is_consistent_on_its_own_model() {
     let filter = ExtendedKalmanFilter { considered: exact, ..estimator.filter };
     let shares = shares_within_two_deviations(&filter);
     assert!(shares.iter().all(|share| *share > 0.85), "{shares:?}");
+    // deviations that are twice too large would leave next to none outside
+    let mean = shares.iter().sum::<f64>() / STATES as f64;
+    assert!(mean < 0.985, "{shares:?}");
 }
 
 /// The same where friction, pump, equivalent mass and sensor lag of the machine are not those of the model: the error covariance says so.
