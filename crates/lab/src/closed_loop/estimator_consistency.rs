@@ -540,6 +540,22 @@ mod tests {
     use hydroboom_control::strategy::Strategy;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
+    /// Quantities of states and, after them, considered parameters.
+    fn quantities_of(
+        model: &ReducedModel<f64>,
+        errors: &[f64; ERRORS],
+    ) -> [f64; Quantity::ALL.len()] {
+        let mut z = [0.0; STATES];
+        z.copy_from_slice(&errors[..STATES]);
+        let mut model = *model;
+        let mass = errors[STATES + 3];
+        (model.coulomb, model.viscous) = (errors[STATES], errors[STATES + 1]);
+        model.displacement = errors[STATES + 2];
+        model.equivalent_mass = model.equivalent_mass.map(|p| p.map(|c| c * mass));
+        model.compliance = model.compliance.map(|p| p.map(|c| c * mass * mass));
+        quantities(&model, &MachineState::from_array(z), 3.0, 2e5)
+    }
+
     /// Standard deviations of outputs against central differences of the outputs themselves.
     #[test]
     fn deviations_of_outputs_are_those_of_the_states() {
@@ -557,21 +573,7 @@ mod tests {
         let mut state = filter.start(&input);
         (0..500).for_each(|_| filter.update(&mut state, &input));
         let found = estimates(&filter.model, &state, 3.0, 2e5);
-        // states, and after them the considered parameters of the model
-        let at = |errors: [f64; ERRORS]| {
-            let z: [f64; STATES] = std::array::from_fn(|i| errors[i]);
-            let [coulomb, viscous, displacement, mass, _lag] =
-                std::array::from_fn(|i| errors[STATES + i]);
-            let model = ReducedModel {
-                coulomb,
-                viscous,
-                displacement,
-                equivalent_mass: filter.model.equivalent_mass.map(|p| p.map(|c| c * mass)),
-                compliance: filter.model.compliance.map(|p| p.map(|c| c * mass * mass)),
-                ..filter.model
-            };
-            quantities(&model, &MachineState::from_array(z), 3.0, 2e5)
-        };
+        let at = |errors: [f64; ERRORS]| quantities_of(&filter.model, &errors);
         let z = state.estimate.to_array();
         let exact = [
             filter.model.coulomb,
