@@ -27,7 +27,7 @@ pub struct SimulatedState {
     pub axes: [AxisState<f64>; AXES],
 }
 
-/// What a controller tells of itself after an update.
+/// Status of a controller after an update.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ControllerStatus {
     /// Motor speeds \[rev/s\] that drive the crane simulated beside the machine in the coming control period; none where the

@@ -48,7 +48,7 @@ pub enum Validity {
     Good,
     /// It is not measured, or is no number.
     Absent,
-    /// It is beyond what can be.
+    /// It is outside the sensor's range.
     OutOfRange,
     /// It is older than the machine may leave a controller without a measurement.
     Stale,
@@ -98,7 +98,7 @@ impl AxisMeasurement {
     }
 }
 
-/// What was sampled of a machine at one time.
+/// Signals of all axes, sampled at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// Its number, which grows by one with each; 0 before the first.

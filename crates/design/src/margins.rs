@@ -98,20 +98,20 @@ impl Loop {
     }
 }
 
-/// How far a loop is from ringing on.
+/// Stability margins of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Margins {
-    /// Factor on the gain, upwards, at which it rings on; infinite where none does.
+    /// Gain margin: factor on the gain, upwards, at which the loop becomes unstable; infinite where none does.
     pub gain: f64,
-    /// Least phase that is left where the loop's gain is one.
+    /// Phase margin: least phase that is left where the loop's gain is one.
     pub phase_deg: f64,
-    /// Least distance of the loop from −1, which every uncertainty has to stay below.
+    /// Modulus margin: least distance of the loop from −1, which every uncertainty has to stay below.
     pub distance: f64,
     /// Frequency of that.
     pub at_hz: f64,
     /// Highest frequency at which the loop's gain is one.
     pub crossover_hz: f64,
-    /// Modes that grow in the closed loop and not without it; where there are some, the others say how far it is from none.
+    /// Unstable poles of the closed loop, less those without it; where there are some, the margins above are none.
     pub growing: u32,
 }
 

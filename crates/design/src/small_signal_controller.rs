@@ -14,9 +14,9 @@ use hydroboom_control::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrState
 use hydroboom_control::reference::preview::Preview;
 use nalgebra::{Complex, DMatrix, DVector};
 
-/// Readings: position \[m\], load pressure \[Pa\], motor speed \[rev/s\].
+/// Measurements: position \[m\], load pressure \[Pa\], motor speed \[rev/s\].
 pub const READINGS: usize = 3;
-/// Sizes of the readings that are alike.
+/// Scale of each measurement.
 const READING_SIZES: [f64; READINGS] = [1e-4, 1e4, 1.0];
 /// Sizes of the states that are alike, in the order of [`MachineState`].
 const STATE_SIZES: [f64; STATES] = [1e-4, 1e-3, 1e4, 1e4, 1e4, 0.1, 1.0, 1e5];

@@ -5,7 +5,7 @@
 use super::preview::{PERIODS_BEHIND, Preview};
 use hydroboom_math::Real;
 
-/// Time between two looks at the reference \[s\], and how many there are: up to 2.5 s after now.
+/// Time between two points of the preview that are compared \[s\], and their number: up to 2.5 s after now.
 const SPACING: f64 = 0.05;
 const PREVIEW_POINTS: usize = 51;
 

@@ -1,4 +1,4 @@
-//! How well a course was followed.
+//! Metrics of a course: tracking error, effort, vibration.
 
 use crate::closed_loop::sample::Sample;
 use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, OscillationState};

@@ -1,4 +1,4 @@
-//! Many virtual cranes: no two machines are alike, and none stays as it was.
+//! Monte Carlo simulation over families of virtual cranes whose parameters vary.
 
 use crate::LabError;
 use crate::baselines::Baseline;
@@ -300,15 +300,15 @@ fn together(
 /// The distribution of a quantity over a family.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// A twentieth lies below.
+    /// 5th percentile.
     pub p5: f64,
-    /// A quarter lies below.
+    /// 25th percentile.
     pub p25: f64,
-    /// Half lie below.
+    /// Median.
     pub median: f64,
-    /// A quarter lies above.
+    /// 75th percentile.
     pub p75: f64,
-    /// A twentieth lies above.
+    /// 95th percentile.
     pub p95: f64,
     /// The largest.
     pub worst: f64,
