@@ -90,12 +90,18 @@ impl Description {
             let index = KEYS.iter().position(|key| key.path() == path)?;
             Some((KEYS[index].to_unit(numbers[index]), KEYS[index].unit))
         };
+        // free of rounding noise of units
+        let shown = |value: f64| (value * 1e6).round() / 1e6;
         pairs.into_iter().find_map(|(low, high)| {
             let ((less, unit), (more, _)) = (value(low)?, value(high)?);
             (less > more).then(|| {
                 (
                     low,
-                    format!("{low} is {less:.6} {unit}, and {high} is {more:.6} {unit}"),
+                    format!(
+                        "{low} is {} {unit}, and {high} is {} {unit}",
+                        shown(less),
+                        shown(more)
+                    ),
                     format!("{low} is {high} at most"),
                 )
             })

@@ -131,3 +131,21 @@ fn an_override_outside_of_the_files_range_is_refused() {
     assert!(crane.set_within_range("friction.law=dahl").is_err());
     crane.set_within_range("friction.law=lugre").unwrap();
 }
+
+/// Limits of estimator and law that contradict each other, both keys named with what was read.
+#[test]
+fn limits_that_contradict_each_other_are_refused() {
+    for (assignment, other) in [
+        ("estimator.lowest_transition_bar=100", "estimator.highest_transition_bar is 65 bar"),
+        ("estimator.shortest_drive_lag_ms=250", "estimator.drive_lag_ms is 6.2 ms"),
+        ("estimator.drive_lag_ms=250", "estimator.longest_drive_lag_ms is 200 ms"),
+        ("scheduled_lqr.longest_window_ms=10", "scheduled_lqr.shortest_window_ms is 15 ms"),
+        ("scheduled_lqr.rollout_short_ms=400", "scheduled_lqr.rollout_long_ms is 100 ms"),
+        ("scheduled_lqr.position_feedback_percent=80", "scheduled_lqr.feedback_percent is 40 %"),
+    ] {
+        let mut crane = Description::uia_single_boom().unwrap();
+        let message = crane.set(assignment).unwrap_err().problems[0].message.clone();
+        let key = assignment.split('=').next().unwrap();
+        assert!(message.contains(other) && message.contains(key), "{assignment}: {message}");
+    }
+}
