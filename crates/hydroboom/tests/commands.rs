@@ -529,3 +529,13 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     says(&hydroboom(&["motion", "--rivals"]), "--family");
     says(&hydroboom(&["learn", "--member", "3", "--family", "2"]), "cannot be used with");
 }
+
+/// Settings of estimator and law are the controller's; `--set` changes the machine, on which they would have no effect.
+#[test]
+fn virtual_takes_settings_of_the_controller_for_its_model_only() {
+    let of = |arguments: &[&str]| hydroboom(&[&["virtual"], arguments].concat());
+    let drift = "estimator.payload_drift_percent=2";
+    says(&of(&["--set", drift]), &format!("--model-set {drift}"));
+    says(&of(&["--model-set", "estimator.lowest_transition_bar=100"]), "highest_transition_bar");
+    says(&of(&["--log-ms", "NaN"]), "--log-ms is a positive number");
+}
