@@ -79,6 +79,9 @@ impl Description {
         let n = &self.numbers;
         let pairs = [
             ("estimator.lowest_transition_bar", "estimator.highest_transition_bar"),
+            ("estimator.nis_threshold", "estimator.nis_inconsistent"),
+            ("estimator.nis_threshold", "estimator.nis_certain"),
+            ("estimator.least_leakage_deviation", "estimator.most_leakage_deviation"),
             ("estimator.shortest_drive_lag_ms", "estimator.drive_lag_ms"),
             ("estimator.drive_lag_ms", "estimator.longest_drive_lag_ms"),
             ("scheduled_lqr.shortest_window_ms", "scheduled_lqr.longest_window_ms"),

@@ -34,7 +34,7 @@ pub use difference::{Difference, by_weight};
 pub use equipment_defaults::FilledIn;
 pub use error::{DescriptionError, Problem};
 pub use range::{RangeSource, Ranges, ValueRange};
-pub use schema::{Choices, Key, Numbers};
+pub use schema::{Choices, Key, Numbers, Tuning};
 
 /// Where a value comes from.
 #[derive(Clone, Debug, PartialEq)]

@@ -46,16 +46,62 @@ impl Key {
 }
 
 macro_rules! keys {
-    ($( $field:ident: $section:literal $name:literal [$unit:literal = $factor:expr]
-        $low:literal ..= $high:literal $(or $absent:literal)?, $meaning:literal; )+) => {
+    (
+        machine {
+            $( $field:ident: $section:literal $name:literal [$unit:literal = $factor:expr]
+                $low:literal ..= $high:literal $(or $absent:literal)?, $meaning:literal; )+
+        }
+        tuning {
+            $( $t_field:ident: $t_section:literal $t_name:literal [$t_unit:literal = $t_factor:expr]
+                $t_low:literal ..= $t_high:literal or $t_absent:literal, $t_meaning:literal; )+
+        }
+        motion_and_equipment {
+            $( $m_field:ident: $m_section:literal $m_name:literal [$m_unit:literal = $m_factor:expr]
+                $m_low:literal ..= $m_high:literal $(or $m_absent:literal)?, $m_meaning:literal; )+
+        }
+    ) => {
         /// One value for every numeric key.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct Numbers<T> {
             $( #[doc = $meaning] pub $field: T, )+
+            /// Tuning of state estimator and scheduled LQR
+            pub tuning: Tuning<T>,
+            $( #[doc = $m_meaning] pub $m_field: T, )+
+        }
+
+        /// Every number of state estimator (`[estimator]`) and scheduled LQR (`[scheduled_lqr]`), in SI units. Unit, range, default and source of each are in
+        /// [`KEYS`]. None of them depends on a single crane: a crane file seldom has one.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct Tuning<T> {
+            $( #[doc = $t_meaning] pub $t_field: T, )+
         }
 
         /// Every numeric key, in the order of the file.
-        pub const KEYS: [Key; [$($low),+].len()] = [$( Key {
+        pub const KEYS: [Key; [$($low,)+ $($t_low,)+ $($m_low),+].len()] = [
+            $( key!($section $name $unit $factor, $low $high ($($absent)?) $meaning), )+
+            $( key!($t_section $t_name $t_unit $t_factor, $t_low $t_high ($t_absent) $t_meaning), )+
+            $( key!($m_section $m_name $m_unit $m_factor, $m_low $m_high ($($m_absent)?) $m_meaning) ),+
+        ];
+
+        impl<T: Copy> Numbers<T> {
+            /// The numbers in the order of [`KEYS`].
+            pub fn to_array(&self) -> [T; KEYS.len()] {
+                [$( self.$field, )+ $( self.tuning.$t_field, )+ $( self.$m_field ),+]
+            }
+
+            /// The numbers from an array in the order of [`KEYS`].
+            pub fn from_array(
+                [$( $field, )+ $( $t_field, )+ $( $m_field ),+]: [T; KEYS.len()],
+            ) -> Self {
+                Self { $( $field, )+ tuning: Tuning { $( $t_field ),+ }, $( $m_field ),+ }
+            }
+        }
+    };
+}
+
+macro_rules! key {
+    ($section:literal $name:literal $unit:literal $factor:expr, $low:literal $high:literal ($($absent:literal)?) $meaning:literal) => {
+        Key {
             section: $section,
             name: $name,
             unit: $unit,
@@ -64,18 +110,6 @@ macro_rules! keys {
             high: $high,
             absent: absent!($($absent)?),
             meaning: $meaning,
-        } ),+];
-
-        impl<T: Copy> Numbers<T> {
-            /// The numbers in the order of [`KEYS`].
-            pub fn to_array(&self) -> [T; KEYS.len()] {
-                [$( self.$field ),+]
-            }
-
-            /// The numbers from an array in the order of [`KEYS`].
-            pub fn from_array([$( $field ),+]: [T; KEYS.len()]) -> Self {
-                Self { $( $field ),+ }
-            }
         }
     };
 }
@@ -100,6 +134,7 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 const CELSIUS: f64 = 1.0;
 
 keys! {
+machine {
     mount_x: "geometry" "mount_x_mm" ["mm" = MM] 1.0..=1e5, "Cylinder mount C along the straight boom, from the bearing A";
     mount_y: "geometry" "mount_y_mm" ["mm" = MM] -1e4..=1e4, "Cylinder mount C across the straight boom, positive upwards";
     base_x: "geometry" "base_x_mm" ["mm" = MM] -1e5..=1e5, "Cylinder foot B on the base, to the right of the bearing";
@@ -186,64 +221,72 @@ keys! {
     high_pass_time: "controller" "high_pass_s" ["s" = 1.0] 1e-3..=1e3, "Time constant of the pressure feedback's high-pass, tau";
     control_period: "controller" "control_period_ms" ["ms" = 1e-3] 0.01..=1000.0, "Sample time of the controller";
     simulation_period: "controller" "simulation_period_us" ["us" = 1e-6] 0.1..=10_000.0, "Step of the simulation beside the machine";
+}
+    tuning {
+        estimator_position_noise: "estimator" "position_noise_mm" ["mm" = MM] 1e-4..=10.0 or 0.011, "Position measurement beside the sensor's data sheet: boom modes and pump ripple that the reduced model leaves out, RMS; estimate";
+        estimator_pressure_noise: "estimator" "pressure_noise_bar" ["bar" = BAR] 1e-4..=50.0 or 0.05, "The same of the load pressure; estimate, by the mean NIS of virtual cranes";
+        estimator_noise_memory: "estimator" "noise_memory_s" ["s" = 1.0] 0.1..=1000.0 or 5.0, "Averaging time of the measured noise; long beside a load change";
+        estimator_initial_position: "estimator" "initial_position_mm" ["mm" = MM] 1e-6..=100.0 or 0.02, "Standard deviation of the load's position at the start: noise and compliance; estimate";
+        estimator_initial_velocity: "estimator" "initial_velocity_mm_s" ["mm/s" = MM] 1e-6..=1e4 or 0.5, "Standard deviation of the load's velocity at the start, at rest; estimate";
+        estimator_initial_pressure: "estimator" "initial_pressure_bar" ["bar" = BAR] 1e-4..=100.0 or 0.1, "Standard deviation of the load pressure at the start; measurement noise";
+        estimator_position_drift: "estimator" "position_drift_mm" ["mm" = MM] 1e-6..=10.0 or 0.01, "Process noise of the load's position in a second: half a boom mode's amplitude; estimate";
+        estimator_velocity_drift: "estimator" "velocity_drift_mm_s" ["mm/s" = MM] 1e-4..=1000.0 or 1.0, "Process noise of the load's velocity in a second; estimate";
+        estimator_flow_ripple: "estimator" "flow_ripple_rev" ["rev" = 1.0] 1e-6..=10.0 or 0.03, "Process noise of the delivered flow: standard deviation of what is pumped in a second, in revolutions; pump ripple, 1 bar where the oil is stiff";
+        estimator_friction_drift: "estimator" "friction_drift_bar" ["bar" = BAR] 1e-4..=100.0 or 0.3, "Process noise of friction over the piston's area in a second; estimate";
+        estimator_disturbance_drift: "estimator" "disturbance_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 1.5, "Process noise of the unknown force over the piston's area in a second; twice as much makes the motor noisy";
+        estimator_initial_disturbance: "estimator" "initial_disturbance_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Standard deviation of the unknown force at the start: friction of the crane file and half as much again";
+        estimator_disturbance_time: "estimator" "disturbance_time_s" ["s" = 1.0] 0.05..=100.0 or 1.0, "Time in which an unknown force decays; what lasts longer is taken for payload";
+        estimator_largest_disturbance: "estimator" "largest_disturbance_bar" ["bar" = BAR] 1.0..=1e4 or 150.0, "Largest unknown force over the piston's area that is estimated; twice the heaviest load of the paper's crane";
+        estimator_largest_friction: "estimator" "largest_friction" ["-" = 1.0] 1.0..=100.0 or 4.0, "Largest friction that is estimated, over Coulomb friction of the crane file";
+        estimator_largest_velocity: "estimator" "largest_velocity_mm_s" ["mm/s" = MM] 1.0..=1e6 or 10_000.0, "Largest velocity that is estimated: beyond what any crane does";
+        estimator_largest_pressure: "estimator" "largest_pressure_bar" ["bar" = BAR] 1.0..=1e4 or 1000.0, "Largest load pressure that is estimated: beyond what any cylinder bears";
+        estimator_flow_drift: "estimator" "flow_drift_rpm" ["rpm" = RPM] 1e-3..=1000.0 or 18.0, "Process noise of the unknown flow in a second, as a motor speed; estimate";
+        estimator_least_leakage: "estimator" "least_leakage_deviation" ["-" = 1.0] 0.01..=100.0 or 0.5, "Least standard deviation of the unknown flow at the start, over the leakage of the crane file: worn as its range says";
+        estimator_most_leakage: "estimator" "most_leakage_deviation" ["-" = 1.0] 0.01..=1000.0 or 10.0, "Most of the same";
+        estimator_largest_flow: "estimator" "largest_flow_percent" ["%" = PERCENT] 0.01..=100.0 or 40.0, "Largest unknown flow that is estimated, of the motor's speed; a pump worn out";
+        estimator_payload_drift: "estimator" "payload_drift_percent" ["%" = PERCENT] 1e-3..=100.0 or 1.0, "Process noise of the payload in a second, of the heaviest that is thought of; estimate";
+        estimator_payload_variance_limit: "estimator" "payload_variance_limit" ["-" = 1.0] 1.0..=1e6 or 30.0, "Largest variance of the payload in the filter, over that at the start";
+        estimator_transition_drift: "estimator" "transition_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Process noise of the oil's transition pressure in a second: air dissolves within seconds";
+    estimator_excitation_velocity: "estimator" "excitation_velocity_mm_s" ["mm/s" = MM] 0.0..=1000.0 or 2.0, "Velocity of the load below which the transition pressure is frozen: its process noise is zero, since nothing excites the oil; a tenth of slow motion; 0 freezes it never";
+        estimator_lowest_transition: "estimator" "lowest_transition_bar" ["bar" = BAR] 0.0..=500.0 or 8.0, "Lowest transition pressure that is estimated; oil without undissolved air";
+        estimator_highest_transition: "estimator" "highest_transition_bar" ["bar" = BAR] 0.1..=500.0 or 65.0, "Highest transition pressure that is estimated; oil with a tenth of air";
+        estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 25.0, "Time constant of the mean of normalised innovations squared (NIS)";
+        estimator_nis_threshold: "estimator" "nis_threshold" ["-" = 1.0] 1.1..=100.0 or 3.0, "Mean NIS above which a load has changed: three times what it is without a change";
+        estimator_nis_inconsistent: "estimator" "nis_inconsistent" ["-" = 1.0] 1.1..=1000.0 or 6.0, "Mean NIS above which the innovations are not explained: twice the threshold";
+        estimator_nis_certain: "estimator" "nis_certain" ["-" = 1.0] 1.1..=1000.0 or 15.0, "Mean NIS from which a load change is certain: five times the threshold; between the two, reported bounds open linearly";
+        estimator_divergence_time: "estimator" "divergence_time_s" ["s" = 1.0] 0.01..=100.0 or 2.0, "Time of a mean NIS above twice the threshold after which the filter has diverged, and the benchmark takes over";
+        estimator_drive_lag: "estimator" "drive_lag_ms" ["ms" = MS] 1.0..=300.0 or 6.2, "Lag of the servo drive before any is identified";
+        estimator_drive_memory: "estimator" "drive_memory_s" ["s" = 1.0] 0.1..=1000.0 or 2.0, "Time constant in which the identification of the drive forgets";
+        estimator_drive_deviation: "estimator" "drive_deviation_percent" ["%" = PERCENT] 0.1..=100.0 or 10.0, "Standard deviation of the share of the way to its command that the motor goes in a period: at the start, and at most";
+        estimator_shortest_drive_lag: "estimator" "shortest_drive_lag_ms" ["ms" = MS] 0.1..=300.0 or 1.7, "Shortest lag of the drive that is identified: 94 Hz";
+        estimator_longest_drive_lag: "estimator" "longest_drive_lag_ms" ["ms" = MS] 1.0..=10_000.0 or 200.0, "Longest lag of the drive that is identified: 0.8 Hz";
+        estimator_free_slew: "estimator" "free_slew_percent" ["%" = PERCENT] 1.0..=100.0 or 80.0, "Change of the motor's speed up to which its lag is identified, of the slew limit";
+        estimator_speed_noise: "estimator" "speed_noise_rpm" ["rpm" = RPM] 0.01..=1000.0 or 12.0, "Noise of the motor speed that is read, and of what a first-order lag leaves out of the drive";
+        estimator_mass_deviation: "estimator" "mass_deviation_percent" ["%" = PERCENT] 0.0..=100.0 or 5.0, "Standard deviation of the equivalent mass about that of the model; considered, not estimated: base and modes that the reduced model leaves out; estimate";
+        estimator_sensor_lag: "estimator" "sensor_lag_deviation_ms" ["ms" = MS] 0.0..=100.0 or 0.1, "Standard deviation of the position sensor's lag about that of its data sheet; considered, not estimated: a typical bandwidth is not known better";
 
-    estimator_position_noise: "estimator" "position_noise_mm" ["mm" = MM] 1e-4..=10.0 or 0.011, "Position measurement beside the sensor's data sheet: boom modes and pump ripple that the reduced model leaves out, RMS; estimate";
-    estimator_pressure_noise: "estimator" "pressure_noise_bar" ["bar" = BAR] 1e-4..=50.0 or 0.05, "The same of the load pressure; estimate, by the mean NIS of virtual cranes";
-    estimator_noise_memory: "estimator" "noise_memory_s" ["s" = 1.0] 0.1..=1000.0 or 5.0, "Averaging time of the measured noise; long beside a load change";
-    estimator_initial_position: "estimator" "initial_position_mm" ["mm" = MM] 1e-6..=100.0 or 0.02, "Standard deviation of the load's position at the start: noise and compliance; estimate";
-    estimator_initial_velocity: "estimator" "initial_velocity_mm_s" ["mm/s" = MM] 1e-6..=1e4 or 0.5, "Standard deviation of the load's velocity at the start, at rest; estimate";
-    estimator_initial_pressure: "estimator" "initial_pressure_bar" ["bar" = BAR] 1e-4..=100.0 or 0.1, "Standard deviation of the load pressure at the start; measurement noise";
-    estimator_position_drift: "estimator" "position_drift_mm" ["mm" = MM] 1e-6..=10.0 or 0.01, "Process noise of the load's position in a second: half a boom mode's amplitude; estimate";
-    estimator_velocity_drift: "estimator" "velocity_drift_mm_s" ["mm/s" = MM] 1e-4..=1000.0 or 1.0, "Process noise of the load's velocity in a second; estimate";
-    estimator_flow_ripple: "estimator" "flow_ripple_rev" ["rev" = 1.0] 1e-6..=10.0 or 0.03, "Process noise of the delivered flow: standard deviation of what is pumped in a second, in revolutions; pump ripple, 1 bar where the oil is stiff";
-    estimator_friction_drift: "estimator" "friction_drift_bar" ["bar" = BAR] 1e-4..=100.0 or 0.3, "Process noise of friction over the piston's area in a second; estimate";
-    estimator_disturbance_drift: "estimator" "disturbance_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 1.5, "Process noise of the unknown force over the piston's area in a second; twice as much makes the motor noisy";
-    estimator_initial_disturbance: "estimator" "initial_disturbance_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Standard deviation of the unknown force at the start: friction of the crane file and half as much again";
-    estimator_disturbance_time: "estimator" "disturbance_time_s" ["s" = 1.0] 0.05..=100.0 or 1.0, "Time in which an unknown force decays; what lasts longer is taken for payload";
-    estimator_largest_disturbance: "estimator" "largest_disturbance_bar" ["bar" = BAR] 1.0..=1e4 or 150.0, "Largest unknown force over the piston's area that is estimated; twice the heaviest load of the paper's crane";
-    estimator_largest_friction: "estimator" "largest_friction" ["-" = 1.0] 1.0..=100.0 or 4.0, "Largest friction that is estimated, over Coulomb friction of the crane file";
-    estimator_largest_velocity: "estimator" "largest_velocity_mm_s" ["mm/s" = MM] 1.0..=1e6 or 10_000.0, "Largest velocity that is estimated: beyond what any crane does";
-    estimator_largest_pressure: "estimator" "largest_pressure_bar" ["bar" = BAR] 1.0..=1e4 or 1000.0, "Largest load pressure that is estimated: beyond what any cylinder bears";
-    estimator_flow_drift: "estimator" "flow_drift_rpm" ["rpm" = RPM] 1e-3..=1000.0 or 18.0, "Process noise of the unknown flow in a second, as a motor speed; estimate";
-    estimator_largest_flow: "estimator" "largest_flow_percent" ["%" = PERCENT] 0.01..=100.0 or 40.0, "Largest unknown flow that is estimated, of the motor's speed; a pump worn out";
-    estimator_payload_drift: "estimator" "payload_drift_percent" ["%" = PERCENT] 1e-3..=100.0 or 1.0, "Process noise of the payload in a second, of the heaviest that is thought of; estimate";
-    estimator_payload_variance_limit: "estimator" "payload_variance_limit" ["-" = 1.0] 1.0..=1e6 or 30.0, "Largest variance of the payload in the filter, over that at the start";
-    estimator_transition_drift: "estimator" "transition_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Process noise of the oil's transition pressure in a second: air dissolves within seconds";
-    estimator_lowest_transition: "estimator" "lowest_transition_bar" ["bar" = BAR] 0.0..=500.0 or 8.0, "Lowest transition pressure that is estimated; oil without undissolved air";
-    estimator_highest_transition: "estimator" "highest_transition_bar" ["bar" = BAR] 0.1..=500.0 or 65.0, "Highest transition pressure that is estimated; oil with a tenth of air";
-    estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 25.0, "Time constant of the mean of normalised innovations squared (NIS)";
-    estimator_nis_threshold: "estimator" "nis_threshold" ["-" = 1.0] 1.1..=100.0 or 3.0, "Mean NIS above which a load has changed: three times what it is without a change";
-    estimator_divergence_time: "estimator" "divergence_time_s" ["s" = 1.0] 0.01..=100.0 or 2.0, "Time of a mean NIS above twice the threshold after which the filter has diverged, and the benchmark takes over";
-    estimator_drive_lag: "estimator" "drive_lag_ms" ["ms" = MS] 1.0..=300.0 or 6.2, "Lag of the servo drive before any is identified";
-    estimator_drive_memory: "estimator" "drive_memory_s" ["s" = 1.0] 0.1..=1000.0 or 2.0, "Time constant in which the identification of the drive forgets";
-    estimator_drive_deviation: "estimator" "drive_deviation_percent" ["%" = PERCENT] 0.1..=100.0 or 10.0, "Standard deviation of the share of the way to its command that the motor goes in a period: at the start, and at most";
-    estimator_shortest_drive_lag: "estimator" "shortest_drive_lag_ms" ["ms" = MS] 0.1..=300.0 or 1.7, "Shortest lag of the drive that is identified: 94 Hz";
-    estimator_longest_drive_lag: "estimator" "longest_drive_lag_ms" ["ms" = MS] 1.0..=10_000.0 or 200.0, "Longest lag of the drive that is identified: 0.8 Hz";
-    estimator_free_slew: "estimator" "free_slew_percent" ["%" = PERCENT] 1.0..=100.0 or 80.0, "Change of the motor's speed up to which its lag is identified, of the slew limit";
-    estimator_speed_noise: "estimator" "speed_noise_rpm" ["rpm" = RPM] 0.01..=1000.0 or 12.0, "Noise of the motor speed that is read, and of what a first-order lag leaves out of the drive";
-    estimator_mass_deviation: "estimator" "mass_deviation_percent" ["%" = PERCENT] 0.0..=100.0 or 5.0, "Standard deviation of the equivalent mass about that of the model; considered, not estimated: base and modes that the reduced model leaves out; estimate";
-    estimator_sensor_lag: "estimator" "sensor_lag_deviation_ms" ["ms" = MS] 0.0..=100.0 or 0.1, "Standard deviation of the position sensor's lag about that of its data sheet; considered, not estimated: a typical bandwidth is not known better";
-
-    lqr_position: "scheduled_lqr" "position_tolerance_mm" ["mm" = MM] 1e-3..=1000.0 or 1.0, "Position error that costs one (Bryson); only ratios of the three tolerances count";
-    lqr_velocity: "scheduled_lqr" "velocity_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 40.0, "Velocity error that costs one; damping of the load's mode";
-    lqr_command: "scheduled_lqr" "command_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 23.0, "Piston velocity commanded beyond the feedforward that costs one; half as much makes light cranes noisy";
-    lqr_feedback: "scheduled_lqr" "feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest speed that feedback may command, of the motor's";
-    lqr_position_feedback: "scheduled_lqr" "position_feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest speed that feedback of the position may command, of the motor's (nested saturation)";
-    lqr_filling: "scheduled_lqr" "filling_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest motor speed that filling the oil may take along the reference, of the motor's; sets the smoothing window";
-    lqr_shortest_window: "scheduled_lqr" "shortest_window_ms" ["ms" = MS] 2.0..=300.0 or 15.0, "Shortest smoothing window of the reference, beside the drive's lag";
-    lqr_longest_window: "scheduled_lqr" "longest_window_ms" ["ms" = MS] 2.0..=400.0 or 400.0, "Longest smoothing window of the reference; at a control period of 1 ms the preview keeps 300 ms of the past, of which this takes 280";
-    lqr_window_time: "scheduled_lqr" "window_time_ms" ["ms" = MS] 1.0..=10_000.0 or 200.0, "Time constant in which the smoothing window adapts";
-    lqr_governor_error: "scheduled_lqr" "governor_error_mm" ["mm" = MM] 1e-2..=1e4 or 4.0, "Largest tracking error that is left to feedback; beyond it the reference starts anew at the piston";
-    lqr_governor_rate: "scheduled_lqr" "governor_rate_per_s" ["1/s" = 1.0] 0.01..=100.0 or 1.5, "Largest rate at which the reference returns";
-    lqr_governor_rate_by_mode: "scheduled_lqr" "governor_rate_by_mode" ["-" = 1.0] 0.01..=10.0 or 0.8, "The same over the natural frequency of the load";
-    lqr_governor_speed: "scheduled_lqr" "governor_speed_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest speed at which the reference returns, of the motor's";
-    lqr_rollout_horizon: "scheduled_lqr" "rollout_horizon_ms" ["ms" = MS] 50.0..=780.0 or 500.0, "Horizon of the policy improvement: a period and a half of the slowest load mode";
-    lqr_rollout_short: "scheduled_lqr" "rollout_short_ms" ["ms" = MS] 1.0..=500.0 or 30.0, "Short time for which an alternative holds the motor's limit";
-    lqr_rollout_long: "scheduled_lqr" "rollout_long_ms" ["ms" = MS] 1.0..=500.0 or 100.0, "Long time for which an alternative holds the motor's limit: about that to reach it at the slew limit";
-    lqr_rollout_improvement: "scheduled_lqr" "rollout_improvement_percent" ["%" = PERCENT] 0.0..=100.0 or 1.0, "An alternative must cost less than the law by this share";
-    lqr_rollout_offset: "scheduled_lqr" "rollout_offset_mm" ["mm" = MM] 1e-3..=100.0 or 0.1, "Offset of the governed reference from the asked one beyond which alternatives are predicted";
-    lqr_payload_probability: "scheduled_lqr" "payload_probability_percent" ["%" = PERCENT] 0.0..=100.0 or 70.0, "Probability that a load that has changed is a payload, and not a force";
-
+        lqr_position: "scheduled_lqr" "position_tolerance_mm" ["mm" = MM] 1e-3..=1000.0 or 1.0, "Position error that costs one (Bryson); only ratios of the three tolerances count";
+        lqr_velocity: "scheduled_lqr" "velocity_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 40.0, "Velocity error that costs one; damping of the load's mode";
+        lqr_command: "scheduled_lqr" "command_tolerance_mm_s" ["mm/s" = MM] 1e-3..=1e4 or 23.0, "Piston velocity commanded beyond the feedforward that costs one; half as much makes light cranes noisy";
+        lqr_feedback: "scheduled_lqr" "feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest speed that feedback may command, of the motor's";
+        lqr_position_feedback: "scheduled_lqr" "position_feedback_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest speed that feedback of the position may command, of the motor's (nested saturation)";
+        lqr_filling: "scheduled_lqr" "filling_percent" ["%" = PERCENT] 1.0..=100.0 or 20.0, "Largest motor speed that filling the oil may take along the reference, of the motor's; sets the smoothing window";
+        lqr_filling_friction: "scheduled_lqr" "filling_friction_percent" ["%" = PERCENT] 0.0..=200.0 or 50.0, "Friction whose change of sign is filled within the smoothing window, of Coulomb friction";
+        lqr_shortest_window: "scheduled_lqr" "shortest_window_ms" ["ms" = MS] 2.0..=300.0 or 15.0, "Shortest smoothing window of the reference, beside the drive's lag";
+        lqr_longest_window: "scheduled_lqr" "longest_window_ms" ["ms" = MS] 2.0..=400.0 or 400.0, "Longest smoothing window of the reference; at a control period of 1 ms the preview keeps 300 ms of the past, of which this takes 280";
+        lqr_window_time: "scheduled_lqr" "window_time_ms" ["ms" = MS] 1.0..=10_000.0 or 200.0, "Time constant in which the smoothing window adapts";
+        lqr_governor_error: "scheduled_lqr" "governor_error_mm" ["mm" = MM] 1e-2..=1e4 or 4.0, "Largest tracking error that is left to feedback; beyond it the reference starts anew at the piston";
+        lqr_governor_rate: "scheduled_lqr" "governor_rate_per_s" ["1/s" = 1.0] 0.01..=100.0 or 1.5, "Largest rate at which the reference returns";
+        lqr_governor_rate_by_mode: "scheduled_lqr" "governor_rate_by_mode" ["-" = 1.0] 0.01..=10.0 or 0.8, "The same over the natural frequency of the load";
+        lqr_governor_speed: "scheduled_lqr" "governor_speed_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest speed at which the reference returns, of the motor's";
+        lqr_rollout_horizon: "scheduled_lqr" "rollout_horizon_ms" ["ms" = MS] 50.0..=780.0 or 500.0, "Horizon of the policy improvement: a period and a half of the slowest load mode";
+        lqr_rollout_short: "scheduled_lqr" "rollout_short_ms" ["ms" = MS] 1.0..=500.0 or 30.0, "Short time for which an alternative holds the motor's limit";
+        lqr_rollout_long: "scheduled_lqr" "rollout_long_ms" ["ms" = MS] 1.0..=500.0 or 100.0, "Long time for which an alternative holds the motor's limit: about that to reach it at the slew limit";
+        lqr_rollout_improvement: "scheduled_lqr" "rollout_improvement_percent" ["%" = PERCENT] 0.0..=100.0 or 1.0, "An alternative must cost less than the law by this share";
+        lqr_rollout_offset: "scheduled_lqr" "rollout_offset_mm" ["mm" = MM] 1e-3..=100.0 or 0.1, "Offset of the governed reference from the asked one beyond which alternatives are predicted";
+        lqr_payload_probability: "scheduled_lqr" "payload_probability_percent" ["%" = PERCENT] 0.0..=100.0 or 70.0, "Probability that a load that has changed is a payload, and not a force";
+    }
+motion_and_equipment {
     motion_start: "motion" "start_mm" ["mm" = MM] 0.0..=2e4, "First piston position";
     motion_end: "motion" "end_mm" ["mm" = MM] 0.0..=2e4, "Far piston position";
     slow: "motion" "slow_mm_s" ["mm/s" = MM] 0.01..=1e4, "Speed of the slow test";
@@ -301,7 +344,7 @@ keys! {
     pressure_bits: "sensors" "pressure_bits" ["bit" = 1.0] 0.0..=32.0 or 0.0, "Resolution of their analogue input over the span; 0 is none";
     sensor_bandwidth: "sensors" "bandwidth_hz" ["Hz" = 1.0] 0.0..=1e5 or 0.0, "Bandwidth of all sensors; 0 is unlimited";
 
-    fieldbus_delay: "fieldbus" "delay_cycles" ["cycles" = 1.0] 0.0..=100.0 or 0.0, "Control cycles from command to drive, and again from sensor to controller";
+    fieldbus_delay: "fieldbus" "delay_cycles" ["cycles" = 1.0] 0.0..=20.0 or 0.0, "Control cycles from command to drive, and again from sensor to controller";
 
     spool_neutral: "valve" "neutral_v" ["V" = 1.0] -100.0..=100.0, "Command of the valve's middle position";
     spool_full: "valve" "full_lift_v" ["V" = 1.0] -100.0..=100.0, "Command of full travel to lift";
@@ -367,6 +410,7 @@ keys! {
     supervision_pressure_scatter: "supervision" "pressure_scatter_bar" ["bar" = BAR] 0.01..=100.0 or 3.0, "Largest scatter of a pressure from one reading to the next, RMS of 64";
     supervision_pressure_step: "supervision" "pressure_step_bar" ["bar" = BAR] 0.1..=1000.0 or 10.0, "Largest step of a pressure from one reading to the next";
     release_time: "supervision" "release_s" ["s" = 1.0] 1.0..=600.0 or 30.0, "Largest duration of a release";
+}
 }
 
 macro_rules! choices {

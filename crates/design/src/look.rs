@@ -1,6 +1,7 @@
 //! Both loops at a piston position, before anything moves: the benchmark's and the scheduled LQR's.
 
 use crate::linear::Mode;
+use crate::operating_points::rod_side_term;
 use crate::scheduled_lqr::{designed, known_delay};
 use crate::small_signal_controller::SmallSignalController;
 use crate::{Actuation, DesignError, Lifting, Loop, Margins, margins};
@@ -31,15 +32,12 @@ pub fn benchmark_loop(description: &Description) -> Loop {
         controller: description.benchmark(),
         high_pass: n.high_pass_time,
         actuation: Actuation {
-            delay: n.estimator_drive_lag + fieldbus + 0.5 * n.control_period,
+            delay: n.tuning.estimator_drive_lag + fieldbus + 0.5 * n.control_period,
             drive: [0.0; 2],
             sensor_lag: 0.0,
         },
     }
 }
-
-/// Pressure \[Pa\] that the piston side has beyond the load pressure, as the accumulator keeps the rod side.
-const BEYOND: f64 = 1.5e5;
 
 /// The scheduled LQR's loop around the machine at a piston position \[m\], settled at rest with the crane file's payload; the drive's lag is that of the crane file.
 ///
@@ -64,12 +62,18 @@ pub fn scheduled_lqr_loop_at(
     let n = &description.numbers;
     let mut estimator = *estimator;
     estimator.filter.model.presliding_stiffness = 0.0;
-    let controller = SmallSignalController::at_rest(&estimator, law, stroke, payload, BEYOND);
+    let controller = SmallSignalController::at_rest(
+        &estimator,
+        law,
+        stroke,
+        payload,
+        rod_side_term(description),
+    );
     Loop::ScheduledLqr {
         controller: Box::new(controller),
         actuation: Actuation {
             delay: (2.0 * f64::from(known_delay(description)) + 0.5) * n.control_period,
-            drive: [n.estimator_drive_lag, 0.0],
+            drive: [n.tuning.estimator_drive_lag, 0.0],
             sensor_lag: estimator.filter.sensor_lag,
         },
     }

@@ -11,6 +11,7 @@
 //!
 //! Source: A. Krener, K. Ide, *Measures of unobservability*, 2009.
 
+use crate::operating_points::rod_side_term;
 use crate::scheduled_lqr::designed;
 use crate::{DesignError, scheduled_lqr::known_delay};
 use hydroboom_control::estimation::reduced_model::{MachineState, STATES};
@@ -23,8 +24,6 @@ use serde::Serialize;
 
 /// Smoothing window of the reference \[s\].
 const WINDOW: f64 = 0.1;
-/// Rod-side pressure over the areas' ratio that the accumulator keeps \[Pa\].
-const BEYOND: f64 = 1.5e5;
 
 /// Observability in a phase.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -80,6 +79,7 @@ fn phase(
     let model = &filter.model;
     let n = &description.numbers;
     let period = n.control_period;
+    let rod_side = rod_side_term(description);
     let parameters = MachineState {
         payload: n.payload,
         transition_pressure: n.transition,
@@ -92,7 +92,7 @@ fn phase(
     };
     let wanted = |time: f64| {
         let reference = smoothed(|after| motion.reference(time + after), WINDOW, 0.0);
-        inverse_dynamics(model, &parameters, &reference, 0.0, BEYOND)
+        inverse_dynamics(model, &parameters, &reference, 0.0, rod_side)
     };
     let first = wanted(begin_s);
     let velocity = motion.reference(begin_s).velocity;
@@ -109,7 +109,7 @@ fn phase(
     let mut gramian = Square::zeros();
     for k in 0..((end_s - begin_s) / period) as usize {
         let time = begin_s + (k as f64 + 0.5) * period;
-        let (next, jacobian) = filter.transition(&z, wanted(time).motor_speed, BEYOND);
+        let (next, jacobian) = filter.transition(&z, wanted(time).motor_speed, rod_side);
         z = next;
         let jacobian = Square::from_fn(|i, j| jacobian[i][j]);
         to_now = jacobian * to_now;

@@ -113,7 +113,7 @@ impl OperatingPoints {
             points: [OperatingPoint::default(); POINTS],
             bulk_modulus: [n.bulk_modulus_max, n.bulk_modulus_min],
             transition: [n.transition, n.transition_width],
-            pressure_beyond: description.cylinder().area_ratio() * n.rod_side,
+            pressure_beyond: rod_side_term(description),
             stroke: n.stroke,
         };
         for k in 0..POINTS {
@@ -199,4 +199,9 @@ mod tests {
         let [soft, stiff] = [0.25, 1.0].map(|share| at.spring(share).natural_frequency());
         assert!((stiff / soft - 2.0).abs() < 1e-12, "{soft} and {stiff} rad/s");
     }
+}
+
+/// Part of the piston-side pressure that bears the rod side, (A_r/A_p) p_B \[Pa\], at the pressure that the accumulator keeps there.
+pub fn rod_side_term(description: &Description) -> f64 {
+    description.cylinder().area_ratio() * description.numbers.rod_side
 }

@@ -82,7 +82,7 @@ pub fn reduced_model(description: &Description) -> Result<ReducedModel<f64>, Des
         piston_area: area,
         displacement: n.displacement * n.flow_gain,
         leakage,
-        disturbance_time: n.estimator_disturbance_time,
+        disturbance_time: n.tuning.estimator_disturbance_time,
         heaviest,
     })
 }

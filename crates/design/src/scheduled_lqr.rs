@@ -22,6 +22,7 @@ pub fn state_estimator(
     delay_cycles: usize,
 ) -> StateEstimator<f64> {
     let (n, range) = (&description.numbers, description.ranges());
+    let tuning = &n.tuning;
     // where the crane file has no sensors, those of its virtual crane
     let (equipped, _) = description.virtual_crane();
     let sensors = &equipped.numbers;
@@ -34,40 +35,41 @@ pub fn state_estimator(
     };
     let breakaway = (range.high.coulomb + range.high.stiction) / model.piston_area;
     let worn = range.high.internal_leakage / n.internal_leakage.max(1e-15);
-    let leakage = model.leakage(middle.holding_pressure) * Real::clamp(worn - 1.0, 0.5, 10.0);
+    let leakage = model.leakage(middle.holding_pressure)
+        * Real::clamp(worn - 1.0, tuning.estimator_least_leakage, tuning.estimator_most_leakage);
     let initial_deviation = MachineState {
-        position: n.estimator_initial_position,
-        velocity: n.estimator_initial_velocity,
-        load_pressure: n.estimator_initial_pressure,
+        position: tuning.estimator_initial_position,
+        velocity: tuning.estimator_initial_velocity,
+        load_pressure: tuning.estimator_initial_pressure,
         friction: model.coulomb,
-        disturbance: n.estimator_initial_disturbance,
+        disturbance: tuning.estimator_initial_disturbance,
         unknown_flow: leakage,
         payload: breakaway / per_kg.abs() / 3_f64.sqrt(),
         transition_pressure: deviation(range.low.transition, range.high.transition),
     };
     let process_noise = MachineState {
-        position: n.estimator_position_drift,
-        velocity: n.estimator_velocity_drift,
+        position: tuning.estimator_position_drift,
+        velocity: tuning.estimator_velocity_drift,
         load_pressure: 0.0,
-        friction: n.estimator_friction_drift,
-        disturbance: n.estimator_disturbance_drift,
-        unknown_flow: n.estimator_flow_drift,
-        payload: n.estimator_payload_drift * model.heaviest,
-        transition_pressure: n.estimator_transition_drift,
+        friction: tuning.estimator_friction_drift,
+        disturbance: tuning.estimator_disturbance_drift,
+        unknown_flow: tuning.estimator_flow_drift,
+        payload: tuning.estimator_payload_drift * model.heaviest,
+        transition_pressure: tuning.estimator_transition_drift,
     };
     let largest = MachineState {
         position: 2.0 * n.stroke,
-        velocity: n.estimator_largest_velocity,
-        load_pressure: n.estimator_largest_pressure,
-        friction: n.estimator_largest_friction * model.coulomb,
-        disturbance: n.estimator_largest_disturbance,
-        unknown_flow: n.estimator_largest_flow * n.motor_speed,
+        velocity: tuning.estimator_largest_velocity,
+        load_pressure: tuning.estimator_largest_pressure,
+        friction: tuning.estimator_largest_friction * model.coulomb,
+        disturbance: tuning.estimator_largest_disturbance,
+        unknown_flow: tuning.estimator_largest_flow * n.motor_speed,
         payload: model.heaviest,
-        transition_pressure: n.estimator_highest_transition,
+        transition_pressure: tuning.estimator_highest_transition,
     };
     let lowest = MachineState {
         payload: 0.0,
-        transition_pressure: n.estimator_lowest_transition,
+        transition_pressure: tuning.estimator_lowest_transition,
         ..largest.map(|value| -value)
     };
     let considered = ConsideredParameters {
@@ -76,8 +78,8 @@ pub fn state_estimator(
         displacement: model.displacement
             * (deviation(range.low.displacement, range.high.displacement) / n.displacement)
                 .hypot(deviation(range.low.flow_gain, range.high.flow_gain) / n.flow_gain),
-        equivalent_mass: n.estimator_mass_deviation,
-        sensor_lag: n.estimator_sensor_lag,
+        equivalent_mass: tuning.estimator_mass_deviation,
+        sensor_lag: tuning.estimator_sensor_lag,
     };
     let position = sensors.position_noise.hypot(sensors.position_resolution / 12_f64.sqrt());
     let pressure = sensors.pressure_noise * sensors.pressure_span;
@@ -85,15 +87,16 @@ pub fn state_estimator(
         model: *model,
         initial_deviation,
         process_noise,
-        flow_ripple: n.estimator_flow_ripple,
+        flow_ripple: tuning.estimator_flow_ripple,
         lowest,
         highest: largest,
         measurement_noise: [
-            position.max(n.estimator_position_noise),
-            pressure.hypot(n.estimator_pressure_noise),
+            position.max(tuning.estimator_position_noise),
+            pressure.hypot(tuning.estimator_pressure_noise),
         ],
-        noise_memory: n.estimator_noise_memory,
-        divergence_time: n.estimator_divergence_time,
+        noise_memory: tuning.estimator_noise_memory,
+        excitation_velocity: tuning.estimator_excitation_velocity,
+        divergence_time: tuning.estimator_divergence_time,
         sensor_lag: match sensors.sensor_bandwidth > 0.0 {
             true => 1.0 / (TAU * sensors.sensor_bandwidth),
             false => 0.0,
@@ -101,10 +104,12 @@ pub fn state_estimator(
         considered,
         payload_change: deviation(0.0, model.heaviest),
         force_change: deviation(0.0, model.heaviest) * per_kg.abs(),
-        payload_variance_limit: n.estimator_payload_variance_limit,
+        payload_variance_limit: tuning.estimator_payload_variance_limit,
         innovation_test: InnovationTest {
-            time_constant: n.estimator_nis_time,
-            threshold: n.estimator_nis_threshold,
+            time_constant: tuning.estimator_nis_time,
+            threshold: tuning.estimator_nis_threshold,
+            inconsistent: tuning.estimator_nis_inconsistent,
+            certain: tuning.estimator_nis_certain,
         },
         period: n.control_period,
     };
@@ -113,15 +118,15 @@ pub fn state_estimator(
     StateEstimator {
         filter,
         drive: DriveIdentification {
-            memory: n.estimator_drive_memory,
-            speed_noise: n.estimator_speed_noise,
-            largest_deviation: n.estimator_drive_deviation,
-            smallest: share(n.estimator_longest_drive_lag),
-            largest: share(n.estimator_shortest_drive_lag),
+            memory: tuning.estimator_drive_memory,
+            speed_noise: tuning.estimator_speed_noise,
+            largest_deviation: tuning.estimator_drive_deviation,
+            smallest: share(tuning.estimator_longest_drive_lag),
+            largest: share(tuning.estimator_shortest_drive_lag),
         },
-        drive_share: share(n.estimator_drive_lag),
+        drive_share: share(tuning.estimator_drive_lag),
         slew: n.motor_slew * n.control_period,
-        free_slew: n.estimator_free_slew,
+        free_slew: tuning.estimator_free_slew,
         delay_cycles,
     }
 }
@@ -129,32 +134,34 @@ pub fn state_estimator(
 /// The law for the crane of a description.
 pub fn scheduled_lqr(description: &Description, model: &ReducedModel<f64>) -> ScheduledLqr<f64> {
     let n = &description.numbers;
+    let tuning = &n.tuning;
     ScheduledLqr {
         model: *model,
         settings: ScheduledLqrSettings {
-            position_tolerance: n.lqr_position,
-            velocity_tolerance: n.lqr_velocity,
-            command_tolerance: n.lqr_command,
-            feedback_limit: n.lqr_feedback,
-            position_limit: n.lqr_position_feedback,
-            filling_share: n.lqr_filling,
-            shortest_window: n.lqr_shortest_window,
-            longest_window: n.lqr_longest_window,
-            window_time_constant: n.lqr_window_time,
+            position_tolerance: tuning.lqr_position,
+            velocity_tolerance: tuning.lqr_velocity,
+            command_tolerance: tuning.lqr_command,
+            feedback_limit: tuning.lqr_feedback,
+            position_limit: tuning.lqr_position_feedback,
+            filling_share: tuning.lqr_filling,
+            filling_friction: tuning.lqr_filling_friction,
+            shortest_window: tuning.lqr_shortest_window,
+            longest_window: tuning.lqr_longest_window,
+            window_time_constant: tuning.lqr_window_time,
         },
         governor: ReferenceGovernor {
-            largest_error: n.lqr_governor_error,
-            rate: n.lqr_governor_rate,
-            rate_by_frequency: n.lqr_governor_rate_by_mode,
-            velocity: n.lqr_governor_speed * n.motor_speed / model.revolutions_per_metre(),
+            largest_error: tuning.lqr_governor_error,
+            rate: tuning.lqr_governor_rate,
+            rate_by_frequency: tuning.lqr_governor_rate_by_mode,
+            velocity: tuning.lqr_governor_speed * n.motor_speed / model.revolutions_per_metre(),
         },
         rollout: Rollout {
-            horizon: n.lqr_rollout_horizon,
-            short: n.lqr_rollout_short,
-            long: n.lqr_rollout_long,
-            improvement: n.lqr_rollout_improvement,
-            offset: n.lqr_rollout_offset,
-            payload_probability: n.lqr_payload_probability,
+            horizon: tuning.lqr_rollout_horizon,
+            short: tuning.lqr_rollout_short,
+            long: tuning.lqr_rollout_long,
+            improvement: tuning.lqr_rollout_improvement,
+            offset: tuning.lqr_rollout_offset,
+            payload_probability: tuning.lqr_payload_probability,
         },
         motor_speed: n.motor_speed,
         slew: n.motor_slew * n.control_period,

@@ -5,13 +5,13 @@
 use hydroboom_control::estimation::error_covariance::{CONSIDERED, ConsideredParameters};
 use hydroboom_control::estimation::extended_kalman_filter::{EstimatorInput, ExtendedKalmanFilter};
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
-use hydroboom_control::estimation::state_estimator::StateEstimator;
+use hydroboom_control::estimation::state_estimator::{LARGEST_DELAY, StateEstimator};
 use hydroboom_control::feedback::inverse_dynamics::inverse_dynamics;
 use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
 use hydroboom_control::reference::preview::Preview;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::smoothing::smoothed;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, schema::KEYS};
 use hydroboom_design::scheduled_lqr::designed;
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;
@@ -266,7 +266,21 @@ fn the_law_follows_the_reference_on_the_reduced_model() {
         let found = estimated.filter.estimate.transition_pressure;
         let sigma = estimated.filter.deviation().transition_pressure;
         assert!((found - 42e5).abs() < 2.0 * sigma, "{found} ± {sigma}");
+        // at rest nothing excites the oil: what is known of it stays known
+        let still = measured(&model, &z, speed);
+        for _ in 0..20_000 {
+            estimator.update(&mut estimated, &still, speed);
+        }
+        let after = estimated.filter.deviation().transition_pressure;
+        assert!(after < 1.01 * sigma, "{delay_cycles} cycles: {after} after {sigma}");
     }
+}
+
+/// What a crane file may have as a delay of the fieldbus is what the estimator compensates.
+#[test]
+fn every_delay_that_a_crane_file_may_have_is_compensated() {
+    let key = KEYS.iter().find(|key| key.path() == "fieldbus.delay_cycles").unwrap();
+    assert_eq!(key.high, LARGEST_DELAY as f64);
 }
 
 /// No number makes the law or the estimator yield what is no number, or more than the motor's speed.

@@ -147,7 +147,7 @@ impl<'a> Hindsight<'a> {
             machine = resting(&machine, rest);
         }
         let n = &mut machine.numbers;
-        n.estimator_drive_lag = self.motor.estimator_drive_lag;
+        n.tuning.estimator_drive_lag = self.motor.tuning.estimator_drive_lag;
         n.drive_bandwidth = self.motor.drive_bandwidth;
         n.drive_damping = self.motor.drive_damping;
         n.stiction *= (1.0 + by(6)).max(0.0);

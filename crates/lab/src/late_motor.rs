@@ -40,7 +40,7 @@ impl LateMotor {
         let by_drive = drive.map_or(0.0, |drive| 2.0 * drive.damping / drive.frequency);
         let (followed, dead, state) = (Vec::new(), (0, 0.0), DriveState::default());
         let prompt = Self { limits, period, followed, dead, drive, state };
-        prompt.with_dead_time((numbers.estimator_drive_lag - by_drive).max(0.0))
+        prompt.with_dead_time((numbers.tuning.estimator_drive_lag - by_drive).max(0.0))
     }
 
     fn with_dead_time(mut self, time: f64) -> Self {
@@ -104,7 +104,7 @@ mod tests {
 
     fn motor(late_periods: f64) -> LateMotor {
         let mut numbers = Description::uia_single_boom().unwrap().numbers;
-        numbers.estimator_drive_lag = late_periods * numbers.control_period;
+        numbers.tuning.estimator_drive_lag = late_periods * numbers.control_period;
         LateMotor::new(&numbers)
     }
 
@@ -128,7 +128,7 @@ mod tests {
         let mut numbers = Description::uia_single_boom().unwrap().numbers;
         let step = 1e-3 * numbers.motor_slew * numbers.control_period;
         for (late, bandwidth) in [(8e-3, 60.0), (20e-3, 15.0)] {
-            (numbers.estimator_drive_lag, numbers.drive_bandwidth) = (late, bandwidth);
+            (numbers.tuning.estimator_drive_lag, numbers.drive_bandwidth) = (late, bandwidth);
             let mut motor = LateMotor::new(&numbers);
             let turned: Vec<f64> = (0..400).map(|_| motor.told(step)).collect();
             let missed: f64 = turned.iter().map(|turned| 1.0 - turned / step).sum();

@@ -51,7 +51,7 @@ impl Cycle {
                 payload += of.filter.estimate.payload;
                 transition += of.filter.estimate.transition_pressure;
                 count += 1.0;
-                estimated.numbers.estimator_drive_lag = of.drive.time_constant(period);
+                estimated.numbers.tuning.estimator_drive_lag = of.drive.time_constant(period);
             }
         }
         if count > 0.0 {

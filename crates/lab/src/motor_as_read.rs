@@ -5,7 +5,7 @@
 use crate::late_motor::LateMotor;
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::AxisSignals;
-use hydroboom_description::Numbers;
+use hydroboom_description::{Numbers, Tuning};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DVector, Dyn, OMatrix, U3, Vector3, storage::Owned};
 use std::f64::consts::TAU;
@@ -30,7 +30,7 @@ pub(crate) fn motor_as_read(
         let moved = Vector3::new(dead / STEPS[0], lag / STEPS[1], numbers.drive_damping / STEPS[2]);
         Beside { numbers, told, read, moved }
     };
-    let late = numbers.estimator_drive_lag;
+    let late = numbers.tuning.estimator_drive_lag;
     let drive = (numbers.drive_bandwidth > 0.0)
         .then(|| 2.0 * numbers.drive_damping / (TAU * numbers.drive_bandwidth));
     let drive = drive.unwrap_or(0.0).min(late);
@@ -71,7 +71,7 @@ impl Beside<'_> {
         let bandwidth = if lag < PROMPT { 0.0 } else { 2.0 * damping / (TAU * lag) };
         let lead = if lag < PROMPT { dead } else { dead + lag };
         Numbers {
-            estimator_drive_lag: lead,
+            tuning: Tuning { estimator_drive_lag: lead, ..self.numbers.tuning },
             drive_bandwidth: bandwidth,
             drive_damping: damping,
             ..*self.numbers
@@ -151,17 +151,19 @@ mod tests {
         let believed = Description::uia_single_boom().unwrap().numbers;
         for (share, damping) in [(1.0, 0.7), (0.5, 1.1), (0.0, believed.drive_damping)] {
             let mut numbers = Numbers { drive_damping: damping, ..believed };
-            numbers.estimator_drive_lag = 9e-3;
+            numbers.tuning.estimator_drive_lag = 9e-3;
             if share > 0.0 {
-                let lag = share * numbers.estimator_drive_lag;
+                let lag = share * numbers.tuning.estimator_drive_lag;
                 numbers.drive_bandwidth = 2.0 * damping / (TAU * lag);
             }
             let told = told(20.0);
-            let late =
-                Numbers { estimator_drive_lag: 1.5 * numbers.estimator_drive_lag, ..believed };
+            let mut late_tuning = believed.tuning;
+            late_tuning.estimator_drive_lag = 1.5 * numbers.tuning.estimator_drive_lag;
+            let late = Numbers { tuning: late_tuning, ..believed };
             let found = motor_as_read(&late, &told, &read(&numbers, &told));
-            let each =
-                |n: &Numbers<f64>| [n.estimator_drive_lag, n.drive_bandwidth, n.drive_damping];
+            let each = |n: &Numbers<f64>| {
+                [n.tuning.estimator_drive_lag, n.drive_bandwidth, n.drive_damping]
+            };
             for (found, there) in each(&found).into_iter().zip(each(&numbers)) {
                 assert!((found - there).abs() <= 1e-3 * there, "{found} for {there}, {share}");
             }
@@ -189,7 +191,7 @@ mod tests {
         for (found, there) in [
             (found.drive_bandwidth, n.drive_bandwidth),
             (found.drive_damping, n.drive_damping),
-            (found.estimator_drive_lag, late),
+            (found.tuning.estimator_drive_lag, late),
         ] {
             assert!((found - there).abs() < 0.02 * there, "{found} for {there}");
         }

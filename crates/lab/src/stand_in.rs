@@ -155,7 +155,7 @@ mod tests {
         let models = [0.9, 1.0].map(|flow_gain| {
             let mut model = Description::uia_single_boom().unwrap();
             model.numbers.flow_gain = flow_gain;
-            model.numbers.estimator_drive_lag *= flow_gain;
+            model.numbers.tuning.estimator_drive_lag *= flow_gain;
             model
         });
         let together = StandIns::new(&models, 0.2).unwrap().unwrap();

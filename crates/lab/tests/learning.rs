@@ -38,9 +38,9 @@ fn a_cycle_tells_how_late_a_slow_drive_is() {
     let found = cycle(crane.clone());
     let mut fitted = model.clone();
     found.set_in_hindsight.iter().for_each(|set| fitted.set(set).unwrap());
-    let lag = fitted.numbers.estimator_drive_lag;
+    let lag = fitted.numbers.tuning.estimator_drive_lag;
     assert!((lag - late).abs() < 0.1 * late, "{lag} s for {late} s");
-    let lag_mm = n.fast * (late - model.numbers.estimator_drive_lag) * 1e3;
+    let lag_mm = n.fast * (late - model.numbers.tuning.estimator_drive_lag) * 1e3;
     let rehearsed = found.in_hindsight_mm.unwrap();
     assert!(rehearsed < 0.25 * lag_mm, "{rehearsed} mm, of {lag_mm} mm that are late");
 }

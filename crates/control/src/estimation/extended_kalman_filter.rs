@@ -46,6 +46,8 @@ pub struct ExtendedKalmanFilter<T> {
     pub measurement_noise: [T; 2],
     /// Averaging time of the measured noise \[s\].
     pub noise_memory: T,
+    /// Velocity \[m/s\] of the load below which the oil's transition pressure is frozen: its process noise is zero, so that its variance does not grow unexcited.
+    pub excitation_velocity: T,
     /// Time of inconsistent innovations after which the filter has diverged \[s\].
     pub divergence_time: T,
     /// Lag of the position sensor \[s\].
@@ -190,7 +192,12 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         let oil = self.model.bulk_modulus(load_pressure, transition_pressure, beyond);
         let by_speed = self.model.displacement * self.model.stiffness(&at, oil);
         let pressure = by_speed * self.flow_ripple;
-        let process_noise = MachineState { load_pressure: pressure, ..self.process_noise };
+        // the oil is excited by motion alone
+        let is_still = state.estimate.velocity.abs().lt(self.excitation_velocity);
+        let drift = self.process_noise.transition_pressure;
+        let transition_pressure = T::select(is_still, T::zero(), drift);
+        let process_noise =
+            MachineState { load_pressure: pressure, transition_pressure, ..self.process_noise };
         for (i, noise) in process_noise.to_array().into_iter().enumerate() {
             let (own, all) = (&mut state.covariance[i][i], &mut state.errors[i][i]);
             *own = *own + noise.square() * self.period;

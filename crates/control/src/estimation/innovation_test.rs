@@ -13,6 +13,12 @@ record! {
         /// Mean above which a load has changed; without change it is about 1
         #[unit = "1"]
         pub threshold: T,
+        /// Mean above which the innovations are not explained
+        #[unit = "1"]
+        pub inconsistent: T,
+        /// Mean from which a change is certain
+        #[unit = "1"]
+        pub certain: T,
     }
 }
 
@@ -24,16 +30,16 @@ impl<T: Real> InnovationTest<T> {
         share.mul_add(nis - mean, mean)
     }
 
-    /// How much a mean tells of a change \[1\]: 0 up to the threshold, rising linearly to 1 at five times the threshold.
+    /// How much a mean tells of a change \[1\]: 0 up to the threshold, rising linearly to 1 where a change is certain.
     #[inline(always)]
     pub fn share(&self, mean: T) -> T {
-        let above = T::lit(0.25) * (mean / self.threshold - T::one());
+        let above = (mean - self.threshold) / (self.certain - self.threshold).max(T::lit(1e-9));
         above.clamp(T::zero(), T::one())
     }
 
-    /// Whether the innovations are explained: the mean is below twice the threshold.
+    /// Whether the innovations are explained.
     #[inline(always)]
     pub fn is_consistent(&self, mean: T) -> T::Mask {
-        mean.lt(self.threshold + self.threshold)
+        mean.lt(self.inconsistent)
     }
 }

@@ -38,6 +38,9 @@ record! {
         /// Share of the motor's speed that filling the oil may take
         #[unit = "1"]
         pub filling_share: T,
+        /// Share of Coulomb friction that is filled where it changes sign
+        #[unit = "1"]
+        pub filling_friction: T,
         /// Shortest smoothing window beside the drive's lag
         #[unit = "s"]
         pub shortest_window: T,
@@ -324,7 +327,8 @@ impl<T: Real> ScheduledLqr<T> {
     ) -> T {
         let s = &self.settings;
         // pressure by which acceleration and friction change it, and the oil that takes
-        let change = largest_acceleration / here.at.acceleration + T::lit(0.5) * self.model.coulomb;
+        let change =
+            largest_acceleration / here.at.acceleration + s.filling_friction * self.model.coulomb;
         let stiffness = here.stiffness.min(here.stiffness_at_rest);
         let turns = change / (stiffness * self.model.displacement);
         let shortest = s.shortest_window + estimated.drive.ramp_delay(self.period);

@@ -17,10 +17,14 @@ pub struct Mechanism {
 }
 
 /// Mechanisms of estimator and law.
-pub const MECHANISMS: [Mechanism; 10] = [
+pub const MECHANISMS: [Mechanism; 11] = [
     Mechanism {
         name: "transition pressure estimated",
         overrides: &["estimator.lowest_transition_bar=35", "estimator.highest_transition_bar=35"],
+    },
+    Mechanism {
+        name: "transition pressure frozen at rest",
+        overrides: &["estimator.excitation_velocity_mm_s=0"],
     },
     Mechanism {
         name: "unknown force estimated",

@@ -128,11 +128,11 @@ pub fn family_margins(
 fn with_identified(model: &Description, crane: &Description) -> Description {
     let mut known = model.clone();
     let n = &mut known.numbers;
-    let limits = (n.estimator_lowest_transition, n.estimator_highest_transition);
+    let limits = (n.tuning.estimator_lowest_transition, n.tuning.estimator_highest_transition);
     n.transition = crane.numbers.transition.clamp(limits.0, limits.1);
     let drive = Actuation::of(crane).drive[0];
-    n.estimator_drive_lag =
-        drive.clamp(n.estimator_shortest_drive_lag, n.estimator_longest_drive_lag);
+    n.tuning.estimator_drive_lag =
+        drive.clamp(n.tuning.estimator_shortest_drive_lag, n.tuning.estimator_longest_drive_lag);
     known
 }
 

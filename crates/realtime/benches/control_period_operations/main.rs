@@ -41,6 +41,7 @@ fn counting_filter(filter: &ExtendedKalmanFilter<f64>) -> ExtendedKalmanFilter<C
         highest: filter.highest.map(Counted),
         measurement_noise: filter.measurement_noise.map(Counted),
         noise_memory: Counted(filter.noise_memory),
+        excitation_velocity: Counted(filter.excitation_velocity),
         divergence_time: Counted(filter.divergence_time),
         sensor_lag: Counted(filter.sensor_lag),
         considered: filter.considered.map(Counted),
