@@ -173,6 +173,11 @@ impl OperatingPoints {
     }
 }
 
+/// Part of the piston-side pressure that bears the rod side, (A_r/A_p) p_B \[Pa\], at the pressure that the accumulator keeps there.
+pub fn rod_side_term(description: &Description) -> f64 {
+    description.cylinder().area_ratio() * description.numbers.rod_side
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -199,9 +204,4 @@ mod tests {
         let [soft, stiff] = [0.25, 1.0].map(|share| at.spring(share).natural_frequency());
         assert!((stiff / soft - 2.0).abs() < 1e-12, "{soft} and {stiff} rad/s");
     }
-}
-
-/// Part of the piston-side pressure that bears the rod side, (A_r/A_p) p_B \[Pa\], at the pressure that the accumulator keeps there.
-pub fn rod_side_term(description: &Description) -> f64 {
-    description.cylinder().area_ratio() * description.numbers.rod_side
 }
