@@ -19,11 +19,10 @@
     clippy::unreachable
 )]
 
+mod design_report;
 mod error;
-mod growth;
-mod lifting;
 pub mod linear;
-mod look;
+mod linearised_plant;
 mod margins;
 pub mod observability;
 mod oil_spring_fit;
@@ -32,10 +31,13 @@ pub mod reduced_model_fit;
 pub mod scheduled_lqr;
 pub mod small_signal_controller;
 mod supervision;
+mod unstable_poles;
 
+pub use design_report::{
+    DesignReport, benchmark_loop, design_report, scheduled_lqr_loop, scheduled_lqr_loop_at,
+};
 pub use error::DesignError;
-pub use lifting::{Lifting, Responses};
-pub use look::{Look, benchmark_loop, look, scheduled_lqr_loop, scheduled_lqr_loop_at};
+pub use linearised_plant::{LinearisedPlant, Responses};
 pub use margins::{Actuation, Loop, Margins, margins};
 pub use oil_spring_fit::{ElasticLoad, OilSpring, oil_spring};
 pub use supervision::{

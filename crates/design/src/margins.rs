@@ -1,8 +1,8 @@
 //! Stability margins of a loop.
 
-use crate::growth::growing;
 use crate::small_signal_controller::SmallSignalController;
-use crate::{DesignError, Lifting, Responses};
+use crate::unstable_poles::unstable_poles;
+use crate::{DesignError, LinearisedPlant, Responses};
 use hydroboom_control::feedback::benchmark::Benchmark;
 use hydroboom_description::Description;
 use nalgebra::Complex;
@@ -106,13 +106,13 @@ pub struct Margins {
     /// Phase margin: least phase that is left where the loop's gain is one.
     pub phase_deg: f64,
     /// Modulus margin: least distance of the loop from −1, which every uncertainty has to stay below.
-    pub distance: f64,
+    pub modulus_margin: f64,
     /// Frequency of that.
     pub at_hz: f64,
     /// Highest frequency at which the loop's gain is one.
     pub crossover_hz: f64,
     /// Unstable poles of the closed loop, less those without it; where there are some, the margins above are none.
-    pub growing: u32,
+    pub unstable_poles: u32,
 }
 
 /// Margins of a loop around a crane.
@@ -120,15 +120,15 @@ pub struct Margins {
 /// # Errors
 ///
 /// [`DesignError`] when the crane's responses are not finite.
-pub fn margins(crane: &Lifting, around: &Loop) -> Result<Margins, DesignError> {
+pub fn margins(crane: &LinearisedPlant, around: &Loop) -> Result<Margins, DesignError> {
     let [low, high] = FREQUENCIES;
     let mut found = Margins {
         gain: f64::INFINITY,
         phase_deg: 180.0,
-        distance: f64::INFINITY,
+        modulus_margin: f64::INFINITY,
         at_hz: low,
         crossover_hz: 0.0,
-        growing: growing(crane, around)?,
+        unstable_poles: unstable_poles(crane, around)?,
     };
     let mut before: Option<Complex<f64>> = None;
     for k in 0..=POINTS {
@@ -138,8 +138,8 @@ pub fn margins(crane: &Lifting, around: &Loop) -> Result<Margins, DesignError> {
         if !distance.is_finite() {
             return Err(crane.none("the loop's gain is not finite"));
         }
-        if distance < found.distance {
-            (found.distance, found.at_hz) = (distance, frequency);
+        if distance < found.modulus_margin {
+            (found.modulus_margin, found.at_hz) = (distance, frequency);
         }
         if let Some(last) = before {
             if (last.norm() - 1.0) * (now.norm() - 1.0) <= 0.0 {

@@ -1,6 +1,6 @@
 //! The crane at a piston position as a mass on an oil spring, fitted to its exact linearisation.
 
-use crate::{DesignError, Lifting};
+use crate::{DesignError, LinearisedPlant};
 use nalgebra::{Complex, DMatrix, DVector};
 use std::f64::consts::TAU;
 
@@ -51,8 +51,8 @@ pub struct ElasticLoad {
 /// # Errors
 ///
 /// [`DesignError`] when the crane does not oscillate on its oil, or its responses cannot be computed.
-pub fn oil_spring(crane: &Lifting) -> Result<(OilSpring, ElasticLoad), DesignError> {
-    let natural_frequency = crane.ringing()?.frequency_hz;
+pub fn oil_spring(crane: &LinearisedPlant) -> Result<(OilSpring, ElasticLoad), DesignError> {
+    let natural_frequency = crane.load_mode()?.frequency_hz;
     let rows = 2 * FREQUENCIES.len();
     let (mut rigid, mut acceleration) = (DMatrix::zeros(rows, 3), DVector::zeros(rows));
     let mut elastic = DMatrix::zeros(rows, 4);
@@ -122,14 +122,14 @@ mod tests {
     #[test]
     fn oil_and_boom_are_springs_in_series() {
         let description = Description::uia_single_boom().unwrap();
-        let crane = Lifting::new(&description, 0.2).unwrap();
+        let crane = LinearisedPlant::new(&description, 0.2).unwrap();
         let (spring, load) = oil_spring(&crane).unwrap();
         let on_oil =
             OilSpring { acceleration_by_pressure: load.acceleration_by_pressure, ..spring };
         let on_boom = (load.acceleration_by_pressure / load.compliance).sqrt();
         let squares = on_oil.natural_frequency().powi(-2) + on_boom.powi(-2);
         let both = squares.powf(-0.5) / TAU;
-        let exact = crane.ringing().unwrap().frequency_hz;
+        let exact = crane.load_mode().unwrap().frequency_hz;
         assert!((both / exact - 1.0).abs() < 0.02, "{both} Hz for {exact} Hz");
     }
 
@@ -139,7 +139,7 @@ mod tests {
         let [one, other] = ["stribeck", "lugre"].map(|law| {
             let mut crane = Description::uia_single_boom().unwrap();
             crane.set(&format!("friction.law={law}")).unwrap();
-            oil_spring(&Lifting::new(&crane, 0.25).unwrap()).unwrap()
+            oil_spring(&LinearisedPlant::new(&crane, 0.25).unwrap()).unwrap()
         });
         assert_eq!(one, other);
     }

@@ -1,7 +1,7 @@
 //! Operating points: equilibrium and linearisation of the crane over the stroke.
 
 use crate::oil_spring_fit::{ElasticLoad, OilSpring, oil_spring};
-use crate::{DesignError, Lifting};
+use crate::{DesignError, LinearisedPlant};
 use hydroboom_description::Description;
 use hydroboom_math::Real;
 use hydroboom_model::{Input, Scheme};
@@ -95,7 +95,7 @@ pub struct OperatingPoints {
     /// Transition pressure of the oil and its width \[Pa\].
     pub transition: [f64; 2],
     /// Pressure on the piston side beyond the load pressure \[Pa\].
-    pub pressure_beyond: f64,
+    pub rod_side_term: f64,
     stroke: f64,
 }
 
@@ -113,7 +113,7 @@ impl OperatingPoints {
             points: [OperatingPoint::default(); POINTS],
             bulk_modulus: [n.bulk_modulus_max, n.bulk_modulus_min],
             transition: [n.transition, n.transition_width],
-            pressure_beyond: rod_side_term(description),
+            rod_side_term: rod_side_term(description),
             stroke: n.stroke,
         };
         for k in 0..POINTS {
@@ -130,7 +130,7 @@ impl OperatingPoints {
                 load_pressure_slope: (above - below) / (2.0 * step),
                 holding_speed: lost / (n.displacement * n.flow_gain),
             };
-            let (spring, load) = oil_spring(&Lifting::new(description, position)?)?;
+            let (spring, load) = oil_spring(&LinearisedPlant::new(description, position)?)?;
             let tight =
                 OilSpring { pressure_by_position: 0.0, pressure_by_pressure: 0.0, ..spring };
             let as_it_is = OperatingPoint { equilibrium, stiff: tight, load };
@@ -169,7 +169,7 @@ impl OperatingPoints {
 
     /// Bulk modulus over the largest at a load pressure \[Pa\].
     pub fn stiffness(&self, load_pressure: f64) -> f64 {
-        self.stiffness_at(load_pressure + self.pressure_beyond)
+        self.stiffness_at(load_pressure + self.rod_side_term)
     }
 }
 

@@ -33,19 +33,19 @@ struct Sample {
 pub fn reduced_model(description: &Description) -> Result<ReducedModel<f64>, DesignError> {
     let n = &description.numbers;
     let range = description.range("payload.mass_kg").map_or(n.payload, |range| range.high);
-    let heaviest = OVERLOAD * range.max(n.payload).max(1.0);
+    let maximum_payload = OVERLOAD * range.max(n.payload).max(1.0);
     let half = 0.5 * n.stroke;
     let mut samples = Vec::with_capacity(SHARES.len() * POINTS);
     let mut leakage = 0.0;
     for share in SHARES {
         let mut loaded = description.clone();
-        loaded.numbers.payload = share * heaviest;
+        loaded.numbers.payload = share * maximum_payload;
         let all = OperatingPoints::new(&loaded)?;
         for (k, point) in all.points.iter().enumerate() {
             let equilibrium = &point.equilibrium;
             samples.push(Sample {
                 place: (all.position(k) - half) / half,
-                payload: share * heaviest,
+                payload: share * maximum_payload,
                 holding_pressure: equilibrium.load_pressure,
                 equivalent_mass: 1.0 / point.load.acceleration_by_pressure,
                 compliance: point.load.compliance,
@@ -83,7 +83,7 @@ pub fn reduced_model(description: &Description) -> Result<ReducedModel<f64>, Des
         displacement: n.displacement * n.flow_gain,
         leakage,
         disturbance_time: n.tuning.estimator_disturbance_time,
-        heaviest,
+        maximum_payload,
     })
 }
 
@@ -93,7 +93,7 @@ fn fit<const POWERS: usize>(
     of: impl Fn(&Sample) -> (f64, f64),
 ) -> Result<[Polynomial<f64>; POWERS], DesignError> {
     // payload over the heaviest, so that columns are alike
-    let heaviest = samples.iter().map(|s| s.payload).fold(1.0, f64::max);
+    let maximum_payload = samples.iter().map(|s| s.payload).fold(1.0, f64::max);
     let mut rows = DMatrix::zeros(samples.len(), POWERS * COEFFICIENTS);
     let mut values = DVector::zeros(samples.len());
     for (k, sample) in samples.iter().enumerate() {
@@ -102,7 +102,7 @@ fn fit<const POWERS: usize>(
         for power in 0..POWERS {
             for degree in 0..COEFFICIENTS {
                 let column = power * COEFFICIENTS + degree;
-                let load = (sample.payload / heaviest).powi(power as i32);
+                let load = (sample.payload / maximum_payload).powi(power as i32);
                 rows[(k, column)] = load * sample.place.powi(degree as i32) / scale;
             }
         }
@@ -119,7 +119,7 @@ fn fit<const POWERS: usize>(
     Ok(std::array::from_fn(|power| {
         std::array::from_fn(|degree| {
             let column = power * COEFFICIENTS + degree;
-            found[column] / lengths[column] / heaviest.powi(power as i32)
+            found[column] / lengths[column] / maximum_payload.powi(power as i32)
         })
     }))
 }

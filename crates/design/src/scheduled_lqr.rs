@@ -30,8 +30,8 @@ pub fn state_estimator(
     let deviation = |low: f64, high: f64| (high - low) / 12_f64.sqrt();
     let middle = model.at(model.half_stroke, n.payload);
     let per_kg = {
-        let heavy = model.at(model.half_stroke, model.heaviest).holding_pressure;
-        (heavy - model.at(model.half_stroke, 0.0).holding_pressure) / model.heaviest
+        let heavy = model.at(model.half_stroke, model.maximum_payload).holding_pressure;
+        (heavy - model.at(model.half_stroke, 0.0).holding_pressure) / model.maximum_payload
     };
     let breakaway = (range.high.coulomb + range.high.stiction) / model.piston_area;
     let worn = range.high.internal_leakage / n.internal_leakage.max(1e-15);
@@ -54,7 +54,7 @@ pub fn state_estimator(
         friction: tuning.estimator_friction_drift,
         disturbance: tuning.estimator_disturbance_drift,
         unknown_flow: tuning.estimator_flow_drift,
-        payload: tuning.estimator_payload_drift * model.heaviest,
+        payload: tuning.estimator_payload_drift * model.maximum_payload,
         transition_pressure: tuning.estimator_transition_drift,
     };
     let largest = MachineState {
@@ -64,7 +64,7 @@ pub fn state_estimator(
         friction: tuning.estimator_largest_friction * model.coulomb,
         disturbance: tuning.estimator_largest_disturbance,
         unknown_flow: tuning.estimator_largest_flow * n.motor_speed,
-        payload: model.heaviest,
+        payload: model.maximum_payload,
         transition_pressure: tuning.estimator_highest_transition,
     };
     let lowest = MachineState {
@@ -102,8 +102,8 @@ pub fn state_estimator(
             false => 0.0,
         },
         considered,
-        payload_change: deviation(0.0, model.heaviest),
-        force_change: deviation(0.0, model.heaviest) * per_kg.abs(),
+        payload_change: deviation(0.0, model.maximum_payload),
+        force_change: deviation(0.0, model.maximum_payload) * per_kg.abs(),
         payload_variance_limit: tuning.estimator_payload_variance_limit,
         innovation_test: InnovationTest {
             time_constant: tuning.estimator_nis_time,
@@ -124,7 +124,7 @@ pub fn state_estimator(
             smallest: share(tuning.estimator_longest_drive_lag),
             largest: share(tuning.estimator_shortest_drive_lag),
         },
-        drive_share: share(tuning.estimator_drive_lag),
+        drive_coefficient: share(tuning.estimator_drive_lag),
         slew: n.motor_slew * n.control_period,
         free_slew: tuning.estimator_free_slew,
         delay_cycles,

@@ -42,7 +42,7 @@ impl SmallSignalController {
         law: &ScheduledLqr<f64>,
         position: f64,
         payload: f64,
-        pressure_beyond: f64,
+        rod_side_term: f64,
     ) -> Self {
         let model = &estimator.filter.model;
         let load_pressure = model.at(position, payload).holding_pressure;
@@ -51,7 +51,7 @@ impl SmallSignalController {
             position_is_good: 1.0,
             load_pressure,
             load_pressure_is_good: 1.0,
-            pressure_beyond,
+            rod_side_term,
             motor_speed: model.leakage(load_pressure),
         };
         let mut estimated = estimator.start(&rest);
@@ -170,8 +170,9 @@ mod tests {
     #[test]
     fn it_answers_sines_as_the_controller_does() {
         let (estimator, law) = designed(&Description::uia_single_boom().unwrap(), 1).unwrap();
-        let (position, payload, beyond) = (0.25, 250.0, 1.5e5);
-        let linear = SmallSignalController::at_rest(&estimator, &law, position, payload, beyond);
+        let (position, payload, rod_side_term) = (0.25, 250.0, 1.5e5);
+        let linear =
+            SmallSignalController::at_rest(&estimator, &law, position, payload, rod_side_term);
         let model = &estimator.filter.model;
         let load_pressure = model.at(position, payload).holding_pressure;
         let rest = EstimatorInput {
@@ -179,7 +180,7 @@ mod tests {
             position_is_good: 1.0,
             load_pressure,
             load_pressure_is_good: 1.0,
-            pressure_beyond: beyond,
+            rod_side_term,
             motor_speed: model.leakage(load_pressure),
         };
         let preview = Preview::at_rest(law.period, position);

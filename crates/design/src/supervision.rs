@@ -1,7 +1,7 @@
 //! Supervision derived from a crane file: limits, monitors, and the release of the load.
 
 use crate::DesignError;
-use crate::lifting::Lifting;
+use crate::linearised_plant::LinearisedPlant;
 use hydroboom_control::supervision::deadline_monitor::WINDOW as DEADLINE_WINDOW;
 use hydroboom_control::supervision::drive_monitor::DriveMonitor;
 use hydroboom_control::supervision::flow_monitor::{FlowMonitor, Range};
@@ -167,8 +167,8 @@ impl Derivation {
     fn of(model: &Description) -> Result<Self, DesignError> {
         let (model, _) = model.virtual_crane();
         let ranges = model.ranges();
-        let lifting = Lifting::new(&model, 0.5 * model.numbers.stroke)?;
-        let swing = 1.0 / lifting.ringing()?.frequency_hz;
+        let lifting = LinearisedPlant::new(&model, 0.5 * model.numbers.stroke)?;
+        let swing = 1.0 / lifting.load_mode()?.frequency_hz;
         let load = weigh(&model, &ranges.low, &ranges.high)?;
         Ok(Self { low: ranges.low, high: ranges.high, swing, load, model })
     }

@@ -6,7 +6,7 @@ use clap::Args;
 use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_description::Description;
 use hydroboom_design::observability::observability;
-use hydroboom_design::{Look, look};
+use hydroboom_design::{DesignReport, design_report};
 use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
@@ -51,18 +51,19 @@ impl Design {
         if self.observability {
             return self.observability_of(&crane);
         }
-        let at = |share: &f64| look(&crane, share * crane.numbers.stroke);
-        let looks = AT.iter().map(at).collect::<Result<Vec<Look>, _>>().into_diagnostic()?;
+        let at = |share: &f64| design_report(&crane, share * crane.numbers.stroke);
+        let reports =
+            AT.iter().map(at).collect::<Result<Vec<DesignReport>, _>>().into_diagnostic()?;
         let family = self.family.map(|count| family_margins(&crane, count, self.seed));
         let family = family.transpose().into_diagnostic()?;
         if let Some(folder) = &self.out {
-            let page = report::design_page(&crane, &looks).into_diagnostic()?;
+            let page = report::design_page(&crane, &reports).into_diagnostic()?;
             std::fs::create_dir_all(folder).into_diagnostic()?;
             output::file(&folder.join("design.html"), page.as_bytes())?;
         }
         if self.json {
             return output::json(&json!({
-                "crane": crane.name, "positions": looks, "family": family,
+                "crane": crane.name, "positions": reports, "family": family,
             }));
         }
         let mut text = format!(
@@ -70,7 +71,7 @@ impl Design {
 
 {}",
             crane.name,
-            table(&looks)
+            table(&reports)
         );
         text += "
 PM phase margin, GM gain margin, d modulus margin (smallest distance from -1), around a machine that is like the model, with the lags of drive and fieldbus.";
@@ -140,8 +141,8 @@ fn over_family(family: &[FamilyMargins]) -> String {
 
 fn over_family_row(of: &FamilyMargins) -> Vec<String> {
     let m = &of.worst.margins;
-    let margins = match m.growing {
-        0 => [format!("{:.2}", m.distance), gain(m.gain), format!("{:.0}", m.phase_deg)],
+    let margins = match m.unstable_poles {
+        0 => [format!("{:.2}", m.modulus_margin), gain(m.gain), format!("{:.0}", m.phase_deg)],
         _ => ["unstable".into(), "-".into(), "-".into()],
     };
     let mut row = vec![
@@ -149,24 +150,24 @@ fn over_family_row(of: &FamilyMargins) -> Vec<String> {
         format!("{} of {}", of.unstable, of.count),
         format!("{:.0}, {:.0}", of.phase_median_deg, of.phase_p5_deg),
         format!("{}, {}", gain(of.gain_median), gain(of.gain_p5)),
-        format!("{:.2}, {:.2}", of.distance_median, of.distance_p5),
+        format!("{:.2}, {:.2}", of.modulus_margin_median, of.modulus_margin_p5),
         format!("{}, {:.0}", of.worst.crane, of.worst.stroke_mm),
     ];
     row.extend(margins);
     row
 }
 
-fn table(looks: &[Look]) -> String {
-    let rows: Vec<Vec<String>> = looks
+fn table(reports: &[DesignReport]) -> String {
+    let rows: Vec<Vec<String>> = reports
         .iter()
         .map(|l| {
-            let margins = |m: &hydroboom_design::Margins| match m.growing {
-                0 => format!("{:.0} / {} / {:.2}", m.phase_deg, gain(m.gain), m.distance),
+            let margins = |m: &hydroboom_design::Margins| match m.unstable_poles {
+                0 => format!("{:.0} / {} / {:.2}", m.phase_deg, gain(m.gain), m.modulus_margin),
                 _ => "unstable".into(),
             };
             vec![
                 format!("{:.0}", l.stroke_mm),
-                format!("{:.2} Hz, {:.3}", l.rings.frequency_hz, l.rings.damping_ratio),
+                format!("{:.2} Hz, {:.3}", l.load_mode.frequency_hz, l.load_mode.damping_ratio),
                 margins(&l.benchmark),
                 margins(&l.scheduled_lqr),
             ]

@@ -188,13 +188,16 @@ fn error_cells(row: &ErrorRow) -> Vec<String> {
         true => format!("{value:.3}"),
         false => format!("{value:.1}"),
     };
-    let of = row.course.clone().or_else(|| row.situation.map(String::from));
+    let of = row.course.clone().or_else(|| row.phase.map(String::from));
     vec![
         of.unwrap_or_else(|| "all but 0.5 s after a load change".into()),
         row.quantity.name().into(),
         row.unit.into(),
         s.instants.to_string(),
-        format!("{:.2}", s.mean_nees),
+        match row.quantity.is_effect_of_parameter() {
+            true => "-".into(),
+            false => format!("{:.2}", s.mean_nees),
+        },
         small(s.mean_error),
         small(s.rms_error),
         small(s.mean_deviation),

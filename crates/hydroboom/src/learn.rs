@@ -7,7 +7,7 @@ use crate::output;
 use clap::Args;
 use hydroboom_description::{Description, RangeSource};
 use hydroboom_lab::LabError;
-use hydroboom_lab::closed_loop::monte_carlo::{Spread, member};
+use hydroboom_lab::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::learning::{Taught, taught};
 use miette::{IntoDiagnostic, Result, bail};
@@ -158,7 +158,7 @@ fn summed_up(all: &[Taught], asked: usize) -> String {
     let sum = |of: fn(&Taught) -> Option<f64>| {
         let errors: Vec<f64> = all.iter().filter_map(of).collect();
         let below = errors.iter().filter(|mm| **mm < 1.0).count();
-        format!("{:.2} mm, below 1 mm on {below}", Spread::of(errors.into_iter()).median)
+        format!("{:.2} mm, below 1 mm on {below}", Percentiles::of(errors.into_iter()).median)
     };
     format!(
         "\n\nin the median of {}: {} before, {} in hindsight, {} told the cycle amended, {} straight on from where the cycle ended, {} told its own motor speed again there",

@@ -171,13 +171,13 @@ impl<'a> ParallelEstimator<'a> {
     /// The newest estimates beside the truth of their measurement, with the motor speed that was read \[rev/s\].
     fn estimate(&mut self, motor_speed: f64) {
         let Some(estimated) = self.controller.estimated() else { return };
-        let (filter, beyond) = (&estimated.filter, estimated.pressure_beyond);
+        let (filter, rod_side_term) = (&estimated.filter, estimated.rod_side_term);
         let settings = &self.controller.estimator().filter;
         let constant = Dual::<f64, ERRORS>::constant;
         let mut direction = 0..STATES;
         let z = filter.estimate.map(|v| Dual::variable(v, direction.next().unwrap_or(0)));
         let model = with_considered(&settings.model);
-        let found = quantities(&model, &z, constant(motor_speed), constant(beyond));
+        let found = quantities(&model, &z, constant(motor_speed), constant(rod_side_term));
         self.truth = self.past.front().copied().unwrap_or_default();
         for (k, h) in found.iter().enumerate() {
             let deviation = output_deviation(&filter.errors, &h.slope);
@@ -211,12 +211,12 @@ fn quantities<T: Real>(
     model: &ReducedModel<T>,
     z: &MachineState<T>,
     motor_speed: T,
-    beyond: T,
+    rod_side_term: T,
 ) -> [T; FILTERED] {
     [
         z.payload,
         z.load_pressure,
-        model.piston_velocity(z, motor_speed, beyond),
+        model.piston_velocity(z, motor_speed, rod_side_term),
         z.transition_pressure,
         model.piston_area * model.viscous.mul_add(z.velocity, z.friction),
         z.disturbance,

@@ -17,13 +17,13 @@ record! {
         /// Noise of the motor speed that is read
         #[unit = "rev/s"]
         pub speed_noise: T,
-        /// Largest standard deviation of the share, and that at the start
+        /// Largest standard deviation of the coefficient, and that at the start
         #[unit = "1"]
         pub largest_deviation: T,
-        /// Smallest share
+        /// Smallest coefficient
         #[unit = "1"]
         pub smallest: T,
-        /// Largest share
+        /// Largest coefficient
         #[unit = "1"]
         pub largest: T,
     }
@@ -34,7 +34,7 @@ record! {
     pub struct DriveLag<T> {
         /// Share of the way to its command that the motor's speed goes in a control period, g
         #[unit = "1"]
-        pub share: T,
+        pub coefficient: T,
         /// Its variance
         #[unit = "1"]
         pub variance: T,
@@ -45,28 +45,28 @@ impl<T: Real> DriveLag<T> {
     /// Motor speed \[rev/s\] a period later, commanded `command` \[rev/s\], within a slew rate of `slew` \[rev/s\] a period.
     #[inline(always)]
     pub fn next(&self, speed: T, command: T, slew: T) -> T {
-        let next = self.share.mul_add(command - speed, speed);
+        let next = self.coefficient.mul_add(command - speed, speed);
         next.clamp(speed - slew, speed + slew)
     }
 
     /// Time constant \[s\] of the lag, τ = −T/ln(1 − g).
     #[inline(always)]
     pub fn time_constant(&self, period: T) -> T {
-        -period / (T::one() - self.share).ln()
+        -period / (T::one() - self.coefficient).ln()
     }
 
     /// Time \[s\] by which the motor's speed follows a ramp of its command late, T/g.
     #[inline(always)]
     pub fn ramp_delay(&self, period: T) -> T {
-        period / self.share
+        period / self.coefficient
     }
 }
 
 impl<T: Real> DriveIdentification<T> {
-    /// A lag that is known to be about `share` \[1\].
-    pub fn start(&self, share: T) -> DriveLag<T> {
-        let share = share.clamp(self.smallest, self.largest);
-        DriveLag { share, variance: self.largest_deviation.square() }
+    /// A lag that is known to be about `coefficient` \[1\].
+    pub fn start(&self, coefficient: T) -> DriveLag<T> {
+        let coefficient = coefficient.clamp(self.smallest, self.largest);
+        DriveLag { coefficient, variance: self.largest_deviation.square() }
     }
 
     /// What a motor speed \[rev/s\] tells that is read a period after another, commanded `command` \[rev/s\] between. `is_informative` is false where the motor was at
@@ -85,9 +85,13 @@ impl<T: Real> DriveIdentification<T> {
         let input = command - before;
         let forgotten = lag.variance * (one + period / self.memory);
         let gain = forgotten * input / (self.speed_noise.square() + forgotten * input.square());
-        let share = gain.mul_add(now - before - lag.share * input, lag.share);
+        let coefficient = gain.mul_add(now - before - lag.coefficient * input, lag.coefficient);
         let variance = (forgotten * (one - gain * input)).min(self.largest_deviation.square());
-        lag.share = T::select(is_informative, share.clamp(self.smallest, self.largest), lag.share);
+        lag.coefficient = T::select(
+            is_informative,
+            coefficient.clamp(self.smallest, self.largest),
+            lag.coefficient,
+        );
         lag.variance = T::select(is_informative, variance, lag.variance);
     }
 }
@@ -105,18 +109,21 @@ mod tests {
             smallest: 0.005,
             largest: 0.9,
         };
-        for share in [0.01, 0.1, 0.5] {
+        for coefficient in [0.01, 0.1, 0.5] {
             let mut lag = settings.start(0.15);
             let mut speed = 0.0;
             for k in 0..4000 {
                 let command = if (k / 200) % 2 == 0 { 10.0 } else { -5.0 };
-                let next = speed + share * (command - speed);
+                let next = speed + coefficient * (command - speed);
                 settings.update(&mut lag, command, speed, next, 1e-3, true);
                 speed = next;
             }
-            assert!((lag.share / share - 1.0).abs() < 1e-3, "{lag:?} for {share}");
+            assert!(
+                (lag.coefficient / coefficient - 1.0).abs() < 1e-3,
+                "{lag:?} for {coefficient}"
+            );
             let lag_s = lag.time_constant(1e-3);
-            assert!(((-1e-3 / lag_s).exp() - (1.0 - lag.share)).abs() < 1e-12, "{lag_s}");
+            assert!(((-1e-3 / lag_s).exp() - (1.0 - lag.coefficient)).abs() < 1e-12, "{lag_s}");
         }
     }
 }

@@ -83,7 +83,7 @@ record! {
         pub load_pressure_is_good: T,
         /// Piston-side pressure beyond the load pressure, (A_r/A_p) p_B
         #[unit = "Pa"]
-        pub pressure_beyond: T,
+        pub rod_side_term: T,
         /// Mean motor speed since the last period
         #[unit = "rev/s"]
         pub motor_speed: T,
@@ -155,7 +155,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
 
     /// One control period: prediction, then correction.
     pub fn update(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
-        self.predict(state, measured.motor_speed, measured.pressure_beyond);
+        self.predict(state, measured.motor_speed, measured.rod_side_term);
         self.correct(state, measured);
     }
 
@@ -180,8 +180,8 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     }
 
     /// A period on with the motor turning at a mean speed \[rev/s\].
-    fn predict(&self, state: &mut EstimatorState<T>, motor_speed: T, beyond: T) {
-        let (estimate, jacobian) = self.transition(&state.estimate, motor_speed, beyond);
+    fn predict(&self, state: &mut EstimatorState<T>, motor_speed: T, rod_side_term: T) {
+        let (estimate, jacobian) = self.transition(&state.estimate, motor_speed, rod_side_term);
         state.estimate = estimate;
         let own = jacobian.map(|row| core::array::from_fn(|j| row[j]));
         state.covariance = propagated(&state.covariance, &own);
@@ -189,7 +189,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         // what is not known of the flow changes the pressure by the stiffness of the oil
         let at = self.model.at(state.estimate.position, state.estimate.payload);
         let MachineState { load_pressure, transition_pressure, .. } = state.estimate;
-        let oil = self.model.bulk_modulus(load_pressure, transition_pressure, beyond);
+        let oil = self.model.bulk_modulus(load_pressure, transition_pressure, rod_side_term);
         let by_speed = self.model.displacement * self.model.stiffness(&at, oil);
         let pressure = by_speed * self.flow_ripple;
         // the oil is excited by motion alone
@@ -204,7 +204,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             *all = *all + noise.square() * self.period;
         }
         // what the innovations do not explain is a load that has changed, which may be any, or a force as large
-        let share = self.innovation_test.share(state.mean_nis);
+        let share = self.innovation_test.inconsistency(state.mean_nis);
         for (i, change) in [(PAYLOAD, self.payload_change), (DISTURBANCE, self.force_change)] {
             let variance = &mut state.errors[i][i];
             *variance = variance.max(share * change.square());
@@ -227,14 +227,18 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         &self,
         z: &MachineState<T>,
         motor_speed: T,
-        beyond: T,
+        rod_side_term: T,
     ) -> (MachineState<T>, [[T; ERRORS]; STATES]) {
         let constant = Dual::<T, ERRORS>::constant;
         let mut direction = 0..STATES;
         let variables = z.map(|value| Dual::variable(value, direction.next().unwrap_or(0)));
         let model = with_considered(&self.model);
-        let next =
-            model.step(&variables, constant(motor_speed), constant(beyond), constant(self.period));
+        let next = model.step(
+            &variables,
+            constant(motor_speed),
+            constant(rod_side_term),
+            constant(self.period),
+        );
         (next.map(|dual| dual.value), next.to_array().map(|dual| dual.slope))
     }
 

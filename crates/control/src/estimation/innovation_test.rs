@@ -32,7 +32,7 @@ impl<T: Real> InnovationTest<T> {
 
     /// How much a mean tells of a change \[1\]: 0 up to the threshold, rising linearly to 1 where a change is certain.
     #[inline(always)]
-    pub fn share(&self, mean: T) -> T {
+    pub fn inconsistency(&self, mean: T) -> T {
         let above = (mean - self.threshold) / (self.certain - self.threshold).max(T::lit(1e-9));
         above.clamp(T::zero(), T::one())
     }

@@ -96,7 +96,7 @@ pub struct ReducedModel<T> {
     /// Time in which an unknown force decays \[s\]; what lasts longer is payload.
     pub disturbance_time: T,
     /// Heaviest payload that is thought of \[kg\].
-    pub heaviest: T,
+    pub maximum_payload: T,
 }
 
 record! {
@@ -140,7 +140,7 @@ impl<T: Real> ReducedModel<T> {
             displacement: f(self.displacement),
             leakage: f(self.leakage),
             disturbance_time: f(self.disturbance_time),
-            heaviest: f(self.heaviest),
+            maximum_payload: f(self.maximum_payload),
         }
     }
 
@@ -168,14 +168,15 @@ impl<T: Real> ReducedModel<T> {
     pub fn payload_at_rest(&self, position: T, load_pressure: T) -> T {
         let at = |payload: T| self.at(position, payload).holding_pressure;
         let empty = at(T::zero());
-        let share = (load_pressure - empty) / (at(self.heaviest) - empty);
-        share.clamp(T::zero(), T::one()) * self.heaviest
+        let share = (load_pressure - empty) / (at(self.maximum_payload) - empty);
+        share.clamp(T::zero(), T::one()) * self.maximum_payload
     }
 
     /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\], `beyond` \[Pa\] being what the piston side has beyond the load pressure.
     #[inline(always)]
-    pub fn bulk_modulus(&self, load_pressure: T, transition: T, beyond: T) -> T {
-        Oil { transition_pressure: transition, ..self.oil }.bulk_modulus(load_pressure + beyond)
+    pub fn bulk_modulus(&self, load_pressure: T, transition: T, rod_side_term: T) -> T {
+        Oil { transition_pressure: transition, ..self.oil }
+            .bulk_modulus(load_pressure + rod_side_term)
     }
 
     /// Pressure by oil \[Pa/m³\] that flows in while the piston moves with the load: oil and boom in series.
@@ -205,17 +206,23 @@ impl<T: Real> ReducedModel<T> {
     }
 
     /// Piston velocity \[m/s\] of a state with the motor turning at a speed \[rev/s\], x' = w + d(γ p)/dt: the model's own rate of its piston position.
-    pub fn piston_velocity(&self, z: &MachineState<T>, motor_speed: T, beyond: T) -> T {
+    pub fn piston_velocity(&self, z: &MachineState<T>, motor_speed: T, rod_side_term: T) -> T {
         // so short that the step's own lag, half of it, is nothing; so long that a metre in f64 leaves 1e-9 m/s
         let moment = T::lit(1e-6);
-        let next = self.step(z, motor_speed, beyond, moment);
+        let next = self.step(z, motor_speed, rod_side_term, moment);
         (self.piston(&next) - self.piston(z)) / moment
     }
 
     /// A step of `h` \[s\] with the motor turning at a mean speed \[rev/s\]: velocity linearly implicit in its own damping, position and pressure by the new
     /// velocity, friction implicit.
     #[inline(always)]
-    pub fn step(&self, z: &MachineState<T>, motor_speed: T, beyond: T, h: T) -> MachineState<T> {
+    pub fn step(
+        &self,
+        z: &MachineState<T>,
+        motor_speed: T,
+        rod_side_term: T,
+        h: T,
+    ) -> MachineState<T> {
         let one = T::one();
         let at = self.at(z.position, z.payload);
         let force = z.load_pressure
@@ -225,7 +232,7 @@ impl<T: Real> ReducedModel<T> {
             + z.disturbance;
         let damping = at.acceleration * self.viscous;
         let velocity = (h * at.acceleration).mul_add(force, z.velocity) / h.mul_add(damping, one);
-        let bulk_modulus = self.bulk_modulus(z.load_pressure, z.transition_pressure, beyond);
+        let bulk_modulus = self.bulk_modulus(z.load_pressure, z.transition_pressure, rod_side_term);
         let turning = motor_speed - self.leakage(z.load_pressure) + z.unknown_flow;
         let inflow = self.displacement * turning - self.piston_area * velocity;
         let moved = h * velocity;

@@ -21,7 +21,7 @@ pub struct StateEstimator<T> {
     /// Identification of the drive.
     pub drive: DriveIdentification<T>,
     /// Share of the way to its command that the motor is thought to go in a period before anything is measured \[1\].
-    pub drive_share: T,
+    pub drive_coefficient: T,
     /// Change of motor speed \[rev/s\] in a period at the slew limit.
     pub slew: T,
     /// Share of that up to which the drive's lag is identified \[1\].
@@ -60,7 +60,7 @@ pub struct StateEstimatorState<T> {
     /// Motor speed that was read last \[rev/s\].
     motor_speed: T,
     /// Piston-side pressure beyond the load pressure \[Pa\].
-    pub pressure_beyond: T,
+    pub rod_side_term: T,
 }
 
 impl<T: Real> StateEstimatorState<T> {
@@ -85,10 +85,10 @@ impl<T: Real> StateEstimator<T> {
     pub fn start(&self, measured: &EstimatorInput<T>) -> StateEstimatorState<T> {
         StateEstimatorState {
             filter: self.filter.start(measured),
-            drive: self.drive.start(self.drive_share),
+            drive: self.drive.start(self.drive_coefficient),
             commands: [measured.motor_speed; COMMANDS],
             motor_speed: measured.motor_speed,
-            pressure_beyond: measured.pressure_beyond,
+            rod_side_term: measured.rod_side_term,
         }
     }
 
@@ -119,7 +119,7 @@ impl<T: Real> StateEstimator<T> {
         );
         self.filter.update(&mut state.filter, &EstimatorInput { motor_speed: mean, ..*measured });
         state.motor_speed = speed;
-        state.pressure_beyond = measured.pressure_beyond;
+        state.rod_side_term = measured.rod_side_term;
     }
 
     /// A control period in which valves hold the load. The identified drive stays.
@@ -127,7 +127,7 @@ impl<T: Real> StateEstimator<T> {
         self.filter.hold(&mut state.filter, measured);
         state.commands = [measured.motor_speed; COMMANDS];
         state.motor_speed = measured.motor_speed;
-        state.pressure_beyond = measured.pressure_beyond;
+        state.rod_side_term = measured.rod_side_term;
     }
 
     /// Motor speed \[rev/s\] that is to be read next, where it is not read.
@@ -143,7 +143,7 @@ impl<T: Real> StateEstimator<T> {
         for cycle in (0..2 * self.delay_cycles.min(LARGEST_DELAY)).rev() {
             let next = state.drive.next(speed, state.commands[cycle], self.slew);
             let mean = T::lit(0.5) * (speed + next);
-            z = self.filter.model.step(&z, mean, state.pressure_beyond, self.filter.period);
+            z = self.filter.model.step(&z, mean, state.rod_side_term, self.filter.period);
             speed = next;
         }
         let MachineState { position, velocity, load_pressure, .. } = z;

@@ -25,7 +25,7 @@ pub fn inverse_dynamics<T: Real>(
     estimate: &MachineState<T>,
     reference: &SmoothSetPoint<T>,
     turning: T,
-    beyond: T,
+    rod_side_term: T,
 ) -> PredictedState<T> {
     let one = T::one();
     let SmoothSetPoint { position, velocity, acceleration, jerk } = *reference;
@@ -42,12 +42,12 @@ pub fn inverse_dynamics<T: Real>(
         + model.coulomb * sense
         + held * (one - sense.abs())
         - estimate.disturbance;
-    let pressure = pressure.max(-beyond);
+    let pressure = pressure.max(-rod_side_term);
     let rate = at.holding_slope * velocity
         + jerk / at.acceleration
         + model.viscous * acceleration
         + (model.coulomb - signed) * turn;
-    let bulk_modulus = model.bulk_modulus(pressure, estimate.transition_pressure, beyond);
+    let bulk_modulus = model.bulk_modulus(pressure, estimate.transition_pressure, rod_side_term);
     let load_velocity = velocity - at.compliance * rate;
     let inflow = rate / model.stiffness(&at, bulk_modulus) + model.piston_area * load_velocity;
     PredictedState {

@@ -65,7 +65,7 @@ pub struct Policy<T> {
     /// Estimates of parameters and disturbances.
     pub estimate: MachineState<T>,
     /// Piston-side pressure beyond the load pressure \[Pa\].
-    pub beyond: T,
+    pub rod_side_term: T,
     /// Drive.
     pub drive: DriveLag<T>,
     /// Control period \[s\].
@@ -94,7 +94,7 @@ pub struct RolloutState<T> {
     /// Period of the decision under way, from 0.
     phase: T,
     /// Whether a decision is under way \[1\].
-    decides: T,
+    is_evaluating: T,
     /// Where it began: state, and offset of the reference \[m\].
     begin: PredictedState<T>,
     offset: T,
@@ -103,7 +103,7 @@ pub struct RolloutState<T> {
     costs: [T; ALTERNATIVES],
     /// Speed that is applied \[rev/s\], and whether one is \[1\].
     speed: T,
-    applies: T,
+    is_applied: T,
 }
 
 impl<T: Real> RolloutState<T> {
@@ -113,7 +113,7 @@ impl<T: Real> RolloutState<T> {
         let nowhere = ReferenceSample { wanted: [zero; ORDER], feedforward: zero, position: zero };
         Self {
             phase: zero,
-            decides: zero,
+            is_evaluating: zero,
             begin: PredictedState {
                 position: zero,
                 velocity: zero,
@@ -124,14 +124,14 @@ impl<T: Real> RolloutState<T> {
             ahead: [nowhere; SAMPLES],
             costs: [zero; ALTERNATIVES],
             speed: zero,
-            applies: zero,
+            is_applied: zero,
         }
     }
 
     /// The motor speed \[rev/s\] that is applied in place of the law's, where one is.
     #[inline(always)]
     pub fn command(&self, law: T) -> T {
-        T::select(T::lit(0.5).lt(self.applies), self.speed, law)
+        T::select(T::lit(0.5).lt(self.is_applied), self.speed, law)
     }
 }
 
@@ -151,10 +151,10 @@ impl<T: Real> Rollout<T> {
         let (zero, one, half) = (T::zero(), T::one(), T::lit(0.5));
         let begins = state.phase.lt(half);
         let truth = |mask| T::select(mask, one, zero);
-        state.decides = T::select(begins, truth(needed), state.decides);
-        let decides = half.lt(state.decides);
-        state.applies = T::select(decides, state.applies, zero);
-        if T::any(begins & decides) {
+        state.is_evaluating = T::select(begins, truth(needed), state.is_evaluating);
+        let is_evaluating = half.lt(state.is_evaluating);
+        state.is_applied = T::select(is_evaluating, state.is_applied, zero);
+        if T::any(begins & is_evaluating) {
             let spacing = self.horizon / T::lit((SAMPLES - 1) as f64);
             let sampled: [ReferenceSample<T>; SAMPLES] = core::array::from_fn(|k| {
                 let (wanted, feedforward, position) = ahead(spacing * T::lit(k as f64));
@@ -172,12 +172,12 @@ impl<T: Real> Rollout<T> {
             state.offset = pick(offset, state.offset);
             state.costs = state.costs.map(|cost| pick(zero, cost));
         }
-        if T::any(!begins & decides) {
-            self.predict(state, policy, !begins & decides);
+        if T::any(!begins & is_evaluating) {
+            self.predict(state, policy, !begins & is_evaluating);
         }
         let last = T::lit(PERIODS as f64 - 1.5).lt(state.phase);
-        if T::any(last & decides) {
-            self.decide(state, policy.limit, last & decides);
+        if T::any(last & is_evaluating) {
+            self.decide(state, policy.limit, last & is_evaluating);
         }
         state.phase = T::select(last, zero, state.phase + one);
     }
@@ -187,20 +187,20 @@ impl<T: Real> Rollout<T> {
         let (zero, one, half) = (T::zero(), T::one(), T::lit(0.5));
         // phases 1, 2: the law under both hypotheses; 3, 4: the first alternative …
         let limit = policy.limit;
-        let extremes = [zero, -limit, limit, -limit, limit];
+        let held_speeds = [zero, -limit, limit, -limit, limit];
         let holds = [zero, self.short, self.short, self.long, self.long];
-        let (mut extreme, mut hold, mut is_payload) = (zero, zero, zero);
+        let (mut held_speed, mut hold, mut is_payload) = (zero, zero, zero);
         for k in 0..ALTERNATIVES {
             for hypothesis in 0..HYPOTHESES {
                 let number = T::lit((1 + HYPOTHESES * k + hypothesis) as f64);
                 let is_it = (state.phase - number).abs().lt(half);
-                extreme = T::select(is_it, extremes[k], extreme);
+                held_speed = T::select(is_it, held_speeds[k], held_speed);
                 hold = T::select(is_it, holds[k], hold);
                 is_payload = T::select(is_it, T::lit(hypothesis as f64), is_payload);
             }
         }
         let is_payload = half.lt(is_payload);
-        let cost = self.cost(state, policy, extreme, hold, is_payload);
+        let cost = self.cost(state, policy, held_speed, hold, is_payload);
         let probability =
             T::select(is_payload, self.payload_probability, one - self.payload_probability);
         for k in 0..ALTERNATIVES {
@@ -216,15 +216,15 @@ impl<T: Real> Rollout<T> {
         let (zero, one) = (T::zero(), T::one());
         let [law, costs @ ..] = state.costs;
         let mut best = law * (one - self.improvement);
-        let (mut speed, mut applies) = (zero, zero);
-        for (cost, extreme) in costs.into_iter().zip([-limit, limit, -limit, limit]) {
+        let (mut speed, mut is_applied) = (zero, zero);
+        for (cost, held_speed) in costs.into_iter().zip([-limit, limit, -limit, limit]) {
             let is_better = cost.lt(best);
             best = T::select(is_better, cost, best);
-            speed = T::select(is_better, extreme, speed);
-            applies = T::select(is_better, one, applies);
+            speed = T::select(is_better, held_speed, speed);
+            is_applied = T::select(is_better, one, is_applied);
         }
         state.speed = T::select(is_due, speed, state.speed);
-        state.applies = T::select(is_due, applies, state.applies);
+        state.is_applied = T::select(is_due, is_applied, state.is_applied);
     }
 
     /// Cost over the horizon and beyond, with what is applied now until the decision, then an extreme speed \[rev/s\] for a time \[s\].
@@ -232,7 +232,7 @@ impl<T: Real> Rollout<T> {
         &self,
         state: &RolloutState<T>,
         policy: &Policy<T>,
-        extreme: T,
+        held_speed: T,
         hold: T,
         is_payload: T::Mask,
     ) -> T {
@@ -247,11 +247,12 @@ impl<T: Real> Rollout<T> {
         } = state.begin;
         let mut offset = state.offset;
         let begin = model.at(y, estimate.payload);
-        let Hypothesis { at, holding, heavier } = hypothesis(policy, &begin, y, w, p, is_payload);
+        let Hypothesis { at, holding, added_payload } =
+            hypothesis(policy, &begin, y, w, p, is_payload);
         let first = y + at.compliance * p;
         // share of the way in a longer step: (1 − g) to the power of periods in it
         let periods = h / policy.period;
-        let share = one - (one - policy.drive.share).powf(periods);
+        let share = one - (one - policy.drive.coefficient).powf(periods);
         let slew = policy.slew * periods;
         let damping = at.acceleration * model.viscous;
         let per_damping = one / h.mul_add(damping, one);
@@ -267,8 +268,8 @@ impl<T: Real> Rollout<T> {
                 let between = |a: T, b: T| place.mul_add(b - a, a);
                 let mut wanted: [T; ORDER] =
                     core::array::from_fn(|i| between(from.wanted[i], to.wanted[i]));
-                wanted[0] = wanted[0] - at.compliance * heavier;
-                wanted[2] = wanted[2] + heavier;
+                wanted[0] = wanted[0] - at.compliance * added_payload;
+                wanted[2] = wanted[2] + added_payload;
                 let feedforward = between(from.feedforward, to.feedforward);
                 let asked = between(from.position, to.position);
                 // the law
@@ -280,7 +281,7 @@ impl<T: Real> Rollout<T> {
                 let led = [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
                 let (feedback, _) = policy.saturation.feedback(&policy.gain, &led);
                 let law = feedforward + turning + feedback;
-                let held = T::select(time.lt(until_hold_ends), extreme, law);
+                let held = T::select(time.lt(until_hold_ends), held_speed, law);
                 let u = T::select(time.lt(until_decision), state.command(law), held);
                 let u = u.clamp(-policy.limit, policy.limit);
                 // its cost
@@ -297,7 +298,8 @@ impl<T: Real> Rollout<T> {
                 let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
                 let force = p - holding - at.holding_slope * (x - first) - friction;
                 w = (h * at.acceleration).mul_add(force, w) * per_damping;
-                let bulk = model.bulk_modulus(p, estimate.transition_pressure, policy.beyond);
+                let bulk =
+                    model.bulk_modulus(p, estimate.transition_pressure, policy.rod_side_term);
                 let turning = turned - model.leakage(p) + estimate.unknown_flow;
                 let inflow = model.displacement * turning - model.piston_area * w;
                 y = h.mul_add(w, y);
@@ -305,8 +307,8 @@ impl<T: Real> Rollout<T> {
             }
         }
         let mut end = state.ahead[SAMPLES - 1].wanted;
-        end[0] = end[0] - at.compliance * heavier;
-        end[2] = end[2] + heavier;
+        end[0] = end[0] - at.compliance * added_payload;
+        end[2] = end[2] + added_payload;
         let error = [end[0] - y, end[1] - w, end[2] - p, end[3] - n];
         sum * periods + quadratic(&policy.cost_to_go, &error)
     }
@@ -317,7 +319,7 @@ struct Hypothesis<T> {
     at: OperatingPoint<T>,
     /// Pressure \[Pa\] that holds the load, and how much more that is than thought.
     holding: T,
-    heavier: T,
+    added_payload: T,
 }
 
 /// What accelerates the load is a force, as estimated; or it is a payload: `a_p(m) (p − p_0(m) − p_C s − p_v w) = w'`, which is linear in m.
@@ -335,17 +337,17 @@ fn hypothesis<T: Real>(
     let friction =
         model.viscous.mul_add(w, model.coulomb * (w / model.sliding_velocity).clamp(-one, one));
     let acceleration = at.acceleration * (p - holding - friction);
-    let (empty, full) = (model.at(y, zero), model.at(y, model.heaviest));
+    let (empty, full) = (model.at(y, zero), model.at(y, model.maximum_payload));
     let mass = |a: &OperatingPoint<T>| one / a.acceleration;
-    let pressure_per_kg = (full.holding_pressure - empty.holding_pressure) / model.heaviest;
-    let mass_per_kg = (mass(&full) - mass(&empty)) / model.heaviest;
+    let pressure_per_kg = (full.holding_pressure - empty.holding_pressure) / model.maximum_payload;
+    let mass_per_kg = (mass(&full) - mass(&empty)) / model.maximum_payload;
     let left = p
         - friction
         - empty.holding_pressure
         - empty.holding_slope * at.compliance * p
         - acceleration * mass(&empty);
     let payload =
-        (left / (pressure_per_kg + acceleration * mass_per_kg)).clamp(zero, model.heaviest);
+        (left / (pressure_per_kg + acceleration * mass_per_kg)).clamp(zero, model.maximum_payload);
     let payload = T::select(is_payload, payload, estimate.payload);
     let changed = model.at(y, payload);
     let other = changed.holding_pressure + changed.holding_slope * at.compliance * p;
@@ -353,6 +355,6 @@ fn hypothesis<T: Real>(
     Hypothesis {
         at: OperatingPoint { compliance: at.compliance, ..changed },
         holding: other,
-        heavier: other - holding,
+        added_payload: other - holding,
     }
 }

@@ -147,7 +147,7 @@ impl<T: Real> ScheduledLqr<T> {
         preview: &Preview<T>,
     ) -> T {
         let estimate = &estimated.filter.estimate;
-        let beyond = estimated.pressure_beyond;
+        let rod_side_term = estimated.rod_side_term;
         let now = estimator.predict(estimated);
         let here = self.scheduling_point(estimated, &now);
 
@@ -179,7 +179,7 @@ impl<T: Real> ScheduledLqr<T> {
             reference.position = reference.position + offset;
             reference.velocity = reference.velocity + drift;
             (
-                inverse_dynamics(&self.model, estimate, &reference, turning, beyond),
+                inverse_dynamics(&self.model, estimate, &reference, turning, rod_side_term),
                 reference.position,
             )
         };
@@ -210,7 +210,7 @@ impl<T: Real> ScheduledLqr<T> {
         let policy = Policy {
             model: self.model,
             estimate: *estimate,
-            beyond,
+            rod_side_term,
             drive: estimated.drive,
             period: self.period,
             limit: self.motor_speed,
@@ -250,8 +250,9 @@ impl<T: Real> ScheduledLqr<T> {
         let estimate = &estimated.filter.estimate;
         let at = self.model.at(now.position, estimate.payload);
         let rest = at.holding_pressure - estimate.disturbance;
-        let beyond = estimated.pressure_beyond;
-        let bulk_modulus = |p: T| self.model.bulk_modulus(p, estimate.transition_pressure, beyond);
+        let rod_side_term = estimated.rod_side_term;
+        let bulk_modulus =
+            |p: T| self.model.bulk_modulus(p, estimate.transition_pressure, rod_side_term);
         let [here, bulk_modulus_at_rest] = [now.load_pressure, rest].map(bulk_modulus);
         let stiffness = |bulk_modulus: T| self.model.stiffness(&at, bulk_modulus);
         let at_rest = stiffness(bulk_modulus_at_rest);

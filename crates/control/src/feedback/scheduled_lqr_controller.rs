@@ -172,7 +172,7 @@ impl ScheduledLqrController {
             position_is_good: number(has_position),
             load_pressure: self.last[1],
             load_pressure_is_good: number(has_pressure),
-            pressure_beyond: self.last[2],
+            rod_side_term: self.last[2],
             motor_speed,
         }
     }

@@ -10,7 +10,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_design::operating_points::OperatingPoints;
 use hydroboom_lab::LabError;
-use hydroboom_lab::closed_loop::monte_carlo::{Spread, member};
+use hydroboom_lab::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_lab::closed_loop::scenario::{Course, CourseChoice};
 use hydroboom_lab::{motion_test::Run, motion_test::run};
 use pull::{Home, Knows};
@@ -128,7 +128,7 @@ fn print_spreads<'a>(rows: impl Iterator<Item = &'a Row> + Clone) {
     let Some(first) = rows.clone().next() else { return };
     for (name, _) in &first.columns {
         let over = rows.clone().filter_map(|row| row.over_benchmark(name));
-        let Spread { median, p95, worst, .. } = Spread::of(over);
+        let Percentiles { median, p95, worst, .. } = Percentiles::of(over);
         println!("{name:>15}  {median:.2} {p95:.2} {worst:.2}");
     }
 }

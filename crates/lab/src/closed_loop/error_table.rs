@@ -3,7 +3,7 @@
 //! Rows are read from CSV as the example `true_errors` writes it. Columns that an older file does not have are left out.
 
 use crate::LabError;
-use crate::closed_loop::monte_carlo::Spread;
+use crate::closed_loop::monte_carlo::Percentiles;
 use hydroboom_control::strategy::Strategy;
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
@@ -44,18 +44,18 @@ struct Row {
     controller: String,
     /// Cranes that both were run on.
     cranes: usize,
-    true_rms: Option<Spread>,
-    true_rms_mm: Option<Spread>,
+    true_rms: Option<Percentiles>,
+    true_rms_mm: Option<Percentiles>,
     /// Its true RMS is larger, or it alone could not finish.
     worse: usize,
     oscillating: usize,
     /// Of these, the benchmark does not.
     oscillating_alone: usize,
-    measured_rms: Option<Spread>,
-    motor_speed: Option<(Spread, usize)>,
-    energy: Option<(Spread, usize)>,
-    ripple_rpm: Option<Spread>,
-    benchmark_ripple_rpm: Option<Spread>,
+    measured_rms: Option<Percentiles>,
+    motor_speed: Option<(Percentiles, usize)>,
+    energy: Option<(Percentiles, usize)>,
+    ripple_rpm: Option<Percentiles>,
+    benchmark_ripple_rpm: Option<Percentiles>,
 }
 
 impl ErrorTable {
@@ -209,21 +209,21 @@ const COLUMNS: [Column; 12] = [
     ("the benchmark's", |r| Some(two(&r.benchmark_ripple_rpm?))),
 ];
 
-fn three(s: &Spread) -> String {
+fn three(s: &Percentiles) -> String {
     format!("{:.3} / {:.2} / {:.2}", s.median, s.p95, s.worst)
 }
 
-fn more((spread, count): (Spread, usize)) -> String {
+fn more((spread, count): (Percentiles, usize)) -> String {
     format!("{:.3} ({count})", spread.median)
 }
 
-fn two(s: &Spread) -> String {
+fn two(s: &Percentiles) -> String {
     format!("{:.1} / {:.1}", s.median, s.worst)
 }
 
 /// A controller beside the benchmark on the same cranes.
 fn row(course: &str, controller: &str, pairs: &[(&Outcome, &Outcome)]) -> Row {
-    let spread = |values: Vec<f64>| (!values.is_empty()).then(|| Spread::of(values));
+    let spread = |values: Vec<f64>| (!values.is_empty()).then(|| Percentiles::of(values));
     let all = |of: fn(&(&Outcome, &Outcome)) -> Option<f64>| -> Vec<f64> {
         pairs.iter().filter_map(of).collect()
     };

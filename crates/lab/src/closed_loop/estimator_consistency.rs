@@ -88,6 +88,12 @@ impl Quantity {
         }
     }
 
+    /// Whether it is the effect of a parameter, which is judged by its coverage alone: its standard deviation to first order vanishes where the effect saturates, as
+    /// the bulk modulus of compressed oil does, and NEES has no meaning there.
+    pub fn is_effect_of_parameter(self) -> bool {
+        matches!(self, Self::Friction | Self::FrictionAndUnknownForce | Self::BulkModulus)
+    }
+
     /// Unit of its errors in tables and JSON, and that in SI units.
     pub fn unit(self) -> (&'static str, f64) {
         match self {
@@ -109,7 +115,7 @@ impl Serialize for Quantity {
 
 /// What happens to the crane at an instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Situation {
+pub enum Phase {
     /// The half second after a load change.
     AfterLoadChange,
     /// From then on until two seconds after it.
@@ -122,7 +128,7 @@ pub enum Situation {
     Rest,
 }
 
-impl Situation {
+impl Phase {
     /// All of them.
     pub const ALL: [Self; 5] =
         [Self::AfterLoadChange, Self::Recovery, Self::AfterStart, Self::Motion, Self::Rest];
@@ -139,8 +145,8 @@ impl Situation {
     }
 }
 
-/// Errors by situation, then by quantity.
-type ErrorTable = [[Errors; Quantity::ALL.len()]; Situation::ALL.len()];
+/// Errors by phase, then by quantity.
+type ErrorTable = [[Errors; Quantity::ALL.len()]; Phase::ALL.len()];
 
 /// What a crane's course tells of the estimator.
 #[derive(Clone, Debug)]
@@ -156,17 +162,19 @@ fn quantities<T: Real>(
     model: &ReducedModel<T>,
     z: &MachineState<T>,
     motor_speed: T,
-    beyond: T,
+    rod_side_term: T,
 ) -> [T; Quantity::ALL.len()] {
     let friction = model.piston_area * model.viscous.mul_add(z.velocity, z.friction);
     Quantity::ALL.map(|quantity| match quantity {
         Quantity::Position => model.piston(z),
-        Quantity::Velocity => model.piston_velocity(z, motor_speed, beyond),
+        Quantity::Velocity => model.piston_velocity(z, motor_speed, rod_side_term),
         Quantity::LoadPressure => z.load_pressure,
         Quantity::Payload => z.payload,
         Quantity::Friction => friction,
         Quantity::FrictionAndUnknownForce => friction - model.piston_area * z.disturbance,
-        Quantity::BulkModulus => model.bulk_modulus(z.load_pressure, z.transition_pressure, beyond),
+        Quantity::BulkModulus => {
+            model.bulk_modulus(z.load_pressure, z.transition_pressure, rod_side_term)
+        }
     })
 }
 
@@ -175,18 +183,18 @@ fn estimates(
     model: &ReducedModel<f64>,
     state: &EstimatorState<f64>,
     motor_speed: f64,
-    beyond: f64,
+    rod_side_term: f64,
 ) -> [(f64, f64); Quantity::ALL.len()] {
     let constant = Dual::<f64, ERRORS>::constant;
     let mut direction = 0..STATES;
     let z = state.estimate.map(|value| Dual::variable(value, direction.next().unwrap_or(0)));
     let model = with_considered(model);
-    quantities(&model, &z, constant(motor_speed), constant(beyond))
+    quantities(&model, &z, constant(motor_speed), constant(rod_side_term))
         .map(|h| (h.value, output_deviation(&state.errors, &h.slope)))
 }
 
 /// An estimator that looks on at a crane, and what is compared with it.
-struct Observer<'a> {
+struct ConsistencyRecorder<'a> {
     controller: ScheduledLqrController,
     crane: &'a Description,
     course: &'a dyn Course,
@@ -204,7 +212,7 @@ struct Observer<'a> {
     run: Run,
 }
 
-impl<'a> Observer<'a> {
+impl<'a> ConsistencyRecorder<'a> {
     fn new(
         controller: ScheduledLqrController,
         period: f64,
@@ -233,7 +241,7 @@ impl<'a> Observer<'a> {
     }
 
     /// One more control period.
-    fn see(&mut self, sample: &Sample) {
+    fn record(&mut self, sample: &Sample) {
         self.number += 1;
         let measurement = Measurement::new(self.number as u64, sample.time, [sample.signals]);
         let has_begun = self.controller.estimated().is_some();
@@ -264,8 +272,8 @@ impl<'a> Observer<'a> {
         let Some(estimated) = self.controller.estimated() else { return };
         let filter = &estimated.filter;
         self.run.longest_inconsistent = self.run.longest_inconsistent.max(filter.inconsistent_time);
-        let situation = self.situation(measured.time);
-        let is_load_change = situation == Situation::AfterLoadChange;
+        let phase = self.phase(measured.time);
+        let is_load_change = phase == Phase::AfterLoadChange;
         for (k, innovations) in self.run.innovations.iter_mut().enumerate() {
             let normalised = filter.nis[k].max(0.0).sqrt().copysign(filter.innovation[k]);
             innovations.add((!is_load_change).then_some(normalised));
@@ -276,29 +284,29 @@ impl<'a> Observer<'a> {
             return;
         }
         let model = &self.controller.estimator().filter.model;
-        let found = estimates(model, filter, motor_speed, estimated.pressure_beyond);
+        let found = estimates(model, filter, motor_speed, estimated.rod_side_term);
         let truth = self.truth(measured);
-        let errors = &mut self.run.errors[situation as usize];
+        let errors = &mut self.run.errors[phase as usize];
         for ((errors, (value, deviation)), truth) in errors.iter_mut().zip(found).zip(truth) {
             errors.add(value - truth, deviation);
         }
     }
 
-    fn situation(&self, time: f64) -> Situation {
+    fn phase(&self, time: f64) -> Phase {
         let mut loads = self.course.loads().iter();
         let since_load =
             loads.rfind(|load| load.time < time).map_or(f64::INFINITY, |load| time - load.time);
         let (direction, changed) = self.direction;
         if since_load <= LOAD_CHANGE {
-            Situation::AfterLoadChange
+            Phase::AfterLoadChange
         } else if since_load <= RECOVERY {
-            Situation::Recovery
+            Phase::Recovery
         } else if time - changed <= START {
-            Situation::AfterStart
+            Phase::AfterStart
         } else if direction != 0.0 {
-            Situation::Motion
+            Phase::Motion
         } else {
-            Situation::Rest
+            Phase::Rest
         }
     }
 
@@ -352,7 +360,7 @@ pub struct ErrorRow {
     /// The course; all of them where there is none.
     pub course: Option<String>,
     /// What happens to the crane; all but the half second after a load change where there is nothing.
-    pub situation: Option<&'static str>,
+    pub phase: Option<&'static str>,
     /// Its errors.
     #[serde(flatten)]
     pub summary: ErrorSummary,
@@ -380,7 +388,7 @@ pub struct Consistency {
     pub inconsistent: Vec<InconsistentTime>,
     /// Innovations: over all courses, then by course.
     pub innovations: Vec<InnovationRow>,
-    /// Errors: over all courses, by situation, and by course.
+    /// Errors: over all courses, by phase, and by course.
     pub errors: Vec<ErrorRow>,
 }
 
@@ -469,11 +477,13 @@ fn together(
         .map(|(member, course)| Case { crane: &member.crane, controller, course: course.as_ref() })
         .collect();
     let period = model.numbers.control_period;
-    let mut observers: Vec<Observer<'_>> = lanes()
-        .map(|(member, course)| Observer::new(*estimator, period, &member.crane, course.as_ref()))
+    let mut recorders: Vec<ConsistencyRecorder<'_>> = lanes()
+        .map(|(member, course)| {
+            ConsistencyRecorder::new(*estimator, period, &member.crane, course.as_ref())
+        })
         .collect();
-    let ends = simulate_cases(model, &cases, |lane, sample| observers[lane].see(sample));
-    Ok(observers
+    let ends = simulate_cases(model, &cases, |lane, sample| recorders[lane].record(sample));
+    Ok(recorders
         .into_iter()
         .zip(ends)
         .map(|(observer, end)| end.map(|()| observer.run).map_err(|error| error.to_string()))
@@ -500,15 +510,15 @@ fn innovation_rows(names: &[String], by_course: &[Vec<Run>], period: f64) -> Vec
 }
 
 fn error_rows(names: &[String], by_course: &[Vec<Run>]) -> Vec<ErrorRow> {
-    let without_change = &Situation::ALL[1..];
+    let without_change = &Phase::ALL[1..];
     let mut rows = Vec::new();
-    let mut add = |course: Option<&String>, situation: Option<Situation>, runs: &[&Run]| {
+    let mut add = |course: Option<&String>, phase: Option<Phase>, runs: &[&Run]| {
         for quantity in Quantity::ALL {
             let mut errors = Errors::default();
             for run in runs {
-                let those = situation.as_ref().map_or(without_change, std::slice::from_ref);
-                for situation in those {
-                    errors.merge(&run.errors[*situation as usize][quantity as usize]);
+                let those = phase.as_ref().map_or(without_change, std::slice::from_ref);
+                for phase in those {
+                    errors.merge(&run.errors[*phase as usize][quantity as usize]);
                 }
             }
             let (unit, size) = quantity.unit();
@@ -516,7 +526,7 @@ fn error_rows(names: &[String], by_course: &[Vec<Run>]) -> Vec<ErrorRow> {
                 quantity,
                 unit,
                 course: course.cloned(),
-                situation: situation.map(Situation::name),
+                phase: phase.map(Phase::name),
                 is_consistent: summary.is_consistent(),
                 summary,
             }));
@@ -524,8 +534,8 @@ fn error_rows(names: &[String], by_course: &[Vec<Run>]) -> Vec<ErrorRow> {
     };
     let all: Vec<&Run> = by_course.iter().flatten().collect();
     add(None, None, &all);
-    for situation in Situation::ALL {
-        add(None, Some(situation), &all);
+    for phase in Phase::ALL {
+        add(None, Some(phase), &all);
     }
     for (name, runs) in names.iter().zip(by_course) {
         add(Some(name), None, &runs.iter().collect::<Vec<_>>());
@@ -567,7 +577,7 @@ mod tests {
             position_is_good: 1.0,
             load_pressure: 60e5,
             load_pressure_is_good: 1.0,
-            pressure_beyond: 2e5,
+            rod_side_term: 2e5,
             motor_speed: 3.0,
         };
         let mut state = filter.start(&input);
@@ -624,17 +634,17 @@ mod tests {
         for strategy in [Strategy::BenchmarkClosedLoop, Strategy::ScheduledLqr] {
             let found = beside(strategy);
             assert_eq!((found.cranes.len(), found.failed.len()), (1, 0));
-            let row = |quantity: Quantity, situation: Option<Situation>| {
-                let name = situation.map(Situation::name);
+            let row = |quantity: Quantity, phase: Option<Phase>| {
+                let name = phase.map(Phase::name);
                 let mut rows = found.errors.iter();
-                rows.find(|r| r.quantity == quantity && r.situation == name).unwrap().summary
+                rows.find(|r| r.quantity == quantity && r.phase == name).unwrap().summary
             };
-            let position = row(Quantity::Position, Some(Situation::Motion));
+            let position = row(Quantity::Position, Some(Phase::Motion));
             assert!(position.rms_error < 0.05, "{}: {position:?}", strategy.name());
             // its sensors read it with 0.05 bar of noise, and the model leaves out 0.08 bar
             let pressure = row(Quantity::LoadPressure, None);
             assert!(pressure.rms_error < 0.2, "{}: {pressure:?}", strategy.name());
-            assert_eq!(position.instants, row(Quantity::Payload, Some(Situation::Motion)).instants);
+            assert_eq!(position.instants, row(Quantity::Payload, Some(Phase::Motion)).instants);
         }
     }
 
@@ -646,13 +656,13 @@ mod tests {
         let controller = Strategy::ScheduledLqr.into();
         let found =
             consistency(&model, &nominal, controller, &course, (0..1, 7), &|_| true).unwrap();
-        let payload = |situation: Option<Situation>| {
-            let name = situation.map(Situation::name);
+        let payload = |phase: Option<Phase>| {
+            let name = phase.map(Phase::name);
             let mut rows = found.errors.iter();
-            let of = |r: &&ErrorRow| r.quantity == Quantity::Payload && r.situation == name;
+            let of = |r: &&ErrorRow| r.quantity == Quantity::Payload && r.phase == name;
             rows.find(of).unwrap().summary
         };
-        let after = payload(Some(Situation::AfterLoadChange));
+        let after = payload(Some(Phase::AfterLoadChange));
         // three changes, ten instants each; just after it the payload is off by what has changed
         assert_eq!(after.instants, 30);
         assert!(after.rms_error > 2.0 * payload(None).rms_error, "{after:?}");

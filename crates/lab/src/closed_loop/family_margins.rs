@@ -1,11 +1,11 @@
 //! Stability margins of the loops of benchmark and scheduled LQR around a family of virtual cranes.
 
 use crate::LabError;
-use crate::closed_loop::monte_carlo::{Spread, member};
+use crate::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{designed, known_delay};
 use hydroboom_design::{
-    Actuation, Lifting, Loop, Margins, benchmark_loop, margins, scheduled_lqr_loop_at,
+    Actuation, LinearisedPlant, Loop, Margins, benchmark_loop, margins, scheduled_lqr_loop_at,
 };
 use rayon::prelude::*;
 use serde::Serialize;
@@ -23,10 +23,10 @@ pub struct MemberMargins {
 
 impl MemberMargins {
     /// Distance from −1, negative where the loop is unstable: orders loops by how near they are to instability.
-    fn signed_distance(&self) -> f64 {
-        match self.margins.growing {
-            0 => self.margins.distance,
-            _ => -self.margins.distance,
+    fn signed_modulus_margin(&self) -> f64 {
+        match self.margins.unstable_poles {
+            0 => self.margins.modulus_margin,
+            _ => -self.margins.modulus_margin,
         }
     }
 }
@@ -41,9 +41,9 @@ pub struct FamilyMargins {
     /// Of these, the loop is unstable.
     pub unstable: usize,
     /// Modulus margin of the stable loops: 5th percentile.
-    pub distance_p5: f64,
+    pub modulus_margin_p5: f64,
     /// Median.
-    pub distance_median: f64,
+    pub modulus_margin_median: f64,
     /// Phase margin of the stable loops: 5th percentile.
     pub phase_p5_deg: f64,
     /// Median.
@@ -58,17 +58,17 @@ pub struct FamilyMargins {
 
 impl FamilyMargins {
     fn of(controller: &'static str, mut all: Vec<MemberMargins>) -> Option<Self> {
-        all.sort_by(|a, b| a.signed_distance().total_cmp(&b.signed_distance()));
-        let stable = || all.iter().filter(|m| m.margins.growing == 0).map(|m| m.margins);
-        let distances = Spread::of(stable().map(|m| m.distance));
-        let phases = Spread::of(stable().map(|m| m.phase_deg));
-        let gains = Spread::of(stable().map(|m| m.gain));
+        all.sort_by(|a, b| a.signed_modulus_margin().total_cmp(&b.signed_modulus_margin()));
+        let stable = || all.iter().filter(|m| m.margins.unstable_poles == 0).map(|m| m.margins);
+        let moduli = Percentiles::of(stable().map(|m| m.modulus_margin));
+        let phases = Percentiles::of(stable().map(|m| m.phase_deg));
+        let gains = Percentiles::of(stable().map(|m| m.gain));
         Some(Self {
             controller,
             count: all.len(),
-            unstable: all.iter().filter(|m| m.margins.growing > 0).count(),
-            distance_p5: distances.p5,
-            distance_median: distances.median,
+            unstable: all.iter().filter(|m| m.margins.unstable_poles > 0).count(),
+            modulus_margin_p5: moduli.p5,
+            modulus_margin_median: moduli.median,
             phase_p5_deg: phases.p5,
             phase_median_deg: phases.median,
             gain_p5: gains.p5,
@@ -100,7 +100,7 @@ pub fn family_margins(
     let of = |(number, share): &(u64, f64)| -> Result<[MemberMargins; 3], LabError> {
         let crane = member(&nominal, seed, *number)?.crane;
         let stroke = share * model.numbers.stroke;
-        let linear = Lifting::new(&crane, stroke)?;
+        let linear = LinearisedPlant::new(&crane, stroke)?;
         let payload = crane.numbers.payload;
         let scheduled_lqr = scheduled_lqr_loop_at(model, &design, stroke, payload);
         let known = with_identified(model, &crane);
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!((benchmark.count, scheduled_lqr.count, identified.count), (6, 6, 6));
         assert_eq!(identified.unstable, 0);
         assert_eq!((benchmark.unstable, scheduled_lqr.unstable), (0, 0));
-        assert!(scheduled_lqr.distance_p5 > benchmark.distance_p5, "{scheduled_lqr:?}");
+        assert!(scheduled_lqr.modulus_margin_p5 > benchmark.modulus_margin_p5, "{scheduled_lqr:?}");
         assert!(scheduled_lqr.phase_p5_deg > benchmark.phase_p5_deg, "{benchmark:?}");
     }
 }

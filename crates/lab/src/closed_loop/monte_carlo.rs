@@ -299,7 +299,7 @@ fn together(
 
 /// The distribution of a quantity over a family.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spread {
+pub struct Percentiles {
     /// 5th percentile.
     pub p5: f64,
     /// 25th percentile.
@@ -314,7 +314,7 @@ pub struct Spread {
     pub worst: f64,
 }
 
-impl Spread {
+impl Percentiles {
     /// Of the given values, those that are not numbers left out.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
@@ -347,29 +347,29 @@ pub struct Row {
     /// The course.
     pub course: String,
     /// RMS tracking error as measured.
-    pub rms_mm: Spread,
+    pub rms_mm: Percentiles,
     /// Magnitude of the peak tracking error as measured.
-    pub peak_mm: Spread,
+    pub peak_mm: Percentiles,
     /// RMS tracking error of the true piston.
-    pub true_rms_mm: Spread,
+    pub true_rms_mm: Percentiles,
     /// Share of cranes on which it is unstable.
     pub unstable_percent: f64,
     /// Its RMS over the benchmark's on the same crane: below 1 where it is better.
-    pub rms_over_benchmark: Spread,
+    pub rms_over_benchmark: Percentiles,
     /// The same of the true piston.
-    pub true_rms_over_benchmark: Spread,
+    pub true_rms_over_benchmark: Percentiles,
     /// Its RMS over that of the re-optimised benchmark on the same crane, where that is one of the controllers.
-    pub rms_over_reoptimised_benchmark: Option<Spread>,
+    pub rms_over_reoptimised_benchmark: Option<Percentiles>,
     /// Its peak over the benchmark's on the same crane.
-    pub peak_over_benchmark: Spread,
+    pub peak_over_benchmark: Percentiles,
     /// Its energy over the benchmark's on the same crane.
-    pub energy_over_benchmark: Spread,
+    pub energy_over_benchmark: Percentiles,
     /// Its largest motor speed over the benchmark's on the same crane.
-    pub motor_speed_over_benchmark: Spread,
+    pub motor_speed_over_benchmark: Percentiles,
     /// Its residual vibration of the tip over the benchmark's on the same crane.
-    pub vibration_over_benchmark: Spread,
+    pub vibration_over_benchmark: Percentiles,
     /// Its motor ripple at rest.
-    pub motor_ripple_rpm: Spread,
+    pub motor_ripple_rpm: Percentiles,
     /// Share of cranes on which its RMS is smaller.
     pub better_percent: f64,
 }
@@ -391,10 +391,10 @@ pub fn rows(
     for (s, controller) in controllers.iter().enumerate() {
         for (c, course) in courses.iter().enumerate() {
             let spread = |of: &dyn Fn(&Outcome) -> f64| {
-                Spread::of(results.iter().map(|(_, o)| of(&o[s][c])))
+                Percentiles::of(results.iter().map(|(_, o)| of(&o[s][c])))
             };
             let over_that_of = |other: usize, of: &dyn Fn(&Outcome) -> f64| {
-                Spread::of(results.iter().map(|(_, o)| of(&o[s][c]) / of(&o[other][c])))
+                Percentiles::of(results.iter().map(|(_, o)| of(&o[s][c]) / of(&o[other][c])))
             };
             let over = |of: &dyn Fn(&Outcome) -> f64| over_that_of(benchmark, of);
             let share = |holds: &dyn Fn(&Outcomes) -> bool| {
@@ -537,7 +537,7 @@ mod tests {
 
     #[test]
     fn the_spread_of_even_numbers_is_even() {
-        let spread = Spread::of((0..=1000).map(f64::from));
+        let spread = Percentiles::of((0..=1000).map(f64::from));
         assert!((spread.median - 500.0).abs() < 1.0, "{spread:?}");
         assert!((spread.p5 - 50.0).abs() < 1.0 && (spread.p95 - 950.0).abs() < 1.0, "{spread:?}");
         assert_eq!(spread.worst, 1000.0);

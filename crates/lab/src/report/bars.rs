@@ -1,6 +1,6 @@
 //! Bars by name: tornado and index figures.
 
-use super::figure::{COLOURS, FINE, GRID, INK, number, themed};
+use super::figure::{COLOURS, FINE, GRID, INK, themed, tick};
 use crate::LabError;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -75,9 +75,7 @@ impl Bars<'_> {
                 .y_labels(0)
                 .x_desc(self.x)
                 .x_labels(7)
-                .x_label_formatter(&|v| {
-                    number(if v.abs() < 1e-9 * (high - low) { 0.0 } else { *v })
-                })
+                .x_label_formatter(&|v| tick(*v, high - low))
                 .draw()
                 .map_err(|e| failed(&e))?;
             let name = font.pos(Pos::new(HPos::Right, VPos::Center));

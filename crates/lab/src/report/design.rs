@@ -5,7 +5,7 @@ use super::document::{document, figure};
 use super::figure::{Axes, Figure, Series};
 use crate::LabError;
 use hydroboom_description::Description;
-use hydroboom_design::{Lifting, Look, benchmark_loop, scheduled_lqr_loop};
+use hydroboom_design::{DesignReport, LinearisedPlant, benchmark_loop, scheduled_lqr_loop};
 use maud::html;
 
 /// Lowest and highest frequency \[Hz\], and points between them.
@@ -17,9 +17,9 @@ const POINTS: u32 = 600;
 /// # Errors
 ///
 /// [`LabError`] when a figure cannot be drawn, or the crane not be linearised.
-pub fn design_page(crane: &Description, looks: &[Look]) -> Result<String, LabError> {
+pub fn design_page(crane: &Description, reports: &[DesignReport]) -> Result<String, LabError> {
     let stroke = 0.5 * crane.numbers.stroke;
-    let linear = Lifting::new(crane, stroke)?;
+    let linear = LinearisedPlant::new(crane, stroke)?;
     let loops = [
         ("benchmark", benchmark_loop(crane)),
         ("scheduled LQR", scheduled_lqr_loop(crane, stroke)?),
@@ -43,14 +43,14 @@ pub fn design_page(crane: &Description, looks: &[Look]) -> Result<String, LabErr
         (figure("Gain.", &size))
         (figure("Phase.", &phase))
         h2 { "Margins" }
-        @for look in looks {
-            h3 { (format!("{:.0} mm: load mode {:.2} Hz, damping ratio {:.4}", look.stroke_mm, look.rings.frequency_hz, look.rings.damping_ratio)) }
+        @for report in reports {
+            h3 { (format!("{:.0} mm: load mode {:.2} Hz, damping ratio {:.4}", report.stroke_mm, report.load_mode.frequency_hz, report.load_mode.damping_ratio)) }
             div.wide { table {
                 thead { tr { th { "loop" } th { "phase margin [deg]" } th { "gain margin" } th { "modulus margin" } th { "at [Hz]" } th { "crossover [Hz]" } } }
-                tbody { @for (name, m) in [("benchmark", &look.benchmark), ("scheduled LQR", &look.scheduled_lqr)] { tr {
+                tbody { @for (name, m) in [("benchmark", &report.benchmark), ("scheduled LQR", &report.scheduled_lqr)] { tr {
                     td { (name) } td { (format!("{:.0}", m.phase_deg)) }
                     td { @if m.gain.is_finite() { (format!("{:.1}", m.gain)) } @else { "none" } }
-                    td { (format!("{:.2}", m.distance)) } td { (format!("{:.2}", m.at_hz)) } td { (format!("{:.2}", m.crossover_hz)) }
+                    td { (format!("{:.2}", m.modulus_margin)) } td { (format!("{:.2}", m.at_hz)) } td { (format!("{:.2}", m.crossover_hz)) }
                 } } }
             } }
         }

@@ -2,8 +2,8 @@
 
 use super::document::{document, figure};
 use super::figure::COLOURS;
-use super::pareto::{Mark, Pareto};
-use crate::closed_loop::monte_carlo::{Row, Spread, variations};
+use super::pareto::{Pareto, ParetoPoint};
+use crate::closed_loop::monte_carlo::{Percentiles, Row, variations};
 use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
 use plotters::style::RGBColor;
@@ -53,11 +53,11 @@ pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows:
 
 /// Error over effort, both over the benchmark's on the same crane: motor speed, and energy.
 fn pareto(rows: &[&Row]) -> Markup {
-    let drawn = |effort: &str, of: fn(&Row) -> Spread| {
+    let drawn = |effort: &str, of: fn(&Row) -> Percentiles| {
         let marks = rows
             .iter()
             .enumerate()
-            .map(|(k, row)| Mark {
+            .map(|(k, row)| ParetoPoint {
                 name: name(row),
                 colour: colour(name(row), k),
                 effort: of(row),
@@ -186,7 +186,7 @@ const LINE: f64 = 34.0;
 const ROOMY: f64 = 110.0;
 
 /// Boxes over a logarithmic axis, as SVG.
-fn boxes(axis: &str, rows: &[(&str, Spread)]) -> String {
+fn boxes(axis: &str, rows: &[(&str, Percentiles)]) -> String {
     let positive = |v: f64| v.max(1e-3);
     let low = rows.iter().map(|(_, s)| positive(s.p5)).fold(f64::INFINITY, f64::min) * 0.8;
     let high = rows.iter().map(|(_, s)| positive(s.worst)).fold(0.0, f64::max) * 1.25;

@@ -116,8 +116,8 @@ impl Figure<'_> {
                         .y_desc(self.y)
                         .x_labels(9)
                         .y_labels(6)
-                        .x_label_formatter(&|v| number(*v))
-                        .y_label_formatter(&|v| number(*v))
+                        .x_label_formatter(&|v| tick(*v, x_high - x_low))
+                        .y_label_formatter(&|v| tick(*v, y_high - y_low))
                         .draw()
                         .map_err(|e| failed(&e))?;
                     for (colour, name, points) in &series {
@@ -178,6 +178,11 @@ pub(super) fn number(value: f64) -> String {
     }
     let text = format!("{value:.4}");
     text.trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
+/// A tick of an axis of some length: rounding leaves no exact zero in a sum of steps.
+pub(super) fn tick(value: f64, length: f64) -> String {
+    number(if value.abs() < 1e-9 * length { 0.0 } else { value })
 }
 
 /// At most [`MOST_POINTS`] points that keep every extreme: the lowest and highest of each stretch.

@@ -1,21 +1,21 @@
 //! Errors against effort: a mark for each controller, with bars over the family.
 
-use super::figure::{COLOURS, FINE, GRID, INK, number, themed};
+use super::figure::{COLOURS, FINE, GRID, INK, number, themed, tick};
 use crate::LabError;
-use crate::closed_loop::monte_carlo::Spread;
+use crate::closed_loop::monte_carlo::Percentiles;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// A controller: its effort and its error over a family.
-pub struct Mark<'a> {
+pub struct ParetoPoint<'a> {
     /// Text of the legend.
     pub name: &'a str,
     /// Which of the palette's colours it has; beyond the palette they begin anew, as triangles.
     pub colour: usize,
     /// Effort: its median, and a bar from the 5th to the 95th percentile.
-    pub effort: Spread,
+    pub effort: Percentiles,
     /// Error, likewise.
-    pub error: Spread,
+    pub error: Percentiles,
 }
 
 /// Error on a logarithmic axis over effort on an even one.
@@ -25,7 +25,7 @@ pub struct Pareto<'a> {
     /// Label of the vertical axis, with its unit.
     pub error: &'a str,
     /// Controllers.
-    pub marks: Vec<Mark<'a>>,
+    pub marks: Vec<ParetoPoint<'a>>,
 }
 
 /// Narrow enough that its text is readable on a phone. Heights of the axes and of a line of the legend below them.
@@ -43,13 +43,15 @@ impl Pareto<'_> {
     ///
     /// [`LabError::Figure`] when there is nothing finite to draw.
     pub fn svg(&self) -> Result<String, LabError> {
-        let finite = |s: &Spread| s.p5.is_finite() && s.median.is_finite() && s.p95.is_finite();
-        let drawable = |m: &&Mark<'_>| finite(&m.effort) && finite(&m.error) && m.error.p5 > 0.0;
-        let marks: Vec<&Mark<'_>> = self.marks.iter().filter(drawable).collect();
+        let finite =
+            |s: &Percentiles| s.p5.is_finite() && s.median.is_finite() && s.p95.is_finite();
+        let drawable =
+            |m: &&ParetoPoint<'_>| finite(&m.effort) && finite(&m.error) && m.error.p5 > 0.0;
+        let marks: Vec<&ParetoPoint<'_>> = self.marks.iter().filter(drawable).collect();
         if marks.is_empty() {
             return Err(LabError::Figure(format!("nothing to draw over {}", self.effort)));
         }
-        let extent = |of: fn(&Mark<'_>) -> Spread| {
+        let extent = |of: fn(&ParetoPoint<'_>) -> Percentiles| {
             let ends = marks.iter().map(|m| of(m));
             ends.fold((1.0_f64, 1.0_f64), |(low, high), s| (low.min(s.p5), high.max(s.p95)))
         };
@@ -84,7 +86,7 @@ impl Pareto<'_> {
                 .y_desc(self.error)
                 .x_labels(6)
                 .y_labels(6)
-                .x_label_formatter(&|v| number(*v))
+                .x_label_formatter(&|v| tick(*v, x_high - x_low))
                 .y_label_formatter(&|v| number(*v))
                 .draw()
                 .map_err(|e| failed(&e))?;
@@ -129,10 +131,16 @@ impl Pareto<'_> {
 mod tests {
     use super::*;
 
-    fn mark(name: &str, colour: usize, effort: [f64; 3], error: [f64; 3]) -> Mark<'_> {
-        let spread =
-            |[p5, median, p95]: [f64; 3]| Spread { p5, p25: p5, median, p75: p95, p95, worst: p95 };
-        Mark { name, colour, effort: spread(effort), error: spread(error) }
+    fn mark(name: &str, colour: usize, effort: [f64; 3], error: [f64; 3]) -> ParetoPoint<'_> {
+        let spread = |[p5, median, p95]: [f64; 3]| Percentiles {
+            p5,
+            p25: p5,
+            median,
+            p75: p95,
+            p95,
+            worst: p95,
+        };
+        ParetoPoint { name, colour, effort: spread(effort), error: spread(error) }
     }
 
     /// Further left is less effort, further down (a larger y in the page) less error.

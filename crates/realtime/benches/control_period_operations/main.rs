@@ -57,7 +57,7 @@ fn counting_estimator(estimator: &StateEstimator<f64>) -> StateEstimator<Counted
     StateEstimator {
         filter: counting_filter(&estimator.filter),
         drive: estimator.drive.map(Counted),
-        drive_share: Counted(estimator.drive_share),
+        drive_coefficient: Counted(estimator.drive_coefficient),
         slew: Counted(estimator.slew),
         free_slew: Counted(estimator.free_slew),
         delay_cycles: estimator.delay_cycles,
@@ -109,7 +109,7 @@ fn measured(model: &ReducedModel<f64>, z: &MachineState<f64>, speed: f64) -> Est
         position_is_good: 1.0,
         load_pressure: z.load_pressure,
         load_pressure_is_good: 1.0,
-        pressure_beyond: BEYOND,
+        rod_side_term: BEYOND,
         motor_speed: speed,
     }
 }

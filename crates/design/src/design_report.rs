@@ -4,7 +4,7 @@ use crate::linear::Mode;
 use crate::operating_points::rod_side_term;
 use crate::scheduled_lqr::{designed, known_delay};
 use crate::small_signal_controller::SmallSignalController;
-use crate::{Actuation, DesignError, Lifting, Loop, Margins, margins};
+use crate::{Actuation, DesignError, LinearisedPlant, Loop, Margins, margins};
 use hydroboom_control::estimation::state_estimator::StateEstimator;
 use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
 use hydroboom_description::Description;
@@ -12,11 +12,11 @@ use serde::Serialize;
 
 /// A design at a piston position.
 #[derive(Clone, Debug, Serialize)]
-pub struct Look {
+pub struct DesignReport {
     /// Piston position.
     pub stroke_mm: f64,
     /// The mode in which boom and load ring on the oil.
-    pub rings: Mode,
+    pub load_mode: Mode,
     /// Of the benchmark's loop.
     pub benchmark: Margins,
     /// Of the scheduled LQR's loop.
@@ -84,11 +84,11 @@ pub fn scheduled_lqr_loop_at(
 /// # Errors
 ///
 /// [`DesignError`] when the crane cannot be linearised there.
-pub fn look(description: &Description, stroke: f64) -> Result<Look, DesignError> {
-    let crane = Lifting::new(description, stroke)?;
-    Ok(Look {
+pub fn design_report(description: &Description, stroke: f64) -> Result<DesignReport, DesignError> {
+    let crane = LinearisedPlant::new(description, stroke)?;
+    Ok(DesignReport {
         stroke_mm: stroke * 1e3,
-        rings: *crane.ringing()?,
+        load_mode: *crane.load_mode()?,
         benchmark: margins(&crane, &benchmark_loop(description))?,
         scheduled_lqr: margins(&crane, &scheduled_lqr_loop(description, stroke)?)?,
     })
@@ -103,8 +103,12 @@ mod tests {
     fn both_loops_are_stable_over_the_stroke() {
         let description = Description::uia_single_boom().unwrap();
         for share in [0.05, 0.5, 0.95] {
-            let look = look(&description, share * description.numbers.stroke).unwrap();
-            assert_eq!((look.benchmark.growing, look.scheduled_lqr.growing), (0, 0), "{look:?}");
+            let report = design_report(&description, share * description.numbers.stroke).unwrap();
+            assert_eq!(
+                (report.benchmark.unstable_poles, report.scheduled_lqr.unstable_poles),
+                (0, 0),
+                "{report:?}"
+            );
         }
     }
 }

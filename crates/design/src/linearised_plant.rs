@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 const RINGS: [f64; 2] = [0.2, 25.0];
 
 /// A crane at rest at a piston position, linearised.
-pub struct Lifting {
+pub struct LinearisedPlant {
     /// Piston position \[m\].
     pub stroke: f64,
     /// State matrix.
@@ -38,7 +38,7 @@ pub struct Responses {
     pub pressure: Complex<f64>,
 }
 
-impl Lifting {
+impl LinearisedPlant {
     /// The crane of a description at a piston position \[m\].
     ///
     /// # Errors
@@ -72,7 +72,7 @@ impl Lifting {
     /// # Errors
     ///
     /// [`DesignError::NoMode`] when there is none.
-    pub fn ringing(&self) -> Result<&Mode, DesignError> {
+    pub fn load_mode(&self) -> Result<&Mode, DesignError> {
         let rings = |mode: &&Mode| {
             mode.damping_ratio < 0.9 && (RINGS[0]..RINGS[1]).contains(&mode.frequency_hz)
         };

@@ -1,6 +1,6 @@
 //! Whether a closed loop rings on, by the argument principle.
 
-use crate::{DesignError, Lifting, Loop};
+use crate::{DesignError, LinearisedPlant, Loop};
 use nalgebra::Complex;
 use std::f64::consts::{PI, TAU};
 
@@ -24,7 +24,7 @@ const HALVINGS: u32 = 40;
 /// # Errors
 ///
 /// [`DesignError`] when the crane's responses are not finite there.
-pub(crate) fn growing(crane: &Lifting, around: &Loop) -> Result<u32, DesignError> {
+pub(crate) fn unstable_poles(crane: &LinearisedPlant, around: &Loop) -> Result<u32, DesignError> {
     let at = |frequency: f64| {
         let s = Complex::new(SLOW, TAU * frequency);
         Ok::<_, DesignError>(around.gain_at(&crane.responses_at(s)?, s) + 1.0)
