@@ -247,14 +247,14 @@ tuning {
     estimator_payload_drift: "estimator" "payload_drift_percent" ["%" = PERCENT] 1e-3..=100.0 or 1.0, "Process noise of the payload in a second, of the heaviest that is thought of; estimate";
     estimator_payload_variance_limit: "estimator" "payload_variance_limit" ["-" = 1.0] 1.0..=1e6 or 30.0, "Largest variance of the payload in the filter, over that at the start";
     estimator_transition_drift: "estimator" "transition_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Process noise of the oil's transition pressure in a second: air dissolves within seconds";
-estimator_excitation_velocity: "estimator" "excitation_velocity_mm_s" ["mm/s" = MM] 0.0..=1000.0 or 2.0, "Velocity of the load below which the transition pressure is frozen: its process noise is zero, since nothing excites the oil; a tenth of slow motion; 0 freezes it never";
+estimator_excitation_velocity: "estimator" "excitation_velocity_mm_s" ["mm/s" = MM] 0.0..=1000.0 or 2.0, "Velocity of the load below which the transition pressure has no process noise, since nothing excites the oil; a tenth of slow motion; 0: noise always";
     estimator_lowest_transition: "estimator" "lowest_transition_bar" ["bar" = BAR] 0.0..=500.0 or 8.0, "Lowest transition pressure that is estimated; oil without undissolved air";
     estimator_highest_transition: "estimator" "highest_transition_bar" ["bar" = BAR] 0.1..=500.0 or 65.0, "Highest transition pressure that is estimated; oil with a tenth of air";
     estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 25.0, "Time constant of the mean of normalised innovations squared (NIS)";
     estimator_nis_threshold: "estimator" "nis_threshold" ["-" = 1.0] 1.1..=100.0 or 3.0, "Mean NIS above which a load has changed: three times what it is without a change";
     estimator_nis_inconsistent: "estimator" "nis_inconsistent" ["-" = 1.0] 1.1..=1000.0 or 6.0, "Mean NIS above which the innovations are not explained: twice the threshold";
     estimator_nis_certain: "estimator" "nis_certain" ["-" = 1.0] 1.1..=1000.0 or 15.0, "Mean NIS from which a load change is certain: five times the threshold; between the two, reported bounds open linearly";
-    estimator_divergence_time: "estimator" "divergence_time_s" ["s" = 1.0] 0.01..=100.0 or 2.0, "Time of a mean NIS above twice the threshold after which the filter has diverged, and the benchmark takes over";
+    estimator_divergence_time: "estimator" "divergence_time_s" ["s" = 1.0] 0.01..=100.0 or 2.0, "Time of a mean NIS above nis_inconsistent after which the filter has diverged, and the benchmark takes over";
     estimator_drive_lag: "estimator" "drive_lag_ms" ["ms" = MS] 1.0..=300.0 or 6.2, "Lag of the servo drive before any is identified";
     estimator_drive_memory: "estimator" "drive_memory_s" ["s" = 1.0] 0.1..=1000.0 or 2.0, "Time constant in which the identification of the drive forgets";
     estimator_drive_deviation: "estimator" "drive_deviation_percent" ["%" = PERCENT] 0.1..=100.0 or 10.0, "Standard deviation of the share of the way to its command that the motor goes in a period: at the start, and at most";
@@ -275,7 +275,7 @@ estimator_excitation_velocity: "estimator" "excitation_velocity_mm_s" ["mm/s" = 
     lqr_shortest_window: "scheduled_lqr" "shortest_window_ms" ["ms" = MS] 2.0..=300.0 or 15.0, "Shortest smoothing window of the reference, beside the drive's lag";
     lqr_longest_window: "scheduled_lqr" "longest_window_ms" ["ms" = MS] 2.0..=400.0 or 400.0, "Longest smoothing window of the reference; at a control period of 1 ms the preview keeps 300 ms of the past, of which this takes 280";
     lqr_window_time: "scheduled_lqr" "window_time_ms" ["ms" = MS] 1.0..=10_000.0 or 200.0, "Time constant in which the smoothing window adapts";
-    lqr_governor_error: "scheduled_lqr" "governor_error_mm" ["mm" = MM] 1e-2..=1e4 or 4.0, "Largest tracking error that is left to feedback; beyond it the reference starts anew at the piston";
+    lqr_governor_error: "scheduled_lqr" "governor_error_mm" ["mm" = MM] 1e-2..=1e4 or 4.0, "Largest tracking error that is left to feedback; beyond it the reference is offset so that the error equals it";
     lqr_governor_rate: "scheduled_lqr" "governor_rate_per_s" ["1/s" = 1.0] 0.01..=100.0 or 1.5, "Largest rate at which the reference returns";
     lqr_governor_rate_by_mode: "scheduled_lqr" "governor_rate_by_mode" ["-" = 1.0] 0.01..=10.0 or 0.8, "The same over the natural frequency of the load";
     lqr_governor_speed: "scheduled_lqr" "governor_speed_percent" ["%" = PERCENT] 1.0..=100.0 or 40.0, "Largest speed at which the reference returns, of the motor's";

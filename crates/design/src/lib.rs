@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! Description -> linear (the crane linearised, its modes and responses)
-//!             -> lifting (as it is once the pump lifts)
+//!             -> linearised_plant (as it is once the pump lifts)
 //!             -> oil_spring_fit (a mass on an oil spring, fitted to that) -> operating_points (over the stroke)
 //!             -> reduced_model_fit (over stroke and payload) -> scheduled_lqr (estimator and law)
-//!             -> growth (whether a closed loop is unstable), margins (stability margins), look (all of a design)
+//!             -> unstable_poles (argument principle), margins (stability margins), design_report (both loops)
 //!             -> supervision (limits, monitors and the release of the load)
 //! ```
 

@@ -1,4 +1,4 @@
-//! The crane linearised as it is once the pump lifts: Coulomb friction, which at rest holds whatever rings, is a constant, and the
+//! The crane linearised as it is once the pump lifts: Coulomb friction, which at rest damps out every oscillation, is a constant, and the
 //! load-holding valves, which are shut at rest, are open.
 
 use crate::DesignError;
@@ -11,7 +11,7 @@ use nalgebra::{Complex, DMatrix};
 use std::f64::consts::TAU;
 
 /// A mode of boom and oil lies between these \[Hz\].
-const RINGS: [f64; 2] = [0.2, 25.0];
+const LOAD_MODE: [f64; 2] = [0.2, 25.0];
 
 /// A crane at rest at a piston position, linearised.
 pub struct LinearisedPlant {
@@ -73,15 +73,10 @@ impl LinearisedPlant {
     ///
     /// [`DesignError::NoMode`] when there is none.
     pub fn load_mode(&self) -> Result<&Mode, DesignError> {
-        let rings = |mode: &&Mode| {
-            mode.damping_ratio < 0.9 && (RINGS[0]..RINGS[1]).contains(&mode.frequency_hz)
+        let is_load_mode = |mode: &&Mode| {
+            mode.damping_ratio < 0.9 && (LOAD_MODE[0]..LOAD_MODE[1]).contains(&mode.frequency_hz)
         };
-        self.modes.iter().find(rings).ok_or_else(|| self.none("none between 0.2 and 25 Hz"))
-    }
-
-    /// The modes in which the boom bends, slowest first.
-    pub fn bending(&self) -> impl Iterator<Item = &Mode> {
-        self.modes.iter().filter(|mode| mode.frequency_hz > RINGS[1] && mode.damping_ratio < 0.9)
+        self.modes.iter().find(is_load_mode).ok_or_else(|| self.none("none between 0.2 and 25 Hz"))
     }
 
     /// Responses at a frequency \[Hz\].

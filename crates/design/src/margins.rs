@@ -105,13 +105,13 @@ pub struct Margins {
     pub gain: f64,
     /// Phase margin: least phase that is left where the loop's gain is one.
     pub phase_deg: f64,
-    /// Modulus margin: least distance of the loop from −1, which every uncertainty has to stay below.
+    /// Modulus margin: least distance of the loop from −1, below which every additive uncertainty of the loop has to stay.
     pub modulus_margin: f64,
     /// Frequency of that.
     pub at_hz: f64,
     /// Highest frequency at which the loop's gain is one.
     pub crossover_hz: f64,
-    /// Unstable poles of the closed loop, less those without it; where there are some, the margins above are none.
+    /// Poles of the closed loop that grow faster than 0.25 1/s, less those of the open loop; where there are some, the margins above are none.
     pub unstable_poles: u32,
 }
 

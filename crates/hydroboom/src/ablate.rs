@@ -65,15 +65,16 @@ impl Ablate {
             .iter()
             .map(|row| {
                 vec![
-                    row.mechanism.name.into(),
+                    row.mechanism.into(),
                     row.course.clone(),
                     format!("{:.2}", row.mean_ratio),
                     format!("{:.2}", row.largest_ratio),
                     row.oscillating.to_string(),
+                    row.overrides.join(" "),
                 ]
             })
             .collect();
-        let header = ["without", "course", "mean ratio", "largest", "oscillating"];
+        let header = ["without", "course", "mean ratio", "largest", "oscillating", "by"];
         output::text(&format!(
             "{} mechanisms on {} virtual cranes around \"{}\", seed {}\n{}",
             of_asked(done, MECHANISMS.len()),

@@ -34,7 +34,7 @@ pub struct Design {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// By how much each phase of the motion alone brings down the standard deviation of each state that the Kalman filter estimates.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["family", "out"])]
     observability: bool,
     /// Write design.html into this folder.
     #[arg(long, value_name = "DIR")]

@@ -8,6 +8,7 @@ use crate::virtual_crane::strategies;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_lab::closed_loop::consistency_statistics::{COVERAGE, FEWEST_INSTANTS};
 use hydroboom_lab::closed_loop::estimator_consistency::{
     Consistency, ErrorRow, InnovationRow, consistency,
 };
@@ -141,14 +142,15 @@ fn text(found: &Consistency) -> String {
     let longest =
         found.inconsistent.iter().max_by(|a, b| a.longest_s.total_cmp(&b.longest_s)).map(|t| {
             format!(
-                "; mean NIS beyond twice the threshold for {:.2} s at most ({})",
+                "; mean NIS above estimator.nis_inconsistent for {:.2} s at most ({})",
                 t.longest_s, t.course
             )
         });
     format!(
         "Innovations (NIS): windows of 1 s without a load change; wanted: 90 % from 0.5 to 2. Autocorrelation of largest \
          magnitude at lags from 20 to 200 ms; 0 is wanted{}\n{}\n\n\
-         Errors (NEES): wanted: 90 to 99 % within 2 sigma, sigma at most twice the RMS error\n{}\n\n\
+         Errors (NEES): wanted: 90 to 99 % within 2 sigma, sigma at most twice the RMS error; \
+         no verdict below {FEWEST_INSTANTS} instants\n{}\n\n\
          The same by course, without the half second after a load change\n{}{failed}",
         longest.unwrap_or_default(),
         output::table(&header, &cells),
@@ -203,6 +205,14 @@ fn error_cells(row: &ErrorRow) -> Vec<String> {
         small(s.mean_deviation),
         format!("{:.2}", s.deviation_over_rms),
         format!("{:.0}", s.coverage_percent),
-        verdict(row.is_consistent),
+        match row.is_consistent {
+            Some(false) if s.coverage_percent < *COVERAGE.start() => {
+                "inconsistent: sigma too small"
+            }
+            Some(false) => "inconsistent: sigma too large",
+            Some(true) => "",
+            None => "too few",
+        }
+        .into(),
     ]
 }

@@ -115,7 +115,7 @@ impl Faults {
             output::table(&HEADER, &rows)
         );
         said += &match beyond.is_empty() {
-            true => "every case keeps to its computed bounds of movement and time".to_string(),
+            true => "every case keeps to its computed bounds: of movement, and of time where the fault has one".to_string(),
             false => {
                 let rows: Vec<Vec<String>> = beyond.iter().take(40).map(|c| detail(c)).collect();
                 format!(

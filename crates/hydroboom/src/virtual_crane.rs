@@ -92,6 +92,15 @@ impl Virtual {
                 "--set {assignment}: --set changes the machine, and this is what its controller knows"
             );
         }
+        if let (Some(path), None) = (self.crane.path(), &self.model)
+            && let Some(key) = key_of_controller(&crane)
+        {
+            miette::bail!(
+                help = format!("--model {} makes the controller know this file", path.display()),
+                "{} has {key}, which is of the controller, and --crane is the machine: without --model the controller knows the paper's crane",
+                path.display()
+            );
+        }
         let mut model = match &self.model {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
             None => Description::uia_single_boom()?,
@@ -149,8 +158,12 @@ impl Virtual {
             return output::json(&value);
         }
         let mut said = format!("{}: {:.3} s", crane.name, summary.duration_s);
-        if let (Some(rms), Some(peak)) = (summary.rms_mm, summary.peak_mm) {
-            said += &format!(", tracking error RMS {rms:.3} mm, peak {peak:.3} mm");
+        if let (Some(rms), Some(peak), Some(true_rms)) =
+            (summary.rms_mm, summary.peak_mm, summary.true_rms_mm)
+        {
+            said += &format!(
+                ", tracking error RMS {rms:.3} mm and peak {peak:.3} mm as measured, RMS {true_rms:.3} mm in truth"
+            );
         }
         said += &format!(
             "; at the end x_cyl {:.3} mm, p_A {:.2} bar, oil {:.2} C; largest motor torque {:.1} N m",
@@ -170,8 +183,21 @@ impl Virtual {
 }
 
 /// Whether an override is of a setting of estimator or law.
+/// The first key of its file that only a controller reads.
+fn key_of_controller(crane: &Description) -> Option<String> {
+    let mut entries = crane.entries();
+    let found = entries.find(|(key, _, origin)| {
+        CONTROLLER_SECTIONS.contains(&key.section) && origin.line.is_some()
+    });
+    found.map(|(key, ..)| key.path())
+}
+
+/// Sections of the crane file that only a controller reads.
+const CONTROLLER_SECTIONS: [&str; 2] = ["estimator", "scheduled_lqr"];
+
 fn is_of_controller(assignment: &str) -> bool {
-    ["estimator.", "scheduled_lqr."].iter().any(|section| assignment.trim().starts_with(section))
+    let section = assignment.trim().split('.').next();
+    section.is_some_and(|section| CONTROLLER_SECTIONS.contains(&section))
 }
 
 const ESTIMATES: [&str; 5] =

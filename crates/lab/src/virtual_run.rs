@@ -79,6 +79,8 @@ pub struct Summary {
     pub rms_mm: Option<f64>,
     /// Peak tracking error as read.
     pub peak_mm: Option<f64>,
+    /// RMS tracking error of the true piston.
+    pub true_rms_mm: Option<f64>,
     /// Piston position at the end, truly.
     pub stroke_mm: f64,
     /// Pressure on the piston side at the end, truly.
@@ -232,6 +234,7 @@ impl Summary {
     fn finish(&mut self, metrics: &Metrics) {
         self.rms_mm = Some(metrics.rms() * 1e3);
         self.peak_mm = Some(metrics.peak() * 1e3);
+        self.true_rms_mm = Some(metrics.true_rms() * 1e3);
     }
 }
 

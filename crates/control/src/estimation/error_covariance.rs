@@ -1,7 +1,7 @@
 //! Error covariance of the filter's estimates, with what the filter takes for exact.
 //!
 //! The filter's own covariance P gives its gain K; it takes the parameters of the reduced model for exact, and a load for one that hardly changes. The error
-//! covariance takes K as given, and follows the errors e of the states together with those of considered parameters c, which are constant and never estimated:
+//! covariance takes K as given, and follows the errors e of the states together with those of consider parameters c, which are constant and never estimated:
 //!
 //! ```text
 //! e⁻ = F e + G c + w,   e = e⁻ − K (H e⁻ + H_c c + v)
@@ -9,7 +9,7 @@
 //!
 //! It is what is reported. It changes no estimate.
 //!
-//! Sources: S. Schmidt, *Application of State-Space Methods to Navigation Problems*, 1966 (considered parameters); A. Gelb (ed.), *Applied Optimal Estimation*,
+//! Sources: S. Schmidt, *Application of State-Space Methods to Navigation Problems*, 1966 (consider parameters); A. Gelb (ed.), *Applied Optimal Estimation*,
 //! 1974, chapter 7 (covariance of a filter whose gain is given).
 
 use super::reduced_model::{ReducedModel, STATES};
@@ -38,13 +38,13 @@ record! {
 
 /// Parameters that are considered.
 pub const CONSIDERED: usize = ConsideredParameters::NAMES.len();
-/// States, and after them the considered parameters.
+/// States, and after them the consider parameters.
 pub const ERRORS: usize = STATES + CONSIDERED;
 
 /// A covariance of N errors, rows first; the first of them are those of the states.
 pub type Covariance<T, const N: usize = STATES> = [[T; N]; N];
 
-/// The model with the considered parameters as variables: its slopes are those by the states, and after them by these.
+/// The model with the consider parameters as variables: its slopes are those by the states, and after them by these.
 pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T, ERRORS>> {
     let variable = |value: T, parameter: usize| Dual::variable(value, STATES + parameter);
     let exact = model.map(Dual::constant);
@@ -60,7 +60,7 @@ pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T,
     }
 }
 
-/// Standard deviation of a function of states and considered parameters by its slopes: σ² = ∇h P ∇hᵀ.
+/// Standard deviation of a function of states and consider parameters by its slopes: σ² = ∇h P ∇hᵀ.
 pub fn output_deviation<T: Real>(p: &Covariance<T, ERRORS>, slopes: &[T; ERRORS]) -> T {
     let variance = p.iter().zip(slopes).fold(T::zero(), |sum, (row, slope)| {
         let product = row.iter().zip(slopes).fold(T::zero(), |sum, (p, s)| p.mul_add(*s, sum));

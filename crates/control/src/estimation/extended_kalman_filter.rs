@@ -46,7 +46,7 @@ pub struct ExtendedKalmanFilter<T> {
     pub measurement_noise: [T; 2],
     /// Averaging time of the measured noise \[s\].
     pub noise_memory: T,
-    /// Velocity \[m/s\] of the load below which the oil's transition pressure is frozen: its process noise is zero, so that its variance does not grow unexcited.
+    /// Velocity \[m/s\] of the load below which the oil's transition pressure has no process noise, so that its variance does not grow unexcited.
     pub excitation_velocity: T,
     /// Time of inconsistent innovations after which the filter has diverged \[s\].
     pub divergence_time: T,
@@ -97,7 +97,7 @@ pub struct EstimatorState<T> {
     pub estimate: MachineState<T>,
     /// The filter's covariance, which gives its gain.
     pub covariance: Covariance<T>,
-    /// Error covariance of the estimates and of the considered parameters.
+    /// Error covariance of the estimates and of the consider parameters.
     pub errors: Covariance<T, ERRORS>,
     /// Mean of the normalised innovations squared \[1\].
     pub mean_nis: T,
@@ -222,7 +222,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
         limit(&mut state.errors, &most(self.payload_change.square()));
     }
 
-    /// The state a period later with the motor turning at a mean speed \[rev/s\], and its Jacobian by state and considered parameters, exact by dual numbers.
+    /// The state a period later with the motor turning at a mean speed \[rev/s\], and its Jacobian by state and consider parameters, exact by dual numbers.
     pub fn transition(
         &self,
         z: &MachineState<T>,
@@ -283,7 +283,7 @@ impl<T: Real> ExtendedKalmanFilter<T> {
                 gain[i].mul_add(innovation, z[i])
             }));
             corrected(&mut state.covariance, &gain, &shared, s);
-            // considered parameters are not estimated
+            // consider parameters are not estimated
             let of_all = core::array::from_fn(|i| gain.get(i).copied().unwrap_or(zero));
             corrected(&mut state.errors, &of_all, &shared_errors, s_errors);
         }

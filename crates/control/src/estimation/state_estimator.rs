@@ -1,7 +1,7 @@
 //! The machine's state when a command arrives: Kalman filter, identified drive lag, and prediction over the known delays.
 //!
 //! A measurement is so many cycles old, and a command arrives as many cycles later: the filter runs at the time of the measurement, and its state is predicted
-//! over both delays with the commands that are on their way (a Smith predictor on a nonlinear model).
+//! over both delays with the commands that are on their way (state prediction over the dead time; Z. Artstein, IEEE Trans. Automatic Control 27 (1982) 869).
 
 use super::drive_identification::{DriveIdentification, DriveLag};
 use super::extended_kalman_filter::{EstimatorInput, EstimatorState, ExtendedKalmanFilter};

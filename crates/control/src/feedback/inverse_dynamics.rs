@@ -17,7 +17,7 @@ use hydroboom_math::Real;
 
 /// State and motor speed \[rev/s\] that follow a reference.
 ///
-/// `estimate` has friction, disturbances and parameters; friction turns no faster than within `turning` \[m/s\]; the piston side has `beyond` \[Pa\] more than the load
+/// `estimate` has friction, disturbances and parameters; friction turns no faster than within `turning` \[m/s\]; the piston side has `rod_side_term` \[Pa\] more than the load
 /// pressure, and no less than none itself.
 #[inline(always)]
 pub fn inverse_dynamics<T: Real>(

@@ -96,7 +96,7 @@ impl<T: Real> Preview<T> {
         self.period
     }
 
-    /// Position and velocity so long \[s\] after now: between −0.2 and 0.8 s, beyond that those at the ends.
+    /// Position and velocity so long \[s\] after now: between −300 and 800 periods, beyond that those at the ends.
     #[inline(always)]
     pub fn at(&self, after: T) -> SetPoint<T> {
         let place = after / self.period + T::lit(PERIODS_BEHIND as f64);
@@ -123,10 +123,5 @@ impl<T: Real> Preview<T> {
             self.velocity.iter().step_by(SPAN).zip(self.velocity.iter().skip(SPAN).step_by(SPAN));
         let span = self.period * T::lit(SPAN as f64);
         spans.fold(T::zero(), |most, (from, to)| most.max((*to - *from).abs() / span))
-    }
-
-    /// Largest speed \[m/s\] of the reference between −0.2 and 0.8 s.
-    pub fn largest_speed(&self) -> T {
-        self.velocity.iter().step_by(10).fold(T::zero(), |most, v| most.max(v.abs()))
     }
 }

@@ -68,7 +68,7 @@ impl<T: Real> SpeedLimit<T> {
         T::lit(1e-6).lt(largest)
     }
 
-    /// Offset \[m\] of the feasible reference so long \[s\] after now, between −0.2 and 2.5 s, and its rate \[m/s\].
+    /// Offset \[m\] of the feasible reference so long \[s\] after now, between −300 periods and 2.5 s, and its rate \[m/s\].
     #[inline(always)]
     pub fn at(&self, after: T, period: T) -> [T; 2] {
         let spacing = T::lit(SPACING);

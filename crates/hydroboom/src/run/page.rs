@@ -57,7 +57,7 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                     td { (format!("{:.3}", r.rms_mm)) } td { (format!("{:.3}", r.peak_mm)) }
                     td.text {
                         @if let Some(fault) = r.fault { strong { (fault) } } @else { "load held" }
-                        @if r.fallback { ", benchmark took over" }
+                        @if let Some(cause) = r.fallback_cause { ", benchmark took over: " (cause) }
                     }
                 } }
                 @if let Some([rms, peak]) = paper { tr {

@@ -54,8 +54,10 @@ impl Report<'_> {
         };
         let ended = |r: &CourseResult| {
             let end = r.fault.unwrap_or("load held");
-            let fallback = if r.fallback { ", benchmark took over" } else { "" };
-            format!("{end}{fallback}")
+            match r.fallback_cause {
+                Some(cause) => format!("{end}, benchmark took over: {cause}"),
+                None => end.to_string(),
+            }
         };
         let mut rows = Vec::new();
         let skipped = self.results.len().saturating_sub(LISTED);

@@ -5,7 +5,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
-use hydroboom_realtime::control_task::Record;
+use hydroboom_realtime::control_task::{Fallback, Record};
 use hydroboom_realtime::desk::{Desk, Generation};
 use hydroboom_realtime::failure::Failure;
 use hydroboom_realtime::log::LogWriter;
@@ -38,6 +38,8 @@ pub struct CourseResult {
     pub fault: Option<&'static str>,
     /// Whether the benchmark had to take over.
     pub fallback: bool,
+    /// Why it last had to.
+    pub fallback_cause: Option<&'static str>,
     /// Memory that the program had at its end.
     pub memory_mb: Option<f64>,
 }
@@ -78,7 +80,7 @@ struct Running {
     sum: f64,
     count: u32,
     peak: f64,
-    fallback: bool,
+    fallback: Option<Fallback>,
 }
 
 /// How often a course shall be run by itself.
@@ -285,7 +287,7 @@ impl Running {
         self.then = record.strategy;
         self.sum += error_mm * error_mm;
         self.count += 1;
-        self.fallback |= record.fallback.is_some();
+        self.fallback = record.fallback.or(self.fallback);
         if error_mm.abs() > self.peak.abs() {
             self.peak = error_mm;
         }
@@ -353,7 +355,7 @@ impl Watch {
             sum: 0.0,
             count: 0,
             peak: 0.0,
-            fallback: false,
+            fallback: None,
         });
     }
 
@@ -394,7 +396,8 @@ impl Watch {
             rms_mm: rms,
             peak_mm: running.peak,
             fault: record.decision.cause.map(|cause| cause.code()),
-            fallback: running.fallback,
+            fallback: running.fallback.is_some(),
+            fallback_cause: running.fallback.map(Fallback::name),
             memory_mb: memory_mb(),
         };
         if let Some((dashboard, _)) = &mut self.dashboard {

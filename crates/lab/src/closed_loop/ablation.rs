@@ -4,72 +4,97 @@ use crate::LabError;
 use crate::closed_loop::monte_carlo::{family, members};
 use crate::closed_loop::scenario::CourseChoice;
 use hydroboom_control::strategy::Strategy;
-use hydroboom_description::Description;
+use hydroboom_description::schema::Numbers;
+use hydroboom_description::{Description, Difference};
 use serde::Serialize;
 
+const BAR: f64 = 1e5;
+
 /// A mechanism, and what switches it off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug)]
 pub struct Mechanism {
     /// Its name.
     pub name: &'static str,
-    /// Overrides of the controller's crane file, that of the machine staying as it is.
-    pub overrides: &'static [&'static str],
+    /// Changes the numbers of the controller's crane file, that of the machine staying as it is.
+    switch_off: fn(&mut Numbers<f64>),
 }
 
 /// Mechanisms of estimator and law.
 pub const MECHANISMS: [Mechanism; 11] = [
     Mechanism {
         name: "transition pressure estimated",
-        overrides: &["estimator.lowest_transition_bar=35", "estimator.highest_transition_bar=35"],
+        switch_off: |n| {
+            n.tuning.estimator_lowest_transition = n.transition;
+            n.tuning.estimator_highest_transition = n.transition;
+        },
     },
     Mechanism {
-        name: "transition pressure frozen at rest",
-        overrides: &["estimator.excitation_velocity_mm_s=0"],
+        name: "process noise of the transition pressure only in motion",
+        switch_off: |n| n.tuning.estimator_excitation_velocity = 0.0,
     },
     Mechanism {
         name: "unknown force estimated",
-        overrides: &[
-            "estimator.disturbance_drift_bar=0.001",
-            "estimator.initial_disturbance_bar=0.001",
-        ],
+        switch_off: |n| {
+            n.tuning.estimator_disturbance_drift = 1e-3 * BAR;
+            n.tuning.estimator_initial_disturbance = 1e-3 * BAR;
+        },
     },
     Mechanism {
         name: "unknown flow estimated",
-        overrides: &["estimator.flow_drift_rpm=0.001", "estimator.largest_flow_percent=0.01"],
+        switch_off: |n| {
+            n.tuning.estimator_flow_drift = 1e-3 / 60.0;
+            n.tuning.estimator_largest_flow = 1e-4;
+        },
     },
     Mechanism {
         name: "drive lag identified",
-        overrides: &["estimator.speed_noise_rpm=1000", "estimator.drive_memory_s=1000"],
+        switch_off: |n| {
+            n.tuning.estimator_speed_noise = 1000.0 / 60.0;
+            n.tuning.estimator_drive_memory = 1000.0;
+        },
     },
     Mechanism {
         name: "smoothing of the reference",
-        overrides: &["scheduled_lqr.shortest_window_ms=2", "scheduled_lqr.longest_window_ms=10"],
+        switch_off: |n| {
+            n.tuning.lqr_shortest_window = 2e-3;
+            n.tuning.lqr_longest_window = 10e-3;
+        },
     },
-    Mechanism { name: "reference governor", overrides: &["scheduled_lqr.governor_error_mm=10000"] },
+    Mechanism { name: "reference governor", switch_off: |n| n.tuning.lqr_governor_error = 10.0 },
     Mechanism {
         name: "limit of feedback",
-        overrides: &[
-            "scheduled_lqr.feedback_percent=100",
-            "scheduled_lqr.position_feedback_percent=100",
-        ],
+        switch_off: |n| {
+            n.tuning.lqr_feedback = 1.0;
+            n.tuning.lqr_position_feedback = 1.0;
+        },
     },
     Mechanism {
         name: "nested saturation",
-        overrides: &["scheduled_lqr.position_feedback_percent=40"],
+        switch_off: |n| n.tuning.lqr_position_feedback = n.tuning.lqr_feedback,
     },
-    Mechanism { name: "rollout", overrides: &["scheduled_lqr.rollout_improvement_percent=100"] },
+    Mechanism { name: "rollout", switch_off: |n| n.tuning.lqr_rollout_improvement = 1.0 },
     Mechanism {
         name: "payload hypothesis of the rollout",
-        overrides: &["scheduled_lqr.payload_probability_percent=0"],
+        switch_off: |n| n.tuning.lqr_payload_probability = 0.0,
     },
 ];
+
+impl Mechanism {
+    /// A controller's crane without it.
+    pub fn without(&self, model: &Description) -> Description {
+        let mut without = model.clone();
+        (self.switch_off)(&mut without.numbers);
+        without
+    }
+}
 
 /// True RMS error without a mechanism over that of the whole law on the same crane and course.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// The mechanism.
-    #[serde(flatten)]
-    pub mechanism: Mechanism,
+    pub mechanism: &'static str,
+    /// Keys of the controller's crane file that switch it off, as `section.key=value`.
+    pub overrides: Vec<String>,
     /// Course.
     pub course: String,
     /// Cranes.
@@ -87,7 +112,7 @@ pub struct Row {
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built or an override is refused.
+/// [`LabError`] when a crane cannot be built.
 pub fn ablation(
     model: &Description,
     nominal: &Description,
@@ -106,10 +131,9 @@ pub fn ablation(
     let whole = run(model, 0.0)?;
     let mut rows = Vec::new();
     for (k, mechanism) in MECHANISMS.into_iter().enumerate() {
-        let mut without = model.clone();
-        for assignment in mechanism.overrides {
-            without.set(assignment)?;
-        }
+        let without = mechanism.without(model);
+        let overrides: Vec<String> =
+            model.differences(&without).iter().map(Difference::assignment).collect();
         let done = run(&without, (k + 1) as f64)?;
         if done.len() < whole.len() {
             break;
@@ -120,7 +144,8 @@ pub fn ablation(
                 || pairs().map(|(a, b)| b.true_rms_mm / a.true_rms_mm).filter(|r| r.is_finite());
             let logs: f64 = ratios().map(f64::ln).sum();
             rows.push(Row {
-                mechanism,
+                mechanism: mechanism.name,
+                overrides: overrides.clone(),
                 course: course.of(nominal)?.name(),
                 cranes: done.len(),
                 mean_ratio: (logs / ratios().count().max(1) as f64).exp(),
@@ -130,4 +155,31 @@ pub fn ablation(
         }
     }
     Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the file says of limits: what switches a mechanism off changes something, and contradicts nothing.
+    #[test]
+    fn every_mechanism_is_switched_off_by_keys_that_a_crane_file_may_have() {
+        let as_published = Description::uia_single_boom().unwrap();
+        let mut tuned = as_published.clone();
+        for assignment in [
+            "scheduled_lqr.feedback_percent=30",
+            "estimator.highest_transition_bar=30",
+            "oil.transition_bar=20",
+        ] {
+            tuned.set(assignment).unwrap();
+        }
+        for model in [as_published, tuned] {
+            for mechanism in MECHANISMS {
+                let mut without = mechanism.without(&model);
+                assert!(!model.differences(&without).is_empty(), "{}", mechanism.name);
+                let name = without.name.clone();
+                without.set(&format!("crane.name={name}")).unwrap();
+            }
+        }
+    }
 }

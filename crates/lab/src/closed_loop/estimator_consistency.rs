@@ -384,7 +384,7 @@ pub struct Consistency {
     pub cranes: Vec<u64>,
     /// Courses that a crane could not finish; they do not count.
     pub failed: Vec<String>,
-    /// By course: longest time for which the mean NIS was above twice the threshold; `estimator.divergence_time_s` is to be longer.
+    /// By course: longest time for which the mean NIS was above `estimator.nis_inconsistent`; `estimator.divergence_time_s` is to be longer.
     pub inconsistent: Vec<InconsistentTime>,
     /// Innovations: over all courses, then by course.
     pub innovations: Vec<InnovationRow>,
@@ -550,7 +550,7 @@ mod tests {
     use hydroboom_control::strategy::Strategy;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    /// Quantities of states and, after them, considered parameters.
+    /// Quantities of states and, after them, consider parameters.
     fn quantities_of(
         model: &ReducedModel<f64>,
         errors: &[f64; ERRORS],
