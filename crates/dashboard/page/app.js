@@ -142,6 +142,8 @@ const ESTIMATES = [
   ["unknown force over the piston's area", "bar", "disturbance_bar", 2],
   ["unknown flow", "rpm", "unknown_flow_rpm", 1],
   ["velocity of the load", "mm/s", "velocity_mm_s", 1],
+  ["tip, to the right of the bearing", "mm", "tip_x_mm", 1],
+  ["tip, above the bearing", "mm", "tip_y_mm", 1],
   ["lag of the drive", "ms", "drive_lag_ms", 1],
   ["mean NIS", "1", "mean_nis", 2],
 ];

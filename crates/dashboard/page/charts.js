@@ -20,6 +20,7 @@ class Charts {
       ["chart-payload", "Estimated payload ± 2σ [kg]", [["payload", "estimated_payload_kg"]], false, around("payload_kg")],
       ["chart-transition", "Transition pressure ± 2σ [bar]", [["transition pressure", "estimated_transition_pressure_bar"]], false, around("transition_pressure_bar")],
       ["chart-disturbance", "Unknown force ± 2σ [bar]", [["unknown force", "estimated_disturbance_bar"]], false, around("disturbance_bar")],
+      ["chart-tip", "Estimated height of the tip ± 2σ [mm]", [["tip", "estimated_tip_y_mm"]], false, around("tip_y_mm")],
       ["chart-innovation-position", "Innovation of position, ± 2σ [mm]", [["innovation", "innovation_position_mm"]], false, { about: null, deviation: "deviation_innovation_position_mm" }],
       ["chart-innovation-pressure", "Innovation of load pressure, ± 2σ [bar]", [["innovation", "innovation_load_pressure_bar"]], false, { about: null, deviation: "deviation_innovation_load_pressure_bar" }],
     ];

@@ -3,6 +3,7 @@
 use crate::choice::Choice;
 use crate::scene::{Scene, shorter};
 use hydroboom_control::estimation::reduced_model::MachineState;
+use hydroboom_control::estimation::tip::TipEstimate;
 use hydroboom_realtime::control_task::{Deadlines, Estimates, Fallback, Record};
 use hydroboom_realtime::log;
 use hydroboom_realtime::readiness::start_waits_for;
@@ -20,7 +21,7 @@ const WAITING: usize = 100;
 const KEPT: usize = 20;
 
 /// Names of a sample's numbers, in order.
-pub(crate) const SAMPLE: [&str; 26] = [
+pub(crate) const SAMPLE: [&str; 28] = [
     "time_s",
     "reference_mm",
     "stroke_mm",
@@ -43,6 +44,8 @@ pub(crate) const SAMPLE: [&str; 26] = [
     "deviation_transition_pressure_bar",
     "estimated_disturbance_bar",
     "deviation_disturbance_bar",
+    "estimated_tip_y_mm",
+    "deviation_tip_y_mm",
     "innovation_position_mm",
     "deviation_innovation_position_mm",
     "innovation_load_pressure_bar",
@@ -197,6 +200,8 @@ fn estimated(e: &Estimates) -> Value {
         "disturbance_bar": both(|z| z.disturbance * 1e-5),
         "unknown_flow_rpm": both(|z| z.unknown_flow * 60.0),
         "velocity_mm_s": both(|z| z.velocity * 1e3),
+        "tip_x_mm": e.tip.map(|tip| [tip.x, tip.deviation_x].map(|m| shorter(m * 1e3))),
+        "tip_y_mm": e.tip.map(|tip| [tip.y, tip.deviation_y].map(|m| shorter(m * 1e3))),
         "drive_lag_ms": shorter(e.drive_lag * 1e3), "mean_nis": shorter(e.mean_nis),
     })
 }
@@ -206,6 +211,9 @@ fn sample(r: &Record, worst: &Deadlines) -> Value {
     let some = |value: f64| value.is_finite().then(|| (value * 1e3).round() * 1e-3);
     let bar = |pascal: f64| some(pascal * 1e-5);
     let estimates = |of: fn(&Estimates) -> f64| r.estimates.as_ref().and_then(|e| some(of(e)));
+    let tip = |of: fn(&TipEstimate<f64>) -> f64| {
+        r.estimates.and_then(|e| e.tip).and_then(|tip| some(of(&tip) * 1e3))
+    };
     let us = |nanoseconds: u64| r.deadlines.and_then(|_| some(nanoseconds as f64 * 1e-3));
     json!([
         some(r.time),
@@ -230,6 +238,8 @@ fn sample(r: &Record, worst: &Deadlines) -> Value {
         estimates(|e| e.deviation.transition_pressure * 1e-5),
         estimates(|e| e.state.disturbance * 1e-5),
         estimates(|e| e.deviation.disturbance * 1e-5),
+        tip(|tip| tip.y),
+        tip(|tip| tip.deviation_y),
         estimates(|e| e.innovation[0] * 1e3),
         estimates(|e| e.innovation_deviation[0] * 1e3),
         estimates(|e| e.innovation[1] * 1e-5),

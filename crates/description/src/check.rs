@@ -6,6 +6,9 @@ use hydroboom_math::Dual;
 use hydroboom_model::EquilibriumError;
 use hydroboom_model::hydraulics::{FrictionLaw, Stribeck};
 
+/// Determinant of a matrix of correlations below which rounding to the digits of a crane file does not explain that it is negative.
+const ROUNDED: f64 = 1e-3;
+
 impl Description {
     /// What makes the machine impossible, if anything: a key involved, what is wrong, what to do.
     pub(crate) fn impossible(&self) -> Option<(&'static str, String, String)> {
@@ -59,6 +62,9 @@ impl Description {
         if let Some(contradiction) = self.contradicting_limits() {
             return Some(contradiction);
         }
+        if let Some(contradiction) = self.impossible_correlations() {
+            return Some(contradiction);
+        }
         if n.bulk_modulus_min > n.bulk_modulus_max {
             return Some((
                 "oil.bulk_modulus_min_mpa",
@@ -73,7 +79,6 @@ impl Description {
         wrong.or_else(|| self.unbalanced())
     }
 
-    /// The same of a valve-controlled circuit.
     /// Limits of estimator and law that contradict each other.
     fn contradicting_limits(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
@@ -111,6 +116,23 @@ impl Description {
         })
     }
 
+    /// Correlations of three numbers that no covariance has: their matrix has a negative determinant.
+    fn impossible_correlations(&self) -> Option<(&'static str, String, String)> {
+        let n = &self.numbers;
+        let [a, b, c] = [n.tip_bending_base, n.tip_bending_offset, n.tip_base_offset];
+        let determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c;
+        (determinant < -ROUNDED).then(|| {
+            (
+                "tip.bending_base_correlation",
+                format!(
+                    "correlations of {a}, {b} (tip.bending_offset_correlation) and {c} (tip.base_offset_correlation) contradict each other"
+                ),
+                "take all three from one survey (`hydroboom tip`), or leave them out: 0".into(),
+            )
+        })
+    }
+
+    /// The same of a valve-controlled circuit.
     fn impossible_valve(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         (n.spool_neutral == n.spool_full).then(|| {

@@ -6,8 +6,8 @@ use crate::parse::SEGMENT_LENGTHS;
 use crate::schema::KEYS;
 
 /// Sections that are no part of a machine: its controllers, its supervision, its tests.
-const AROUND: [&str; 6] =
-    ["controller", "estimator", "scheduled_lqr", "motion", "oscillation", "supervision"];
+const AROUND: [&str; 7] =
+    ["controller", "estimator", "scheduled_lqr", "tip", "motion", "oscillation", "supervision"];
 
 /// One key with two values.
 #[derive(Clone, Debug, PartialEq)]

@@ -247,7 +247,7 @@ tuning {
     estimator_payload_drift: "estimator" "payload_drift_percent" ["%" = PERCENT] 1e-3..=100.0 or 1.0, "Process noise of the payload in a second, of the heaviest that is thought of; estimate";
     estimator_payload_variance_limit: "estimator" "payload_variance_limit" ["-" = 1.0] 1.0..=1e6 or 30.0, "Largest variance of the payload in the filter, over that at the start";
     estimator_transition_drift: "estimator" "transition_drift_bar" ["bar" = BAR] 1e-3..=100.0 or 2.0, "Process noise of the oil's transition pressure in a second: air dissolves within seconds";
-estimator_excitation_velocity: "estimator" "excitation_velocity_mm_s" ["mm/s" = MM] 0.0..=1000.0 or 2.0, "Velocity of the load below which the transition pressure has no process noise, since nothing excites the oil; a tenth of slow motion; 0: noise always";
+    estimator_excitation_velocity: "estimator" "excitation_velocity_mm_s" ["mm/s" = MM] 0.0..=1000.0 or 2.0, "Velocity of the load below which the transition pressure has no process noise, since nothing excites the oil; a tenth of slow motion; 0: noise always";
     estimator_lowest_transition: "estimator" "lowest_transition_bar" ["bar" = BAR] 0.0..=500.0 or 8.0, "Lowest transition pressure that is estimated; oil without undissolved air";
     estimator_highest_transition: "estimator" "highest_transition_bar" ["bar" = BAR] 0.1..=500.0 or 65.0, "Highest transition pressure that is estimated; oil with a tenth of air";
     estimator_nis_time: "estimator" "nis_time_ms" ["ms" = MS] 1.0..=10_000.0 or 25.0, "Time constant of the mean of normalised innovations squared (NIS)";
@@ -287,6 +287,19 @@ estimator_excitation_velocity: "estimator" "excitation_velocity_mm_s" ["mm/s" = 
     lqr_payload_probability: "scheduled_lqr" "payload_probability_percent" ["%" = PERCENT] 0.0..=100.0 or 70.0, "Probability that a load that has changed is a payload, and not a force";
 }
 motion_and_equipment {
+    // the tip's position: before a survey its numbers have a stated spread, after one that of their fit (`hydroboom tip`)
+    tip_bending: "tip" "bending_percent" ["%" = PERCENT] 1.0..=1000.0 or 100.0, "Bending of the boom under load, of that of a uniform beam of the crane file's E I";
+    tip_bending_deviation: "tip" "bending_deviation_percent" ["%" = PERCENT] 0.0..=100.0 or 20.0, "Its standard deviation; unsurveyed, E I and play of joints of a welded box section";
+    tip_base: "tip" "base_mrad_per_knm" ["mrad/(kN m)" = 1e-6] -10.0..=100.0 or 0.06, "Compliance of the base against turning about the boom's bearing; unsurveyed, a steel column of 1 m, square hollow section of 200 to 300 mm";
+    tip_base_deviation: "tip" "base_deviation_mrad_per_knm" ["mrad/(kN m)" = 1e-6] 0.0..=100.0 or 0.04, "Its standard deviation";
+    tip_offset: "tip" "stroke_offset_mm" ["mm" = MM] -100.0..=100.0 or 0.0, "What is added to the piston position that is read, for the tip";
+    tip_offset_deviation: "tip" "stroke_offset_deviation_mm" ["mm" = MM] 0.0..=100.0 or 0.3, "Its standard deviation; unsurveyed, zero of the encoder and lengths of the mounts";
+    tip_bending_base: "tip" "bending_base_correlation" ["-" = 1.0] -1.0..=1.0 or 0.0, "Correlation of the errors of bending and base compliance, by a survey";
+    tip_bending_offset: "tip" "bending_offset_correlation" ["-" = 1.0] -1.0..=1.0 or 0.0, "The same of bending and stroke offset";
+    tip_base_offset: "tip" "base_offset_correlation" ["-" = 1.0] -1.0..=1.0 or 0.0, "The same of base compliance and stroke offset";
+    tip_payload_memory: "tip" "payload_memory_s" ["s" = 1.0] 0.01..=1e5 or 20.0, "Time constant of the payload's mean for the tip: about a cycle, in which friction changes its sign";
+    tip_remainder: "tip" "remainder_mm" ["mm" = MM] 0.0..=1000.0 or 0.2, "Standard deviation, across the boom, of what these numbers leave out: the boom's modes, shape of the load; estimate, by virtual cranes";
+
     motion_start: "motion" "start_mm" ["mm" = MM] 0.0..=2e4, "First piston position";
     motion_end: "motion" "end_mm" ["mm" = MM] 0.0..=2e4, "Far piston position";
     slow: "motion" "slow_mm_s" ["mm/s" = MM] 0.01..=1e4, "Speed of the slow test";
@@ -554,7 +567,7 @@ choices! {
 
 /// Sections that only a self-contained crane has: its pump and valves, its drive, and what the published tests do
 /// with them.
-const OF_SELF_CONTAINED: [&str; 22] = [
+const OF_SELF_CONTAINED: [&str; 23] = [
     "pump",
     "holding_valve",
     "return_valve",
@@ -566,6 +579,7 @@ const OF_SELF_CONTAINED: [&str; 22] = [
     "controller",
     "estimator",
     "scheduled_lqr",
+    "tip",
     "motion",
     "start",
     "oscillation",
@@ -603,7 +617,7 @@ impl Choices {
                 "it belongs to a valve-controlled circuit, and circuit.type is self-contained",
             );
         }
-        if section == "boom" && OF_BEAM.contains(&name) && has_links {
+        if (section == "boom" && OF_BEAM.contains(&name) || section == "tip") && has_links {
             return Some("it belongs to a beam, and boom.structure is links");
         }
         if let Some(link) = LINKS.iter().position(|known| *known == section) {

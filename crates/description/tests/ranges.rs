@@ -149,3 +149,15 @@ fn limits_that_contradict_each_other_are_refused() {
         assert!(message.contains(other) && message.contains(key), "{assignment}: {message}");
     }
 }
+
+/// Two numbers that both go with a third go with each other: 0.9, 0.9 and 0 are no correlations.
+#[test]
+fn correlations_that_no_covariance_has_are_refused() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    crane.set("tip.bending_base_correlation=-0.9").unwrap();
+    let message =
+        crane.set("tip.bending_offset_correlation=0.9").unwrap_err().problems[0].message.clone();
+    assert!(message.contains("-0.9, 0.9") && message.contains("tip.base_offset"), "{message}");
+    crane.set("tip.base_offset_correlation=-0.8").unwrap();
+    crane.set("tip.bending_offset_correlation=0.9").unwrap();
+}

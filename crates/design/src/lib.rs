@@ -7,6 +7,7 @@
 //!             -> reduced_model_fit (over stroke and payload) -> scheduled_lqr (estimator and law)
 //!             -> unstable_poles (argument principle), margins (stability margins), design_report (both loops)
 //!             -> supervision (limits, monitors and the release of the load)
+//!             -> tip (estimator of the tip's position), tip_survey (its numbers, fitted to a survey)
 //! ```
 
 // what runs in the control cycle cannot panic
@@ -31,6 +32,8 @@ pub mod reduced_model_fit;
 pub mod scheduled_lqr;
 pub mod small_signal_controller;
 mod supervision;
+pub mod tip;
+pub mod tip_survey;
 mod unstable_poles;
 
 pub use design_report::{

@@ -32,6 +32,7 @@ mod show;
 mod simulate;
 mod study;
 mod supervision;
+mod tip;
 mod trials;
 mod tune;
 mod validate;
@@ -64,6 +65,7 @@ enum Command {
     Trials(trials::Trials),
     Ablate(ablate::Ablate),
     Estimator(estimator::Estimator),
+    Tip(tip::Tip),
     Learn(learn::Learn),
     Validate(validate::Validate),
     Tune(tune::Tune),
@@ -104,6 +106,7 @@ fn main() -> Result<()> {
         Command::Trials(command) => command.run(),
         Command::Ablate(command) => command.run(),
         Command::Estimator(command) => command.run(),
+        Command::Tip(command) => command.run(),
         Command::Learn(command) => command.run(),
         Command::Validate(command) => command.run(),
         Command::Tune(command) => command.run(),

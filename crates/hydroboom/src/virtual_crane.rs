@@ -11,6 +11,7 @@ use hydroboom_lab::dataset::dataset;
 use hydroboom_lab::simulate::Recording;
 use hydroboom_lab::virtual_estimates::Compared;
 use hydroboom_lab::virtual_run::{Contents, LogOrder, Task, virtual_run};
+use hydroboom_lab::virtual_survey::{SurveyOrder, virtual_survey};
 use hydroboom_virtual_crane::Effect;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
@@ -32,7 +33,7 @@ pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
 #[command(after_help = "Examples:\n  hydroboom virtual --log out.csv\n  \
     hydroboom virtual --strategy benchmark-closed-loop --speed-mm-s 25 --truth --log out.csv\n  \
     hydroboom virtual --without sensors,fieldbus --input drive.csv --log out.csv\n  \
-    hydroboom virtual --dataset logs")]
+    hydroboom virtual --dataset logs\n  hydroboom virtual --survey survey.csv")]
 pub struct Virtual {
     #[command(flatten)]
     crane: CraneFile,
@@ -70,6 +71,15 @@ pub struct Virtual {
     /// Write a documented set of logs for identification and control into this new folder.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["input", "log", "scenario", "speed_mm_s"])]
     dataset: Option<PathBuf>,
+    /// Write a survey of the tip at rest into this file: five poses over the motion, empty and with the model's payload.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "log", "scenario", "speed_mm_s", "dataset"])]
+    survey: Option<PathBuf>,
+    /// Standard deviation of each surveyed coordinate.
+    #[arg(long, default_value_t = 1.0, requires = "survey")]
+    survey_noise_mm: f64,
+    /// Seed of the survey's noise.
+    #[arg(long, default_value_t = 1, requires = "survey")]
+    survey_seed: u64,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -110,6 +120,31 @@ impl Virtual {
         }
         if !(self.log_ms > 0.0 && self.log_ms.is_finite()) {
             miette::bail!("--log-ms is a positive number, not {}", self.log_ms);
+        }
+        if let Some(path) = &self.survey {
+            if !(1e-3..=100.0).contains(&self.survey_noise_mm) {
+                miette::bail!(
+                    "--survey-noise-mm is from 0.001 to 100, not {}",
+                    self.survey_noise_mm
+                );
+            }
+            let order = SurveyOrder {
+                loads: [0.0, model.numbers.payload],
+                deviation: self.survey_noise_mm * 1e-3,
+                seed: self.survey_seed,
+            };
+            let survey = virtual_survey(&crane, &order).into_diagnostic()?;
+            output::file(path, survey.text().as_bytes())?;
+            return match self.json {
+                true => output::json(&json!({ "written": path, "poses": survey.points.len() })),
+                false => output::text(&format!(
+                    "{} poses of \"{}\" in {}; hydroboom tip --survey {} fits base and bending to it",
+                    survey.points.len(),
+                    crane.name,
+                    path.display(),
+                    path.display()
+                )),
+            };
         }
         if let Some(folder) = &self.dataset {
             let bar = ProgressBar::new(1000);

@@ -373,6 +373,33 @@ fn the_virtual_crane_logs_what_a_data_acquisition_would_see() {
     says(&hydroboom(&["virtual", "--scenario", "lunch"]), "no scenario \"lunch\"");
 }
 
+/// From the survey of a virtual crane to a crane file that knows its tip: the bounds narrow, and the truth is within them.
+#[test]
+fn a_survey_of_the_tip_is_fitted_and_counts() {
+    let folder = folder("tip");
+    let path = |name: &str| folder.join(name).display().to_string();
+    let (survey, surveyed) = (path("survey.csv"), path("surveyed.toml"));
+    assert!(hydroboom(&["virtual", "--survey", &survey]).status.success());
+    let fitted = parsed(&["tip", "--survey", &survey, "--out", &surveyed, "--json"]);
+    assert_eq!(fitted["poses"], 10);
+    assert!(fitted["keys"]["tip.bending_base_correlation"].as_f64().unwrap() < -0.5, "{fitted}");
+    assert!(fitted["survey_noise"]["bias_mm"]["median"].as_f64().unwrap() < 0.5, "{fitted}");
+    let height = |arguments: &[&str]| {
+        let run = ["virtual", "--scenario", "small-moves", "--json"];
+        let said = parsed(&[&run[..], arguments].concat());
+        ["estimated", "deviation", "true"]
+            .map(|what| said["estimates"]["tip_y_mm"][what].as_f64().unwrap())
+    };
+    let [_, wide, _] = height(&[]);
+    let [estimated, deviation, truth] = height(&["--model", &surveyed]);
+    assert!(deviation < 0.5 * wide, "{deviation} and {wide} mm");
+    assert!((estimated - truth).abs() < 3.0 * deviation, "{estimated} for {truth} mm");
+    // a wrong line is named
+    let bad = std::fs::read_to_string(&survey).unwrap().replace("250.000,307.00", "2500,307.00");
+    std::fs::write(&survey, bad).unwrap();
+    says(&hydroboom(&["tip", "--survey", &survey]), "line 11: stroke_mm is 2500");
+}
+
 /// The estimator runs under a strategy that does not use it, and knows nothing but what is measured: each error has the size that its standard deviation
 /// says, within four of them.
 #[test]
@@ -380,9 +407,14 @@ fn the_virtual_crane_tells_what_is_estimated_beside_what_is_true() {
     let run = ["virtual", "--scenario", "small-moves", "--strategy", "benchmark-closed-loop"];
     let said = parsed(&[&run[..], &["--json"]].concat());
     let of = |name: &str, what: &str| said["estimates"][name][what].as_f64();
-    for name in
-        ["payload_kg", "load_pressure_bar", "piston_velocity_mm_s", "transition_pressure_bar"]
-    {
+    for name in [
+        "payload_kg",
+        "load_pressure_bar",
+        "piston_velocity_mm_s",
+        "transition_pressure_bar",
+        "tip_x_mm",
+        "tip_y_mm",
+    ] {
         let [estimated, deviation, truth] =
             ["estimated", "deviation", "true"].map(|what| of(name, what).unwrap());
         assert!(deviation > 0.0, "{name}: {said}");

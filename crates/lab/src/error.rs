@@ -42,6 +42,9 @@ pub enum LabError {
         /// Duration of the run.
         duration_s: f64,
     },
+    /// A survey of the tip, or a fit to it, that cannot be.
+    #[error(transparent)]
+    Survey(#[from] hydroboom_design::tip_survey::SurveyError),
     /// No such scenario.
     #[error("no scenario \"{name}\"; there are {names}")]
     Scenario {

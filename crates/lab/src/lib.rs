@@ -31,6 +31,7 @@ mod stand_in;
 pub mod study;
 pub mod virtual_estimates;
 pub mod virtual_run;
+pub mod virtual_survey;
 pub mod work_precision;
 
 pub use error::LabError;

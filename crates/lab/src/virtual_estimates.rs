@@ -6,19 +6,21 @@
 
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Load, due};
-use hydroboom_control::estimation::error_covariance::{ERRORS, output_deviation, with_considered};
-use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
+use hydroboom_control::estimation::error_covariance::{ERRORS, as_variables, output_deviation};
+use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
+use hydroboom_control::estimation::tip::{TipEstimator, TipMemory};
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_control::measurement::Measurement;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
+use hydroboom_design::tip::tip_estimator;
 use hydroboom_math::{Dual, Real};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 use std::collections::VecDeque;
 
 /// Names of the estimates with their units, and those in SI units.
-const QUANTITIES: [(&str, f64); 8] = [
+const QUANTITIES: [(&str, f64); 10] = [
     ("payload_kg", 1.0),
     ("load_pressure_bar", 1e5),
     ("piston_velocity_mm_s", 1e-3),
@@ -27,10 +29,15 @@ const QUANTITIES: [(&str, f64); 8] = [
     ("friction_n", 1.0),
     ("disturbance_bar", 1e5),
     ("unknown_flow_rpm", 1.0 / 60.0),
+    // from the boom's bearing; these too
+    ("tip_x_mm", 1e-3),
+    ("tip_y_mm", 1e-3),
     ("drive_lag_ms", 1e-3),
 ];
 /// All but the last come from the filter's state.
 const FILTERED: usize = QUANTITIES.len() - 1;
+/// Those before the tip.
+const OF_STATE: usize = FILTERED - 2;
 /// What the innovations are of, with their units, and those in SI units.
 const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_bar", 1e5)];
 
@@ -72,6 +79,9 @@ impl Serialize for EstimateSummary {
 /// The estimator, and what it is compared with.
 pub(crate) struct ParallelEstimator<'a> {
     controller: ScheduledLqrController,
+    /// None where the tip is not estimated.
+    tip: Option<TipEstimator<f64>>,
+    tip_memory: TipMemory<f64>,
     area_ratio: f64,
     delay: usize,
     /// Payload \[kg\], and changes that are to come.
@@ -104,6 +114,8 @@ impl<'a> ParallelEstimator<'a> {
         }
         Some(Self {
             controller: scheduled_lqr_controller(model).ok()?,
+            tip: tip_estimator(model),
+            tip_memory: TipMemory::default(),
             area_ratio: crane.cylinder().area_ratio(),
             delay: crane.numbers.fieldbus_delay.round() as usize,
             payload: crane.numbers.payload,
@@ -149,6 +161,10 @@ impl<'a> ParallelEstimator<'a> {
             true => self.controller.observe(&measurement, self.command),
             false => self.controller.observe_held(&measurement),
         }
+        if let (Some(tip), Some(estimated)) = (&self.tip, self.controller.estimated()) {
+            let filter = &self.controller.estimator().filter;
+            tip.update(&mut self.tip_memory, filter, &estimated.filter);
+        }
         self.is_released = sample.command.holding_valve >= 0.5;
         self.command = sample.command.motor_speed;
         self.payload = due(&mut self.loads, sample.time).unwrap_or(self.payload);
@@ -165,7 +181,11 @@ impl<'a> ParallelEstimator<'a> {
         let load_pressure = o.pressure_a - self.area_ratio * o.pressure_b;
         let transition = sample.truth.transition_pressure;
         let known = [self.payload, load_pressure, o.velocity, transition, o.friction_force];
-        core::array::from_fn(|k| known.get(k).copied())
+        let tip = [o.tip_x, o.tip_y];
+        core::array::from_fn(|k| match k.checked_sub(OF_STATE) {
+            Some(direction) => tip.get(direction).copied(),
+            None => known.get(k).copied(),
+        })
     }
 
     /// The newest estimates beside the truth of their measurement, with the motor speed that was read \[rev/s\].
@@ -174,15 +194,17 @@ impl<'a> ParallelEstimator<'a> {
         let (filter, rod_side_term) = (&estimated.filter, estimated.rod_side_term);
         let settings = &self.controller.estimator().filter;
         let constant = Dual::<f64, ERRORS>::constant;
-        let mut direction = 0..STATES;
-        let z = filter.estimate.map(|v| Dual::variable(v, direction.next().unwrap_or(0)));
-        let model = with_considered(&settings.model);
+        let (model, z) = as_variables(&settings.model, &filter.estimate);
         let found = quantities(&model, &z, constant(motor_speed), constant(rod_side_term));
         self.truth = self.past.front().copied().unwrap_or_default();
-        for (k, h) in found.iter().enumerate() {
-            let deviation = output_deviation(&filter.errors, &h.slope);
-            (self.estimated[k], self.deviation[k]) = (h.value, deviation);
-            self.square_errors[k] += (h.value - self.truth[k].unwrap_or(h.value)).powi(2);
+        let found = found.map(|h| (h.value, output_deviation(&filter.errors, &h.slope)));
+        let tip = self.tip.map(|tip| tip.estimate(&self.tip_memory, &settings.model, filter));
+        let tip = tip.map_or([(f64::NAN, f64::NAN); 2], |tip| {
+            [(tip.x, tip.deviation_x), (tip.y, tip.deviation_y)]
+        });
+        for (k, (value, deviation)) in found.into_iter().chain(tip).enumerate() {
+            (self.estimated[k], self.deviation[k]) = (value, deviation);
+            self.square_errors[k] += (value - self.truth[k].unwrap_or(value)).powi(2);
         }
         self.estimated[FILTERED] = estimated.drive.time_constant(settings.period);
         self.compared += 1;
@@ -212,7 +234,7 @@ fn quantities<T: Real>(
     z: &MachineState<T>,
     motor_speed: T,
     rod_side_term: T,
-) -> [T; FILTERED] {
+) -> [T; OF_STATE] {
     [
         z.payload,
         z.load_pressure,

@@ -6,6 +6,7 @@ use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::controller::Controller;
 use hydroboom_control::estimation::reduced_model::MachineState;
+use hydroboom_control::estimation::tip::{TipEstimate, TipEstimator, TipMemory};
 use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput};
 use hydroboom_control::feedback::published_strategy::PublishedStrategy;
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
@@ -18,6 +19,7 @@ use hydroboom_control::supervision::plausibility::ranges;
 use hydroboom_control::supervision::supervisor::{Decision, Request, Supervisor};
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
+use hydroboom_design::tip::tip_estimator;
 use std::cell::Cell;
 
 /// The simulation may be so far from the machine before the benchmark takes over, as a share of the
@@ -136,6 +138,8 @@ pub struct Estimates {
     pub mean_nis: f64,
     /// Identified lag of the drive \[s\].
     pub drive_lag: f64,
+    /// Position of the tip; none for a crane whose tip is not estimated.
+    pub tip: Option<TipEstimate<f64>>,
 }
 
 /// How the tasks were on time, seen from the control task.
@@ -205,6 +209,9 @@ pub struct ControlTask {
     published: PublishedStrategy,
     /// Estimator and scheduled LQR; none for a crane that has no such design.
     scheduled_lqr: Option<ScheduledLqrController>,
+    /// Estimator of the tip, and what it carries; none where the tip is not estimated.
+    tip: Option<TipEstimator<f64>>,
+    tip_memory: TipMemory<f64>,
     /// Conditions of the simulated crane.
     conditions: Conditions,
     /// Speed of the simulated crane's motor \[rev/s\].
@@ -230,6 +237,8 @@ impl ControlTask {
             scheduled_lqr: scheduled_lqr_controller(model)
                 .ok()
                 .map(|controller| controller.with_delay(known_delay(model))),
+            tip: tip_estimator(model),
+            tip_memory: TipMemory::default(),
             conditions: Conditions::described(n),
             benchmark,
             area_ratio,
@@ -393,6 +402,10 @@ impl ControlTask {
             true => controller.observe(&measurement, self.decision.command.motor_speed),
             false => controller.observe_held(&measurement),
         }
+        if let (Some(tip), Some(estimated)) = (&self.tip, controller.estimated()) {
+            let filter = &controller.estimator().filter;
+            tip.update(&mut self.tip_memory, filter, &estimated.filter);
+        }
     }
 
     fn estimates(&self) -> Option<Estimates> {
@@ -408,6 +421,9 @@ impl ControlTask {
             }),
             mean_nis: filter.mean_nis,
             drive_lag: estimated.drive.time_constant(self.benchmark.period),
+            tip: self.tip.map(|tip| {
+                tip.estimate(&self.tip_memory, &controller.estimator().filter.model, filter)
+            }),
         })
     }
 

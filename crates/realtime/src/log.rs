@@ -7,6 +7,7 @@
 use crate::control_task::Record;
 use crate::posix::survive_large_files;
 use hydroboom_control::command::AxisCommand;
+use hydroboom_control::estimation::tip::TipEstimate;
 use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
@@ -64,7 +65,7 @@ fn fields() -> Vec<(&'static str, &'static str)> {
 type Number = (&'static str, fn(&Record) -> Option<f64>);
 
 /// The numbers of a record, in the units of their names; none where there is nothing to say.
-const NUMBERS: [Number; 48] = [
+const NUMBERS: [Number; 52] = [
     ("time_s", |r| Some(r.time)),
     ("course_time_s", |r| r.course_time),
     ("course_speed_mm_s", |r| r.course_time.map(|_| r.course_speed * 1e3)),
@@ -107,6 +108,10 @@ const NUMBERS: [Number; 48] = [
     ("deviation_transition_pressure_bar", |r| {
         r.estimates.map(|e| e.deviation.transition_pressure * 1e-5)
     }),
+    ("estimated_tip_x_mm", |r| tip(r, |tip| tip.x)),
+    ("estimated_tip_y_mm", |r| tip(r, |tip| tip.y)),
+    ("deviation_tip_x_mm", |r| tip(r, |tip| tip.deviation_x)),
+    ("deviation_tip_y_mm", |r| tip(r, |tip| tip.deviation_y)),
     ("innovation_position_mm", |r| r.estimates.map(|e| e.innovation[0] * 1e3)),
     ("innovation_load_pressure_bar", |r| r.estimates.map(|e| e.innovation[1] * 1e-5)),
     ("mean_nis", |r| r.estimates.map(|e| e.mean_nis)),
@@ -118,6 +123,11 @@ const NUMBERS: [Number; 48] = [
     ("simulation_execution_us", |r| r.deadlines.map(|d| d.simulation_execution as f64 * 1e-3)),
     ("simulation_missed", |r| r.deadlines.map(|d| d.simulation_missed as f64)),
 ];
+
+/// A length of the estimated tip \[mm\].
+fn tip(record: &Record, of: fn(&TipEstimate<f64>) -> f64) -> Option<f64> {
+    record.estimates.and_then(|e| e.tip).map(|tip| of(&tip) * 1e3)
+}
 
 /// A log being written.
 pub struct LogWriter {

@@ -12,7 +12,7 @@
 //! Sources: S. Schmidt, *Application of State-Space Methods to Navigation Problems*, 1966 (consider parameters); A. Gelb (ed.), *Applied Optimal Estimation*,
 //! 1974, chapter 7 (covariance of a filter whose gain is given).
 
-use super::reduced_model::{ReducedModel, STATES};
+use super::reduced_model::{MachineState, ReducedModel, STATES};
 use hydroboom_math::{Dual, Real, record};
 
 record! {
@@ -60,8 +60,18 @@ pub fn with_considered<T: Real>(model: &ReducedModel<T>) -> ReducedModel<Dual<T,
     }
 }
 
-/// Standard deviation of a function of states and consider parameters by its slopes: σ² = ∇h P ∇hᵀ.
-pub fn output_deviation<T: Real>(p: &Covariance<T, ERRORS>, slopes: &[T; ERRORS]) -> T {
+/// Model and state with the states and the consider parameters as variables: what is computed of them has its slopes.
+pub fn as_variables<T: Real>(
+    model: &ReducedModel<T>,
+    estimate: &MachineState<T>,
+) -> (ReducedModel<Dual<T, ERRORS>>, MachineState<Dual<T, ERRORS>>) {
+    let mut direction = 0..STATES;
+    let z = estimate.map(|value| Dual::variable(value, direction.next().unwrap_or(0)));
+    (with_considered(model), z)
+}
+
+/// Standard deviation of a function of numbers with covariance P by its slopes: σ² = ∇h P ∇hᵀ.
+pub fn output_deviation<T: Real, const N: usize>(p: &Covariance<T, N>, slopes: &[T; N]) -> T {
     let variance = p.iter().zip(slopes).fold(T::zero(), |sum, (row, slope)| {
         let product = row.iter().zip(slopes).fold(T::zero(), |sum, (p, s)| p.mul_add(*s, sum));
         slope.mul_add(product, sum)

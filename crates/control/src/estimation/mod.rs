@@ -7,3 +7,4 @@ pub mod innovation_test;
 pub mod noise_estimation;
 pub mod reduced_model;
 pub mod state_estimator;
+pub mod tip;

@@ -213,6 +213,22 @@ impl<T: Real> ReducedModel<T> {
         (self.piston(&next) - self.piston(z)) / moment
     }
 
+    /// Load pressure beyond what holds the load against pre-sliding friction and unknown force \[Pa\].
+    #[inline(always)]
+    fn excess_pressure(at: &OperatingPoint<T>, z: &MachineState<T>) -> T {
+        z.load_pressure
+            - at.holding_pressure
+            - at.holding_slope * at.compliance * z.load_pressure
+            - z.friction
+            + z.disturbance
+    }
+
+    /// Acceleration of the load in the piston's travel \[m/s²\], w'.
+    pub fn acceleration(&self, z: &MachineState<T>) -> T {
+        let at = self.at(z.position, z.payload);
+        at.acceleration * (Self::excess_pressure(&at, z) - self.viscous * z.velocity)
+    }
+
     /// A step of `h` \[s\] with the motor turning at a mean speed \[rev/s\]: velocity linearly implicit in its own damping, position and pressure by the new
     /// velocity, friction implicit.
     #[inline(always)]
@@ -225,11 +241,7 @@ impl<T: Real> ReducedModel<T> {
     ) -> MachineState<T> {
         let one = T::one();
         let at = self.at(z.position, z.payload);
-        let force = z.load_pressure
-            - at.holding_pressure
-            - at.holding_slope * at.compliance * z.load_pressure
-            - z.friction
-            + z.disturbance;
+        let force = Self::excess_pressure(&at, z);
         let damping = at.acceleration * self.viscous;
         let velocity = (h * at.acceleration).mul_add(force, z.velocity) / h.mul_add(damping, one);
         let bulk_modulus = self.bulk_modulus(z.load_pressure, z.transition_pressure, rod_side_term);

@@ -15,9 +15,9 @@ use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::closed_loop::simulation::{Case, WIDTH, simulate_cases};
 use crate::interruptible::as_long_as;
-use hydroboom_control::estimation::error_covariance::{ERRORS, output_deviation, with_considered};
+use hydroboom_control::estimation::error_covariance::{ERRORS, as_variables, output_deviation};
 use hydroboom_control::estimation::extended_kalman_filter::EstimatorState;
-use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
+use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_control::measurement::Measurement;
 use hydroboom_description::Description;
@@ -186,9 +186,7 @@ fn estimates(
     rod_side_term: f64,
 ) -> [(f64, f64); Quantity::ALL.len()] {
     let constant = Dual::<f64, ERRORS>::constant;
-    let mut direction = 0..STATES;
-    let z = state.estimate.map(|value| Dual::variable(value, direction.next().unwrap_or(0)));
-    let model = with_considered(model);
+    let (model, z) = as_variables(model, &state.estimate);
     quantities(&model, &z, constant(motor_speed), constant(rod_side_term))
         .map(|h| (h.value, output_deviation(&state.errors, &h.slope)))
 }
@@ -547,6 +545,7 @@ fn error_rows(names: &[String], by_course: &[Vec<Run>]) -> Vec<ErrorRow> {
 mod tests {
     use super::*;
     use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
+    use hydroboom_control::estimation::reduced_model::STATES;
     use hydroboom_control::strategy::Strategy;
     use std::sync::atomic::{AtomicUsize, Ordering};
 

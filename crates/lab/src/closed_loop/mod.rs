@@ -14,3 +14,4 @@ pub mod scenario;
 pub(crate) mod simulated_crane;
 pub mod simulation;
 pub mod sustained_oscillation;
+pub mod tip_accuracy;

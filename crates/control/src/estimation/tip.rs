@@ -1,0 +1,389 @@
+//! Position of the boom's tip from the estimates, with its standard deviation.
+//!
+//! The tip is that of a rigid boom at the piston position, lowered by what gives way under the load: the boom bends, and the base turns.
+//!
+//! ```text
+//! tip = L e_r(φ) − (w + L C_b M_A) e_t(φ),   φ = φ(x + x_0),   w = (c/E I) ∫ M(s) m(s) ds
+//! ```
+//!
+//! M is the bending moment by payload and boom weight and by their inertia, m that by a unit load at the tip (virtual work), M_A the moment about the bearing A.
+//! Three numbers are the crane's own: c, the boom's bending over that of a uniform beam of the crane file; C_b, the base's compliance; x_0, the stroke's zero.
+//! They are stated with a spread, or fitted to a survey.
+//!
+//! The payload is a mean over time with the inverse of its variance as weight, from the last load change on: friction that is read as payload changes its sign with the
+//! direction of motion. What the mean is off the filter's payload counts in the variance.
+//!
+//! ```text
+//! W ← (1 − T/τ) W + T/P_m,   m̄ ← m̄ + T/(P_m W) (m − m̄)
+//! ```
+//!
+//! Pressures enter by the payload and the acceleration of the Kalman filter only, never as a force of the cylinder: its friction bends nothing. Neither
+//! pressures nor piston position observe what gives way; the standard deviation holds as far as the model and the spread of its numbers do.
+//!
+//! Source: S. Timoshenko, *Strength of Materials*, part 1, 1955 (bending by virtual work).
+
+use super::error_covariance::{Covariance, ERRORS, as_variables, output_deviation};
+use super::extended_kalman_filter::{EstimatorState, ExtendedKalmanFilter};
+use super::reduced_model::{MachineState, ReducedModel};
+use hydroboom_math::{Dual, Real, record};
+
+record! {
+    /// Boom, payload and cylinder geometry, as the crane file has them.
+    pub struct TipModel<T> {
+        /// Cylinder mount C along the straight boom
+        #[unit = "m"]
+        pub mount_x: T,
+        /// Cylinder mount C across the straight boom, positive upwards
+        #[unit = "m"]
+        pub mount_y: T,
+        /// Cylinder foot B on the base, to the right of the bearing
+        #[unit = "m"]
+        pub base_x: T,
+        /// Cylinder foot B on the base, above the bearing
+        #[unit = "m"]
+        pub base_y: T,
+        /// Distance from B to C with the piston at its lower stop
+        #[unit = "m"]
+        pub shortest: T,
+        /// Length from the bearing to the tip, L
+        #[unit = "m"]
+        pub length: T,
+        /// Mass of the boom without payload
+        #[unit = "kg"]
+        pub mass: T,
+        /// Flexural rigidity, E I
+        #[unit = "N m²"]
+        pub flexural_rigidity: T,
+        /// Payload's centre of mass along the boom, from the bearing
+        #[unit = "m"]
+        pub payload_x: T,
+        /// Payload's centre of mass across the boom, positive upwards
+        #[unit = "m"]
+        pub payload_y: T,
+        /// Acceleration of gravity
+        #[unit = "m/s²"]
+        pub gravity: T,
+    }
+}
+
+record! {
+    /// What gives way, and where the stroke begins: numbers of the single crane.
+    pub struct TipParameters<T> {
+        /// Bending of the boom over that of a uniform beam of the crane file's E I, c
+        #[unit = "1"]
+        pub bending: T,
+        /// Compliance of the base against turning about the boom's bearing, C_b
+        #[unit = "rad/(N m)"]
+        pub base: T,
+        /// What is added to the piston position that is read, x_0
+        #[unit = "m"]
+        pub stroke_offset: T,
+    }
+}
+
+record! {
+    /// What the tip follows from.
+    pub struct TipLoad<T> {
+        /// Piston position
+        #[unit = "m"]
+        pub piston: T,
+        /// Payload
+        #[unit = "kg"]
+        pub payload: T,
+        /// Acceleration of the load in the piston's travel
+        #[unit = "m/s²"]
+        pub acceleration: T,
+    }
+}
+
+record! {
+    /// Estimated tip position, from the boom's bearing.
+    pub struct TipEstimate<T> {
+        /// Horizontal position
+        #[unit = "m"]
+        pub x: T,
+        /// Height
+        #[unit = "m"]
+        pub y: T,
+        /// Standard deviation of the horizontal position
+        #[unit = "m"]
+        pub deviation_x: T,
+        /// Standard deviation of the height
+        #[unit = "m"]
+        pub deviation_y: T,
+    }
+}
+
+/// Number of [`TipParameters`].
+pub const PARAMETERS: usize = TipParameters::NAMES.len();
+/// These, and the payload.
+const VARIED: usize = PARAMETERS + 1;
+/// Place of the payload in a state.
+const PAYLOAD: usize = 6;
+
+/// The estimator of the tip's position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TipEstimator<T> {
+    /// The crane.
+    pub model: TipModel<T>,
+    /// Its numbers.
+    pub parameters: TipParameters<T>,
+    /// Their covariance.
+    pub covariance: Covariance<T, PARAMETERS>,
+    /// Standard deviation, across the boom, of what the model leaves out \[m\].
+    pub remainder: T,
+    /// Time constant of the payload's mean, τ \[s\].
+    pub payload_memory: T,
+}
+
+record! {
+    /// What is carried from period to period: the payload's mean.
+    pub struct TipMemory<T> {
+        /// Mean payload, m̄
+        #[unit = "kg"]
+        pub payload: T,
+        /// Its weight, W; none before the first period and after a load change
+        #[unit = "s/kg²"]
+        pub weight: T,
+    }
+}
+
+impl<T: Real> TipModel<T> {
+    /// Tip position \[m\], horizontal and upwards from the bearing; quasi-static: the boom's own modes are left out.
+    pub fn position(&self, parameters: &TipParameters<T>, load: &TipLoad<T>) -> [T; 2] {
+        let (one, half, third) = (T::one(), T::lit(0.5), T::lit(1.0 / 3.0));
+        let (length, g) = (self.length, self.gravity);
+        // triangle of bearing, foot and mount; beyond its reach the boom stays at the end of it
+        let foot = (self.base_x.square() + self.base_y.square()).sqrt();
+        let mount = (self.mount_x.square() + self.mount_y.square()).sqrt();
+        let cylinder = self.shortest + load.piston + parameters.stroke_offset;
+        let sides = foot * mount;
+        let nearly_one = T::lit(1.0 - 1e-9);
+        let cosine = (foot.square() + mount.square() - cylinder.square()) / (sides + sides);
+        let cosine = cosine.clamp(-nearly_one, nearly_one);
+        let sine = (one - cosine.square()).sqrt();
+        // direction of the foot less that of the mount on the boom
+        let along = (self.base_x * self.mount_x + self.base_y * self.mount_y) / sides;
+        let across = (self.base_y * self.mount_x - self.base_x * self.mount_y) / sides;
+        let (cos, sin) = (cosine * along - sine * across, sine * along + cosine * across);
+        // moment arm of the cylinder, and its direction along the boom
+        let arm = sides * sine / cylinder;
+        let axial = (self.mount_x - self.base_x * cos - self.base_y * sin) / cylinder;
+        let turning = load.acceleration / arm;
+
+        // loads across the boom: at the payload, its couple by lying off the axis, and by metre
+        let reach = self.payload_x;
+        let force = load.payload * (g * cos + turning * reach);
+        let couple = -(load.payload * g * self.payload_y * sin);
+        let (weight, inertia) = (self.mass / length * g * cos, self.mass / length * turning);
+        let moment = force * reach
+            + couple
+            + half * weight * length.square()
+            + third * inertia * length.square() * length;
+
+        // the boom beyond the mount is a cantilever
+        let outer = length - self.mount_x;
+        let outer_2 = outer.square();
+        let inner_end = reach.min(length) - self.mount_x;
+        let by_force = inner_end.square() * (third * inner_end + half * (length - reach).abs());
+        let by_couple = half * (outer_2 - (outer - inner_end).square());
+        let by_weight = T::lit(0.125) * outer_2.square();
+        let by_inertia = outer_2.square() * (T::lit(0.125) * length - outer * T::lit(1.0 / 30.0));
+        let rod_side_term =
+            force * by_force + couple * by_couple + weight * by_weight + inertia * by_inertia;
+        // between bearing and mount the moment grows in proportion; off the axis, the cylinder's force adds a couple at the mount
+        let lug = self.mount_y * axial / arm;
+        let at_mount = force * (reach - self.mount_x)
+            + couple
+            + half * weight * outer_2
+            + inertia * outer_2 * (half * length - outer * T::lit(1.0 / 6.0))
+            + lug * moment;
+        let within = at_mount * (outer + lug * length) * self.mount_x * third;
+        let bent = parameters.bending * (rod_side_term + within) / self.flexural_rigidity;
+
+        let lowered = bent + length * parameters.base * moment;
+        [length * cos + lowered * sin, length * sin - lowered * cos]
+    }
+}
+
+impl<T: Real> TipLoad<T> {
+    /// That of an estimated state: no cylinder force, and so no friction.
+    pub fn of(model: &ReducedModel<T>, z: &MachineState<T>) -> Self {
+        Self { piston: model.piston(z), payload: z.payload, acceleration: model.acceleration(z) }
+    }
+}
+
+impl<T: Real> TipEstimator<T> {
+    /// A control period, before [`estimate`](Self::estimate): the payload's mean goes on, and begins anew where the innovations tell a load change.
+    #[inline(always)]
+    pub fn update(
+        &self,
+        memory: &mut TipMemory<T>,
+        filter: &ExtendedKalmanFilter<T>,
+        state: &EstimatorState<T>,
+    ) {
+        let is_same_load = filter.innovation_test.is_consistent(state.mean_nis);
+        let kept = (T::one() - filter.period / self.payload_memory).max(T::zero());
+        let before = T::select(is_same_load, memory.weight * kept, T::zero());
+        // what is no number any more begins anew
+        let before = T::select(before.is_finite(), before, T::zero());
+        // a gram: what is known exactly still has a finite weight
+        let variance = state.errors[PAYLOAD][PAYLOAD].max(T::lit(1e-6));
+        let new = filter.period / variance;
+        let payload = state.estimate.payload;
+        let mean = memory.payload + new / (before + new) * (payload - memory.payload);
+        memory.weight = before + new;
+        memory.payload = T::select(mean.is_finite(), mean, payload);
+    }
+
+    /// The tip at the time of the measurement, with standard deviations by first-order propagation of the error covariance and of the numbers' covariance.
+    pub fn estimate(
+        &self,
+        memory: &TipMemory<T>,
+        model: &ReducedModel<T>,
+        state: &EstimatorState<T>,
+    ) -> TipEstimate<T> {
+        let (with_slopes, z) = as_variables(model, &state.estimate);
+        let mut load = TipLoad::of(&with_slopes, &z);
+        let off = load.payload.value - memory.payload;
+        load.payload.value = memory.payload;
+        let exact = self.model.map(Dual::<T, ERRORS>::constant);
+        let found = exact.position(&self.parameters.map(Dual::constant), &load);
+        let (slopes, by_payload) = self.slopes(&load.map(|d| d.value));
+        // across the boom: its shares of both directions
+        let [x, y] = found.each_ref().map(|h| h.value / self.model.length);
+        let deviation = |k: usize, share: T| {
+            let filter = output_deviation(&state.errors, &found[k].slope).square();
+            let parameters = output_deviation(&self.covariance, &slopes[k]).square();
+            let remainder = (self.remainder * share).square();
+            (filter + parameters + remainder + (by_payload[k] * off).square()).sqrt()
+        };
+        TipEstimate {
+            x: found[0].value,
+            y: found[1].value,
+            deviation_x: deviation(0, y),
+            deviation_y: deviation(1, x),
+        }
+    }
+
+    /// Slopes of horizontal position and height by the [`TipParameters`], and by the payload.
+    pub fn slopes(&self, load: &TipLoad<T>) -> ([[T; PARAMETERS]; 2], [T; 2]) {
+        let mut direction = 0..PARAMETERS;
+        let varied =
+            self.parameters.map(|v| Dual::<T, VARIED>::variable(v, direction.next().unwrap_or(0)));
+        let mut load = load.map(Dual::constant);
+        load.payload.slope[PARAMETERS] = T::one();
+        let found = self.model.map(Dual::constant).position(&varied, &load);
+        let slopes = found.each_ref().map(|d| core::array::from_fn(|i| d.slope[i]));
+        (slopes, found.map(|d| d.slope[PARAMETERS]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The paper's boom; E I as in its crane file.
+    const CRANE: TipModel<f64> = TipModel {
+        mount_x: 0.553,
+        mount_y: -0.131,
+        base_x: 0.42,
+        base_y: -1.055,
+        shortest: 0.772,
+        length: 3.6,
+        mass: 86.0,
+        flexural_rigidity: 3.27e6,
+        payload_x: 3.6,
+        payload_y: 0.0,
+        gravity: 9.81,
+    };
+    const STIFF: TipParameters<f64> = TipParameters { bending: 0.0, base: 0.0, stroke_offset: 0.0 };
+    const BENDING: TipParameters<f64> = TipParameters { bending: 1.0, ..STIFF };
+
+    fn lowered(crane: &TipModel<f64>, parameters: &TipParameters<f64>, load: &TipLoad<f64>) -> f64 {
+        let [stiff, found] = [&STIFF, parameters].map(|p| crane.position(p, load));
+        (found[0] - stiff[0]).hypot(found[1] - stiff[1])
+    }
+
+    /// Held at the bearing itself the boom is a cantilever: w = P L³/(3 E I), and q L⁴/(8 E I) by its own weight.
+    #[test]
+    fn a_boom_held_at_its_bearing_bends_as_a_cantilever() {
+        // the foot below a mount at the bearing, so that the boom lies level
+        let crane = TipModel {
+            mount_x: 1e-6,
+            mount_y: 0.0,
+            base_x: 1e-6,
+            base_y: -1.0,
+            shortest: 1.0,
+            ..CRANE
+        };
+        let level = |payload| TipLoad { piston: 0.0, payload, acceleration: 0.0 };
+        let empty = lowered(&crane, &BENDING, &level(0.0));
+        let loaded = lowered(&crane, &BENDING, &level(300.0));
+        let (l, ei): (f64, f64) = (3.6, 3.27e6);
+        let by_weight = 86.0 * 9.81 / l * l.powi(4) / (8.0 * ei);
+        let by_payload = 300.0 * 9.81 * l.powi(3) / (3.0 * ei);
+        assert!((empty / by_weight - 1.0).abs() < 1e-5, "{empty} for {by_weight}");
+        assert!((loaded / (by_weight + by_payload) - 1.0).abs() < 1e-5, "{loaded}");
+    }
+
+    /// A beam on two supports with an overhang a beyond the span c: w = P a² (c + a)/(3 E I).
+    #[test]
+    fn a_boom_with_an_overhang_bends_as_in_the_handbook() {
+        let crane = TipModel {
+            mount_x: 0.6,
+            mount_y: 0.0,
+            base_x: 0.6,
+            base_y: -1.0,
+            shortest: 1.0,
+            mass: 0.0,
+            ..CRANE
+        };
+        let load = TipLoad { piston: 0.0, payload: 300.0, acceleration: 0.0 };
+        let found = lowered(&crane, &BENDING, &load);
+        let wanted = 300.0 * 9.81 * 3.0_f64.powi(2) * 3.6 / (3.0 * 3.27e6);
+        assert!((found / wanted - 1.0).abs() < 1e-9, "{found} for {wanted}");
+    }
+
+    /// The base turns by the moment about the bearing, and the whole crane with it.
+    #[test]
+    fn a_base_that_turns_lowers_the_tip_by_its_length() {
+        let crane = TipModel {
+            mount_x: 0.6,
+            mount_y: 0.0,
+            base_x: 0.6,
+            base_y: -1.0,
+            shortest: 1.0,
+            ..CRANE
+        };
+        let base = TipParameters { base: 1e-7, ..STIFF };
+        let load = TipLoad { piston: 0.0, payload: 300.0, acceleration: 0.0 };
+        let moment = 9.81 * (300.0 * 3.6 + 86.0 * 1.8);
+        let found = lowered(&crane, &base, &load);
+        assert!((found / (3.6 * 1e-7 * moment) - 1.0).abs() < 1e-9, "{found}");
+    }
+
+    /// Upwards acceleration of the whole boom by g, as far as it turns about the bearing, doubles the payload's share.
+    #[test]
+    fn inertia_bends_as_weight_does() {
+        let crane = TipModel {
+            mount_x: 0.6,
+            mount_y: 0.0,
+            base_x: 0.6,
+            base_y: -1.0,
+            shortest: 1.0,
+            mass: 0.0,
+            ..CRANE
+        };
+        let still = TipLoad { piston: 0.0, payload: 300.0, acceleration: 0.0 };
+        let lifted = TipLoad { acceleration: 9.81 * 0.6 / 3.6, ..still };
+        let [one, two] = [still, lifted].map(|load| lowered(&crane, &BENDING, &load));
+        assert!((two / one - 2.0).abs() < 1e-9, "{one} and {two}");
+    }
+
+    #[test]
+    fn beyond_its_reach_the_tip_is_finite() {
+        let load = TipLoad { piston: 10.0, payload: 300.0, acceleration: 0.0 };
+        assert!(CRANE.position(&BENDING, &load).into_iter().all(f64::is_finite));
+    }
+}

@@ -1,0 +1,390 @@
+//! Survey of a crane's tip, and the numbers of the tip's estimator fitted to it.
+//!
+//! A survey is a CSV file, a line a pose at rest: piston position that is read, payload that was weighed, tip as surveyed from the boom's bearing. Weighted least squares
+//! with the stated spread of the numbers as a prior:
+//!
+//! ```text
+//! θ = argmin Σ (t_i − t(θ))²/(s_i² + r²) + (θ − θ_0)' P_0⁻¹ (θ − θ_0),   P = (P_0⁻¹ + J' R⁻¹ J)⁻¹
+//! ```
+//!
+//! with surveyed coordinates t of standard deviation s, and r what the model leaves out. Bending and base lower the tip nearly alike: a survey tells their sum well, and each hardly.
+//!
+//! Source: A. Gelb (ed.), *Applied Optimal Estimation*, 1974, section 4.1 (least squares with a prior).
+
+use hydroboom_control::estimation::error_covariance::Covariance;
+use hydroboom_control::estimation::tip::{PARAMETERS, TipEstimator, TipLoad, TipParameters};
+use hydroboom_description::Description;
+use hydroboom_math::Real;
+use nalgebra::{Matrix3, Vector3};
+use std::fmt::Write;
+use thiserror::Error;
+
+/// Columns of a survey.
+pub const COLUMNS: [&str; 5] = ["stroke_mm", "payload_kg", "tip_x_mm", "tip_y_mm", "deviation_mm"];
+/// Poses that a survey has at least.
+const FEWEST: usize = 4;
+/// Distance of a surveyed tip from that of a rigid boom, over the boom's length, beyond which it is no tip of this crane.
+const FARTHEST: f64 = 0.1;
+
+/// Why there is no survey, or no fit to it.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SurveyError {
+    /// A line, or the whole, is wrong.
+    #[error("{place}: {reason}; {advice}")]
+    Wrong {
+        /// File, and line where it is of one.
+        place: String,
+        /// What was read, and what is allowed.
+        reason: String,
+        /// What to do.
+        advice: String,
+    },
+    /// A crane whose tip is not estimated.
+    #[error(
+        "the tip of \"{0}\" is not estimated: its boom is no beam that the cylinder holds between bearing and tip"
+    )]
+    NoTip(String),
+    /// Equations without a solution.
+    #[error(
+        "{0}: the numbers of the tip cannot be fitted; state a spread above zero for tip.bending_deviation_percent, tip.base_deviation_mrad_per_knm and tip.stroke_offset_deviation_mm"
+    )]
+    NoFit(String),
+}
+
+/// A pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurveyPoint {
+    /// Line of the file, from 1.
+    pub line: usize,
+    /// Piston position that is read \[m\].
+    pub stroke: f64,
+    /// Payload that was weighed \[kg\].
+    pub payload: f64,
+    /// Tip, to the right of the bearing and above it \[m\].
+    pub tip: [f64; 2],
+    /// Standard deviation of each of its coordinates \[m\].
+    pub deviation: f64,
+}
+
+impl SurveyPoint {
+    fn load(&self) -> TipLoad<f64> {
+        TipLoad { piston: self.stroke, payload: self.payload, acceleration: 0.0 }
+    }
+}
+
+/// A survey.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TipSurvey {
+    /// Name of its file.
+    pub file: String,
+    /// Its poses.
+    pub points: Vec<SurveyPoint>,
+}
+
+/// Numbers of the tip's estimator fitted to a survey.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurveyFit {
+    /// The estimator with them.
+    pub estimator: TipEstimator<f64>,
+    /// What of their covariance is the survey's noise alone.
+    pub noise: Covariance<f64, PARAMETERS>,
+    /// RMS of what is left at the poses, across the boom \[m\].
+    pub residual: f64,
+    /// Line of the pose that fits worst, and how many of its standard deviations it is off.
+    pub worst: (usize, f64),
+}
+
+impl TipSurvey {
+    /// Reads a survey of the crane of a description.
+    ///
+    /// # Errors
+    ///
+    /// [`SurveyError::Wrong`] with file, line and column for a column that is missing, a number that is none or out of range, a tip that is not this crane's, and too few poses,
+    /// positions or loads.
+    pub fn parse(file: &str, text: &str, description: &Description) -> Result<Self, SurveyError> {
+        let estimator = tip_of(description)?;
+        let expected = format!("the columns are {}", COLUMNS.join(","));
+        let wrong = |line: Option<usize>, reason: String, advice: &str| SurveyError::Wrong {
+            place: line.map_or_else(|| file.into(), |line| format!("{file}, line {line}")),
+            reason,
+            advice: advice.into(),
+        };
+        let mut reader = csv::ReaderBuilder::new()
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .flexible(true)
+            .from_reader(text.as_bytes());
+        let header =
+            reader.headers().map_err(|error| wrong(None, error.to_string(), &expected))?.clone();
+        if header.is_empty() {
+            return Err(wrong(None, "nothing in it".into(), &expected));
+        }
+        let mut places = [0; COLUMNS.len()];
+        for (place, column) in places.iter_mut().zip(COLUMNS) {
+            let found = header.iter().position(|name| name == column);
+            *place = found.ok_or_else(|| wrong(None, format!("no column {column}"), &expected))?;
+        }
+        let mut points = Vec::new();
+        for row in reader.records() {
+            let row = row.map_err(|error| wrong(None, error.to_string(), &expected))?;
+            let line = row.position().map_or(0, |place| place.line() as usize);
+            let mut numbers = [0.0; COLUMNS.len()];
+            for ((number, place), column) in numbers.iter_mut().zip(places).zip(COLUMNS) {
+                let text = row.get(place).unwrap_or("nothing");
+                *number = text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
+                    let reason = format!("{column} is {text}");
+                    wrong(Some(line), reason, "it is a number")
+                })?;
+            }
+            let [stroke, payload, x, y, deviation] = numbers;
+            let longest = description.numbers.stroke * 1e3;
+            for (column, value, low, high, unit) in [
+                ("stroke_mm", stroke, 0.0, longest, "mm, the cylinder's stroke"),
+                ("payload_kg", payload, 0.0, 1e6, "kg"),
+                ("deviation_mm", deviation, 1e-3, 100.0, "mm"),
+            ] {
+                if !(low..=high).contains(&value) {
+                    let advice = format!("it is from {low} to {high} {unit}");
+                    return Err(wrong(Some(line), format!("{column} is {value}"), &advice));
+                }
+            }
+            let point = SurveyPoint {
+                line,
+                stroke: stroke * 1e-3,
+                payload,
+                tip: [x * 1e-3, y * 1e-3],
+                deviation: deviation * 1e-3,
+            };
+            let rigid = TipParameters { bending: 0.0, base: 0.0, stroke_offset: 0.0 };
+            let [rigid_x, rigid_y] = estimator.model.position(&rigid, &point.load());
+            let off = (point.tip[0] - rigid_x).hypot(point.tip[1] - rigid_y);
+            if off > FARTHEST * estimator.model.length {
+                let reason = format!(
+                    "tip_x_mm, tip_y_mm is {x}, {y}, and a rigid boom's tip at {stroke} mm is {:.0}, {:.0}",
+                    rigid_x * 1e3,
+                    rigid_y * 1e3
+                );
+                let advice =
+                    "positions are from the boom's bearing, to the right and upwards, in mm";
+                return Err(wrong(Some(line), reason, advice));
+            }
+            points.push(point);
+        }
+        let differ = |of: fn(&SurveyPoint) -> f64, by: f64| {
+            let values = || points.iter().map(of);
+            values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min) >= by
+        };
+        let advice = "survey five poses over the stroke, each empty and with a heavy load";
+        if points.len() < FEWEST {
+            let reason = format!("{} poses, and at least {FEWEST} are needed", points.len());
+            return Err(wrong(None, reason, advice));
+        }
+        if !differ(|p| p.stroke, 0.2 * description.numbers.stroke) {
+            return Err(wrong(None, "poses over less than a fifth of the stroke".into(), advice));
+        }
+        if !differ(|p| p.payload, 1.0) {
+            return Err(wrong(None, "a single load".into(), advice));
+        }
+        Ok(Self { file: file.into(), points })
+    }
+
+    /// The survey as a file.
+    pub fn text(&self) -> String {
+        let mut text = String::from(
+            "# Survey of the boom's tip at rest: piston position that is read, payload, tip to the right of the boom's bearing\n\
+             # and above it, standard deviation of each of its coordinates.\n",
+        );
+        text += &COLUMNS.join(",");
+        for SurveyPoint { stroke, payload, tip: [x, y], deviation, .. } in &self.points {
+            let [stroke, x, y, deviation] = [stroke, x, y, deviation].map(|v| v * 1e3);
+            // writing to a string does not fail
+            let _ = write!(text, "\n{stroke:.3},{payload:.2},{x:.3},{y:.3},{deviation:.3}");
+        }
+        text + "\n"
+    }
+
+    /// Numbers of the tip's estimator of a crane, fitted; what the crane file states of them is the prior.
+    ///
+    /// # Errors
+    ///
+    /// [`SurveyError`] for a crane whose tip is not estimated, or a spread of zero.
+    pub fn fit(&self, description: &Description) -> Result<SurveyFit, SurveyError> {
+        let prior = tip_of(description)?;
+        let no_fit = || SurveyError::NoFit(self.file.clone());
+        let prior_covariance = Matrix3::from_fn(|i, j| prior.covariance[i][j]);
+        let from = Vector3::from(prior.parameters.to_array());
+        // in units of the prior's deviations, so that the equations are of one size
+        let scale = Vector3::from_fn(|i, _| prior.covariance[i][i].sqrt());
+        let scaled = Matrix3::from_fn(|i, j| prior_covariance[(i, j)] / (scale[i] * scale[j]));
+        let information = scaled.try_inverse().ok_or_else(no_fit)?;
+        let mut estimator = prior;
+        let mut at = Vector3::zeros();
+        let mut survey_information = Matrix3::zeros();
+        // nearly linear: the second step changes the last digits
+        for _ in 0..5 {
+            survey_information = Matrix3::zeros();
+            let mut right = -(information * at);
+            for point in &self.points {
+                let found = estimator.model.position(&estimator.parameters, &point.load());
+                let (slopes, _) = estimator.slopes(&point.load());
+                let weight = 1.0 / (point.deviation.powi(2) + prior.remainder.powi(2));
+                for k in 0..2 {
+                    let row = Vector3::from(slopes[k]).component_mul(&scale);
+                    survey_information += row * row.transpose() * weight;
+                    right += row * (weight * (point.tip[k] - found[k]));
+                }
+            }
+            let step = (information + survey_information).try_inverse().ok_or_else(no_fit)? * right;
+            at += step;
+            let numbers = from + at.component_mul(&scale);
+            estimator.parameters = TipParameters::from_array(numbers.into());
+        }
+        let posterior = (information + survey_information).try_inverse().ok_or_else(no_fit)?;
+        // the share of the remainder is left to the estimator, which has one of its own
+        let noise = posterior * survey_information * posterior;
+        let unscaled = |of: &Matrix3<f64>| -> Covariance<f64, PARAMETERS> {
+            std::array::from_fn(|i| std::array::from_fn(|j| of[(i, j)] * scale[i] * scale[j]))
+        };
+        estimator.covariance = unscaled(&posterior);
+        let left: Vec<(usize, f64, f64)> =
+            self.points.iter().map(|point| left_at(&estimator, point)).collect();
+        let worst = left.iter().copied().max_by(|a, b| a.2.total_cmp(&b.2)).ok_or_else(no_fit)?;
+        let squares: f64 = left.iter().map(|(_, residual, _)| residual.powi(2)).sum();
+        Ok(SurveyFit {
+            estimator,
+            noise: unscaled(&noise),
+            residual: (squares / left.len() as f64).sqrt(),
+            worst: (worst.0, worst.2),
+        })
+    }
+}
+
+/// Line of a pose, what is left there across the boom \[m\], and over its standard deviation.
+fn left_at(estimator: &TipEstimator<f64>, point: &SurveyPoint) -> (usize, f64, f64) {
+    let [x, y] = estimator.model.position(&estimator.parameters, &point.load());
+    let across = ((point.tip[1] - y) * x - (point.tip[0] - x) * y) / x.hypot(y);
+    (point.line, across, across.abs() / point.deviation.hypot(estimator.remainder))
+}
+
+fn tip_of(description: &Description) -> Result<TipEstimator<f64>, SurveyError> {
+    crate::tip::tip_estimator(description)
+        .ok_or_else(|| SurveyError::NoTip(description.name.clone()))
+}
+
+impl SurveyFit {
+    /// Keys of the section `tip` with their values in SI units, as the crane file is to have them.
+    pub fn keys(&self) -> [(&'static str, f64); 9] {
+        let TipParameters { bending, base, stroke_offset } = self.estimator.parameters;
+        let c = &self.estimator.covariance;
+        let deviation = |i: usize| c[i][i].max(0.0).sqrt();
+        let correlation = |i: usize, j: usize| {
+            let correlation = c[i][j] / (deviation(i) * deviation(j));
+            if correlation.is_finite() { Real::clamp(correlation, -1.0, 1.0) } else { 0.0 }
+        };
+        [
+            ("tip.bending_percent", bending),
+            ("tip.bending_deviation_percent", deviation(0)),
+            ("tip.base_mrad_per_knm", base),
+            ("tip.base_deviation_mrad_per_knm", deviation(1)),
+            ("tip.stroke_offset_mm", stroke_offset),
+            ("tip.stroke_offset_deviation_mm", deviation(2)),
+            ("tip.bending_base_correlation", correlation(0, 1)),
+            ("tip.bending_offset_correlation", correlation(0, 2)),
+            ("tip.base_offset_correlation", correlation(1, 2)),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn crane() -> Description {
+        Description::uia_single_boom().unwrap()
+    }
+
+    /// A survey without noise of a tip with these numbers.
+    fn survey(parameters: &TipParameters<f64>, deviation: f64) -> TipSurvey {
+        let model = tip_of(&crane()).unwrap().model;
+        let mut points = Vec::new();
+        for payload in [0.0, 307.0] {
+            for stroke in [0.05, 0.15, 0.25, 0.35, 0.45] {
+                let load = TipLoad { piston: stroke, payload, acceleration: 0.0 };
+                let tip = model.position(parameters, &load);
+                points.push(SurveyPoint { line: 0, stroke, payload, tip, deviation });
+            }
+        }
+        TipSurvey { file: "survey.csv".into(), points }
+    }
+
+    #[test]
+    fn a_survey_without_noise_recovers_the_numbers() {
+        let wanted = TipParameters { bending: 1.2, base: 0.1e-6, stroke_offset: 4e-4 };
+        let mut exact = crane();
+        exact.numbers.tip_remainder = 0.0;
+        let fit = survey(&wanted, 1e-7).fit(&exact).unwrap();
+        let found = fit.estimator.parameters;
+        assert!((found.bending - 1.2).abs() < 1e-3, "{found:?}");
+        assert!((found.base - 0.1e-6).abs() < 1e-9, "{found:?}");
+        assert!((found.stroke_offset - 4e-4).abs() < 1e-6, "{found:?}");
+        assert!(fit.residual < 1e-7, "{}", fit.residual);
+    }
+
+    /// A survey of a millimetre tells the sum of bending and base, and not each.
+    #[test]
+    fn bending_and_base_are_told_together() {
+        let as_stated = tip_of(&crane()).unwrap();
+        let fit = survey(&as_stated.parameters, 1e-3).fit(&crane()).unwrap();
+        let [.., (_, correlation), _, _] = fit.keys();
+        assert!(correlation < -0.8, "{correlation}");
+        let load = TipLoad { piston: 0.25, payload: 307.0, acceleration: 0.0 };
+        let deviation = |estimator: &TipEstimator<f64>| {
+            let ([_, slopes], _) = estimator.slopes(&load);
+            hydroboom_control::estimation::error_covariance::output_deviation(
+                &estimator.covariance,
+                &slopes,
+            )
+        };
+        let [before, after] = [&as_stated, &fit.estimator].map(deviation);
+        assert!(before > 2e-3 && after < 0.5e-3, "{before} and {after} m");
+    }
+
+    #[test]
+    fn a_written_survey_is_read_back() {
+        let as_stated = tip_of(&crane()).unwrap().parameters;
+        let written = survey(&as_stated, 1e-3);
+        let read = TipSurvey::parse("survey.csv", &written.text(), &crane()).unwrap();
+        for (a, b) in written.points.iter().zip(&read.points) {
+            assert!((a.tip[1] - b.tip[1]).abs() < 1e-6 && (a.stroke - b.stroke).abs() < 1e-9);
+        }
+    }
+
+    /// File, line, column, what was read and what is allowed.
+    #[test]
+    fn bad_surveys_are_refused_with_file_and_line() {
+        let good = survey(&tip_of(&crane()).unwrap().parameters, 1e-3).text();
+        let refused = |text: &str, parts: &[&str]| {
+            let message = TipSurvey::parse("s.csv", text, &crane()).unwrap_err().to_string();
+            for part in parts {
+                assert!(message.contains(part), "\"{part}\" is not in: {message}");
+            }
+        };
+        refused("", &["s.csv", "nothing in it", "stroke_mm,payload_kg"]);
+        refused(&good.replace("payload_kg", "load_kg"), &["s.csv", "no column payload_kg"]);
+        let line = |k: usize, text: &str| {
+            let mut lines: Vec<&str> = good.lines().collect();
+            lines[k - 1] = text;
+            lines.join("\n")
+        };
+        refused(&line(5, "150,abc,3400,100,1"), &["line 5", "payload_kg is abc", "number"]);
+        refused(&line(5, "150,307,3400"), &["line 5", "tip_y_mm is nothing"]);
+        refused(&line(6, "650,307,3400,100,1"), &["line 6", "stroke_mm is 650", "from 0 to 500"]);
+        refused(&line(6, "250,-3,3400,100,1"), &["line 6", "payload_kg is -3"]);
+        refused(&line(6, "250,307,3400,100,0"), &["line 6", "deviation_mm is 0"]);
+        refused(&line(6, "250,307,3.4,0.1,1"), &["line 6", "tip_x_mm", "bearing", "in mm"]);
+        let few: Vec<&str> = good.lines().take(5).collect();
+        refused(&few.join("\n"), &["2 poses, and at least 4"]);
+        let light: Vec<&str> = good.lines().take(8).collect();
+        refused(&light.join("\n"), &["a single load", "heavy load"]);
+    }
+}

@@ -1,0 +1,264 @@
+//! `hydroboom tip`
+
+use crate::crane_file::{CraneFile, text};
+use crate::interruptible::{Interruptible, of_asked};
+use crate::machine_choice::MachineChoice;
+use crate::output;
+use crate::virtual_crane::strategies;
+use clap::Args;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use hydroboom_description::schema::KEYS;
+use hydroboom_design::tip_survey::{SurveyFit, TipSurvey};
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
+use hydroboom_lab::closed_loop::tip_accuracy::{NoiseFloor, TipAccuracy, TipFamily, tip_accuracy};
+use hydroboom_lab::crane_file_text::{FoundValue, write_value};
+use hydroboom_lab::report;
+use miette::{IntoDiagnostic, Result, bail, miette};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use toml_edit::DocumentMut;
+
+/// Deviations of a pose beyond which a survey is doubted.
+const DOUBTED: f64 = 3.5;
+/// 95 % of a normal distribution lie within so many standard deviations.
+const INTERVAL: f64 = 1.96;
+
+/// Fit the numbers of the tip's estimator (base, bending, zero of the stroke) to a survey, or test the estimated tip on virtual cranes, each surveyed by itself.
+#[derive(Args)]
+#[command(after_help = "Examples:\n  hydroboom virtual --survey survey.csv\n  \
+    hydroboom tip --survey survey.csv --out surveyed.toml\n  \
+    hydroboom tip --family 40 --seed 7 --widened --out tip")]
+pub struct Tip {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Survey: a CSV file with stroke_mm, payload_kg, tip_x_mm, tip_y_mm, deviation_mm (docs/estimation.md).
+    #[arg(
+        long,
+        value_name = "FILE",
+        required_unless_present = "family",
+        conflicts_with = "family"
+    )]
+    survey: Option<PathBuf>,
+    /// Crane file to write with the fitted keys of [tip]; with --family, folder for the page with table and figure.
+    #[arg(long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    /// Number of virtual cranes around the machine.
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    family: Option<u64>,
+    /// Number of the first crane.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..=1_000_000_000))]
+    from: u64,
+    /// Seed of the family, and of what is drawn of a survey's noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Vary stiffness of beam and base, dead volumes, sensors and fieldbus too.
+    #[arg(long, requires = "family")]
+    widened: bool,
+    /// Standard deviation of each surveyed coordinate of the family's cranes.
+    #[arg(long, default_value_t = 1.0, requires = "family")]
+    survey_noise_mm: f64,
+    /// Scenario in place of the fast motion; `hydroboom scenarios` lists them.
+    #[arg(long, value_name = "NAME", requires = "family")]
+    scenario: Option<String>,
+    /// Strategy that moves the cranes; the estimator looks on.
+    #[arg(long, value_parser = strategies(), default_value = Strategy::ScheduledLqr.name())]
+    strategy: Strategy,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Tip {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        match (&self.survey, self.family) {
+            (Some(survey), _) => self.fit(survey),
+            (None, count) => self.test(count.unwrap_or(1)),
+        }
+    }
+
+    fn fit(&self, path: &Path) -> Result<()> {
+        let crane = self.crane.read()?;
+        if self.crane.is_overridden() && self.out.is_some() {
+            return Err(miette!(
+                help = "write the values into the crane file first",
+                "--set is not written to --out"
+            ));
+        }
+        let name = path.display().to_string();
+        let survey = TipSurvey::parse(&name, &text(path)?, &crane).into_diagnostic()?;
+        let fit = survey.fit(&crane).into_diagnostic()?;
+        let left = NoiseFloor::of_survey(&fit, &crane, self.seed);
+        if let Some(out) = &self.out {
+            let written = self.with_keys(&fit, path)?;
+            output::file(out, written.as_bytes())?;
+        }
+        let (line, worst) = fit.worst;
+        if worst > DOUBTED {
+            eprintln!(
+                "warning: {name}, line {line}: the pose is {worst:.1} standard deviations off the fit; \
+                 survey it again, or state a larger deviation_mm"
+            );
+        }
+        if self.json {
+            let keys: serde_json::Map<String, serde_json::Value> = fit
+                .keys()
+                .iter()
+                .map(|(path, si)| ((*path).into(), json!(in_unit(path, *si))))
+                .collect();
+            return output::json(&json!({
+                "survey": path, "poses": survey.points.len(), "keys": keys,
+                "residual_mm": fit.residual * 1e3, "worst_line": line, "worst_deviations": worst,
+                "survey_noise": left, "written": self.out,
+            }));
+        }
+        let written = self.out.as_ref().map_or_else(String::new, |out| {
+            format!("\nwritten to {}, with covariance", out.display())
+        });
+        output::text(&format!(
+            "{} poses of {name} on \"{}\"; left at them {:.2} mm RMS, most at line {line}: {worst:.1} standard deviations\n{}\n\n\
+             Bending and base lower the tip nearly alike: their sum is told, each by itself only by its stated spread (correlation {:.2}).\n\
+             The survey's noise leaves of the tip's height at {:.0} mm/s, median (5 .. 95 %), worst of 200 surveys: bias {} mm, RMS about it {} mm{written}",
+            survey.points.len(),
+            crane.name,
+            fit.residual * 1e3,
+            intervals(&crane, &fit),
+            fit.keys()[6].1,
+            crane.numbers.fast * 1e3,
+            left.bias_mm.text(2),
+            left.rms_about_mm.text(2),
+        ))
+    }
+
+    /// The crane file with the fitted keys.
+    fn with_keys(&self, fit: &SurveyFit, path: &Path) -> Result<String> {
+        let mut document: DocumentMut = self.crane.text()?.parse().into_diagnostic()?;
+        let file = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into());
+        for (path, value) in fit.keys() {
+            let value = in_unit(path, value);
+            let source = format!("survey {file}");
+            write_value(&mut document, FoundValue { path, value, provenance: "tuned", source });
+        }
+        Ok(document.to_string())
+    }
+
+    fn test(&self, count: u64) -> Result<()> {
+        let choice = MachineChoice::read(&self.crane, None)?;
+        let (model, nominal) = (&choice.model, &choice.machine);
+        if !(1e-3..=100.0).contains(&self.survey_noise_mm) {
+            bail!("--survey-noise-mm is from 0.001 to 100, not {}", self.survey_noise_mm);
+        }
+        let course = match &self.scenario {
+            Some(name) => CourseChoice::Scenario(name.clone()),
+            None => CourseChoice::Motion(nominal.numbers.fast),
+        };
+        let along = course.of(nominal).into_diagnostic()?.name();
+        let family = TipFamily {
+            cranes: self.from..self.from + count,
+            seed: self.seed,
+            is_widened: self.widened,
+            survey_deviation: self.survey_noise_mm * 1e-3,
+        };
+        let work = Interruptible::new(count, "cranes")?;
+        let go_on = |share: f64| work.done(share);
+        let found = tip_accuracy(model, nominal, self.strategy.into(), &course, &family, &go_on);
+        drop(work);
+        let found = found.into_diagnostic()?;
+        if found.cranes.is_empty() {
+            bail!("none of {count} cranes had gone all the way: {}", found.failed.join("; "));
+        }
+        let title = format!(
+            "{} virtual cranes {}around \"{}\", seed {}, first {}, {along} under {}",
+            of_asked(found.cranes.len(), count as usize),
+            if self.widened { "of a widened family " } else { "" },
+            choice.name(),
+            self.seed,
+            self.from,
+            self.strategy.name(),
+        );
+        if let Some(folder) = &self.out {
+            std::fs::create_dir_all(folder).into_diagnostic()?;
+            let page =
+                report::tip_page(&format!("Estimated tip: {title}"), &found).into_diagnostic()?;
+            output::file(&folder.join("tip.html"), page.as_bytes())?;
+        }
+        if self.json {
+            return output::json(&json!({
+                "asked": count, "seed": self.seed, "from": self.from, "widened": self.widened,
+                "survey_noise_mm": self.survey_noise_mm, "course": along,
+                "strategy": self.strategy.name(), "tip": found, "machine": choice.json(),
+            }));
+        }
+        output::text(&format!(
+            "{title}\nErrors of the tip's height [mm]: median (5 .. 95 %), worst. Each crane is surveyed by itself: five poses, two loads, {} mm of noise. \
+             Truth is the virtual crane's.\n{}",
+            self.survey_noise_mm,
+            table(&found)
+        ))
+    }
+}
+
+fn table(found: &TipAccuracy) -> String {
+    let mut cells: Vec<Vec<String>> = found
+        .methods
+        .iter()
+        .map(|row| {
+            vec![
+                row.method.into(),
+                row.bias_mm.text(2),
+                row.rms_about_mm.text(2),
+                row.rms_mm.text(2),
+                output::optional(row.deviation_mm, 2),
+                output::optional(row.coverage_percent, 0),
+            ]
+        })
+        .collect();
+    let left = &found.survey_noise;
+    let none = || output::optional(None, 0);
+    cells.push(vec![
+        "left by the survey's noise alone".into(),
+        left.bias_mm.text(2),
+        left.rms_about_mm.text(2),
+        none(),
+        none(),
+        none(),
+    ]);
+    let header = ["", "bias", "RMS about it", "RMS", "mean sigma", "within 2 sigma [%]"];
+    let failed = match found.failed.is_empty() {
+        true => String::new(),
+        false => format!("\n\nnot finished, and not counted:\n  {}", found.failed.join("\n  ")),
+    };
+    output::table(&header, &cells) + &failed
+}
+
+/// A key's value in its unit, with digits that count.
+fn in_unit(path: &str, si: f64) -> f64 {
+    let value = KEYS.iter().find(|key| key.path() == path).map_or(si, |key| key.to_unit(si));
+    format!("{value:.5e}").parse().unwrap_or(value)
+}
+
+fn intervals(crane: &Description, fit: &SurveyFit) -> String {
+    let before: Vec<(String, f64)> =
+        crane.entries().map(|(key, value, _)| (key.path(), value)).collect();
+    let stated = |path: &str| before.iter().find(|(of, _)| of == path).map_or(f64::NAN, |b| b.1);
+    let keys = fit.keys();
+    let cells: Vec<Vec<String>> = keys[..6]
+        .chunks(2)
+        .map(|pair| {
+            let [(path, value), (of_deviation, deviation)] = [pair[0], pair[1]];
+            let (value, deviation) = (in_unit(path, value), in_unit(of_deviation, deviation));
+            let range = |value: f64, deviation: f64| {
+                let half = INTERVAL * deviation;
+                format!("{:.3} to {:.3}", value - half, value + half)
+            };
+            vec![
+                path.into(),
+                format!("{value:.3}"),
+                range(value, deviation),
+                range(stated(path), stated(of_deviation)),
+            ]
+        })
+        .collect();
+    output::table(&["key", "fitted", "95 %", "95 % as stated before"], &cells)
+}

@@ -1,0 +1,181 @@
+//! The estimated tip along a cycle: how far it hangs below a rigid boom, with bounds, and what is left.
+
+use super::document::{document, figure};
+use super::figure::{COLOURS, FINE, GRID, INK, number, themed};
+use crate::LabError;
+use crate::closed_loop::tip_accuracy::{Method, TipAccuracy, TipInstant};
+use maud::html;
+use plotters::prelude::*;
+
+const WIDTH: u32 = 760;
+/// Heights of the figure, and of its upper part.
+const HEIGHT: u32 = 620;
+const UPPER: u32 = 360;
+/// Instants that are drawn.
+const POINTS: usize = 700;
+/// Time at the beginning that does not count for the size of the axes \[s\].
+const SETTLING: f64 = 2.0;
+
+/// One line with its band.
+struct Band {
+    name: &'static str,
+    colour: RGBColor,
+    opacity: f64,
+    /// Time \[s\], value and two standard deviations \[mm\]; no band where these are zero.
+    points: Vec<(f64, f64, f64)>,
+}
+
+/// Two axes over one time: height below a rigid boom above, error below.
+fn svg(course: &[TipInstant]) -> Result<String, LabError> {
+    let step = course.len().div_ceil(POINTS).max(1);
+    let instants: Vec<&TipInstant> = course.iter().step_by(step).collect();
+    let (Some(first), Some(last)) = (instants.first(), instants.last()) else {
+        return Err(LabError::Figure("no instant to draw".into()));
+    };
+    let times = first.time_s..last.time_s;
+    let of = |method: Method, from: fn(&TipInstant) -> f64| {
+        let k = method as usize;
+        let point = move |i: &&TipInstant| {
+            (i.time_s, (i.estimated_y_m[k] - from(i)) * 1e3, i.deviation_y_m[k] * 2e3)
+        };
+        instants.iter().map(point).collect::<Vec<_>>()
+    };
+    let [blue, orange, green, ..] = COLOURS;
+    let rigid = |i: &TipInstant| i.rigid_y_m;
+    let truth = |i: &TipInstant| i.true_y_m;
+    let band = |name, colour, opacity, points| Band { name, colour, opacity, points };
+    let unsurveyed = of(Method::Unsurveyed, rigid);
+    let true_tip = instants.iter().map(|i| (i.time_s, (i.true_y_m - i.rigid_y_m) * 1e3, 0.0));
+    let above = [
+        band("nothing surveyed, 2 sigma", green, 0.13, unsurveyed),
+        band("surveyed, 2 sigma", blue, 0.30, of(Method::Surveyed, rigid)),
+        band("map of four numbers", orange, 0.0, of(Method::Map, rigid)),
+        band("the tip itself", INK, 0.0, true_tip.collect()),
+    ];
+    let below = [
+        band("surveyed", blue, 0.30, of(Method::Surveyed, truth)),
+        band("map of four numbers", orange, 0.0, of(Method::Map, truth)),
+    ];
+    let size = (WIDTH * FINE, HEIGHT * FINE);
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        let (upper, lower) = area.split_vertically(UPPER * FINE);
+        draw(&upper, &times, "tip below a rigid boom [mm]", "", (&above, 1.4))?;
+        draw(&lower, &times, "error of the height [mm]", "time [s]", (&below, 2.2))?;
+        area.present().map_err(|e| LabError::Figure(e.to_string()))?;
+    }
+    Ok(themed(&svg, size))
+}
+
+fn draw(
+    area: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
+    times: &std::ops::Range<f64>,
+    y: &str,
+    x: &str,
+    (bands, legend): (&[Band], f64),
+) -> Result<(), LabError> {
+    let failed = |e: &dyn std::fmt::Display| LabError::Figure(e.to_string());
+    // bounds are wide before anything was measured for long: they run out of the axes there
+    let settled = times.start + SETTLING.min(0.5 * (times.end - times.start));
+    let shown = bands.iter().flat_map(|b| &b.points).filter(|(t, ..)| *t >= settled);
+    let ends = shown.flat_map(|(_, v, d)| [v - d, v + d]);
+    let (low, high) = ends
+        .filter(|v| v.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if low >= high {
+        return Err(LabError::Figure(format!("nothing to draw of {y}")));
+    }
+    let pad = 0.06 * (high - low);
+    // room for the legend above the lines
+    let head = pad * (1.0 + legend * bands.len() as f64);
+    let within = |value: f64| value.clamp(low - pad, high + head);
+    let font = ("sans-serif", 14 * FINE).into_font().color(&INK);
+    let mut chart = ChartBuilder::on(area)
+        .margin(8 * FINE)
+        .margin_right(18 * FINE)
+        .x_label_area_size(if x.is_empty() { 22 * FINE } else { 42 * FINE })
+        .y_label_area_size(64 * FINE)
+        .build_cartesian_2d(times.clone(), low - pad..high + head)
+        .map_err(|e| failed(&e))?;
+    chart
+        .configure_mesh()
+        .axis_style(INK.stroke_width(FINE))
+        .bold_line_style(GRID.stroke_width(FINE))
+        .light_line_style(TRANSPARENT)
+        .label_style(font.clone())
+        .axis_desc_style(font.clone())
+        .x_desc(x)
+        .y_desc(y)
+        .x_labels(10)
+        .y_labels(6)
+        .x_label_formatter(&|v| number(*v))
+        .y_label_formatter(&|v| number(*v))
+        .draw()
+        .map_err(|e| failed(&e))?;
+    for Band { name, colour, opacity, points } in bands {
+        if *opacity > 0.0 {
+            let up = points.iter().map(|(t, v, d)| (*t, within(v + d)));
+            let down = points.iter().rev().map(|(t, v, d)| (*t, within(v - d)));
+            let outline: Vec<(f64, f64)> = up.chain(down).collect();
+            let polygon = Polygon::new(outline, colour.mix(*opacity).filled());
+            chart.draw_series([polygon]).map_err(|e| failed(&e))?;
+        }
+        let style = colour.stroke_width(2 * FINE);
+        let line = LineSeries::new(points.iter().map(|(t, v, _)| (*t, within(*v))), style);
+        let (fill, has_band) = (colour.mix(*opacity).filled(), *opacity > 0.0);
+        let drawn = chart.draw_series(line).map_err(|e| failed(&e))?;
+        drawn.label(*name).legend(move |(x, y)| {
+            let (half, wide) = (5 * FINE as i32, 18 * FINE as i32);
+            let (top, bottom) = if has_band { (y - half, y + half) } else { (y, y) };
+            EmptyElement::at((0, 0))
+                + Rectangle::new([(x, top), (x + wide, bottom)], fill)
+                + PathElement::new([(x, y), (x + wide, y)], style)
+        });
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::UpperRight)
+        .legend_area_size(24 * FINE)
+        .label_font(font)
+        .background_style(TRANSPARENT)
+        .border_style(TRANSPARENT)
+        .draw()
+        .map_err(|e| failed(&e))
+}
+
+/// A page with the accuracy of the estimated tip over a family, and a cycle of the crane of the median error.
+///
+/// # Errors
+///
+/// [`LabError::Figure`] when the figure cannot be drawn.
+pub fn tip_page(title: &str, found: &TipAccuracy) -> Result<String, LabError> {
+    let drawn = svg(&found.course)?;
+    let caption = format!(
+        "Crane {}, that of the median RMS error after a survey. Above: height of the tip less that of a rigid boom at the same piston position, truth and estimates with two standard deviations. Below: what \
+         is left. The truth is the virtual crane's; pressures alone do not observe the position.",
+        found.drawn
+    );
+    let shown = |value: Option<f64>, digits: usize| {
+        value.map_or_else(|| "-".into(), |value| format!("{value:.digits$}"))
+    };
+    let body = html! {
+        p { (format!("{} virtual cranes. Errors of the tip's height in mm: median (5 .. 95 %), worst.", found.cranes.len())) }
+        div.wide { table {
+            thead { tr { th { "" } th { "bias" } th { "RMS about it" } th { "RMS" } th { "mean sigma" } th { "within 2 sigma [%]" } } }
+            tbody {
+                @for row in &found.methods { tr {
+                    td { (row.method) } td { (row.bias_mm.text(2)) } td { (row.rms_about_mm.text(2)) } td { (row.rms_mm.text(2)) }
+                    td { (shown(row.deviation_mm, 2)) } td { (shown(row.coverage_percent, 0)) }
+                } }
+                tr {
+                    td { "left by the survey's noise alone" } td { (found.survey_noise.bias_mm.text(2)) }
+                    td { (found.survey_noise.rms_about_mm.text(2)) } td { "-" } td { "-" } td { "-" }
+                }
+            }
+        } }
+        h2 { "A cycle" }
+        (figure(&caption, &drawn))
+    };
+    Ok(document(title, &body))
+}
