@@ -6,6 +6,7 @@ use crate::machine::Incoming;
 use crate::simulation_task::Simulated;
 use hydroboom_control::controller::Controller;
 use hydroboom_control::estimation::reduced_model::MachineState;
+use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::estimation::tip::{TipEstimate, TipEstimator, TipMemory};
 use hydroboom_control::feedback::benchmark::{Benchmark, BenchmarkInput};
 use hydroboom_control::feedback::published_strategy::PublishedStrategy;
@@ -130,6 +131,8 @@ pub struct Estimates {
     pub state: MachineState<f64>,
     /// Their standard deviations.
     pub deviation: MachineState<f64>,
+    /// Parameters that a later run may begin with.
+    pub parameters: RetainedParameters<f64>,
     /// Innovations of position \[m\] and load pressure \[Pa\].
     pub innovation: [f64; 2],
     /// Their standard deviations by the filter; not a number where an innovation is nought, as while the load is held.
@@ -408,6 +411,14 @@ impl ControlTask {
         }
     }
 
+    /// The same with an estimator that begins with the parameters of an earlier run.
+    #[must_use]
+    pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
+        self.scheduled_lqr =
+            self.scheduled_lqr.map(|controller| controller.with_retained_parameters(retained));
+        self
+    }
+
     fn estimates(&self) -> Option<Estimates> {
         let controller = self.scheduled_lqr.as_ref()?;
         let estimated = controller.estimated()?;
@@ -421,6 +432,7 @@ impl ControlTask {
             }),
             mean_nis: filter.mean_nis,
             drive_lag: estimated.drive.time_constant(self.benchmark.period),
+            parameters: RetainedParameters::of(estimated),
             tip: self.tip.map(|tip| {
                 tip.estimate(&self.tip_memory, &controller.estimator().filter.model, filter)
             }),

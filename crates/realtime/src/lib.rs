@@ -36,6 +36,7 @@ pub mod lockstep;
 pub mod log;
 pub mod machine;
 pub mod operator;
+pub mod parameter_file;
 pub mod posix;
 pub mod reactions;
 pub mod readiness;

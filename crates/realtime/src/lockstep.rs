@@ -12,6 +12,7 @@ use crate::setup::SetupError;
 use crate::simulation_task::SimulationTask;
 use crate::trouble::{Tampering, Trouble};
 use hydroboom_control::command::AxisCommand;
+use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
@@ -130,6 +131,13 @@ impl Lockstep {
             watchdog: (machine.numbers.supervision_watchdog / n.control_period).round() as u32,
             record: None,
         })
+    }
+
+    /// The same with a state estimator that begins with the parameters of an earlier run.
+    #[must_use]
+    pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
+        self.control = self.control.with_retained_parameters(retained);
+        self
     }
 
     /// One control period; what was done in it.

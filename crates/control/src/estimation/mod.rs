@@ -6,5 +6,6 @@ pub mod extended_kalman_filter;
 pub mod innovation_test;
 pub mod noise_estimation;
 pub mod reduced_model;
+pub mod retained_parameters;
 pub mod state_estimator;
 pub mod tip;

@@ -8,6 +8,7 @@ use super::scheduled_lqr::{ScheduledLqr, ScheduledLqrState};
 use crate::command::Command;
 use crate::controller::{Controller, ControllerStatus, SimulatedState};
 use crate::estimation::extended_kalman_filter::EstimatorInput;
+use crate::estimation::retained_parameters::RetainedParameters;
 use crate::estimation::state_estimator::{StateEstimator, StateEstimatorState};
 use crate::measurement::{AxisMeasurement, Measurement, Validity};
 use crate::reference::preview::Preview;
@@ -19,6 +20,8 @@ pub struct ScheduledLqrController {
     law: ScheduledLqr<f64>,
     /// Rod-side area over piston area.
     area_ratio: f64,
+    /// Parameters of an earlier run, with which the estimator begins first.
+    retained: Option<RetainedParameters<f64>>,
     /// None before the first measurement.
     estimated: Option<StateEstimatorState<f64>>,
     /// Regulator of the operating point while another controller commands; none before the first measurement.
@@ -40,6 +43,7 @@ impl ScheduledLqrController {
             estimator,
             law,
             area_ratio,
+            retained: None,
             estimated: None,
             regulator: None,
             state: None,
@@ -53,6 +57,13 @@ impl ScheduledLqrController {
     #[must_use]
     pub fn with_delay(mut self, delay_cycles: u32) -> Self {
         self.estimator.delay_cycles = delay_cycles as usize;
+        self
+    }
+
+    /// The same with an estimator that begins with the parameters of an earlier run. After a divergence it begins without them.
+    #[must_use]
+    pub fn with_retained_parameters(mut self, retained: RetainedParameters<f64>) -> Self {
+        self.retained = Some(retained);
         self
     }
 
@@ -142,7 +153,11 @@ impl ScheduledLqrController {
     fn begin(&mut self, input: &EstimatorInput<f64>) {
         // nothing is known before every signal was good once
         if input.position_is_good + input.load_pressure_is_good > 1.5 {
-            self.estimated = Some(self.estimator.start(input));
+            let mut begun = self.estimator.start(input);
+            if let Some(retained) = self.retained.take() {
+                retained.put_into(&mut begun);
+            }
+            self.estimated = Some(begun);
         }
     }
 

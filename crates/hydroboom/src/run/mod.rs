@@ -11,6 +11,7 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::virtual_crane::strategies;
 use clap::Args;
+use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::limits::Limits;
@@ -20,13 +21,14 @@ use hydroboom_design::limits;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
 use hydroboom_lab::paper;
-use hydroboom_realtime::control_task::ControlTask;
+use hydroboom_realtime::control_task::{ControlTask, Fallback};
 use hydroboom_realtime::course::Course;
 use hydroboom_realtime::desk::Desk;
 use hydroboom_realtime::executive::{self, Placement, RealTime, Tasks};
 use hydroboom_realtime::flow_baseline::FlowBaseline;
 use hydroboom_realtime::lockstep::{self, Lockstep, Pace};
 use hydroboom_realtime::log::LogWriter;
+use hydroboom_realtime::parameter_file;
 use hydroboom_realtime::session::{Ending, Lookout, Session};
 use hydroboom_realtime::shared::Shared;
 use hydroboom_realtime::simulation_task::SimulationTask;
@@ -90,6 +92,10 @@ pub struct Run {
     /// Record this machine's delivered flow from the last course into a file, if it went well.
     #[arg(long, value_name = "FILE")]
     record_baseline: Option<PathBuf>,
+    /// Parameters of the state estimator (oil, unknown flow, drive lag) with their covariance: taken up at the start where the file is there, and written
+    /// at the end.
+    #[arg(long, value_name = "FILE", conflicts_with = "replay")]
+    parameters: Option<PathBuf>,
     /// Log to write, MCAP: Foxglove and PlotJuggler open it, `hydroboom log to-csv` converts it.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -128,6 +134,7 @@ impl Run {
         }
         let switch = Switch { first: strategy, then, at: 0.5 * wanted.path.duration() };
         let limits = self.limits(&cranes.model)?;
+        let retained = self.retained(&cranes.model)?;
         let is_needless = self.simulated_time || self.dashboard.is_some();
         let alone = cranes.beforehand(&wanted, switch, is_needless)?;
         let desk = Arc::new(Desk::new(strategy));
@@ -139,6 +146,10 @@ impl Run {
                     attend(&desk)?;
                 }
                 let run = cranes.lockstep(strategy)?.within(limits);
+                let run = match retained {
+                    Some(retained) => run.with_retained_parameters(retained),
+                    None => run,
+                };
                 let lookout =
                     Lookout { desk: &desk, attendant: &mut watch, ending: Ending::OnceClosed };
                 lockstep::run(run, &cranes.machine, lookout, pace).into_diagnostic()?;
@@ -146,12 +157,13 @@ impl Run {
             }
             false => {
                 attend(&desk)?;
-                let supervised = (strategy, limits);
-                Some(self.in_real_time(&cranes, supervised, &desk, &mut watch)?)
+                let begin = (strategy, limits, retained);
+                Some(self.in_real_time(&cranes, begin, &desk, &mut watch)?)
             }
         };
         watch.close_log();
         self.record(&cranes.model, &watch)?;
+        self.retain(&cranes.model, &watch)?;
         self.conclude(&cranes, &watch, alone.as_ref(), real_time.as_ref())
     }
 
@@ -163,6 +175,39 @@ impl Run {
             limits.flow = baseline.narrowed(limits.flow);
         }
         Ok(limits)
+    }
+
+    /// The estimator's parameters of an earlier run, where there is a file of them.
+    fn retained(&self, model: &Description) -> Result<Option<RetainedParameters<f64>>> {
+        match &self.parameters {
+            Some(path) if path.exists() => {
+                parameter_file::read(model, path).into_diagnostic().map(Some)
+            }
+            Some(path) => {
+                eprintln!(
+                    "{}: not there yet; the estimator begins with the crane file",
+                    path.display()
+                );
+                Ok(None)
+            }
+            None => Ok(None),
+        }
+    }
+
+    /// Writes the estimator's parameters for the next run; those of an estimator that diverged are not kept.
+    fn retain(&self, model: &Description, watch: &Watch) -> Result<()> {
+        let Some(path) = &self.parameters else { return Ok(()) };
+        let diverged = Some(Fallback::Estimator.name());
+        if watch.results.iter().any(|result| result.fallback_cause == diverged) {
+            eprintln!("{}: not written, since the estimator diverged", path.display());
+            return Ok(());
+        }
+        let estimates = watch.session().last().and_then(|record| record.estimates);
+        let Some(estimates) = estimates else {
+            eprintln!("{}: not written, since nothing was estimated", path.display());
+            return Ok(());
+        };
+        output::file(path, parameter_file::text(model, &estimates.parameters).as_bytes())
     }
 
     /// Records the baseline of delivered flow from the last course.
@@ -245,7 +290,7 @@ impl Run {
     fn in_real_time(
         &self,
         cranes: &Cranes,
-        (strategy, limits): (Strategy, Limits),
+        (strategy, limits, retained): (Strategy, Limits, Option<RetainedParameters<f64>>),
         desk: &Arc<Desk>,
         watch: &mut Watch,
     ) -> Result<RealTime> {
@@ -260,8 +305,13 @@ impl Run {
         let n = &model.numbers;
         let motion = cranes.machine.motion(n.fast);
         let course = Course::new(Arc::new(motion));
+        let control = ControlTask::new(model, course, limits, strategy);
+        let control = match retained {
+            Some(retained) => control.with_retained_parameters(retained),
+            None => control,
+        };
         let tasks = Tasks {
-            control: ControlTask::new(model, course, limits, strategy),
+            control,
             simulation: SimulationTask::new(model, motion.start).into_diagnostic()?,
             machine: Box::new(shared),
             periods: (n.simulation_period, n.control_period),

@@ -1,0 +1,207 @@
+//! File of the state estimator's parameters with their covariance: written at the end of a run, taken up at the next start.
+//!
+//! A file of another crane, with numbers out of range, or with a covariance that is none is refused. So is one that contradicts the crane file: farther from its values than
+//! three standard deviations of both together.
+
+use hydroboom_control::estimation::drive_identification::DriveLag;
+use hydroboom_control::estimation::retained_parameters::RetainedParameters;
+use hydroboom_description::Description;
+use hydroboom_design::DesignError;
+use hydroboom_design::scheduled_lqr::{designed, known_delay};
+use serde_json::{Value, json};
+use std::path::Path;
+use thiserror::Error;
+
+const BAR: f64 = 1e5;
+const RPM: f64 = 1.0 / 60.0;
+const MS: f64 = 1e-3;
+/// Standard deviations between file and crane file beyond which they contradict each other.
+const CONTRADICTION: f64 = 3.0;
+
+/// Why parameters are not taken up.
+#[derive(Debug, Error)]
+pub enum ParameterFileError {
+    /// The file cannot be read.
+    #[error("{path}: {error}")]
+    File {
+        /// Its path.
+        path: String,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// The file is none, of another crane, or its numbers cannot be.
+    #[error("{path}: {reason}")]
+    Other {
+        /// Its path.
+        path: String,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// The crane has no estimator.
+    #[error(transparent)]
+    Design(#[from] DesignError),
+}
+
+/// The parameters as a file, for the crane of a model.
+pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String {
+    let period = model.numbers.control_period;
+    let [[flow, both], [_, transition]] = parameters.covariance;
+    let (flow, transition) = (flow.sqrt(), transition.sqrt());
+    let lag = parameters.drive.time_constant(period);
+    // dτ/dg = τ²/(T (1 − g))
+    let slope = lag.powi(2) / (period * (1.0 - parameters.drive.coefficient));
+    let value = json!({
+        "unknown_flow_rpm": parameters.unknown_flow / RPM,
+        "unknown_flow_deviation_rpm": flow / RPM,
+        "transition_pressure_bar": parameters.transition_pressure / BAR,
+        "transition_pressure_deviation_bar": transition / BAR,
+        "flow_transition_correlation": both / (flow * transition),
+        "drive_lag_ms": lag / MS,
+        "drive_lag_deviation_ms": parameters.drive.variance.sqrt() * slope / MS,
+        "crane_digest": model.digest(),
+    });
+    format!("{value:#}\n")
+}
+
+/// Reads the parameters of the crane of a model.
+///
+/// # Errors
+///
+/// [`ParameterFileError`] when there are none, they cannot be, or they are of another crane.
+pub fn read(
+    model: &Description,
+    path: &Path,
+) -> Result<RetainedParameters<f64>, ParameterFileError> {
+    let name = path.display().to_string();
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| ParameterFileError::File { path: name.clone(), error })?;
+    let other = |reason: String| ParameterFileError::Other { path: name.clone(), reason };
+    let value: Value = serde_json::from_str(&text)
+        .map_err(|error| other(format!("not what `hydroboom run --parameters` writes: {error}")))?;
+    if value["crane_digest"].as_str() != Some(&model.digest()) {
+        return Err(other(format!(
+            "it is of another crane file than \"{}\", or of other overrides: delete it, and the next run writes it anew",
+            model.name
+        )));
+    }
+    let (estimator, _) = designed(model, known_delay(model) as usize)?;
+    let (filter, n) = (&estimator.filter, &model.numbers);
+    let largest_flow = n.tuning.estimator_largest_flow * n.motor_speed / RPM;
+    let [least_lag, most_lag] =
+        [n.tuning.estimator_shortest_drive_lag, n.tuning.estimator_longest_drive_lag];
+    let initial = &filter.initial_deviation;
+    // a digit of rounding
+    let [below, above] = [1.0 - 1e-6, 1.0 + 1e-6];
+    let number = |key: &str, low: f64, high: f64| {
+        let read = &value[key];
+        match read.as_f64().filter(|number| (low..=high).contains(number)) {
+            Some(number) => Ok(number),
+            None if read.is_null() => Err(other(format!("{key} is missing"))),
+            None => Err(other(format!("{key} is {read}; it is a number from {low} to {high}"))),
+        }
+    };
+    let flow = number("unknown_flow_rpm", -largest_flow * above, largest_flow * above)? * RPM;
+    let flow_deviation = number("unknown_flow_deviation_rpm", 1e-9, 1e5)? * RPM;
+    let [lowest, highest] =
+        [n.tuning.estimator_lowest_transition, n.tuning.estimator_highest_transition];
+    let transition =
+        number("transition_pressure_bar", lowest / BAR * below, highest / BAR * above)? * BAR;
+    let transition_deviation = number("transition_pressure_deviation_bar", 1e-9, 1e4)? * BAR;
+    let correlation = number("flow_transition_correlation", -1.0, 1.0)?;
+    let lag = number("drive_lag_ms", least_lag / MS * below, most_lag / MS * above)? * MS;
+    let lag_deviation = number("drive_lag_deviation_ms", 1e-9, 1e5)? * MS;
+    for (what, unit, size, off, deviations) in [
+        ("unknown_flow", "rpm", RPM, flow, [flow_deviation, initial.unknown_flow]),
+        (
+            "transition_pressure",
+            "bar",
+            BAR,
+            transition - filter.model.oil.transition_pressure,
+            [transition_deviation, initial.transition_pressure],
+        ),
+    ] {
+        let expected = deviations[0].hypot(deviations[1]);
+        if off.abs() > CONTRADICTION * expected {
+            return Err(other(format!(
+                "{what} is {:.1} {unit} off the crane file's value, where {:.1} {unit} are {CONTRADICTION} standard deviations of both: check oil, pump and crane file, or delete the file to begin anew",
+                off / size,
+                CONTRADICTION * expected / size
+            )));
+        }
+    }
+    let both = correlation * flow_deviation * transition_deviation;
+    let period = n.control_period;
+    let coefficient = 1.0 - (-period / lag).exp();
+    let slope = period * (1.0 - coefficient) / lag.powi(2);
+    Ok(RetainedParameters {
+        unknown_flow: flow,
+        transition_pressure: transition,
+        covariance: [[flow_deviation.powi(2), both], [both, transition_deviation.powi(2)]],
+        drive: DriveLag { coefficient, variance: (lag_deviation * slope).powi(2) },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parameters() -> RetainedParameters<f64> {
+        RetainedParameters {
+            unknown_flow: 0.2,
+            transition_pressure: 30e5,
+            covariance: [[0.01, 2e3], [2e3, 4e10]],
+            drive: DriveLag { coefficient: 0.2, variance: 1e-4 },
+        }
+    }
+
+    fn read_back(change: impl Fn(&str) -> String) -> Result<RetainedParameters<f64>, String> {
+        static NUMBER: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+        let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let model = Description::uia_single_boom().unwrap();
+        let path = std::env::temp_dir().join(format!("parameters-{}-{number}", std::process::id()));
+        std::fs::write(&path, change(&text(&model, &parameters()))).unwrap();
+        let found = read(&model, &path).map_err(|error| error.to_string());
+        std::fs::remove_file(&path).unwrap();
+        found
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let (found, expected) = (read_back(str::to_string).unwrap(), parameters());
+        let pairs = [
+            (found.unknown_flow, expected.unknown_flow),
+            (found.transition_pressure, expected.transition_pressure),
+            (found.covariance[0][0], expected.covariance[0][0]),
+            (found.covariance[0][1], expected.covariance[0][1]),
+            (found.covariance[1][1], expected.covariance[1][1]),
+            (found.drive.coefficient, expected.drive.coefficient),
+            (found.drive.variance, expected.drive.variance),
+        ];
+        assert!(pairs.iter().all(|(a, b)| (a / b - 1.0).abs() < 1e-9), "{pairs:?}");
+    }
+
+    /// Key, what was read and what is allowed; another crane, and oil that the crane file does not expect.
+    #[test]
+    fn parameters_that_cannot_be_are_refused() {
+        let key = |key: &str, value: &str| {
+            let found = read_back(|text| {
+                let mut all: Value = serde_json::from_str(text).unwrap();
+                all[key] = serde_json::from_str(value).unwrap();
+                all.to_string()
+            });
+            found.unwrap_err()
+        };
+        let said = key("transition_pressure_bar", "700.0");
+        assert!(
+            said.contains("700.0") && said.contains("from 7.9") && said.contains("to 65"),
+            "{said}"
+        );
+        assert!(key("drive_lag_ms", "\"slow\"").contains("\"slow\""));
+        assert!(key("flow_transition_correlation", "1.5").contains("from -1 to 1"));
+        assert!(key("unknown_flow_deviation_rpm", "null").contains("missing"));
+        assert!(key("crane_digest", "\"0\"").contains("another crane file"));
+        let said = key("unknown_flow_rpm", "900.0");
+        assert!(said.contains("900.0 rpm off the crane file"), "{said}");
+        assert!(read_back(|_| "{".into()).unwrap_err().contains("run --parameters"));
+    }
+}
