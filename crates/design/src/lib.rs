@@ -34,6 +34,7 @@ pub mod small_signal_controller;
 mod supervision;
 pub mod tip;
 pub mod tip_survey;
+pub mod unknown_flow;
 mod unstable_poles;
 
 pub use design_report::{

@@ -9,6 +9,7 @@ mod design;
 mod doctor;
 mod eigen;
 mod energy;
+mod estimate;
 mod estimator;
 mod export;
 mod family;
@@ -64,6 +65,7 @@ enum Command {
     Study(study::Study),
     Trials(trials::Trials),
     Ablate(ablate::Ablate),
+    Estimate(estimate::Estimate),
     Estimator(estimator::Estimator),
     Tip(tip::Tip),
     Learn(learn::Learn),
@@ -105,6 +107,7 @@ fn main() -> Result<()> {
         Command::Study(command) => command.run(),
         Command::Trials(command) => command.run(),
         Command::Ablate(command) => command.run(),
+        Command::Estimate(command) => command.run(),
         Command::Estimator(command) => command.run(),
         Command::Tip(command) => command.run(),
         Command::Learn(command) => command.run(),

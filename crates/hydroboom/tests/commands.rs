@@ -19,6 +19,7 @@ fn every_command_explains_itself_with_an_example() {
         "motion",
         "virtual",
         "scenarios",
+        "estimate",
         "estimator",
         "calibrate",
         "validate",
@@ -570,4 +571,64 @@ fn virtual_takes_settings_of_the_controller_for_its_model_only() {
     says(&of(&["--set", drift]), &format!("--model-set {drift}"));
     says(&of(&["--model-set", "estimator.lowest_transition_bar=100"]), "highest_transition_bar");
     says(&of(&["--log-ms", "NaN"]), "--log-ms is a positive number");
+}
+
+#[test]
+fn a_log_is_estimated_with_a_page_a_table_and_numbers_for_machines() {
+    let folder = folder("estimate");
+    let [log, page, table] = ["log.csv", "page.html", "estimates.csv"]
+        .map(|name| folder.join(name).to_str().unwrap().to_string());
+    assert!(hydroboom(&["virtual", "--scenario", "small-moves", "--log", &log]).status.success());
+    let said = parsed(&["estimate", "--log", &log, "--out", &page, "--csv", &table, "--json"]);
+    assert_eq!(said["consistent"], true, "{said}");
+    let payload = &said["at_end"]["payload_kg"];
+    let of = |name: &str| payload[name].as_f64().unwrap();
+    assert!((of("estimated") - 316.0).abs() < 3.0 * of("deviation"), "{payload}");
+    assert!(of("deviation") < of("initial_deviation"), "{payload}");
+    let html = std::fs::read_to_string(&page).unwrap();
+    for wanted in
+        ["Consistent", "What this log cannot tell", "payload [kg]", "+2 sigma", "viewport"]
+    {
+        assert!(html.contains(wanted), "no {wanted}");
+    }
+    assert!(!html.contains("http-equiv") && !html.contains("src="), "a page of its own");
+    let rows = std::fs::read_to_string(&table).unwrap();
+    let header = rows.lines().next().unwrap();
+    for column in ["estimated_payload_kg", "deviation_unknown_flow_l_min", "innovation_position_mm"]
+    {
+        assert!(header.split(',').any(|name| name == column), "no {column}: {header}");
+    }
+    // a log of simulate has no command of the motor, and an interval of 10 ms
+    assert!(hydroboom(&["simulate", "--hold-s", "2", "--log", &log]).status.success());
+    let said = parsed(&["estimate", "--log", &log, "--json"]);
+    assert!(said["not_told"].to_string().contains("drive lag"), "{said}");
+}
+
+/// A measured lift on a valve, which is not part of the project: its payload is printed as 180 kg. An arm whose data has neither times nor units is refused.
+#[test]
+fn measured_logs_are_estimated_or_refused_with_a_reason() {
+    let Ok(data) = std::env::var("HYDROBOOM_MEASURED_LOGS").map(std::path::PathBuf::from) else {
+        eprintln!("skipped: HYDROBOOM_MEASURED_LOGS names no folder of measured logs");
+        return;
+    };
+    let path = |name: &str| data.join(name).to_str().map(String::from).unwrap();
+    let (lift, arm) = (path("patu-lift-measured.csv"), path("linkoping-crane-arm-measured.csv"));
+    says(&hydroboom(&["estimate", "--log", &arm]), "no column is named as a time");
+    says(&hydroboom(&["estimate", "--log", &arm]), "no column has a unit");
+    let crane = ["estimate", "--crane", "../../cranes/patu-lift.toml", "--log", &lift];
+    // the cylinder's own length is no stroke
+    says(&hydroboom(&crane), "has it another zero?");
+    let mapping = folder("estimate-lift").join("mapping.toml");
+    let text = "[log]\n[log.stroke]\ncolumn = \"s1_position\"\nunit = \"mm\"\noffset = -820.0\n";
+    std::fs::write(&mapping, text).unwrap();
+    let rest = ["--mapping", mapping.to_str().unwrap(), "--json"];
+    let said = parsed(&[&crane[..], &rest].concat());
+    assert!(said["unknown_flow_spread"]["largest_l_min"].as_f64().unwrap() > 50.0, "{said}");
+    assert!(said["not_told"].to_string().contains("unknown flow"), "{said}");
+    assert_eq!(said["consistent"], true, "{said}");
+    let payload = &said["at_end"]["payload_kg"];
+    let of = |name: &str| payload[name].as_f64().unwrap();
+    assert!((of("estimated") - 180.0).abs() < 2.0 * of("deviation"), "{payload}");
+    // its position ripples by 0.4 mm
+    assert!(said["off"].to_string().contains("position is off by 0."), "{said}");
 }

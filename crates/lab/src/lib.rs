@@ -19,6 +19,8 @@ mod interruptible;
 mod late_motor;
 pub mod learning;
 pub mod log;
+pub mod log_estimation;
+pub mod log_verdict;
 pub mod mat_file;
 pub mod motion_test;
 mod motor_as_read;

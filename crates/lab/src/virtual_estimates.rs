@@ -37,7 +37,7 @@ const QUANTITIES: [(&str, f64); 10] = [
 /// All but the last come from the filter's state.
 const FILTERED: usize = QUANTITIES.len() - 1;
 /// Those before the tip.
-const OF_STATE: usize = FILTERED - 2;
+pub(crate) const OF_STATE: usize = FILTERED - 2;
 /// What the innovations are of, with their units, and those in SI units.
 const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_bar", 1e5)];
 
@@ -229,7 +229,7 @@ impl<'a> ParallelEstimator<'a> {
 }
 
 /// The filter's quantities of a state in the order of [`QUANTITIES`], with the motor turning at a speed \[rev/s\].
-fn quantities<T: Real>(
+pub(crate) fn quantities<T: Real>(
     model: &ReducedModel<T>,
     z: &MachineState<T>,
     motor_speed: T,

@@ -45,6 +45,13 @@ struct Column {
     interval: Option<f64>,
 }
 
+impl Column {
+    /// Whether its heading says that it is a time, or promises an interval.
+    fn is_named_as_time(&self) -> bool {
+        self.interval.is_some() || TIMES.contains(&self.name.to_lowercase().as_str())
+    }
+}
+
 pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, MeasurementError> {
     let file = path.display().to_string();
     let failed = |error| MeasurementError::File { file: file.clone(), error };
@@ -57,7 +64,22 @@ pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, Measu
     let columns = columns(&file, &style, time, &mut remarks)?;
     let mut groups = Groups::new(&columns);
     let rows = Rows { file: &file, style: &style, columns: &columns };
-    rows.read(BufReader::new(source), &mut groups, &mut remarks)?;
+    let has_named_time = time.is_some() || columns.iter().any(Column::is_named_as_time);
+    rows.read(BufReader::new(source), &mut groups, &mut remarks).map_err(|error| match error {
+        MeasurementError::Time { file, line, column, .. } if !has_named_time => {
+            let units = match columns.iter().all(|c| c.unit.is_none()) {
+                true => ", and no column has a unit",
+                false => "",
+            };
+            let reason = format!(
+                "no column is named as a time ({}), and the first, \"{column}\", is none: it goes back in line {line}{units}. A log without times is of no use: add a \
+                 column of times in s, or name the one that there is ([log] time = \"...\" in a mapping)",
+                TIMES.join(", ")
+            );
+            MeasurementError::Format { file, reason }
+        }
+        other => other,
+    })?;
     groups.finish(file, &columns, remarks)
 }
 

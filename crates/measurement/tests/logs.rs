@@ -120,6 +120,8 @@ fn bad_logs_get_clear_errors() {
             b"time_s,stroke_mm\n0,1\n1,2\n0.5,3\n",
             "line 4: time goes back from 1 to 0.5",
         ),
+        ("timeless.csv", b"u_valve,p_pressure\n0,1\n1,2\n0.5,3\n", "no column is named as a time"),
+        ("unitless.csv", b"u_valve,p_pressure\n0,1\n1,2\n0.5,3\n", "no column has a unit"),
         ("binary.csv", b"\x00\x01\x02\x03,\x00", "it is no text"),
         ("level73.mat", b"MATLAB 7.3 MAT-file", "-v7"),
         ("cut.mat", b"MATLAB 5.0 MAT-file, cut", "not read as a MAT file"),

@@ -1,0 +1,205 @@
+//! `hydroboom estimate`
+
+use crate::crane_file::CraneFile;
+use crate::log_mapping::{LogMapping, LogWindow};
+use crate::output;
+use clap::Args;
+use hydroboom_lab::log::Log;
+use hydroboom_lab::log_estimation::{ESTIMATES, INNOVATIONS, LogEstimate, estimate};
+use hydroboom_lab::log_estimation::{readable, unit};
+use hydroboom_lab::report::estimation_page;
+use hydroboom_measurement::{Dimension, Signal, Signals};
+use miette::{IntoDiagnostic, Result, bail};
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+
+/// Estimate states and parameters along a recorded log, with bounds, and say whether they can be relied on, which signal is off, and what the motion could not
+/// tell.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hydroboom estimate --log lift.csv --out lift.html\n  hydroboom estimate --crane my-crane.toml --log lift.mcap \
+    --csv estimates.csv --json\n  hydroboom log inspect lift.csv shows what a log has"
+)]
+pub struct Estimate {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// The log: CSV, TwinCAT Scope, Simulink, MAT, MCAP.
+    #[arg(long, value_name = "FILE")]
+    log: PathBuf,
+    #[command(flatten)]
+    mapping: LogMapping,
+    #[command(flatten)]
+    window: LogWindow,
+    /// Page with figures to write (HTML).
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Estimates over time to write: CSV, or MAT where the name ends so.
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Estimate {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let crane = self.crane.read_any()?;
+        let (log, mapping) = self.mapping.read(&self.log)?;
+        let signals = Signals::of(&log, &mapping).into_diagnostic()?;
+        let needed = [Signal::Stroke, Signal::PressureA, Signal::PressureB, Signal::MotorSpeed];
+        let suspicions = mapping.suspicions(&log, crane.numbers.stroke, crane.numbers.motor_speed);
+        let wrong: Vec<_> = suspicions.iter().filter(|s| needed.contains(&s.signal)).collect();
+        if let Some(first) = wrong.first() {
+            let all = wrong.iter().map(|s| s.text.as_str()).collect::<Vec<_>>().join("; ");
+            bail!(
+                help = format!(
+                    "hydroboom log inspect {} --mapping-out FILE, then [log.{}] in it",
+                    self.log.display(),
+                    first.signal.key()
+                ),
+                "{}: nothing can be estimated from it: {all}",
+                self.log.display()
+            );
+        }
+        signals.need(Signal::Stroke, &log).into_diagnostic()?;
+        let window = self.window.of();
+        let found = estimate(&crane, &signals, (window.from, window.to)).into_diagnostic()?;
+        let mut notes = log.remarks.clone();
+        notes.extend(suspicions.iter().map(|s| format!("suspicious: {}", s.text)));
+        let guessed = mapping.entries.iter().filter(|(signal, entry)| {
+            entry.is_unit_guessed && signal.dimension() != Dimension::Share
+        });
+        notes.extend(guessed.map(|(signal, entry)| {
+            format!(
+                "\"{}\" has no unit: {} is taken in {} by its size",
+                entry.column,
+                signal.symbol(),
+                entry.unit.name
+            )
+        }));
+        let name = self.log.display().to_string();
+        if let Some(path) = &self.out {
+            let page = estimation_page(&name, &crane.name, &found, &notes).into_diagnostic()?;
+            output::file(path, page.as_bytes())?;
+        }
+        if let Some(path) = &self.csv {
+            write(path, &found)?;
+        }
+        if self.json {
+            return output::json(&in_json(&name, &crane.name, &found, &notes));
+        }
+        output::text(&self.text(&crane.name, &found, &notes))
+    }
+
+    fn text(&self, crane: &str, found: &LogEstimate, notes: &[String]) -> String {
+        let verdict = &found.verdict;
+        let mut said = format!(
+            "{}: {:.1} s beside \"{crane}\"\nverdict: {}",
+            self.log.display(),
+            found.duration,
+            verdict.sentence()
+        );
+        for finding in &verdict.off {
+            said += &format!("\noff: {}", finding.text);
+        }
+        let two = |value: f64| format!("{value:.2}");
+        if let Some(last) = found.rows.last() {
+            let rows: Vec<Vec<String>> = ESTIMATES
+                .iter()
+                .enumerate()
+                .filter(|(k, _)| last.estimate[*k].is_finite())
+                .map(|(k, (name, _))| {
+                    vec![
+                        format!("{} [{}]", readable(name), unit(name)),
+                        two(last.estimate[k]),
+                        two(2.0 * last.deviation[k]),
+                        two(2.0 * found.initial_deviation[k]),
+                    ]
+                })
+                .collect();
+            let header = ["at the end", "estimate", "bound (2 sigma)", "at the start"];
+            said += &format!("\n{}", output::table(&header, &rows));
+        }
+        let rows: Vec<Vec<String>> =
+            [("position", &verdict.position), ("load pressure", &verdict.load_pressure)]
+                .map(|(name, s)| {
+                    vec![
+                        name.into(),
+                        s.windows.to_string(),
+                        two(s.mean_nis),
+                        format!("{:.0}", s.consistent_percent),
+                        two(s.mean_over_sigma),
+                    ]
+                })
+                .to_vec();
+        let header = ["innovations", "seconds", "mean NIS", "consistent [%]", "mean [sigma]"];
+        said += &format!("\n\n{}\n", output::table(&header, &rows));
+        for text in &verdict.not_told {
+            said += &format!("\nnot told: {text}");
+        }
+        for note in notes.iter().chain(&found.remarks) {
+            said += &format!("\nnote: {note}");
+        }
+        for path in self.out.iter().chain(&self.csv) {
+            said += &format!("\nwritten: {}", path.display());
+        }
+        said
+    }
+}
+
+/// Names of the columns over time.
+fn columns() -> Vec<String> {
+    let of = |prefix: &str, names: &mut dyn Iterator<Item = &str>| -> Vec<String> {
+        names.map(|name| format!("{prefix}{name}")).collect()
+    };
+    let mut header = vec!["time_s".to_string(), "held".into()];
+    header.extend(of("estimated_", &mut ESTIMATES.iter().map(|(name, _)| *name)));
+    header.extend(of("deviation_", &mut ESTIMATES.iter().map(|(name, _)| *name)));
+    header.extend(of("innovation_", &mut INNOVATIONS.iter().map(|(name, _)| *name)));
+    header.extend(of("innovation_deviation_", &mut INNOVATIONS.iter().map(|(name, _)| *name)));
+    header.push("mean_nis".into());
+    header
+}
+
+fn write(path: &Path, found: &LogEstimate) -> Result<()> {
+    let mut log = Log::begin(path, &columns()).into_diagnostic()?;
+    for row in &found.rows {
+        let mut values = vec![row.time, f64::from(u8::from(row.is_held))];
+        values.extend(row.estimate);
+        values.extend(row.deviation);
+        values.extend(row.innovation);
+        values.extend(row.innovation_deviation);
+        values.push(row.mean_nis);
+        log.row(&values).into_diagnostic()?;
+    }
+    log.finish().into_diagnostic()
+}
+
+fn in_json(log: &str, crane: &str, found: &LogEstimate, notes: &[String]) -> Value {
+    let verdict = &found.verdict;
+    let mut at_end = Map::new();
+    if let Some(last) = found.rows.last() {
+        for (k, (name, _)) in ESTIMATES.iter().enumerate() {
+            let value = json!({
+                "estimated": last.estimate[k], "deviation": last.deviation[k],
+                "initial_deviation": found.initial_deviation[k],
+            });
+            at_end.insert((*name).to_string(), value);
+        }
+    }
+    let spread = found.flow_spread.map(|spread| {
+        json!({ "largest_l_min": spread.largest * 60e3, "drift_l_min_per_s": spread.drift * 60e3 })
+    });
+    json!({
+        "log": log, "crane": crane, "begin_s": found.begin, "duration_s": found.duration,
+        "filter_period_ms": found.period * 1e3,
+        "position_interval_ms": found.interval[0] * 1e3, "pressure_interval_ms": found.interval[1] * 1e3,
+        "position_noise_mm": found.noise[0] * 1e3, "load_pressure_noise_bar": found.noise[1] * 1e-5,
+        "unknown_flow_spread": spread,
+        "verdict": verdict.sentence(), "consistent": verdict.is_consistent,
+        "innovations": { "position": verdict.position, "load_pressure": verdict.load_pressure },
+        "off": verdict.off, "not_told": verdict.not_told, "load_changes_s": verdict.load_changes_s,
+        "at_end": at_end, "notes": notes.iter().chain(&found.remarks).collect::<Vec<_>>(),
+    })
+}

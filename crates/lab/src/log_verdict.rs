@@ -1,0 +1,451 @@
+//! What an estimate along a log is worth: consistency of the innovations, which signal is off, and what the motion could not tell.
+//!
+//! Innovations are consistent when their mean normalised square (NIS) is at most 2 in nine of ten windows of a second. A delay is found by the likelihood of the
+//! log under the filter with position or load pressure shifted in time. An offset of the piston-side pressure shows against the pressure on the pump's side
+//! of the open load-holding valve, and against nothing else: payload takes it.
+//!
+//! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 5.4 (consistency), 5.5 (likelihood).
+
+use crate::log_estimation::{LAG, PAYLOAD, REST, Run, Source, TRANSITION, run};
+use hydroboom_control::estimation::state_estimator::StateEstimator;
+use hydroboom_description::Description;
+use hydroboom_description::schema::CircuitChoice;
+use hydroboom_measurement::{Signal, Signals, TimeBase};
+use serde::Serialize;
+
+/// Largest mean NIS of a consistent window \[1\], and share of windows that have to be consistent.
+const MOST_NIS: f64 = 2.0;
+const WINDOWS: f64 = 0.9;
+/// Smallest mean NIS of innovations that are not far smaller than their band \[1\].
+const LEAST_NIS: f64 = 0.5;
+/// Fewer measured numbers in a window tell nothing.
+const COUNTED: u32 = 10;
+/// An estimate was told by the log where its standard deviation fell below this share of that at the start.
+const TOLD: f64 = 0.7;
+/// Delays that are tried \[s\].
+const DELAYS: [f64; 5] = [0.01, 0.02, 0.04, 0.08, 0.15];
+/// Gain of twice the log likelihood per measured number from which a delay is said: virtual cranes without one gain up to 0.01, with one of 60 ms 0.07 and more.
+const LIKELIER: f64 = 0.03;
+/// Factors by which the measurement noise is varied, coarse to fine.
+const NOISE_FACTORS: [f64; 2] = [4.0, 1.5];
+/// Smallest step in the search for a delay \[s\].
+const FINEST: f64 = 1e-3;
+/// Length of the log over which delays are tried \[s\].
+const TRIED: f64 = 30.0;
+/// Error of a usual pressure transducer, of its span: upper end of the usual class, 0.25 to 0.5 %.
+const TRANSDUCER: f64 = 0.005;
+/// The valve has been open for so long where pump and piston side are compared \[s\], and the boom is all but at rest up to this speed \[m/s\].
+const SETTLED: f64 = 0.5;
+const SLOW: f64 = 5e-3;
+/// Points at which the two are compared.
+const COMPARED: usize = 2000;
+
+/// Innovations of one measured number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct InnovationSummary {
+    /// Windows of a second with enough of them.
+    pub windows: usize,
+    /// Mean normalised innovation squared; 1 is wanted.
+    pub mean_nis: f64,
+    /// Windows with a mean NIS of at most 2.
+    pub consistent_percent: f64,
+    /// Mean of innovations over their standard deviation; 0 is wanted.
+    pub mean_over_sigma: f64,
+}
+
+/// Kind of a finding: more noise than expected.
+const NOISE: &str = "noise";
+
+/// Something that is wrong with a signal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SignalFinding {
+    /// Symbol of the signal.
+    pub signal: &'static str,
+    /// missing, delay, offset, innovations, or noise.
+    pub kind: &'static str,
+    /// What is wrong, in words.
+    pub text: String,
+}
+
+/// What an estimate along a log is worth.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Verdict {
+    /// Whether the innovations are of the size that the filter says; none where there were too few.
+    pub is_consistent: Option<bool>,
+    /// Of the position and of the load pressure.
+    pub position: InnovationSummary,
+    /// The same of the load pressure.
+    pub load_pressure: InnovationSummary,
+    /// Signals that are off.
+    pub off: Vec<SignalFinding>,
+    /// What the motion could not tell.
+    pub not_told: Vec<String>,
+    /// Times at which the innovations told a changed load or a shock \[s\].
+    pub load_changes_s: Vec<f64>,
+}
+
+/// The verdict on a run of the filter.
+pub(crate) fn verdict(
+    description: &Description,
+    signals: &Signals,
+    estimator: &StateEstimator<f64>,
+    source: &Source<'_>,
+    found: &Run,
+) -> Verdict {
+    let [position, load_pressure] = [0, 1].map(|k| summary(found, k));
+    let is_on_valve = description.choices.circuit == CircuitChoice::ValveControlled;
+    let mut off = missing(signals, source, is_on_valve);
+    off.extend(delay(estimator, source).map(|delay| delay.finding()));
+    off.extend(offset(description, signals, source, estimator));
+    let is_consistent = is_consistent(found);
+    for (signal, s) in [("position", position), ("load pressure", load_pressure)] {
+        if s.windows > 0 && s.consistent_percent < 100.0 * WINDOWS {
+            off.push(SignalFinding {
+                signal,
+                kind: "innovations",
+                text: format!(
+                    "innovations of the {signal} are larger than their band: mean NIS {:.1}, {:.0} % of seconds consistent, mean {:+.1} sigma",
+                    s.mean_nis, s.consistent_percent, s.mean_over_sigma
+                ),
+            });
+        }
+    }
+    Verdict {
+        is_consistent,
+        position,
+        load_pressure,
+        off,
+        not_told: not_told(description, estimator, source, found),
+        load_changes_s: found.load_changes.clone(),
+    }
+}
+
+impl Verdict {
+    /// The verdict in a sentence.
+    pub fn sentence(&self) -> String {
+        let changes = match self.load_changes_s.len() {
+            0 => String::new(),
+            1 => format!(
+                "; at {:.2} s a changed load, or a shock",
+                self.load_changes_s.first().copied().unwrap_or(f64::NAN)
+            ),
+            count => format!("; {count} times a changed load, or a shock"),
+        };
+        let small = [self.position, self.load_pressure]
+            .iter()
+            .any(|s| s.windows > 0 && s.mean_nis < LEAST_NIS);
+        let wide = if small { "; the bands are wider than they need be" } else { "" };
+        match self.is_consistent {
+            None => "not to be judged: too few measurements while the load was free to move".into(),
+            Some(true) if self.off.iter().any(|finding| finding.kind == NOISE) => format!(
+                "consistent only with more measurement noise than the crane file says: look at the signals that are off first{changes}"
+            ),
+            Some(true) => {
+                format!("consistent: the innovations are within their bands{wide}{changes}")
+            }
+            Some(false) => {
+                format!(
+                    "NOT consistent: innovations are larger than their bands; do not rely on the bounds{changes}"
+                )
+            }
+        }
+    }
+}
+
+/// Whether the innovations are of the size that the filter says; none where there were too few.
+pub(crate) fn is_consistent(found: &Run) -> Option<bool> {
+    let all = [0, 1].map(|k| summary(found, k));
+    let mut measured = all.iter().filter(|s| s.windows > 0).peekable();
+    measured.peek()?;
+    Some(!found.diverged && measured.all(|s| s.consistent_percent >= 100.0 * WINDOWS))
+}
+
+fn summary(found: &Run, k: usize) -> InnovationSummary {
+    let windows: Vec<_> = found.windows.iter().map(|w| w[k]).filter(|w| w.1 >= COUNTED).collect();
+    let number: f64 = windows.iter().map(|w| f64::from(w.1)).sum();
+    if windows.is_empty() {
+        return InnovationSummary::default();
+    }
+    let consistent = windows.iter().filter(|w| w.0 / f64::from(w.1) <= MOST_NIS).count();
+    InnovationSummary {
+        windows: windows.len(),
+        mean_nis: windows.iter().map(|w| w.0).sum::<f64>() / number,
+        consistent_percent: 100.0 * consistent as f64 / windows.len() as f64,
+        mean_over_sigma: windows.iter().map(|w| w.2).sum::<f64>() / number,
+    }
+}
+
+/// Signals that are not there for a part of the log.
+fn missing(signals: &Signals, source: &Source<'_>, is_on_valve: bool) -> Vec<SignalFinding> {
+    let (begin, end) = (source.begin, source.end());
+    let mut found = Vec::new();
+    for signal in [Signal::Stroke, Signal::PressureA, Signal::PressureB, Signal::MotorSpeed] {
+        let Some(track) = signals.get(signal) else {
+            if signal != Signal::MotorSpeed || !is_on_valve {
+                found.push(SignalFinding {
+                    signal: signal.symbol(),
+                    kind: "missing",
+                    text: format!("{} was not recorded", signal.symbol()),
+                });
+            }
+            continue;
+        };
+        let Some(base) = TimeBase::of(track.time()) else { continue };
+        let mut stretches: Vec<(f64, f64)> = base.gaps.iter().map(|g| (g.from, g.to)).collect();
+        stretches.insert(0, (begin, base.begin));
+        stretches.push((base.end, end));
+        let cut = stretches.iter().map(|(from, to)| (from.max(begin), to.min(end)));
+        let lost: Vec<_> =
+            cut.filter(|(from, to)| to - from > (2.5 * base.interval).max(0.01)).collect();
+        let longest = lost.iter().max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0)));
+        if let Some((from, to)) = longest {
+            let total: f64 = lost.iter().map(|(from, to)| to - from).sum();
+            found.push(SignalFinding {
+                signal: signal.symbol(),
+                kind: "missing",
+                text: format!(
+                    "{} is missing for {total:.2} s in {} stretch{}, the longest from {from:.2} to {to:.2} s: the filter leaves it out",
+                    signal.symbol(),
+                    lost.len(),
+                    if lost.len() == 1 { "" } else { "es" }
+                ),
+            });
+        }
+    }
+    found
+}
+
+/// A delay of position or load pressure against the other signals, found by the likelihood of the log.
+pub(crate) struct Delay {
+    /// Gain of twice the log likelihood per measured number.
+    pub(crate) gain: f64,
+    signal: &'static str,
+    /// How late it is \[s\].
+    late: f64,
+}
+
+/// The delay under which the log is likelier than without by more than [`LIKELIER`].
+pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Option<Delay> {
+    let part = moving(source)?;
+    let cost = |k: usize, late: f64| {
+        let mut delays = [0.0; 2];
+        delays[k] = late;
+        run(estimator, &part, delays, false).mean_cost()
+    };
+    let now = cost(0, 0.0);
+    let numbers = if source.has_pressure() { 0..2 } else { 0..1 };
+    let mut best: Option<(f64, usize, f64)> = None;
+    for k in numbers {
+        for late in DELAYS.into_iter().flat_map(|d| [d, -d]) {
+            let found = cost(k, late);
+            if found < best.map_or(now - LIKELIER, |(least, ..)| least) {
+                best = Some((found, k, late));
+            }
+        }
+    }
+    let (mut least, k, mut late) = best?;
+    // halving steps around the best
+    let mut step = 0.25 * late.abs();
+    while step > FINEST {
+        for near in [late - step, late + step] {
+            let found = cost(k, near);
+            if found < least {
+                (least, late) = (found, near);
+            }
+        }
+        step *= 0.5;
+    }
+    let signal = if k == 0 { Signal::Stroke } else { Signal::PressureA };
+    Some(Delay { gain: now - least, signal: signal.symbol(), late })
+}
+
+impl Delay {
+    fn finding(&self) -> SignalFinding {
+        let way = if self.late > 0.0 { "late" } else { "early" };
+        SignalFinding {
+            signal: self.signal,
+            kind: "delay",
+            text: format!(
+                "{} comes about {:.0} ms {way} against the other signals: delay_ms in the mapping takes it away",
+                self.signal,
+                self.late.abs() * 1e3
+            ),
+        }
+    }
+}
+
+/// Measurement noise of position \[m\] and load pressure \[Pa\] under which the log is likeliest, each no less than the filter's, with the gain of twice
+/// the log likelihood per measured number.
+pub(crate) fn likeliest_noise(
+    estimator: &StateEstimator<f64>,
+    source: &Source<'_>,
+) -> ([f64; 2], f64) {
+    let least = estimator.filter.measurement_noise;
+    let part = moving(source).unwrap_or(*source);
+    let cost = |noise: [f64; 2]| {
+        let mut other = *estimator;
+        other.filter.measurement_noise = noise;
+        run(&other, &part, [0.0; 2], false).mean_cost()
+    };
+    let now = cost(least);
+    let (mut noise, mut lowest) = (least, now);
+    for factor in NOISE_FACTORS {
+        loop {
+            let tried = [[factor, 1.0], [1.0, factor], [1.0 / factor, 1.0], [1.0, 1.0 / factor]];
+            let best = tried
+                .map(|f| [0, 1].map(|k| (noise[k] * f[k]).max(least[k])))
+                .map(|noise| (cost(noise), noise))
+                .into_iter()
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            match best {
+                Some((found, better)) if found < lowest - 1e-3 => {
+                    (noise, lowest) = (better, found);
+                }
+                _ => break,
+            }
+        }
+    }
+    (noise, now - lowest)
+}
+
+/// What is said of a noise beyond the one expected.
+pub(crate) fn noise_findings(expected: [f64; 2], found: [f64; 2]) -> Vec<SignalFinding> {
+    let units = [("position", 1e3, "mm"), ("load pressure", 1e-5, "bar")];
+    let pairs = units.into_iter().zip(expected.into_iter().zip(found));
+    pairs
+        .filter(|(_, (expected, found))| *found > 1.5 * expected)
+        .map(|((signal, size, unit), (expected, found))| SignalFinding {
+            signal,
+            kind: NOISE,
+            text: format!(
+                "the {signal} is off by {:.2} {unit} RMS from sample to sample, where {:.2} {unit} were expected: the filter takes the larger",
+                found * size,
+                expected * size
+            ),
+        })
+        .collect()
+}
+
+/// The part of a log in which delays are tried: from a second before it begins to move; none where nothing moves.
+fn moving<'a>(source: &Source<'a>) -> Option<Source<'a>> {
+    let (time, values) = (source.position.time(), source.position.values());
+    let first = *values.get(time.partition_point(|t| *t < source.begin))?;
+    let moved = time.iter().zip(values).find(|(t, x)| {
+        (source.begin..=source.end()).contains(*t) && (*x - first).abs() > 10.0 * REST * SETTLED
+    });
+    let begin = (moved?.0 - 2.0).max(source.begin);
+    let period = source.period;
+    let left = ((source.end() - begin).min(TRIED) / period).floor();
+    Some(Source { begin, periods: left.max(0.0) as usize, ..*source })
+}
+
+/// The piston-side pressure beside that on the pump's side of the open load-holding valve.
+fn offset(
+    description: &Description,
+    signals: &Signals,
+    source: &Source<'_>,
+    estimator: &StateEstimator<f64>,
+) -> Option<SignalFinding> {
+    let (a, pump) = (signals.get(Signal::PressureA)?, signals.get(Signal::PressurePumpA)?);
+    let is_open = |time: f64| {
+        source.valve.is_none_or(|v| {
+            v.held(time).is_some_and(|v| v >= 0.5)
+                && v.held(time - SETTLED).is_some_and(|v| v >= 0.5)
+        })
+    };
+    let step = (source.end() - source.begin) / COMPARED as f64;
+    let mut differences: Vec<f64> = (0..COMPARED)
+        .map(|k| source.begin + k as f64 * step)
+        .filter(|time| is_open(*time))
+        .filter_map(|time| {
+            let moved = source.position.at(time + 0.1)? - source.position.at(time)?;
+            (moved.abs() < 0.1 * SLOW).then_some(())?;
+            Some(a.at(time)? - pump.at(time)?)
+        })
+        .collect();
+    if differences.len() < COMPARED / 100 {
+        return None;
+    }
+    let middle = differences.len() / 2;
+    let median = *differences.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let n = &description.virtual_crane().0.numbers;
+    let allowed = 2.0 * n.pressure_error.max(TRANSDUCER) * n.pressure_span;
+    (median.abs() > allowed).then(|| SignalFinding {
+        signal: Signal::PressureA.symbol(),
+        kind: "offset",
+        text: format!(
+            "p_A is {:+.1} bar off p_PA with the load-holding valve open and the boom at rest, where {:.1} bar are allowed: one of the two transducers is off. If \
+             it is p_A, the payload is wrong by {:+.0} kg",
+            median * 1e-5,
+            allowed * 1e-5,
+            median / pressure_per_kg(estimator, source)
+        ),
+    })
+}
+
+/// Load pressure of a kilogram \[Pa/kg\] in the middle of the log.
+fn pressure_per_kg(estimator: &StateEstimator<f64>, source: &Source<'_>) -> f64 {
+    let model = &estimator.filter.model;
+    let middle = 0.5 * (source.begin + source.end());
+    let x = source.position.held(middle).unwrap_or(model.half_stroke);
+    let at = |payload: f64| model.at(x, payload).holding_pressure;
+    (at(model.maximum_payload) - at(0.0)) / model.maximum_payload
+}
+
+/// What the motion could not tell, and what no motion can.
+fn not_told(
+    description: &Description,
+    estimator: &StateEstimator<f64>,
+    source: &Source<'_>,
+    found: &Run,
+) -> Vec<String> {
+    let mut said = Vec::new();
+    let has_pressure = source.has_pressure();
+    let is_on_valve = description.choices.circuit == CircuitChoice::ValveControlled;
+    if moving(source).is_none() {
+        said.push(
+            "the boom hardly moved: friction, oil and flow are those of the crane file".into(),
+        );
+    }
+    let told = |k: usize| found.told[k] < TOLD;
+    match has_pressure {
+        false => said.push("payload and unknown force: no load pressure was measured".into()),
+        true => {
+            let per_kg = pressure_per_kg(estimator, source);
+            said.push(format!(
+                "an offset of the pressure transducers: 1 bar of p_A (and of p_PA alike) cannot be told from {:.0} kg of payload at the middle of the log",
+                1e5 / per_kg
+            ));
+            if !told(PAYLOAD) {
+                said.push("payload: not better than at rest, within breakaway friction".into());
+            }
+        }
+    }
+    if !told(TRANSITION) {
+        let why = match is_on_valve {
+            true => "with an unknown flow the oil's stiffness cannot be told from the flow",
+            false => "the pressure changed too little",
+        };
+        said.push(format!("transition pressure of the oil: {why}"));
+    }
+    if is_on_valve {
+        said.push(
+            "leakage: it is a part of the unknown flow; what is left is the flow as a whole, from the piston's motion and the pressure".into(),
+        );
+    } else if source.speed.is_none() && source.command.is_none() {
+        said.push("leakage: without a motor speed it is the whole flow".into());
+    }
+    if is_on_valve {
+        said.push("drive lag: there is no drive".into());
+    } else if !source.tells_lag {
+        said.push(
+            "drive lag: motor speed and its command are needed in every control period".into(),
+        );
+    } else if !told(LAG) {
+        said.push("drive lag: the motor's speed changed too little".into());
+    }
+    said.push(
+        "Coulomb and viscous friction each: the filter estimates the friction force and takes the crane file's law for it, within its range".into(),
+    );
+    said
+}
