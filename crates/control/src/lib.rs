@@ -20,6 +20,7 @@ pub mod controller;
 pub mod estimation;
 pub mod feedback;
 pub mod measurement;
+pub mod memory;
 pub mod reference;
 pub mod strategy;
 pub mod supervision;

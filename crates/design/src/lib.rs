@@ -45,5 +45,6 @@ pub use linearised_plant::{LinearisedPlant, Responses};
 pub use margins::{Actuation, Loop, Margins, margins};
 pub use oil_spring_fit::{ElasticLoad, OilSpring, oil_spring};
 pub use supervision::{
-    LoadPressure, framed_benchmark, framed_simulation_feedforward, limits, load_pressure,
+    LoadPressure, framed_benchmark, framed_scheduled_lqr, framed_simulation_feedforward, limits,
+    load_pressure,
 };

@@ -2,11 +2,13 @@
 
 use crate::DesignError;
 use crate::linearised_plant::LinearisedPlant;
+use crate::scheduled_lqr::{designed, known_delay};
 use hydroboom_control::supervision::deadline_monitor::WINDOW as DEADLINE_WINDOW;
 use hydroboom_control::supervision::drive_monitor::DriveMonitor;
 use hydroboom_control::supervision::flow_monitor::{FlowMonitor, Range};
 use hydroboom_control::supervision::frame::Frame;
 use hydroboom_control::supervision::framed::{FramedBenchmark, FramedSimulationFeedforward};
+use hydroboom_control::supervision::framed_scheduled_lqr::FramedScheduledLqr;
 use hydroboom_control::supervision::limits::Limits;
 use hydroboom_control::supervision::release::Release;
 use hydroboom_description::schema::{DeliveryChoice, HoldingCheckChoice};
@@ -104,6 +106,17 @@ pub fn framed_simulation_feedforward(
 ) -> Result<FramedSimulationFeedforward<f64>, DesignError> {
     let FramedBenchmark { frame, benchmark, area_ratio } = framed_benchmark(model)?;
     Ok(FramedSimulationFeedforward { frame, benchmark, area_ratio })
+}
+
+/// The scheduled LQR with its estimator within the frame, for measurements and commands that are late as the crane file says.
+///
+/// # Errors
+///
+/// [`DesignError`] as [`limits`], or without a reduced model.
+pub fn framed_scheduled_lqr(model: &Description) -> Result<FramedScheduledLqr<f64>, DesignError> {
+    let FramedBenchmark { frame, area_ratio, .. } = framed_benchmark(model)?;
+    let (estimator, law) = designed(model, known_delay(model) as usize)?;
+    Ok(FramedScheduledLqr { frame, estimator, law, area_ratio })
 }
 
 /// What the load asks of the cylinder.

@@ -13,7 +13,8 @@ use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
 use crate::statement::{
-    Binding, Dialect, Source, Statement, Text, arithmetic, broken, call, clear_infix, statements,
+    Binding, Carried, Dialect, Loop, Run, Source, Statement, Text, arithmetic, broken, call,
+    clear_infix, grouped, runs, statements,
 };
 use hydroboom_math::elementary;
 use std::collections::HashMap;
@@ -29,7 +30,7 @@ pub enum Precision {
 }
 
 /// Words that are no names in C or C++, and names that the code itself uses.
-const RESERVED: [&str; 98] = [
+const RESERVED: [&str; 99] = [
     "auto",
     "break",
     "case",
@@ -75,6 +76,7 @@ const RESERVED: [&str; 98] = [
     "errno",
     "signal",
     "turn",
+    "i",
     "hb_real",
     // of C++, which reads the header
     "alignas",
@@ -151,6 +153,11 @@ impl Dialect for C {
 
     fn has_pairs(&self) -> bool {
         true
+    }
+
+    fn row(&self, counter: &str) -> Text {
+        let real = if self.0 == Precision::Double { "double" } else { "float" };
+        Text::new(format!("({real}){counter}"), Binding::Sign)
     }
 
     fn operation(&self, op: Op, x: &[Text]) -> Text {
@@ -286,10 +293,10 @@ pub fn prefixed_files(
     Ok(Files { header, source, functions })
 }
 
-/// Adds a field of a structure.
-fn field(to: &mut String, own: &str, v: &Variable) {
+/// Adds a field of a structure, with this name.
+fn field(to: &mut String, own: &str, v: &Variable, name: &str) {
     let comment = format!("    /* {} [{}] */", comment(&v.meaning), comment(&v.unit));
-    let _ = writeln!(to, "{}\n    {own}real {};", broken(&comment, WIDTH), v.name);
+    let _ = writeln!(to, "{}\n    {own}real {name};", broken(&comment, WIDTH));
 }
 
 fn structure(to: &mut String, own: &str, what: &str, name: &str, fields: &[&Variable]) {
@@ -297,8 +304,12 @@ fn structure(to: &mut String, own: &str, what: &str, name: &str, fields: &[&Vari
         return;
     }
     let _ = write!(to, "\n/* {what} */\ntypedef struct {{\n");
-    for v in fields {
-        field(to, own, v);
+    for (table, range) in grouped(fields.iter().map(|v| v.name.as_str())) {
+        let v = fields[range.start];
+        match table {
+            Some(table) => field(to, own, v, &format!("{table}[{}]", range.len())),
+            None => field(to, own, v, &v.name),
+        }
     }
     let _ = writeln!(to, "}} {name};");
 }
@@ -373,7 +384,7 @@ fn printed(
                 true => {
                     let _ = writeln!(header, "    {own}real {};", v.name);
                 }
-                false => field(header, own, v),
+                false => field(header, own, v, &v.name),
             }
         }
         let _ = writeln!(header, "}} {prefix}_prepared;");
@@ -412,8 +423,23 @@ fn printed(
         let _ = write!(source, "\n/* {what} */\n{signature}\n{{\n{body}}}\n");
     };
     let values = |vs: &mut dyn Iterator<Item = &Variable>, to: &str| -> String {
-        vs.map(|v| format!("    {to}->{} = {};\n", v.name, dialect.constant(v.initial).text))
-            .collect()
+        let vs: Vec<&Variable> = vs.collect();
+        let mut all = String::new();
+        for (table, range) in grouped(vs.iter().map(|v| v.name.as_str())) {
+            let value = |v: &Variable| dialect.constant(v.initial).text;
+            let initial = value(vs[range.start]);
+            match table {
+                Some(table) if vs[range.clone()].iter().all(|v| value(v) == initial) => {
+                    all += &each(1, range.len(), &format!("{to}->{table}[i] = {initial};"));
+                }
+                _ => {
+                    for v in &vs[range] {
+                        all += &format!("    {to}->{} = {};\n", v.name, value(v));
+                    }
+                }
+            }
+        }
+        all
     };
     if !parameters.is_empty() {
         declared(
@@ -422,7 +448,7 @@ fn printed(
             "Fills in what the crane file says.",
             &values(&mut parameters.iter().map(|(v, _)| v), "p"),
         );
-        let mut body = lines(&said, graph, own);
+        let mut body = lines(&said, graph, own, 1);
         for ((_, v), text) in kept.iter().zip(&results) {
             body += &line(&format!("c->{} = {};", v.name, text.text));
         }
@@ -453,20 +479,37 @@ fn printed(
         let wanted: Vec<Node> = entry.results.iter().map(|(_, node)| *node).collect();
         let from = Source { graph, order, results: &wanted, given: &given, labels: &block.labels };
         let (said, results) = statements(&from, &dialect, &mut Names::new(&RESERVED));
-        let mut body = lines(&said, graph, own);
+        let mut body = lines(&said, graph, own, 1);
         let moves = entry.results.iter().any(|(target, _)| matches!(target, Target::State(_)));
         // all states move at once: none is changed before the last is known
         let mut last = String::new();
-        for ((target, _), text) in entry.results.iter().zip(&results) {
-            match target {
-                Target::State(k) => {
-                    body += &line(&format!("const {own}real next_{k} = {};", text.text));
-                    last += &line(&format!("s->{} = next_{k};", block.states[*k].0.name));
+        let name_of = |target: &Target| match target {
+            Target::State(k) => block.states[*k].0.name.as_str(),
+            Target::Output(_) => "",
+        };
+        for (table, range) in grouped(entry.results.iter().map(|(target, _)| name_of(target))) {
+            let Some(table) = table else {
+                let (target, text) = (entry.results[range.start].0, &results[range.start].text);
+                match target {
+                    Target::State(k) => {
+                        body += &line(&format!("const {own}real next_{k} = {text};"));
+                        last += &line(&format!("s->{} = next_{k};", block.states[k].0.name));
+                    }
+                    Target::Output(k) => {
+                        body += &line(&format!("y->{} = {text};", block.outputs[k].name));
+                    }
                 }
-                Target::Output(k) => {
-                    body += &line(&format!("y->{} = {};", block.outputs[*k].name, text.text));
-                }
+                continue;
+            };
+            let filled = runs(results[range.clone()].iter().map(|text| text.text.as_str()));
+            let kept = format!("s->{table}");
+            let stays =
+                |run: &Run| matches!(run, Run::Copied { table, first: 0, .. } if *table == kept);
+            if filled.len() == 1 && filled.iter().all(stays) {
+                continue;
             }
+            body += &filled_table(&format!("next_{table}"), &filled, own, 1);
+            last += &each(1, range.len(), &format!("{kept}[i] = next_{table}[i];"));
         }
         body += &last;
         let uses = |sign: &str| body.contains(sign);
@@ -494,22 +537,104 @@ fn line(text: &str) -> String {
     broken(&format!("    {text}"), WIDTH) + "\n"
 }
 
-fn lines(said: &[Statement], graph: &Graph, own: &str) -> String {
+/// A line at a depth.
+fn inner_line(text: &str, depth: usize) -> String {
+    broken(&format!("{}{text}", "    ".repeat(depth)), WIDTH) + "\n"
+}
+
+/// Something for each entry `i` of a table.
+fn each(depth: usize, count: usize, what: &str) -> String {
+    inner_line(&format!("for (int i = 0; i < {count}; i++) {{"), depth)
+        + &inner_line(what, depth + 1)
+        + &inner_line("}", depth)
+}
+
+/// A table that is filled.
+fn filled_table(name: &str, filled: &[Run], own: &str, depth: usize) -> String {
+    let count: usize = filled.iter().map(Run::count).sum();
+    let one = |run: &Run| match run {
+        Run::One(text) => Some(text.clone()),
+        Run::Copied { .. } => None,
+    };
+    if let Some(all) = filled.iter().map(one).collect::<Option<Vec<_>>>() {
+        let said = format!("const {own}real {name}[{count}] = {{ {} }};", all.join(", "));
+        return inner_line(&said, depth);
+    }
+    let mut text = inner_line(&format!("{own}real {name}[{count}];"), depth);
+    let mut place = 0;
+    for run in filled {
+        text += &match run {
+            Run::One(value) => inner_line(&format!("{name}[{place}] = {value};"), depth),
+            Run::Copied { table, first, count } => {
+                let [to, from] = [place, *first].map(|k| match k {
+                    0 => "i".to_string(),
+                    k => format!("i + {k}"),
+                });
+                each(depth, *count, &format!("{name}[{to}] = {table}[{from}];"))
+            }
+        };
+        place += run.count();
+    }
+    text
+}
+
+fn lines(said: &[Statement], graph: &Graph, own: &str, depth: usize) -> String {
     let mut all = String::new();
     let real = format!("{own}real");
-    for Statement { node, name, text, comment: why } in said {
-        if let Some(why) = why {
-            all += &line(&format!("/* {} */", comment(why)));
-        }
-        let op = graph.op(*node);
-        let kind = match op {
-            Op::SinCos(_) => "hb_turn",
-            op if op.is_condition() => "int",
-            _ => &real,
+    for statement in said {
+        all += &match statement {
+            Statement::Value { node, name, text, comment: why } => {
+                let why =
+                    why.as_ref().map(|why| inner_line(&format!("/* {} */", comment(why)), depth));
+                let op = graph.op(*node);
+                let kind = match op {
+                    Op::SinCos(_) => "hb_turn",
+                    op if op.is_condition() => "int",
+                    _ => &real,
+                };
+                why.unwrap_or_default()
+                    + &inner_line(&format!("const {kind} {name} = {text};"), depth)
+            }
+            Statement::Table { name, filled } => filled_table(name, filled, own, depth),
+            Statement::Interpolation { name, table, first, length, place } => {
+                let table = if *first == 0 { table.clone() } else { format!("&{table}[{first}]") };
+                let said =
+                    format!("const {real} {name} = hb_interpolated({table}, {length}, {place});");
+                inner_line(&said, depth)
+            }
+            Statement::Loop(of) => repeated(of, graph, own, depth),
         };
-        all += &line(&format!("const {kind} {name} = {text};"));
     }
     all
+}
+
+fn repeated(of: &Loop, graph: &Graph, own: &str, depth: usize) -> String {
+    let Loop { counter, count, condition, carried, made, body } = of;
+    let mut text = String::new();
+    for Carried { names: [name, _], begin, .. } in carried {
+        text += &inner_line(&format!("{own}real {name} = {begin};"), depth);
+    }
+    let zero = if condition.is_some() { " = { 0 }" } else { "" };
+    for (name, _) in made {
+        text += &inner_line(&format!("{own}real {name}[{count}]{zero};"), depth);
+    }
+    let rows = match condition {
+        Some(condition) => format!("({condition} ? {count} : 0)"),
+        None => count.to_string(),
+    };
+    let head = format!("for (int {counter} = 0; {counter} < {rows}; {counter}++) {{");
+    text += &inner_line(&head, depth);
+    text += &lines(body, graph, own, depth + 1);
+    for Carried { names: [_, next], next: value, .. } in carried {
+        text += &inner_line(&format!("const {own}real {next} = {value};"), depth + 1);
+    }
+    for (name, entry) in made {
+        text += &inner_line(&format!("{name}[{counter}] = {entry};"), depth + 1);
+    }
+    for Carried { names: [name, next], .. } in carried {
+        text += &inner_line(&format!("{name} = {next};"), depth + 1);
+    }
+    text + &inner_line("}", depth)
 }
 
 /// A function of one number, as recorded.
@@ -535,7 +660,7 @@ fn function(
         labels: &HashMap::new(),
     };
     let (said, results) = statements(&from, &C(Precision::Double), &mut Names::new(&RESERVED));
-    let body = lines(&said, &graph, own);
+    let body = lines(&said, &graph, own, 1);
     match results.as_slice() {
         [one] => format!(
             "\nstatic double {name}(double {argument})\n{{\n{body}{}}}\n",
@@ -561,8 +686,10 @@ fn helpers(precision: Precision, own: &str) -> String {
         let text = "#define HB_FMA fmaf\n#define HB_SQRT sqrtf\n#define hb_exp expf\n#define hb_ln logf\n#define hb_tanh tanhf\n\n\
              /* Sine and cosine of an angle [rad]. */\ntypedef struct {\n    hb_real sine;\n    hb_real cosine;\n} hb_turn;\n\n\
              HB_MAYBE_UNUSED static hb_turn hb_turn_of(float angle)\n{\n    const hb_turn both = { sinf(angle), cosf(angle) };\n    return both;\n}\n";
-        return format!("{shared}\n{UNUSED}{text}").replace("hb_real", &real);
+        let interpolated = include_str!("interpolation.h").replace("HB_REAL", "float");
+        return format!("{shared}\n{UNUSED}{text}{interpolated}").replace("hb_real", &real);
     }
+    let interpolated = include_str!("interpolation.h").replace("HB_REAL", "double");
     let bits = include_str!("bits.h").replace("hb_real", &real);
     let recorded = [
         function(own, "hb_exp", "value", |x| vec![elementary::exp(x)]),
@@ -575,6 +702,6 @@ fn helpers(precision: Precision, own: &str) -> String {
     ];
     let recorded = recorded.concat().replace("\nstatic ", "\nHB_MAYBE_UNUSED static ");
     format!(
-        "#include <stdint.h>\n#include <string.h>\n{shared}#define HB_SQRT sqrt\n\n{UNUSED}\n{bits}{recorded}"
+        "#include <stdint.h>\n#include <string.h>\n{shared}#define HB_SQRT sqrt\n\n{UNUSED}\n{bits}{recorded}{interpolated}"
     )
 }

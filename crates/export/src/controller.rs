@@ -6,18 +6,25 @@ use crate::expression::{Expression, record};
 use crate::given::{gains, noded, remembered, variable};
 use crate::graph::Node;
 use hydroboom_control::feedback::benchmark::BenchmarkMemory;
+use hydroboom_control::memory::Memory;
+use hydroboom_control::reference::preview::{DISTANT, PERIODS_AHEAD, PreviewAhead};
 use hydroboom_control::supervision::drive_monitor::DriveMonitorState;
 use hydroboom_control::supervision::frame::{FrameInput, FrameMemory, FrameOutput, FrameState};
 use hydroboom_control::supervision::framed::{
     Alignment, FramedBenchmark, FramedBenchmarkState, FramedMemory, FramedSimulationFeedforward,
     FramedSimulationState, SimulatedCrane,
 };
+use hydroboom_control::supervision::framed_scheduled_lqr::{
+    EstimatorOutput, EstimatorRequest, FramedScheduledLqr, FramedScheduledLqrInput,
+    FramedScheduledLqrState, RetainedParameters,
+};
 use hydroboom_control::supervision::oscillation_detector::OscillationState;
 use hydroboom_control::supervision::release::ReleaseState;
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
-use hydroboom_design::framed_benchmark;
+use hydroboom_design::{framed_benchmark, framed_scheduled_lqr};
 use hydroboom_math::Real;
+use std::array::from_fn;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -124,6 +131,101 @@ pub fn controller(description: &Description) -> Result<Block, ExportError> {
                 name: "update".into(),
                 meaning: "one control period".into(),
                 results: results(&kept, 0, &output.to_array()),
+            }],
+            period: Some(ControlPeriod::of(description, false)),
+            labels: HashMap::new(),
+        }
+    });
+    block.graph = Rc::new(graph);
+    Ok(block)
+}
+
+/// Tables of what is given or remembered: variables of one name get their places.
+fn placed(names: &[&str], before: &str, unit: &str, meaning: &str) -> Vec<(Variable, E)> {
+    let mut all = Vec::new();
+    for of_one in names.chunk_by(|a, b| a == b) {
+        let is_table = of_one.len() > 1;
+        all.extend(of_one.iter().enumerate().map(|(k, name)| {
+            let place = if is_table { format!("[{k}]") } else { String::new() };
+            variable(&format!("{before}{name}{place}"), unit, meaning, 0.0)
+        }));
+    }
+    all
+}
+
+/// The scheduled LQR with its state estimator within the frame: the reference after now is given as far as it is known.
+///
+/// # Errors
+///
+/// [`ExportError`] where there are no limits or no reduced model for the crane.
+pub fn scheduled_lqr_controller(description: &Description) -> Result<Block, ExportError> {
+    let framed = framed_scheduled_lqr(description)?;
+    let (graph, mut block) = record(|| {
+        let controller: FramedScheduledLqr<E> = framed.over();
+        let (mut inputs, frame_input) = frame_input();
+        let (more, request) = states!(EstimatorRequest, "");
+        inputs.extend(more);
+        let (more, retained) = states!(RetainedParameters, "restored_");
+        inputs.extend(more);
+        let meaning = "Control periods after now that the preview has; 0 to 800, beyond 800 with distant positions";
+        let length = variable("preview_length", "1", meaning, 0.0);
+        let mut table = |name: &str, count: usize, unit: &str, meaning: &str| {
+            let all = placed(&vec![name; count], "preview_", unit, meaning);
+            let numbers: Vec<E> = all.iter().map(|(_, number)| *number).collect();
+            inputs.extend(all);
+            numbers
+        };
+        let near = "in each control period after now, the next one first";
+        let far = "Position every 50 ms behind the 800 periods";
+        let position = table("position", PERIODS_AHEAD, "m", &format!("Position {near}"));
+        let velocity = table("velocity", PERIODS_AHEAD, "m/s", &format!("Velocity {near}"));
+        let distant = table("distant_position", DISTANT, "m", far);
+        let ahead = PreviewAhead {
+            length: length.1,
+            position: from_fn(|k| position[k]),
+            velocity: from_fn(|k| velocity[k]),
+            distant: from_fn(|k| distant[k]),
+        };
+        inputs.push(length);
+        let (mut states, frame) = frame_state();
+        let mut names = Vec::new();
+        let memory = controller.start().visited(&mut |name, number| {
+            names.push(name);
+            number
+        });
+        let more = placed(&names, "lqr_", "SI", "Of estimator and law");
+        let mut numbers = more.iter().map(|(_, number)| *number);
+        let memory = memory.visited(&mut |_, zero| numbers.next().unwrap_or(zero));
+        states.extend(more);
+        let before = FramedScheduledLqrState { frame, controller: memory };
+        let input = FramedScheduledLqrInput { frame: frame_input, request, retained, ahead };
+        let (next, output) = controller.advance(&before, &input);
+        let mut kept = frame_numbers(&next.frame);
+        let _ = next.controller.visited(&mut |_, number| {
+            kept.push(number);
+            number
+        });
+        let mut outputs = frame_outputs();
+        outputs.extend(states!(EstimatorOutput, "").0.into_iter().map(|(v, _)| v));
+        outputs.extend(states!(RetainedParameters, "retained_").0.into_iter().map(|(v, _)| v));
+        let mut shown = output.frame.to_array().to_vec();
+        shown.extend(output.estimator.to_array());
+        shown.extend(output.retained.to_array());
+        Block {
+            name: "scheduled_lqr_controller".into(),
+            meaning: format!(
+                "{}: scheduled LQR with its state estimator that holds and releases the load",
+                description.name
+            ),
+            graph: Rc::default(),
+            parameters: Vec::new(),
+            inputs: inputs.into_iter().map(noded).collect(),
+            states: states.into_iter().map(noded).collect(),
+            outputs,
+            entries: vec![Entry {
+                name: "update".into(),
+                meaning: "one control period".into(),
+                results: results(&kept, 0, &shown),
             }],
             period: Some(ControlPeriod::of(description, false)),
             labels: HashMap::new(),

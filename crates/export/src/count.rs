@@ -28,15 +28,19 @@ impl Count {
     pub fn of(graph: &Graph, nodes: &[Node]) -> Self {
         let mut count = Self::default();
         for node in nodes {
+            // in a loop, for each of its rows
+            let n = graph.repeats(*node);
             match graph.op(*node) {
-                Op::Add(..) | Op::Sub(..) | Op::Neg(_) => count.sums += 1,
-                Op::Mul(..) => count.products += 1,
-                Op::MulAdd(..) => count.fused += 1,
-                Op::Div(..) => count.quotients += 1,
-                Op::Sqrt(_) => count.roots += 1,
-                Op::Exp(_) | Op::Ln(_) | Op::Tanh(_) | Op::SinCos(_) => count.functions += 1,
-                Op::Less(..) => count.comparisons += 1,
-                Op::Select(..) => count.choices += 1,
+                Op::Add(..) | Op::Sub(..) | Op::Neg(_) => count.sums += n,
+                Op::Mul(..) => count.products += n,
+                Op::MulAdd(..) => count.fused += n,
+                Op::Div(..) => count.quotients += n,
+                Op::Sqrt(_) => count.roots += n,
+                Op::Exp(_) | Op::Ln(_) | Op::Tanh(_) | Op::SinCos(_) => count.functions += n,
+                Op::Less(..) => count.comparisons += n,
+                Op::Select(..) => count.choices += n,
+                // two entries, each with its weight
+                Op::Interpolate(..) => count.fused += 2 * n,
                 _ => {}
             }
         }

@@ -3,6 +3,7 @@
 use crate::graph::{Graph, Node, Op};
 use hydroboom_math::Real;
 use hydroboom_math::elementary::Binary;
+use std::array::from_fn;
 use std::cell::RefCell;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
@@ -116,10 +117,53 @@ impl Real for Expression {
     fn tanh(self) -> Self {
         Self(push(Op::Tanh(self.0)))
     }
+    fn interpolate(table: &[Self], place: Self) -> Self {
+        let entries = table.iter().map(|entry| entry.0).collect();
+        let table = GRAPH.with_borrow_mut(|graph| graph.tabled(entries));
+        Self(push(Op::Interpolate(table, place.0)))
+    }
+    fn repeat<const R: usize, const N: usize, const W: usize, const K: usize>(
+        rows: &[[Self; R]; K],
+        carried: [Self; N],
+        body: impl FnMut(Self, &[Self; R], [Self; N]) -> ([Self; N], [Self; W]),
+    ) -> ([Self; N], [[Self; W]; K]) {
+        repeated(None, rows, carried, body)
+    }
+    fn repeat_where<const R: usize, const N: usize, const W: usize, const K: usize>(
+        mask: Condition,
+        rows: &[[Self; R]; K],
+        carried: [Self; N],
+        body: impl FnMut(Self, &[Self; R], [Self; N]) -> ([Self; N], [Self; W]),
+    ) -> ([Self; N], [[Self; W]; K]) {
+        repeated(Some(mask), rows, carried, body)
+    }
     fn sin_cos(self) -> (Self, Self) {
         let pair = push(Op::SinCos(self.0));
         (Self(push(Op::Sin(pair))), Self(push(Op::Cos(pair))))
     }
+}
+
+/// Records a loop.
+fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
+    mask: Option<Condition>,
+    rows: &[[Expression; R]; K],
+    carried: [Expression; N],
+    mut body: impl FnMut(
+        Expression,
+        &[Expression; R],
+        [Expression; N],
+    ) -> ([Expression; N], [Expression; W]),
+) -> ([Expression; N], [[Expression; W]; K]) {
+    let columns = (0..R).map(|r| rows.iter().map(|row| row[r].0).collect()).collect();
+    let begin = carried.map(|number| number.0).to_vec();
+    let condition = mask.map(|mask| mask.0);
+    let (number, row, read, carry) =
+        GRAPH.with_borrow_mut(|graph| graph.begin_loop(K as u32, condition, columns, begin));
+    let (next, made) =
+        body(Expression(row), &from_fn(|k| Expression(read[k])), from_fn(|k| Expression(carry[k])));
+    let [next, made] = [&next[..], &made[..]].map(|of| of.iter().map(|n| n.0).collect());
+    let (last, rows) = GRAPH.with_borrow_mut(|graph| graph.end_loop(number, next, made));
+    (from_fn(|k| Expression(last[k])), from_fn(|k| from_fn(|w| Expression(rows[k][w]))))
 }
 
 /// So that the elementary functions themselves can be recorded, as `f64` runs them.

@@ -62,19 +62,72 @@ pub enum Op {
     Mantissa(Node),
     /// e of the same.
     Exponent(Node),
+    /// Numbers of one kind in a row, counted.
+    Table(u32),
+    /// Linear interpolation in a table: the first, at the place of the second.
+    Interpolate(Node, Node),
+    /// What is done for each row of some tables, counted.
+    Loop(u32),
+    /// In a loop (its number): the number of the row.
+    Row(u32),
+    /// In a loop: the row's entry in a table, counted.
+    Read(u32, u32),
+    /// In a loop: what the row before carried on, counted.
+    Carry(u32, u32),
+    /// Behind a loop: what its last row carried on, counted.
+    Carried(Node, u32),
+    /// Behind a loop: of the row (second) that it made, an entry (third).
+    Made(Node, u32, u32),
+}
+
+/// Something that is done for each row of some tables.
+#[derive(Clone, Debug)]
+pub struct Repetition {
+    /// Rows.
+    pub count: u32,
+    /// Condition without which nothing is done.
+    pub condition: Option<Node>,
+    /// The loop that it is within.
+    pub within: Option<u32>,
+    /// Tables that it reads, each with `count` entries.
+    pub read: Vec<Node>,
+    /// What is carried into the first row.
+    pub begin: Vec<Node>,
+    /// What a row carries on.
+    pub next: Vec<Node>,
+    /// What a row makes.
+    pub made: Vec<Node>,
 }
 
 impl Op {
-    /// What it is made of.
-    pub fn operands(self) -> impl Iterator<Item = Node> {
+    /// What it is made of, but for tables and loops.
+    fn operands(self) -> impl Iterator<Item = Node> {
         use Op::*;
         let [a, b, c] = match self {
-            Constant(_) | Input(_) | Truth(_) => [None; 3],
-            Neg(a) | Sqrt(a) | Exp(a) | Ln(a) | Tanh(a) | SinCos(a) | Sin(a) | Cos(a) | Not(a)
-            | PowerOfTwo(a) | Mantissa(a) | Exponent(a) => [Some(a), None, None],
-            Add(a, b) | Sub(a, b) | Mul(a, b) | Div(a, b) | Less(a, b) | And(a, b) | Or(a, b) => {
-                [Some(a), Some(b), None]
-            }
+            Constant(_) | Input(_) | Truth(_) | Table(_) | Loop(_) | Row(_) | Read(..)
+            | Carry(..) => [None; 3],
+            Neg(a)
+            | Sqrt(a)
+            | Exp(a)
+            | Ln(a)
+            | Tanh(a)
+            | SinCos(a)
+            | Sin(a)
+            | Cos(a)
+            | Not(a)
+            | PowerOfTwo(a)
+            | Mantissa(a)
+            | Exponent(a)
+            | Carried(a, _)
+            | Made(a, ..) => [Some(a), None, None],
+            Add(a, b)
+            | Sub(a, b)
+            | Mul(a, b)
+            | Div(a, b)
+            | Less(a, b)
+            | And(a, b)
+            | Or(a, b)
+            | Interpolate(a, b) => [Some(a), Some(b), None],
             MulAdd(a, b, c) | Select(a, b, c) | TurnedSine(a, b, c) | TurnedCosine(a, b, c) => {
                 [Some(a), Some(b), Some(c)]
             }
@@ -98,12 +151,78 @@ pub struct Graph {
     ops: Vec<Op>,
     known: HashMap<Op, Node>,
     inputs: u32,
+    tables: Vec<Vec<Node>>,
+    known_tables: HashMap<Vec<Node>, u32>,
+    loops: Vec<Repetition>,
+    /// The loop that is being recorded.
+    open: Option<u32>,
+    /// For each node the innermost loop on whose row it depends.
+    scopes: Vec<Option<u32>>,
 }
 
 impl Graph {
     /// The operation of a node.
     pub fn op(&self, node: Node) -> Op {
         self.ops[node.0 as usize]
+    }
+
+    /// What a node needs: what it is made of; in and behind a loop, what its rows do for it.
+    pub fn operands(&self, node: Node) -> Vec<Node> {
+        let carried = |of: &Repetition, k: u32| {
+            let k = k as usize;
+            [of.begin.get(k), of.next.get(k)].into_iter().flatten().copied().collect::<Vec<_>>()
+        };
+        match self.op(node) {
+            Op::Table(number) => self.table(number).to_vec(),
+            Op::Loop(number) => self.repetition(number).condition.into_iter().collect(),
+            Op::Read(number, k) => vec![self.repetition(number).read[k as usize]],
+            Op::Carry(number, k) => carried(self.repetition(number), k),
+            Op::Carried(of, k) => {
+                let mut all = carried(self.of_loop(of), k);
+                all.push(of);
+                all
+            }
+            Op::Made(of, _, k) => vec![of, self.of_loop(of).made[k as usize]],
+            op => op.operands().collect(),
+        }
+    }
+
+    /// The loop of a node that is one.
+    fn of_loop(&self, node: Node) -> &Repetition {
+        let number = if let Op::Loop(number) = self.op(node) { number } else { 0 };
+        self.repetition(number)
+    }
+
+    /// The numbers of a table.
+    pub fn table(&self, number: u32) -> &[Node] {
+        &self.tables[number as usize]
+    }
+
+    /// A loop.
+    pub fn repetition(&self, number: u32) -> &Repetition {
+        &self.loops[number as usize]
+    }
+
+    /// The innermost loop on whose row a node depends; none where it is the same for all rows of all loops.
+    pub fn scope(&self, node: Node) -> Option<u32> {
+        self.scopes[node.0 as usize]
+    }
+
+    /// How often a node is done.
+    pub fn repeats(&self, node: Node) -> usize {
+        let mut count = 1;
+        let mut scope = self.scope(node);
+        while let Some(number) = scope {
+            let of = self.repetition(number);
+            count *= of.count as usize;
+            scope = of.within;
+        }
+        count
+    }
+
+    /// How many loops one is within.
+    fn depth(&self, scope: Option<u32>) -> usize {
+        scope.map_or(0, |number| 1 + self.depth(self.repetition(number).within))
     }
 
     /// How many nodes there are.
@@ -146,12 +265,95 @@ impl Graph {
         }
     }
 
+    /// A table of numbers.
+    pub(crate) fn tabled(&mut self, entries: Vec<Node>) -> Node {
+        let number = match self.known_tables.get(&entries) {
+            Some(number) => *number,
+            None => {
+                let number = self.tables.len() as u32;
+                self.tables.push(entries.clone());
+                self.known_tables.insert(entries, number);
+                number
+            }
+        };
+        self.added(Op::Table(number))
+    }
+
+    /// Begins a loop: its number, the row's number, its entries in the tables, and what is carried.
+    ///
+    /// A column of one and the same number is that number.
+    pub(crate) fn begin_loop(
+        &mut self,
+        count: u32,
+        condition: Option<Node>,
+        columns: Vec<Vec<Node>>,
+        begin: Vec<Node>,
+    ) -> (u32, Node, Vec<Node>, Vec<Node>) {
+        let number = self.loops.len() as u32;
+        let carried = begin.len() as u32;
+        let within = self.open.replace(number);
+        let (next, made, read) = (Vec::new(), Vec::new(), Vec::new());
+        self.loops.push(Repetition { count, condition, within, read, begin, next, made });
+        let row = self.added(Op::Row(number));
+        let mut entries = Vec::new();
+        for column in columns {
+            entries.push(match column.as_slice() {
+                [first, rest @ ..] if rest.iter().all(|entry| entry == first) => *first,
+                _ => {
+                    let table = self.tabled(column);
+                    let read = &mut self.loops[number as usize].read;
+                    read.push(table);
+                    let place = read.len() as u32 - 1;
+                    self.added(Op::Read(number, place))
+                }
+            });
+        }
+        let carried = (0..carried).map(|k| self.added(Op::Carry(number, k))).collect();
+        (number, row, entries, carried)
+    }
+
+    /// Ends it: what the last row carried on, and the rows that it made.
+    pub(crate) fn end_loop(
+        &mut self,
+        number: u32,
+        next: Vec<Node>,
+        made: Vec<Node>,
+    ) -> (Vec<Node>, Vec<Vec<Node>>) {
+        let (carried, width) = (next.len() as u32, made.len() as u32);
+        let of = &mut self.loops[number as usize];
+        (of.next, of.made) = (next, made);
+        let count = of.count;
+        self.open = of.within;
+        let node = self.added(Op::Loop(number));
+        let carried = (0..carried).map(|k| self.added(Op::Carried(node, k))).collect();
+        let row = |graph: &mut Self, row| {
+            (0..width).map(|k| graph.added(Op::Made(node, row, k))).collect()
+        };
+        let made = (0..count).map(|k| row(self, k)).collect();
+        (carried, made)
+    }
+
+    /// The innermost loop on whose row an operation depends.
+    fn scope_of(&self, node: Node) -> Option<u32> {
+        match self.op(node) {
+            Op::Row(number) | Op::Read(number, _) | Op::Carry(number, _) => Some(number),
+            Op::Loop(number) => self.repetition(number).within,
+            Op::Carried(of, _) | Op::Made(of, ..) => self.scope(of),
+            _ => {
+                let scopes = self.operands(node).into_iter().map(|operand| self.scope(operand));
+                scopes.max_by_key(|scope| self.depth(*scope)).flatten()
+            }
+        }
+    }
+
     fn added(&mut self, op: Op) -> Node {
         if let Some(node) = self.known.get(&op) {
             return *node;
         }
         let node = Node(self.ops.len() as u32);
         self.ops.push(op);
+        self.scopes.push(None);
+        self.scopes[node.0 as usize] = self.scope_of(node);
         self.known.insert(op, node);
         node
     }

@@ -26,7 +26,7 @@ mod statement;
 pub mod structured_text;
 
 pub use block::{Block, ControlPeriod, Entry, Target, Variable};
-pub use controller::{controller, simulation_feedforward_controller};
+pub use controller::{controller, scheduled_lqr_controller, simulation_feedforward_controller};
 pub use count::Count;
 pub use crane::{blocks, crane_model};
 pub use error::ExportError;

@@ -37,12 +37,13 @@ impl Plan {
             let is_input = matches!(op, Op::Input(_)) && !parameters.contains_key(&node);
             moves[node.0 as usize] = given.contains(&node)
                 || is_input
-                || op.operands().any(|operand| moves[operand.0 as usize]);
+                || matches!(op, Op::Row(_) | Op::Read(..) | Op::Carry(..) | Op::Loop(_))
+                || graph.operands(node).into_iter().any(|operand| moves[operand.0 as usize]);
         }
         let stays = |node: Node| !moves[node.0 as usize];
         let is_number = |node: Node| {
             let op = graph.op(node);
-            !op.is_condition() && !matches!(op, Op::SinCos(_) | Op::Constant(_))
+            !op.is_condition() && !matches!(op, Op::SinCos(_) | Op::Constant(_) | Op::Table(_))
         };
 
         let mut prepared: HashSet<Node> = HashSet::new();
@@ -65,7 +66,7 @@ impl Plan {
                     let result = block.result_name(target);
                     return Err(ExportError::Foreign { block: block.name.clone(), result });
                 }
-                open.extend(op.operands().map(|operand| (operand, target)));
+                open.extend(graph.operands(node).into_iter().map(|operand| (operand, target)));
             }
             entries.push(sorted(seen.into_iter().filter(|n| graph.constant(*n).is_none())));
         }
@@ -73,7 +74,7 @@ impl Plan {
         let mut open: Vec<Node> = prepared.iter().copied().collect();
         while let Some(node) = open.pop() {
             if preparing.insert(node) {
-                open.extend(graph.op(node).operands());
+                open.extend(graph.operands(node));
             }
         }
         let used: HashSet<usize> =

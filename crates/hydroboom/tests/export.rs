@@ -25,6 +25,8 @@ fn what_is_exported_is_listed_and_comes_out_alike_each_time() {
             );
         }
     }
+    let header = std::fs::read_to_string(path("c-1") + "/hydroboom.h").unwrap();
+    assert!(header.contains("void hb_scheduled_lqr_controller_update("), "{header}");
     let counts = parsed(&["export", "count", "--json"]);
     let of = |block: &str, call: &str| {
         let all = counts.as_array().unwrap();
@@ -59,7 +61,7 @@ fn model_following_is_refused_with_what_replaced_it_and_what_can_be_exported() {
     // a terminal's lines are narrower than the sentence
     let said = said.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ");
     assert!(said.contains("model following has been replaced by scheduled-lqr"), "{said}");
-    assert!(said.contains("exports come with a later version"), "{said}");
+    assert!(said.contains("which `hydroboom export c` writes"), "{said}");
     let (_, today) = said.split_once("today --what is one of ").unwrap();
     let names: Vec<&str> = today.split(", ").collect();
     assert_eq!(names, ["model", "plant", "controller", "simulation-feedforward"]);

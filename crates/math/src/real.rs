@@ -111,6 +111,36 @@ pub trait Real:
             entry.mul_add(weight, sum)
         })
     }
+    /// `body` for each of `rows`, from the first to the last: shown the row's number, the row, and what the one before carried on,
+    /// it gives what is carried on and a row of its own. Returned is what the last one carried on, and the rows that were made.
+    ///
+    /// Plain numbers, lanes and duals do just that. A number that records what is done to it records `body` once, as a loop: what
+    /// differs from row to row has to come from the row, its number or what is carried.
+    #[inline(always)]
+    fn repeat<const R: usize, const N: usize, const W: usize, const K: usize>(
+        rows: &[[Self; R]; K],
+        mut carried: [Self; N],
+        mut body: impl FnMut(Self, &[Self; R], [Self; N]) -> ([Self; N], [Self; W]),
+    ) -> ([Self; N], [[Self; W]; K]) {
+        let mut made = [[Self::zero(); W]; K];
+        for (k, (row, made)) in rows.iter().zip(&mut made).enumerate() {
+            (carried, *made) = body(Self::lit(k as f64), row, carried);
+        }
+        (carried, made)
+    }
+    /// The same where `mask` holds in any lane. Elsewhere nothing is done: what is carried stays as it is, and the rows made are zero.
+    #[inline(always)]
+    fn repeat_where<const R: usize, const N: usize, const W: usize, const K: usize>(
+        mask: Self::Mask,
+        rows: &[[Self; R]; K],
+        carried: [Self; N],
+        body: impl FnMut(Self, &[Self; R], [Self; N]) -> ([Self; N], [Self; W]),
+    ) -> ([Self; N], [[Self; W]; K]) {
+        match Self::any(mask) {
+            true => Self::repeat(rows, carried, body),
+            false => (carried, [[Self::zero(); W]; K]),
+        }
+    }
     /// Whether the number is finite.
     #[inline(always)]
     #[expect(clippy::eq_op, reason = "the difference is zero for finite numbers only")]

@@ -93,18 +93,21 @@ pub fn propagated<T: Real, const N: usize>(
     rows: &[[T; N]; STATES],
 ) -> Covariance<T, N> {
     // J P, then J P Jᵀ
-    let left: Covariance<T, N> = core::array::from_fn(|i| match rows.get(i) {
-        Some(row) => (0..N).fold([T::zero(); N], |sum, k| {
+    let (_, left) = T::repeat(rows, [], |_, row, []| {
+        let product = (0..N).fold([T::zero(); N], |sum, k| {
             core::array::from_fn(|j| row[k].mul_add(p[k][j], sum[j]))
-        }),
-        None => p[i],
+        });
+        ([], product)
     });
-    core::array::from_fn(|i| {
-        core::array::from_fn(|j| match rows.get(j) {
-            Some(row) => (0..N).fold(T::zero(), |sum, k| left[i][k].mul_add(row[k], sum)),
-            None => left[i][j],
-        })
-    })
+    let left: Covariance<T, N> = core::array::from_fn(|i| left.get(i).copied().unwrap_or(p[i]));
+    let (_, product) = T::repeat(&left, [], |_, row, []| {
+        let by = |j: usize| match rows.get(j) {
+            Some(state) => (0..N).fold(T::zero(), |sum, k| row[k].mul_add(state[k], sum)),
+            None => row[j],
+        };
+        ([], core::array::from_fn(by))
+    });
+    product
 }
 
 /// After one measured number by Joseph's form, which holds for any gain K and is expanded for one number: `P − K (H P) − (P Hᵀ) Kᵀ + K S Kᵀ`, with `shared` being

@@ -14,6 +14,8 @@ use super::error_covariance::{
 use super::innovation_test::InnovationTest;
 use super::noise_estimation::NoiseEstimate;
 use super::reduced_model::{MachineState, OperatingPoint, ReducedModel, STATES};
+use crate::memory::Memory;
+use core::array::from_fn;
 use hydroboom_math::{Dual, Real, record};
 
 /// Place of the load's position, of its velocity, … in a state.
@@ -111,7 +113,44 @@ pub struct EstimatorState<T> {
     noise: [NoiseEstimate<T>; 2],
 }
 
+impl<T: Copy> Memory<T> for EstimatorState<T> {
+    fn visited(self, visit: &mut impl FnMut(&'static str, T) -> T) -> Self {
+        Self {
+            estimate: self.estimate.map(|v| visit("estimate", v)),
+            covariance: self.covariance.map(|row| row.map(|v| visit("covariance", v))),
+            errors: self.errors.map(|row| row.map(|v| visit("error_covariance", v))),
+            mean_nis: visit("mean_nis", self.mean_nis),
+            inconsistent_time: visit("inconsistent_time", self.inconsistent_time),
+            innovation: self.innovation.map(|v| visit("innovation", v)),
+            nis: self.nis.map(|v| visit("nis", v)),
+            noise: self.noise.map(|noise| noise.map(|v| visit("noise", v))),
+        }
+    }
+}
+
 impl<T: Real> EstimatorState<T> {
+    /// `yes` where `mask` holds, `no` elsewhere.
+    #[must_use]
+    pub fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
+        let pick = |yes: T, no: T| T::select(mask, yes, no);
+        let [noise_yes, noise_no] = [yes, no].map(|of| of.noise.map(NoiseEstimate::to_array));
+        Self {
+            estimate: MachineState::from_array({
+                let (yes, no) = (yes.estimate.to_array(), no.estimate.to_array());
+                from_fn(|i| pick(yes[i], no[i]))
+            }),
+            covariance: from_fn(|i| from_fn(|j| pick(yes.covariance[i][j], no.covariance[i][j]))),
+            errors: from_fn(|i| from_fn(|j| pick(yes.errors[i][j], no.errors[i][j]))),
+            mean_nis: pick(yes.mean_nis, no.mean_nis),
+            inconsistent_time: pick(yes.inconsistent_time, no.inconsistent_time),
+            innovation: from_fn(|k| pick(yes.innovation[k], no.innovation[k])),
+            nis: from_fn(|k| pick(yes.nis[k], no.nis[k])),
+            noise: from_fn(|k| {
+                NoiseEstimate::from_array(from_fn(|i| pick(noise_yes[k][i], noise_no[k][i])))
+            }),
+        }
+    }
+
     /// Standard deviations of the estimates, by the error covariance.
     pub fn deviation(&self) -> MachineState<T> {
         let variance = |i: usize| self.errors[i][i].max(T::zero());
@@ -120,6 +159,29 @@ impl<T: Real> EstimatorState<T> {
 }
 
 impl<T: Real> ExtendedKalmanFilter<T> {
+    /// The same filter over another number.
+    pub fn map<U: Real>(&self, f: impl Fn(T) -> U + Copy) -> ExtendedKalmanFilter<U> {
+        ExtendedKalmanFilter {
+            model: self.model.map(f),
+            initial_deviation: self.initial_deviation.map(f),
+            process_noise: self.process_noise.map(f),
+            flow_ripple: f(self.flow_ripple),
+            lowest: self.lowest.map(f),
+            highest: self.highest.map(f),
+            measurement_noise: self.measurement_noise.map(f),
+            noise_memory: f(self.noise_memory),
+            excitation_velocity: f(self.excitation_velocity),
+            divergence_time: f(self.divergence_time),
+            sensor_lag: f(self.sensor_lag),
+            considered: self.considered.map(f),
+            payload_change: f(self.payload_change),
+            force_change: f(self.force_change),
+            payload_variance_limit: f(self.payload_variance_limit),
+            innovation_test: self.innovation_test.map(f),
+            period: f(self.period),
+        }
+    }
+
     /// At rest where the machine is: the load pressure is taken for its weight.
     pub fn start(&self, measured: &EstimatorInput<T>) -> EstimatorState<T> {
         let zero = T::zero();

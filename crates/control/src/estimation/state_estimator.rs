@@ -6,6 +6,7 @@
 use super::drive_identification::{DriveIdentification, DriveLag};
 use super::extended_kalman_filter::{EstimatorInput, EstimatorState, ExtendedKalmanFilter};
 use super::reduced_model::MachineState;
+use crate::memory::Memory;
 use hydroboom_math::{Real, record};
 
 /// Largest delay of measurement or command \[cycles\].
@@ -63,7 +64,35 @@ pub struct StateEstimatorState<T> {
     pub rod_side_term: T,
 }
 
+impl<T: Copy> Memory<T> for StateEstimatorState<T> {
+    fn visited(self, visit: &mut impl FnMut(&'static str, T) -> T) -> Self {
+        Self {
+            filter: self.filter.visited(visit),
+            drive: self.drive.map(|v| visit("drive_lag", v)),
+            commands: self.commands.map(|v| visit("commands", v)),
+            motor_speed: visit("motor_speed_read_before", self.motor_speed),
+            rod_side_term: visit("rod_side_term", self.rod_side_term),
+        }
+    }
+}
+
 impl<T: Real> StateEstimatorState<T> {
+    /// `yes` where `mask` holds, `no` elsewhere.
+    #[must_use]
+    pub fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
+        let pick = |yes: T, no: T| T::select(mask, yes, no);
+        Self {
+            filter: EstimatorState::select(mask, &yes.filter, &no.filter),
+            drive: DriveLag {
+                coefficient: pick(yes.drive.coefficient, no.drive.coefficient),
+                variance: pick(yes.drive.variance, no.drive.variance),
+            },
+            commands: core::array::from_fn(|k| pick(yes.commands[k], no.commands[k])),
+            motor_speed: pick(yes.motor_speed, no.motor_speed),
+            rod_side_term: pick(yes.rod_side_term, no.rod_side_term),
+        }
+    }
+
     /// The commands that are on their way \[rev/s\], newest first; more than the delays need are kept.
     pub fn commands(&self) -> &[T] {
         &self.commands
@@ -81,6 +110,18 @@ impl<T: Real> StateEstimatorState<T> {
 }
 
 impl<T: Real> StateEstimator<T> {
+    /// The same estimator over another number.
+    pub fn map<U: Real>(&self, f: impl Fn(T) -> U + Copy) -> StateEstimator<U> {
+        StateEstimator {
+            filter: self.filter.map(f),
+            drive: self.drive.map(f),
+            drive_coefficient: f(self.drive_coefficient),
+            slew: f(self.slew),
+            free_slew: f(self.free_slew),
+            delay_cycles: self.delay_cycles,
+        }
+    }
+
     /// At rest beside a machine. `measured` has the motor speed as it is read.
     pub fn start(&self, measured: &EstimatorInput<T>) -> StateEstimatorState<T> {
         StateEstimatorState {

@@ -12,6 +12,7 @@ use super::saturation::NestedSaturation;
 use crate::estimation::drive_identification::DriveLag;
 use crate::estimation::reduced_model::{MachineState, OperatingPoint, ReducedModel};
 use crate::estimation::state_estimator::PredictedState;
+use crate::memory::Memory;
 use crate::reference::governor::ReferenceGovernor;
 use hydroboom_math::{Real, record};
 
@@ -55,6 +56,22 @@ struct ReferenceSample<T> {
     wanted: [T; ORDER],
     feedforward: T,
     position: T,
+}
+
+/// Numbers of a sample.
+const SAMPLED: usize = ORDER + 2;
+
+impl<T: Copy> ReferenceSample<T> {
+    #[inline(always)]
+    fn to_array(self) -> [T; SAMPLED] {
+        let [y, w, p, n] = self.wanted;
+        [y, w, p, n, self.feedforward, self.position]
+    }
+
+    #[inline(always)]
+    fn from_array([y, w, p, n, feedforward, position]: [T; SAMPLED]) -> Self {
+        Self { wanted: [y, w, p, n], feedforward, position }
+    }
 }
 
 /// What a prediction of the law needs: the plant, the law and the reference.
@@ -106,7 +123,34 @@ pub struct RolloutState<T> {
     is_applied: T,
 }
 
+impl<T: Copy> Memory<T> for RolloutState<T> {
+    fn visited(self, visit: &mut impl FnMut(&'static str, T) -> T) -> Self {
+        Self {
+            phase: visit("rollout_phase", self.phase),
+            is_evaluating: visit("rollout_is_evaluating", self.is_evaluating),
+            begin: self.begin.map(|v| visit("rollout_begin", v)),
+            offset: visit("rollout_offset", self.offset),
+            ahead: self.ahead.map(|sample| {
+                ReferenceSample::from_array(
+                    sample.to_array().map(|v| visit("rollout_reference", v)),
+                )
+            }),
+            costs: self.costs.map(|v| visit("rollout_costs", v)),
+            speed: visit("rollout_speed", self.speed),
+            is_applied: visit("rollout_is_applied", self.is_applied),
+        }
+    }
+}
+
 impl<T: Real> RolloutState<T> {
+    /// The same with nothing decided where `mask` holds.
+    #[must_use]
+    pub fn restarted_where(self, mask: T::Mask) -> Self {
+        let none = |value: T| T::select(mask, T::zero(), value);
+        let (phase, is_evaluating) = (none(self.phase), none(self.is_evaluating));
+        Self { phase, is_evaluating, is_applied: none(self.is_applied), ..self }
+    }
+
     /// Nothing is decided.
     pub fn start() -> Self {
         let zero = T::zero();
@@ -154,17 +198,19 @@ impl<T: Real> Rollout<T> {
         state.is_evaluating = T::select(begins, truth(needed), state.is_evaluating);
         let is_evaluating = half.lt(state.is_evaluating);
         state.is_applied = T::select(is_evaluating, state.is_applied, zero);
-        if T::any(begins & is_evaluating) {
-            let spacing = self.horizon / T::lit((SAMPLES - 1) as f64);
-            let sampled: [ReferenceSample<T>; SAMPLES] = core::array::from_fn(|k| {
-                let (wanted, feedforward, position) = ahead(spacing * T::lit(k as f64));
-                ReferenceSample { wanted: wanted.to_array(), feedforward, position }
-            });
-            let pick = |new: T, old: T| T::select(begins, new, old);
+        let samples = begins & is_evaluating;
+        let pick = |new: T, old: T| T::select(samples, new, old);
+        let spacing = self.horizon / T::lit((SAMPLES - 1) as f64);
+        let (_, sampled) = T::repeat_where(samples, &[[]; SAMPLES], [], |k, [], []| {
+            let (wanted, feedforward, position) = ahead(spacing * k);
+            let new = ReferenceSample { wanted: wanted.to_array(), feedforward, position };
+            ([], new.to_array())
+        });
+        if T::any(samples) {
             for (kept, new) in state.ahead.iter_mut().zip(sampled) {
-                kept.wanted = core::array::from_fn(|i| pick(new.wanted[i], kept.wanted[i]));
-                kept.feedforward = pick(new.feedforward, kept.feedforward);
-                kept.position = pick(new.position, kept.position);
+                let old = kept.to_array();
+                let row = core::array::from_fn(|i| pick(new[i], old[i]));
+                *kept = ReferenceSample::from_array(row);
             }
             let (new, old) = (now.to_array(), state.begin.to_array());
             state.begin =
@@ -172,8 +218,9 @@ impl<T: Real> Rollout<T> {
             state.offset = pick(offset, state.offset);
             state.costs = state.costs.map(|cost| pick(zero, cost));
         }
-        if T::any(!begins & is_evaluating) {
-            self.predict(state, policy, !begins & is_evaluating);
+        let predicts = !begins & is_evaluating;
+        if T::any(predicts) {
+            self.predict(state, policy, predicts);
         }
         let last = T::lit(PERIODS as f64 - 1.5).lt(state.phase);
         if T::any(last & is_evaluating) {
@@ -200,7 +247,7 @@ impl<T: Real> Rollout<T> {
             }
         }
         let is_payload = half.lt(is_payload);
-        let cost = self.cost(state, policy, held_speed, hold, is_payload);
+        let cost = self.cost(state, policy, held_speed, hold, is_payload, is_due);
         let probability =
             T::select(is_payload, self.payload_probability, one - self.payload_probability);
         for k in 0..ALTERNATIVES {
@@ -227,7 +274,8 @@ impl<T: Real> Rollout<T> {
         state.is_applied = T::select(is_due, is_applied, state.is_applied);
     }
 
-    /// Cost over the horizon and beyond, with what is applied now until the decision, then an extreme speed \[rev/s\] for a time \[s\].
+    /// Cost over the horizon and beyond, with what is applied now until the decision, then an extreme speed \[rev/s\] for a time \[s\]; of no meaning where it is
+    /// not due.
     fn cost(
         &self,
         state: &RolloutState<T>,
@@ -235,17 +283,13 @@ impl<T: Real> Rollout<T> {
         held_speed: T,
         hold: T,
         is_payload: T::Mask,
+        is_due: T::Mask,
     ) -> T {
         let Policy { model, estimate, weights: [by_position, by_velocity, by_speed], .. } = policy;
         let one = T::one();
         let h = self.horizon / T::lit(((SAMPLES - 1) * STEPS_BETWEEN) as f64);
-        let PredictedState {
-            position: mut y,
-            velocity: mut w,
-            load_pressure: mut p,
-            motor_speed: mut n,
-        } = state.begin;
-        let mut offset = state.offset;
+        let PredictedState { position: y, velocity: w, load_pressure: p, motor_speed: n } =
+            state.begin;
         let begin = model.at(y, estimate.payload);
         let Hypothesis { at, holding, added_payload } =
             hypothesis(policy, &begin, y, w, p, is_payload);
@@ -259,53 +303,70 @@ impl<T: Real> Rollout<T> {
         let revolutions = model.revolutions_per_metre();
         let until_decision = policy.period * T::lit(PERIODS as f64 - 1.0);
         let until_hold_ends = until_decision + hold;
-        let mut sum = T::zero();
-        for k in 0..SAMPLES - 1 {
-            let (from, to) = (&state.ahead[k], &state.ahead[k + 1]);
-            for part in 0..STEPS_BETWEEN {
-                let place = T::lit(part as f64 / STEPS_BETWEEN as f64);
-                let time = h * T::lit((k * STEPS_BETWEEN + part) as f64);
-                let between = |a: T, b: T| place.mul_add(b - a, a);
-                let mut wanted: [T; ORDER] =
-                    core::array::from_fn(|i| between(from.wanted[i], to.wanted[i]));
-                wanted[0] = wanted[0] - at.compliance * added_payload;
-                wanted[2] = wanted[2] + added_payload;
-                let feedforward = between(from.feedforward, to.feedforward);
-                let asked = between(from.position, to.position);
-                // the law
-                let x = at.compliance.mul_add(p, y);
-                offset = policy.governor.update(offset, x - asked, policy.decay, h);
-                let drift = policy.governor.drift(offset, policy.decay);
-                let error = [wanted[0] - y, wanted[1] - w, wanted[2] - p, wanted[3] - n];
-                let turning = revolutions * drift;
-                let led = [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
-                let (feedback, _) = policy.saturation.feedback(&policy.gain, &led);
-                let law = feedforward + turning + feedback;
-                let held = T::select(time.lt(until_hold_ends), held_speed, law);
-                let u = T::select(time.lt(until_decision), state.command(law), held);
-                let u = u.clamp(-policy.limit, policy.limit);
-                // its cost
-                let e = x - asked;
-                let effort = u - feedforward;
-                let stage = *by_position * e.square()
-                    + *by_velocity * error[1].square()
-                    + *by_speed * effort.square();
-                sum = sum + stage;
-                // the machine
-                let next = n + (share * (u - n)).clamp(-slew, slew);
-                let turned = T::lit(0.5) * (n + next);
-                n = next.clamp(-policy.limit, policy.limit);
-                let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
-                let force = p - holding - at.holding_slope * (x - first) - friction;
-                w = (h * at.acceleration).mul_add(force, w) * per_damping;
-                let bulk =
-                    model.bulk_modulus(p, estimate.transition_pressure, policy.rod_side_term);
-                let turning = turned - model.leakage(p) + estimate.unknown_flow;
-                let inflow = model.displacement * turning - model.piston_area * w;
-                y = h.mul_add(w, y);
-                p = (h * model.stiffness(&at, bulk)).mul_add(inflow, p);
-            }
-        }
+        let spans: [[T; 2 * SAMPLED]; SAMPLES - 1] = core::array::from_fn(|k| {
+            let [from, to] = [k, k + 1].map(|k| state.ahead[k].to_array());
+            core::array::from_fn(|i| if i < SAMPLED { from[i] } else { to[i - SAMPLED] })
+        });
+        let places: [[T; 1]; STEPS_BETWEEN] =
+            core::array::from_fn(|part| [T::lit(part as f64 / STEPS_BETWEEN as f64)]);
+        let begun = [y, w, p, n, state.offset, T::zero()];
+        let step = |time: T,
+                    place: T,
+                    from: &ReferenceSample<T>,
+                    to: &ReferenceSample<T>,
+                    at_step: [T; 6]| {
+            let [y, w, p, n, offset, sum] = at_step;
+            let between = |a: T, b: T| place.mul_add(b - a, a);
+            let mut wanted: [T; ORDER] =
+                core::array::from_fn(|i| between(from.wanted[i], to.wanted[i]));
+            wanted[0] = wanted[0] - at.compliance * added_payload;
+            wanted[2] = wanted[2] + added_payload;
+            let feedforward = between(from.feedforward, to.feedforward);
+            let asked = between(from.position, to.position);
+            // the law
+            let x = at.compliance.mul_add(p, y);
+            let offset = policy.governor.update(offset, x - asked, policy.decay, h);
+            let drift = policy.governor.drift(offset, policy.decay);
+            let error = [wanted[0] - y, wanted[1] - w, wanted[2] - p, wanted[3] - n];
+            let turning = revolutions * drift;
+            let led = [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
+            let (feedback, _) = policy.saturation.feedback(&policy.gain, &led);
+            let law = feedforward + turning + feedback;
+            let held = T::select(time.lt(until_hold_ends), held_speed, law);
+            let u = T::select(time.lt(until_decision), state.command(law), held);
+            let u = u.clamp(-policy.limit, policy.limit);
+            // its cost
+            let e = x - asked;
+            let effort = u - feedforward;
+            let stage = *by_position * e.square()
+                + *by_velocity * error[1].square()
+                + *by_speed * effort.square();
+            let sum = sum + stage;
+            // the machine
+            let next = n + (share * (u - n)).clamp(-slew, slew);
+            let turned = T::lit(0.5) * (n + next);
+            let n = next.clamp(-policy.limit, policy.limit);
+            let friction = model.coulomb * (w / model.sliding_velocity).clamp(-one, one);
+            let force = p - holding - at.holding_slope * (x - first) - friction;
+            let w = (h * at.acceleration).mul_add(force, w) * per_damping;
+            let bulk = model.bulk_modulus(p, estimate.transition_pressure, policy.rod_side_term);
+            let turning = turned - model.leakage(p) + estimate.unknown_flow;
+            let inflow = model.displacement * turning - model.piston_area * w;
+            let y = h.mul_add(w, y);
+            let p = (h * model.stiffness(&at, bulk)).mul_add(inflow, p);
+            [y, w, p, n, offset, sum]
+        };
+        let ([y, w, p, n, _, sum], _) = T::repeat_where(is_due, &spans, begun, |k, span, now| {
+            let half = |begin: usize| {
+                ReferenceSample::from_array(core::array::from_fn(|i| span[begin + i]))
+            };
+            let (from, to) = (half(0), half(SAMPLED));
+            let (now, _) = T::repeat(&places, now, |part, [place], now| {
+                let time = h * (k * T::lit(STEPS_BETWEEN as f64) + part);
+                (step(time, *place, &from, &to, now), [])
+            });
+            (now, [])
+        });
         let mut end = state.ahead[SAMPLES - 1].wanted;
         end[0] = end[0] - at.compliance * added_payload;
         end[2] = end[2] + added_payload;

@@ -10,6 +10,7 @@ use super::rollout::{Policy, Rollout, RolloutState};
 use super::saturation::NestedSaturation;
 use crate::estimation::reduced_model::{OperatingPoint, ReducedModel};
 use crate::estimation::state_estimator::{PredictedState, StateEstimator, StateEstimatorState};
+use crate::memory::Memory;
 use crate::reference::governor::ReferenceGovernor;
 use crate::reference::preview::Preview;
 use crate::reference::profile::SetPoint;
@@ -87,8 +88,40 @@ pub struct ScheduledLqrState<T> {
     pub command: T,
 }
 
+impl<T: Copy> Memory<T> for ScheduledLqrState<T> {
+    fn visited(self, visit: &mut impl FnMut(&'static str, T) -> T) -> Self {
+        let Regulator { cost_to_go, gain } = self.regulator;
+        Self {
+            regulator: Regulator {
+                cost_to_go: cost_to_go.map(|row| row.map(|v| visit("cost_to_go", v))),
+                gain: gain.map(|v| visit("gain", v)),
+            },
+            offset: visit("governor_offset", self.offset),
+            window: visit("smoothing_window", self.window),
+            speed_limit: self.speed_limit.visited(visit),
+            rollout: self.rollout.visited(visit),
+            command: visit("command", self.command),
+        }
+    }
+}
+
 /// Riccati steps after which a regulator has settled: 4 s at a control period of 1 ms.
 const SETTLING_STEPS: usize = 4000;
+
+impl<T: Real> ScheduledLqrState<T> {
+    /// Before anything is known: the regulator begins with no cost to go.
+    pub fn unknown() -> Self {
+        let zero = T::zero();
+        Self {
+            regulator: Regulator { cost_to_go: [[zero; ORDER]; ORDER], gain: [zero; ORDER] },
+            offset: zero,
+            window: zero,
+            speed_limit: SpeedLimit::at_rest(zero),
+            rollout: RolloutState::start(),
+            command: zero,
+        }
+    }
+}
 
 impl<T: Real> ScheduledLqr<T> {
     /// Begins at a reference position \[m\] with a regulator of about the present operating point.
@@ -106,6 +139,37 @@ impl<T: Real> ScheduledLqr<T> {
             speed_limit: SpeedLimit::at_rest(position),
             rollout: RolloutState::start(),
             command: estimator.predict(estimated).motor_speed,
+        }
+    }
+
+    /// The state to begin with where `mask` holds, at a reference position \[m\], with the regulator that it has; elsewhere the state as it is.
+    pub fn started_where(
+        &self,
+        mask: T::Mask,
+        state: &ScheduledLqrState<T>,
+        estimated: &StateEstimatorState<T>,
+        position: T,
+    ) -> ScheduledLqrState<T> {
+        let shortest = self.settings.shortest_window + estimated.drive.ramp_delay(self.period);
+        ScheduledLqrState {
+            offset: T::select(mask, T::zero(), state.offset),
+            window: T::select(mask, shortest, state.window),
+            speed_limit: state.speed_limit.at_rest_where(mask, position),
+            rollout: state.rollout.restarted_where(mask),
+            ..*state
+        }
+    }
+
+    /// The same law over another number.
+    pub fn map<U: Real>(&self, f: impl Fn(T) -> U + Copy) -> ScheduledLqr<U> {
+        ScheduledLqr {
+            model: self.model.map(f),
+            settings: self.settings.map(f),
+            governor: self.governor.map(f),
+            rollout: self.rollout.map(f),
+            motor_speed: f(self.motor_speed),
+            slew: f(self.slew),
+            period: f(self.period),
         }
     }
 

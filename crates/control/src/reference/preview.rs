@@ -1,5 +1,6 @@
 //! Reference preview: the set points of the next seconds, and of the last three tenths.
 
+use crate::memory::Memory;
 use crate::reference::profile::SetPoint;
 use hydroboom_math::Real;
 
@@ -24,6 +25,97 @@ pub struct Preview<T> {
     period: T,
 }
 
+/// Distant set points behind the near ones.
+pub const DISTANT: usize = FAR - 1;
+
+/// Set points after now, as far as they are known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreviewAhead<T> {
+    /// Control periods after now that are known; 0 where only the set point of now is.
+    pub length: T,
+    /// Position of each control period after now \[m\].
+    pub position: [T; PERIODS_AHEAD],
+    /// Its velocity \[m/s\].
+    pub velocity: [T; PERIODS_AHEAD],
+    /// Positions every 50 ms behind these \[m\].
+    pub distant: [T; DISTANT],
+}
+
+impl<T: Real> PreviewAhead<T> {
+    /// Nothing after now is known.
+    pub fn unknown() -> Self {
+        let zero = T::zero();
+        Self {
+            length: zero,
+            position: [zero; PERIODS_AHEAD],
+            velocity: [zero; PERIODS_AHEAD],
+            distant: [zero; DISTANT],
+        }
+    }
+
+    /// Of a trajectory, `at` being its set point so long \[s\] after now, up to so many control periods \[s\] after now; zero behind.
+    pub fn new(period: T, length: usize, at: impl Fn(T) -> SetPoint<T>) -> Self {
+        let zero = T::zero();
+        let near = |k: usize| match k < length {
+            true => at(period * T::lit((k + 1) as f64)),
+            false => SetPoint { position: zero, velocity: zero },
+        };
+        let known = T::lit(length as f64);
+        let far = |k: usize| {
+            let time = far_time(period, k + 1);
+            T::select(time.lt((known + T::lit(0.5)) * period), at(time).position, zero)
+        };
+        Self {
+            length: known,
+            position: core::array::from_fn(|k| near(k).position),
+            velocity: core::array::from_fn(|k| near(k).velocity),
+            distant: core::array::from_fn(far),
+        }
+    }
+}
+
+/// Set points of the control periods before now, the oldest first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PreviewBehind<T> {
+    position: [T; PERIODS_BEHIND],
+    velocity: [T; PERIODS_BEHIND],
+}
+
+impl<T: Copy> Memory<T> for PreviewBehind<T> {
+    fn visited(self, visit: &mut impl FnMut(&'static str, T) -> T) -> Self {
+        Self {
+            position: self.position.map(|v| visit("reference_position_behind", v)),
+            velocity: self.velocity.map(|v| visit("reference_velocity_behind", v)),
+        }
+    }
+}
+
+impl<T: Real> PreviewBehind<T> {
+    /// At rest at a position \[m\].
+    pub fn at_rest(position: T) -> Self {
+        Self { position: [position; PERIODS_BEHIND], velocity: [T::zero(); PERIODS_BEHIND] }
+    }
+
+    /// The same at rest at a position \[m\] where `mask` holds.
+    #[must_use]
+    pub fn at_rest_where(&self, mask: T::Mask, position: T) -> Self {
+        let rows: [[T; 2]; PERIODS_BEHIND] =
+            core::array::from_fn(|k| [self.position[k], self.velocity[k]]);
+        let (_, rows) = T::repeat(&rows, [], |_, [x, v], []| {
+            ([], [T::select(mask, position, *x), T::select(mask, T::zero(), *v)])
+        });
+        Self { position: rows.map(|[x, _]| x), velocity: rows.map(|[_, v]| v) }
+    }
+
+    /// A control period later.
+    pub fn advance(&mut self, now: SetPoint<T>) {
+        self.position.copy_within(1.., 0);
+        self.velocity.copy_within(1.., 0);
+        self.position[PERIODS_BEHIND - 1] = now.position;
+        self.velocity[PERIODS_BEHIND - 1] = now.velocity;
+    }
+}
+
 /// Time of a distant set point after now \[s\].
 #[inline(always)]
 fn far_time<T: Real>(period: T, number: usize) -> T {
@@ -40,6 +132,53 @@ impl<T: Real> Preview<T> {
             position: core::array::from_fn(|k| near(k).position),
             velocity: core::array::from_fn(|k| near(k).velocity),
             far: core::array::from_fn(|k| at(far_time(period, k)).position),
+            period,
+        }
+    }
+
+    /// What is known of a trajectory: what was, is and will be asked, the last moved by `offset` \[m\]. Where no more is known it keeps its velocity.
+    pub fn known(
+        period: T,
+        behind: &PreviewBehind<T>,
+        now: SetPoint<T>,
+        ahead: &PreviewAhead<T>,
+        offset: T,
+    ) -> Self {
+        let half = T::lit(0.5);
+        let rows: [[T; 2]; PERIODS_AHEAD] =
+            core::array::from_fn(|k| [ahead.position[k], ahead.velocity[k]]);
+        let begin = [now.position, now.velocity];
+        let ([last, velocity], near) =
+            T::repeat(&rows, begin, |k, [x, v], [position, velocity]| {
+                let is_known = (k + half).lt(ahead.length);
+                let position = T::select(is_known, *x + offset, velocity.mul_add(period, position));
+                let velocity = T::select(is_known, *v, velocity);
+                ([position, velocity], [position, velocity])
+            });
+        let end = (ahead.length + half) * period;
+        let rows: [[T; 2]; DISTANT] =
+            core::array::from_fn(|k| [ahead.distant[k], far_time(period, k + 1)]);
+        let (_, far) = T::repeat(&rows, [last], |_, [x, time], [position]| {
+            let kept = velocity.mul_add(T::lit(FAR_SPACING), position);
+            let position = T::select(time.lt(end), *x + offset, kept);
+            ([position], [position])
+        });
+        let place = |k: usize| k.checked_sub(PERIODS_BEHIND + 1);
+        Self {
+            position: core::array::from_fn(|k| match (behind.position.get(k), place(k)) {
+                (Some(position), _) => *position,
+                (None, Some(k)) => near[k][0],
+                (None, None) => now.position,
+            }),
+            velocity: core::array::from_fn(|k| match (behind.velocity.get(k), place(k)) {
+                (Some(velocity), _) => *velocity,
+                (None, Some(k)) => near[k][1],
+                (None, None) => now.velocity,
+            }),
+            far: core::array::from_fn(|k| match k.checked_sub(1) {
+                Some(k) => far[k][0],
+                None => last,
+            }),
             period,
         }
     }

@@ -30,10 +30,12 @@ record! {
 #[inline(always)]
 pub fn smoothed<T: Real>(at: impl Fn(T) -> SetPoint<T>, window: T, after: T) -> SmoothSetPoint<T> {
     let half = T::lit(0.5) * window;
-    let position = (0..POINTS).fold(T::zero(), |sum, k| {
-        let share = (k as f64 + 0.5) / POINTS as f64 - 0.5;
-        sum + at(window.mul_add(T::lit(share), after)).position
-    }) / T::lit(POINTS as f64);
+    let shares: [[T; 1]; POINTS] =
+        core::array::from_fn(|k| [T::lit((k as f64 + 0.5) / POINTS as f64 - 0.5)]);
+    let ([sum], _) = T::repeat(&shares, [T::zero()], |_, [share], [sum]| {
+        ([sum + at(window.mul_add(*share, after)).position], [])
+    });
+    let position = sum / T::lit(POINTS as f64);
     let (ahead, behind) = (at(after + half), at(after - half));
     let near = T::lit(0.4) * half;
     let acceleration =

@@ -3,6 +3,7 @@
 //! So it is as far ahead at first as it is behind in the end.
 
 use super::preview::{PERIODS_BEHIND, Preview};
+use crate::memory::Memory;
 use hydroboom_math::Real;
 
 /// Time between two points of the preview that are compared \[s\], and their number: up to 2.5 s after now.
@@ -22,7 +23,33 @@ pub struct SpeedLimit<T> {
     behind: [T; PERIODS_BEHIND + 1],
 }
 
+impl<T: Copy> Memory<T> for SpeedLimit<T> {
+    fn visited(self, visit: &mut impl FnMut(&'static str, T) -> T) -> Self {
+        Self {
+            late: visit("late_reference", self.late),
+            feasible: visit("feasible_reference", self.feasible),
+            ahead: self.ahead.map(|v| visit("offset_ahead", v)),
+            behind: self.behind.map(|v| visit("offset_behind", v)),
+        }
+    }
+}
+
 impl<T: Real> SpeedLimit<T> {
+    /// The same at rest at a position \[m\] where `mask` holds.
+    #[must_use]
+    pub fn at_rest_where(self, mask: T::Mask, position: T) -> Self {
+        let rows = self.behind.map(|offset| [offset]);
+        let (_, behind) =
+            T::repeat(&rows, [], |_, [offset], []| ([], [T::select(mask, T::zero(), *offset)]));
+        Self {
+            late: T::select(mask, position, self.late),
+            feasible: T::select(mask, position, self.feasible),
+            behind: behind.map(|[offset]| offset),
+            // worked out anew in each period
+            ahead: self.ahead,
+        }
+    }
+
     /// At rest at a position \[m\].
     pub fn at_rest(position: T) -> Self {
         let zero = T::zero();
@@ -40,20 +67,25 @@ impl<T: Real> SpeedLimit<T> {
         let spacing = T::lit(SPACING);
         let [out, inwards] = fastest;
         let moved = |from: T, to: T, time: T| from + (to - from).clamp(-inwards * time, out * time);
-        let mut late = self.late;
-        let mut longest = T::zero();
-        for k in 1..PREVIEW_POINTS {
-            let asked = preview.position(T::lit(k as f64 * SPACING));
-            late = moved(late, asked, spacing);
-            longest = longest.max((asked - late) / out).max((late - asked) / inwards);
-        }
+        let times: [[T; 1]; PREVIEW_POINTS - 1] =
+            core::array::from_fn(|k| [T::lit((k + 1) as f64 * SPACING)]);
+        let ([_, longest], asked) =
+            T::repeat(&times, [self.late, T::zero()], |_, [time], [late, longest]| {
+                let asked = preview.position(*time);
+                let late = moved(late, asked, spacing);
+                let longest = longest.max((asked - late) / out).max((late - asked) / inwards);
+                ([late, longest], [asked])
+            });
         let sooner = T::lit(0.5) * longest;
-        let mut position = self.feasible;
-        self.ahead[0] = position - preview.now().position;
-        for k in 1..PREVIEW_POINTS {
-            let time = T::lit(k as f64 * SPACING);
-            position = moved(position, preview.position(time + sooner), spacing);
-            self.ahead[k] = position - preview.position(time);
+        let points: [[T; 2]; PREVIEW_POINTS - 1] =
+            core::array::from_fn(|k| [times[k][0], asked[k][0]]);
+        let (_, ahead) = T::repeat(&points, [self.feasible], |_, [time, asked], [position]| {
+            let position = moved(position, preview.position(*time + sooner), spacing);
+            ([position], [position - *asked])
+        });
+        self.ahead[0] = self.feasible - preview.now().position;
+        for (kept, [offset]) in self.ahead.iter_mut().skip(1).zip(ahead) {
+            *kept = offset;
         }
         self.behind.copy_within(1.., 0);
         self.behind[PERIODS_BEHIND] = self.ahead[0];
@@ -63,8 +95,7 @@ impl<T: Real> SpeedLimit<T> {
 
     /// Whether any offset is more than a micrometre.
     pub fn is_active(&self) -> T::Mask {
-        let all = self.ahead.iter().chain(&self.behind);
-        let largest = all.fold(T::zero(), |most, offset| most.max(offset.abs()));
+        let largest = largest(&self.behind, largest(&self.ahead, T::zero()));
         T::lit(1e-6).lt(largest)
     }
 
@@ -79,4 +110,10 @@ impl<T: Real> SpeedLimit<T> {
         let half = T::lit(0.5) * spacing;
         [offset(after), (offset(after + half) - offset(after - half)) / spacing]
     }
+}
+
+/// The largest magnitude of some numbers, and no less than `least`.
+fn largest<T: Real, const K: usize>(of: &[T; K], least: T) -> T {
+    let rows = of.map(|number| [number]);
+    T::repeat(&rows, [least], |_, [number], [most]| ([most.max(number.abs())], [])).0[0]
 }

@@ -334,6 +334,8 @@ const FORGOTTEN: f64 = 0.1;
 const READY_TIME: f64 = 20.0;
 /// Reference velocity below which the reference rests \[m/s\].
 const RESTS: f64 = 1e-6;
+/// Motor speed \[rev/s\] that says that a controller has none to give: no motor turns so fast. Not every language has NaN.
+pub const NO_COMMAND: f64 = 1e6;
 /// Slack for rounding in what a reference does within a period \[m\].
 const REFERENCE_SLACK: f64 = 1e-4;
 
@@ -359,8 +361,16 @@ pub struct Directive<T: Real> {
     pub pressure_a: T,
     /// Pressure on the rod side \[Pa\].
     pub pressure_b: T,
+    /// Motor speed as read, or the last good one \[rev/s\].
+    pub motor_speed_read: T,
+    /// The position was plausible, and not replaced.
+    pub position_is_good: T::Mask,
+    /// The pressures were plausible, and not replaced.
+    pub pressure_is_good: T::Mask,
     /// Reference, from where the piston was released.
     pub reference: SetPoint<T>,
+    /// Difference of that reference to the one that is given \[m\].
+    pub offset: T,
     /// Motor speed commanded in the period before \[rev/s\].
     pub motor_speed: T,
     /// The controller begins in this period: it takes over at that speed.
@@ -461,8 +471,8 @@ impl<T: Real> Phases<T> {
 
 impl<T: Real> Frame<T> {
     /// One control period. `ready` says whether the controller could begin; `law` is the controller: shown
-    /// the [`Directive`], it gives the motor speed \[rev/s\] that it wants. It is called once a period, in
-    /// every phase.
+    /// the [`Directive`], it gives the motor speed \[rev/s\] that it wants, or [`NO_COMMAND`]. It is called
+    /// once a period, in every phase.
     #[inline(always)]
     pub fn advance(
         &self,
@@ -527,13 +537,18 @@ impl<T: Real> Frame<T> {
             stroke: now.stroke,
             pressure_a: now.pressure_a,
             pressure_b: now.pressure_b,
+            motor_speed_read: now.motor_speed_read,
+            position_is_good: s.memory.bad_position.lt(T::lit(0.5)),
+            pressure_is_good: s.memory.bad_pressure.lt(T::lit(0.5)),
             reference,
+            offset: s.memory.offset,
             motor_speed: was.motor_speed,
             begins,
             controls: at.controlling | begins,
             falls_back,
         });
-        let is_valid = wanted.is_finite();
+        // which no number that is not finite is
+        let is_valid = wanted.abs().lt(T::lit(NO_COMMAND));
 
         // what is wrong
         let mut wrong = self.monitors(&at, before, &mut s, &now, &reference);

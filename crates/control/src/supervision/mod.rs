@@ -8,6 +8,7 @@ pub mod fault;
 pub mod flow_monitor;
 pub mod frame;
 pub mod framed;
+pub mod framed_scheduled_lqr;
 pub mod limits;
 pub mod oscillation_detector;
 pub mod plausibility;

@@ -99,7 +99,9 @@ impl Bounds {
         undisturbed: &Outcome,
         outcome: &Outcome,
     ) -> Vec<&'static str> {
-        let goes_on = case.moves && outcome.status == frame_phase::CONTROLLING;
+        // another load's course is no measure
+        let is_changed = case.disturbed.is_some() || case.gain.is_some();
+        let goes_on = case.moves && is_changed && outcome.status == frame_phase::CONTROLLING;
         // rounding of a command that is at its limit
         let above = |value: f64, bound: f64| value > bound * (1.0 + 1e-9);
         // one sample stops nothing, but for what asks for a stop

@@ -96,7 +96,9 @@ impl Case {
                 format!("{name} {} for {} periods {}", d.bad.name(), d.periods, moment(d.moment))
             }
             (None, Some((factor, when))) => format!("K_p times {factor} {}", moment(when)),
-            (None, None) if self.moves => "a move at the fast speed".into(),
+            (None, None) if self.moves => {
+                format!("{payload:.0} kg moved from {:.0} mm at the fast speed", stroke * 1e3)
+            }
             (None, None) => {
                 format!("{payload:.0} kg at {:.0} mm, held for {held:.0} s", stroke * 1e3)
             }
@@ -108,6 +110,9 @@ impl Case {
 const REST: f64 = 1.0;
 /// Payloads that are engaged \[kg\].
 const PAYLOADS: [f64; 4] = [0.0, 200.0, 318.0, 450.0];
+/// Payloads that are moved \[kg\], and where from \[m\].
+const MOVED: [f64; 5] = [0.0, 60.0, 200.0, 318.0, 450.0];
+const FROM: [f64; 3] = [0.06, 0.2, 0.35];
 /// Times for which a load is held \[s\].
 const HELD: [f64; 3] = [1.0, 10.0, 60.0];
 /// Factors on the proportional gain.
@@ -151,4 +156,19 @@ pub fn cases(model: &Description) -> Vec<Case> {
         }
     }
     cases
+}
+
+/// Moves at the fast speed with every payload from 60, 200 and 350 mm, undisturbed: what is compared between controllers.
+pub fn moves(model: &Description) -> Vec<Case> {
+    let moved = |payload: f64, stroke: f64| Case {
+        payload,
+        stroke,
+        held: HELD[0],
+        rest: REST,
+        moves: true,
+        disturbed: None,
+        gain: None,
+    };
+    let all = FROM.iter().filter(|from| **from < model.numbers.stroke);
+    all.flat_map(|stroke| MOVED.map(|payload| moved(payload, *stroke))).collect()
 }

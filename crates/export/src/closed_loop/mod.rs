@@ -9,8 +9,10 @@ mod target;
 mod trial;
 
 pub use bounds::{Bounds, bounds};
-pub use case::{Bad, Case, Disturbed, Moment, cases};
+pub use case::{Bad, Case, Disturbed, Moment, cases, moves};
 pub use program::{Compiled, Program};
 pub use table::{HEADER, Row, csv, status_name};
-pub use target::{Recorder, RustBenchmark, RustSimulationFeedforward, Target, TargetError};
+pub use target::{
+    Recorder, RustBenchmark, RustScheduledLqr, RustSimulationFeedforward, Target, TargetError,
+};
 pub use trial::{Outcome, TrialError, run};

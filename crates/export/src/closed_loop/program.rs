@@ -4,6 +4,8 @@ use super::target::{Target, TargetError};
 use crate::block::Block;
 use crate::c::{Precision, files};
 use crate::fmi::{System, Version, binary, unit};
+use hydroboom_control::reference::preview::{DISTANT, PERIODS_AHEAD, PreviewAhead};
+use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
 use hydroboom_description::Description;
 use std::io::{Read, Write};
@@ -20,6 +22,17 @@ pub struct Program {
     child: Child,
     given: ChildStdin,
     shown: ChildStdout,
+    /// The reference to come, if it is given any.
+    ahead: Option<(LookAhead, PreviewAhead<f64>)>,
+}
+
+/// A block's preview.
+#[derive(Clone, Copy, Debug)]
+struct LookAhead {
+    /// Control period \[s\].
+    period: f64,
+    /// Control periods that it is given at most.
+    length: usize,
 }
 
 /// A controller as exported, compiled to a program.
@@ -27,6 +40,7 @@ pub struct Program {
 pub struct Compiled {
     name: &'static str,
     program: PathBuf,
+    looks_ahead: Option<LookAhead>,
 }
 
 impl Compiled {
@@ -43,13 +57,42 @@ impl Compiled {
         compiler: &str,
         folder: &Path,
     ) -> Result<Self, TargetError> {
+        let main = main(&block.name, steps);
+        Self::of_source(name, block, &main, Precision::Double, (compiler, folder))
+    }
+
+    /// The block of the scheduled LQR in C, compiled by `cc`, given the reference of up to so many control periods to come.
+    ///
+    /// # Errors
+    ///
+    /// [`TargetError`] when it cannot be exported or compiled.
+    pub fn in_c_with_preview(
+        name: &'static str,
+        block: &Block,
+        length: usize,
+        precision: Precision,
+        folder: &Path,
+    ) -> Result<Self, TargetError> {
+        let period = block.period.map_or(1e-3, |period| period.length);
+        let main = main_with_preview(&block.name);
+        let made = Self::of_source(name, block, &main, precision, ("cc", folder))?;
+        Ok(Self { looks_ahead: Some(LookAhead { period, length }), ..made })
+    }
+
+    fn of_source(
+        name: &'static str,
+        block: &Block,
+        main: &str,
+        precision: Precision,
+        (compiler, folder): (&str, &Path),
+    ) -> Result<Self, TargetError> {
         let failed = |reason: String| TargetError::Program { target: name.into(), reason };
         let io = |error: std::io::Error| failed(error.to_string());
-        let made = files(std::slice::from_ref(block), "controller", Precision::Double)?;
+        let made = files(std::slice::from_ref(block), "controller", precision)?;
         std::fs::create_dir_all(folder).map_err(io)?;
         std::fs::write(folder.join("controller.h"), made.header).map_err(io)?;
         std::fs::write(folder.join("controller.c"), made.source).map_err(io)?;
-        std::fs::write(folder.join("main.c"), main(&block.name, steps)).map_err(io)?;
+        std::fs::write(folder.join("main.c"), main).map_err(io)?;
         let program = folder.join("controller");
         let output = Command::new(compiler)
             .args(["-std=c99", "-O2", "-ffp-contract=off", "-o"])
@@ -61,7 +104,7 @@ impl Compiled {
         if !output.status.success() {
             return Err(failed(String::from_utf8_lossy(&output.stderr).into_owned()));
         }
-        Ok(Self { name, program })
+        Ok(Self { name, program, looks_ahead: None })
     }
 
     /// A controller's FMU of FMI 2.0, its binary made by `cc` in a folder and loaded by a small master.
@@ -116,7 +159,7 @@ impl Compiled {
         if !output.status.success() {
             return Err(failed(String::from_utf8_lossy(&output.stderr).into_owned()));
         }
-        Ok(Self { name, program })
+        Ok(Self { name, program, looks_ahead: None })
     }
 
     /// Starts it.
@@ -132,7 +175,10 @@ impl Compiled {
             .spawn()
             .map_err(|error| failed(error.to_string()))?;
         match (child.stdin.take(), child.stdout.take()) {
-            (Some(given), Some(shown)) => Ok(Program { name: self.name, child, given, shown }),
+            (Some(given), Some(shown)) => {
+                let ahead = self.looks_ahead.map(|of| (of, PreviewAhead::unknown()));
+                Ok(Program { name: self.name, child, given, shown, ahead })
+            }
             _ => Err(failed("it has no pipes".into())),
         }
     }
@@ -151,6 +197,12 @@ impl Target for Program {
         self.name
     }
 
+    fn look_ahead(&mut self, at: &dyn Fn(f64) -> SetPoint<f64>) {
+        if let Some((LookAhead { period, length }, ahead)) = &mut self.ahead {
+            *ahead = PreviewAhead::new(*period, *length, at);
+        }
+    }
+
     fn period(
         &mut self,
         input: &FrameInput<f64>,
@@ -161,7 +213,11 @@ impl Target for Program {
             reason: error.to_string(),
         };
         let numbers = std::iter::once(gain).chain(input.to_array());
-        let bytes: Vec<u8> = numbers.flat_map(|v| v.to_ne_bytes()).collect();
+        let ahead = self.ahead.iter().flat_map(|(_, ahead)| {
+            let numbers = ahead.position.iter().chain(&ahead.velocity).chain(&ahead.distant);
+            numbers.chain(std::iter::once(&ahead.length)).copied()
+        });
+        let bytes: Vec<u8> = numbers.chain(ahead).flat_map(f64::to_ne_bytes).collect();
         self.given.write_all(&bytes).map_err(failed)?;
         self.given.flush().map_err(failed)?;
         let mut bytes = [0; 8 * SHOWN];
@@ -196,6 +252,34 @@ fn main(block: &str, steps: u32) -> String {
          (void)k;\n    {name}_describe(&p);\n    proportional = p.controller_proportional_per_s;\n    {name}_prepare(&p, &c);\n    {name}_start(&s);\n    \
          while (fread(given, sizeof given, 1, stdin) == 1) {{\n        if (given[0] != gain) {{\n            gain = given[0];\n            \
          p.controller_proportional_per_s = gain * proportional;\n            {name}_prepare(&p, &c);\n        }}\n{given}        {name}_update(&c, &s, &u, &y);\n{moves}{shown}        \
+         if (fwrite(shown, sizeof shown, 1, stdout) != 1 || fflush(stdout) != 0) {{\n            return 1;\n        }}\n    }}\n    return 0;\n}}\n"
+    )
+}
+
+/// The same around a block that is given the reference to come and has no gains: the frame's input, then the preview.
+fn main_with_preview(block: &str) -> String {
+    let name = format!("hb_{block}");
+    let count = GIVEN + 2 * PERIODS_AHEAD + DISTANT + 1;
+    let take = |table: &str, count: usize| {
+        format!(
+            "        for (k = 0; k < {count}; k++) {{\n            u.preview_{table}[k] = (hb_real)*next++;\n        }}\n"
+        )
+    };
+    let preview = take("position", PERIODS_AHEAD)
+        + &take("velocity", PERIODS_AHEAD)
+        + &take("distant_position", DISTANT);
+    let fields = FrameInput::NAMES.iter().enumerate();
+    let given: String = fields
+        .map(|(k, field)| format!("        u.{field} = (hb_real)given[{}];\n", k + 1))
+        .collect();
+    let fields = FrameOutput::NAMES.iter().enumerate();
+    let shown: String =
+        fields.map(|(k, field)| format!("        shown[{k}] = y.{field};\n")).collect();
+    format!(
+        "#include \"controller.h\"\n#include <stdio.h>\nint main(void)\n{{\n    static {name}_state s;\n    \
+         static {name}_input u;\n    static {name}_output y;\n    static double given[{count}];\n    double shown[{SHOWN}];\n    int k;\n    \
+         {name}_start(&s);\n    while (fread(given, sizeof given, 1, stdin) == 1) {{\n        const double *next = given + {GIVEN};\n{given}{preview}        \
+         u.preview_length = (hb_real)*next;\n        {name}_update(&s, &u, &y);\n{shown}        \
          if (fwrite(shown, sizeof shown, 1, stdout) != 1 || fflush(stdout) != 0) {{\n            return 1;\n        }}\n    }}\n    return 0;\n}}\n"
     )
 }

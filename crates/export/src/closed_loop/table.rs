@@ -58,13 +58,18 @@ impl Row {
     }
 
     /// Its cells, bounds in brackets.
-    pub fn cells(&self) -> [String; 11] {
+    pub fn cells(&self) -> [String; 13] {
         let (o, b) = (&self.outcome, &self.bounds);
         let pair = |value: f64, bound: f64| format!("{:.2} ({:.1})", value * 1e3, bound * 1e3);
         let disturbed = self.case.disturbed.is_some();
-        let off = match self.case.moves && o.status < STATUS_FAULT {
+        let is_changed = disturbed || self.case.gain.is_some();
+        let off = match self.case.moves && is_changed && o.status < STATUS_FAULT {
             true => pair(self.off, b.off),
             false => "-".into(),
+        };
+        let error = |value: f64| match o.course.is_empty() {
+            true => "-".into(),
+            false => format!("{:.2}", value * 1e3),
         };
         [
             self.target.into(),
@@ -77,6 +82,8 @@ impl Row {
             if disturbed { pair(o.strayed, b.strayed) } else { "-".into() },
             if o.stopped_in > 0.0 { pair(o.stopped_in, b.stopped) } else { "-".into() },
             off,
+            error(o.rms),
+            error(o.error),
             match self.beyond.is_empty() {
                 true => "within".into(),
                 false => self.beyond.join(", "),
@@ -86,7 +93,7 @@ impl Row {
 }
 
 /// Heads of the columns.
-pub const HEADER: [&str; 11] = [
+pub const HEADER: [&str; 13] = [
     "target",
     "trial",
     "status at the end",
@@ -97,6 +104,8 @@ pub const HEADER: [&str; 11] = [
     "from reference mm",
     "stop mm",
     "off course mm",
+    "RMS error mm",
+    "largest error mm",
     "bounds",
 ];
 

@@ -1,12 +1,20 @@
 //! A controller as exported: called once a control period, with numbers in and numbers out.
 
-use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
+use hydroboom_control::reference::preview::PreviewAhead;
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::supervision::frame::{FrameInput, FrameOutput, FrameState};
 use hydroboom_control::supervision::framed::{
     FramedBenchmark, FramedBenchmarkState, FramedSimulationFeedforward, FramedSimulationState,
     SimulatedCrane,
 };
+use hydroboom_control::supervision::framed_scheduled_lqr::{
+    EstimatorRequest, FramedScheduledLqr, FramedScheduledLqrInput, FramedScheduledLqrOutput,
+    FramedScheduledLqrState, RetainedParameters,
+};
 use hydroboom_description::Description;
-use hydroboom_design::{DesignError, framed_benchmark, framed_simulation_feedforward};
+use hydroboom_design::{
+    DesignError, framed_benchmark, framed_scheduled_lqr, framed_simulation_feedforward,
+};
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input};
 
@@ -33,6 +41,9 @@ pub enum TargetError {
 pub trait Target {
     /// Its name in tables.
     fn name(&self) -> &'static str;
+
+    /// Before a control period: the reference so long \[s\] after it, for who looks ahead.
+    fn look_ahead(&mut self, _at: &dyn Fn(f64) -> SetPoint<f64>) {}
 
     /// One control period, with a factor on the proportional gain.
     ///
@@ -64,6 +75,10 @@ impl Recorder {
 impl Target for Recorder {
     fn name(&self) -> &'static str {
         self.inner.name()
+    }
+
+    fn look_ahead(&mut self, at: &dyn Fn(f64) -> SetPoint<f64>) {
+        self.inner.look_ahead(at);
     }
 
     fn period(
@@ -113,6 +128,74 @@ impl Target for RustBenchmark {
         let (state, output) = self.controller.advance(&self.state, input);
         self.state = state;
         Ok(output)
+    }
+}
+
+/// The scheduled LQR within the frame, as Rust runs it.
+pub struct RustScheduledLqr {
+    controller: FramedScheduledLqr<f64>,
+    state: FramedScheduledLqrState<f64>,
+    /// Control periods that it looks ahead at most.
+    length: usize,
+    /// What it is given beside the frame's input.
+    input: FramedScheduledLqrInput<f64>,
+}
+
+impl RustScheduledLqr {
+    /// Of a crane, with a preview of so many control periods.
+    ///
+    /// # Errors
+    ///
+    /// [`TargetError`] where there are no limits or no reduced model for it.
+    pub fn new(model: &Description, length: usize) -> Result<Self, TargetError> {
+        let controller = framed_scheduled_lqr(model)?;
+        let state = FramedScheduledLqrState {
+            frame: FrameState::default(),
+            controller: controller.start(),
+        };
+        let input = FramedScheduledLqrInput {
+            frame: FrameInput::default(),
+            request: EstimatorRequest::default(),
+            retained: RetainedParameters::default(),
+            ahead: PreviewAhead::unknown(),
+        };
+        Ok(Self { controller, state, length, input })
+    }
+
+    /// What it is given in the coming period, but for the frame's input.
+    pub fn input(&mut self) -> &mut FramedScheduledLqrInput<f64> {
+        &mut self.input
+    }
+
+    /// What it remembers.
+    pub fn state(&self) -> &FramedScheduledLqrState<f64> {
+        &self.state
+    }
+
+    /// One control period, with everything that it shows.
+    pub fn advance(&mut self, input: &FrameInput<f64>) -> FramedScheduledLqrOutput<f64> {
+        self.input.frame = *input;
+        let (state, output) = self.controller.advance(&self.state, &self.input);
+        self.state = state;
+        output
+    }
+}
+
+impl Target for RustScheduledLqr {
+    fn name(&self) -> &'static str {
+        "Rust, scheduled LQR"
+    }
+
+    fn look_ahead(&mut self, at: &dyn Fn(f64) -> SetPoint<f64>) {
+        self.input.ahead = PreviewAhead::new(self.controller.law.period, self.length, at);
+    }
+
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        _gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError> {
+        Ok(self.advance(input).frame)
     }
 }
 

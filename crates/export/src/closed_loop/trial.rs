@@ -39,6 +39,8 @@ pub struct Outcome {
     pub stopped_in: f64,
     /// Largest distance to the reference over the course \[m\].
     pub error: f64,
+    /// Root mean square of it \[m\].
+    pub rms: f64,
     /// Piston positions over the course, a period each, for comparison with an undisturbed one \[m\].
     pub course: Vec<f64>,
     /// Why the simulated machine broke, if it did.
@@ -50,6 +52,28 @@ impl Outcome {
     pub fn off(&self, other: &Self) -> f64 {
         let apart = self.course.iter().zip(&other.course).map(|(a, b)| (a - b).abs());
         apart.fold(0.0, f64::max)
+    }
+
+    /// Whether the controller had the load to the end, with fallback gains or not.
+    pub fn is_controlled(&self) -> bool {
+        [frame_phase::CONTROLLING, STATUS_FALLBACK].contains(&self.status)
+    }
+
+    /// Distance between the outermost positions at the end of the course, where the reference rests \[m\]; 0 of a course that is
+    /// shorter than what is looked at.
+    pub fn swing(&self, period: f64) -> f64 {
+        let count = (SWING_TIME / period) as usize;
+        let Some(begin) = self.course.len().checked_sub(count) else { return 0.0 };
+        let last = &self.course[begin..];
+        let most = last.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let least = last.iter().copied().fold(f64::INFINITY, f64::min);
+        most - least
+    }
+
+    /// Whether it oscillates at the end, or was found to by the frame, which then falls back.
+    pub fn oscillates(&self, period: f64) -> bool {
+        let swings = self.is_controlled() && self.swing(period) > SUSTAINED;
+        self.oscillation[0] > 0.0 || swings
     }
 }
 
@@ -72,6 +96,10 @@ const TRAVEL: f64 = 0.15;
 const ENGAGED: f64 = 1.0;
 /// Time after the course \[s\].
 const AFTER: f64 = 2.5;
+/// Time at the end over which a swing is measured \[s\]: half of the rest after the course.
+const SWING_TIME: f64 = 1.25;
+/// Swing at rest from which it is a sustained oscillation \[m\], as of the frame's detector.
+const SUSTAINED: f64 = 2e-3;
 /// Step of the simulated machine \[s\].
 const MACHINE_STEP: f64 = 1e-3;
 
@@ -107,6 +135,7 @@ pub fn run(
     let travel = course.travel_time();
     let length = if case.moves { case.rest + travel + AFTER } else { case.rest };
     let mut outcome = Outcome::default();
+    let mut squares = 0.0;
     let mut seen = Watched { period, held_at: case.stroke, ..Watched::default() };
     let mut given = FrameInput { enable: 1.0, valve_state: -1.0, ..FrameInput::default() };
     let mut commanded = 0.0;
@@ -117,7 +146,13 @@ pub fn run(
         let reading = crane.signals();
         let course_time = seen.controls_since.map(|since| f64::from(k - since) * period);
         let moved = course_time.filter(|_| case.moves).unwrap_or(0.0);
-        let reference = course.reference(moved.min(case.rest + travel + 0.5 * AFTER));
+        let moves = case.moves && course_time.is_some();
+        let asked = |after: f64| {
+            let time = if moves { moved + after } else { 0.0 };
+            course.reference(time.min(case.rest + travel + 0.5 * AFTER))
+        };
+        let reference = asked(0.0);
+        target.look_ahead(&asked);
         given = FrameInput {
             start: f64::from(u8::from(time >= case.held)),
             reference_position: reference.position,
@@ -170,6 +205,10 @@ pub fn run(
         };
         let shown = shown + output.reference_offset;
         seen.take(&mut outcome, case, &output, truth.outputs.stroke, (k, time), shown);
+        if !outcome.course.is_empty() {
+            squares += (truth.outputs.stroke - shown).powi(2);
+            outcome.rms = (squares / outcome.course.len() as f64).sqrt();
+        }
         if course_time.is_some_and(|time| time > length) || seen.is_over(k) {
             break;
         }

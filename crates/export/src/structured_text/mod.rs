@@ -104,6 +104,10 @@ impl Dialect for StructuredText {
         false
     }
 
+    fn row(&self, counter: &str) -> Text {
+        Text::whole(format!("DINT_TO_LREAL({counter})"))
+    }
+
     fn operation(&self, op: Op, x: &[Text]) -> Text {
         use Binding::*;
         if let Some(text) = arithmetic(op, x) {
@@ -211,6 +215,10 @@ fn declared(section: Section, name: &str, initial: Option<f64>, v: &Variable) ->
 pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     let plan = Plan::of(block)?;
     let graph = &*block.graph;
+    let is_loop = |node: &Node| matches!(graph.op(*node), Op::Loop(_) | Op::Table(_));
+    if plan.entries.iter().flatten().any(is_loop) {
+        return Err(ExportError::Loops { block: block.name.clone() });
+    }
     if let Some(value) = strange(graph, &plan) {
         return Err(ExportError::Constant { block: block.name.clone(), value });
     }
@@ -255,7 +263,8 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     };
     let mut locals: Vec<(String, bool)> = Vec::new();
     let mut lines = |said: &[Statement], names: &mut String, depth: usize| {
-        for Statement { node, name, text, comment: why } in said {
+        for statement in said {
+            let Statement::Value { node, name, text, comment: why } = statement else { continue };
             if let Some(why) = why {
                 *names += &line(&format!("(* {} *)", comment(why)), depth);
             }
@@ -408,7 +417,7 @@ fn broken_comment(text: &str) -> String {
 /// A constant that is no number of the language.
 fn strange(graph: &Graph, plan: &Plan) -> Option<f64> {
     let all = plan.preparing.iter().chain(plan.entries.iter().flatten());
-    let operands = all.flat_map(|node| graph.op(*node).operands());
+    let operands = all.flat_map(|node| graph.operands(*node));
     operands.filter_map(|node| graph.constant(node)).find(|value| !value.is_finite())
 }
 

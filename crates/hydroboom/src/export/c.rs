@@ -4,12 +4,14 @@ use super::{File, written};
 use crate::crane_file::CraneFile;
 use clap::Args;
 use hydroboom_export::c::{Precision, Prefix, prefixed_files};
-use hydroboom_export::{blocks, controller, crane_model, simulation_feedforward};
+use hydroboom_export::{
+    blocks, controller, crane_model, scheduled_lqr_controller, simulation_feedforward,
+};
 use miette::{IntoDiagnostic, Result};
 use std::path::PathBuf;
 
-/// C99: a header and a source with the whole crane, the same in two blocks, the benchmark controller, and simulation
-/// feedforward with the crane that it simulates.
+/// C99: a header and a source with the whole crane, the same in two blocks, the benchmark controller, simulation
+/// feedforward with the crane that it simulates, and the scheduled LQR with its state estimator.
 #[derive(Args)]
 #[command(
     after_help = "Example: hydroboom export c --out generated && cc -std=c99 -O2 -ffp-contract=off -c generated/hydroboom.c\n\
@@ -41,7 +43,8 @@ impl C {
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
         let benchmark = controller(&crane).into_diagnostic()?;
         let feedforward = simulation_feedforward(&crane).into_diagnostic()?;
-        let all = [model, hydraulics, boom, benchmark, feedforward];
+        let lqr = scheduled_lqr_controller(&crane).into_diagnostic()?;
+        let all = [model, hydraulics, boom, benchmark, feedforward, lqr];
         let precision = if self.single { Precision::Single } else { Precision::Double };
         let name = match self.prefix == Prefix::default() {
             true => "hydroboom".into(),

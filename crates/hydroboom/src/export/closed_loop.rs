@@ -5,12 +5,15 @@ use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use clap::{Args, ValueEnum};
+use hydroboom_control::reference::preview::PERIODS_AHEAD;
+use hydroboom_control::supervision::frame::STATUS_FAULT;
 use hydroboom_description::Description;
+use hydroboom_export::c::Precision;
 use hydroboom_export::closed_loop::{
-    Case, Compiled, HEADER, Row, RustBenchmark, RustSimulationFeedforward, Target, bounds, cases,
-    csv, run, status_name,
+    Case, Compiled, HEADER, Row, RustBenchmark, RustScheduledLqr, RustSimulationFeedforward,
+    Target, bounds, cases, csv, moves, run, status_name,
 };
-use hydroboom_export::{controller, simulation_feedforward};
+use hydroboom_export::{controller, scheduled_lqr_controller, simulation_feedforward};
 use miette::{IntoDiagnostic, Result};
 use rayon::prelude::*;
 use serde_json::json;
@@ -23,30 +26,46 @@ enum What {
     Rust,
     /// Simulation feedforward as Rust runs it.
     RustSimulationFeedforward,
+    /// The scheduled LQR as Rust runs it, given the reference of the next 0.8 s and on.
+    RustScheduledLqr,
     /// The benchmark in C.
     C,
     /// Simulation feedforward in C.
     CSimulationFeedforward,
+    /// The scheduled LQR in C, given the reference of the next 0.8 s and on.
+    CScheduledLqr,
+    /// The same, given no reference to come.
+    CScheduledLqrWithoutPreview,
+    /// The same with it, in float.
+    CScheduledLqrSingle,
     /// The benchmark as an FMU.
     Fmu,
     /// Simulation feedforward as an FMU.
     FmuSimulationFeedforward,
 }
 
-const ALL: [What; 6] = [
+const ALL: [What; 10] = [
     What::Rust,
     What::RustSimulationFeedforward,
+    What::RustScheduledLqr,
     What::C,
     What::CSimulationFeedforward,
+    What::CScheduledLqr,
+    What::CScheduledLqrWithoutPreview,
+    What::CScheduledLqrSingle,
     What::Fmu,
     What::FmuSimulationFeedforward,
 ];
+
+/// Control periods of the reference to come that the scheduled LQR is given.
+const PREVIEW: usize = PERIODS_AHEAD;
 
 /// Run exported controllers in closed loop with the virtual crane: engaged anywhere, held and released, with
 /// wrong inputs and changed gains, against computed bounds.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hydroboom export closed-loop\n  hydroboom export closed-loop --target c --only stroke --csv table.csv"
+    after_help = "Examples:\n  hydroboom export closed-loop\n  hydroboom export closed-loop --target c --only stroke --csv table.csv\n  \
+    hydroboom export closed-loop --target c --target c-scheduled-lqr --only moved --plant-set oil.transition_bar=10"
 )]
 pub struct ClosedLoop {
     #[command(flatten)]
@@ -57,6 +76,9 @@ pub struct ClosedLoop {
     /// Only trials whose name contains this.
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
+    /// Override a key of the virtual crane only; can be repeated.
+    #[arg(long, value_name = "KEY=VALUE")]
+    plant_set: Vec<String>,
     /// Table to write (CSV): every trial.
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -68,7 +90,8 @@ pub struct ClosedLoop {
 impl ClosedLoop {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let MachineChoice { model, machine, .. } = MachineChoice::read(&self.crane, None)?;
+        let MachineChoice { model, mut machine, .. } = MachineChoice::read(&self.crane, None)?;
+        self.plant_set.iter().try_for_each(|assignment| machine.set(assignment))?;
         let folder = std::env::temp_dir().join(format!("hydroboom-loop-{}", std::process::id()));
         let folder_of = |path: &PathBuf| path.parent().map(Path::to_path_buf).unwrap_or_default();
         if let Some(missing) = self
@@ -85,7 +108,8 @@ impl ClosedLoop {
         }
         let wanted = self.only.as_deref().unwrap_or("");
         let targets = if self.target.is_empty() { ALL.to_vec() } else { self.target.clone() };
-        let all = cases(&model);
+        let mut all = cases(&model);
+        all.extend(moves(&model));
         let chosen: Vec<&Case> = all.iter().filter(|c| c.name().contains(wanted)).collect();
         if chosen.is_empty() {
             miette::bail!(
@@ -98,6 +122,7 @@ impl ClosedLoop {
         let makers = makers?;
         let jobs: Vec<(usize, &Case)> = (0..makers.len())
             .flat_map(|place| chosen.iter().map(move |case| (place, *case)))
+            .filter(|(place, case)| targets[*place].has_gains() || case.gain.is_none())
             .collect();
         let progress = Interruptible::new(jobs.len() as u64, "trials")?;
         let is_plain = |c: &&Case| c.moves && c.disturbed.is_none() && c.gain.is_none();
@@ -130,13 +155,17 @@ impl ClosedLoop {
             output::file(path, csv(&rows, true).as_bytes())?;
         }
         let beyond = rows.iter().filter(|row| !row.beyond.is_empty()).count();
+        let period = model.numbers.control_period;
         if self.json {
             return output::json(&json!({
                 "trials": rows.len(), "asked": jobs.len(), "beyond_bounds": beyond,
-                "rows": rows.iter().map(in_json).collect::<Vec<_>>(),
+                "targets": compared(&rows, period).iter().map(Compared::json).collect::<Vec<_>>(),
+                "rows": rows.iter().map(|row| in_json(row, period)).collect::<Vec<_>>(),
             }));
         }
-        output::text(&text(&rows, jobs.len(), beyond))
+        let all: Vec<Vec<String>> = compared(&rows, period).iter().map(Compared::cells).collect();
+        let said = text(&rows, jobs.len(), beyond);
+        output::text(&format!("{said}\n\n{}", output::table(&COMPARED, &all)))
     }
 }
 
@@ -144,10 +173,22 @@ impl ClosedLoop {
 enum Maker {
     Benchmark,
     SimulationFeedforward,
+    ScheduledLqr,
     Program(Compiled),
 }
 
 impl What {
+    /// Whether it has gains that can be changed while it runs.
+    fn has_gains(self) -> bool {
+        !matches!(
+            self,
+            Self::RustScheduledLqr
+                | Self::CScheduledLqr
+                | Self::CScheduledLqrWithoutPreview
+                | Self::CScheduledLqrSingle
+        )
+    }
+
     /// Compiles what is to be compiled, once.
     fn maker(self, model: &Description, folder: &Path) -> Result<Maker> {
         let n = &model.numbers;
@@ -156,6 +197,18 @@ impl What {
         let compiled = match self {
             Self::Rust => return Ok(Maker::Benchmark),
             Self::RustSimulationFeedforward => return Ok(Maker::SimulationFeedforward),
+            Self::RustScheduledLqr => return Ok(Maker::ScheduledLqr),
+            Self::CScheduledLqr | Self::CScheduledLqrWithoutPreview | Self::CScheduledLqrSingle => {
+                let (name, length, precision) = match self {
+                    Self::CScheduledLqrSingle => {
+                        ("C, scheduled LQR in float", PREVIEW, Precision::Single)
+                    }
+                    Self::CScheduledLqr => ("C, scheduled LQR", PREVIEW, Precision::Double),
+                    _ => ("C, scheduled LQR without preview", 0, Precision::Double),
+                };
+                let block = scheduled_lqr_controller(model).into_diagnostic()?;
+                Compiled::in_c_with_preview(name, &block, length, precision, &folder)
+            }
             Self::C => {
                 let block = controller(model).into_diagnostic()?;
                 Compiled::in_c("C, benchmark", &block, 0, "cc", &folder)
@@ -183,6 +236,9 @@ impl Maker {
             Self::Benchmark => Box::new(RustBenchmark::new(model).into_diagnostic()?),
             Self::SimulationFeedforward => {
                 Box::new(RustSimulationFeedforward::new(model).into_diagnostic()?)
+            }
+            Self::ScheduledLqr => {
+                Box::new(RustScheduledLqr::new(model, PREVIEW).into_diagnostic()?)
             }
             Self::Program(compiled) => Box::new(compiled.start().into_diagnostic()?),
         })
@@ -227,7 +283,76 @@ fn text(rows: &[Row], asked: usize, beyond: usize) -> String {
     )
 }
 
-fn in_json(row: &Row) -> serde_json::Value {
+/// What came of all trials of a target.
+struct Compared {
+    target: &'static str,
+    trials: usize,
+    /// In which the controller had the load to the end.
+    controlled: usize,
+    /// That ended in a fault, with the load held.
+    faults: usize,
+    beyond: usize,
+    oscillating: usize,
+    /// Moves that it and the first target both ended, and those of them with a larger root mean square error.
+    compared: usize,
+    worse: usize,
+}
+
+/// Heads of its columns.
+const COMPARED: [&str; 8] = [
+    "target",
+    "trials",
+    "controlled to the end",
+    "fault",
+    "beyond bounds",
+    "sustained oscillation",
+    "moves both ended",
+    "worse RMS than the first target",
+];
+
+impl Compared {
+    fn cells(&self) -> Vec<String> {
+        let counts = [self.trials, self.controlled, self.faults, self.beyond, self.oscillating];
+        let counts = counts.into_iter().chain([self.compared, self.worse]);
+        std::iter::once(self.target.into()).chain(counts.map(|n| n.to_string())).collect()
+    }
+
+    fn json(&self) -> serde_json::Value {
+        json!({
+            "target": self.target, "trials": self.trials, "controlled": self.controlled, "faults": self.faults, "beyond_bounds": self.beyond,
+            "oscillating": self.oscillating, "moves_compared": self.compared, "moves_worse": self.worse,
+        })
+    }
+}
+
+/// Counts of each target, beside the first.
+fn compared(rows: &[Row], period: f64) -> Vec<Compared> {
+    let first = rows.first().map_or("", |row| row.target);
+    let mut all: Vec<Compared> = Vec::new();
+    for group in rows.chunk_by(|a, b| a.target == b.target) {
+        let count = |is: &dyn Fn(&Row) -> bool| group.iter().filter(|row| is(row)).count();
+        let beside = |row: &Row| {
+            let of_first = |r: &&Row| r.target == first && r.case == row.case;
+            let other = rows.iter().find(of_first).map(|r| &r.outcome);
+            let is_undisturbed = row.case.disturbed.is_none() && row.case.gain.is_none();
+            let both = is_undisturbed && row.case.moves && row.outcome.is_controlled();
+            other.filter(|o| both && o.is_controlled()).map(|o| row.outcome.rms > o.rms)
+        };
+        all.push(Compared {
+            target: group[0].target,
+            trials: group.len(),
+            controlled: count(&|row| row.outcome.is_controlled()),
+            faults: count(&|row| row.outcome.status >= STATUS_FAULT),
+            beyond: count(&|row| !row.beyond.is_empty()),
+            oscillating: count(&|row| row.outcome.oscillates(period)),
+            compared: count(&|row| beside(row).is_some()),
+            worse: count(&|row| beside(row) == Some(true)),
+        });
+    }
+    all
+}
+
+fn in_json(row: &Row, period: f64) -> serde_json::Value {
     let (o, b) = (&row.outcome, &row.bounds);
     json!({
         "target": row.target, "trial": row.case.name(), "status": o.status,
@@ -236,6 +361,8 @@ fn in_json(row: &Row) -> serde_json::Value {
         "engaged_mm": o.engaged * 1e3, "engaged_bound_mm": b.engaged * 1e3,
         "strayed_mm": o.strayed * 1e3, "strayed_bound_mm": b.strayed * 1e3,
         "stop_mm": o.stopped_in * 1e3, "stop_bound_mm": b.stopped * 1e3,
+        "rms_error_mm": o.rms * 1e3, "largest_error_mm": o.error * 1e3,
+        "swing_mm": o.swing(period) * 1e3, "oscillates": o.oscillates(period),
         "off_mm": row.off * 1e3, "off_bound_mm": b.off * 1e3,
         "motor_rpm": o.motor_speed * 60.0, "motor_change_rpm_per_s": o.motor_slew * 60.0,
         "finite": !o.is_not_finite, "beyond": row.beyond,

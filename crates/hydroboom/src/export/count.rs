@@ -3,7 +3,9 @@
 use crate::crane_file::CraneFile;
 use crate::output;
 use clap::Args;
-use hydroboom_export::{Plan, blocks, controller, crane_model, simulation_feedforward};
+use hydroboom_export::{
+    Plan, blocks, controller, crane_model, scheduled_lqr_controller, simulation_feedforward,
+};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
@@ -27,7 +29,10 @@ impl Count {
         let mut counts = Vec::new();
         let benchmark = controller(&crane).into_diagnostic()?;
         let feedforward = simulation_feedforward(&crane).into_diagnostic()?;
-        for block in [model, hydraulics, boom, benchmark, feedforward] {
+        let lqr = scheduled_lqr_controller(&crane).into_diagnostic()?;
+        let mut memory = Vec::new();
+        for block in [model, hydraulics, boom, benchmark, feedforward, lqr] {
+            memory.push((block.name.clone(), block.states.len(), block.inputs.len()));
             let plan = Plan::of(&block).into_diagnostic()?;
             let prepares = ("prepare", &plan.preparing);
             let entries = block.entries.iter().map(|e| e.name.as_str()).zip(&plan.entries);
@@ -36,8 +41,12 @@ impl Count {
                 counts.push((block.name.clone(), name.to_string(), count));
             }
         }
+        let of = |name: &str| memory.iter().find(|(block, ..)| block == name);
+        let numbers =
+            |name: &str| of(name).map_or((0, 0), |(_, states, inputs)| (*states, *inputs));
         if self.json {
             return output::json(&json!(counts.iter().map(|(block, call, c)| json!({
+                "states": numbers(block).0, "inputs": numbers(block).1,
                 "block": block, "call": call, "flops": c.flops(), "sums": c.sums, "products": c.products,
                 "fused": c.fused, "quotients": c.quotients, "roots": c.roots, "functions": c.functions,
                 "comparisons": c.comparisons, "choices": c.choices,
@@ -74,9 +83,15 @@ impl Count {
                 [block.clone(), call.clone()].into_iter().chain(numbers).collect()
             })
             .collect();
+        let memory: Vec<String> = memory
+            .iter()
+            .map(|(name, states, inputs)| format!("{name} {states} and {inputs}"))
+            .collect();
         output::text(&format!(
-            "{}\n\nprepare is done once. A fused product and sum counts as two operations, a function as one.",
-            output::table(&header, &rows)
+            "{}\n\nprepare is done once. A fused product and sum counts as two operations, a function as one.\n\
+             Numbers of state and input, of 8 bytes each in double: {}.",
+            output::table(&header, &rows),
+            memory.join(", ")
         ))
     }
 }

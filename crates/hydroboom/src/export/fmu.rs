@@ -73,7 +73,7 @@ impl Fmu {
                 (simulation_feedforward(&crane).into_diagnostic()?, None)
             }
             What::ModelFollowing => miette::bail!(
-                "--what model-following: model following has been replaced by scheduled-lqr, whose exports come with a later version; today --what is one of {}",
+                "--what model-following: model following has been replaced by scheduled-lqr, which `hydroboom export c` writes; today --what is one of {}",
                 What::exported()
             ),
             What::Model | What::Plant => {

@@ -1,0 +1,339 @@
+//! Scheduled LQR with its state estimator within the frame: what is exported to run without the supervisor.
+//!
+//! While the load is held the estimator weighs it and keeps what it knows of oil and drive; the regulator follows the operating point. Both have settled when the
+//! controller begins. Estimates that are not finite, or contradict the measurements for too long, give no command: the frame then holds the load, and the
+//! estimator begins anew.
+
+use crate::estimation::drive_identification::DriveLag;
+use crate::estimation::extended_kalman_filter::EstimatorInput;
+use crate::estimation::state_estimator::{StateEstimator, StateEstimatorState};
+use crate::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrState};
+use crate::memory::Memory;
+use crate::reference::preview::{Preview, PreviewAhead, PreviewBehind};
+use crate::supervision::frame::{
+    Directive, Frame, FrameInput, FrameOutput, FrameState, NO_COMMAND,
+};
+use hydroboom_math::{Real, record};
+
+/// Share of the command tolerance, and so about of the gain, that is left once the loop was found in sustained oscillation.
+const FALLBACK_SHARE: f64 = 0.3;
+/// Places of the unknown flow and of the oil's transition pressure among the estimated states.
+const FLOW: usize = 5;
+const TRANSITION: usize = 7;
+
+record! {
+    /// What is known of a machine from one run to the next: oil, pump and drive, with the covariance of their errors.
+    pub struct RetainedParameters<T> {
+        /// Unknown flow, as a motor speed
+        #[unit = "rev/s"]
+        pub unknown_flow: T,
+        /// Pressure at which the oil stiffens
+        #[unit = "Pa"]
+        pub transition_pressure: T,
+        /// Variance of the unknown flow
+        #[unit = "rev2/s2"]
+        pub flow_variance: T,
+        /// Covariance of unknown flow and transition pressure
+        #[unit = "Pa rev/s"]
+        pub flow_transition_covariance: T,
+        /// Variance of the transition pressure
+        #[unit = "Pa2"]
+        pub transition_variance: T,
+        /// Share of the way to its command that the motor's speed goes in a control period
+        #[unit = "1"]
+        pub drive_coefficient: T,
+        /// Its variance
+        #[unit = "1"]
+        pub drive_variance: T,
+    }
+}
+
+record! {
+    /// What the estimator is asked to do in a control period.
+    pub struct EstimatorRequest<T> {
+        /// 1: the estimator begins anew, while the load is held
+        #[unit = "0/1"]
+        pub reset_estimator: T,
+        /// 1: oil, unknown flow and drive lag stay as they are
+        #[unit = "0/1"]
+        pub freeze_parameters: T,
+        /// 1: the retained parameters that are given are taken, while the load is held
+        #[unit = "0/1"]
+        pub restore_parameters: T,
+    }
+}
+
+record! {
+    /// What the estimator tells in a control period.
+    pub struct EstimatorOutput<T> {
+        /// Mass of the payload
+        #[unit = "kg"]
+        pub payload: T,
+        /// Its standard deviation
+        #[unit = "kg"]
+        pub payload_deviation: T,
+        /// Unknown force over the piston's area
+        #[unit = "Pa"]
+        pub disturbance: T,
+        /// 1 where the estimates are finite and agree with the measurements
+        #[unit = "0/1"]
+        pub estimator_is_valid: T,
+    }
+}
+
+/// What is given in a control period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramedScheduledLqrInput<T> {
+    /// The frame's.
+    pub frame: FrameInput<T>,
+    /// Requests to the estimator.
+    pub request: EstimatorRequest<T>,
+    /// Parameters that may be restored.
+    pub retained: RetainedParameters<T>,
+    /// The reference after now.
+    pub ahead: PreviewAhead<T>,
+}
+
+/// What is shown in a control period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramedScheduledLqrOutput<T> {
+    /// The frame's.
+    pub frame: FrameOutput<T>,
+    /// The estimator's.
+    pub estimator: EstimatorOutput<T>,
+    /// Parameters to be retained.
+    pub retained: RetainedParameters<T>,
+}
+
+/// The scheduled LQR within the frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramedScheduledLqr<T> {
+    /// The frame.
+    pub frame: Frame<T>,
+    /// The estimator.
+    pub estimator: StateEstimator<T>,
+    /// The law.
+    pub law: ScheduledLqr<T>,
+    /// Rod-side area over piston area, A_r/A_p.
+    pub area_ratio: T,
+}
+
+/// State of a scheduled LQR within the frame, but for the frame's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LqrMemory<T> {
+    /// 1 once the estimator has begun.
+    has_begun: T,
+    estimated: StateEstimatorState<T>,
+    law: ScheduledLqrState<T>,
+    behind: PreviewBehind<T>,
+}
+
+/// State of a scheduled LQR within the frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FramedScheduledLqrState<T> {
+    /// Of the frame.
+    pub frame: FrameState<T>,
+    /// Of the controller.
+    pub controller: LqrMemory<T>,
+}
+
+impl<T: Copy> Memory<T> for LqrMemory<T> {
+    fn visited(self, visit: &mut impl FnMut(&'static str, T) -> T) -> Self {
+        Self {
+            has_begun: visit("has_begun", self.has_begun),
+            estimated: self.estimated.visited(visit),
+            law: self.law.visited(visit),
+            behind: self.behind.visited(visit),
+        }
+    }
+}
+
+impl FramedScheduledLqr<f64> {
+    /// The same over another number.
+    pub fn over<T: Real>(&self) -> FramedScheduledLqr<T> {
+        FramedScheduledLqr {
+            frame: self.frame.over(),
+            estimator: self.estimator.map(T::lit),
+            law: self.law.map(T::lit),
+            area_ratio: T::lit(self.area_ratio),
+        }
+    }
+}
+
+impl<T: Real> FramedScheduledLqr<T> {
+    /// Nothing has been measured yet: every number is zero.
+    pub fn start(&self) -> LqrMemory<T> {
+        let zero = T::zero();
+        let nothing = EstimatorInput::from_array([zero; EstimatorInput::NAMES.len()]);
+        let begun = LqrMemory {
+            has_begun: zero,
+            estimated: self.estimator.start(&nothing),
+            law: ScheduledLqrState::unknown(),
+            behind: PreviewBehind::at_rest(zero),
+        };
+        begun.visited(&mut |_, _| zero)
+    }
+
+    /// One control period.
+    #[inline(always)]
+    pub fn advance(
+        &self,
+        before: &FramedScheduledLqrState<T>,
+        input: &FramedScheduledLqrInput<T>,
+    ) -> (FramedScheduledLqrState<T>, FramedScheduledLqrOutput<T>) {
+        let (zero, one) = (T::zero(), T::one());
+        let mut controller = before.controller;
+        let has_begun = T::lit(0.5).lt(controller.has_begun);
+        let ready = has_begun & self.is_valid(&controller.estimated);
+        let (frame, output) = self.frame.advance(&before.frame, &input.frame, ready, |now| {
+            controller.estimated = self.estimated(&before.controller, now, input);
+            controller.has_begun = one;
+            self.command(&mut controller, now, &input.ahead)
+        });
+        let estimated = &controller.estimated;
+        let is_valid = T::select(self.is_valid(estimated), one, zero);
+        let filter = &estimated.filter;
+        let output = FramedScheduledLqrOutput {
+            frame: output,
+            estimator: EstimatorOutput {
+                payload: filter.estimate.payload,
+                payload_deviation: filter.deviation().payload,
+                disturbance: filter.estimate.disturbance,
+                estimator_is_valid: is_valid,
+            },
+            retained: RetainedParameters {
+                unknown_flow: filter.estimate.unknown_flow,
+                transition_pressure: filter.estimate.transition_pressure,
+                flow_variance: filter.errors[FLOW][FLOW],
+                flow_transition_covariance: filter.errors[FLOW][TRANSITION],
+                transition_variance: filter.errors[TRANSITION][TRANSITION],
+                drive_coefficient: estimated.drive.coefficient,
+                drive_variance: estimated.drive.variance,
+            },
+        };
+        (FramedScheduledLqrState { frame, controller }, output)
+    }
+
+    /// Whether the estimates are finite and agree with the measurements.
+    fn is_valid(&self, estimated: &StateEstimatorState<T>) -> T::Mask {
+        let filter = &estimated.filter;
+        let all = filter.estimate.to_array().into_iter();
+        let sum = all.chain(filter.covariance.into_iter().flatten());
+        let sum = sum.fold(estimated.drive.coefficient, |sum, number| sum + number.abs());
+        sum.is_finite() & !self.estimator.filter.has_diverged(filter)
+    }
+
+    /// The estimator after a control period: on with the measurement while the controller has the load, else held.
+    fn estimated(
+        &self,
+        before: &LqrMemory<T>,
+        now: &Directive<T>,
+        input: &FramedScheduledLqrInput<T>,
+    ) -> StateEstimatorState<T> {
+        let (zero, one, half) = (T::zero(), T::one(), T::lit(0.5));
+        let truth = |mask| T::select(mask, one, zero);
+        let beyond = self.area_ratio * now.pressure_b;
+        let measured = EstimatorInput {
+            position: now.stroke,
+            position_is_good: truth(now.position_is_good),
+            load_pressure: now.pressure_a - beyond,
+            load_pressure_is_good: truth(now.pressure_is_good),
+            rod_side_term: beyond,
+            motor_speed: now.motor_speed_read,
+        };
+        let was = &before.estimated;
+        let mut updated = *was;
+        self.estimator.update(&mut updated, &measured, now.motor_speed);
+        let freezes = half.lt(input.request.freeze_parameters);
+        let stays = |was: T, is: T| T::select(freezes, was, is);
+        let (old, new) = (&was.filter.estimate, &mut updated.filter.estimate);
+        new.unknown_flow = stays(old.unknown_flow, new.unknown_flow);
+        new.transition_pressure = stays(old.transition_pressure, new.transition_pressure);
+        updated.drive.coefficient = stays(was.drive.coefficient, updated.drive.coefficient);
+        updated.drive.variance = stays(was.drive.variance, updated.drive.variance);
+
+        let mut held = *was;
+        self.estimator.hold(&mut held, &measured);
+        let resets = half.lt(input.request.reset_estimator) | before.has_begun.lt(half);
+        let anew = self.estimator.start(&measured);
+        let begins_anew = resets | !self.is_valid(was);
+        let mut held = StateEstimatorState::select(begins_anew, &anew, &held);
+        self.restore(&mut held, &input.request, &input.retained);
+        StateEstimatorState::select(now.controls, &updated, &held)
+    }
+
+    /// Takes retained parameters, where that is asked for and they are numbers.
+    fn restore(
+        &self,
+        held: &mut StateEstimatorState<T>,
+        request: &EstimatorRequest<T>,
+        retained: &RetainedParameters<T>,
+    ) {
+        let all = retained.to_array().into_iter();
+        let is_number = all.fold(T::zero(), |sum, number| sum + number.abs()).is_finite();
+        let restores = T::lit(0.5).lt(request.restore_parameters) & is_number;
+        let take = |kept: &mut T, given: T| *kept = T::select(restores, given, *kept);
+        let filter = &self.estimator.filter;
+        let (low, high) = (&filter.lowest, &filter.highest);
+        let estimate = &mut held.filter.estimate;
+        let r = retained;
+        take(&mut estimate.unknown_flow, r.unknown_flow.clamp(low.unknown_flow, high.unknown_flow));
+        take(
+            &mut estimate.transition_pressure,
+            r.transition_pressure.clamp(low.transition_pressure, high.transition_pressure),
+        );
+        // no covariance without variances
+        let zero = T::zero();
+        let (flow, transition) = (r.flow_variance.max(zero), r.transition_variance.max(zero));
+        let most = (flow * transition).sqrt();
+        let both = r.flow_transition_covariance.clamp(-most, most);
+        let block = [
+            (FLOW, FLOW, flow),
+            (FLOW, TRANSITION, both),
+            (TRANSITION, FLOW, both),
+            (TRANSITION, TRANSITION, transition),
+        ];
+        for (i, j, value) in block {
+            take(&mut held.filter.covariance[i][j], value);
+            take(&mut held.filter.errors[i][j], value);
+        }
+        let drive = &self.estimator.drive;
+        let lag = DriveLag {
+            coefficient: r.drive_coefficient.clamp(drive.smallest, drive.largest),
+            variance: r.drive_variance.max(zero).min(drive.largest_deviation.square()),
+        };
+        take(&mut held.drive.coefficient, lag.coefficient);
+        take(&mut held.drive.variance, lag.variance);
+    }
+
+    /// Motor speed \[rev/s\] of the law; none where the estimates are not valid.
+    fn command(
+        &self,
+        controller: &mut LqrMemory<T>,
+        now: &Directive<T>,
+        ahead: &PreviewAhead<T>,
+    ) -> T {
+        let zero = T::zero();
+        let LqrMemory { estimated, law: state, behind, .. } = controller;
+        let begins = !now.controls | now.begins;
+        // a regulator that is no number begins anew
+        let regulator = &mut state.regulator;
+        let numbers = regulator.cost_to_go.iter().flatten().chain(&regulator.gain);
+        let is_number = numbers.fold(zero, |sum, number| sum + number.abs()).is_finite();
+        let kept = |number: T| T::select(is_number, number, zero);
+        regulator.cost_to_go = regulator.cost_to_go.map(|row| row.map(kept));
+        regulator.gain = regulator.gain.map(kept);
+
+        let position = now.reference.position;
+        *behind = behind.at_rest_where(begins, position);
+        let preview = Preview::known(self.law.period, behind, now.reference, ahead, now.offset);
+        *state = self.law.started_where(begins, state, estimated, position);
+        let mut law = self.law;
+        let weaker = T::lit(FALLBACK_SHARE) * law.settings.command_tolerance;
+        let tolerance = &mut law.settings.command_tolerance;
+        *tolerance = T::select(now.falls_back, weaker, *tolerance);
+        let command = law.update(state, &self.estimator, estimated, &preview);
+        behind.advance(now.reference);
+        T::select(self.is_valid(estimated), command, T::lit(NO_COMMAND))
+    }
+}
