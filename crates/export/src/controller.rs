@@ -5,6 +5,7 @@ use crate::error::ExportError;
 use crate::expression::{Expression, record};
 use crate::given::{gains, noded, remembered, variable};
 use crate::graph::Node;
+use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::feedback::benchmark::BenchmarkMemory;
 use hydroboom_control::memory::Memory;
 use hydroboom_control::reference::preview::{DISTANT, PERIODS_AHEAD, PreviewAhead};
@@ -16,7 +17,7 @@ use hydroboom_control::supervision::framed::{
 };
 use hydroboom_control::supervision::framed_scheduled_lqr::{
     EstimatorOutput, EstimatorRequest, FramedScheduledLqr, FramedScheduledLqrInput,
-    FramedScheduledLqrState, RetainedParameters,
+    FramedScheduledLqrState,
 };
 use hydroboom_control::supervision::oscillation_detector::OscillationState;
 use hydroboom_control::supervision::release::ReleaseState;

@@ -2,13 +2,13 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::memory::Memory;
 use hydroboom_control::reference::preview::PreviewAhead;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::supervision::frame::{FrameInput, FrameOutput, STATUS_FAULT, frame_phase};
 use hydroboom_control::supervision::framed_scheduled_lqr::{
     EstimatorRequest, FramedScheduledLqrInput, FramedScheduledLqrOutput, FramedScheduledLqrState,
-    RetainedParameters,
 };
 use hydroboom_description::Description;
 use hydroboom_export::c::{Precision, files};

@@ -45,11 +45,14 @@ pub enum ParameterFileError {
 /// The parameters as a file, for the crane of a model.
 pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String {
     let period = model.numbers.control_period;
-    let [[flow, both], [_, transition]] = parameters.covariance;
-    let (flow, transition) = (flow.sqrt(), transition.sqrt());
-    let lag = parameters.drive.time_constant(period);
+    let (flow, transition) =
+        (parameters.flow_variance.sqrt(), parameters.transition_variance.sqrt());
+    let both = parameters.flow_transition_covariance;
+    let drive =
+        DriveLag { coefficient: parameters.drive_coefficient, variance: parameters.drive_variance };
+    let lag = drive.time_constant(period);
     // dτ/dg = τ²/(T (1 − g))
-    let slope = lag.powi(2) / (period * (1.0 - parameters.drive.coefficient));
+    let slope = lag.powi(2) / (period * (1.0 - drive.coefficient));
     let value = json!({
         "unknown_flow_rpm": parameters.unknown_flow / RPM,
         "unknown_flow_deviation_rpm": flow / RPM,
@@ -57,7 +60,7 @@ pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String
         "transition_pressure_deviation_bar": transition / BAR,
         "flow_transition_correlation": both / (flow * transition),
         "drive_lag_ms": lag / MS,
-        "drive_lag_deviation_ms": parameters.drive.variance.sqrt() * slope / MS,
+        "drive_lag_deviation_ms": drive.variance.sqrt() * slope / MS,
         "crane_digest": model.digest(),
     });
     format!("{value:#}\n")
@@ -135,8 +138,11 @@ pub fn read(
     Ok(RetainedParameters {
         unknown_flow: flow,
         transition_pressure: transition,
-        covariance: [[flow_deviation.powi(2), both], [both, transition_deviation.powi(2)]],
-        drive: DriveLag { coefficient, variance: (lag_deviation * slope).powi(2) },
+        flow_variance: flow_deviation.powi(2),
+        flow_transition_covariance: both,
+        transition_variance: transition_deviation.powi(2),
+        drive_coefficient: coefficient,
+        drive_variance: (lag_deviation * slope).powi(2),
     })
 }
 
@@ -148,8 +154,11 @@ mod tests {
         RetainedParameters {
             unknown_flow: 0.2,
             transition_pressure: 30e5,
-            covariance: [[0.01, 2e3], [2e3, 4e10]],
-            drive: DriveLag { coefficient: 0.2, variance: 1e-4 },
+            flow_variance: 0.01,
+            flow_transition_covariance: 2e3,
+            transition_variance: 4e10,
+            drive_coefficient: 0.2,
+            drive_variance: 1e-4,
         }
     }
 
@@ -167,16 +176,10 @@ mod tests {
     #[test]
     fn what_is_written_is_read_back() {
         let (found, expected) = (read_back(str::to_string).unwrap(), parameters());
-        let pairs = [
-            (found.unknown_flow, expected.unknown_flow),
-            (found.transition_pressure, expected.transition_pressure),
-            (found.covariance[0][0], expected.covariance[0][0]),
-            (found.covariance[0][1], expected.covariance[0][1]),
-            (found.covariance[1][1], expected.covariance[1][1]),
-            (found.drive.coefficient, expected.drive.coefficient),
-            (found.drive.variance, expected.drive.variance),
-        ];
-        assert!(pairs.iter().all(|(a, b)| (a / b - 1.0).abs() < 1e-9), "{pairs:?}");
+        let pairs = found.to_array().into_iter().zip(expected.to_array());
+        for (a, b) in pairs {
+            assert!((a / b - 1.0).abs() < 1e-9, "{found:?} for {expected:?}");
+        }
     }
 
     /// Key, what was read and what is allowed; another crane, and oil that the crane file does not expect.

@@ -3,25 +3,38 @@
 //! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane file's) and the drive's lag are properties of machine and oil.
 //! Payload, unknown force and friction of the moment begin anew: their spread is that of any start.
 
-use super::drive_identification::DriveLag;
-use super::error_covariance::Covariance;
-use super::state_estimator::StateEstimatorState;
-use hydroboom_math::Real;
+use super::state_estimator::{StateEstimator, StateEstimatorState};
+use hydroboom_math::{Real, record};
 
-/// Places of unknown flow and transition pressure in a state.
-const RETAINED: [usize; 2] = [5, 7];
+/// Places of the unknown flow and of the oil's transition pressure among the estimated states.
+const FLOW: usize = 5;
+const TRANSITION: usize = 7;
 
-/// The parameters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RetainedParameters<T> {
-    /// Unknown flow, as a motor speed \[rev/s\].
-    pub unknown_flow: T,
-    /// Transition pressure of the oil \[Pa\].
-    pub transition_pressure: T,
-    /// Covariance of the errors of both.
-    pub covariance: Covariance<T, 2>,
-    /// The drive.
-    pub drive: DriveLag<T>,
+record! {
+    /// What is known of a machine from one run to the next: oil, pump and drive, with the covariance of their errors.
+    pub struct RetainedParameters<T> {
+        /// Unknown flow, as a motor speed
+        #[unit = "rev/s"]
+        pub unknown_flow: T,
+        /// Pressure at which the oil stiffens
+        #[unit = "Pa"]
+        pub transition_pressure: T,
+        /// Variance of the unknown flow
+        #[unit = "rev2/s2"]
+        pub flow_variance: T,
+        /// Covariance of unknown flow and transition pressure
+        #[unit = "Pa rev/s"]
+        pub flow_transition_covariance: T,
+        /// Variance of the transition pressure
+        #[unit = "Pa2"]
+        pub transition_variance: T,
+        /// Share of the way to its command that the motor's speed goes in a control period
+        #[unit = "1"]
+        pub drive_coefficient: T,
+        /// Its variance
+        #[unit = "1"]
+        pub drive_variance: T,
+    }
 }
 
 impl<T: Real> RetainedParameters<T> {
@@ -31,22 +44,55 @@ impl<T: Real> RetainedParameters<T> {
         Self {
             unknown_flow: filter.estimate.unknown_flow,
             transition_pressure: filter.estimate.transition_pressure,
-            covariance: RETAINED.map(|i| RETAINED.map(|j| filter.errors[i][j])),
-            drive: state.drive,
+            flow_variance: filter.errors[FLOW][FLOW],
+            flow_transition_covariance: filter.errors[FLOW][TRANSITION],
+            transition_variance: filter.errors[TRANSITION][TRANSITION],
+            drive_coefficient: state.drive.coefficient,
+            drive_variance: state.drive.variance,
         }
     }
+}
 
-    /// Puts them in the place of those that an estimator has started with. The filter's own covariance, which gives its gain, is that of the errors too.
-    pub fn put_into(&self, state: &mut StateEstimatorState<T>) {
-        let filter = &mut state.filter;
-        filter.estimate.unknown_flow = self.unknown_flow;
-        filter.estimate.transition_pressure = self.transition_pressure;
-        for (row, &i) in self.covariance.iter().zip(&RETAINED) {
-            for (value, &j) in row.iter().zip(&RETAINED) {
-                filter.covariance[i][j] = *value;
-                filter.errors[i][j] = *value;
-            }
+impl<T: Real> StateEstimator<T> {
+    /// Takes retained parameters where `mask` holds and all of them are numbers, limited to what is estimated. The filter's own covariance, which gives its gain, is
+    /// that of the errors too.
+    pub fn restore(
+        &self,
+        state: &mut StateEstimatorState<T>,
+        retained: &RetainedParameters<T>,
+        mask: T::Mask,
+    ) {
+        let all = retained.to_array().into_iter();
+        let is_number = all.fold(T::zero(), |sum, number| sum + number.abs()).is_finite();
+        let restores = mask & is_number;
+        let take = |kept: &mut T, given: T| *kept = T::select(restores, given, *kept);
+        let (low, high) = (&self.filter.lowest, &self.filter.highest);
+        let estimate = &mut state.filter.estimate;
+        let r = retained;
+        take(&mut estimate.unknown_flow, r.unknown_flow.clamp(low.unknown_flow, high.unknown_flow));
+        take(
+            &mut estimate.transition_pressure,
+            r.transition_pressure.clamp(low.transition_pressure, high.transition_pressure),
+        );
+        // no covariance without variances
+        let zero = T::zero();
+        let (flow, transition) = (r.flow_variance.max(zero), r.transition_variance.max(zero));
+        let most = (flow * transition).sqrt();
+        let both = r.flow_transition_covariance.clamp(-most, most);
+        let block = [
+            (FLOW, FLOW, flow),
+            (FLOW, TRANSITION, both),
+            (TRANSITION, FLOW, both),
+            (TRANSITION, TRANSITION, transition),
+        ];
+        for (i, j, value) in block {
+            take(&mut state.filter.covariance[i][j], value);
+            take(&mut state.filter.errors[i][j], value);
         }
-        state.drive = self.drive;
+        let drive = &self.drive;
+        let most = drive.largest_deviation.square();
+        let coefficient = r.drive_coefficient.clamp(drive.smallest, drive.largest);
+        take(&mut state.drive.coefficient, coefficient);
+        take(&mut state.drive.variance, r.drive_variance.max(zero).min(most));
     }
 }

@@ -155,7 +155,7 @@ impl ScheduledLqrController {
         if input.position_is_good + input.load_pressure_is_good > 1.5 {
             let mut begun = self.estimator.start(input);
             if let Some(retained) = self.retained.take() {
-                retained.put_into(&mut begun);
+                self.estimator.restore(&mut begun, &retained, true);
             }
             self.estimated = Some(begun);
         }

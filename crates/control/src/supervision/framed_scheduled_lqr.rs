@@ -4,8 +4,8 @@
 //! controller begins. Estimates that are not finite, or contradict the measurements for too long, give no command: the frame then holds the load, and the
 //! estimator begins anew.
 
-use crate::estimation::drive_identification::DriveLag;
 use crate::estimation::extended_kalman_filter::EstimatorInput;
+use crate::estimation::retained_parameters::RetainedParameters;
 use crate::estimation::state_estimator::{StateEstimator, StateEstimatorState};
 use crate::feedback::scheduled_lqr::{ScheduledLqr, ScheduledLqrState};
 use crate::memory::Memory;
@@ -17,36 +17,6 @@ use hydroboom_math::{Real, record};
 
 /// Share of the command tolerance, and so about of the gain, that is left once the loop was found in sustained oscillation.
 const FALLBACK_SHARE: f64 = 0.3;
-/// Places of the unknown flow and of the oil's transition pressure among the estimated states.
-const FLOW: usize = 5;
-const TRANSITION: usize = 7;
-
-record! {
-    /// What is known of a machine from one run to the next: oil, pump and drive, with the covariance of their errors.
-    pub struct RetainedParameters<T> {
-        /// Unknown flow, as a motor speed
-        #[unit = "rev/s"]
-        pub unknown_flow: T,
-        /// Pressure at which the oil stiffens
-        #[unit = "Pa"]
-        pub transition_pressure: T,
-        /// Variance of the unknown flow
-        #[unit = "rev2/s2"]
-        pub flow_variance: T,
-        /// Covariance of unknown flow and transition pressure
-        #[unit = "Pa rev/s"]
-        pub flow_transition_covariance: T,
-        /// Variance of the transition pressure
-        #[unit = "Pa2"]
-        pub transition_variance: T,
-        /// Share of the way to its command that the motor's speed goes in a control period
-        #[unit = "1"]
-        pub drive_coefficient: T,
-        /// Its variance
-        #[unit = "1"]
-        pub drive_variance: T,
-    }
-}
 
 record! {
     /// What the estimator is asked to do in a control period.
@@ -201,15 +171,7 @@ impl<T: Real> FramedScheduledLqr<T> {
                 disturbance: filter.estimate.disturbance,
                 estimator_is_valid: is_valid,
             },
-            retained: RetainedParameters {
-                unknown_flow: filter.estimate.unknown_flow,
-                transition_pressure: filter.estimate.transition_pressure,
-                flow_variance: filter.errors[FLOW][FLOW],
-                flow_transition_covariance: filter.errors[FLOW][TRANSITION],
-                transition_variance: filter.errors[TRANSITION][TRANSITION],
-                drive_coefficient: estimated.drive.coefficient,
-                drive_variance: estimated.drive.variance,
-            },
+            retained: RetainedParameters::of(estimated),
         };
         (FramedScheduledLqrState { frame, controller }, output)
     }
@@ -258,52 +220,9 @@ impl<T: Real> FramedScheduledLqr<T> {
         let anew = self.estimator.start(&measured);
         let begins_anew = resets | !self.is_valid(was);
         let mut held = StateEstimatorState::select(begins_anew, &anew, &held);
-        self.restore(&mut held, &input.request, &input.retained);
+        let restores = half.lt(input.request.restore_parameters);
+        self.estimator.restore(&mut held, &input.retained, restores);
         StateEstimatorState::select(now.controls, &updated, &held)
-    }
-
-    /// Takes retained parameters, where that is asked for and they are numbers.
-    fn restore(
-        &self,
-        held: &mut StateEstimatorState<T>,
-        request: &EstimatorRequest<T>,
-        retained: &RetainedParameters<T>,
-    ) {
-        let all = retained.to_array().into_iter();
-        let is_number = all.fold(T::zero(), |sum, number| sum + number.abs()).is_finite();
-        let restores = T::lit(0.5).lt(request.restore_parameters) & is_number;
-        let take = |kept: &mut T, given: T| *kept = T::select(restores, given, *kept);
-        let filter = &self.estimator.filter;
-        let (low, high) = (&filter.lowest, &filter.highest);
-        let estimate = &mut held.filter.estimate;
-        let r = retained;
-        take(&mut estimate.unknown_flow, r.unknown_flow.clamp(low.unknown_flow, high.unknown_flow));
-        take(
-            &mut estimate.transition_pressure,
-            r.transition_pressure.clamp(low.transition_pressure, high.transition_pressure),
-        );
-        // no covariance without variances
-        let zero = T::zero();
-        let (flow, transition) = (r.flow_variance.max(zero), r.transition_variance.max(zero));
-        let most = (flow * transition).sqrt();
-        let both = r.flow_transition_covariance.clamp(-most, most);
-        let block = [
-            (FLOW, FLOW, flow),
-            (FLOW, TRANSITION, both),
-            (TRANSITION, FLOW, both),
-            (TRANSITION, TRANSITION, transition),
-        ];
-        for (i, j, value) in block {
-            take(&mut held.filter.covariance[i][j], value);
-            take(&mut held.filter.errors[i][j], value);
-        }
-        let drive = &self.estimator.drive;
-        let lag = DriveLag {
-            coefficient: r.drive_coefficient.clamp(drive.smallest, drive.largest),
-            variance: r.drive_variance.max(zero).min(drive.largest_deviation.square()),
-        };
-        take(&mut held.drive.coefficient, lag.coefficient);
-        take(&mut held.drive.variance, lag.variance);
     }
 
     /// Motor speed \[rev/s\] of the law; none where the estimates are not valid.

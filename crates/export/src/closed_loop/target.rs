@@ -1,5 +1,6 @@
 //! A controller as exported: called once a control period, with numbers in and numbers out.
 
+use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::reference::preview::PreviewAhead;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::supervision::frame::{FrameInput, FrameOutput, FrameState};
@@ -9,7 +10,7 @@ use hydroboom_control::supervision::framed::{
 };
 use hydroboom_control::supervision::framed_scheduled_lqr::{
     EstimatorRequest, FramedScheduledLqr, FramedScheduledLqrInput, FramedScheduledLqrOutput,
-    FramedScheduledLqrState, RetainedParameters,
+    FramedScheduledLqrState,
 };
 use hydroboom_description::Description;
 use hydroboom_design::{
