@@ -40,7 +40,7 @@ pub struct Tip {
         conflicts_with = "family"
     )]
     survey: Option<PathBuf>,
-    /// Crane file to write with the fitted keys of [tip]; with --family, folder for the page with table and figure.
+    /// Crane file to write with the fitted keys of section tip; with --family, folder for the page with table and figure.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// Number of virtual cranes around the machine.
