@@ -3,7 +3,7 @@
 //! ```text
 //! Description -> linear (the crane linearised, its modes and responses)
 //!             -> linearised_plant (as it is once the pump lifts)
-//!             -> oil_spring_fit (a mass on an oil spring, fitted to that) -> operating_points (over the stroke)
+//!             -> hydraulic_spring_fit (a mass on a hydraulic spring, fitted to that) -> operating_points (over the stroke)
 //!             -> reduced_model_fit (over stroke and payload) -> scheduled_lqr (estimator and law)
 //!             -> unstable_poles (argument principle), margins (stability margins), design_report (both loops)
 //!             -> supervision (limits, monitors and the release of the load)
@@ -22,11 +22,11 @@
 
 mod design_report;
 mod error;
+mod hydraulic_spring_fit;
 pub mod linear;
 mod linearised_plant;
 mod margins;
 pub mod observability;
-mod oil_spring_fit;
 pub mod operating_points;
 pub mod reduced_model_fit;
 pub mod scheduled_lqr;
@@ -41,9 +41,9 @@ pub use design_report::{
     DesignReport, benchmark_loop, design_report, scheduled_lqr_loop, scheduled_lqr_loop_at,
 };
 pub use error::DesignError;
+pub use hydraulic_spring_fit::{ElasticLoad, HydraulicSpring, hydraulic_spring};
 pub use linearised_plant::{LinearisedPlant, Responses};
 pub use margins::{Actuation, Loop, Margins, margins};
-pub use oil_spring_fit::{ElasticLoad, OilSpring, oil_spring};
 pub use supervision::{
     LoadPressure, framed_benchmark, framed_scheduled_lqr, framed_simulation_feedforward, limits,
     load_pressure,

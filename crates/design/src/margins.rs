@@ -92,7 +92,7 @@ impl Loop {
             Self::ScheduledLqr { controller, actuation } => {
                 let position = crane.position / (s * actuation.sensor_lag + 1.0);
                 let readings = [position, crane.pressure, Complex::from(1.0)];
-                -controller.answer(readings, s) * actuation.motor_speed(s)
+                -controller.frequency_response(readings, s) * actuation.motor_speed(s)
             }
         }
     }

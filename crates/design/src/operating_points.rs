@@ -1,6 +1,6 @@
 //! Operating points: equilibrium and linearisation of the crane over the stroke.
 
-use crate::oil_spring_fit::{ElasticLoad, OilSpring, oil_spring};
+use crate::hydraulic_spring_fit::{ElasticLoad, HydraulicSpring, hydraulic_spring};
 use crate::{DesignError, LinearisedPlant};
 use hydroboom_description::Description;
 use hydroboom_math::Real;
@@ -29,15 +29,15 @@ pub struct OperatingPoint {
     /// The equilibrium.
     pub equilibrium: Equilibrium,
     /// Oil spring at the largest bulk modulus, without leakage.
-    pub stiff: OilSpring,
+    pub stiff: HydraulicSpring,
     /// The load on the boom.
     pub load: ElasticLoad,
 }
 
 impl OperatingPoint {
     /// The oil spring at a bulk modulus that is a share of the largest.
-    pub fn spring(&self, share: f64) -> OilSpring {
-        OilSpring {
+    pub fn spring(&self, share: f64) -> HydraulicSpring {
+        HydraulicSpring {
             pressure_by_velocity: self.stiff.pressure_by_velocity * share,
             pressure_by_speed: self.stiff.pressure_by_speed * share,
             ..self.stiff
@@ -56,7 +56,7 @@ impl OperatingPoint {
                 load_pressure_slope: sum(e.load_pressure_slope, f.load_pressure_slope),
                 holding_speed: sum(e.holding_speed, f.holding_speed),
             },
-            stiff: OilSpring {
+            stiff: HydraulicSpring {
                 acceleration_by_position: sum(
                     s.acceleration_by_position,
                     t.acceleration_by_position,
@@ -72,7 +72,7 @@ impl OperatingPoint {
                 pressure_by_velocity: sum(s.pressure_by_velocity, t.pressure_by_velocity),
                 pressure_by_speed: sum(s.pressure_by_speed, t.pressure_by_speed),
                 // without leakage
-                ..OilSpring::default()
+                ..HydraulicSpring::default()
             },
             load: ElasticLoad {
                 acceleration_by_pressure: sum(
@@ -130,9 +130,9 @@ impl OperatingPoints {
                 load_pressure_slope: (above - below) / (2.0 * step),
                 holding_speed: lost / (n.displacement * n.flow_gain),
             };
-            let (spring, load) = oil_spring(&LinearisedPlant::new(description, position)?)?;
+            let (spring, load) = hydraulic_spring(&LinearisedPlant::new(description, position)?)?;
             let tight =
-                OilSpring { pressure_by_position: 0.0, pressure_by_pressure: 0.0, ..spring };
+                HydraulicSpring { pressure_by_position: 0.0, pressure_by_pressure: 0.0, ..spring };
             let as_it_is = OperatingPoint { equilibrium, stiff: tight, load };
             let share = all.stiffness_at(crane.outputs().pressure_a);
             all.points[k] = OperatingPoint { stiff: as_it_is.spring(1.0 / share), ..as_it_is };

@@ -103,7 +103,11 @@ impl SmallSignalController {
     }
 
     /// Commanded motor speed \[rev/s\] for readings that oscillate and grow as e to the s t, s in \[1/s\].
-    pub fn answer(&self, readings: [Complex<f64>; READINGS], s: Complex<f64>) -> Complex<f64> {
+    pub fn frequency_response(
+        &self,
+        readings: [Complex<f64>; READINGS],
+        s: Complex<f64>,
+    ) -> Complex<f64> {
         let complex = |m: &DMatrix<f64>| m.map(|v| Complex::new(v, 0.0));
         let z = (s * self.period).exp();
         let order = self.a.nrows();
@@ -215,7 +219,7 @@ mod tests {
             let found = sum * 2.0 / f64::from(count);
             let mut reading = [Complex::new(0.0, 0.0); READINGS];
             reading[which] = Complex::from(sizes[which]);
-            let wanted = linear.answer(reading, Complex::new(0.0, TAU * frequency));
+            let wanted = linear.frequency_response(reading, Complex::new(0.0, TAU * frequency));
             assert!(
                 (found - wanted).norm() < 0.05 * wanted.norm(),
                 "{which} at {frequency} Hz: {found} for {wanted}"

@@ -149,6 +149,9 @@ pub fn read(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lockstep::Lockstep;
+    use crate::operator::Operator;
+    use hydroboom_control::strategy::Strategy;
 
     fn parameters() -> RetainedParameters<f64> {
         RetainedParameters {
@@ -202,5 +205,31 @@ mod tests {
         let said = key("unknown_flow_rpm", "900.0");
         assert!(said.contains("900.0 rpm off the crane file"), "{said}");
         assert!(read_back(|_| "{".into()).unwrap_err().contains("run --parameters"));
+    }
+
+    /// The estimator begins with what was retained, limited to what is estimated; without, with the crane file.
+    #[test]
+    fn a_run_begins_with_the_retained_parameters() {
+        let model = Description::uia_single_boom().unwrap();
+        let motion = model.motion(model.numbers.fast);
+        let first = |retained: Option<RetainedParameters<f64>>| {
+            let strategy = Strategy::ScheduledLqr;
+            let mut run = Lockstep::new(&model, &model, motion, strategy).unwrap();
+            if let Some(retained) = retained {
+                run = run.with_retained_parameters(retained);
+            }
+            let mut operator = Operator::automatic(model.numbers.control_period);
+            let mut records = (0..100).map(|_| run.period(&mut operator, strategy).unwrap());
+            records.find_map(|record| record.estimates).unwrap().parameters
+        };
+        // the first period holds the load, and nothing is learned of these in it
+        let (found, expected) = (first(Some(parameters())), parameters());
+        for (a, b) in found.to_array().into_iter().zip(expected.to_array()) {
+            assert!((a / b - 1.0).abs() < 1e-12, "{found:?} for {expected:?}");
+        }
+        let too_soft = RetainedParameters { transition_pressure: 1e9, ..parameters() };
+        let highest = model.numbers.tuning.estimator_highest_transition;
+        assert_eq!(first(Some(too_soft)).transition_pressure, highest);
+        assert_eq!(first(None).transition_pressure, model.numbers.transition);
     }
 }

@@ -9,7 +9,7 @@
 use super::{Case, Failure, Left};
 use hydroboom_control::actuator_limits::ActuatorLimits;
 use hydroboom_control::reference::profile::SetPoint;
-use hydroboom_design::OilSpring;
+use hydroboom_design::HydraulicSpring;
 use hydroboom_design::operating_points::{OperatingPoint, OperatingPoints};
 use nalgebra::{Matrix4, RowVector4, Vector4};
 use std::ops::Range;
@@ -264,7 +264,7 @@ impl Spring {
 }
 
 /// Gains of position, velocity and pressure that place the poles, by comparing coefficients of `(s + b k_p)(s² − a_v s) − a_p c_v s + a_p b (k_x + k_v s)`.
-fn gains(spring: &OilSpring) -> [f64; 3] {
+fn gains(spring: &HydraulicSpring) -> [f64; 3] {
     let (a_v, a_p) = (spring.acceleration_by_velocity, spring.acceleration_by_pressure);
     let (c_v, b) = (spring.pressure_by_velocity, spring.pressure_by_speed);
     let frequency = spring.natural_frequency();

@@ -1,4 +1,4 @@
-//! The crane at a piston position as a mass on an oil spring, fitted to its exact linearisation.
+//! The crane at a piston position as a mass on a hydraulic spring, fitted to its exact linearisation.
 
 use crate::{DesignError, LinearisedPlant};
 use nalgebra::{Complex, DMatrix, DVector};
@@ -10,7 +10,7 @@ const FREQUENCIES: [f64; 8] = [0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.15, 1.3];
 /// A mass on an oil spring, in small changes of piston position x, velocity v, load pressure p and motor speed n:
 /// `v' = a_x x + a_v v + a_p p`, `p' = c_x x + c_v v + c_p p + b n`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct OilSpring {
+pub struct HydraulicSpring {
     /// a_x \[1/s²\].
     pub acceleration_by_position: f64,
     /// a_v \[1/s\].
@@ -27,7 +27,7 @@ pub struct OilSpring {
     pub pressure_by_speed: f64,
 }
 
-impl OilSpring {
+impl HydraulicSpring {
     /// Natural frequency of the mass on the oil \[rad/s\].
     pub fn natural_frequency(&self) -> f64 {
         (-self.acceleration_by_pressure * self.pressure_by_velocity).sqrt()
@@ -51,7 +51,9 @@ pub struct ElasticLoad {
 /// # Errors
 ///
 /// [`DesignError`] when the crane does not oscillate on its oil, or its responses cannot be computed.
-pub fn oil_spring(crane: &LinearisedPlant) -> Result<(OilSpring, ElasticLoad), DesignError> {
+pub fn hydraulic_spring(
+    crane: &LinearisedPlant,
+) -> Result<(HydraulicSpring, ElasticLoad), DesignError> {
     let natural_frequency = crane.load_mode()?.frequency_hz;
     let rows = 2 * FREQUENCIES.len();
     let (mut rigid, mut acceleration) = (DMatrix::zeros(rows, 3), DVector::zeros(rows));
@@ -86,7 +88,7 @@ pub fn oil_spring(crane: &LinearisedPlant) -> Result<(OilSpring, ElasticLoad), D
     if !(is_finite && a_p > 0.0 && b > 0.0 && c_v < 0.0) {
         return Err(crane.none("the motor does not lift it"));
     }
-    let spring = OilSpring {
+    let spring = HydraulicSpring {
         acceleration_by_position: a_x,
         acceleration_by_velocity: a_v,
         acceleration_by_pressure: a_p,
@@ -123,9 +125,9 @@ mod tests {
     fn oil_and_boom_are_springs_in_series() {
         let description = Description::uia_single_boom().unwrap();
         let crane = LinearisedPlant::new(&description, 0.2).unwrap();
-        let (spring, load) = oil_spring(&crane).unwrap();
+        let (spring, load) = hydraulic_spring(&crane).unwrap();
         let on_oil =
-            OilSpring { acceleration_by_pressure: load.acceleration_by_pressure, ..spring };
+            HydraulicSpring { acceleration_by_pressure: load.acceleration_by_pressure, ..spring };
         let on_boom = (load.acceleration_by_pressure / load.compliance).sqrt();
         let squares = on_oil.natural_frequency().powi(-2) + on_boom.powi(-2);
         let both = squares.powf(-0.5) / TAU;
@@ -139,7 +141,7 @@ mod tests {
         let [one, other] = ["stribeck", "lugre"].map(|law| {
             let mut crane = Description::uia_single_boom().unwrap();
             crane.set(&format!("friction.law={law}")).unwrap();
-            oil_spring(&LinearisedPlant::new(&crane, 0.25).unwrap()).unwrap()
+            hydraulic_spring(&LinearisedPlant::new(&crane, 0.25).unwrap()).unwrap()
         });
         assert_eq!(one, other);
     }
