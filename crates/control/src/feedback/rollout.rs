@@ -53,7 +53,7 @@ record! {
 /// The reference ahead as the law follows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct ReferenceSample<T> {
-    wanted: [T; ORDER],
+    reference_state: [T; ORDER],
     feedforward: T,
     position: T,
 }
@@ -64,13 +64,13 @@ const SAMPLED: usize = ORDER + 2;
 impl<T: Copy> ReferenceSample<T> {
     #[inline(always)]
     fn to_array(self) -> [T; SAMPLED] {
-        let [y, w, p, n] = self.wanted;
+        let [y, w, p, n] = self.reference_state;
         [y, w, p, n, self.feedforward, self.position]
     }
 
     #[inline(always)]
     fn from_array([y, w, p, n, feedforward, position]: [T; SAMPLED]) -> Self {
-        Self { wanted: [y, w, p, n], feedforward, position }
+        Self { reference_state: [y, w, p, n], feedforward, position }
     }
 }
 
@@ -154,7 +154,8 @@ impl<T: Real> RolloutState<T> {
     /// Nothing is decided.
     pub fn start() -> Self {
         let zero = T::zero();
-        let nowhere = ReferenceSample { wanted: [zero; ORDER], feedforward: zero, position: zero };
+        let nowhere =
+            ReferenceSample { reference_state: [zero; ORDER], feedforward: zero, position: zero };
         Self {
             phase: zero,
             is_evaluating: zero,
@@ -202,8 +203,12 @@ impl<T: Real> Rollout<T> {
         let pick = |new: T, old: T| T::select(samples, new, old);
         let spacing = self.horizon / T::lit((SAMPLES - 1) as f64);
         let (_, sampled) = T::repeat_where(samples, &[[]; SAMPLES], [], |k, [], []| {
-            let (wanted, feedforward, position) = ahead(spacing * k);
-            let new = ReferenceSample { wanted: wanted.to_array(), feedforward, position };
+            let (reference_state, feedforward, position) = ahead(spacing * k);
+            let new = ReferenceSample {
+                reference_state: reference_state.to_array(),
+                feedforward,
+                position,
+            };
             ([], new.to_array())
         });
         if T::any(samples) {
@@ -317,26 +322,32 @@ impl<T: Real> Rollout<T> {
                     at_step: [T; 6]| {
             let [y, w, p, n, offset, sum] = at_step;
             let between = |a: T, b: T| place.mul_add(b - a, a);
-            let mut wanted: [T; ORDER] =
-                core::array::from_fn(|i| between(from.wanted[i], to.wanted[i]));
-            wanted[0] = wanted[0] - at.compliance * added_payload;
-            wanted[2] = wanted[2] + added_payload;
+            let mut reference_state: [T; ORDER] =
+                core::array::from_fn(|i| between(from.reference_state[i], to.reference_state[i]));
+            reference_state[0] = reference_state[0] - at.compliance * added_payload;
+            reference_state[2] = reference_state[2] + added_payload;
             let feedforward = between(from.feedforward, to.feedforward);
-            let asked = between(from.position, to.position);
+            let reference_position = between(from.position, to.position);
             // the law
             let x = at.compliance.mul_add(p, y);
-            let offset = policy.governor.update(offset, x - asked, policy.decay, h);
+            let offset = policy.governor.update(offset, x - reference_position, policy.decay, h);
             let drift = policy.governor.drift(offset, policy.decay);
-            let error = [wanted[0] - y, wanted[1] - w, wanted[2] - p, wanted[3] - n];
+            let error = [
+                reference_state[0] - y,
+                reference_state[1] - w,
+                reference_state[2] - p,
+                reference_state[3] - n,
+            ];
             let turning = revolutions * drift;
-            let led = [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
-            let (feedback, _) = policy.saturation.feedback(&policy.gain, &led);
+            let governed_error =
+                [error[0] + offset, error[1] + drift, error[2], error[3] + turning];
+            let (feedback, _) = policy.saturation.feedback(&policy.gain, &governed_error);
             let law = feedforward + turning + feedback;
             let held = T::select(time.lt(until_hold_ends), held_speed, law);
             let u = T::select(time.lt(until_decision), state.command(law), held);
             let u = u.clamp(-policy.limit, policy.limit);
             // its cost
-            let e = x - asked;
+            let e = x - reference_position;
             let effort = u - feedforward;
             let stage = *by_position * e.square()
                 + *by_velocity * error[1].square()
@@ -367,7 +378,7 @@ impl<T: Real> Rollout<T> {
             });
             (now, [])
         });
-        let mut end = state.ahead[SAMPLES - 1].wanted;
+        let mut end = state.ahead[SAMPLES - 1].reference_state;
         end[0] = end[0] - at.compliance * added_payload;
         end[2] = end[2] + added_payload;
         let error = [end[0] - y, end[1] - w, end[2] - p, end[3] - n];

@@ -78,7 +78,7 @@ pub struct ScheduledLqr<T> {
 pub struct ScheduledLqrState<T> {
     /// The regulator.
     pub regulator: Regulator<T>,
-    /// Offset of the reference from what is asked \[m\].
+    /// Offset of the reference from the commanded reference \[m\].
     pub offset: T,
     /// Smoothing window \[s\].
     pub window: T,
@@ -220,16 +220,16 @@ impl<T: Real> ScheduledLqr<T> {
         let limit = &state.speed_limit;
         let is_limited = limit.is_active();
         let feasible = |after: T| {
-            let asked = preview.at(after);
+            let reference = preview.at(after);
             if T::any(is_limited) {
                 let [offset, drift] = limit.at(after, self.period);
                 let zero = T::zero();
                 SetPoint {
-                    position: asked.position + T::select(is_limited, offset, zero),
-                    velocity: asked.velocity + T::select(is_limited, drift, zero),
+                    position: reference.position + T::select(is_limited, offset, zero),
+                    velocity: reference.velocity + T::select(is_limited, drift, zero),
                 }
             } else {
-                asked
+                reference
             }
         };
         let largest_acceleration = preview.largest_acceleration();
@@ -251,20 +251,21 @@ impl<T: Real> ScheduledLqr<T> {
         // the governor's offset
         let piston = here.at.compliance.mul_add(now.load_pressure, now.position);
         let decay = self.governor.decay(here.natural_frequency);
-        let asked = smoothed(feasible, window, delay).position;
-        state.offset = self.governor.update(state.offset, piston - asked, decay, self.period);
+        let reference_position = smoothed(feasible, window, delay).position;
+        state.offset =
+            self.governor.update(state.offset, piston - reference_position, decay, self.period);
         let drift = self.governor.drift(state.offset, decay);
 
-        // state along the reference, and motor speed, led by the drive's lag
-        let (wanted, _) = inverse(delay, state.offset, drift);
-        let (led, _) = inverse(delay + lag, state.offset, drift);
-        let feedforward = led.motor_speed;
+        // state along the reference, and motor speed, taken ahead by the drive's lag
+        let (reference_state, _) = inverse(delay, state.offset, drift);
+        let (advanced, _) = inverse(delay + lag, state.offset, drift);
+        let feedforward = advanced.motor_speed;
 
         // feedback
         let plant = self.plant(estimated, &here);
         state.regulator.step(&plant);
-        let (wanted, found) = (wanted.to_array(), now.to_array());
-        let error: [T; ORDER] = core::array::from_fn(|i| wanted[i] - found[i]);
+        let (reference_state, predicted) = (reference_state.to_array(), now.to_array());
+        let error: [T; ORDER] = core::array::from_fn(|i| reference_state[i] - predicted[i]);
         let saturation = self.saturation();
         let (feedback, saturates) = saturation.feedback(&state.regulator.gain, &error);
         let law = feedforward + feedback;
@@ -288,9 +289,9 @@ impl<T: Real> ScheduledLqr<T> {
         };
         let ahead = |after: T| {
             let zero = T::zero();
-            let (wanted, position) = inverse(delay + after, zero, zero);
-            let (led, _) = inverse(delay + after + lag, zero, zero);
-            (wanted, led.motor_speed, position)
+            let (reference_state, position) = inverse(delay + after, zero, zero);
+            let (advanced, _) = inverse(delay + after + lag, zero, zero);
+            (reference_state, advanced.motor_speed, position)
         };
         self.rollout.update(
             &mut state.rollout,
@@ -397,10 +398,10 @@ impl<T: Real> ScheduledLqr<T> {
         let stiffness = here.stiffness.min(here.stiffness_at_rest);
         let turns = change / (stiffness * self.model.displacement);
         let shortest = s.shortest_window + estimated.drive.ramp_delay(self.period);
-        let wanted =
+        let next_window =
             (turns / (s.filling_share * self.motor_speed)).max(shortest).min(s.longest_window);
         let share = (self.period / s.window_time_constant).min(T::one());
-        share.mul_add(wanted - window, window)
+        share.mul_add(next_window - window, window)
     }
 }
 

@@ -10,14 +10,14 @@ use hydroboom_math::Real;
 const SPACING: f64 = 0.05;
 const PREVIEW_POINTS: usize = 51;
 
-/// Offsets of the feasible reference from the asked one.
+/// Offsets of the feasible reference from the commanded one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedLimit<T> {
     /// Position \[m\] of the trajectory that is begun in time and limited in speed.
     late: T,
     /// Position \[m\] of the one that is begun sooner.
     feasible: T,
-    /// Its offset \[m\] from what is asked, every 50 ms from now on.
+    /// Its offset \[m\] from the commanded reference, every 50 ms from now on.
     ahead: [T; PREVIEW_POINTS],
     /// The same in the periods before now, the oldest first.
     behind: [T; PERIODS_BEHIND + 1],
@@ -69,19 +69,20 @@ impl<T: Real> SpeedLimit<T> {
         let moved = |from: T, to: T, time: T| from + (to - from).clamp(-inwards * time, out * time);
         let times: [[T; 1]; PREVIEW_POINTS - 1] =
             core::array::from_fn(|k| [T::lit((k + 1) as f64 * SPACING)]);
-        let ([_, longest], asked) =
+        let ([_, longest], commanded) =
             T::repeat(&times, [self.late, T::zero()], |_, [time], [late, longest]| {
-                let asked = preview.position(*time);
-                let late = moved(late, asked, spacing);
-                let longest = longest.max((asked - late) / out).max((late - asked) / inwards);
-                ([late, longest], [asked])
+                let commanded = preview.position(*time);
+                let late = moved(late, commanded, spacing);
+                let longest =
+                    longest.max((commanded - late) / out).max((late - commanded) / inwards);
+                ([late, longest], [commanded])
             });
         let sooner = T::lit(0.5) * longest;
         let points: [[T; 2]; PREVIEW_POINTS - 1] =
-            core::array::from_fn(|k| [times[k][0], asked[k][0]]);
-        let (_, ahead) = T::repeat(&points, [self.feasible], |_, [time, asked], [position]| {
+            core::array::from_fn(|k| [times[k][0], commanded[k][0]]);
+        let (_, ahead) = T::repeat(&points, [self.feasible], |_, [time, commanded], [position]| {
             let position = moved(position, preview.position(*time + sooner), spacing);
-            ([position], [position - *asked])
+            ([position], [position - *commanded])
         });
         self.ahead[0] = self.feasible - preview.now().position;
         for (kept, [offset]) in self.ahead.iter_mut().skip(1).zip(ahead) {
