@@ -364,6 +364,15 @@ fn every_state_says_what_it_waits_for_and_gives_up() {
     }
     assert_eq!(rig.now.cause, Some(Cause::LoadNotStill));
 
+    // a state says from its first period what it waits for
+    for (state, waiting) in [
+        (State::Ready, Waiting::StillLoad),
+        (State::Holding, Waiting::Start),
+        (State::Stopping, Waiting::Standstill),
+    ] {
+        assert_eq!(Rig::brought_to(state).now.waiting, waiting, "{state:?}");
+    }
+
     // nobody there
     let mut rig = Rig::brought_to(State::Ready);
     rig.step(1e-3, Request::None, |seen| seen.attended = false);

@@ -293,6 +293,13 @@ impl Supervisor {
         self.held_at = None;
         self.well_for = 0.0;
         self.disagreeing = 0.0;
+        self.waiting_for(match state {
+            State::Idle => Waiting::Enable,
+            State::Ready => Waiting::StillLoad,
+            State::Holding => Waiting::Start,
+            State::Moving => Waiting::ValveOpening,
+            State::Stopping | State::Fault => Waiting::Standstill,
+        });
     }
 
     /// Nothing acts. What is wrong is no fault yet, unless a machine that is to be enabled stays so.
