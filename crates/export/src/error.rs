@@ -37,14 +37,6 @@ pub enum ExportError {
         /// The constant.
         value: f64,
     },
-    /// Loops in a language for which none are written.
-    #[error(
-        "{block} has loops and tables, and Structured Text is written without them: export it as C"
-    )]
-    Loops {
-        /// The block.
-        block: String,
-    },
     /// Something depends on what it must not.
     #[error("{block}: {result} depends on a number that is no input, state or parameter of it")]
     Foreign {

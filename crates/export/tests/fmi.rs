@@ -11,7 +11,9 @@ use hydroboom_export::closed_loop::{
     Bad, Case, Moment, Recorder, RustBenchmark, RustSimulationFeedforward, Target, cases, run,
 };
 use hydroboom_export::fmi::{System, Unit, Version, archive, binary, twincat_settings, unit};
-use hydroboom_export::{controller, crane_model, simulation_feedforward, slopes};
+use hydroboom_export::{
+    controller, crane_model, scheduled_lqr_controller, simulation_feedforward, slopes,
+};
 use hydroboom_math::Dual;
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, Input};
@@ -46,6 +48,7 @@ const CONTROLLERS: [&str; 2] = ["controller", "simulation-feedforward"];
 fn steering(crane: &Description, what: &str, version: Version) -> Unit {
     let block = match what {
         "simulation-feedforward" => simulation_feedforward(crane).unwrap(),
+        "scheduled-lqr" => scheduled_lqr_controller(crane).unwrap(),
         _ => controller(crane).unwrap(),
     };
     unit(&block, None, crane, version).unwrap()
@@ -77,7 +80,7 @@ fn fmpy(python: &str, arguments: &[&str]) -> String {
 fn fmus_are_valid() {
     let Some(python) = python() else { return };
     for version in BOTH {
-        for what in ["model"].into_iter().chain(CONTROLLERS) {
+        for what in ["model", "scheduled-lqr"].into_iter().chain(CONTROLLERS) {
             let path = written("valid", what, version);
             assert_eq!(fmpy(&python, &["validated", &path]), "", "{what} {version:?}");
         }

@@ -2,145 +2,30 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
+#[allow(dead_code, reason = "other tests use more of it")]
+mod evaluator;
+mod recording;
+
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
-use hydroboom_control::memory::Memory;
 use hydroboom_control::reference::preview::PreviewAhead;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::supervision::frame::{FrameInput, FrameOutput, STATUS_FAULT, frame_phase};
-use hydroboom_control::supervision::framed_scheduled_lqr::{
-    EstimatorRequest, FramedScheduledLqrInput, FramedScheduledLqrOutput, FramedScheduledLqrState,
-};
-use hydroboom_description::Description;
-use hydroboom_export::c::{Precision, files};
+use hydroboom_control::supervision::framed_scheduled_lqr::EstimatorRequest;
+use hydroboom_export::c::Precision;
 use hydroboom_export::closed_loop::{
     Bad, Case, Compiled, Disturbed, Moment, Outcome, Recorder, RustScheduledLqr, Target,
-    TargetError, bounds, cases, run,
+    TargetError, bounds, run,
 };
+use hydroboom_export::fmi::Version;
 use hydroboom_export::scheduled_lqr_controller;
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use recording::{
+    From, Recording, Requests, compiled, cranes, in_c, in_fmu, in_structured_text, names, nothing,
+    plain, recorded, shares_off, structured_text,
+};
+use std::path::PathBuf;
 
 /// Control periods that are recorded: two seconds and more, from when the valve opens on.
 const PERIODS: usize = 3500;
-
-fn cranes() -> (Description, Description) {
-    (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap())
-}
-
-/// Everything that a controller remembers, in the order of the block.
-fn remembered(state: &FramedScheduledLqrState<f64>) -> Vec<f64> {
-    let frame = &state.frame;
-    let mut all = frame.memory.to_array().to_vec();
-    all.extend(frame.drive.to_array());
-    all.extend(frame.release.to_array());
-    all.extend(frame.oscillation.to_array());
-    let _ = state.controller.visited(&mut |_, number| {
-        all.push(number);
-        number
-    });
-    all
-}
-
-/// Everything that it is given, in the order of the block.
-fn given(input: &FramedScheduledLqrInput<f64>) -> Vec<f64> {
-    let mut all = input.frame.to_array().to_vec();
-    all.extend(input.request.to_array());
-    all.extend(input.retained.to_array());
-    all.extend(input.ahead.position);
-    all.extend(input.ahead.velocity);
-    all.extend(input.ahead.distant);
-    all.push(input.ahead.length);
-    all
-}
-
-/// Everything that it shows.
-fn shown(output: &FramedScheduledLqrOutput<f64>) -> Vec<f64> {
-    let mut all = output.frame.to_array().to_vec();
-    all.extend(output.estimator.to_array());
-    all.extend(output.retained.to_array());
-    all
-}
-
-/// What was recorded from the period in which the valve opens on.
-#[derive(Default)]
-struct Recording {
-    /// State before the first period.
-    begin: Vec<f64>,
-    /// What is given in each.
-    given: Vec<Vec<f64>>,
-    /// What is shown in each, and remembered after it.
-    wanted: Vec<Vec<f64>>,
-    /// Position of the piston and of the reference in each \[m\].
-    stroke: Vec<[f64; 2]>,
-}
-
-/// A controller that is recorded.
-struct Recorded {
-    inner: RustScheduledLqr,
-    recording: Recording,
-    /// Asked of the estimator in recorded period k.
-    request: fn(usize) -> (EstimatorRequest<f64>, RetainedParameters<f64>),
-}
-
-impl Target for Recorded {
-    fn name(&self) -> &'static str {
-        self.inner.name()
-    }
-
-    fn look_ahead(&mut self, at: &dyn Fn(f64) -> SetPoint<f64>) {
-        self.inner.look_ahead(at);
-    }
-
-    fn period(
-        &mut self,
-        input: &FrameInput<f64>,
-        _gain: f64,
-    ) -> Result<FrameOutput<f64>, TargetError> {
-        let phase = self.inner.state().frame.memory.phase;
-        let recording = &mut self.recording;
-        let records = phase >= frame_phase::OPENING || !recording.begin.is_empty();
-        if records && recording.given.len() < PERIODS {
-            if recording.begin.is_empty() {
-                recording.begin = remembered(self.inner.state());
-            }
-            let (request, retained) = (self.request)(recording.given.len());
-            (self.inner.input().request, self.inner.input().retained) = (request, retained);
-        }
-        let output = self.inner.advance(input);
-        let recording = &mut self.recording;
-        if records && recording.given.len() < PERIODS {
-            recording.given.push(given(self.inner.input()));
-            let after = remembered(self.inner.state());
-            recording.wanted.push([shown(&output), after].concat());
-            recording.stroke.push([input.stroke, input.reference_position]);
-        }
-        Ok(output.frame)
-    }
-}
-
-/// A course from end to end of what is tried, undisturbed.
-fn plain(model: &Description) -> Case {
-    let all = cases(model);
-    all.iter().find(|c| c.moves && c.disturbed.is_none() && c.gain.is_none()).unwrap().clone()
-}
-
-fn nothing(_: usize) -> (EstimatorRequest<f64>, RetainedParameters<f64>) {
-    (EstimatorRequest::default(), RetainedParameters::default())
-}
-
-fn recorded(
-    length: usize,
-    request: fn(usize) -> (EstimatorRequest<f64>, RetainedParameters<f64>),
-) -> (Recording, Outcome) {
-    let (model, machine) = cranes();
-    let inner = RustScheduledLqr::new(&model, length).unwrap();
-    let mut target = Recorded { inner, recording: Recording::default(), request };
-    let mut case = plain(&model);
-    case.rest = 1.0;
-    let outcome = run(&model, &machine, &case, &mut target).unwrap();
-    (target.recording, outcome)
-}
 
 fn folder(name: &str) -> PathBuf {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -148,93 +33,8 @@ fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// Reads the state to begin with, then what is given in each period, and writes what is shown and remembered.
-const MAIN: &str = r#"
-#include "controller.h"
-#include <stdio.h>
-static int get(hb_real *to, size_t count)
-{
-    size_t i;
-    for (i = 0; i < count; i++) {
-        double value;
-        if (fread(&value, sizeof value, 1, stdin) != 1) {
-            return 0;
-        }
-        to[i] = (hb_real)value;
-    }
-    return 1;
-}
-static int put(const hb_real *from, size_t count)
-{
-    size_t i;
-    for (i = 0; i < count; i++) {
-        const double value = (double)from[i];
-        if (fwrite(&value, sizeof value, 1, stdout) != 1) {
-            return 0;
-        }
-    }
-    return 1;
-}
-int main(void)
-{
-    static hb_scheduled_lqr_controller_state s;
-    static hb_scheduled_lqr_controller_input u;
-    static hb_scheduled_lqr_controller_output y;
-    const size_t size = sizeof(hb_real);
-    hb_scheduled_lqr_controller_start(&s);
-    if (!get((hb_real *)&s, sizeof s / size)) {
-        return 1;
-    }
-    while (get((hb_real *)&u, sizeof u / size)) {
-        hb_scheduled_lqr_controller_update(&s, &u, &y);
-        if (!put((hb_real *)&y, sizeof y / size) || !put((hb_real *)&s, sizeof s / size)) {
-            return 1;
-        }
-    }
-    return 0;
-}
-"#;
-
-fn compiled(folder: &Path, precision: Precision, options: &[&str]) -> PathBuf {
-    let block = scheduled_lqr_controller(&cranes().0).unwrap();
-    let made = files(&[block], "controller", precision).unwrap();
-    std::fs::write(folder.join("controller.h"), made.header).unwrap();
-    std::fs::write(folder.join("controller.c"), made.source).unwrap();
-    std::fs::write(folder.join("main.c"), MAIN).unwrap();
-    let output = Command::new("cc")
-        .current_dir(folder)
-        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2", "-ffp-contract=off"])
-        .args(options)
-        .args(["controller.c", "main.c", "-lm", "-o", "program"])
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    folder.join("program")
-}
-
-/// What a program answers to a recording, a row for each period.
-fn answered(program: &Path, recording: &Recording) -> Vec<Vec<f64>> {
-    let mut child =
-        Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    let mut input = child.stdin.take().unwrap();
-    let numbers = recording.begin.iter().chain(recording.given.iter().flatten());
-    let bytes: Vec<u8> = numbers.flat_map(|v| v.to_le_bytes()).collect();
-    let writing = std::thread::spawn(move || input.write_all(&bytes).unwrap());
-    let output = child.wait_with_output().unwrap();
-    writing.join().unwrap();
-    assert!(output.status.success(), "{:?}", output.status);
-    let width = recording.wanted[0].len();
-    let eight = |c: &[u8]| f64::from_le_bytes(c.try_into().unwrap());
-    let numbers: Vec<f64> = output.stdout.chunks_exact(8).map(eight).collect();
-    assert_eq!(numbers.len(), width * recording.wanted.len());
-    numbers.chunks_exact(width).map(<[f64]>::to_vec).collect()
-}
-
-/// Names of what is shown and remembered.
-fn names() -> Vec<String> {
-    let block = scheduled_lqr_controller(&cranes().0).unwrap();
-    let outputs = block.outputs.iter().map(|v| v.name.clone());
-    outputs.chain(block.states.iter().map(|(v, _)| v.name.clone())).collect()
+fn of_course(length: usize, requests: Requests) -> (Recording, Outcome) {
+    recorded(&plain(&cranes().0), length, requests, (From::Opening, PERIODS))
 }
 
 /// The estimator is asked for everything in turn, while it has the load and while not.
@@ -266,9 +66,9 @@ fn what_was_recorded_gives_the_same_bits_in_c() {
     let names = names();
     let mut rolled = 0;
     for (length, request) in [(800, nothing as fn(usize) -> _), (60, everything), (0, nothing)] {
-        let (recording, outcome) = recorded(length, request);
+        let (recording, outcome) = of_course(length, request);
         assert_eq!(recording.given.len(), PERIODS, "{outcome:?}");
-        let found = answered(&program, &recording);
+        let found = in_c(&program, &recording);
         let place = names.iter().position(|name| name == "lqr_rollout_is_evaluating").unwrap();
         let evaluating = recording.wanted.iter().filter(|row| row[place] > 0.5).count();
         rolled += evaluating;
@@ -288,7 +88,7 @@ fn what_was_recorded_gives_the_same_bits_in_c() {
 #[test]
 fn parameters_are_restored_while_the_load_is_held_and_frozen_on_request() {
     let names = names();
-    let (recording, _) = recorded(60, everything);
+    let (recording, _) = of_course(60, everything);
     let of =
         |k: usize, name: &str| recording.wanted[k][names.iter().position(|n| n == name).unwrap()];
     let (_, given) = everything(43);
@@ -402,7 +202,7 @@ fn the_program_of_the_closed_loop_gives_what_rust_gives() {
 #[test]
 fn it_moves_the_load_with_any_preview() {
     for length in [800, 60, 0] {
-        let (recording, outcome) = recorded(length, nothing);
+        let (recording, outcome) = of_course(length, nothing);
         assert_eq!(outcome.status, frame_phase::CONTROLLING, "{length}: {outcome:?}");
         let errors = recording.stroke.iter().map(|[x, r]| (x - r).abs());
         let largest = errors.fold(0.0, f64::max);
@@ -416,8 +216,8 @@ fn it_moves_the_load_with_any_preview() {
 fn single_precision_stays_near_double() {
     let folder = folder("c-scheduled-lqr-single");
     let program = compiled(&folder, Precision::Single, &[]);
-    let (recording, _) = recorded(800, nothing);
-    let found = answered(&program, &recording);
+    let (recording, _) = of_course(800, nothing);
+    let found = in_c(&program, &recording);
     let (mut sum, mut largest, mut size) = (0.0, 0.0_f64, 0.0_f64);
     for (found, wanted) in found.iter().zip(&recording.wanted) {
         let off: f64 = found[0] - wanted[0];
@@ -429,4 +229,39 @@ fn single_precision_stays_near_double() {
     println!("float: motor speed off by {rms:.4} rev/s rms, {largest:.4} at most, of {size:.2}");
     assert!(largest.is_finite() && size > 1.0);
     assert!(largest < 0.05 * size, "{largest} of {size} rev/s");
+}
+
+/// Largest share of a signal's size that a language may be off by whose functions are its own.
+const SHARE: f64 = 1e-6;
+
+/// Two seconds from when the valve opens on: engaging, rest and the beginning of a motion. The example `scheduled_lqr_targets` does
+/// a minute, from power-up on.
+#[test]
+fn structured_text_shows_what_rust_does() {
+    let model = cranes().0;
+    let (recording, _) = recorded(&plain(&model), 800, nothing, (From::Opening, 2000));
+    let found = in_structured_text(&mut structured_text(), &recording);
+    for (name, share) in shares_off(&found, &recording) {
+        assert!(share <= SHARE, "{name} is off by {share:e} of its size");
+    }
+}
+
+/// From power-up on, as an FMU knows no other beginning; FMI 2.0 has no arrays, and is tried on what comes before the release's end.
+#[test]
+fn an_fmu_shows_what_rust_does() {
+    let Ok(python) = std::env::var("HYDROBOOM_FMPY") else {
+        eprintln!("skipped: HYDROBOOM_FMPY names no Python with FMPy");
+        return;
+    };
+    let case = plain(&cranes().0);
+    for (version, periods) in [(Version::Two, 1000), (Version::Three, 7500)] {
+        let (recording, _) = recorded(&case, 800, nothing, (From::PowerUp, periods));
+        let moved = recording.stroke.iter().map(|[_, reference]| (reference - case.stroke).abs());
+        let moved = moved.fold(0.0, f64::max);
+        assert_eq!(moved > 0.05, version == Version::Three, "the reference moves by {moved} m");
+        let found = in_fmu(&python, version, &recording, &folder("fmu-scheduled-lqr"));
+        for (name, share) in shares_off(&found, &recording) {
+            assert!(share <= SHARE, "{version:?}: {name} is off by {share:e} of its size");
+        }
+    }
 }

@@ -115,13 +115,15 @@ HB_EXPORT int HB_NAME(fmi3Reset)(void *c)
 
 HB_EXPORT int HB_NAME(fmi3GetFloat64)(void *c, const uint32_t vr[], size_t count, double values[], size_t value_count)
 {
-    return HB_STATUS(hb_allowed(c, HB_READABLE, "fmi3GetFloat64") != 0 && count == value_count
+    return HB_STATUS(hb_allowed(c, HB_READABLE, "fmi3GetFloat64") != 0
+        && hb_numbers_of(vr, count) == value_count
         && hb_get(c, vr, count, values) != 0);
 }
 
 HB_EXPORT int HB_NAME(fmi3SetFloat64)(void *c, const uint32_t vr[], size_t count, const double values[], size_t value_count)
 {
-    return HB_STATUS(hb_allowed(c, HB_BEFORE_STEPS | HB_STEPPING, "fmi3SetFloat64") != 0 && count == value_count
+    return HB_STATUS(hb_allowed(c, HB_BEFORE_STEPS | HB_STEPPING, "fmi3SetFloat64") != 0
+        && hb_numbers_of(vr, count) == value_count
         && hb_set(c, vr, count, values) != 0);
 }
 

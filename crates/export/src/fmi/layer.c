@@ -12,8 +12,10 @@ enum {
 #define HB_READABLE (HB_INITIALIZING | HB_STEPPING | HB_FAILED | HB_TERMINATED)
 
 typedef struct {
+#if HB_PARAMETERS > 0
     HB_TYPE(parameters) p;
     HB_TYPE(prepared) c;
+#endif
     HB_TYPE(input) u;
     HB_TYPE(state) s;
     HB_TYPE(output) y;
@@ -44,6 +46,12 @@ typedef struct {
     double nominal;
 } hb_bounds;
 
+/* A variable that is an array: reference of its first number, and how many it has. */
+typedef struct {
+    unsigned first;
+    unsigned count;
+} hb_array;
+
 /* What the block does; at the end of this file. */
 static void hb_fill(hb_numbers *n);
 static void hb_prepare(hb_numbers *n);
@@ -68,6 +76,28 @@ static const hb_bounds hb_known_bounds[HB_KNOWN] = {
 HB_BOUNDS_OF_KNOWN
 };
 
+#if HB_ARRAYS > 0
+static const hb_array hb_arrays[HB_ARRAYS] = {
+HB_ROWS_OF_ARRAYS
+};
+#endif
+
+/* How many numbers a variable has. */
+static size_t hb_size(unsigned reference)
+{
+#if HB_ARRAYS > 0
+    unsigned k;
+    for (k = 0; k < HB_ARRAYS; k++) {
+        if (hb_arrays[k].first == reference) {
+            return hb_arrays[k].count;
+        }
+    }
+#else
+    (void)reference;
+#endif
+    return 1;
+}
+
 #if HB_RATES > 0
 /* Rates of change, then the slopes of rates and outputs, from what is known and a seed for each of that. */
 static void hb_slopes(const double given[], double seen[]);
@@ -84,21 +114,40 @@ static void hb_rates_and_slopes(const hb_numbers *n, const double seed[], double
 }
 #endif
 
+static int hb_is_parameter(unsigned reference)
+{
+#if HB_PARAMETERS > 0
+    return reference < HB_PARAMETERS;
+#else
+    (void)reference;
+    return 0;
+#endif
+}
+
+static int hb_is_input(unsigned reference)
+{
+    return !hb_is_parameter(reference) && reference < HB_PARAMETERS + HB_INPUTS;
+}
+
 /* Numbers by reference: parameters, inputs, states, outputs, one after the other. */
 static double *hb_place(hb_numbers *n, unsigned reference)
 {
+#if HB_PARAMETERS > 0
     if (reference < HB_PARAMETERS) {
         return (double *)&n->p + reference;
     }
     reference -= HB_PARAMETERS;
+#endif
     if (reference < HB_INPUTS) {
         return (double *)&n->u + reference;
     }
     reference -= HB_INPUTS;
+#if HB_STATES > 0
     if (reference < HB_STATES) {
         return (double *)&n->s + reference;
     }
     reference -= HB_STATES;
+#endif
     return (reference < HB_OUTPUTS) ? (double *)&n->y + reference : NULL;
 }
 
@@ -147,10 +196,14 @@ static int hb_allowed(hb_instance *i, int modes, const char *function)
 static unsigned hb_unusual(const hb_numbers *n)
 {
     unsigned count = 0;
+#if HB_PARAMETERS > 0
     size_t k;
     for (k = 0; k < sizeof n->c / sizeof(double); k++) {
         count += (hb_is_finite(((const double *)&n->c)[k]) != 0) ? 0u : 1u;
     }
+#else
+    (void)n;
+#endif
     return count;
 }
 
@@ -246,10 +299,22 @@ static void hb_begin(hb_numbers *n)
     hb_show(n);
 }
 
-/* Numbers read; 0 where one is not there. */
+/* How many numbers some variables have together. */
+static size_t hb_numbers_of(const unsigned references[], size_t count)
+{
+    size_t all = 0;
+    size_t k;
+    for (k = 0; references != NULL && k < count; k++) {
+        all += hb_size(references[k]);
+    }
+    return all;
+}
+
+/* Numbers read, those of an array one after the other; 0 where one is not there. */
 static int hb_get(hb_instance *i, const unsigned references[], size_t count, double values[])
 {
     size_t k;
+    size_t at = 0;
 #if HB_RATES > 0
     double seen[HB_SEEN];
     int has_seen = 0;
@@ -280,7 +345,8 @@ static int hb_get(hb_instance *i, const unsigned references[], size_t count, dou
             hb_say(i, HB_ERROR, "there is no variable with this value reference");
             return 0;
         }
-        values[k] = *place;
+        memcpy(values + at, place, hb_size(references[k]) * sizeof(double));
+        at += hb_size(references[k]);
     }
     return 1;
 }
@@ -295,9 +361,9 @@ static int hb_settable(hb_instance *i, unsigned reference, double value)
         return 0;
     }
     of = &hb_known_bounds[reference];
-    if (reference >= HB_PARAMETERS + HB_INPUTS && (i->now.mode & HB_BEFORE_STEPS) == 0) {
+    if (!hb_is_parameter(reference) && !hb_is_input(reference) && (i->now.mode & HB_BEFORE_STEPS) == 0) {
         snprintf(text, sizeof text, "%s can be set before and in initialization mode only", of->name);
-    } else if (HB_FRAMED && reference >= HB_PARAMETERS && reference < HB_PARAMETERS + HB_INPUTS) {
+    } else if (HB_FRAMED && hb_is_input(reference)) {
         /* the frame around the controller judges what it is given, and tells by its status */
         return 1;
     } else if (!hb_is_finite(value)) {
@@ -330,28 +396,35 @@ static int hb_set(hb_instance *i, const unsigned references[], size_t count, con
 {
     hb_numbers *n = &i->now;
     const int is_before = (n->mode & HB_BEFORE_STEPS) != 0;
+    size_t at = 0;
     size_t k;
+    size_t entry;
     if (count > 0 && (references == NULL || values == NULL)) {
         hb_say(i, HB_ERROR, "there is no place to read from");
         return 0;
     }
     for (k = 0; k < count; k++) {
-        if (hb_settable(i, references[k], values[k]) == 0) {
-            return 0;
+        for (entry = hb_size(references[k]); entry > 0; entry--) {
+            if (hb_settable(i, references[k], values[at++]) == 0) {
+                return 0;
+            }
         }
     }
+    at = 0;
     for (k = 0; k < count; k++) {
         double *place = hb_place(n, references[k]);
-        const int is_changed = *place != values[k];
-        *place = values[k];
-        if (is_changed == 0 || (references[k] >= HB_PARAMETERS && references[k] < HB_PARAMETERS + HB_INPUTS)) {
+        const double value = values[at];
+        const int is_changed = *place != value;
+        memcpy(place, values + at, hb_size(references[k]) * sizeof(double));
+        at += hb_size(references[k]);
+        if (is_changed == 0 || hb_is_input(references[k])) {
             continue;
         }
         n->is_prepared = 0;
-        if (references[k] < HB_PARAMETERS) {
+        if (hb_is_parameter(references[k])) {
             n->has_own_crane |= is_before;
         } else {
-            n->has_own_state |= hb_is_own(references[k] - HB_PARAMETERS - HB_INPUTS, values[k]);
+            n->has_own_state |= hb_is_own(references[k] - HB_PARAMETERS - HB_INPUTS, value);
         }
         /* another crane rests elsewhere; the user's own state is kept, whatever the crane */
         n->is_balanced = !is_before || !n->has_own_crane || n->has_own_state;
@@ -403,7 +476,7 @@ static int hb_advance(hb_instance *i, double time, double length)
     hb_show(n);
     n->time = time + length;
     n->left = left;
-    for (k = 0; k < HB_STATES; k++) {
+    for (k = 0; k < sizeof n->s / sizeof(double); k++) {
         if (!hb_is_finite(((double *)&n->s)[k])) {
             n->mode = HB_FAILED;
             hb_say(i, HB_ERROR, "the simulation diverged: a state is no number any more; the step is too long, or an input impossible");

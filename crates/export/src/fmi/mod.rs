@@ -11,6 +11,7 @@ use crate::c::{Precision, files};
 use crate::crane::SEGMENTS;
 use crate::error::ExportError;
 use crate::plan::Plan;
+use crate::statement::{entry, grouped};
 use bounds::Bounds;
 use hydroboom_description::{BuildError, Description};
 use std::fmt::Write;
@@ -38,9 +39,13 @@ pub struct Unit {
     functions: Vec<String>,
 }
 
-/// A variable of an FMU; its place is its value reference.
+/// A variable of an FMU.
 struct Row<'a> {
     name: String,
+    /// Value reference: how many numbers stand before it.
+    reference: usize,
+    /// How many numbers it has: one, or those of an array, which FMI 3.0 knows.
+    count: usize,
     causality: &'static str,
     variability: &'static str,
     initial: Option<&'static str>,
@@ -52,11 +57,12 @@ struct Row<'a> {
 
 impl Row<'_> {
     /// Attributes that both versions have, in the order of the standard.
-    fn attributes(&self, reference: usize) -> String {
+    fn attributes(&self) -> String {
         let initial = self.initial.map_or(String::new(), |i| format!(" initial=\"{i}\""));
         format!(
-            "name=\"{}\" valueReference=\"{reference}\" description=\"{}\" causality=\"{}\" variability=\"{}\"{initial}",
+            "name=\"{}\" valueReference=\"{}\" description=\"{}\" causality=\"{}\" variability=\"{}\"{initial}",
             escaped(&self.name),
+            self.reference,
             escaped(&self.variable.meaning),
             self.causality,
             self.variability
@@ -81,7 +87,10 @@ impl Row<'_> {
         }
         match self.initial {
             Some("calculated") => text,
-            _ => format!("{text} start=\"{:?}\"", self.variable.initial),
+            _ => {
+                let start = vec![format!("{:?}", self.variable.initial); self.count];
+                format!("{text} start=\"{}\"", start.join(" "))
+            }
         }
     }
 }
@@ -160,6 +169,8 @@ pub fn unit(
     let states: Vec<&Variable> = block.states.iter().map(|(v, _)| v).collect();
     let row = |causality, variability, initial, name: String, variable, bounds| Row {
         name,
+        reference: 0,
+        count: 1,
         causality,
         variability,
         initial,
@@ -174,15 +185,30 @@ pub fn unit(
             .iter()
             .map(|v| row("parameter", tunable, exact, v.name.clone(), *v, bounds::of_parameter(v))),
     );
-    rows.extend(inputs.iter().map(|v| {
+    for (table, range) in grouped(inputs.iter().map(|v| v.name.as_str())) {
+        let v = inputs[range.start];
         let bounds = bounds::of_input(v, longest_step);
-        match v.name == "step" {
-            true => row("parameter", tunable, exact, v.name.clone(), *v, bounds),
-            false => row("input", continuous, None, v.name.clone(), *v, bounds),
+        let input = |name: String| row("input", continuous, None, name, v, bounds);
+        match (table, version) {
+            (None, _) if v.name == "step" => {
+                rows.push(row("parameter", tunable, exact, v.name.clone(), v, bounds));
+            }
+            (None, _) => rows.push(input(v.name.clone())),
+            (Some(table), Version::Three) => {
+                rows.push(Row { count: range.len(), ..input(table) });
+            }
+            // this version has no arrays: structured names, whose places are counted from one
+            (Some(table), Version::Two) => {
+                rows.extend((1..=range.len()).map(|k| input(format!("{table}[{k}]"))));
+            }
         }
-    }));
-    // a state may have the name of an output
-    rows.extend(states.iter().map(|v| {
+    }
+    // a state may have the name of an output; those of an estimator are nobody's business
+    let states_shown = match states.iter().any(|v| entry(&v.name).is_some()) {
+        true => &[],
+        false => states.as_slice(),
+    };
+    rows.extend(states_shown.iter().map(|v| {
         row("local", continuous, exact, format!("state_{}", v.name), *v, bounds::of_state(v))
     }));
     let known = rows.len();
@@ -201,19 +227,27 @@ pub fn unit(
             Row { rate_of, ..row("local", continuous, calculated, v.name.clone(), v, bounds) }
         },
     ));
+    let mut reference = 0;
+    for row in &mut rows {
+        row.reference = reference;
+        reference += row.count;
+    }
 
     let all: Vec<Block> = [Some(block), slopes].into_iter().flatten().cloned().collect();
     let code = files(&all, "hydroboom", Precision::Double)?;
     let identifier = format!("hydroboom_{}", block.name);
     let token = token(&identifier, &code.source);
-    let counts = [parameters.len(), inputs.len(), states.len(), block.outputs.len()];
-    let [before, after] = glue(block, slopes, counts, &inputs, &token);
+    let counts = [parameters.len(), inputs.len(), states_shown.len(), block.outputs.len()];
+    let arrays = rows.iter().filter(|row| row.count > 1).count();
+    let [before, after] = glue(block, slopes, counts, arrays, &inputs, &token);
     let after = after + &impossible(&parameters) + &balanced(block, &parameters);
     let functions = match version {
         Version::Two => include_str!("fmi2.c"),
         Version::Three => include_str!("fmi3.c"),
     };
-    let layer = include_str!("layer.c").replace("HB_BOUNDS_OF_KNOWN\n", &bounds_of(&rows[..known]));
+    let layer = include_str!("layer.c")
+        .replace("HB_BOUNDS_OF_KNOWN\n", &bounds_of(&rows[..known]))
+        .replace("HB_ROWS_OF_ARRAYS\n", &arrays_of(&rows));
     let source = functions.replace("HB_LAYER\n", &format!("{before}\n{layer}"));
     let source =
         source.replacen("#include <math.h>", "#include \"hydroboom.h\"\n#include <math.h>", 1)
@@ -277,11 +311,13 @@ struct About<'a> {
 impl About<'_> {
     fn description_2(&self, rows: &[Row<'_>]) -> String {
         let Self { identifier, token, title, step, .. } = self;
+        let has_entries = rows.iter().any(|row| row.name.ends_with(']'));
+        let naming = if has_entries { "structured" } else { "flat" };
         // it takes any whole number of its own steps, which this version has no word for: a master that varies its steps would
         // not find those
         let mut text = format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"{identifier}\" guid=\"{token}\" \
-             description=\"{}\" generationTool=\"{}\" variableNamingConvention=\"flat\" numberOfEventIndicators=\"0\">\n  \
+             description=\"{}\" generationTool=\"{}\" variableNamingConvention=\"{naming}\" numberOfEventIndicators=\"0\">\n  \
              <CoSimulation modelIdentifier=\"{identifier}\" canHandleVariableCommunicationStepSize=\"false\" \
              canBeInstantiatedOnlyOncePerProcess=\"false\" canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\" \
              canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"{}\">\n    <SourceFiles>\n      <File name=\"hydroboom.c\"/>\n      \
@@ -292,10 +328,10 @@ impl About<'_> {
             rates(rows).next().is_some(),
             units_and_categories(rows)
         );
-        for (reference, row) in rows.iter().enumerate() {
+        for row in rows {
             // an index counts from one
             let rate = row.rate_of.map_or(String::new(), |k| format!(" derivative=\"{}\"", k + 1));
-            let (attributes, values) = (row.attributes(reference), row.values());
+            let (attributes, values) = (row.attributes(), row.values());
             let _ = writeln!(
                 text,
                 "    <ScalarVariable {attributes}><Real{rate}{values}/></ScalarVariable>"
@@ -327,18 +363,25 @@ impl About<'_> {
             rates(rows).next().is_some(),
             units_and_categories(rows)
         );
-        for (reference, row) in rows.iter().enumerate() {
+        for row in rows {
             let rate = row.rate_of.map_or(String::new(), |k| format!(" derivative=\"{k}\""));
-            let (attributes, values) = (row.attributes(reference), row.values());
-            let _ = writeln!(text, "    <Float64 {attributes}{rate}{values}/>");
+            let (attributes, values) = (row.attributes(), row.values());
+            let _ = match row.count {
+                1 => writeln!(text, "    <Float64 {attributes}{rate}{values}/>"),
+                count => writeln!(
+                    text,
+                    "    <Float64 {attributes}{rate}{values}><Dimension start=\"{count}\"/></Float64>"
+                ),
+            };
         }
         let _ = writeln!(
             text,
             "    <Float64 name=\"time\" valueReference=\"{}\" description=\"Time\" causality=\"independent\" variability=\"continuous\" unit=\"s\"/>",
-            rows.len()
+            rows.iter().map(|row| row.count).sum::<usize>()
         );
         text += "  </ModelVariables>\n  <ModelStructure>\n";
-        let mut list = |kind: &str, reference: usize| {
+        let mut list = |kind: &str, place: usize| {
+            let reference = rows[place].reference;
             let _ = writeln!(text, "    <{kind} valueReference=\"{reference}\"/>");
         };
         outputs(rows).for_each(|k| list("Output", k));
@@ -388,7 +431,13 @@ fn bounds_of(rows: &[Row<'_>]) -> String {
         let (low, high) = (low.unwrap_or(-f64::MAX), high.unwrap_or(f64::MAX));
         format!("    {{ \"{}\", {low:?}, {high:?}, {nominal:?} }},\n", row.name)
     };
-    rows.iter().map(of).collect()
+    rows.iter().flat_map(|row| std::iter::repeat_n(row, row.count)).map(of).collect()
+}
+
+/// The variables that are arrays, as a table in C.
+fn arrays_of(rows: &[Row<'_>]) -> String {
+    let arrays = rows.iter().filter(|row| row.count > 1);
+    arrays.map(|row| format!("    {{ {}u, {}u }},\n", row.reference, row.count)).collect()
 }
 
 /// Pairs of parameters of which the first has to be below the second, or not above it, and what is wrong otherwise: the machines
@@ -523,6 +572,7 @@ fn glue(
     block: &Block,
     slopes: Option<&Block>,
     counts: [usize; 4],
+    arrays: usize,
     inputs: &[&Variable],
     token: &str,
 ) -> [String; 2] {
@@ -533,10 +583,11 @@ fn glue(
     let framed = u8::from(block.period.is_some());
     let before = format!(
         "#define HB_TOKEN \"{token}\"\n#define HB_PARAMETERS {parameters}u\n#define HB_INPUTS {given}u\n#define HB_STATES {states}u\n\
-         #define HB_OUTPUTS {outputs}u\n#define HB_RATES {rates}u\n#define HB_BALANCES {balances}\n#define HB_FRAMED {framed}\n#define HB_TYPE(part) {prefix}_##part\n"
+         #define HB_OUTPUTS {outputs}u\n#define HB_RATES {rates}u\n#define HB_BALANCES {balances}\n#define HB_FRAMED {framed}\n#define HB_ARRAYS {arrays}\n#define HB_TYPE(part) {prefix}_##part\n"
     );
     let mut fill = String::new();
-    for v in inputs {
+    // what is not filled is zero
+    for v in inputs.iter().filter(|v| v.initial != 0.0) {
         let _ = writeln!(fill, "    n->u.{} = {:?};", v.name, v.initial);
     }
     let (one, show, period) = match block.period {
@@ -546,7 +597,8 @@ fn glue(
             "n->u.step".to_string(),
         ),
         Some(ControlPeriod { length, steps }) => {
-            let mut one = format!("    {prefix}_update(&n->c, &n->s, &n->u, &n->y);");
+            let prepared = if parameters > 0 { "&n->c, " } else { "" };
+            let mut one = format!("    {prefix}_update({prepared}&n->s, &n->u, &n->y);");
             if steps > 0 {
                 one += &format!(
                     "\n    {{\n        int steps = {steps};\n        while (steps-- > 0) {{\n            \
@@ -556,9 +608,16 @@ fn glue(
             (one, "    (void)n;".to_string(), format!("{length:?}"))
         }
     };
+    let (describe, prepare) = match parameters {
+        0 => (String::new(), "    (void)n;".to_string()),
+        _ => (
+            format!("    {prefix}_describe(&n->p);\n"),
+            format!("    {prefix}_prepare(&n->p, &n->c);"),
+        ),
+    };
     let after = format!(
-        "\n/* ---- the block ---- */\n\nstatic void hb_fill(hb_numbers *n)\n{{\n    {prefix}_describe(&n->p);\n    {prefix}_start(&n->s);\n\
-         {fill}}}\n\nstatic void hb_prepare(hb_numbers *n)\n{{\n    {prefix}_prepare(&n->p, &n->c);\n}}\n\n\
+        "\n/* ---- the block ---- */\n\nstatic void hb_fill(hb_numbers *n)\n{{\n{describe}    {prefix}_start(&n->s);\n\
+         {fill}}}\n\nstatic void hb_prepare(hb_numbers *n)\n{{\n{prepare}\n}}\n\n\
          static void hb_one(hb_numbers *n)\n{{\n{one}\n}}\n\nstatic void hb_show(hb_numbers *n)\n{{\n{show}\n}}\n\n\
          static double hb_period(const hb_numbers *n)\n{{\n    (void)n;\n    return {period};\n}}\n\n\
          static double hb_inner(const hb_numbers *n)\n{{\n    (void)n;\n    return 1.0;\n}}\n"

@@ -1,12 +1,13 @@
 //! IEC 61131-3 Structured Text: a function block for each block.
 //!
 //! A block begins at its start values at its first call and whenever `bReset` is set, and works out anew what follows from its
-//! parameters whenever `bPrepare` is. Straight lines of assignments to `LREAL`s: no arrays, no loops, no calls but of the standard's
-//! functions, comments in `(* *)`. A fused product is written as product and sum, and functions are the controller's own: the last
-//! digits may differ from Rust's.
+//! parameters whenever `bPrepare` is. Assignments to `LREAL`s, with no calls but of the standard's functions and comments in `(* *)`;
+//! arrays and `FOR` loops only in a block that was recorded with them, the scheduled LQR. A fused product is written as product and
+//! sum, and functions are the controller's own: the last digits may differ from Rust's.
 
 mod bench;
 mod composed;
+mod lines;
 pub mod plcopen;
 mod replays;
 pub mod twincat;
@@ -15,17 +16,20 @@ mod unit;
 pub use unit::{Declared, Form, Kind, Section, Task, Unit};
 
 use crate::block::{Block, Target, Variable};
-use crate::controller::{controller, simulation_feedforward_controller};
+use crate::controller::{controller, scheduled_lqr_controller, simulation_feedforward_controller};
 use crate::crane::blocks;
 use crate::error::ExportError;
 use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
 use crate::statement::{
-    Binding, Dialect, Source, Statement, Text, arithmetic, broken, call, clear_infix, statements,
+    Binding, Dialect, Run, Source, Text, arithmetic, broken, call, clear_infix, grouped, runs,
+    statements,
 };
 use hydroboom_description::Description;
+use lines::{COUNTER, Lines, array, copied, filled};
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Widest line.
 const WIDTH: usize = 110;
@@ -179,6 +183,11 @@ pub fn edge_name(name: &str) -> String {
     })
 }
 
+/// Name of an input or output that is on or off.
+pub fn switch_name(name: &str) -> String {
+    format!("b{}", camel(name))
+}
+
 /// Unit of what is on or off, and of a status: at a block's edge they are `BOOL` and `DINT`.
 const SWITCH: &str = "0/1";
 const STATUS: &str = "code";
@@ -215,25 +224,30 @@ fn declared(section: Section, name: &str, initial: Option<f64>, v: &Variable) ->
 pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     let plan = Plan::of(block)?;
     let graph = &*block.graph;
-    let is_loop = |node: &Node| matches!(graph.op(*node), Op::Loop(_) | Op::Table(_));
-    if plan.entries.iter().flatten().any(is_loop) {
-        return Err(ExportError::Loops { block: block.name.clone() });
-    }
     if let Some(value) = strange(graph, &plan) {
         return Err(ExportError::Constant { block: block.name.clone(), value });
     }
     let reserved: Vec<&str> = RESERVED.split_whitespace().collect();
     let mut names = Names::new(&reserved);
-    for own in ["bReset", "bPrepare", "bReady"] {
+    for own in ["bReset", "bPrepare", "bReady", COUNTER] {
         names.free(own);
     }
     let mut named = |variables: &[Variable], beginning: &str| -> Vec<String> {
-        let of = |v: &Variable| match beginning {
-            "" if v.unit == SWITCH => names.free(&format!("b{}", camel(&v.name))),
-            "" => names.free(&edge_name(&v.name)),
-            _ => names.free(&format!("{beginning}{}", camel(&edge_name(&v.name)))),
+        let mut of = |name: &str, unit: &str| match beginning {
+            "" if unit == SWITCH => names.free(&switch_name(name)),
+            "" => names.free(&edge_name(name)),
+            _ => names.free(&format!("{beginning}{}", camel(&edge_name(name)))),
         };
-        variables.iter().map(of).collect()
+        let mut all = Vec::new();
+        for (table, range) in grouped(variables.iter().map(|v| v.name.as_str())) {
+            let v = &variables[range.start];
+            let name = of(table.as_deref().unwrap_or(&v.name), &v.unit);
+            match table {
+                Some(_) => all.extend((0..range.len()).map(|k| format!("{name}[{k}]"))),
+                None => all.push(name),
+            }
+        }
+        all
     };
     let of = |all: &[(Variable, Node)]| -> Vec<Variable> {
         all.iter().map(|(v, _)| v.clone()).collect()
@@ -261,20 +275,9 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         given: &given,
         labels: &labels,
     };
-    let mut locals: Vec<(String, bool)> = Vec::new();
-    let mut lines = |said: &[Statement], names: &mut String, depth: usize| {
-        for statement in said {
-            let Statement::Value { node, name, text, comment: why } = statement else { continue };
-            if let Some(why) = why {
-                *names += &line(&format!("(* {} *)", comment(why)), depth);
-            }
-            locals.push((name.clone(), graph.op(*node).is_condition()));
-            *names += &line(&format!("{name} := {text};"), depth);
-        }
-    };
+    let mut lines = Lines::new(graph);
     let (said, results) = statements(&from, &StructuredText, &mut names);
-    let mut preparing = String::new();
-    lines(&said, &mut preparing, 1);
+    let mut preparing = lines.statements(&said, &mut names, 1);
     let mut kept = Vec::new();
     for (node, text) in plan.prepared.iter().zip(&results) {
         // a parameter is there already
@@ -310,25 +313,40 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         .iter()
         .map(|(node, (name, comment))| (*node, (edge_name(name), comment.clone())))
         .collect();
-    let mut nexts = Vec::new();
     let mut working = String::new();
     for (entry, order) in block.entries.iter().zip(&plan.entries) {
         let wanted: Vec<Node> = entry.results.iter().map(|(_, node)| *node).collect();
         let from = Source { graph, order, results: &wanted, given: &given, labels: &labels };
         let (said, results) = statements(&from, &StructuredText, &mut names);
-        lines(&said, &mut working, 0);
+        working += &lines.statements(&said, &mut names, 0);
+        // all states move at once: none is changed before the last is known
         let mut last = String::new();
-        for ((target, _), text) in entry.results.iter().zip(&results) {
-            match target {
-                Target::State(k) => {
+        let name_of = |target: &Target| match target {
+            Target::State(k) => state_names[*k].as_str(),
+            Target::Output(k) => output_names[*k].as_str(),
+        };
+        for (table, range) in grouped(entry.results.iter().map(|(target, _)| name_of(target))) {
+            let (target, text) = (entry.results[range.start].0, &results[range.start]);
+            match (table, target) {
+                (Some(table), _) => {
+                    let runs = runs(results[range.clone()].iter().map(|text| text.text.as_str()));
+                    let stays = |run: &Run| matches!(run, Run::Copied { table: of, first: 0, .. } if *of == table);
+                    if runs.len() == 1 && runs.iter().all(stays) {
+                        continue;
+                    }
+                    let next = names.numbered("next");
+                    working += &lines.table(&next, &runs, 0);
+                    last += &copied(&table, &next, range.len(), 0);
+                }
+                (None, Target::State(k)) => {
                     let next = names.numbered("next");
                     working += &line(&format!("{next} := {};", text.text), 0);
-                    last += &line(&format!("{} := {next};", state_names[*k]), 0);
-                    nexts.push(next);
+                    last += &line(&format!("{} := {next};", state_names[k]), 0);
+                    lines.local(&next, "LREAL");
                 }
-                Target::Output(k) => {
-                    let name = &output_names[*k];
-                    let text = match edge_kind(&block.outputs[*k]) {
+                (None, Target::Output(k)) => {
+                    let name = &output_names[k];
+                    let text = match edge_kind(&block.outputs[k]) {
                         "BOOL" => format!("0.5E0 < {}", text.inside(Binding::Sum)),
                         "DINT" => format!("LREAL_TO_DINT({})", text.text),
                         _ => text.text.clone(),
@@ -339,37 +357,55 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         }
         working += &last;
     }
-    let starting: String = states
-        .iter()
-        .zip(&state_names)
-        .map(|(v, name)| line(&format!("{name} := {};", literal(v.initial)), 1))
-        .collect();
+    let mut starting = String::new();
+    for (table, range) in grouped(state_names.iter().map(String::as_str)) {
+        let initial = states[range.start].initial;
+        match table {
+            Some(table) if states[range.clone()].iter().all(|v| v.initial == initial) => {
+                starting += &filled(&table, range.len(), initial, 1);
+            }
+            _ => {
+                for k in range {
+                    let (name, value) = (&state_names[k], literal(states[k].initial));
+                    starting += &line(&format!("{name} := {value};"), 1);
+                }
+            }
+        }
+    }
 
     let mut variables = vec![
         Declared::new(Section::Input, "bReset", "BOOL", None, "Begin again at the start values"),
         Declared::new(Section::Input, "bPrepare", "BOOL", None, "A parameter was changed"),
     ];
-    let inputs = inputs.iter().zip(&input_names);
-    variables.extend(inputs.map(|(v, name)| edge(Section::Input, name, Some(v.initial), v)));
-    let outputs = block.outputs.iter().zip(&output_names);
-    variables.extend(outputs.map(|(v, name)| edge(Section::Output, name, None, v)));
+    let tabled = |names: &[String], one: &dyn Fn(usize, &str) -> Declared| -> Vec<Declared> {
+        let of = |(table, range): (Option<String>, Range<usize>)| match table {
+            None => one(range.start, &names[range.start]),
+            Some(table) => {
+                Declared { kind: array(range.len()), initial: None, ..one(range.start, &table) }
+            }
+        };
+        grouped(names.iter().map(String::as_str)).into_iter().map(of).collect()
+    };
+    variables.extend(tabled(&input_names, &|k, name| {
+        edge(Section::Input, name, Some(inputs[k].initial), &inputs[k])
+    }));
+    variables.extend(tabled(&output_names, &|k, name| {
+        edge(Section::Output, name, None, &block.outputs[k])
+    }));
     variables.push(Declared::new(Section::Local, "bReady", "BOOL", None, ""));
-    let states = states.iter().zip(&state_names);
-    variables.extend(states.map(|(v, name)| declared(Section::Local, name, Some(v.initial), v)));
+    variables.extend(tabled(&state_names, &|k, name| {
+        declared(Section::Local, name, Some(states[k].initial), &states[k])
+    }));
     let parameters = parameters.iter().zip(&parameter_names);
     variables.extend(
         parameters.map(|((v, _), name)| declared(Section::Local, name, Some(v.initial), v)),
     );
     variables.extend(kept.iter().map(|(name, v)| declared(Section::Local, name, None, v)));
-    locals.extend(nexts.into_iter().map(|name| (name, false)));
-    variables.extend(locals.iter().map(|(name, is_condition)| {
-        let kind = if *is_condition { "BOOL" } else { "LREAL" };
-        Declared::new(Section::Local, name, kind, None, "")
-    }));
     let body = format!(
         "IF bPrepare OR bReset OR NOT bReady THEN\n    (* what follows from the parameters *)\n{preparing}END_IF;\n\
          IF bReset OR NOT bReady THEN\n    (* the state to start from *)\n{starting}    bReady := TRUE;\nEND_IF;\n\n{working}"
     );
+    variables.extend(lines.declared(&body));
     Ok(Unit {
         kind: Kind::FunctionBlock,
         name: block_name(block),
@@ -402,6 +438,7 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     all.extend([benchmark.clone(), feedforward.clone()]);
     let step = literal(n.simulation_period);
     all.push(composed::simulation_feedforward(&feedforward, steps, &step));
+    all.push(function_block(&scheduled_lqr_controller(description)?)?);
     all.push(composed::control_task(&benchmark));
     all.extend([bench::comparison(), bench::test_bench(&replays::replays(description)?)]);
     // last, since it names the programs: some tools know only what they have read

@@ -47,7 +47,8 @@ impl Library {
     pub fn instance(&self, name: &str) -> Instance {
         let unit = self.0.get(&name.to_uppercase()).unwrap_or_else(|| panic!("no unit {name}"));
         let mut memory = Memory::new();
-        for variable in unit.var_blocks.iter().flat_map(|block| &block.vars) {
+        let blocks = &unit.var_blocks;
+        for (block, variable) in blocks.iter().flat_map(|b| b.vars.iter().map(move |v| (b, v))) {
             let TypeKind::Simple(kind) = &variable.var_type.kind else {
                 let TypeKind::Array { ranges, .. } = &variable.var_type.kind else {
                     panic!("{variable:?}")
@@ -55,7 +56,10 @@ impl Library {
                 let Value::Integer(last) = evaluated(&ranges[0].high, &memory) else {
                     panic!("{ranges:?}")
                 };
-                let list = vec![f64::NAN; last as usize + 1];
+                // a local entry has to be set before it is read, although a PLC begins with zeros
+                let is_given = block.kind == VarBlockKind::VarInput;
+                let value = if is_given { 0.0 } else { f64::NAN };
+                let list = vec![value; last as usize + 1];
                 memory.insert(variable.name.to_uppercase(), Value::List(list));
                 continue;
             };
@@ -201,6 +205,13 @@ fn executed(statements: &[Stmt], memory: &mut Memory) {
                     other => panic!("{other:?}"),
                 }
             }
+            StmtKind::For { var, from, to, by: None, body } => {
+                let [from, to] = [from, to].map(|e| integer(e, memory));
+                for k in from..=to {
+                    assign(memory, var, Value::Integer(k));
+                    executed(body, memory);
+                }
+            }
             StmtKind::If { condition, then_body, elsif_branches, else_body } => {
                 assert!(elsif_branches.is_empty() && else_body.is_none());
                 if truth(condition, memory) {
@@ -234,6 +245,13 @@ fn number(e: &Expr, memory: &Memory) -> f64 {
     match evaluated(e, memory) {
         Value::Number(v) => v,
         other => panic!("a number is expected and not {other:?}: {e:?}"),
+    }
+}
+
+fn integer(e: &Expr, memory: &Memory) -> i64 {
+    match evaluated(e, memory) {
+        Value::Integer(v) => v,
+        other => panic!("a whole number is expected and not {other:?}: {e:?}"),
     }
 }
 
@@ -298,6 +316,12 @@ fn evaluated(e: &Expr, memory: &Memory) -> Value {
             let arguments: Vec<&Expr> = args.iter().map(|a| a.value.as_ref().unwrap()).collect();
             let of = |k: usize| number(arguments[k], memory);
             let off = 1.0 + LAST_DIGIT.get();
+            if let (true, [low, value, high]) =
+                (name.eq_ignore_ascii_case("LIMIT"), arguments.as_slice())
+                && let Value::Integer(low) = evaluated(low, memory)
+            {
+                return Value::Integer(integer(value, memory).max(low).min(integer(high, memory)));
+            }
             if name.eq_ignore_ascii_case("LREAL_TO_DINT") {
                 return Value::Integer(of(0).round_ties_even() as i64);
             }

@@ -5,7 +5,9 @@ use crate::crane_file::CraneFile;
 use crate::output;
 use clap::{Args, ValueEnum};
 use hydroboom_export::fmi::{System, Version, archive, binary, twincat_settings, unit};
-use hydroboom_export::{controller, crane_model, simulation_feedforward, slopes};
+use hydroboom_export::{
+    controller, crane_model, scheduled_lqr_controller, simulation_feedforward, slopes,
+};
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -22,6 +24,8 @@ enum What {
     Controller,
     /// The same with the crane that it simulates, whose motor speed is the feedforward.
     SimulationFeedforward,
+    /// The scheduled LQR with its state estimator: the reference as far ahead as it is known, too.
+    ScheduledLqr,
     /// Refused: it is exported no more.
     #[value(hide = true)]
     ModelFollowing,
@@ -72,8 +76,9 @@ impl Fmu {
             What::SimulationFeedforward => {
                 (simulation_feedforward(&crane).into_diagnostic()?, None)
             }
+            What::ScheduledLqr => (scheduled_lqr_controller(&crane).into_diagnostic()?, None),
             What::ModelFollowing => miette::bail!(
-                "--what model-following: model following has been replaced by scheduled-lqr, which `hydroboom export c` writes; today --what is one of {}",
+                "--what model-following: model following has been replaced by scheduled-lqr; today --what is one of {}",
                 What::exported()
             ),
             What::Model | What::Plant => {

@@ -4,11 +4,13 @@ use super::{File, written};
 use crate::crane_file::CraneFile;
 use clap::Args;
 use hydroboom_export::structured_text::{plcopen, twincat, units};
-use hydroboom_export::{blocks, controller, simulation_feedforward_controller};
+use hydroboom_export::{
+    blocks, controller, scheduled_lqr_controller, simulation_feedforward_controller,
+};
 use miette::{IntoDiagnostic, Result};
 use std::path::PathBuf;
 
-/// IEC 61131-3 Structured Text: function blocks of hydraulics, boom, controller and the simulation that steers, with two
+/// IEC 61131-3 Structured Text: function blocks of hydraulics, boom, the controllers (benchmark, simulation feedforward, scheduled LQR) and the simulation that steers, with two
 /// tasks; plain text, TwinCAT 3 files, and one PLCopen XML.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
@@ -42,6 +44,7 @@ impl St {
             boom,
             controller(&crane).into_diagnostic()?,
             simulation_feedforward_controller(&crane).into_diagnostic()?,
+            scheduled_lqr_controller(&crane).into_diagnostic()?,
         ];
         written(&self.out, &files, &recorded, self.json)
     }
