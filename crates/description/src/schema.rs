@@ -263,6 +263,7 @@ tuning {
     estimator_free_slew: "estimator" "free_slew_percent" ["%" = PERCENT] 1.0..=100.0 or 80.0, "Change of the motor's speed up to which its lag is identified, of the slew limit";
     estimator_speed_noise: "estimator" "speed_noise_rpm" ["rpm" = RPM] 0.01..=1000.0 or 12.0, "Noise of the motor speed that is read, and of what a first-order lag leaves out of the drive";
     estimator_mass_deviation: "estimator" "mass_deviation_percent" ["%" = PERCENT] 0.0..=100.0 or 5.0, "Standard deviation of the equivalent mass about that of the model; considered, not estimated: base and modes that the reduced model leaves out; estimate";
+    estimator_payload_position: "estimator" "payload_position_deviation_mm" ["mm" = MM] 0.0..=1e4 or 60.0, "Standard deviation of the load's centre of mass along the boom about payload.x_mm; considered, not estimated: pressure shows the load's moment, not its mass; a load within 0.1 m to either side, estimate";
     estimator_sensor_lag: "estimator" "sensor_lag_deviation_ms" ["ms" = MS] 0.0..=100.0 or 0.1, "Standard deviation of the position sensor's lag about that of its data sheet; considered, not estimated: a typical bandwidth is not known better";
 
     lqr_position: "scheduled_lqr" "position_tolerance_mm" ["mm" = MM] 1e-3..=1000.0 or 1.0, "Position error that costs one (Bryson); only ratios of the three tolerances count";

@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut state = estimator.start(&input(0));
     (1..readings).for_each(|k| estimator.update(&mut state, &input(k), motor_speed[k]));
 
-    let (estimate, deviation) = (state.filter.estimate, state.filter.deviation());
+    let (estimate, deviation) = (state.filter.estimate, estimator.filter.deviation(&state.filter));
     println!("payload {:.0} kg ± {:.0}", estimate.payload, 2.0 * deviation.payload);
     println!(
         "unknown flow {:.2} rev/s ± {:.2}",

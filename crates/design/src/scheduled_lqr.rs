@@ -72,12 +72,16 @@ pub fn state_estimator(
         transition_pressure: tuning.estimator_lowest_transition,
         ..largest.map(|value| -value)
     };
+    // a value that stands to one side of its range is off by more than the range's own deviation
+    let about =
+        |value: f64, low: f64, high: f64| deviation(low, high).hypot(0.5 * (low + high) - value);
     let considered = ConsideredParameters {
-        coulomb: deviation(range.low.coulomb, range.high.coulomb) / model.piston_area,
-        viscous: deviation(range.low.viscous, range.high.viscous) / model.piston_area,
+        coulomb: about(n.coulomb, range.low.coulomb, range.high.coulomb) / model.piston_area,
+        viscous: about(n.viscous, range.low.viscous, range.high.viscous) / model.piston_area,
         displacement: model.displacement
-            * (deviation(range.low.displacement, range.high.displacement) / n.displacement)
-                .hypot(deviation(range.low.flow_gain, range.high.flow_gain) / n.flow_gain),
+            * (about(n.displacement, range.low.displacement, range.high.displacement)
+                / n.displacement)
+                .hypot(about(n.flow_gain, range.low.flow_gain, range.high.flow_gain) / n.flow_gain),
         equivalent_mass: tuning.estimator_mass_deviation,
         sensor_lag: tuning.estimator_sensor_lag,
     };
@@ -102,6 +106,7 @@ pub fn state_estimator(
             false => 0.0,
         },
         considered,
+        payload_arm: tuning.estimator_payload_position / n.payload_x.max(1e-3),
         payload_change: deviation(0.0, model.maximum_payload),
         force_change: deviation(0.0, model.maximum_payload) * per_kg.abs(),
         payload_variance_limit: tuning.estimator_payload_variance_limit,

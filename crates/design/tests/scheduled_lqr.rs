@@ -182,7 +182,8 @@ fn shares_within_two_deviations(filter: &ExtendedKalmanFilter<f64>) -> [f64; STA
             filter.update(&mut state, &noisy(&z, speed, normal(), normal()));
             if k % 500 == 499 && k > 1000 {
                 total += 1;
-                let (found, sigma) = (state.estimate.to_array(), state.deviation().to_array());
+                let (found, sigma) =
+                    (state.estimate.to_array(), filter.deviation(&state).to_array());
                 for i in 0..STATES {
                     inside[i] += u32::from((found[i] - z.to_array()[i]).abs() < 2.0 * sigma[i]);
                 }
@@ -205,7 +206,7 @@ fn a_lost_signal_is_left_out() {
     for _ in 0..500 {
         estimator.update(&mut state, &good, command);
     }
-    let before = state.filter.deviation();
+    let before = estimator.filter.deviation(&state.filter);
     let lost = EstimatorInput {
         position: f64::NAN,
         position_is_good: 0.0,
@@ -220,7 +221,7 @@ fn a_lost_signal_is_left_out() {
     assert!(now.to_array().into_iter().all(f64::is_finite), "{now:?}");
     assert!((now.position - z.position).abs() < 1e-4, "{now:?}");
     // what is not measured is known less and less
-    let deviation = state.filter.deviation();
+    let deviation = estimator.filter.deviation(&state.filter);
     assert!(deviation.position > before.position, "{deviation:?}, {before:?}");
     assert!(deviation.load_pressure > before.load_pressure, "{deviation:?}, {before:?}");
 }
@@ -264,14 +265,14 @@ fn the_law_follows_the_reference_on_the_reduced_model() {
         assert!(largest < 0.6e-3, "{delay_cycles} cycles: {largest} m");
         assert!((model.piston(&z) - 0.26).abs() < 0.05e-3, "{delay_cycles} cycles: {z:?}");
         let found = estimated.filter.estimate.transition_pressure;
-        let sigma = estimated.filter.deviation().transition_pressure;
+        let sigma = estimator.filter.deviation(&estimated.filter).transition_pressure;
         assert!((found - 42e5).abs() < 2.0 * sigma, "{found} ± {sigma}");
         // at rest nothing excites the oil: what is known of it stays known
         let still = measured(&model, &z, speed);
         for _ in 0..20_000 {
             estimator.update(&mut estimated, &still, speed);
         }
-        let after = estimated.filter.deviation().transition_pressure;
+        let after = estimator.filter.deviation(&estimated.filter).transition_pressure;
         assert!(after <= sigma, "{delay_cycles} cycles: {after} after {sigma}");
     }
 }
@@ -310,7 +311,7 @@ fn commands_stay_within_the_motor_whatever_is_measured() {
         estimator.update(&mut estimated, &wild, state.command);
         let command = law.update(&mut state, &estimator, &estimated, &preview);
         assert!(command.abs() <= law.motor_speed, "{command}");
-        let deviations = estimated.filter.deviation().to_array();
+        let deviations = estimator.filter.deviation(&estimated.filter).to_array();
         assert!(deviations.into_iter().all(f64::is_finite), "{deviations:?}");
     }
 }

@@ -666,6 +666,7 @@ fn estimated(
     for (k, h) in all.enumerate() {
         (estimate[k], deviation[k]) = (h.value, output_deviation(&filter.errors, &h.slope));
     }
+    deviation[PAYLOAD] = settings.payload_deviation(filter);
     // a motor speed as a flow
     estimate[FLOW] *= settings.model.displacement;
     deviation[FLOW] *= settings.model.displacement;

@@ -38,6 +38,8 @@ const QUANTITIES: [(&str, f64); 10] = [
 const FILTERED: usize = QUANTITIES.len() - 1;
 /// Those before the tip.
 pub(crate) const OF_STATE: usize = FILTERED - 2;
+/// Place of the payload.
+const PAYLOAD: usize = 0;
 /// What the innovations are of, with their units, and those in SI units.
 const INNOVATIONS: [(&str, f64); 2] = [("position_mm", 1e-3), ("load_pressure_bar", 1e5)];
 
@@ -197,7 +199,8 @@ impl<'a> ParallelEstimator<'a> {
         let (model, z) = as_variables(&settings.model, &filter.estimate);
         let found = quantities(&model, &z, constant(motor_speed), constant(rod_side_term));
         self.truth = self.past.front().copied().unwrap_or_default();
-        let found = found.map(|h| (h.value, output_deviation(&filter.errors, &h.slope)));
+        let mut found = found.map(|h| (h.value, output_deviation(&filter.errors, &h.slope)));
+        found[PAYLOAD].1 = settings.payload_deviation(filter);
         let tip = self.tip.map(|tip| tip.estimate(&self.tip_memory, &settings.model, filter));
         let tip = tip.map_or([(f64::NAN, f64::NAN); 2], |tip| {
             [(tip.x, tip.deviation_x), (tip.y, tip.deviation_y)]

@@ -425,7 +425,7 @@ impl ControlTask {
         let filter = &estimated.filter;
         Some(Estimates {
             state: filter.estimate,
-            deviation: filter.deviation(),
+            deviation: controller.estimator().filter.deviation(filter),
             innovation: filter.innovation,
             innovation_deviation: core::array::from_fn(|k| {
                 filter.innovation[k].abs() / filter.nis[k].sqrt()

@@ -56,6 +56,8 @@ pub struct ExtendedKalmanFilter<T> {
     pub sensor_lag: T,
     /// Standard deviations of what is taken for exact.
     pub considered: ConsideredParameters<T>,
+    /// Standard deviation of the payload's moment arm, over the arm \[1\]: considered, not estimated. Pressure shows the load's moment.
+    pub payload_arm: T,
     /// Standard deviation of a payload that has changed \[kg\]: it may be any.
     pub payload_change: T,
     /// Standard deviation of a force that has changed, over the piston's area \[Pa\]: it may be as large as that of a payload.
@@ -150,12 +152,6 @@ impl<T: Real> EstimatorState<T> {
             }),
         }
     }
-
-    /// Standard deviations of the estimates, by the error covariance.
-    pub fn deviation(&self) -> MachineState<T> {
-        let variance = |i: usize| self.errors[i][i].max(T::zero());
-        MachineState::from_array(core::array::from_fn(|i| variance(i).sqrt()))
-    }
 }
 
 impl<T: Real> ExtendedKalmanFilter<T> {
@@ -174,12 +170,27 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             divergence_time: f(self.divergence_time),
             sensor_lag: f(self.sensor_lag),
             considered: self.considered.map(f),
+            payload_arm: f(self.payload_arm),
             payload_change: f(self.payload_change),
             force_change: f(self.force_change),
             payload_variance_limit: f(self.payload_variance_limit),
             innovation_test: self.innovation_test.map(f),
             period: f(self.period),
         }
+    }
+
+    /// Standard deviations of the estimates, by the error covariance, and of the payload by its moment arm besides.
+    pub fn deviation(&self, state: &EstimatorState<T>) -> MachineState<T> {
+        let variance = |i: usize| state.errors[i][i].max(T::zero());
+        let of_errors = MachineState::from_array(core::array::from_fn(|i| variance(i).sqrt()));
+        MachineState { payload: self.payload_deviation(state), ..of_errors }
+    }
+
+    /// Standard deviation of the payload \[kg\]: the error covariance is that of a load at the crane file's centre of mass. An error of the moment arm
+    /// is one of the payload by the same share, whatever is measured.
+    pub fn payload_deviation(&self, state: &EstimatorState<T>) -> T {
+        let by_arm = self.payload_arm * state.estimate.payload;
+        (state.errors[PAYLOAD][PAYLOAD].max(T::zero()) + by_arm.square()).sqrt()
     }
 
     /// At rest where the machine is: the load pressure is taken for its weight.

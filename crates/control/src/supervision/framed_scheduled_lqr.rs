@@ -167,7 +167,7 @@ impl<T: Real> FramedScheduledLqr<T> {
             frame: output,
             estimator: EstimatorOutput {
                 payload: filter.estimate.payload,
-                payload_deviation: filter.deviation().payload,
+                payload_deviation: self.estimator.filter.payload_deviation(filter),
                 disturbance: filter.estimate.disturbance,
                 estimator_is_valid: is_valid,
             },

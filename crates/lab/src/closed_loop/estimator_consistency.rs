@@ -16,7 +16,7 @@ use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::closed_loop::simulation::{Case, WIDTH, simulate_cases};
 use crate::interruptible::as_long_as;
 use hydroboom_control::estimation::error_covariance::{ERRORS, as_variables, output_deviation};
-use hydroboom_control::estimation::extended_kalman_filter::EstimatorState;
+use hydroboom_control::estimation::extended_kalman_filter::{EstimatorState, ExtendedKalmanFilter};
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
 use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
 use hydroboom_control::measurement::Measurement;
@@ -180,15 +180,17 @@ fn quantities<T: Real>(
 
 /// Estimates of all quantities, each with its standard deviation.
 fn estimates(
-    model: &ReducedModel<f64>,
+    filter: &ExtendedKalmanFilter<f64>,
     state: &EstimatorState<f64>,
     motor_speed: f64,
     rod_side_term: f64,
 ) -> [(f64, f64); Quantity::ALL.len()] {
     let constant = Dual::<f64, ERRORS>::constant;
-    let (model, z) = as_variables(model, &state.estimate);
-    quantities(&model, &z, constant(motor_speed), constant(rod_side_term))
-        .map(|h| (h.value, output_deviation(&state.errors, &h.slope)))
+    let (model, z) = as_variables(&filter.model, &state.estimate);
+    let mut found = quantities(&model, &z, constant(motor_speed), constant(rod_side_term))
+        .map(|h| (h.value, output_deviation(&state.errors, &h.slope)));
+    found[Quantity::Payload as usize].1 = filter.payload_deviation(state);
+    found
 }
 
 /// An estimator that looks on at a crane, and what is compared with it.
@@ -281,8 +283,8 @@ impl<'a> ConsistencyRecorder<'a> {
         if !number.is_multiple_of(periods.max(1)) {
             return;
         }
-        let model = &self.controller.estimator().filter.model;
-        let found = estimates(model, filter, motor_speed, estimated.rod_side_term);
+        let settings = &self.controller.estimator().filter;
+        let found = estimates(settings, filter, motor_speed, estimated.rod_side_term);
         let truth = self.truth(measured);
         let errors = &mut self.run.errors[phase as usize];
         for ((errors, (value, deviation)), truth) in errors.iter_mut().zip(found).zip(truth) {
@@ -581,7 +583,7 @@ mod tests {
         };
         let mut state = filter.start(&input);
         (0..500).for_each(|_| filter.update(&mut state, &input));
-        let found = estimates(&filter.model, &state, 3.0, 2e5);
+        let found = estimates(&filter, &state, 3.0, 2e5);
         let at = |errors: [f64; ERRORS]| quantities_of(&filter.model, &errors);
         let z = state.estimate.to_array();
         let exact = [
@@ -617,7 +619,7 @@ mod tests {
             );
         }
         let of = |quantity: Quantity| found[quantity as usize].1;
-        assert_eq!(of(Quantity::Payload), state.deviation().payload);
+        assert_eq!(of(Quantity::Payload), filter.deviation(&state).payload);
     }
 
     /// The same family, beside the benchmark: what is compared is the crane at the time of the measurement. A period late, the position at 120 mm/s would be

@@ -9,7 +9,7 @@
 mod counted;
 
 use counted::{Counted, KINDS, Operation, Operations, operations};
-use hydroboom_control::estimation::extended_kalman_filter::{EstimatorInput, ExtendedKalmanFilter};
+use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
 use hydroboom_control::estimation::state_estimator::StateEstimator;
 use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
@@ -31,31 +31,9 @@ const BEYOND: f64 = 1.5e5;
 const DRIVE_SHARE: f64 = 0.15;
 
 /// The same with numbers that count.
-fn counting_filter(filter: &ExtendedKalmanFilter<f64>) -> ExtendedKalmanFilter<Counted> {
-    ExtendedKalmanFilter {
-        model: filter.model.map(Counted),
-        initial_deviation: filter.initial_deviation.map(Counted),
-        process_noise: filter.process_noise.map(Counted),
-        flow_ripple: Counted(filter.flow_ripple),
-        lowest: filter.lowest.map(Counted),
-        highest: filter.highest.map(Counted),
-        measurement_noise: filter.measurement_noise.map(Counted),
-        noise_memory: Counted(filter.noise_memory),
-        excitation_velocity: Counted(filter.excitation_velocity),
-        divergence_time: Counted(filter.divergence_time),
-        sensor_lag: Counted(filter.sensor_lag),
-        considered: filter.considered.map(Counted),
-        payload_change: Counted(filter.payload_change),
-        force_change: Counted(filter.force_change),
-        payload_variance_limit: Counted(filter.payload_variance_limit),
-        innovation_test: filter.innovation_test.map(Counted),
-        period: Counted(filter.period),
-    }
-}
-
 fn counting_estimator(estimator: &StateEstimator<f64>) -> StateEstimator<Counted> {
     StateEstimator {
-        filter: counting_filter(&estimator.filter),
+        filter: estimator.filter.map(Counted),
         drive: estimator.drive.map(Counted),
         drive_coefficient: Counted(estimator.drive_coefficient),
         slew: Counted(estimator.slew),
