@@ -8,10 +8,12 @@
 //! predicts alternatives then (rollout), which makes its longest periods.
 
 use hydroboom_control::controller::Controller;
+use hydroboom_control::estimation::tip::TipMemory;
 use hydroboom_control::reference::preview::Preview;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
+use hydroboom_design::tip::tip_estimator;
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::lockstep::{Disturbance, Lockstep};
 use hydroboom_realtime::machine::Incoming;
@@ -83,8 +85,8 @@ fn disturbed_cycle() -> Result<Vec<Record>, Box<dyn Error>> {
 }
 
 /// Parts of a period under the scheduled LQR.
-const PARTS: [&str; 4] =
-    ["  estimator", "  law", "  law after a load change, rollout", "  preview"];
+const PARTS: [&str; 5] =
+    ["  estimator", "  law", "  law after a load change, rollout", "  preview", "  tip"];
 
 /// Time of every period of each part \[us\].
 fn parts(records: &[Record]) -> Result<[Vec<f64>; PARTS.len()], Box<dyn Error>> {
@@ -93,7 +95,8 @@ fn parts(records: &[Record]) -> Result<[Vec<f64>; PARTS.len()], Box<dyn Error>> 
     let mut controller = scheduled_lqr_controller(&model)?;
     let mut preview = Preview::new(model.numbers.control_period, |after| motion.reference(after));
     let mut took = [const { Vec::new() }; PARTS.len()];
-    let mut command = 0.0;
+    let (mut command, tip) = (0.0, tip_estimator(&model));
+    let mut memory = TipMemory::default();
     let us = |since: Instant| since.elapsed().as_secs_f64() * 1e6;
     for record in records {
         let (measurement, time) = (&record.measurement, record.course_time.unwrap_or(0.0));
@@ -105,6 +108,13 @@ fn parts(records: &[Record]) -> Result<[Vec<f64>; PARTS.len()], Box<dyn Error>> 
         let observed = us(started);
         if controller.law_state().is_some() {
             took[0].push(observed);
+        }
+        if let (Some(tip), Some(estimated)) = (&tip, controller.estimated()) {
+            let filter = &controller.estimator().filter;
+            let started = Instant::now();
+            tip.update(&mut memory, filter, &estimated.filter);
+            black_box(tip.estimate(&memory, &filter.model, &estimated.filter));
+            took[4].push(us(started));
         }
         let started = Instant::now();
         black_box(controller.update(measurement, &preview, None));

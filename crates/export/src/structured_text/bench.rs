@@ -14,8 +14,9 @@ pub(super) const PERIODS: usize = 20;
 const TOLERANCE: f64 = 1e-6;
 /// What counts in the place of a difference that is not finite.
 const MOST: f64 = 1e30;
-/// Name of the function block that compares.
-const COMPARISON: &str = "FB_WorstDifference";
+/// Name of the program, and of the function block that compares.
+pub(super) const PROGRAM: &str = "PRG_TestBench";
+pub(super) const COMPARISON: &str = "FB_WorstDifference";
 /// Values that change in more calls than these are kept as an array, others are set where they change.
 const MOST_CHANGES: usize = CALLS / 8;
 /// Digits behind the point of what is compared: far more than the tolerance, and shorter than all. What a block is given has all
@@ -317,7 +318,7 @@ IF NOT bDone THEN
     variables.extend(store.variables);
     Unit {
         kind: Kind::Program,
-        name: "PRG_TestBench".into(),
+        name: PROGRAM.into(),
         comment: format!(
             "Replays {CALLS} calls of each block, of controllers {PERIODS} control periods in each, and compares what it shows with what Rust computed. Call it until bDone: bPassed says \
              that all is right, and of each block how far it is off, where less than {} is right.",

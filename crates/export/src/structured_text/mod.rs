@@ -10,9 +10,11 @@ mod composed;
 mod lines;
 pub mod plcopen;
 mod replays;
+mod single;
 pub mod twincat;
 mod unit;
 
+pub use single::in_single_precision;
 pub use unit::{Declared, Form, Kind, Section, Task, Unit};
 
 use crate::block::{Block, Target, Variable};

@@ -66,7 +66,7 @@ fn variables(unit: &Unit, section: Section, tag: &str, indent: usize) -> String 
         let bounds = v.kind.strip_prefix("ARRAY[").and_then(|rest| rest.split_once("] OF "));
         let bounds = bounds.and_then(|(bounds, kind)| Some((bounds.split_once("..")?, kind)));
         let kind = match (v.kind.as_str(), bounds) {
-            ("LREAL" | "BOOL" | "DINT", _) => format!("<{}/>", v.kind),
+            ("LREAL" | "REAL" | "BOOL" | "DINT", _) => format!("<{}/>", v.kind),
             (_, Some(((low, high), kind))) => format!(
                 "<array><dimension lower=\"{low}\" upper=\"{high}\"/><baseType><{kind}/></baseType></array>"
             ),

@@ -3,7 +3,7 @@
 use super::{File, written};
 use crate::crane_file::CraneFile;
 use clap::Args;
-use hydroboom_export::structured_text::{plcopen, twincat, units};
+use hydroboom_export::structured_text::{in_single_precision, plcopen, twincat, units};
 use hydroboom_export::{
     blocks, controller, scheduled_lqr_controller, simulation_feedforward_controller,
 };
@@ -21,6 +21,9 @@ pub struct St {
     /// Folder to write to.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Single precision: `REAL` for `LREAL`, for controllers without the longer type; without the test bench.
+    #[arg(long)]
+    single: bool,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -30,7 +33,10 @@ impl St {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
-        let units = units(&crane).into_diagnostic()?;
+        let mut units = units(&crane).into_diagnostic()?;
+        if self.single {
+            units = in_single_precision(units).into_diagnostic()?;
+        }
         let mut files = Vec::new();
         for unit in &units {
             files.push(File { name: unit.file_name(), content: unit.text() });

@@ -1,0 +1,69 @@
+//! Units in single precision, for controllers without `LREAL`.
+
+use super::unit::{Kind, Unit};
+use crate::error::ExportError;
+
+/// The units with `REAL` in the place of `LREAL`.
+///
+/// Without the test bench and its task: single precision does not come as near to Rust as it asks for.
+///
+/// # Errors
+///
+/// [`ExportError::Constant`] when a constant is larger than a `REAL`.
+pub fn in_single_precision(units: Vec<Unit>) -> Result<Vec<Unit>, ExportError> {
+    let is_bench = |name: &str| [super::bench::PROGRAM, super::bench::COMPARISON].contains(&name);
+    let kept = units.into_iter().filter(|unit| !is_bench(&unit.name));
+    kept.map(|mut unit| {
+        unit.tasks.retain(|task| !is_bench(&task.program));
+        for variable in &mut unit.variables {
+            variable.kind = shorter(&variable.kind);
+        }
+        unit.body = shorter(&unit.body);
+        match too_large(&unit.body) {
+            Some(value) if unit.kind != Kind::Globals => {
+                Err(ExportError::Constant { block: unit.name, value })
+            }
+            _ => Ok(unit),
+        }
+    })
+    .collect()
+}
+
+/// Types, and functions that convert to or from one, with the shorter type.
+fn shorter(text: &str) -> String {
+    text.replace("LREAL", "REAL")
+}
+
+/// A literal beyond the largest `REAL`.
+fn too_large(body: &str) -> Option<f64> {
+    let is_inner = |c: char| c.is_ascii_alphanumeric() || "._+-".contains(c);
+    let literals = body.split(|c| !is_inner(c)).filter_map(|word| word.parse::<f64>().ok());
+    let mut large = literals.filter(|value| value.abs() > f64::from(f32::MAX));
+    large.next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::structured_text::units;
+    use hydroboom_description::Description;
+
+    #[test]
+    fn no_long_type_and_no_test_bench_is_left() {
+        let crane = Description::uia_single_boom().unwrap();
+        let all = in_single_precision(units(&crane).unwrap()).unwrap();
+        let text: String = all.iter().map(Unit::text).collect();
+        for gone in ["LREAL", "TestBench", "WorstDifference"] {
+            assert!(!text.contains(gone), "{gone}");
+        }
+        for there in [" : REAL", "REAL_TO_DINT(", "DINT_TO_REAL(", "OF REAL", "ControlTask"] {
+            assert!(text.contains(there), "{there}");
+        }
+    }
+
+    #[test]
+    fn a_constant_that_single_precision_has_not_is_found() {
+        assert_eq!(too_large("a := 1.0E3 * b - 1.5E39;"), Some(1.5e39));
+        assert_eq!(too_large("a := 1.0E3 * E39 + 1.0E-300;"), None);
+    }
+}
