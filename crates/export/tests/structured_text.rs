@@ -486,6 +486,79 @@ fn a_changed_parameter_counts_in_whichever_call_that_is_said() {
     }
 }
 
+/// A unit of a few declarations and statements for the evaluator.
+fn few(declarations: &str, statements: &str) -> String {
+    format!("FUNCTION_BLOCK FB_Few VAR {declarations} END_VAR {statements} END_FUNCTION_BLOCK")
+}
+
+/// What the evaluator accepts is declared once, and each value has the type of what it is assigned to.
+#[test]
+fn the_evaluator_refuses_what_the_standard_does() {
+    let variables = "x : LREAL; k : DINT; b : BOOL; a : ARRAY[0..1] OF LREAL; fb : FB_Inner;";
+    let inner = "FUNCTION_BLOCK FB_Inner VAR_INPUT u : LREAL; END_VAR END_FUNCTION_BLOCK";
+    let read = |text: &str| {
+        let mut block = Library::parse([text, inner]).instance("FB_Few");
+        block.run();
+    };
+    read(&few(variables, "x := a[1]; a[k] := fb.u; fb(u := X); B := (k = 1) OR (x < 1.0);"));
+    let wrong = [
+        ("x := missing;", "missing is not declared"),
+        ("missing := x;", "missing is not declared"),
+        ("x := b;", "types of x "),
+        ("k := x;", "types of k "),
+        ("a[0] := k;", "\"a\""),
+        ("a := a;", "\"a\""),
+        ("x := a[2];", "a has no entry 2"),
+        ("k := 2; x := a[k];", "out of bounds"),
+        ("k := 2; a[k] := x;", "out of bounds"),
+        ("x := a[x];", "\"x\""),
+        ("x := x + k;", "Add"),
+        ("x := TAN(x);", "TAN"),
+        ("x := SQRT(k);", "SQRT"),
+        ("IF x THEN k := 1; END_IF;", "\"x\""),
+        ("FOR x := 0 TO 1 DO k := 1; END_FOR;", "x does not count"),
+        ("x := fb.missing;", "missing is not declared"),
+        ("fb(missing := x);", "missing is not declared"),
+        ("fb(u := b);", "types of u "),
+        ("x(u := x);", "x is LREAL"),
+    ];
+    let texts = wrong.map(|(statement, said)| (few(variables, statement), said));
+    let twice = (few("x : LREAL; X : DINT;", ""), "X is declared twice");
+    let unknown = (few("fb : FB_Missing;", ""), "no unit FB_MISSING");
+    let initial = (few("x : LREAL := TRUE;", ""), "types of x ");
+    for (text, said) in texts.into_iter().chain([twice, unknown, initial]) {
+        let panic = std::panic::catch_unwind(|| read(&text)).expect_err(&text);
+        let message = panic.downcast_ref::<String>().unwrap();
+        assert!(message.contains(said), "{text}: {message}");
+    }
+}
+
+/// Halves go to the even number, inputs begin with zero and other arrays with what is no number; a clone has its own memory.
+#[test]
+fn the_evaluator_computes_as_the_standard_says() {
+    let text = "FUNCTION_BLOCK FB_Few VAR_INPUT u : ARRAY[0..1] OF LREAL; x : LREAL; END_VAR \
+        VAR a : ARRAY[0..1] OF LREAL; k : DINT; n : DINT; s : LREAL; y : LREAL; whole : DINT; END_VAR \
+        K := LREAL_TO_DINT(x); Whole := k; y := A[0]; s := U[1]; \
+        FOR n := 1 TO 3 DO s := s + DINT_TO_LREAL(n) * -2.0; END_FOR; \
+        IF NOT (s < x) AND (x > 1.0) THEN s := SEL(k = 2, 7.0, LIMIT(0.0, x, 1.5)) / 2.0; END_IF; \
+        k := (k + 7) MOD LIMIT(1, k, 5); END_FUNCTION_BLOCK";
+    let mut block = Instance::parse(text);
+    let before = block.clone();
+    for (x, whole, rest) in [(0.5, 0, 0), (1.5, 2, 1), (2.5, 2, 1), (-1.5, -2, 0), (3.6, 4, 3)] {
+        block.set("X", x);
+        block.run();
+        assert_eq!((block.count("whole"), block.count("k")), (whole, rest), "{x}");
+        assert!(block.value("s") == -12.0 && block.value("y").is_nan());
+    }
+    block.set_in_list("u", 1, 15.0);
+    for (x, found) in [(1.0, 3.0), (2.0, 0.75), (2.9, 3.5), (3.0, 3.5), (3.1, 3.0)] {
+        block.set("x", x);
+        block.run();
+        assert_eq!(block.value("s"), found, "{x}");
+    }
+    assert_eq!((before.value("x"), before.count("n"), block.count("n")), (0.0, 0, 3));
+}
+
 /// Names and numbers of a text, without its comments.
 fn words(text: &str) -> Vec<String> {
     let mut code = String::new();

@@ -1,0 +1,163 @@
+//! Instructions of a unit, and the memory that they work on.
+
+use super::{Instance, LAST_DIGIT};
+use std::ops::Range;
+
+/// Variables of an instance, constants and intermediate results, by type; an array is a range of the numbers.
+#[derive(Clone, Debug, Default)]
+pub struct Memory {
+    pub numbers: Vec<f64>,
+    pub integers: Vec<i64>,
+    pub truths: Vec<bool>,
+    pub blocks: Vec<Instance>,
+}
+
+/// Where something is in the memory.
+#[derive(Clone, Debug)]
+pub enum Place {
+    Number(usize),
+    Integer(usize),
+    Truth(usize),
+    List(Range<usize>),
+    /// A number of an array, whose index is an integer of the memory.
+    Entry(Range<usize>, usize),
+    Block(usize),
+    /// In the memory of a block within this one.
+    Inner(usize, Box<Place>),
+}
+
+impl Place {
+    /// Type of what is there.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Number(_) | Self::Entry(..) => "LREAL",
+            Self::Integer(_) => "DINT",
+            Self::Truth(_) => "BOOL",
+            Self::List(_) => "ARRAY",
+            Self::Block(_) => "a block",
+            Self::Inner(_, place) => place.kind(),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Value {
+    Number(f64),
+    Integer(i64),
+    Truth(bool),
+}
+
+impl Memory {
+    fn value(&self, place: &Place) -> Value {
+        match place {
+            Place::Number(k) => Value::Number(self.numbers[*k]),
+            Place::Integer(k) => Value::Integer(self.integers[*k]),
+            Place::Truth(k) => Value::Truth(self.truths[*k]),
+            Place::Entry(list, k) => {
+                Value::Number(self.numbers[list.clone()][self.integers[*k] as usize])
+            }
+            Place::Inner(block, place) => self.blocks[*block].memory.value(place),
+            Place::List(_) | Place::Block(_) => panic!("{place:?} is no single value"),
+        }
+    }
+
+    fn set(&mut self, place: &Place, value: Value) {
+        match (place, value) {
+            (Place::Number(k), Value::Number(v)) => self.numbers[*k] = v,
+            (Place::Integer(k), Value::Integer(v)) => self.integers[*k] = v,
+            (Place::Truth(k), Value::Truth(v)) => self.truths[*k] = v,
+            (Place::Entry(list, k), Value::Number(v)) => {
+                self.numbers[list.clone()][self.integers[*k] as usize] = v;
+            }
+            (Place::Inner(block, place), value) => self.blocks[*block].memory.set(place, value),
+            other => panic!("{other:?} are of different types"),
+        }
+    }
+}
+
+/// Computes a value from operands, given by their places.
+#[derive(Debug)]
+pub enum Operation {
+    Number(fn(f64, f64) -> f64, [usize; 2]),
+    Integer(fn(i64, i64) -> i64, [usize; 2]),
+    Truth(fn(bool, bool) -> bool, [usize; 2]),
+    Compare(fn(f64, f64) -> bool, [usize; 2]),
+    CompareIntegers(fn(i64, i64) -> bool, [usize; 2]),
+    /// A function that another platform may round differently.
+    Rounded(fn(f64) -> f64, usize),
+    /// Lower limit, value and upper limit.
+    Limit([usize; 3]),
+    LimitInteger([usize; 3]),
+    /// A condition, the value where it is false, and the value where it is true.
+    Select(usize, [usize; 2]),
+    ToNumber(usize),
+    /// Halves go to the even number.
+    ToInteger(usize),
+}
+
+impl Operation {
+    /// Type of its result.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Number(..) | Self::Rounded(..) | Self::Limit(_) => "LREAL",
+            Self::Select(..) | Self::ToNumber(_) => "LREAL",
+            Self::Integer(..) | Self::LimitInteger(_) | Self::ToInteger(_) => "DINT",
+            Self::Truth(..) | Self::Compare(..) | Self::CompareIntegers(..) => "BOOL",
+        }
+    }
+
+    /// Puts its result at a place.
+    fn run(&self, to: usize, Memory { numbers, integers, truths, .. }: &mut Memory) {
+        match self {
+            Self::Number(f, [a, b]) => numbers[to] = f(numbers[*a], numbers[*b]),
+            Self::Integer(f, [a, b]) => integers[to] = f(integers[*a], integers[*b]),
+            Self::Truth(f, [a, b]) => truths[to] = f(truths[*a], truths[*b]),
+            Self::Compare(f, [a, b]) => truths[to] = f(numbers[*a], numbers[*b]),
+            Self::CompareIntegers(f, [a, b]) => truths[to] = f(integers[*a], integers[*b]),
+            Self::Rounded(f, a) => numbers[to] = f(numbers[*a]) * (1.0 + LAST_DIGIT.get()),
+            Self::Limit([low, a, high]) => {
+                numbers[to] = numbers[*a].max(numbers[*low]).min(numbers[*high]);
+            }
+            Self::LimitInteger([low, a, high]) => {
+                integers[to] = integers[*a].max(integers[*low]).min(integers[*high]);
+            }
+            Self::Select(k, values) => numbers[to] = numbers[values[usize::from(truths[*k])]],
+            Self::ToNumber(a) => numbers[to] = integers[*a] as f64,
+            Self::ToInteger(a) => integers[to] = numbers[*a].round_ties_even() as i64,
+        }
+    }
+}
+
+#[derive(Debug)]
+pub enum Instruction {
+    /// Where an operation's result is put; the place is of the result's type.
+    Result(usize, Operation),
+    /// To a place, from another of the same type.
+    Copy(Place, Place),
+    If(usize, Vec<Instruction>),
+    /// The variable that counts, its first value and its last.
+    For(usize, [usize; 2], Vec<Instruction>),
+    /// A block within this one, with the inputs that it has.
+    Call(usize),
+}
+
+pub fn run(instructions: &[Instruction], memory: &mut Memory) {
+    for instruction in instructions {
+        match instruction {
+            Instruction::Result(to, operation) => operation.run(*to, memory),
+            Instruction::Copy(to, from) => memory.set(to, memory.value(from)),
+            Instruction::If(condition, body) => {
+                if memory.truths[*condition] {
+                    run(body, memory);
+                }
+            }
+            Instruction::For(variable, [first, last], body) => {
+                for k in memory.integers[*first]..=memory.integers[*last] {
+                    memory.integers[*variable] = k;
+                    run(body, memory);
+                }
+            }
+            Instruction::Call(block) => memory.blocks[*block].run(),
+        }
+    }
+}

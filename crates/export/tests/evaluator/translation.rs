@@ -1,0 +1,289 @@
+//! Translates what the parser has read to instructions: names become places in the memory, and types are checked. What is not
+//! declared, not known or of another type is refused with its name.
+
+use super::program::Place::{self, Integer, Number, Truth};
+use super::program::{Instruction, Operation, run};
+use super::{Instance, Unit};
+use iecst::{
+    BinaryOp, Expr, ExprKind, Pou, Stmt, StmtKind, TypeKind, UnaryOp, VarBlockKind, VarDecl,
+};
+
+/// Makes an instance of another unit.
+type Instances<'a> = &'a mut dyn FnMut(&str) -> Instance;
+
+impl Unit {
+    /// Translates a unit.
+    pub fn translate(pou: &Pou, instance: Instances<'_>) -> Self {
+        let mut unit = Self::default();
+        for block in &pou.var_blocks {
+            for variable in &block.vars {
+                let place = unit.declare(block.kind, variable, instance);
+                if let (VarBlockKind::VarOutput, Number(k)) = (block.kind, &place) {
+                    unit.outputs.push(*k);
+                }
+                let before = unit.places.insert(variable.name.to_ascii_uppercase(), place);
+                assert!(before.is_none(), "{} is declared twice", variable.name);
+            }
+        }
+        unit.instructions = unit.body(&pou.body);
+        unit
+    }
+
+    /// The place of a new variable; sets its initial value.
+    fn declare(
+        &mut self,
+        block: VarBlockKind,
+        variable: &VarDecl,
+        instance: Instances<'_>,
+    ) -> Place {
+        match (&variable.var_type.kind, &variable.initial) {
+            (TypeKind::Simple(kind), initial) => {
+                let kind = kind.to_ascii_uppercase();
+                match (self.allocate(&kind), initial) {
+                    (Some(place), None) => place,
+                    (Some(place), Some(value)) => {
+                        let value = self.expression(value);
+                        self.copy(&variable.name, place.clone(), value);
+                        self.initialise();
+                        place
+                    }
+                    (None, None) => Place::Block(push(&mut self.initial.blocks, instance(&kind))),
+                    (None, Some(_)) => panic!("{variable:?}"),
+                }
+            }
+            (TypeKind::Array { ranges, element }, None) => {
+                let (TypeKind::Simple(kind), [range]) = (&element.kind, &ranges[..]) else {
+                    panic!("{variable:?}")
+                };
+                let limits = [&range.low, &range.high].map(|e| self.index(e));
+                self.initialise();
+                let [first, last] = limits.map(|k| self.initial.integers[k]);
+                let is_known = kind.eq_ignore_ascii_case("LREAL") && first == 0 && last >= 0;
+                assert!(is_known, "{variable:?}");
+                // a local entry has to be set before it is read, although a PLC begins with zeros
+                let value = if block == VarBlockKind::VarInput { 0.0 } else { f64::NAN };
+                let begin = self.initial.numbers.len();
+                let end = begin + last as usize + 1;
+                self.initial.numbers.resize(end, value);
+                Place::List(begin..end)
+            }
+            _ => panic!("{variable:?}"),
+        }
+    }
+
+    /// A new place, if the type is an elementary one.
+    fn allocate(&mut self, kind: &str) -> Option<Place> {
+        Some(match kind {
+            "LREAL" => Number(push(&mut self.initial.numbers, 0.0)),
+            "DINT" => Integer(push(&mut self.initial.integers, 0)),
+            "BOOL" => Truth(push(&mut self.initial.truths, false)),
+            _ => return None,
+        })
+    }
+
+    /// Executes the instructions so far on the initial memory: those of an initial value or of an array's limits.
+    fn initialise(&mut self) {
+        run(&std::mem::take(&mut self.instructions), &mut self.initial);
+    }
+
+    pub fn place(&self, name: &str) -> &Place {
+        let place = self.places.get(&name.to_ascii_uppercase());
+        place.unwrap_or_else(|| panic!("{name} is not declared"))
+    }
+
+    /// A variable of a block within.
+    fn inner(&self, name: &str, variable: &str) -> Place {
+        let block = self.block(name);
+        Place::Inner(block, Box::new(self.initial.blocks[block].unit.place(variable).clone()))
+    }
+
+    fn block(&self, name: &str) -> usize {
+        match self.place(name) {
+            Place::Block(k) => *k,
+            other => panic!("{name} is {}", other.kind()),
+        }
+    }
+
+    /// An entry of an array; one whose index is a literal is a number like any other.
+    fn entry(&mut self, array: &Expr, indices: &[Expr]) -> Place {
+        let (ExprKind::Ident(name), [index]) = (&array.kind, indices) else {
+            panic!("{array:?}, {indices:?}")
+        };
+        let Place::List(list) = self.place(name).clone() else { panic!("{name} is no array") };
+        match index.kind {
+            ExprKind::IntLiteral(k) => match list.clone().nth(k as usize) {
+                Some(place) => Number(place),
+                None => panic!("{name} has no entry {k}"),
+            },
+            _ => Place::Entry(list, self.index(index)),
+        }
+    }
+
+    /// Assigns a value to a variable, which has to be of the same type.
+    fn copy(&mut self, name: &str, to: Place, from: Place) {
+        assert_eq!(to.kind(), from.kind(), "types of {name} and of its value");
+        self.instructions.push(Instruction::Copy(to, from));
+    }
+
+    /// Instructions of a list of statements, apart from those so far.
+    fn body(&mut self, statements: &[Stmt]) -> Vec<Instruction> {
+        let before = std::mem::take(&mut self.instructions);
+        statements.iter().for_each(|s| self.statement(s));
+        std::mem::replace(&mut self.instructions, before)
+    }
+
+    fn statement(&mut self, statement: &Stmt) {
+        match &statement.kind {
+            StmtKind::Assignment { target, value } => {
+                let value = self.expression(value);
+                match &target.kind {
+                    ExprKind::Ident(name) => self.copy(name, self.place(name).clone(), value),
+                    ExprKind::ArrayIndex { array, indices } => {
+                        let entry = self.entry(array, indices);
+                        self.copy(&format!("{array:?}"), entry, value);
+                    }
+                    other => panic!("{other:?}"),
+                }
+            }
+            StmtKind::For { var, from, to, by: None, body } => {
+                let Integer(k) = *self.place(var) else { panic!("{var} does not count") };
+                let limits = [from, to].map(|e| self.index(e));
+                let body = self.body(body);
+                self.instructions.push(Instruction::For(k, limits, body));
+            }
+            StmtKind::If { condition, then_body, elsif_branches, else_body } => {
+                assert!(elsif_branches.is_empty() && else_body.is_none(), "{condition:?}");
+                let Truth(k) = self.expression(condition) else { panic!("{condition:?}") };
+                let body = self.body(then_body);
+                self.instructions.push(Instruction::If(k, body));
+            }
+            StmtKind::Call { name, args } => {
+                // all are evaluated before the first is assigned
+                let inputs = args.iter().map(|a| match (&a.name, &a.value) {
+                    (Some(input), Some(value)) => (input, self.expression(value)),
+                    _ => panic!("{name}: {a:?}"),
+                });
+                for (input, value) in inputs.collect::<Vec<_>>() {
+                    self.copy(input, self.inner(name, input), value);
+                }
+                self.instructions.push(Instruction::Call(self.block(name)));
+            }
+            StmtKind::Empty => {}
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Place of a whole number.
+    fn index(&mut self, e: &Expr) -> usize {
+        match self.expression(e) {
+            Integer(k) => k,
+            other => panic!("a whole number is expected and not {}: {e:?}", other.kind()),
+        }
+    }
+
+    /// Adds the instructions of an expression; returns the place of its value.
+    fn expression(&mut self, e: &Expr) -> Place {
+        let place = match &e.kind {
+            ExprKind::RealLiteral(v) => Number(push(&mut self.initial.numbers, *v)),
+            ExprKind::IntLiteral(v) => Integer(push(&mut self.initial.integers, *v)),
+            ExprKind::BoolLiteral(v) => Truth(push(&mut self.initial.truths, *v)),
+            ExprKind::Ident(name) => self.place(name).clone(),
+            ExprKind::MemberAccess { expr, member } => {
+                let ExprKind::Ident(name) = &expr.kind else { panic!("{expr:?}") };
+                self.inner(name, member)
+            }
+            ExprKind::ArrayIndex { array, indices } => self.entry(array, indices),
+            ExprKind::Paren(inner) => self.expression(inner),
+            ExprKind::UnaryOp { op, expr } => {
+                let operation = match (op, self.expression(expr)) {
+                    (UnaryOp::Neg, Number(a)) => Operation::Number(|a, _| -a, [a, a]),
+                    (UnaryOp::Not, Truth(a)) => Operation::Truth(|a, _| !a, [a, a]),
+                    (_, other) => panic!("{op:?} of {}: {e:?}", other.kind()),
+                };
+                self.result(operation)
+            }
+            ExprKind::BinaryOp { left, op, right } => {
+                let operands = [left, right].map(|e| self.expression(e));
+                self.result(operation(*op, operands))
+            }
+            ExprKind::FunctionCall { name, args } => {
+                let arguments = args.iter().map(|a| match (&a.name, &a.value) {
+                    (None, Some(value)) => self.expression(value),
+                    _ => panic!("{name}: {a:?}"),
+                });
+                let arguments: Vec<Place> = arguments.collect();
+                self.result(function(name, &arguments))
+            }
+            other => panic!("{other:?}"),
+        };
+        match place {
+            Number(_) | Integer(_) | Truth(_) => place,
+            elsewhere => {
+                let here = self.allocate(elsewhere.kind());
+                let here = here.unwrap_or_else(|| panic!("{} as a value: {e:?}", elsewhere.kind()));
+                self.instructions.push(Instruction::Copy(here.clone(), elsewhere));
+                here
+            }
+        }
+    }
+
+    /// Adds an operation; returns the place of its result.
+    fn result(&mut self, operation: Operation) -> Place {
+        let place = self.allocate(operation.kind()).unwrap();
+        let (Number(to) | Integer(to) | Truth(to)) = place else { panic!("{place:?}") };
+        self.instructions.push(Instruction::Result(to, operation));
+        place
+    }
+}
+
+fn operation(op: BinaryOp, operands: [Place; 2]) -> Operation {
+    match (op, operands) {
+        (BinaryOp::Add, [Number(a), Number(b)]) => Operation::Number(|a, b| a + b, [a, b]),
+        (BinaryOp::Sub, [Number(a), Number(b)]) => Operation::Number(|a, b| a - b, [a, b]),
+        (BinaryOp::Mul, [Number(a), Number(b)]) => Operation::Number(|a, b| a * b, [a, b]),
+        (BinaryOp::Div, [Number(a), Number(b)]) => Operation::Number(|a, b| a / b, [a, b]),
+        (BinaryOp::Lt, [Number(a), Number(b)]) => Operation::Compare(|a, b| a < b, [a, b]),
+        (BinaryOp::Gt, [Number(a), Number(b)]) => Operation::Compare(|a, b| a > b, [a, b]),
+        (BinaryOp::Lt, [Integer(a), Integer(b)]) => {
+            Operation::CompareIntegers(|a, b| a < b, [a, b])
+        }
+        (BinaryOp::Eq, [Integer(a), Integer(b)]) => {
+            Operation::CompareIntegers(|a, b| a == b, [a, b])
+        }
+        (BinaryOp::Add, [Integer(a), Integer(b)]) => Operation::Integer(|a, b| a + b, [a, b]),
+        (BinaryOp::Mod, [Integer(a), Integer(b)]) => Operation::Integer(|a, b| a % b, [a, b]),
+        (BinaryOp::And, [Truth(a), Truth(b)]) => Operation::Truth(|a, b| a & b, [a, b]),
+        (BinaryOp::Or, [Truth(a), Truth(b)]) => Operation::Truth(|a, b| a | b, [a, b]),
+        (op, [a, b]) => panic!("{op:?} of {} and {}", a.kind(), b.kind()),
+    }
+}
+
+fn function(name: &str, arguments: &[Place]) -> Operation {
+    match (name.to_ascii_uppercase().as_str(), arguments) {
+        ("SQRT", &[Number(a)]) => Operation::Rounded(f64::sqrt, a),
+        ("EXP", &[Number(a)]) => Operation::Rounded(f64::exp, a),
+        ("LN", &[Number(a)]) => Operation::Rounded(f64::ln, a),
+        ("SIN", &[Number(a)]) => Operation::Rounded(f64::sin, a),
+        ("COS", &[Number(a)]) => Operation::Rounded(f64::cos, a),
+        ("ABS", &[Number(a)]) => Operation::Number(|a, _| a.abs(), [a, a]),
+        ("LIMIT", &[Number(low), Number(a), Number(high)]) => Operation::Limit([low, a, high]),
+        ("LIMIT", &[Integer(low), Integer(a), Integer(high)]) => {
+            Operation::LimitInteger([low, a, high])
+        }
+        ("SEL", &[Truth(condition), Number(no), Number(yes)]) => {
+            Operation::Select(condition, [no, yes])
+        }
+        ("DINT_TO_LREAL", &[Integer(a)]) => Operation::ToNumber(a),
+        ("LREAL_TO_DINT", &[Number(a)]) => Operation::ToInteger(a),
+        _ => {
+            let kinds: Vec<&str> = arguments.iter().map(Place::kind).collect();
+            panic!("function {name} of {kinds:?}")
+        }
+    }
+}
+
+/// Adds a value; returns its place.
+fn push<T>(values: &mut Vec<T>, value: T) -> usize {
+    values.push(value);
+    values.len() - 1
+}
