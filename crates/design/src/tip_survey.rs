@@ -220,18 +220,26 @@ impl TipSurvey {
         let mut estimator = prior;
         let mut at = Vector3::zeros();
         let mut survey_information = Matrix3::zeros();
+        let mut by_survey = Matrix3::zeros();
         // nearly linear: the second step changes the last digits
         for _ in 0..5 {
-            survey_information = Matrix3::zeros();
+            (survey_information, by_survey) = (Matrix3::zeros(), Matrix3::zeros());
             let mut right = -(information * at);
             for point in &self.points {
                 let found = estimator.model.position(&estimator.parameters, &point.load());
                 let (slopes, _) = estimator.slopes(&point.load());
-                let weight = 1.0 / (point.deviation.powi(2) + prior.remainder.powi(2));
-                for k in 0..2 {
-                    let row = Vector3::from(slopes[k]).component_mul(&scale);
+                // what the model leaves out is across the boom
+                for (direction, model_error) in
+                    directions(found).into_iter().zip([0.0, prior.remainder])
+                {
+                    let along = |of: [f64; 2]| direction[0] * of[0] + direction[1] * of[1];
+                    let by_parameter = Vector3::from_fn(|i, _| along([slopes[0][i], slopes[1][i]]));
+                    let row = by_parameter.component_mul(&scale);
+                    let weight = 1.0 / (point.deviation.powi(2) + model_error.powi(2));
                     survey_information += row * row.transpose() * weight;
-                    right += row * (weight * (point.tip[k] - found[k]));
+                    by_survey += row * row.transpose() * (weight * point.deviation).powi(2);
+                    right +=
+                        row * (weight * along([point.tip[0] - found[0], point.tip[1] - found[1]]));
                 }
             }
             let step = (information + survey_information).try_inverse().ok_or_else(no_fit)? * right;
@@ -240,8 +248,8 @@ impl TipSurvey {
             estimator.parameters = TipParameters::from_array(numbers.into());
         }
         let posterior = (information + survey_information).try_inverse().ok_or_else(no_fit)?;
-        // the share of the remainder is left to the estimator, which has one of its own
-        let noise = posterior * survey_information * posterior;
+        // of the survey's noise alone: the estimator has the model's error once more
+        let noise = posterior * by_survey * posterior;
         let unscaled = |of: &Matrix3<f64>| -> Covariance<f64, PARAMETERS> {
             std::array::from_fn(|i| std::array::from_fn(|j| of[(i, j)] * scale[i] * scale[j]))
         };
@@ -259,11 +267,19 @@ impl TipSurvey {
     }
 }
 
-/// Line of a pose, what is left there across the boom \[m\], and over its standard deviation.
+/// Unit vectors along the boom and across it, for a tip from the bearing.
+fn directions([x, y]: [f64; 2]) -> [[f64; 2]; 2] {
+    let length = x.hypot(y).max(f64::MIN_POSITIVE);
+    [[x / length, y / length], [-y / length, x / length]]
+}
+
+/// Line of a pose, its residual across the boom \[m\], and the larger of those across and along it, over their standard deviations.
 fn left_at(estimator: &TipEstimator<f64>, point: &SurveyPoint) -> (usize, f64, f64) {
-    let [x, y] = estimator.model.position(&estimator.parameters, &point.load());
-    let across = ((point.tip[1] - y) * x - (point.tip[0] - x) * y) / x.hypot(y);
-    (point.line, across, across.abs() / point.deviation.hypot(estimator.remainder))
+    let found = estimator.model.position(&estimator.parameters, &point.load());
+    let off = [point.tip[0] - found[0], point.tip[1] - found[1]];
+    let [along, across] = directions(found).map(|d| d[0] * off[0] + d[1] * off[1]);
+    let normalised = across.abs() / point.deviation.hypot(estimator.remainder);
+    (point.line, across, normalised.max(along.abs() / point.deviation))
 }
 
 fn tip_of(description: &Description) -> Result<TipEstimator<f64>, SurveyError> {

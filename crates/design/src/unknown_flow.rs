@@ -14,16 +14,16 @@ use std::f64::consts::TAU;
 /// Oil of a revolution of the input that stands for the pump \[m³/rev\]: a revolution per second is a litre per second.
 const LITRE: f64 = 1e-3;
 
-/// Spread of the unknown flow of a valve.
+/// Prior of an unknown flow, a random walk.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FlowSpread {
-    /// Flow through the fully open valve \[m³/s\]: standard deviation at the start; twice that is the largest flow.
-    pub largest: f64,
-    /// Standard deviation of its change in a second \[m³/s\]: over the time constant of the spool, the largest flow.
-    pub drift: f64,
+pub struct UnknownFlowPrior {
+    /// Standard deviation at the start \[m³/s\]: flow through the fully open valve; the flow is limited to twice that.
+    pub initial_deviation: f64,
+    /// Intensity of the random walk \[m³/s/√s\]: over the time constant of the spool, the flow through the fully open valve.
+    pub random_walk: f64,
 }
 
-/// The state estimator of a valve-controlled crane, and the spread that its unknown flow is given.
+/// The state estimator of a valve-controlled crane, and the prior of its unknown flow.
 ///
 /// The motor speed of its inputs is zero. Its unknown flow \[rev/s\] is a flow in litres per second.
 ///
@@ -32,7 +32,7 @@ pub struct FlowSpread {
 /// As [`reduced_model`].
 pub fn unknown_flow_estimator(
     description: &Description,
-) -> Result<(StateEstimator<f64>, FlowSpread), DesignError> {
+) -> Result<(StateEstimator<f64>, UnknownFlowPrior), DesignError> {
     let n = &description.numbers;
     let on_pump = on_published_circuit(description)?;
     let mut model = reduced_model(&on_pump)?;
@@ -42,16 +42,19 @@ pub fn unknown_flow_estimator(
     let mut estimator = state_estimator(&on_pump, &model, 0);
     // the compensator's drop over the widest edge
     let largest = n.supply_to_a.max(n.a_to_tank) * n.compensated_drop.sqrt();
-    let spread = FlowSpread { largest, drift: largest * (TAU * n.spool_bandwidth).sqrt() };
+    let prior = UnknownFlowPrior {
+        initial_deviation: largest,
+        random_walk: largest * (TAU * n.spool_bandwidth).sqrt(),
+    };
     let filter = &mut estimator.filter;
-    filter.initial_deviation.unknown_flow = spread.largest / LITRE;
-    filter.process_noise.unknown_flow = spread.drift / LITRE;
-    filter.highest.unknown_flow = 2.0 * spread.largest / LITRE;
+    filter.initial_deviation.unknown_flow = prior.initial_deviation / LITRE;
+    filter.process_noise.unknown_flow = prior.random_walk / LITRE;
+    filter.highest.unknown_flow = 2.0 * prior.initial_deviation / LITRE;
     filter.lowest.unknown_flow = -filter.highest.unknown_flow;
     // there is no pump that ripples or whose displacement is not known
     filter.flow_ripple = 0.0;
     filter.considered.displacement = 0.0;
-    Ok((estimator, spread))
+    Ok((estimator, prior))
 }
 
 /// Boom, cylinder, friction and oil of a crane on the circuit of the paper's crane.
@@ -81,7 +84,7 @@ mod tests {
     #[test]
     fn the_load_rests_at_the_pressure_of_the_valve_controlled_crane() {
         let crane = Description::patu_lift().unwrap();
-        let (estimator, spread) = unknown_flow_estimator(&crane).unwrap();
+        let (estimator, prior) = unknown_flow_estimator(&crane).unwrap();
         let n = &crane.numbers;
         let valve = crane.valve_crane_over::<f64, 2>(n).unwrap();
         for stroke in [0.1, 0.2, 0.35] {
@@ -92,6 +95,6 @@ mod tests {
             assert!((fitted / load_pressure - 1.0).abs() < 0.01, "{fitted} for {load_pressure}");
         }
         // 62 and 72 l/min at 7 bar over 1.9 V are printed, to 3 V of full travel
-        assert!((50.0..150.0).contains(&(spread.largest * 60e3)), "{spread:?}");
+        assert!((50.0..150.0).contains(&(prior.initial_deviation * 60e3)), "{prior:?}");
     }
 }

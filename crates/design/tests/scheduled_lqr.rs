@@ -5,7 +5,10 @@
 use hydroboom_control::estimation::error_covariance::{CONSIDERED, ConsideredParameters};
 use hydroboom_control::estimation::extended_kalman_filter::{EstimatorInput, ExtendedKalmanFilter};
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel, STATES};
-use hydroboom_control::estimation::state_estimator::{LARGEST_DELAY, StateEstimator};
+use hydroboom_control::estimation::retained_parameters::RetainedParameters;
+use hydroboom_control::estimation::state_estimator::{
+    LARGEST_DELAY, StateEstimator, StateEstimatorState,
+};
 use hydroboom_control::feedback::inverse_dynamics::inverse_dynamics;
 use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
 use hydroboom_control::reference::preview::Preview;
@@ -224,6 +227,63 @@ fn a_lost_signal_is_left_out() {
     let deviation = estimator.filter.deviation(&state.filter);
     assert!(deviation.position > before.position, "{deviation:?}, {before:?}");
     assert!(deviation.load_pressure > before.load_pressure, "{deviation:?}, {before:?}");
+}
+
+/// Smallest eigenvalue of a covariance, each error over its deviation.
+fn smallest_eigenvalue<const N: usize>(p: &[[f64; N]; N]) -> f64 {
+    let scaled = nalgebra::SMatrix::<f64, N, N>::from_fn(|i, j| {
+        p[i][j] / (p[i][i] * p[j][j]).sqrt().max(f64::MIN_POSITIVE)
+    });
+    let all = nalgebra::DMatrix::from_column_slice(N, N, scaled.as_slice());
+    all.symmetric_eigenvalues().min()
+}
+
+/// Parameters that were retained with a far smaller variance than the present one: both covariances stay positive semidefinite, and neither falls below what was
+/// retained while they are frozen.
+#[test]
+fn restored_parameters_leave_covariances_and_freezing_leaves_variances() {
+    let (estimator, _) = crane(1);
+    let model = estimator.filter.model;
+    let mut z = at_rest(&model, 0.2, 250.0);
+    let holding = model.leakage(z.load_pressure);
+    let mut state = estimator.start(&measured(&model, &z, holding));
+    let mut moved = |estimator: &StateEstimator<f64>, state: &mut _, is_frozen: bool| {
+        for k in 0..1500 {
+            let speed = holding + 8.0 * (0.01 * f64::from(k)).sin();
+            z = model.step(&z, speed, BEYOND, PERIOD);
+            let good = measured(&model, &z, speed);
+            estimator.update_frozen(state, &good, speed, is_frozen);
+        }
+        measured(&model, &z, holding)
+    };
+    let good = moved(&estimator, &mut state, false);
+    estimator.hold(&mut state, &good);
+    let retained = RetainedParameters {
+        flow_variance: 1e-6,
+        transition_variance: 1e6,
+        flow_transition_covariance: 0.5,
+        ..RetainedParameters::of(&state)
+    };
+    estimator.restore(&mut state, &retained, true);
+    let check = |state: &StateEstimatorState<f64>| {
+        let filter = &state.filter;
+        for smallest in
+            [smallest_eigenvalue(&filter.covariance), smallest_eigenvalue(&filter.errors)]
+        {
+            assert!(smallest > -1e-9, "{smallest:e}");
+        }
+    };
+    check(&state);
+    moved(&estimator, &mut state, true);
+    check(&state);
+    let after = RetainedParameters::of(&state);
+    assert_eq!(after.unknown_flow, retained.unknown_flow);
+    assert_eq!(after.transition_pressure, retained.transition_pressure);
+    assert!(after.flow_variance >= retained.flow_variance, "{after:?}");
+    assert!(after.transition_variance >= retained.transition_variance, "{after:?}");
+    moved(&estimator, &mut state, false);
+    check(&state);
+    assert!(RetainedParameters::of(&state).unknown_flow != retained.unknown_flow);
 }
 
 /// The law on the reduced model, estimator included: it rests, follows and rests again.

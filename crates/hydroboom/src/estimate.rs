@@ -100,8 +100,8 @@ impl Estimate {
             found.duration,
             verdict.sentence()
         );
-        for finding in &verdict.off {
-            said += &format!("\noff: {}", finding.text);
+        for finding in &verdict.findings {
+            said += &format!("\nfinding: {}", finding.text);
         }
         let two = |value: f64| format!("{value:.2}");
         if let Some(last) = found.rows.last() {
@@ -135,8 +135,8 @@ impl Estimate {
                 .to_vec();
         let header = ["innovations", "seconds", "mean NIS", "consistent [%]", "mean [sigma]"];
         said += &format!("\n\n{}\n", output::table(&header, &rows));
-        for text in &verdict.not_told {
-            said += &format!("\nnot told: {text}");
+        for text in &verdict.unobservable {
+            said += &format!("\nunobservable: {text}");
         }
         for note in notes.iter().chain(&found.remarks) {
             said += &format!("\nnote: {note}");
@@ -188,18 +188,18 @@ fn in_json(log: &str, crane: &str, found: &LogEstimate, notes: &[String]) -> Val
             at_end.insert((*name).to_string(), value);
         }
     }
-    let spread = found.flow_spread.map(|spread| {
-        json!({ "largest_l_min": spread.largest * 60e3, "drift_l_min_per_s": spread.drift * 60e3 })
+    let prior = found.unknown_flow_prior.map(|prior| {
+        json!({ "deviation_l_min": prior.initial_deviation * 60e3, "random_walk_l_min_per_sqrt_s": prior.random_walk * 60e3 })
     });
     json!({
         "log": log, "crane": crane, "begin_s": found.begin, "duration_s": found.duration,
         "filter_period_ms": found.period * 1e3,
         "position_interval_ms": found.interval[0] * 1e3, "pressure_interval_ms": found.interval[1] * 1e3,
         "position_noise_mm": found.noise[0] * 1e3, "load_pressure_noise_bar": found.noise[1] * 1e-5,
-        "unknown_flow_spread": spread,
+        "unknown_flow_prior": prior,
         "verdict": verdict.sentence(), "consistent": verdict.is_consistent,
         "innovations": { "position": verdict.position, "load_pressure": verdict.load_pressure },
-        "off": verdict.off, "not_told": verdict.not_told, "load_changes_s": verdict.load_changes_s,
+        "findings": verdict.findings, "unobservable": verdict.unobservable, "load_changes_s": verdict.load_changes_s,
         "at_end": at_end, "notes": notes.iter().chain(&found.remarks).collect::<Vec<_>>(),
     })
 }

@@ -601,7 +601,7 @@ fn a_log_is_estimated_with_a_page_a_table_and_numbers_for_machines() {
     // a log of simulate has no command of the motor, and an interval of 10 ms
     assert!(hydroboom(&["simulate", "--hold-s", "2", "--log", &log]).status.success());
     let said = parsed(&["estimate", "--log", &log, "--json"]);
-    assert!(said["not_told"].to_string().contains("drive lag"), "{said}");
+    assert!(said["unobservable"].to_string().contains("drive lag"), "{said}");
 }
 
 /// A measured lift on a valve, which is not part of the project: its payload is printed as 180 kg. An arm whose data has neither times nor units is refused.
@@ -623,12 +623,12 @@ fn measured_logs_are_estimated_or_refused_with_a_reason() {
     std::fs::write(&mapping, text).unwrap();
     let rest = ["--mapping", mapping.to_str().unwrap(), "--json"];
     let said = parsed(&[&crane[..], &rest].concat());
-    assert!(said["unknown_flow_spread"]["largest_l_min"].as_f64().unwrap() > 50.0, "{said}");
-    assert!(said["not_told"].to_string().contains("unknown flow"), "{said}");
+    assert!(said["unknown_flow_prior"]["deviation_l_min"].as_f64().unwrap() > 50.0, "{said}");
+    assert!(said["unobservable"].to_string().contains("unknown flow"), "{said}");
     assert_eq!(said["consistent"], true, "{said}");
     let payload = &said["at_end"]["payload_kg"];
     let of = |name: &str| payload[name].as_f64().unwrap();
     assert!((of("estimated") - 180.0).abs() < 2.0 * of("deviation"), "{payload}");
     // its position ripples by 0.4 mm
-    assert!(said["off"].to_string().contains("position is off by 0."), "{said}");
+    assert!(said["findings"].to_string().contains("position is off by 0."), "{said}");
 }

@@ -73,7 +73,9 @@ fn main() {
         };
         let is_consistent = found.verdict.is_consistent == Some(true);
         consistent += u32::from(is_consistent);
-        off.extend(found.verdict.off.iter().map(|f| format!("crane {k}, {}: {}", f.kind, f.text)));
+        off.extend(
+            found.verdict.findings.iter().map(|f| format!("crane {k}, {}: {}", f.kind, f.text)),
+        );
         compare(&mut errors[usize::from(!is_consistent)], &found, &log, &crane);
         eprintln!("crane {k}: {}", found.verdict.sentence());
     }

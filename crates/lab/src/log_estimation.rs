@@ -9,13 +9,14 @@ use crate::log_verdict::{Verdict, delay, is_consistent, likeliest_noise, noise_f
 use crate::virtual_estimates::{OF_STATE, quantities};
 use hydroboom_control::estimation::error_covariance::{ERRORS, as_variables, output_deviation};
 use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
+use hydroboom_control::estimation::reduced_model::state_index::{self, LOAD_PRESSURE, VELOCITY};
 use hydroboom_control::estimation::state_estimator::{StateEstimator, StateEstimatorState};
 use hydroboom_control::estimation::tip::{TipEstimator, TipMemory};
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_design::scheduled_lqr::{designed, known_delay};
 use hydroboom_design::tip::tip_estimator;
-use hydroboom_design::unknown_flow::{FlowSpread, unknown_flow_estimator};
+use hydroboom_design::unknown_flow::{UnknownFlowPrior, unknown_flow_estimator};
 use hydroboom_math::Dual;
 use hydroboom_measurement::{Signal, Signals, TimeBase, Track};
 
@@ -41,11 +42,11 @@ pub(crate) const TRANSITION: usize = 4;
 const FLOW: usize = OF_STATE;
 pub(crate) const LAG: usize = OF_STATE + 1;
 const TIP: usize = OF_STATE + 2;
-/// Rows that are kept of a log; of longer ones every so many.
+/// Rows kept; longer logs are decimated.
 const MOST_ROWS: usize = 20_000;
 /// Control periods of the longest log: a day at 1 ms.
 const MOST_PERIODS: f64 = 9e7;
-/// A gap is so many intervals of the position without a sample.
+/// Position intervals without a sample that count as a gap.
 const GAP: f64 = 5.0;
 /// Velocity at the start is that over this time \[s\]; below [`REST`] the crane is at rest.
 const BEGINNING: f64 = 0.1;
@@ -53,7 +54,7 @@ const BEGINNING: f64 = 0.1;
 pub(crate) const REST: f64 = 2e-3;
 /// Standard deviation of the velocity at the start of a crane in motion \[m/s\]: it may swing by as much.
 const START_IN_MOTION: f64 = 0.02;
-/// So soon after a start innovations tell no changed load \[s\].
+/// Time after a start in which load changes are not reported \[s\].
 const SETTLING: f64 = 0.5;
 /// The drive lag is identified where the log's interval is at most so many control periods.
 const FINE: f64 = 1.5;
@@ -91,7 +92,7 @@ pub struct LogEstimate {
     /// Standard deviation of position \[m\] and load pressure \[Pa\] that the filter takes.
     pub noise: [f64; 2],
     /// Percentiles of the unknown flow of a valve-controlled crane.
-    pub flow_spread: Option<FlowSpread>,
+    pub unknown_flow_prior: Option<UnknownFlowPrior>,
     /// Estimates at the samples of the log; of a long log not at all of them.
     pub rows: Vec<EstimateRow>,
     /// Standard deviations at the start, in the units of [`ESTIMATES`].
@@ -140,7 +141,7 @@ pub fn estimate(
     let mut remarks = Vec::new();
     let has_motor =
         [Signal::MotorSpeed, Signal::MotorCommand].iter().any(|s| signals.get(*s).is_some());
-    let (mut estimator, flow_spread) = match description.choices.circuit {
+    let (mut estimator, unknown_flow_prior) = match description.choices.circuit {
         CircuitChoice::SelfContained => {
             let estimator = designed(description, known_delay(description) as usize)?.0;
             match has_motor {
@@ -174,20 +175,26 @@ pub fn estimate(
     // the innovation test averages over time, whatever the log's interval is
     estimator.filter.innovation_test.time_constant /=
         if steps[1].is_finite() { 0.5 * (steps[0] + steps[1]) } else { steps[0] };
-    let load_pressure_noise = pressure_a.map_or(0.0, scatter);
-    for (noise, found) in
-        estimator.filter.measurement_noise.iter_mut().zip([scatter(position), load_pressure_noise])
-    {
+    let area_ratio = description.cylinder().area_ratio();
+    let load_pressure: Vec<f64> = match (pressure_a, pressure_b) {
+        (Some(a), Some(b)) => {
+            let pairs = a.time().iter().zip(a.values());
+            pairs.filter_map(|(time, a)| Some(a - area_ratio * b.at(*time)?)).collect()
+        }
+        _ => Vec::new(),
+    };
+    let found = [scatter(position.values()), scatter(&load_pressure)];
+    for (noise, found) in estimator.filter.measurement_noise.iter_mut().zip(found) {
         *noise = noise.max(found);
     }
     estimator.filter.sensor_lag += position.filter();
-    let speed = signals.get(Signal::MotorSpeed).filter(|_| flow_spread.is_none());
-    let command = signals.get(Signal::MotorCommand).filter(|_| flow_spread.is_none());
+    let speed = signals.get(Signal::MotorSpeed).filter(|_| unknown_flow_prior.is_none());
+    let command = signals.get(Signal::MotorCommand).filter(|_| unknown_flow_prior.is_none());
     let is_fine = |track: Option<&Track>| interval_of(track) <= FINE * period;
-    let tells_lag = is_fine(speed) && is_fine(command);
-    remark_on_drive(flow_spread, speed, command, tells_lag, &mut remarks);
+    let identifies_lag = is_fine(speed) && is_fine(command);
+    remark_on_drive(unknown_flow_prior, speed, command, identifies_lag, &mut remarks);
     let valve = signals.get(Signal::HoldingValve);
-    if valve.is_none() && flow_spread.is_none() {
+    if valve.is_none() && unknown_flow_prior.is_none() {
         remarks.push("the load-holding valve was not logged: it is taken as open".into());
     }
     remark_on_sampling(&interval, period, &mut remarks);
@@ -196,19 +203,20 @@ pub fn estimate(
         pressure_a,
         pressure_b,
         speed,
-        command: command.filter(|_| tells_lag || speed.is_none()),
-        tells_lag,
-        has_drive: flow_spread.is_none(),
+        command: command.filter(|_| identifies_lag || speed.is_none()),
+        identifies_lag,
+        has_drive: unknown_flow_prior.is_none(),
         valve,
         begin,
         period,
         periods: ((end - begin) / period).floor() as usize,
-        area_ratio: description.cylinder().area_ratio(),
+        area_ratio,
+        is_pump_side: signals.get(Signal::PressureA).is_none(),
         payload: description.numbers.payload,
-        tip: tip_estimator(description).filter(|_| flow_spread.is_none()),
+        tip: tip_estimator(description).filter(|_| unknown_flow_prior.is_none()),
         persistence: 2.0 * description.numbers.tuning.estimator_nis_time,
     };
-    let mut found = run(&estimator, &source, [0.0; 2], true);
+    let mut found = run(&estimator, &source, [0.0; 2], ALL, true);
     let mut noisy = Vec::new();
     if is_consistent(&found) == Some(false) {
         // either a signal is late, or it is noisier than expected: what makes the log likelier
@@ -217,7 +225,7 @@ pub fn estimate(
         if gain > late {
             noisy = noise_findings(estimator.filter.measurement_noise, noise);
             estimator.filter.measurement_noise = noise;
-            found = run(&estimator, &source, [0.0; 2], true);
+            found = run(&estimator, &source, [0.0; 2], ALL, true);
         }
     }
     let run = found;
@@ -240,14 +248,14 @@ pub fn estimate(
         remarks.push(format!("the estimates of one in {} samples are kept", run.every));
     }
     let mut verdict = verdict(description, signals, &estimator, &source, &run);
-    verdict.off.extend(noisy);
+    verdict.findings.extend(noisy);
     Ok(LogEstimate {
         begin,
         duration: end - begin,
         period,
         interval,
         noise: estimator.filter.measurement_noise,
-        flow_spread,
+        unknown_flow_prior,
         initial_deviation: run.initial_deviation,
         rows: run.rows,
         verdict,
@@ -259,7 +267,7 @@ pub fn estimate(
 fn with_unknown_pump(
     description: &Description,
     mut estimator: StateEstimator<f64>,
-) -> (StateEstimator<f64>, FlowSpread) {
+) -> (StateEstimator<f64>, UnknownFlowPrior) {
     let n = &description.numbers;
     let filter = &mut estimator.filter;
     // the ramps of a motion take the motor to its speed
@@ -268,7 +276,7 @@ fn with_unknown_pump(
     filter.process_noise.unknown_flow = drift;
     (filter.lowest.unknown_flow, filter.highest.unknown_flow) = (-largest, largest);
     let flow = filter.model.displacement;
-    (estimator, FlowSpread { largest: largest * flow, drift: drift * flow })
+    (estimator, UnknownFlowPrior { initial_deviation: largest * flow, random_walk: drift * flow })
 }
 
 fn interval_of(track: Option<&Track>) -> f64 {
@@ -299,25 +307,25 @@ fn substitute<'a>(
 }
 
 fn remark_on_drive(
-    flow_spread: Option<FlowSpread>,
+    unknown_flow_prior: Option<UnknownFlowPrior>,
     speed: Option<&Track>,
     command: Option<&Track>,
-    tells_lag: bool,
+    identifies_lag: bool,
     remarks: &mut Vec<String>,
 ) {
-    if let Some(spread) = flow_spread {
+    if let Some(spread) = unknown_flow_prior {
         remarks.push(format!(
             "no motor speed tells the flow: the flow into the piston side is an unknown input, with a standard deviation of {:.1} l/min at the start and a \
              change of {:.1} l/min in a second",
-            spread.largest * 60e3,
-            spread.drift * 60e3
+            spread.initial_deviation * 60e3,
+            spread.random_walk * 60e3
         ));
         return;
     }
     match (speed, command) {
         (None, Some(_)) => remarks.push("the motor's speed was not recorded: it is predicted from its command".into()),
         (Some(_), None) => remarks.push("the motor's command was not recorded: the drive lag is that of the crane file".into()),
-        (Some(_), Some(_)) if !tells_lag => remarks.push(
+        (Some(_), Some(_)) if !identifies_lag => remarks.push(
             "motor speed and command were recorded too rarely for a drive lag: it is that of the crane file".into(),
         ),
         _ => {}
@@ -340,9 +348,9 @@ fn remark_on_sampling(interval: &[f64; 2], period: f64, remarks: &mut Vec<String
 }
 
 /// Standard deviation of a signal's noise by its third differences, whose variance is 20 times that of white noise; by their median, so that motion counts little.
-fn scatter(track: &Track) -> f64 {
+fn scatter(values: &[f64]) -> f64 {
     let mut sizes: Vec<f64> =
-        track.values().windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).abs()).collect();
+        values.windows(4).map(|v| (v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]).abs()).collect();
     if sizes.is_empty() {
         return 0.0;
     }
@@ -362,7 +370,7 @@ pub(crate) struct Source<'a> {
     pub(crate) command: Option<&'a Track>,
     pub(crate) valve: Option<&'a Track>,
     /// Whether speed and command are there often enough for the drive lag.
-    pub(crate) tells_lag: bool,
+    pub(crate) identifies_lag: bool,
     pub(crate) begin: f64,
     /// Whether a motor's speed or command was recorded.
     pub(crate) has_drive: bool,
@@ -371,6 +379,8 @@ pub(crate) struct Source<'a> {
     pub(crate) periods: usize,
     /// Rod-side area over piston area.
     pub(crate) area_ratio: f64,
+    /// Whether pressures of the pump's side stand for those of the cylinder, which they are while the valve is open.
+    pub(crate) is_pump_side: bool,
     /// Payload of the crane file \[kg\].
     pub(crate) payload: f64,
     /// The estimator of the tip's position, for a boom that has one.
@@ -414,7 +424,7 @@ pub(crate) struct Run {
     pub(crate) restarts: u32,
     pub(crate) began_in_motion: bool,
     /// Smallest standard deviation over that at the start that each estimate reached.
-    pub(crate) told: [f64; ESTIMATES.len()],
+    pub(crate) variance_ratio: [f64; ESTIMATES.len()],
 }
 
 /// The samples of a signal, one after the other.
@@ -439,11 +449,16 @@ impl<'a> Samples<'a> {
     }
 }
 
-/// Steps the filter through a log. `late` \[s\]: by how much position and pressure are taken to be late; rows are kept where `keeps_rows`.
+/// Samples of any time.
+pub(crate) const ALL: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+/// Steps the filter through a log. `late` \[s\]: by how much position and pressure are taken to be late; rows are kept where `keeps_rows`. The likelihood is that
+/// of the samples that were taken from `scored[0]` to `scored[1]` \[s\]: the same ones however late they are.
 pub(crate) fn run(
     estimator: &StateEstimator<f64>,
     source: &Source<'_>,
     late: [f64; 2],
+    scored: [f64; 2],
     keeps_rows: bool,
 ) -> Run {
     let period = estimator.filter.period;
@@ -460,7 +475,7 @@ pub(crate) fn run(
         diverged: false,
         restarts: 0,
         began_in_motion: false,
-        told: [f64::INFINITY; ESTIMATES.len()],
+        variance_ratio: [f64::INFINITY; ESTIMATES.len()],
     };
     let gap = GAP * interval_of(Some(source.position)).max(period);
     let threshold = estimator.filter.innovation_test.threshold;
@@ -470,18 +485,25 @@ pub(crate) fn run(
     let mut tip_memory = TipMemory::default();
     let (mut last_position, mut last_pressure) = (None, None);
     let (mut seen, mut has_begun) = (source.begin, false);
-    let (mut above_since, mut is_told) = (source.begin, false);
+    let (mut above_since, mut is_reported) = (source.begin, false);
     let mut begun_at = source.begin;
     let (mut last_speed, mut sampled) = (0.0, 0_usize);
     for k in 0..=source.periods {
         let time = source.begin + k as f64 * period;
         let until = time + 0.25 * period;
-        let position = positions.newest(until + late[0]).map(|(_, x)| x);
-        let pressure = pressures.as_mut().and_then(|samples| {
-            let (at, a) = samples.newest(until + late[1])?;
+        let is_held = source.valve.and_then(|v| v.held(time - period)).is_some_and(|v| v < 0.5);
+        let newest = positions.newest(until + late[0]);
+        let newest_pressure =
+            pressures.as_mut().and_then(|samples| samples.newest(until + late[1]));
+        let position = newest.map(|(_, x)| x);
+        let pressure = newest_pressure.and_then(|(at, a)| {
             let b = source.pressure_b?.at(at)?;
             Some((a - source.area_ratio * b, source.area_ratio * b))
         });
+        // a shut valve parts the pump's side from the cylinder
+        let pressure = pressure.filter(|_| !(is_held && source.is_pump_side));
+        let is_scored = [newest, newest_pressure]
+            .map(|sample| sample.is_some_and(|(at, _)| (scored[0]..=scored[1]).contains(&at)));
         last_position = position.or(last_position);
         last_pressure = pressure.or(last_pressure);
         if position.is_some() || pressure.is_some() {
@@ -490,7 +512,6 @@ pub(crate) fn run(
             state = None;
             (last_position, last_pressure) = (None, None);
         }
-        let is_held = source.valve.and_then(|v| v.held(time - period)).is_some_and(|v| v < 0.5);
         let read = source.speed.and_then(|speed| speed.at(time));
         let told = source.command.and_then(|command| command.held(time - period));
         let speed = match (read, &state) {
@@ -538,17 +559,17 @@ pub(crate) fn run(
         if let Some(tip) = source.tip {
             tip.update(&mut tip_memory, &estimator.filter, &filter.filter);
         }
-        if !source.tells_lag {
+        if !source.identifies_lag {
             filter.drive = estimator.drive.start(estimator.drive_coefficient);
         }
         let is_good = [position.is_some(), pressure.is_some()].map(|good| good && !is_held);
-        count(&mut run, &filter.filter, is_good, time - source.begin);
+        count(&mut run, &filter.filter, is_good, is_scored, time - source.begin);
         let is_above = filter.filter.mean_nis > threshold;
         if !is_above || is_held {
             above_since = time;
-            is_told = false;
-        } else if !is_told && time - above_since > source.persistence {
-            is_told = true;
+            is_reported = false;
+        } else if !is_reported && time - above_since > source.persistence {
+            is_reported = true;
             if above_since - begun_at > SETTLING {
                 run.load_changes.push(above_since);
             }
@@ -565,10 +586,10 @@ pub(crate) fn run(
             if !source.has_drive {
                 estimate[LAG] = f64::NAN;
             }
-            for (told, (now, initial)) in
-                run.told.iter_mut().zip(deviation.iter().zip(&run.initial_deviation))
+            for (ratio, (now, initial)) in
+                run.variance_ratio.iter_mut().zip(deviation.iter().zip(&run.initial_deviation))
             {
-                *told = told.min(now / initial);
+                *ratio = ratio.min(now / initial);
             }
             let of = |k: usize, value: f64| if is_good[k] { value } else { f64::NAN };
             let filter = &filter.filter;
@@ -612,14 +633,14 @@ fn begin(
         filter.errors[place][place] = deviation * deviation;
     };
     if !source.has_pressure() {
-        widen(2, estimator.filter.force_change);
-        widen(6, estimator.filter.payload_change);
+        widen(LOAD_PRESSURE, estimator.filter.force_change);
+        widen(state_index::PAYLOAD, estimator.filter.payload_change);
     }
     if let (Some(x0), Some(x1)) = (source.position.at(time), source.position.at(time + BEGINNING)) {
         let velocity = (x1 - x0) / BEGINNING;
         if velocity.abs() > REST {
             *in_motion = true;
-            widen(1, START_IN_MOTION.max(0.2 * velocity.abs()));
+            widen(VELOCITY, START_IN_MOTION.max(0.2 * velocity.abs()));
             filter.estimate.velocity = velocity;
         }
     }
@@ -631,6 +652,7 @@ fn count(
     run: &mut Run,
     filter: &hydroboom_control::estimation::extended_kalman_filter::EstimatorState<f64>,
     is_good: [bool; 2],
+    is_scored: [bool; 2],
     since: f64,
 ) {
     let window = since.max(0.0) as usize;
@@ -646,8 +668,10 @@ fn count(
         *sum += nis;
         *number += 1;
         *bias += nis.sqrt().copysign(nu);
-        run.cost += nis + (nu * nu / nis).ln();
-        run.counted += 1;
+        if is_scored[k] {
+            run.cost += nis + (nu * nu / nis).ln();
+            run.counted += 1;
+        }
     }
 }
 
@@ -672,7 +696,7 @@ fn estimated(
     deviation[FLOW] *= settings.model.displacement;
     let (lag, period) = (&state.drive, settings.period);
     estimate[LAG] = lag.time_constant(period);
-    // d tau/dg = tau²/(T (1 − g))
+    // the magnitude of d tau/dg = −tau²/(T (1 − g))
     deviation[LAG] =
         lag.variance.max(0.0).sqrt() * estimate[LAG].powi(2) / (period * (1.0 - lag.coefficient));
     (estimate, deviation)

@@ -6,7 +6,7 @@
 //!
 //! Source: Y. Bar-Shalom, X. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 5.4 (consistency), 5.5 (likelihood).
 
-use crate::log_estimation::{LAG, PAYLOAD, REST, Run, Source, TRANSITION, run};
+use crate::log_estimation::{ALL, LAG, PAYLOAD, REST, Run, Source, TRANSITION, run};
 use hydroboom_control::estimation::state_estimator::StateEstimator;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
@@ -14,29 +14,30 @@ use hydroboom_measurement::{Signal, Signals, TimeBase};
 use serde::Serialize;
 
 /// Largest mean NIS of a consistent window \[1\], and share of windows that have to be consistent.
-const MOST_NIS: f64 = 2.0;
-const WINDOWS: f64 = 0.9;
+const LARGEST_NIS: f64 = 2.0;
+const CONSISTENT_SHARE: f64 = 0.9;
 /// Smallest mean NIS of innovations that are not far smaller than their band \[1\].
-const LEAST_NIS: f64 = 0.5;
+const SMALLEST_NIS: f64 = 0.5;
 /// Fewer measured numbers in a window tell nothing.
-const COUNTED: u32 = 10;
+const MINIMUM_SAMPLES: u32 = 10;
 /// An estimate was told by the log where its standard deviation fell below this share of that at the start.
-const TOLD: f64 = 0.7;
+const OBSERVED: f64 = 0.7;
 /// Delays that are tried \[s\].
 const DELAYS: [f64; 5] = [0.01, 0.02, 0.04, 0.08, 0.15];
-/// Gain of twice the log likelihood per measured number from which a delay is said; virtual cranes gain 0.07 and more by one of 60 ms.
-const LIKELIER: f64 = 0.03;
+/// Gain of twice the log likelihood per measured number from which a delay is said. It grows with the square of the delay: along the motion at 120 mm/s about 0.01
+/// for 20 ms.
+const LOG_LIKELIHOOD_GAIN: f64 = 0.01;
 /// Factors by which the measurement noise is varied, coarse to fine.
 const NOISE_FACTORS: [f64; 2] = [4.0, 1.5];
 /// Smallest step in the search for a delay \[s\].
-const FINEST: f64 = 1e-3;
+const DELAY_RESOLUTION: f64 = 1e-3;
 /// Length of the log over which delays are tried \[s\].
-const TRIED: f64 = 30.0;
+const LONGEST_DELAY_SEARCH: f64 = 30.0;
 /// Error of a usual pressure transducer, of its span: upper end of the usual class, 0.25 to 0.5 %.
 const TRANSDUCER: f64 = 0.005;
 /// The valve has been open for so long where pump and piston side are compared \[s\], and the boom is all but at rest up to this speed \[m/s\].
 const SETTLED: f64 = 0.5;
-const SLOW: f64 = 5e-3;
+const REST_SPEED: f64 = 5e-3;
 /// Points at which the two are compared.
 const COMPARED: usize = 2000;
 
@@ -77,9 +78,9 @@ pub struct Verdict {
     /// The same of the load pressure.
     pub load_pressure: InnovationSummary,
     /// Signals that are off.
-    pub off: Vec<SignalFinding>,
+    pub findings: Vec<SignalFinding>,
     /// What the motion could not tell.
-    pub not_told: Vec<String>,
+    pub unobservable: Vec<String>,
     /// Times at which the innovations told a changed load or a shock \[s\].
     pub load_changes_s: Vec<f64>,
 }
@@ -94,13 +95,13 @@ pub(crate) fn verdict(
 ) -> Verdict {
     let [position, load_pressure] = [0, 1].map(|k| summary(found, k));
     let is_on_valve = description.choices.circuit == CircuitChoice::ValveControlled;
-    let mut off = missing(signals, source, is_on_valve);
-    off.extend(delay(estimator, source).map(|delay| delay.finding()));
-    off.extend(offset(description, signals, source, estimator));
+    let mut findings = missing(signals, source, is_on_valve);
+    findings.extend(delay(estimator, source).map(|delay| delay.finding()));
+    findings.extend(offset(description, signals, source, estimator));
     let is_consistent = is_consistent(found);
     for (signal, s) in [("position", position), ("load pressure", load_pressure)] {
-        if s.windows > 0 && s.consistent_percent < 100.0 * WINDOWS {
-            off.push(SignalFinding {
+        if s.windows > 0 && s.consistent_percent < 100.0 * CONSISTENT_SHARE {
+            findings.push(SignalFinding {
                 signal,
                 kind: "innovations",
                 text: format!(
@@ -114,8 +115,8 @@ pub(crate) fn verdict(
         is_consistent,
         position,
         load_pressure,
-        off,
-        not_told: not_told(description, estimator, source, found),
+        findings,
+        unobservable: unobservable(description, estimator, source, found),
         load_changes_s: found.load_changes.clone(),
     }
 }
@@ -133,11 +134,11 @@ impl Verdict {
         };
         let small = [self.position, self.load_pressure]
             .iter()
-            .any(|s| s.windows > 0 && s.mean_nis < LEAST_NIS);
+            .any(|s| s.windows > 0 && s.mean_nis < SMALLEST_NIS);
         let wide = if small { "; the bands are wider than they need be" } else { "" };
         match self.is_consistent {
             None => "not to be judged: too few measurements while the load was free to move".into(),
-            Some(true) if self.off.iter().any(|finding| finding.kind == NOISE) => format!(
+            Some(true) if self.findings.iter().any(|finding| finding.kind == NOISE) => format!(
                 "consistent only with more measurement noise than the crane file says: look at the signals that are off first{changes}"
             ),
             Some(true) => {
@@ -157,16 +158,17 @@ pub(crate) fn is_consistent(found: &Run) -> Option<bool> {
     let all = [0, 1].map(|k| summary(found, k));
     let mut measured = all.iter().filter(|s| s.windows > 0).peekable();
     measured.peek()?;
-    Some(!found.diverged && measured.all(|s| s.consistent_percent >= 100.0 * WINDOWS))
+    Some(!found.diverged && measured.all(|s| s.consistent_percent >= 100.0 * CONSISTENT_SHARE))
 }
 
 fn summary(found: &Run, k: usize) -> InnovationSummary {
-    let windows: Vec<_> = found.windows.iter().map(|w| w[k]).filter(|w| w.1 >= COUNTED).collect();
+    let windows: Vec<_> =
+        found.windows.iter().map(|w| w[k]).filter(|w| w.1 >= MINIMUM_SAMPLES).collect();
     let number: f64 = windows.iter().map(|w| f64::from(w.1)).sum();
     if windows.is_empty() {
         return InnovationSummary::default();
     }
-    let consistent = windows.iter().filter(|w| w.0 / f64::from(w.1) <= MOST_NIS).count();
+    let consistent = windows.iter().filter(|w| w.0 / f64::from(w.1) <= LARGEST_NIS).count();
     InnovationSummary {
         windows: windows.len(),
         mean_nis: windows.iter().map(|w| w.0).sum::<f64>() / number,
@@ -224,13 +226,16 @@ pub(crate) struct Delay {
     late: f64,
 }
 
-/// The delay under which the log is likelier than without by more than [`LIKELIER`], and consistent: likelihoods of a model that does not hold say nothing.
+/// The delay under which the log is likelier than without by more than [`LOG_LIKELIHOOD_GAIN`], and consistent: likelihoods of a model that does not hold say nothing.
 pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Option<Delay> {
     let part = moving(source)?;
+    // refined by up to half of itself
+    let margin = 1.5 * DELAYS[DELAYS.len() - 1];
+    let scored = [part.begin + margin, part.end() - margin];
     let delayed = |k: usize, late: f64| {
         let mut delays = [0.0; 2];
         delays[k] = late;
-        run(estimator, &part, delays, false)
+        run(estimator, &part, delays, scored, false)
     };
     let cost = |k: usize, late: f64| delayed(k, late).mean_cost();
     let now = cost(0, 0.0);
@@ -239,7 +244,7 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
     for k in numbers {
         for late in DELAYS.into_iter().flat_map(|d| [d, -d]) {
             let found = cost(k, late);
-            if found < best.map_or(now - LIKELIER, |(least, ..)| least) {
+            if found < best.map_or(now - LOG_LIKELIHOOD_GAIN, |(least, ..)| least) {
                 best = Some((found, k, late));
             }
         }
@@ -247,7 +252,7 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
     let (mut least, k, mut late) = best?;
     // halving steps around the best
     let mut step = 0.25 * late.abs();
-    while step > FINEST {
+    while step > DELAY_RESOLUTION {
         for near in [late - step, late + step] {
             let found = cost(k, near);
             if found < least {
@@ -259,8 +264,8 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
     if is_consistent(&delayed(k, late)) != Some(true) {
         return None;
     }
-    let signal = if k == 0 { Signal::Stroke } else { Signal::PressureA };
-    Some(Delay { gain: now - least, signal: signal.symbol(), late })
+    let signal = if k == 0 { Signal::Stroke.symbol() } else { "p_A, p_B" };
+    Some(Delay { gain: now - least, signal, late })
 }
 
 impl Delay {
@@ -270,7 +275,7 @@ impl Delay {
             signal: self.signal,
             kind: "delay",
             text: format!(
-                "{} comes about {:.0} ms {way} against the other signals: delay_ms in the mapping takes it away",
+                "{} {way} by about {:.0} ms against the other signals: correct it with delay_ms in the mapping",
                 self.signal,
                 self.late.abs() * 1e3
             ),
@@ -289,7 +294,7 @@ pub(crate) fn likeliest_noise(
     let cost = |noise: [f64; 2]| {
         let mut other = *estimator;
         other.filter.measurement_noise = noise;
-        run(&other, &part, [0.0; 2], false).mean_cost()
+        run(&other, &part, [0.0; 2], ALL, false).mean_cost()
     };
     let now = cost(least);
     let (mut noise, mut lowest) = (least, now);
@@ -330,7 +335,7 @@ pub(crate) fn noise_findings(expected: [f64; 2], found: [f64; 2]) -> Vec<SignalF
         .collect()
 }
 
-/// The part of a log in which delays are tried: from a second before it begins to move; none where nothing moves.
+/// The part of a log in which delays are tried: from two seconds before it begins to move; none where nothing moves.
 fn moving<'a>(source: &Source<'a>) -> Option<Source<'a>> {
     let (time, values) = (source.position.time(), source.position.values());
     let first = *values.get(time.partition_point(|t| *t < source.begin))?;
@@ -339,7 +344,7 @@ fn moving<'a>(source: &Source<'a>) -> Option<Source<'a>> {
     });
     let begin = (moved?.0 - 2.0).max(source.begin);
     let period = source.period;
-    let left = ((source.end() - begin).min(TRIED) / period).floor();
+    let left = ((source.end() - begin).min(LONGEST_DELAY_SEARCH) / period).floor();
     Some(Source { begin, periods: left.max(0.0) as usize, ..*source })
 }
 
@@ -351,11 +356,11 @@ fn offset(
     estimator: &StateEstimator<f64>,
 ) -> Option<SignalFinding> {
     let (a, pump) = (signals.get(Signal::PressureA)?, signals.get(Signal::PressurePumpA)?);
+    // a valve that was not logged may be shut
+    let valve = source.valve?;
     let is_open = |time: f64| {
-        source.valve.is_none_or(|v| {
-            v.held(time).is_some_and(|v| v >= 0.5)
-                && v.held(time - SETTLED).is_some_and(|v| v >= 0.5)
-        })
+        valve.held(time).is_some_and(|v| v >= 0.5)
+            && valve.held(time - SETTLED).is_some_and(|v| v >= 0.5)
     };
     let step = (source.end() - source.begin) / COMPARED as f64;
     let mut differences: Vec<f64> = (0..COMPARED)
@@ -363,7 +368,7 @@ fn offset(
         .filter(|time| is_open(*time))
         .filter_map(|time| {
             let moved = source.position.at(time + 0.1)? - source.position.at(time)?;
-            (moved.abs() < 0.1 * SLOW).then_some(())?;
+            (moved.abs() < 0.1 * REST_SPEED).then_some(())?;
             Some(a.at(time)? - pump.at(time)?)
         })
         .collect();
@@ -397,7 +402,7 @@ fn pressure_per_kg(estimator: &StateEstimator<f64>, source: &Source<'_>) -> f64 
 }
 
 /// What the motion could not tell, and what no motion can.
-fn not_told(
+fn unobservable(
     description: &Description,
     estimator: &StateEstimator<f64>,
     source: &Source<'_>,
@@ -411,7 +416,7 @@ fn not_told(
             "the boom hardly moved: friction, oil and flow are those of the crane file".into(),
         );
     }
-    let told = |k: usize| found.told[k] < TOLD;
+    let is_observed = |k: usize| found.variance_ratio[k] < OBSERVED;
     match has_pressure {
         false => said.push("payload and unknown force: no load pressure was measured".into()),
         true => {
@@ -420,12 +425,12 @@ fn not_told(
                 "an offset of the pressure transducers: 1 bar of p_A (and of p_PA alike) cannot be told from {:.0} kg of payload at the middle of the log",
                 1e5 / per_kg
             ));
-            if !told(PAYLOAD) {
+            if !is_observed(PAYLOAD) {
                 said.push("payload: not better than at rest, within breakaway friction".into());
             }
         }
     }
-    if !told(TRANSITION) {
+    if !is_observed(TRANSITION) {
         let why = match is_on_valve {
             true => "with an unknown flow the oil's stiffness cannot be told from the flow",
             false => "the pressure changed too little",
@@ -441,11 +446,11 @@ fn not_told(
     }
     if is_on_valve {
         said.push("drive lag: there is no drive".into());
-    } else if !source.tells_lag {
+    } else if !source.identifies_lag {
         said.push(
             "drive lag: motor speed and its command are needed in every control period".into(),
         );
-    } else if !told(LAG) {
+    } else if !is_observed(LAG) {
         said.push("drive lag: the motor's speed changed too little".into());
     }
     said.push(

@@ -58,7 +58,8 @@ pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String
         "unknown_flow_deviation_rpm": flow / RPM,
         "transition_pressure_bar": parameters.transition_pressure / BAR,
         "transition_pressure_deviation_bar": transition / BAR,
-        "flow_transition_correlation": both / (flow * transition),
+        // none where one of both is exact
+        "flow_transition_correlation": if flow * transition > 0.0 { both / (flow * transition) } else { 0.0 },
         "drive_lag_ms": lag / MS,
         "drive_lag_deviation_ms": drive.variance.sqrt() * slope / MS,
         "crane_digest": model.digest(),
@@ -104,14 +105,14 @@ pub fn read(
         }
     };
     let flow = number("unknown_flow_rpm", -largest_flow, largest_flow)? * RPM;
-    let flow_deviation = number("unknown_flow_deviation_rpm", 1e-9, 1e5)? * RPM;
+    let flow_deviation = number("unknown_flow_deviation_rpm", 0.0, 1e5)? * RPM;
     let [lowest, highest] =
         [n.tuning.estimator_lowest_transition, n.tuning.estimator_highest_transition];
     let transition = number("transition_pressure_bar", lowest / BAR, highest / BAR)? * BAR;
-    let transition_deviation = number("transition_pressure_deviation_bar", 1e-9, 1e4)? * BAR;
+    let transition_deviation = number("transition_pressure_deviation_bar", 0.0, 1e4)? * BAR;
     let correlation = number("flow_transition_correlation", -1.0, 1.0)?;
     let lag = number("drive_lag_ms", least_lag / MS, most_lag / MS)? * MS;
-    let lag_deviation = number("drive_lag_deviation_ms", 1e-9, 1e5)? * MS;
+    let lag_deviation = number("drive_lag_deviation_ms", 0.0, 1e5)? * MS;
     for (what, unit, size, off, deviations) in [
         ("unknown_flow", "rpm", RPM, flow, [flow_deviation, initial.unknown_flow]),
         (

@@ -13,21 +13,18 @@ use super::error_covariance::{
 };
 use super::innovation_test::InnovationTest;
 use super::noise_estimation::NoiseEstimate;
+use super::reduced_model::state_index::{
+    DISTURBANCE, LOAD_PRESSURE, PAYLOAD, POSITION, TRANSITION_PRESSURE, UNKNOWN_FLOW, VELOCITY,
+};
 use super::reduced_model::{MachineState, OperatingPoint, ReducedModel, STATES};
 use crate::memory::Memory;
 use core::array::from_fn;
 use hydroboom_math::{Dual, Real, record};
 
-/// Place of the load's position, of its velocity, … in a state.
-const POSITION: usize = 0;
-const VELOCITY: usize = 1;
-const LOAD_PRESSURE: usize = 2;
-const DISTURBANCE: usize = 4;
-const PAYLOAD: usize = 6;
 /// Place of the considered lag of the position sensor among all errors.
 const SENSOR_LAG: usize = ERRORS - 1;
 /// States that are parameters, or nearly so.
-const PARAMETERS: [usize; 3] = [5, 6, 7];
+const PARAMETERS: [usize; 3] = [UNKNOWN_FLOW, PAYLOAD, TRANSITION_PRESSURE];
 
 /// Settings of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -228,8 +225,20 @@ impl<T: Real> ExtendedKalmanFilter<T> {
 
     /// One control period: prediction, then correction.
     pub fn update(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
+        let never = T::one().lt(T::zero());
+        self.update_frozen(state, measured, never);
+    }
+
+    /// The same, with unknown flow and transition pressure considered and not estimated where `is_frozen` holds: their gain is zero, and their variances do
+    /// not fall.
+    pub fn update_frozen(
+        &self,
+        state: &mut EstimatorState<T>,
+        measured: &EstimatorInput<T>,
+        is_frozen: T::Mask,
+    ) {
         self.predict(state, measured.motor_speed, measured.rod_side_term);
-        self.correct(state, measured);
+        self.correct(state, measured, is_frozen);
     }
 
     /// One control period in which valves hold the load: nothing moves, position and load pressure are as measured, the payload may be another. What is known of
@@ -322,7 +331,12 @@ impl<T: Real> ExtendedKalmanFilter<T> {
     }
 
     /// What position and load pressure tell.
-    fn correct(&self, state: &mut EstimatorState<T>, measured: &EstimatorInput<T>) {
+    fn correct(
+        &self,
+        state: &mut EstimatorState<T>,
+        measured: &EstimatorInput<T>,
+        is_frozen: T::Mask,
+    ) {
         let zero = T::zero();
         let at = self.model.at(state.estimate.position, state.estimate.payload);
         let values = [measured.position, measured.load_pressure];
@@ -351,7 +365,10 @@ impl<T: Real> ExtendedKalmanFilter<T> {
             let mean = self.innovation_test.update(state.mean_nis, nis, since);
             state.mean_nis = T::select(is_good, mean, state.mean_nis);
             (state.innovation[k], state.nis[k]) = (innovation, nis);
-            let gain = shared.map(|shared| T::select(is_good, shared / s, zero));
+            let mut gain = shared.map(|shared| T::select(is_good, shared / s, zero));
+            for parameter in [UNKNOWN_FLOW, TRANSITION_PRESSURE] {
+                gain[parameter] = T::select(is_frozen, zero, gain[parameter]);
+            }
             state.estimate = MachineState::from_array(core::array::from_fn(|i| {
                 gain[i].mul_add(innovation, z[i])
             }));

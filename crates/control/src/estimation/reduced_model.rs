@@ -48,6 +48,26 @@ record! {
     }
 }
 
+/// Place of each state in the order of [`MachineState`].
+pub mod state_index {
+    /// Position of the load.
+    pub const POSITION: usize = 0;
+    /// Velocity of the load.
+    pub const VELOCITY: usize = 1;
+    /// Load pressure.
+    pub const LOAD_PRESSURE: usize = 2;
+    /// Pre-sliding friction.
+    pub const FRICTION: usize = 3;
+    /// Unknown force.
+    pub const DISTURBANCE: usize = 4;
+    /// Unknown flow.
+    pub const UNKNOWN_FLOW: usize = 5;
+    /// Mass of the payload.
+    pub const PAYLOAD: usize = 6;
+    /// Transition pressure of the oil.
+    pub const TRANSITION_PRESSURE: usize = 7;
+}
+
 /// A polynomial of the piston position, `c_0 + c_1 ξ + …`, ξ from −1 to 1 over the stroke.
 pub type Polynomial<T> = [T; COEFFICIENTS];
 
@@ -172,7 +192,7 @@ impl<T: Real> ReducedModel<T> {
         share.clamp(T::zero(), T::one()) * self.maximum_payload
     }
 
-    /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\], `rod_side_term` \[Pa\] being what the piston side has beyond the load pressure: the rod-side pressure over the ratio of areas.
+    /// Bulk modulus \[Pa\] at a load pressure \[Pa\] with another transition pressure \[Pa\], `rod_side_term` \[Pa\] being what the piston side has beyond the load pressure, (A_r/A_p) p_B.
     #[inline(always)]
     pub fn bulk_modulus(&self, load_pressure: T, transition: T, rod_side_term: T) -> T {
         Oil { transition_pressure: transition, ..self.oil }

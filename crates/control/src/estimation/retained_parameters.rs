@@ -3,12 +3,10 @@
 //! The oil's transition pressure, the unknown flow (leakage, and the pump's displacement beside the crane file's) and the drive's lag are properties of machine and oil.
 //! Payload, unknown force and friction of the moment begin anew: their spread is that of any start.
 
+use super::error_covariance::Covariance;
+use super::reduced_model::state_index::{TRANSITION_PRESSURE as TRANSITION, UNKNOWN_FLOW as FLOW};
 use super::state_estimator::{StateEstimator, StateEstimatorState};
 use hydroboom_math::{Real, record};
-
-/// Places of the unknown flow and of the oil's transition pressure among the estimated states.
-const FLOW: usize = 5;
-const TRANSITION: usize = 7;
 
 record! {
     /// What is known of a machine from one run to the next: oil, pump and drive, with the covariance of their errors.
@@ -53,6 +51,16 @@ impl<T: Real> RetainedParameters<T> {
     }
 }
 
+/// Covariances of unknown flow and transition pressure with all other errors, zero where `clears` holds.
+fn clear_shared<T: Real, const N: usize>(p: &mut Covariance<T, N>, clears: T::Mask) {
+    for i in [FLOW, TRANSITION] {
+        for j in (0..N).filter(|j| ![FLOW, TRANSITION].contains(j)) {
+            p[i][j] = T::select(clears, T::zero(), p[i][j]);
+            p[j][i] = T::select(clears, T::zero(), p[j][i]);
+        }
+    }
+}
+
 impl<T: Real> StateEstimator<T> {
     /// Takes retained parameters where `mask` holds and all of them are numbers, limited to what is estimated. The filter's own covariance, which gives its gain, is
     /// that of the errors too.
@@ -85,6 +93,9 @@ impl<T: Real> StateEstimator<T> {
             (TRANSITION, FLOW, both),
             (TRANSITION, TRANSITION, transition),
         ];
+        // nothing is known of what the new errors share with the others
+        clear_shared(&mut state.filter.covariance, restores);
+        clear_shared(&mut state.filter.errors, restores);
         for (i, j, value) in block {
             take(&mut state.filter.covariance[i][j], value);
             take(&mut state.filter.errors[i][j], value);

@@ -140,6 +140,18 @@ impl<T: Real> StateEstimator<T> {
         measured: &EstimatorInput<T>,
         command: T,
     ) {
+        let never = T::one().lt(T::zero());
+        self.update_frozen(state, measured, command, never);
+    }
+
+    /// The same, with unknown flow, transition pressure and drive lag as they are where `is_frozen` holds.
+    pub fn update_frozen(
+        &self,
+        state: &mut StateEstimatorState<T>,
+        measured: &EstimatorInput<T>,
+        command: T,
+        is_frozen: T::Mask,
+    ) {
         state.commands.copy_within(..COMMANDS - 1, 1);
         state.commands[0] = command;
         let speed = measured.motor_speed;
@@ -147,7 +159,7 @@ impl<T: Real> StateEstimator<T> {
         // a motor at its torque or slew limit tells nothing of its lag
         let is_free = (speed - state.motor_speed).abs().lt(self.free_slew * self.slew);
         let is_informative =
-            is_free & self.filter.innovation_test.is_consistent(state.filter.mean_nis);
+            is_free & self.filter.innovation_test.is_consistent(state.filter.mean_nis) & !is_frozen;
         let driven = state.commands[2 * self.delay_cycles.min(LARGEST_DELAY)];
         let period = self.filter.period;
         self.drive.update(
@@ -158,7 +170,8 @@ impl<T: Real> StateEstimator<T> {
             period,
             is_informative,
         );
-        self.filter.update(&mut state.filter, &EstimatorInput { motor_speed: mean, ..*measured });
+        let measured_mean = EstimatorInput { motor_speed: mean, ..*measured };
+        self.filter.update_frozen(&mut state.filter, &measured_mean, is_frozen);
         state.motor_speed = speed;
         state.rod_side_term = measured.rod_side_term;
     }

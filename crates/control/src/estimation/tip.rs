@@ -24,6 +24,7 @@
 
 use super::error_covariance::{Covariance, ERRORS, as_variables, output_deviation};
 use super::extended_kalman_filter::{EstimatorState, ExtendedKalmanFilter};
+use super::reduced_model::state_index::PAYLOAD;
 use super::reduced_model::{MachineState, ReducedModel};
 use hydroboom_math::{Dual, Real, record};
 
@@ -118,8 +119,6 @@ record! {
 pub const PARAMETERS: usize = TipParameters::NAMES.len();
 /// These, and the payload.
 const VARIED: usize = PARAMETERS + 1;
-/// Place of the payload in a state.
-const PAYLOAD: usize = 6;
 
 /// The estimator of the tip's position.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -189,7 +188,7 @@ impl<T: Real> TipModel<T> {
         let by_couple = half * (outer_2 - (outer - inner_end).square());
         let by_weight = T::lit(0.125) * outer_2.square();
         let by_inertia = outer_2.square() * (T::lit(0.125) * length - outer * T::lit(1.0 / 30.0));
-        let rod_side_term =
+        let beyond_mount =
             force * by_force + couple * by_couple + weight * by_weight + inertia * by_inertia;
         // between bearing and mount the moment grows in proportion; off the axis, the cylinder's force adds a couple at the mount
         let lug = self.mount_y * axial / arm;
@@ -199,7 +198,7 @@ impl<T: Real> TipModel<T> {
             + inertia * outer_2 * (half * length - outer * T::lit(1.0 / 6.0))
             + lug * moment;
         let within = at_mount * (outer + lug * length) * self.mount_x * third;
-        let bent = parameters.bending * (rod_side_term + within) / self.flexural_rigidity;
+        let bent = parameters.bending * (beyond_mount + within) / self.flexural_rigidity;
 
         let lowered = bent + length * parameters.base * moment;
         [length * cos + lowered * sin, length * sin - lowered * cos]

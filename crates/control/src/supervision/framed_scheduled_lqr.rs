@@ -181,7 +181,9 @@ impl<T: Real> FramedScheduledLqr<T> {
         let filter = &estimated.filter;
         let all = filter.estimate.to_array().into_iter();
         let sum = all.chain(filter.covariance.into_iter().flatten());
-        let sum = sum.fold(estimated.drive.coefficient, |sum, number| sum + number.abs());
+        let sum = sum.chain(filter.errors.into_iter().flatten());
+        let sum = sum.chain([estimated.drive.coefficient, estimated.drive.variance]);
+        let sum = sum.fold(T::zero(), |sum, number| sum + number.abs());
         sum.is_finite() & !self.estimator.filter.has_diverged(filter)
     }
 
@@ -205,14 +207,8 @@ impl<T: Real> FramedScheduledLqr<T> {
         };
         let was = &before.estimated;
         let mut updated = *was;
-        self.estimator.update(&mut updated, &measured, now.motor_speed);
-        let freezes = half.lt(input.request.freeze_parameters);
-        let stays = |was: T, is: T| T::select(freezes, was, is);
-        let (old, new) = (&was.filter.estimate, &mut updated.filter.estimate);
-        new.unknown_flow = stays(old.unknown_flow, new.unknown_flow);
-        new.transition_pressure = stays(old.transition_pressure, new.transition_pressure);
-        updated.drive.coefficient = stays(was.drive.coefficient, updated.drive.coefficient);
-        updated.drive.variance = stays(was.drive.variance, updated.drive.variance);
+        let is_frozen = half.lt(input.request.freeze_parameters);
+        self.estimator.update_frozen(&mut updated, &measured, now.motor_speed, is_frozen);
 
         let mut held = *was;
         self.estimator.hold(&mut held, &measured);
@@ -235,7 +231,7 @@ impl<T: Real> FramedScheduledLqr<T> {
         let zero = T::zero();
         let LqrMemory { estimated, law: state, behind, .. } = controller;
         let begins = !now.controls | now.begins;
-        // a regulator that is no number begins anew
+        // the Riccati recursion restarts where it is not finite
         let regulator = &mut state.regulator;
         let numbers = regulator.cost_to_go.iter().flatten().chain(&regulator.gain);
         let is_number = numbers.fold(zero, |sum, number| sum + number.abs()).is_finite();

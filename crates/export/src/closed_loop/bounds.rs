@@ -56,6 +56,8 @@ pub fn bounds(
         (false, true) => n.fast,
         (false, false) => 0.0,
     };
+    // a command in single precision is rounded
+    let rounding = f64::from(f32::EPSILON) * l.motor_speed / n.control_period;
     // what a stop leaves swings on by v/ω of the load mode
     let swings = speed * l.still.1 / TAU;
     // asked to hold, and for the milder causes
@@ -82,7 +84,7 @@ pub fn bounds(
             Some(d) if d.periods == 1 => BUMPLESS,
             _ => undisturbed.error + goes_astray,
         },
-        motor: (l.motor_speed, l.motor_slew),
+        motor: (l.motor_speed, l.motor_slew + rounding),
     })
 }
 

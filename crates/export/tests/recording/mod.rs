@@ -336,6 +336,10 @@ pub fn shares_off(found: &[Vec<f64>], recording: &Recording) -> Vec<(String, f64
     let of = |k: usize| {
         let size = recording.wanted.iter().map(|row| row[k].abs()).fold(0.0, f64::max);
         let off = found.iter().zip(&recording.wanted).map(|(found, wanted)| {
+            // what is not finite is the same where it is so in both
+            if found[k].is_nan() && wanted[k].is_nan() {
+                return 0.0;
+            }
             let off = (found[k] - wanted[k]).abs();
             // what is no number differs by everything
             if off.is_nan() { f64::INFINITY } else { off }

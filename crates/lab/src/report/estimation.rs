@@ -36,14 +36,14 @@ pub fn estimation_page(
         p.soft {
             "The log " code { (log) } " beside \"" (crane) "\", from " (format!("{:.3}", found.begin)) " s on for "
             (format!("{:.1}", found.duration)) " s: estimates of the extended Kalman filter at the time of each measurement. Bounds are two standard deviations \
-            of the error covariance, in which pump, friction, mass and sensor lag have the spread of the crane file; they hold in 19 of 20 cases if the verdict is \
-            consistent."
+            of the error covariance, in which pump, friction, mass, load position and sensor lag have the spread of the crane file. The verdict judges the innovations; \
+            bounds of what was not measured rest on that spread. How often they hold on virtual cranes: docs/estimation.md."
         }
-        h2 { "Signals that are off" }
-        @if verdict.off.is_empty() { p { "None was found." } }
-        ul { @for finding in &verdict.off { li { (capital(&finding.text)) "." } } }
-        h2 { "What this log cannot tell" }
-        ul { @for text in &verdict.not_told { li { (capital(text)) "." } } }
+        h2 { "Findings on the signals" }
+        @if verdict.findings.is_empty() { p { "None was found." } }
+        ul { @for finding in &verdict.findings { li { (capital(&finding.text)) "." } } }
+        h2 { "Not observable in this log" }
+        ul { @for text in &verdict.unobservable { li { (capital(text)) "." } } }
         h2 { "At the end" }
         (table_of_estimates(found))
         h2 { "Innovations" }
