@@ -104,7 +104,7 @@ impl Estimate {
             said += &format!("\nfinding: {}", finding.text);
         }
         let two = |value: f64| format!("{value:.2}");
-        if let Some(last) = found.rows.last() {
+        if let Some(last) = found.last_released() {
             let rows: Vec<Vec<String>> = ESTIMATES
                 .iter()
                 .enumerate()
@@ -118,7 +118,8 @@ impl Estimate {
                     ]
                 })
                 .collect();
-            let header = ["at the end", "estimate", "bound (2 sigma)", "at the start"];
+            let heading = found.last_heading();
+            let header = [heading.as_str(), "estimate", "bound (2 sigma)", "at the start"];
             said += &format!("\n{}", output::table(&header, &rows));
         }
         let rows: Vec<Vec<String>> =
@@ -179,7 +180,7 @@ fn write(path: &Path, found: &LogEstimate) -> Result<()> {
 fn in_json(log: &str, crane: &str, found: &LogEstimate, notes: &[String]) -> Value {
     let verdict = &found.verdict;
     let mut at_end = Map::new();
-    if let Some(last) = found.rows.last() {
+    if let Some(last) = found.last_released() {
         for (k, (name, _)) in ESTIMATES.iter().enumerate() {
             let value = json!({
                 "estimated": last.estimate[k], "deviation": last.deviation[k],
@@ -200,6 +201,6 @@ fn in_json(log: &str, crane: &str, found: &LogEstimate, notes: &[String]) -> Val
         "verdict": verdict.sentence(), "consistent": verdict.is_consistent,
         "innovations": { "position": verdict.position, "load_pressure": verdict.load_pressure },
         "findings": verdict.findings, "unobservable": verdict.unobservable, "load_changes_s": verdict.load_changes_s,
-        "at_end": at_end, "notes": notes.iter().chain(&found.remarks).collect::<Vec<_>>(),
+        "estimated_at_s": found.last_released().map(|row| row.time), "at_end": at_end, "notes": notes.iter().chain(&found.remarks).collect::<Vec<_>>(),
     })
 }

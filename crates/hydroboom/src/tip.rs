@@ -19,8 +19,8 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use toml_edit::DocumentMut;
 
-/// Deviations of a pose beyond which a survey is doubted.
-const DOUBTED: f64 = 3.5;
+/// Standard deviations beyond which a pose is an outlier.
+const OUTLIER_DEVIATIONS: f64 = 3.5;
 /// 95 % of a normal distribution lie within so many standard deviations.
 const INTERVAL: f64 = 1.96;
 
@@ -90,16 +90,17 @@ impl Tip {
         let survey = TipSurvey::parse(&name, &text(path)?, &crane).into_diagnostic()?;
         let fit = survey.fit(&crane).into_diagnostic()?;
         let left = NoiseFloor::of_survey(&fit, &crane, self.seed);
+        let (line, worst) = fit.worst;
+        if worst > OUTLIER_DEVIATIONS {
+            return Err(miette!(
+                help =
+                    "correct or survey it again, delete the line, or state a larger deviation_mm",
+                "{name}, line {line}: the pose is {worst:.1} standard deviations off the fit, where {OUTLIER_DEVIATIONS} are allowed; nothing is written"
+            ));
+        }
         if let Some(out) = &self.out {
             let written = self.with_keys(&fit, path)?;
             output::file(out, written.as_bytes())?;
-        }
-        let (line, worst) = fit.worst;
-        if worst > DOUBTED {
-            eprintln!(
-                "warning: {name}, line {line}: the pose is {worst:.1} standard deviations off the fit; \
-                 survey it again, or state a larger deviation_mm"
-            );
         }
         if self.json {
             let keys: serde_json::Map<String, serde_json::Value> = fit

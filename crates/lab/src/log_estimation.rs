@@ -103,6 +103,23 @@ pub struct LogEstimate {
     pub remarks: Vec<String>,
 }
 
+impl LogEstimate {
+    /// The last estimates while the load was free to move; of a log in which it never was, the last.
+    pub fn last_released(&self) -> Option<&EstimateRow> {
+        self.rows.iter().rev().find(|row| !row.is_held).or(self.rows.last())
+    }
+
+    /// What [`last_released`](Self::last_released) is of, as a heading.
+    pub fn last_heading(&self) -> String {
+        match (self.last_released(), self.rows.last()) {
+            (Some(row), Some(last)) if row.time < last.time => {
+                format!("at {:.2} s, before the load was held", row.time)
+            }
+            _ => "at the end".into(),
+        }
+    }
+}
+
 /// Estimates along a log of the crane of a description: `signals` in SI units, from `from` to `to` \[s\] of the log's time.
 ///
 /// Needed is the piston's position; load pressure, motor speed, its command and the load-holding valve are used as far as they are there.

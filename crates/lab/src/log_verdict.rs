@@ -10,7 +10,7 @@ use crate::log_estimation::{ALL, LAG, PAYLOAD, REST, Run, Source, TRANSITION, ru
 use hydroboom_control::estimation::state_estimator::StateEstimator;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
-use hydroboom_measurement::{Signal, Signals, TimeBase};
+use hydroboom_measurement::{Signal, Signals, TimeBase, Track};
 use serde::Serialize;
 
 /// Largest mean NIS of a consistent window \[1\], and share of windows that have to be consistent.
@@ -38,6 +38,10 @@ const TRANSDUCER: f64 = 0.005;
 /// The valve has been open for so long where pump and piston side are compared \[s\], and the boom is all but at rest up to this speed \[m/s\].
 const SETTLED: f64 = 0.5;
 const REST_SPEED: f64 = 5e-3;
+/// Windows in which a signal is looked at for a constant value \[s\], samples that one has at least, and the piston's travel in one from which the load moves \[m\].
+const STUCK_WINDOW: f64 = 0.5;
+const STUCK_SAMPLES: usize = 5;
+const STUCK_TRAVEL: f64 = 5e-3;
 /// Points at which the two are compared.
 const COMPARED: usize = 2000;
 
@@ -54,15 +58,18 @@ pub struct InnovationSummary {
     pub mean_over_sigma: f64,
 }
 
-/// Kind of a finding: more noise than expected.
+/// Kinds of a finding: more noise than expected; a transducer that is off; a signal that does not change; a payload that the crane file does not have.
 const NOISE: &str = "noise";
+const OFFSET: &str = "offset";
+const STUCK: &str = "stuck";
+const RANGE: &str = "range";
 
 /// Something that is wrong with a signal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SignalFinding {
     /// Symbol of the signal.
     pub signal: &'static str,
-    /// missing, delay, offset, innovations, or noise.
+    /// missing, stuck, delay, offset, range, innovations, or noise.
     pub kind: &'static str,
     /// What is wrong, in words.
     pub text: String,
@@ -96,9 +103,14 @@ pub(crate) fn verdict(
     let [position, load_pressure] = [0, 1].map(|k| summary(found, k));
     let is_on_valve = description.choices.circuit == CircuitChoice::ValveControlled;
     let mut findings = missing(signals, source, is_on_valve);
-    findings.extend(delay(estimator, source).map(|delay| delay.finding()));
+    let stuck = stuck(signals, source, estimator);
+    if stuck.is_empty() {
+        findings.extend(delay(estimator, source).map(|delay| delay.finding()));
+    }
     findings.extend(offset(description, signals, source, estimator));
-    let is_consistent = is_consistent(found);
+    findings.extend(out_of_range(description, found));
+    let is_consistent = is_consistent(found).map(|consistent| consistent && stuck.is_empty());
+    findings.extend(stuck);
     for (signal, s) in [("position", position), ("load pressure", load_pressure)] {
         if s.windows > 0 && s.consistent_percent < 100.0 * CONSISTENT_SHARE {
             findings.push(SignalFinding {
@@ -141,6 +153,15 @@ impl Verdict {
             Some(true) if self.findings.iter().any(|finding| finding.kind == NOISE) => format!(
                 "consistent only with more measurement noise than the crane file says: look at the signals that are off first{changes}"
             ),
+            Some(true) if self.findings.iter().any(|finding| finding.kind == OFFSET) => format!(
+                "innovations are consistent, but a pressure transducer is off: payload and load pressure are outside their bounds by its error{changes}"
+            ),
+            Some(true) if self.findings.iter().any(|finding| finding.kind == RANGE) => format!(
+                "innovations are consistent, but the payload is outside the crane file's range: another crane, geometry or transducer{changes}"
+            ),
+            Some(false) if self.findings.iter().any(|finding| finding.kind == STUCK) => {
+                format!("NOT consistent: a signal is stuck; do not rely on the estimates{changes}")
+            }
             Some(true) => {
                 format!("consistent: the innovations are within their bands{wide}{changes}")
             }
@@ -217,6 +238,69 @@ fn missing(signals: &Signals, source: &Source<'_>, is_on_valve: bool) -> Vec<Sig
     found
 }
 
+/// Signals that repeat one value while the load moves: pressures while the position changes, the position while the motor turns. A motor's speed may be constant.
+fn stuck(
+    signals: &Signals,
+    source: &Source<'_>,
+    estimator: &StateEstimator<f64>,
+) -> Vec<SignalFinding> {
+    let model = &estimator.filter.model;
+    let is_constant = |track: &Track, from: f64| {
+        let samples = track.time().partition_point(|t| *t < from)
+            ..track.time().partition_point(|t| *t < from + STUCK_WINDOW);
+        let values = &track.values()[samples];
+        values.len() >= STUCK_SAMPLES && values.windows(2).all(|v| v[0] == v[1])
+    };
+    let by_position = |from: f64| {
+        let ends = (source.position.at(from), source.position.at(from + STUCK_WINDOW));
+        matches!(ends, (Some(x0), Some(x1)) if (x1 - x0).abs() > STUCK_TRAVEL)
+    };
+    let by_motor = |from: f64| {
+        let is_open = source.valve.is_some_and(|v| v.held(from).is_some_and(|v| v >= 0.5));
+        let speed = source.speed.and_then(|speed| speed.at(from + 0.5 * STUCK_WINDOW));
+        let travel = speed.unwrap_or(0.0) * model.displacement / model.piston_area * STUCK_WINDOW;
+        is_open && travel.abs() > STUCK_TRAVEL
+    };
+    let windows = ((source.end() - source.begin) / STUCK_WINDOW) as usize;
+    let mut found = Vec::new();
+    for signal in [Signal::Stroke, Signal::PressureA, Signal::PressureB] {
+        let Some(track) = signals.get(signal) else { continue };
+        let begins = (0..windows).map(|k| source.begin + k as f64 * STUCK_WINDOW);
+        let moves = |from: &f64| match signal {
+            Signal::Stroke => by_motor(*from),
+            _ => by_position(*from),
+        };
+        let count = begins.filter(moves).filter(|from| is_constant(track, *from)).count();
+        if count > 0 {
+            found.push(SignalFinding {
+                signal: signal.symbol(),
+                kind: STUCK,
+                text: format!(
+                    "{} repeats one value for {:.1} s while the load moves: look at its transducer, cable and input",
+                    signal.symbol(),
+                    count as f64 * STUCK_WINDOW
+                ),
+            });
+        }
+    }
+    found
+}
+
+/// A payload that is outside of the crane file's range by more than its bound.
+fn out_of_range(description: &Description, found: &Run) -> Option<SignalFinding> {
+    let range = description.ranges();
+    let (low, high) = (range.low.payload, range.high.payload);
+    let last = found.rows.iter().rev().find(|row| !row.is_held)?;
+    let (payload, bound) = (last.estimate[PAYLOAD], 2.0 * last.deviation[PAYLOAD]);
+    (payload - bound > high || payload + bound < low).then(|| SignalFinding {
+        signal: "payload",
+        kind: RANGE,
+        text: format!(
+            "the payload of {payload:.0} kg is outside of payload.mass_kg's range, {low:.0} to {high:.0} kg: is it another crane, or a transducer's error?"
+        ),
+    })
+}
+
 /// A delay of position or load pressure against the other signals, found by the likelihood of the log.
 pub(crate) struct Delay {
     /// Gain of twice the log likelihood per measured number.
@@ -261,7 +345,9 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
         }
         step *= 0.5;
     }
-    if is_consistent(&delayed(k, late)) != Some(true) {
+    // at the end of the search another cause is likelier
+    let is_inside = late.abs() < DELAYS[DELAYS.len() - 1];
+    if !is_inside || is_consistent(&delayed(k, late)) != Some(true) {
         return None;
     }
     let signal = if k == 0 { Signal::Stroke.symbol() } else { "p_A, p_B" };
@@ -327,7 +413,7 @@ pub(crate) fn noise_findings(expected: [f64; 2], found: [f64; 2]) -> Vec<SignalF
             signal,
             kind: NOISE,
             text: format!(
-                "the {signal} is off by {:.2} {unit} RMS from sample to sample, where {:.2} {unit} were expected: the filter takes the larger",
+                "noise of the {signal}: {:.2} {unit} RMS make the log likeliest, {:.2} {unit} were expected; the larger value is used",
                 found * size,
                 expected * size
             ),
@@ -381,7 +467,7 @@ fn offset(
     let allowed = 2.0 * n.pressure_error.max(TRANSDUCER) * n.pressure_span;
     (median.abs() > allowed).then(|| SignalFinding {
         signal: Signal::PressureA.symbol(),
-        kind: "offset",
+        kind: OFFSET,
         text: format!(
             "p_A is {:+.1} bar off p_PA with the load-holding valve open and the boom at rest, where {:.1} bar are allowed: one of the two transducers is off. If \
              it is p_A, the payload is wrong by {:+.0} kg",

@@ -123,6 +123,21 @@ fn signals_that_are_off_are_named_and_what_cannot_be_told_is_said() {
     let late = along(&changed(&sound, Signal::Stroke, |t, v| Some((t + 0.05, v))));
     assert!(kinds(&late, "x_cyl").contains(&"delay"), "{:?}", late.verdict.findings);
 
+    // one value all the time, and another crane's load
+    for signal in [Signal::PressureA, Signal::Stroke] {
+        let found = along(&changed(&sound, signal, |t, _| {
+            Some((t, if signal == Signal::Stroke { 0.05 } else { 70e5 }))
+        }));
+        assert!(kinds(&found, signal.symbol()).contains(&"stuck"), "{:?}", found.verdict);
+        assert_eq!(found.verdict.is_consistent, Some(false));
+        assert!(found.verdict.findings.iter().all(|finding| finding.kind != "delay"));
+    }
+    let mut other = Description::uia_single_boom().unwrap();
+    other.numbers.piston *= 75.0 / 65.0;
+    let found = estimate(&other, &sound, (None, None)).unwrap();
+    assert_eq!(kinds(&found, "payload"), ["range"], "{:?}", found.verdict);
+    assert!(!found.verdict.sentence().starts_with("consistent"), "{}", found.verdict.sentence());
+
     // missing cells are left out: the pressure's bound grows, and comes back
     let hole =
         changed(&sound, Signal::PressureA, |t, v| (!(5.0..6.5).contains(&t)).then_some((t, v)));

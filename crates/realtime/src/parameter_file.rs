@@ -67,6 +67,20 @@ pub fn text(model: &Description, parameters: &RetainedParameters<f64>) -> String
     format!("{value:#}\n")
 }
 
+/// The parameters in a line, with two standard deviations each.
+pub fn summary(model: &Description, parameters: &RetainedParameters<f64>) -> String {
+    let drive =
+        DriveLag { coefficient: parameters.drive_coefficient, variance: parameters.drive_variance };
+    format!(
+        "transition pressure {:.1} +- {:.1} bar, unknown flow {:.1} +- {:.1} rpm, drive lag {:.1} ms",
+        parameters.transition_pressure / BAR,
+        2.0 * parameters.transition_variance.sqrt() / BAR,
+        parameters.unknown_flow / RPM,
+        2.0 * parameters.flow_variance.sqrt() / RPM,
+        drive.time_constant(model.numbers.control_period) / MS
+    )
+}
+
 /// Reads the parameters of the crane of a model.
 ///
 /// # Errors

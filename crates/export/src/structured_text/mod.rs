@@ -375,10 +375,12 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         }
     }
 
-    let mut variables = vec![
-        Declared::new(Section::Input, "bReset", "BOOL", None, "Begin again at the start values"),
-        Declared::new(Section::Input, "bPrepare", "BOOL", None, "A parameter was changed"),
-    ];
+    let flag = |name, meaning| Declared::new(Section::Input, name, "BOOL", None, meaning);
+    let mut variables = vec![flag("bReset", "Begin again at the start values")];
+    let has_parameters = !parameters.is_empty();
+    if has_parameters {
+        variables.push(flag("bPrepare", "A parameter was changed"));
+    }
     let tabled = |names: &[String], one: &dyn Fn(usize, &str) -> Declared| -> Vec<Declared> {
         let of = |(table, range): (Option<String>, Range<usize>)| match table {
             None => one(range.start, &names[range.start]),
@@ -403,9 +405,15 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         parameters.map(|((v, _), name)| declared(Section::Local, name, Some(v.initial), v)),
     );
     variables.extend(kept.iter().map(|(name, v)| declared(Section::Local, name, None, v)));
+    let when = if has_parameters { "bPrepare OR " } else { "" };
+    let preparing = match kept.is_empty() {
+        true => String::new(),
+        false => format!(
+            "IF {when}bReset OR NOT bReady THEN\n    (* what follows from the parameters *)\n{preparing}END_IF;\n"
+        ),
+    };
     let body = format!(
-        "IF bPrepare OR bReset OR NOT bReady THEN\n    (* what follows from the parameters *)\n{preparing}END_IF;\n\
-         IF bReset OR NOT bReady THEN\n    (* the state to start from *)\n{starting}    bReady := TRUE;\nEND_IF;\n\n{working}"
+        "{preparing}IF bReset OR NOT bReady THEN\n    (* the state to start from *)\n{starting}    bReady := TRUE;\nEND_IF;\n\n{working}"
     );
     variables.extend(lines.declared(&body));
     Ok(Unit {

@@ -133,10 +133,12 @@ impl Instance {
         self.call_with(inputs, &[]);
     }
 
-    /// Calls the block with some conditions; `bReset` and `bPrepare` are off otherwise.
+    /// Calls the block with some conditions; `bReset` and, where it has it, `bPrepare` are off otherwise.
     pub fn call_with(&mut self, inputs: &[(&str, f64)], conditions: &[(&str, bool)]) {
         for own in ["bReset", "bPrepare"] {
-            self.truth(own, false);
+            if self.unit.has(own) {
+                self.truth(own, false);
+            }
         }
         for (name, value) in inputs {
             self.set(name, *value);

@@ -86,6 +86,11 @@ impl Unit {
         run(&std::mem::take(&mut self.instructions), &mut self.initial);
     }
 
+    /// Whether a variable of this name is declared.
+    pub fn has(&self, name: &str) -> bool {
+        self.places.contains_key(&name.to_ascii_uppercase())
+    }
+
     pub fn place(&self, name: &str) -> &Place {
         let place = self.places.get(&name.to_ascii_uppercase());
         place.unwrap_or_else(|| panic!("{name} is not declared"))

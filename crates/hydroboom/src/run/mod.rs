@@ -181,9 +181,16 @@ impl Run {
     fn retained(&self, model: &Description) -> Result<Option<RetainedParameters<f64>>> {
         match &self.parameters {
             Some(path) if path.exists() => {
-                parameter_file::read(model, path).into_diagnostic().map(Some)
+                let retained = parameter_file::read(model, path).into_diagnostic()?;
+                let said = parameter_file::summary(model, &retained);
+                eprintln!("{}: taken up, {said}", path.display());
+                Ok(Some(retained))
             }
             Some(path) => {
+                let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+                if folder.is_some_and(|folder| !folder.is_dir()) {
+                    return Err(miette!("{}: its folder does not exist", path.display()));
+                }
                 eprintln!(
                     "{}: not there yet; the estimator begins with the crane file",
                     path.display()
@@ -207,7 +214,10 @@ impl Run {
             eprintln!("{}: not written, since nothing was estimated", path.display());
             return Ok(());
         };
-        output::file(path, parameter_file::text(model, &estimates.parameters).as_bytes())
+        output::file(path, parameter_file::text(model, &estimates.parameters).as_bytes())?;
+        let said = parameter_file::summary(model, &estimates.parameters);
+        eprintln!("{}: written, {said}", path.display());
+        Ok(())
     }
 
     /// Records the baseline of delivered flow from the last course.

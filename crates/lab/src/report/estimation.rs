@@ -44,7 +44,7 @@ pub fn estimation_page(
         ul { @for finding in &verdict.findings { li { (capital(&finding.text)) "." } } }
         h2 { "Not observable in this log" }
         ul { @for text in &verdict.unobservable { li { (capital(text)) "." } } }
-        h2 { "At the end" }
+        h2 { (capital(&found.last_heading())) }
         (table_of_estimates(found))
         h2 { "Innovations" }
         (table_of_innovations(found))
@@ -78,7 +78,7 @@ fn capital(text: &str) -> String {
 }
 
 fn table_of_estimates(found: &LogEstimate) -> Markup {
-    let last = found.rows.last();
+    let last = found.last_released();
     html! {
         div.wide { table {
             thead { tr { th { "estimate" } th { "value" } th { "bound (2 sigma)" } th { "bound at the start" } th { "unit" } } }
