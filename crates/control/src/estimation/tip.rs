@@ -344,6 +344,68 @@ mod tests {
         assert!((found / wanted - 1.0).abs() < 1e-9, "{found} for {wanted}");
     }
 
+    /// Deflection by virtual work, ∫ M m dx/(E I), with m the moment of a unit force across the tip; integrated numerically. The moments come from the forces on
+    /// the boom: cylinder along its axis, bearing, payload off the boom's axis, own weight and inertia.
+    #[test]
+    fn deflection_is_the_virtual_work_of_the_moments() {
+        let off_axis = TipModel { payload_x: 3.5, payload_y: 0.2, mass: 0.0, ..CRANE };
+        // weight and inertia of the span between bearing and mount are left out: a mount on the axis, and near the bearing
+        let accelerated = TipModel {
+            mount_x: 0.05,
+            mount_y: 0.0,
+            base_x: 0.05,
+            payload_x: 3.5,
+            payload_y: 0.2,
+            ..CRANE
+        };
+        let loads = [(200.0, 0.0), (300.0, 0.0), (250.0, 3.0)];
+        for (crane, (payload, acceleration)) in
+            [(off_axis, loads[0]), (off_axis, loads[1]), (accelerated, loads[2])]
+        {
+            let load = TipLoad { piston: 0.3, payload, acceleration };
+            let [x, y] = crane.position(&STIFF, &load);
+            let (cos, sin) = (x / crane.length, y / crane.length);
+            let mount = [
+                crane.mount_x * cos - crane.mount_y * sin,
+                crane.mount_x * sin + crane.mount_y * cos,
+            ];
+            let cylinder = [mount[0] - crane.base_x, mount[1] - crane.base_y];
+            let size = cylinder[0].hypot(cylinder[1]);
+            let axis = cylinder.map(|c| c / size);
+            let arm = mount[0] * axis[1] - mount[1] * axis[0];
+            let across = axis[1] * cos - axis[0] * sin;
+            let (l, a, g) = (crane.length, crane.mount_x, crane.gravity);
+            let turning = acceleration / arm;
+            let force = payload * (g * cos + turning * crane.payload_x);
+            let couple = -payload * g * crane.payload_y * sin;
+            let (weight, inertia) = (crane.mass / l * g * cos, crane.mass / l * turning);
+            // beyond the mount, by the loads further out
+            let outer = |x: f64| {
+                let by_payload = match x < crane.payload_x {
+                    true => force * (crane.payload_x - x) + couple,
+                    false => 0.0,
+                };
+                let by_inertia = l.powi(3) / 3.0 - l * l * x / 2.0 + x.powi(3) / 6.0;
+                by_payload + 0.5 * weight * (l - x).powi(2) + inertia * by_inertia
+            };
+            // before it, by the bearing's reaction, which balances cylinder and load
+            let inner = match crane.mass > 0.0 {
+                true => [outer(a), l - a],
+                false => [(outer(0.0), force), (l, 1.0)]
+                    .map(|(moment, load)| a * (moment / arm * across - load)),
+            };
+            let steps = 100_000;
+            let mut work = inner[0] * inner[1] * a / 3.0;
+            for k in 0..steps {
+                let x = a + (l - a) * (f64::from(k) + 0.5) / f64::from(steps);
+                work += outer(x) * (l - x) * (l - a) / f64::from(steps);
+            }
+            let found = lowered(&crane, &BENDING, &load);
+            let wanted = work / crane.flexural_rigidity;
+            assert!((found / wanted - 1.0).abs() < 1e-6, "{found} for {wanted} m, {load:?}");
+        }
+    }
+
     /// The base turns by the moment about the bearing, and the whole crane with it.
     #[test]
     fn a_base_that_turns_lowers_the_tip_by_its_length() {
