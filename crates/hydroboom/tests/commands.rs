@@ -587,7 +587,7 @@ fn a_log_is_estimated_with_a_page_a_table_and_numbers_for_machines() {
     assert!(of("deviation") < of("initial_deviation"), "{payload}");
     let html = std::fs::read_to_string(&page).unwrap();
     for wanted in
-        ["Consistent", "What this log cannot tell", "payload [kg]", "+2 sigma", "viewport"]
+        ["Consistent", "Not observable in this log", "payload [kg]", "+2 sigma", "viewport"]
     {
         assert!(html.contains(wanted), "no {wanted}");
     }
@@ -630,5 +630,5 @@ fn measured_logs_are_estimated_or_refused_with_a_reason() {
     let of = |name: &str| payload[name].as_f64().unwrap();
     assert!((of("estimated") - 180.0).abs() < 2.0 * of("deviation"), "{payload}");
     // its position ripples by 0.4 mm
-    assert!(said["findings"].to_string().contains("position is off by 0."), "{said}");
+    assert!(said["findings"].to_string().contains("noise of the position: 0."), "{said}");
 }
