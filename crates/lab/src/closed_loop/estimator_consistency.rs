@@ -610,6 +610,10 @@ mod tests {
                     variance += slopes[i][q] * state.errors[i][j] * slopes[j][q];
                 }
             }
+            if quantity == Quantity::Payload {
+                // by the load's moment arm besides, in proportion to the load
+                variance += (filter.payload_arm * z[6]).powi(2);
+            }
             let (value, deviation) = found[q];
             assert!((value / at(mean)[q] - 1.0).abs() < 1e-12, "{}", quantity.name());
             assert!(
