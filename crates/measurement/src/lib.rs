@@ -18,6 +18,7 @@ mod mapping_text;
 mod mat_file;
 mod mcap_file;
 mod read;
+mod recording;
 mod signal;
 mod signals;
 mod spark;
@@ -28,7 +29,7 @@ mod time_column;
 mod unit;
 mod unit_table;
 
-pub use channel::{Channel, Measurement, Range};
+pub use channel::{Channel, Measurement, Range, Segment};
 pub use dimension::Dimension;
 pub use error::MeasurementError;
 pub use heading::Heading;

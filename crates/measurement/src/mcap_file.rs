@@ -73,7 +73,7 @@ pub(crate) fn read(path: &Path) -> Result<Measurement, MeasurementError> {
     }
     let mut channels = Vec::new();
     for topic in topics.into_values() {
-        let mut data = topic.data.finish().into_iter();
+        let mut data = topic.data.finish().0.into_iter();
         let time: Arc<[f64]> = data.next().unwrap_or_default().into();
         if time.len() < 2 {
             continue;

@@ -20,14 +20,14 @@ const MCAP: &[u8] = &[0x89, b'M', b'C', b'A', b'P'];
 /// [`MeasurementError`] with the place of what cannot be used.
 pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
-    let column = time.and_then(|t| t.column.as_deref());
+    let time = time.cloned().unwrap_or_default();
     let mut begins = [0; 5];
     let count = File::open(path).and_then(|mut f| f.read(&mut begins)).map_err(failed)?;
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
     match count {
         5 if begins == MCAP => mcap_file::read(path),
-        _ if is_mat => mat_file::read(path, column),
-        _ => csv_file::read(path, column),
+        _ if is_mat => mat_file::read(path, time.column.as_deref()),
+        _ => csv_file::read(path, &time),
     }
 }
 
