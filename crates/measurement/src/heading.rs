@@ -15,7 +15,7 @@ pub struct Heading {
 }
 
 /// Names of columns that hold the time, in small letters.
-pub(crate) const TIMES: [&str; 14] = [
+pub(crate) const TIMES: [&str; 15] = [
     "t",
     "time",
     "zeit",
@@ -30,6 +30,7 @@ pub(crate) const TIMES: [&str; 14] = [
     "abszeit",
     "relzeit",
     "uhrzeit",
+    "x_value",
 ];
 /// Words in parentheses that are no units.
 const REMARKS: [&str; 37] = [

@@ -82,7 +82,11 @@ fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
         let most = style.width.max(2);
         row.len() + 1 >= most && row.len() <= most + 1 && named(row) * 2 > style.width
     };
-    let rows: Vec<&[String]> = style.head.iter().map(|row| without_sign(row)).collect();
+    // LabVIEW ends each of its heads with a line that says so, and names units by a label
+    let is_end = |row: &Vec<String>| is_label(row, "***End_of_Header***");
+    let from = style.head.iter().rposition(is_end).map_or(0, |k| k + 1);
+    let labelled = style.head.iter().find(|row| from > 0 && is_label(row, "Y_Unit_Label"));
+    let rows: Vec<&[String]> = style.head[from..].iter().map(|row| without_sign(row)).collect();
     let headings: Vec<usize> = (0..rows.len()).rev().filter(|k| is_heading(&rows[*k])).collect();
     let is_unit = |c: &&String| Unit::find(bare(c)).is_some();
     let are_units = |row: &[String]| {
@@ -91,28 +95,35 @@ fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
     };
     // types, say, are the same all along
     let is_uniform = |row: &[String]| row.len() > 2 && row.iter().skip(1).all(|c| *c == row[1]);
-    // the lowest are names, unless they are units below others
-    let mut candidates = headings.iter().filter(|k| !is_uniform(rows[**k])).chain(&headings);
-    let lowest = candidates.next().copied();
-    let above = candidates.next().copied().filter(|above| Some(*above) < lowest);
-    let names = match lowest {
-        Some(k) if are_units(rows[k]) => above.or(lowest),
-        lowest => lowest,
-    };
-    let below = &rows[names.map_or(0, |k| k + 1)..];
-    let is_whole = |row: &&&[String]| row.len() <= style.width + 1 && are_units(row);
-    let units = below.iter().find(is_whole);
+    // names stand above units; without units, or where nothing stands above them, the lowest row has the names
+    let is_name = |k: &&usize| !is_uniform(rows[**k]) && !are_units(rows[**k]);
+    let is_whole = |k: &usize| rows[*k].len() <= style.width + 1 && are_units(rows[*k]);
+    let units = (0..rows.len()).rev().find(is_whole);
+    let above = headings.iter().filter(|k| Some(**k) < units).find(is_name);
+    let lowest = headings.iter().find(is_name);
+    let any = headings.iter().find(|k| Some(**k) != units).or_else(|| headings.first());
+    let names = above.or(lowest).or(any).copied();
+    let units = units.filter(|k| Some(*k) != names).map(|k| rows[k]);
     let Some(names) = names.map(|k| rows[k]) else {
         remarks.push("no row of names stands above the numbers: columns are counted".into());
         let unit = |k: usize| units.and_then(|u| u.get(k)).map_or("", |u| bare(u));
         return (1..=style.width).map(|k| column(&format!("column_{k}"), unit(k - 1))).collect();
     };
+    // LabVIEW, where rows have no time of their own
+    let steps = style.head.iter().find(|row| is_label(row, "Delta_X"));
+    let is_empty =
+        |k: usize| style.sample.iter().all(|row| matches!(row.get(k), None | Some(Cell::Missing)));
+    let step = steps.filter(|_| is_empty(0)).and_then(|row| row.get(1));
+    let step = step.map(|text| Cell::read(text, style.decimal_comma).number());
+    let step = step.filter(|step| *step > 0.0);
     (0..style.width)
         .map(|k| {
             let name = names.get(k).map_or("", |name| bare(name));
-            let unit = units.and_then(|u| u.get(k));
+            let labelled = labelled.filter(|_| k > 0).and_then(|row| row.get(k));
+            let unit = units.and_then(|u| u.get(k)).or(labelled);
             let counted = format!("column_{}", k + 1);
-            column(if name.is_empty() { &counted } else { name }, unit.map_or("", |u| bare(u)))
+            let heading = if name.is_empty() { &counted } else { name };
+            Column { interval: step, ..column(heading, unit.map_or("", |u| bare(u))) }
         })
         .collect()
 }
@@ -131,7 +142,11 @@ fn is_scope(style: &Style) -> bool {
             && row.iter().step_by(2).all(|c| c.is_empty() || c.eq_ignore_ascii_case("Name"))
             && is_label(row, "Name")
     });
-    is_in_pairs || (is_said && style.head.iter().any(|row| is_label(row, "Name")))
+    // a head of names alone, above numbers
+    let is_bare = style.head.len() == 1
+        && is_label(&style.head[0], "Name")
+        && style.sample.iter().any(|row| matches!(row.first(), Some(Cell::Number(_))));
+    is_in_pairs || is_bare || (is_said && style.head.iter().any(|row| is_label(row, "Name")))
 }
 
 /// TwinCAT Scope: a block of rows, each beginning with its label, which stands above every time column too.

@@ -87,25 +87,26 @@ impl Reading {
         Some(Self { rows, usual, width, score })
     }
 
-    /// Columns that have numbers, or times.
-    fn mask(&self) -> Vec<bool> {
+    /// Columns of words: in half of the rows of numbers they have some.
+    fn words(&self) -> Vec<bool> {
         let rows = || self.rows.iter().filter(|row| data(row) * 10 >= self.usual * 6);
-        let of = |k: usize| rows().filter_map(move |row| row.get(k));
+        let count = rows().count();
         (0..self.width)
             .map(|k| {
-                let numbers = of(k).filter(|cell| cell.is_data()).count();
-                let texts = of(k).filter(|cell| matches!(cell, Cell::Text)).count();
-                numbers > texts
+                let of = || rows().filter_map(move |row| row.get(k));
+                let numbers = of().filter(|cell| cell.is_data()).count();
+                let words = of().filter(|cell| matches!(cell, Cell::Text)).count();
+                words > numbers && words * 2 > count
             })
             .collect()
     }
 
-    /// The first line of numbers.
+    /// The first line of numbers: words stand in it where others have some, and nowhere else.
     fn first(&self) -> Option<usize> {
-        let mask = self.mask();
+        let words = self.words();
         self.rows.iter().position(|row| {
             let is_label = |(k, cell): (usize, &Cell)| {
-                matches!(cell, Cell::Text) && mask.get(k).copied().unwrap_or(false)
+                matches!(cell, Cell::Text) && !words.get(k).copied().unwrap_or(true)
             };
             let is_whole = row.len() == self.width || data(row) * 10 >= self.usual * 6;
             is_whole && data(row) >= 2 && !row.iter().enumerate().any(is_label)
@@ -127,8 +128,11 @@ impl Style {
         let mut best: Option<(f64, (Separator, bool), Reading)> = None;
         for way in WAYS {
             let Some(reading) = Reading::new(lines, way) else { continue };
-            if best.as_ref().is_none_or(|(most, ..)| reading.score > *most) {
-                best = Some((reading.score, way, reading));
+            // signs that separate leave no doubt; blanks and colons stand within heads of such tables, too
+            let is_doubtful = matches!(way.0, Separator::Blanks | Separator::Sign(b':'));
+            let score = if is_doubtful { 0.9 * reading.score } else { reading.score };
+            if best.as_ref().is_none_or(|(most, ..)| score > *most) {
+                best = Some((score, way, reading));
             }
         }
         let (_, (separator, decimal_comma), reading) = best?;

@@ -94,7 +94,8 @@ impl Times<'_> {
     /// Columns that are sampled as the head promises.
     fn counted(&self) -> Vec<Base> {
         let mut bases: Vec<Base> = Vec::new();
-        for (k, column) in self.columns.iter().enumerate().filter(|(_, c)| c.kind != Kind::Text) {
+        let is_signal = |c: &Column| c.kind != Kind::Text && !c.read.is_named_as_time();
+        for (k, column) in self.columns.iter().enumerate().filter(|(_, c)| is_signal(c)) {
             let interval = column.interval.unwrap_or(1e-3);
             let same = bases.last_mut().filter(
                 |b| matches!(b.source, Source::Counted { interval: other } if other == interval),
