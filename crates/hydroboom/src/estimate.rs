@@ -49,7 +49,8 @@ impl Estimate {
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
         let needed = [Signal::Stroke, Signal::PressureA, Signal::PressureB, Signal::MotorSpeed];
         let suspicions = mapping.suspicions(&log, crane.numbers.stroke, crane.numbers.motor_speed);
-        let wrong: Vec<_> = suspicions.iter().filter(|s| needed.contains(&s.signal)).collect();
+        let wrong: Vec<_> =
+            suspicions.iter().filter(|s| s.is_unusable && needed.contains(&s.signal)).collect();
         if let Some(first) = wrong.first() {
             let all = wrong.iter().map(|s| s.text.as_str()).collect::<Vec<_>>().join("; ");
             bail!(

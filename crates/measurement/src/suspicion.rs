@@ -1,10 +1,11 @@
 //! What looks wrong with the size of signals.
 
-use crate::channel::Measurement;
+use crate::channel::{Channel, Measurement};
 use crate::dimension::Dimension;
-use crate::mapping::Mapping;
+use crate::mapping::{Entry, Mapping};
 use crate::signal::Signal;
 use crate::unit::Unit;
+use crate::unit_table::ATMOSPHERE;
 use std::fmt::Write;
 
 /// Units that are named as what a signal may be in, at most.
@@ -17,6 +18,50 @@ pub struct Suspicion {
     pub signal: Signal,
     /// What looks wrong, and what it may be.
     pub text: String,
+    /// Whether the signal is of no use as it is: of an absolute pressure it is, but for its zero.
+    pub is_unusable: bool,
+}
+
+/// A gauge pressure that rests here may be an absolute one of the open air \[Pa\].
+const OPEN_AIR: std::ops::Range<f64> = 0.98e5..1.05e5;
+/// It rests there for so much of the log.
+const RESTING: f64 = 0.1;
+
+/// What speaks for an absolute pressure, in a channel that is taken for gauge pressure.
+fn absolute(signal: Signal, entry: &Entry, unit: &Unit, channel: &Channel) -> Option<String> {
+    if signal.dimension() != Dimension::Pressure || unit.offset != 0.0 || entry.offset != 0.0 {
+        return None;
+    }
+    let small = channel.heading.to_lowercase();
+    let is_named = small.split(|c: char| !c.is_alphanumeric()).any(|w| w.starts_with("abs"));
+    let values = || channel.values.iter().filter(|v| v.is_finite()).map(|v| entry.si(unit, *v));
+    let (mut count, mut resting, mut below) = (0_usize, 0_usize, 0_usize);
+    for value in values() {
+        count += 1;
+        resting += usize::from(OPEN_AIR.contains(&value));
+        below += usize::from(value < OPEN_AIR.start);
+    }
+    let rests = resting as f64 > RESTING * count as f64 && below * 100 <= count;
+    let why = match (is_named, rests) {
+        (true, _) => "is named as an absolute pressure".to_string(),
+        (_, true) => format!(
+            "rests at about 1 bar for {:.0} % of the log, and is never lower",
+            100.0 * resting as f64 / count as f64
+        ),
+        _ => return None,
+    };
+    let offset = format!("offset = {:.4}", -ATMOSPHERE / unit.factor);
+    let stated = format!("{} abs", unit.name);
+    let remedy = match Unit::find(&stated) {
+        Some(unit) => format!("unit = \"{}\", or {offset}", unit.name),
+        None => offset,
+    };
+    Some(format!(
+        "{} (\"{}\") {why}, and is taken for gauge pressure: is it absolute? ([log.{}] {remedy})",
+        signal.symbol(),
+        entry.column,
+        signal.key()
+    ))
 }
 
 impl Mapping {
@@ -29,6 +74,9 @@ impl Mapping {
             let Some(range) = channel.range() else { continue };
             let Ok((unit, _)) = entry.unit_of(*signal, channel) else { continue };
             let si = |v: f64| entry.si(&unit, v);
+            if let Some(text) = absolute(*signal, entry, &unit, channel) {
+                found.push(Suspicion { signal: *signal, text, is_unusable: false });
+            }
             let (a, b) = (si(range.low), si(range.high));
             let (low, high) = (a.min(b), a.max(b));
             let fits = |low: f64, high: f64| match signal.dimension() {
@@ -79,7 +127,7 @@ impl Mapping {
                     let _ = write!(text, ": is it in {}?", names.join(" or "));
                 }
             }
-            found.push(Suspicion { signal: *signal, text });
+            found.push(Suspicion { signal: *signal, text, is_unusable: true });
         }
         found
     }

@@ -87,7 +87,7 @@ pub(crate) const UNITS: [Unit; 98] = [
     unit("atm", Dimension::Pressure, ATMOSPHERE, &[]),
     unit("Torr", Dimension::Pressure, ATMOSPHERE / 760.0, &["mmhg"]),
     absolute("bar abs", 1e5, &["barabs", "bara", "bar(a)", "bar(abs)", "barabsolute"]),
-    absolute("psia", PSI, &["psi(a)", "psiabs", "psi(abs)"]),
+    absolute("psia", PSI, &["psiabs", "psi(a)", "psi(abs)"]),
     absolute("kPa abs", 1e3, &["kpaabs", "kpaa", "kpa(a)", "kpa(abs)"]),
     absolute("MPa abs", 1e6, &["mpaabs", "mpaa", "mpa(a)", "mpa(abs)"]),
     absolute("mbar abs", 1e2, &["mbarabs", "mbara", "mbar(a)", "mbar(abs)"]),

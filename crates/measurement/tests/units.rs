@@ -107,3 +107,31 @@ fn what_was_guessed_is_marked_in_the_mapping_and_said() {
     let again = Mapping::parse("again.toml", &text).unwrap().completed(&log).unwrap();
     assert_eq!(again.assumptions(&log), Vec::<String>::new());
 }
+
+#[test]
+fn an_absolute_pressure_is_suspected_by_its_name_or_its_rest() {
+    // a rod side that is open to the air while it rests, gauge and absolute
+    let rows = |air: f64| -> String {
+        (0..200)
+            .map(|k| {
+                let load = if k < 80 { 0.0 } else { f64::from(k - 80) * 0.05 };
+                format!("{},{},{}\n", f64::from(k) * 0.01, load + air, 60.0 + load)
+            })
+            .collect()
+    };
+    let said = |name: &str, heading: &str, air: f64| {
+        let log = log(name, &format!("time_s,{heading},pressure_a_bar\n{}", rows(air)));
+        let mapping = Mapping::default().completed(&log).unwrap();
+        let found = mapping.suspicions(&log, 0.5, 50.0);
+        // it is of use all the same
+        assert!(found.iter().all(|s| !s.is_unusable), "{found:?}");
+        found.iter().map(|s| s.text.clone()).collect::<Vec<_>>().join("\n")
+    };
+    let text = said("absolute.csv", "pressure_b_bar", 1.013);
+    assert!(text.contains("p_B") && text.contains("rests at about 1 bar for 40 %"), "{text}");
+    assert!(text.contains("unit = \"bar abs\", or offset = -1.0132"), "{text}");
+    assert_eq!(said("gauge.csv", "pressure_b_bar", 0.0), "");
+    assert_eq!(said("stated.csv", "pressure_b [bar abs]", 1.013), "");
+    let text = said("named.csv", "pressure_b_abs [bar]", 3.0);
+    assert!(text.contains("is named as an absolute pressure"), "{text}");
+}
