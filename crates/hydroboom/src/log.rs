@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::log_mapping::LogMapping;
 use crate::output;
 use clap::{Args, Subcommand};
-use hydroboom_measurement::{Channel, Signals, TimeBase, sparkline};
+use hydroboom_measurement::{Channel, Segment, Signals, TimeBase, sparkline};
 use hydroboom_realtime::log;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -83,6 +83,27 @@ impl ToCsv {
     }
 }
 
+/// Segments that are shown of a clock, at most.
+const MOST_SEGMENTS: usize = 20;
+
+/// The segments of each clock that has several, with the columns that have it.
+fn segments(channels: &[Channel]) -> Vec<(String, Vec<Segment>)> {
+    let mut found: Vec<(Vec<&str>, Vec<Segment>)> = Vec::new();
+    for channel in channels.iter().filter(|c| !c.breaks.is_empty()) {
+        let segments = channel.segments();
+        match found.iter_mut().find(|(_, other)| *other == segments) {
+            Some((columns, _)) => columns.push(&channel.heading),
+            None => found.push((vec![&channel.heading], segments)),
+        }
+    }
+    let named = |columns: Vec<&str>| match columns.as_slice() {
+        _ if columns.len() == channels.len() => "all columns".to_string(),
+        [first, second, _, ..] => format!("{first}, {second} and {} more", columns.len() - 2),
+        few => few.join(", "),
+    };
+    found.into_iter().map(|(columns, segments)| (named(columns), segments)).collect()
+}
+
 impl Inspect {
     fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
@@ -94,7 +115,9 @@ impl Inspect {
             output::file(path, mapping.to_toml().as_bytes())?;
         }
         let taken_for = |channel: &Channel| {
-            let entry = mapping.entries.iter().find(|(_, e)| e.column == channel.heading);
+            let is_it =
+                |column: &str| log.channel(column).is_some_and(|c| std::ptr::eq(c, channel));
+            let entry = mapping.entries.iter().find(|(_, e)| is_it(&e.column));
             entry.map(|(signal, e)| (*signal, e))
         };
         if self.json {
@@ -105,7 +128,7 @@ impl Inspect {
                     let base = TimeBase::of(&c.time);
                     let range = c.range();
                     json!({
-                        "column": c.heading, "unit": c.unit.map(|u| u.name), "samples": c.values.len(),
+                        "column": log.address(c), "unit": c.unit.map(|u| u.name).or(c.unknown_unit.as_deref()), "samples": c.values.len(),
                         "missing": range.map_or(c.values.len(), |r| r.missing),
                         "low": range.map(|r| r.low), "mean": range.map(|r| r.mean),
                         "high": range.map(|r| r.high),
@@ -113,8 +136,10 @@ impl Inspect {
                         "interval_ms": base.as_ref().map(|b| b.interval * 1e3),
                         "jitter_ms": base.as_ref().map(|b| b.jitter * 1e3),
                         "gaps_s": base.as_ref().map(|b| b.gaps.iter().map(|g| [g.from, g.to]).collect::<Vec<_>>()),
+                        "segments_s": c.segments().iter().map(|s| [s.begin, s.end]).collect::<Vec<_>>(),
                         "signal": taken_for(c).map(|(s, _)| s.key()),
-                        "taken_in": taken_for(c).map(|(_, e)| e.unit.name),
+                        "taken_in": taken_for(c).map(|(_, e)| e.unit.map(|u| u.name)),
+                        "is_unit_guessed": taken_for(c).map(|(_, e)| e.is_unit_guessed),
                     })
                 })
                 .collect();
@@ -135,10 +160,11 @@ impl Inspect {
                 let range = c.range();
                 let signal = taken_for(c).map(|(signal, entry)| {
                     let guess = if entry.is_unit_guessed { "?" } else { "" };
-                    format!("{} in {}{guess}", signal.symbol(), entry.unit.name)
+                    let unit = entry.unit.map_or("-", |u| u.name);
+                    format!("{} in {unit}{guess}", signal.symbol())
                 });
                 vec![
-                    c.heading.clone(),
+                    log.address(c),
                     signal.unwrap_or_default(),
                     range.map_or("-".into(), |r| number(r.low)),
                     range.map_or("-".into(), |r| number(r.high)),
@@ -171,9 +197,20 @@ impl Inspect {
             log.channels.len(),
             output::table(&header, &rows)
         );
-        for gap in
-            log.channels.iter().filter_map(|c| TimeBase::of(&c.time)).flat_map(|b| b.gaps).take(5)
-        {
+        for (columns, segments) in segments(&log.channels) {
+            for (k, segment) in segments.iter().enumerate().take(MOST_SEGMENTS) {
+                said += &format!(
+                    "\nsegment {} of {}: {:.3} to {:.3} s, {} samples ({columns})",
+                    k + 1,
+                    segments.len(),
+                    segment.begin,
+                    segment.end,
+                    segment.samples
+                );
+            }
+        }
+        let gaps = log.channels.iter().filter_map(|c| TimeBase::of(&c.time)).flat_map(|b| b.gaps);
+        for gap in gaps.take(5) {
             said += &format!("\ngap from {:.3} to {:.3} s", gap.from, gap.to);
         }
         for remark in &log.remarks {

@@ -1,7 +1,13 @@
 //! Channels as they were logged.
 
+use crate::error::MeasurementError;
+use crate::heading::Heading;
+use crate::signal::Signal;
 use crate::unit::Unit;
 use std::sync::Arc;
+
+/// Channels that a message names, at most.
+const MOST_NAMED: usize = 40;
 
 /// What one sensor gave.
 #[derive(Clone, Debug)]
@@ -10,12 +16,27 @@ pub struct Channel {
     pub name: String,
     /// The column's heading, as logged.
     pub heading: String,
-    /// Unit, where the log names it.
+    /// Unit, where the log states it.
     pub unit: Option<Unit>,
+    /// What the log states as the unit, where that is none that is known.
+    pub unknown_unit: Option<String>,
     /// Times \[s\], never going back; shared by channels that were sampled together.
     pub time: Arc<[f64]>,
+    /// Samples at which a new segment begins, but for the first: the clock was set there, or samples are missing.
+    pub breaks: Arc<[usize]>,
     /// Values in the log's unit; NaN where one is missing.
     pub values: Vec<f64>,
+}
+
+/// A part of a channel in which its clock runs on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// Time of its first sample \[s\].
+    pub begin: f64,
+    /// Time of its last sample \[s\].
+    pub end: f64,
+    /// How many samples it has.
+    pub samples: usize,
 }
 
 /// A log as it was read.
@@ -43,6 +64,39 @@ pub struct Range {
 }
 
 impl Channel {
+    /// A channel whose unit is stated in its heading, or nowhere.
+    pub fn new(heading: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
+        Self::of(Heading::parse(heading), heading, time, values)
+    }
+
+    /// A channel whose unit is stated beside its heading; where that is empty, the heading's own counts.
+    pub fn with_unit(heading: &str, unit: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
+        Self::of(Heading::with_unit(heading, unit), heading, time, values)
+    }
+
+    /// A channel whose heading has been read.
+    pub(crate) fn of(read: Heading, heading: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
+        let Heading { name, unit, unknown_unit } = read;
+        let breaks = Arc::from([]);
+        Self { name, heading: heading.into(), unit, unknown_unit, time, breaks, values }
+    }
+
+    /// The same with segments that begin at some samples, which increase.
+    pub fn broken_at(self, breaks: Arc<[usize]>) -> Self {
+        Self { breaks, ..self }
+    }
+
+    /// Its segments, one after the other.
+    pub fn segments(&self) -> Vec<Segment> {
+        let begins = std::iter::once(0).chain(self.breaks.iter().copied());
+        let ends = self.breaks.iter().copied().chain([self.time.len()]);
+        let segment = |(from, to): (usize, usize)| {
+            let times = self.time.get(from..to)?;
+            Some(Segment { begin: *times.first()?, end: *times.last()?, samples: times.len() })
+        };
+        begins.zip(ends).filter_map(segment).collect()
+    }
+
     /// Smallest, mean and largest; none where no value is there.
     pub fn range(&self) -> Option<Range> {
         let there = || self.values.iter().filter(|v| v.is_finite());
@@ -57,14 +111,72 @@ impl Channel {
 }
 
 impl Measurement {
-    /// Headings of all channels, for messages.
+    /// What all channels are called, for messages.
     pub fn headings(&self) -> String {
-        self.channels.iter().map(|c| c.heading.as_str()).collect::<Vec<_>>().join(", ")
+        let more = self.channels.len().saturating_sub(MOST_NAMED);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let named = self.channels.iter().take(MOST_NAMED).map(|c| self.address(c));
+        format!("{}{more}", named.collect::<Vec<_>>().join(", "))
     }
 
-    /// A channel by its heading or name.
+    /// What a mapping calls a channel of this log: its heading, and `#2` behind it for the second that has the same.
+    pub fn address(&self, channel: &Channel) -> String {
+        let same: Vec<&Channel> =
+            self.channels.iter().filter(|c| c.heading == channel.heading).collect();
+        match same.iter().position(|c| std::ptr::eq(*c, channel)) {
+            Some(place) if same.len() > 1 => format!("{}#{}", channel.heading, place + 1),
+            _ => channel.heading.clone(),
+        }
+    }
+
+    /// Channels that a name stands for: those with the heading, or else those with the name.
+    fn called(&self, name: &str) -> Vec<&Channel> {
+        let by_heading: Vec<&Channel> =
+            self.channels.iter().filter(|c| c.heading == name).collect();
+        match by_heading.is_empty() {
+            true => self.channels.iter().filter(|c| c.name == name).collect(),
+            false => by_heading,
+        }
+    }
+
+    /// The channel that a mapping names for a signal.
+    ///
+    /// # Errors
+    ///
+    /// [`MeasurementError::Mapping`] when there is none, or when several are called so.
+    pub(crate) fn named(&self, signal: Signal, column: &str) -> Result<&Channel, MeasurementError> {
+        let called = self.called(column);
+        let wrong = |reason: String| MeasurementError::Mapping { file: self.name.clone(), reason };
+        match (called.as_slice(), self.channel(column)) {
+            (_, Some(channel)) => Ok(channel),
+            ([], None) => Err(wrong(format!(
+                "log.{} names the column \"{column}\"; there are: {}",
+                signal.key(),
+                self.headings()
+            ))),
+            (several, None) => {
+                let all: Vec<String> =
+                    several.iter().map(|c| format!("\"{}\"", self.address(c))).collect();
+                Err(wrong(format!(
+                    "log.{} names the column \"{column}\", which {} columns are called; say which: {}",
+                    signal.key(),
+                    several.len(),
+                    all.join(", ")
+                )))
+            }
+        }
+    }
+
+    /// A channel by its heading or name, where no other is called so; of several the second is `name#2`.
     pub fn channel(&self, name: &str) -> Option<&Channel> {
-        let by_heading = self.channels.iter().find(|c| c.heading == name);
-        by_heading.or_else(|| self.channels.iter().find(|c| c.name == name))
+        match self.called(name).as_slice() {
+            [one] => Some(one),
+            [] => {
+                let (name, place) = name.rsplit_once('#')?;
+                let place = place.parse::<usize>().ok()?.checked_sub(1)?;
+                self.called(name).get(place).copied()
+            }
+            _ => None,
+        }
     }
 }

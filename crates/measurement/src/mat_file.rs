@@ -2,8 +2,9 @@
 //! Hydroboom writes itself, is read too.
 
 use crate::channel::{Channel, Measurement};
+use crate::dimension::Dimension;
 use crate::error::MeasurementError;
-use crate::unit::{Dimension, Unit};
+use crate::heading::Heading;
 use matfile::{MatFile, NumericData};
 use std::path::Path;
 use std::sync::Arc;
@@ -48,8 +49,8 @@ pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, Measu
             names()
         )));
     };
-    let unit = Unit::split(heading).1.filter(|u| u.dimension == Dimension::Time);
-    let scale = unit.map_or(1.0, |u| u.size);
+    let unit = Heading::parse(heading).unit.filter(|u| u.dimension == Dimension::Time);
+    let scale = unit.map_or(1.0, |u| u.factor);
     if values.len() < 2 {
         let found = format!("{heading} has {} values", values.len());
         return Err(MeasurementError::Empty { file, found });
@@ -78,14 +79,13 @@ pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, Measu
         let several = values.len() > rows;
         for (k, column) in values.chunks(rows).enumerate() {
             let heading = if several { format!("{name}_{}", k + 1) } else { name.clone() };
-            let (short, unit) = Unit::split(name);
-            channels.push(Channel {
-                name: if several { format!("{short}_{}", k + 1) } else { short },
-                heading,
-                unit,
-                time: Arc::clone(&times),
-                values: column.iter().map(|v| if v.is_finite() { *v } else { f64::NAN }).collect(),
-            });
+            let mut read = Heading::parse(name);
+            if several {
+                read.name = format!("{}_{}", read.name, k + 1);
+            }
+            let there = |v: &f64| if v.is_finite() { *v } else { f64::NAN };
+            let values = column.iter().map(there).collect();
+            channels.push(Channel::of(read, &heading, Arc::clone(&times), values));
         }
     }
     Ok(Measurement { name: file, channels, remarks })

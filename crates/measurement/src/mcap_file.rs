@@ -3,7 +3,6 @@
 use crate::channel::{Channel, Measurement};
 use crate::error::MeasurementError;
 use crate::thinning::{Columns, MOST};
-use crate::unit::Unit;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -74,14 +73,13 @@ pub(crate) fn read(path: &Path) -> Result<Measurement, MeasurementError> {
     }
     let mut channels = Vec::new();
     for topic in topics.into_values() {
-        let mut data = topic.data.finish().into_iter();
+        let mut data = topic.data.finish().0.into_iter();
         let time: Arc<[f64]> = data.next().unwrap_or_default().into();
         if time.len() < 2 {
             continue;
         }
         for (heading, values) in topic.names.into_iter().zip(data) {
-            let (name, unit) = Unit::split(&heading);
-            channels.push(Channel { name, heading, unit, time: Arc::clone(&time), values });
+            channels.push(Channel::new(&heading, Arc::clone(&time), values));
         }
     }
     if channels.is_empty() {

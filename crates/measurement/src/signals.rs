@@ -1,6 +1,7 @@
 //! The signals of a log, in SI units.
 
 use crate::channel::Measurement;
+use crate::dimension::Dimension;
 use crate::error::MeasurementError;
 use crate::mapping::Mapping;
 use crate::signal::Signal;
@@ -18,6 +19,10 @@ pub struct Track {
     reach: f64,
     /// Time constant of a first-order filter that it went through \[s\].
     filter: f64,
+    /// Times at which a new segment begins \[s\].
+    breaks: Vec<f64>,
+    /// What its values measure, where that may be one of several.
+    dimension: Option<Dimension>,
 }
 
 /// Signals with their times.
@@ -37,12 +42,64 @@ impl Track {
             }
         }
         let reach = TimeBase::of(&kept.0).map_or(0.0, |base| 5.0 * base.interval);
-        Self { time: kept.0, values: kept.1, reach, filter: 0.0 }
+        Self {
+            time: kept.0,
+            values: kept.1,
+            reach,
+            filter: 0.0,
+            breaks: Vec::new(),
+            dimension: None,
+        }
     }
 
     /// The same, seen through a first-order filter with a time constant \[s\]; zero for none.
     pub fn filtered(self, filter: f64) -> Self {
         Self { filter, ..self }
+    }
+
+    /// The same with segments that begin at some times \[s\], which increase: nothing is known between the last sample before and
+    /// the first one after.
+    pub fn broken_at(self, breaks: Vec<f64>) -> Self {
+        Self { breaks, ..self }
+    }
+
+    /// Whether a segment begins after a time and not after another \[s\].
+    fn is_broken(&self, from: f64, to: f64) -> bool {
+        let next = self.breaks.partition_point(|b| *b <= from);
+        self.breaks.get(next).is_some_and(|b| *b <= to)
+    }
+
+    /// Where its clock was set: the last sample before and the first one after \[s\].
+    fn jumps(&self) -> Vec<(f64, f64)> {
+        let around = |b: &f64| {
+            let next = self.time.partition_point(|t| t < b);
+            Some((*self.time.get(next.checked_sub(1)?)?, *self.time.get(next)?))
+        };
+        self.breaks.iter().filter_map(around).collect()
+    }
+
+    /// The parts in which something is known of it throughout \[s\].
+    pub fn stretches(&self) -> Vec<(f64, f64)> {
+        let Some(first) = self.time.first() else { return Vec::new() };
+        let mut stretches = vec![(*first, *first)];
+        for pair in self.time.windows(2) {
+            if pair[1] - pair[0] > self.reach || self.is_broken(pair[0], pair[1]) {
+                stretches.push((pair[1], pair[1]));
+            } else if let Some(last) = stretches.last_mut() {
+                last.1 = pair[1];
+            }
+        }
+        stretches
+    }
+
+    /// The same, with what its values measure: of a valve's command volts, or a share of full travel.
+    pub fn measured_as(self, dimension: Dimension) -> Self {
+        Self { dimension: Some(dimension), ..self }
+    }
+
+    /// Whether its values are shares of the whole.
+    pub fn is_share(&self) -> bool {
+        self.dimension == Some(Dimension::Share)
     }
 
     /// Time constant of the first-order filter that it went through \[s\]; zero for none.
@@ -68,7 +125,7 @@ impl Track {
             return Some(self.values[before]);
         }
         let (t0, t1) = (self.time[before], *self.time.get(next)?);
-        if t1 - t0 > self.reach {
+        if t1 - t0 > self.reach || self.is_broken(t0, t1) {
             return None;
         }
         let share = (time - t0) / (t1 - t0);
@@ -87,24 +144,21 @@ impl Signals {
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] when it names a column that is not there.
+    /// [`MeasurementError::Mapping`] when it names a column that is not there, or a unit is unknown or of the wrong dimension.
     pub fn of(log: &Measurement, mapping: &Mapping) -> Result<Self, MeasurementError> {
         let mut tracks = BTreeMap::new();
         for (signal, entry) in &mapping.entries {
-            let Some(channel) = log.channel(&entry.column) else {
-                let reason = format!(
-                    "log.{} names the column \"{}\"; there are: {}",
-                    signal.key(),
-                    entry.column,
-                    log.headings()
-                );
-                return Err(MeasurementError::Mapping { file: log.name.clone(), reason });
-            };
+            let channel = log.named(*signal, &entry.column)?;
+            let (unit, _) = entry
+                .unit_of(*signal, channel)
+                .map_err(|reason| MeasurementError::Mapping { file: log.name.clone(), reason })?;
             let begin = channel.time.first().copied().unwrap_or(0.0);
             let time: Vec<f64> = channel.time.iter().map(|t| entry.taken(*t, begin)).collect();
-            let si = |v: &f64| entry.sign * (v + entry.offset) * entry.unit.size;
-            let values: Vec<f64> = channel.values.iter().map(si).collect();
-            let track = Track::new(&time, &values).filtered(entry.filter);
+            let values: Vec<f64> = channel.values.iter().map(|v| entry.si(&unit, *v)).collect();
+            let track =
+                Track::new(&time, &values).filtered(entry.filter).measured_as(unit.dimension);
+            let breaks = channel.breaks.iter().filter_map(|k| time.get(*k).copied());
+            let track = track.broken_at(breaks.collect());
             if track.time.len() >= 2 {
                 tracks.insert(*signal, track);
             }
@@ -133,6 +187,35 @@ impl Signals {
             key: signal.key(),
             columns: log.headings(),
         })
+    }
+
+    /// The parts of a log in which a signal is known throughout, and in which no clock of that signal or of some others was set \[s\].
+    /// Where a signal is logged so unevenly that this leaves less than half of it, only clocks count.
+    pub fn segments(&self, driving: Signal, others: &[Signal]) -> Vec<(f64, f64)> {
+        let Some(track) = self.get(driving) else { return Vec::new() };
+        let (Some(first), Some(last)) = (track.time.first(), track.time.last()) else {
+            return Vec::new();
+        };
+        let mut parts = track.stretches();
+        let known: f64 = parts.iter().map(|(from, to)| to - from).sum();
+        // a clock that was set leaves no time out that counts
+        let (mut all, mut set) = (last - first, Vec::new());
+        for (from, to) in track.jumps() {
+            all -= to - from;
+            set.push((from, to));
+        }
+        if known < 0.5 * all {
+            parts = vec![(*first, *last)];
+        }
+        set.extend(others.iter().filter_map(|s| self.get(*s)).flat_map(Track::jumps));
+        for (before, after) in set {
+            let cut = |(from, to): (f64, f64)| match from < after && before < to {
+                true => vec![(from, before.max(from)), (after.min(to), to)],
+                false => vec![(from, to)],
+            };
+            parts = parts.into_iter().flat_map(cut).filter(|(from, to)| from < to).collect();
+        }
+        parts
     }
 
     /// From when to when all of some signals were measured \[s\].

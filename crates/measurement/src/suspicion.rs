@@ -1,0 +1,134 @@
+//! What looks wrong with the size of signals.
+
+use crate::channel::{Channel, Measurement};
+use crate::dimension::Dimension;
+use crate::mapping::{Entry, Mapping};
+use crate::signal::Signal;
+use crate::unit::Unit;
+use crate::unit_table::ATMOSPHERE;
+use std::fmt::Write;
+
+/// Units that are named as what a signal may be in, at most.
+const MOST_NAMED: usize = 4;
+
+/// Something about a signal that looks wrong.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Suspicion {
+    /// The signal.
+    pub signal: Signal,
+    /// What looks wrong, and what it may be.
+    pub text: String,
+    /// Whether the signal is of no use as it is: of an absolute pressure it is, but for its zero.
+    pub is_unusable: bool,
+}
+
+/// A gauge pressure that rests here may be an absolute one of the open air \[Pa\].
+const OPEN_AIR: std::ops::Range<f64> = 0.98e5..1.05e5;
+/// It rests there for so much of the log.
+const RESTING: f64 = 0.1;
+
+/// What speaks for an absolute pressure, in a channel that is taken for gauge pressure.
+fn absolute(signal: Signal, entry: &Entry, unit: &Unit, channel: &Channel) -> Option<String> {
+    if signal.dimension() != Dimension::Pressure || unit.offset != 0.0 || entry.offset != 0.0 {
+        return None;
+    }
+    let small = channel.heading.to_lowercase();
+    let is_named = small.split(|c: char| !c.is_alphanumeric()).any(|w| w.starts_with("abs"));
+    let values = || channel.values.iter().filter(|v| v.is_finite()).map(|v| entry.si(unit, *v));
+    let (mut count, mut resting, mut below) = (0_usize, 0_usize, 0_usize);
+    for value in values() {
+        count += 1;
+        resting += usize::from(OPEN_AIR.contains(&value));
+        below += usize::from(value < OPEN_AIR.start);
+    }
+    let rests = resting as f64 > RESTING * count as f64 && below * 100 <= count;
+    let why = match (is_named, rests) {
+        (true, _) => "is named as an absolute pressure".to_string(),
+        (_, true) => format!(
+            "rests at about 1 bar for {:.0} % of the log, and is never lower",
+            100.0 * resting as f64 / count as f64
+        ),
+        _ => return None,
+    };
+    let offset = format!("offset = {:.4}", -ATMOSPHERE / unit.factor);
+    let stated = format!("{} abs", unit.name);
+    let remedy = match Unit::find(&stated) {
+        Some(unit) => format!("unit = \"{}\", or {offset}", unit.name),
+        None => offset,
+    };
+    Some(format!(
+        "{} (\"{}\") {why}, and is taken for gauge pressure: is it absolute? ([log.{}] {remedy})",
+        signal.symbol(),
+        entry.column,
+        signal.key()
+    ))
+}
+
+impl Mapping {
+    /// What looks wrong with units and sizes, for a cylinder with a stroke \[m\] and a motor with a largest speed
+    /// \[rev/s\].
+    pub fn suspicions(&self, log: &Measurement, stroke: f64, motor_speed: f64) -> Vec<Suspicion> {
+        let mut found = Vec::new();
+        for (signal, entry) in &self.entries {
+            let Some(channel) = log.channel(&entry.column) else { continue };
+            let Some(range) = channel.range() else { continue };
+            let Ok((unit, _)) = entry.unit_of(*signal, channel) else { continue };
+            let si = |v: f64| entry.si(&unit, v);
+            if let Some(text) = absolute(*signal, entry, &unit, channel) {
+                found.push(Suspicion { signal: *signal, text, is_unusable: false });
+            }
+            let (a, b) = (si(range.low), si(range.high));
+            let (low, high) = (a.min(b), a.max(b));
+            let fits = |low: f64, high: f64| match signal.dimension() {
+                Dimension::Length => {
+                    low >= -0.01 * stroke - 5e-3
+                        && high <= 1.02 * stroke + 5e-3
+                        && high > 1e-3 * stroke
+                }
+                Dimension::Pressure => low >= -1.2e5 && high <= 600e5 && high > 0.2e5,
+                Dimension::Rotation => low.abs().max(high.abs()) <= 1.5 * motor_speed,
+                Dimension::Share => low >= -0.01 && high <= 1.01,
+                _ => true,
+            };
+            if fits(low, high) {
+                continue;
+            }
+            let (shown, size) = signal.shown();
+            let mut text = format!(
+                "{} is {:.4} to {:.4} {shown} with \"{}\" in {}",
+                signal.symbol(),
+                low / size,
+                high / size,
+                entry.column,
+                unit.name
+            );
+            let other =
+                Unit::ALL.iter().filter(|u| u.dimension == unit.dimension && u.offset == 0.0);
+            let scaled = |u: &Unit| u.factor / unit.factor;
+            let better: Vec<&str> = other
+                .filter(|u| fits(low * scaled(u), high * scaled(u)))
+                .map(|u| u.name)
+                .take(MOST_NAMED)
+                .collect();
+            // a length that moves by what the piston can, elsewhere: the cylinder's own length, say
+            let is_shifted = signal.dimension() == Dimension::Length
+                && (0.05 * stroke..=stroke).contains(&(high - low));
+            match (better.as_slice(), fits(-high, -low)) {
+                _ if is_shifted && low > 0.0 => {
+                    let _ = write!(
+                        text,
+                        ": has it another zero? (offset, {:.1} at most)",
+                        -low / unit.factor
+                    );
+                }
+                (_, true) => text += ": does it count the other way? (sign = -1)",
+                ([], _) => text += ": has it another zero (offset), or is it another signal?",
+                (names, _) => {
+                    let _ = write!(text, ": is it in {}?", names.join(" or "));
+                }
+            }
+            found.push(Suspicion { signal: *signal, text, is_unusable: true });
+        }
+        found
+    }
+}
