@@ -2,7 +2,7 @@
 
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
-use crate::{csv_file, mat_file, mcap_file};
+use crate::{csv_file, mat, mcap_file};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Read;
@@ -24,7 +24,7 @@ pub fn read(path: &Path, time: Option<&str>) -> Result<Measurement, MeasurementE
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
     match count {
         5 if begins == MCAP => mcap_file::read(path),
-        _ if is_mat => mat_file::read(path, time),
+        _ if is_mat => mat::read(path, time),
         _ => csv_file::read(path, time),
     }
 }
