@@ -8,7 +8,7 @@ use hydroboom_lab::log::Log;
 use hydroboom_lab::log_estimation::{ESTIMATES, INNOVATIONS, LogEstimate, estimate};
 use hydroboom_lab::log_estimation::{readable, unit};
 use hydroboom_lab::report::estimation_page;
-use hydroboom_measurement::{Dimension, Signal, Signals};
+use hydroboom_measurement::{Signal, Signals};
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -67,17 +67,6 @@ impl Estimate {
         let found = estimate(&crane, &signals, (window.from, window.to)).into_diagnostic()?;
         let mut notes = log.remarks.clone();
         notes.extend(suspicions.iter().map(|s| format!("suspicious: {}", s.text)));
-        let guessed = mapping.entries.iter().filter(|(signal, entry)| {
-            entry.is_unit_guessed && signal.dimension() != Dimension::Share
-        });
-        notes.extend(guessed.map(|(signal, entry)| {
-            format!(
-                "\"{}\" has no unit: {} is taken in {} by its size",
-                entry.column,
-                signal.symbol(),
-                entry.unit.name
-            )
-        }));
         let name = self.log.display().to_string();
         if let Some(path) = &self.out {
             let page = estimation_page(&name, &crane.name, &found, &notes).into_diagnostic()?;

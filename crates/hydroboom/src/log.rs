@@ -105,7 +105,7 @@ impl Inspect {
                     let base = TimeBase::of(&c.time);
                     let range = c.range();
                     json!({
-                        "column": c.heading, "unit": c.unit.map(|u| u.name), "samples": c.values.len(),
+                        "column": c.heading, "unit": c.unit.map(|u| u.name).or(c.unknown_unit.as_deref()), "samples": c.values.len(),
                         "missing": range.map_or(c.values.len(), |r| r.missing),
                         "low": range.map(|r| r.low), "mean": range.map(|r| r.mean),
                         "high": range.map(|r| r.high),
@@ -114,7 +114,8 @@ impl Inspect {
                         "jitter_ms": base.as_ref().map(|b| b.jitter * 1e3),
                         "gaps_s": base.as_ref().map(|b| b.gaps.iter().map(|g| [g.from, g.to]).collect::<Vec<_>>()),
                         "signal": taken_for(c).map(|(s, _)| s.key()),
-                        "taken_in": taken_for(c).map(|(_, e)| e.unit.name),
+                        "taken_in": taken_for(c).map(|(_, e)| e.unit.map(|u| u.name)),
+                        "is_unit_guessed": taken_for(c).map(|(_, e)| e.is_unit_guessed),
                     })
                 })
                 .collect();
@@ -135,7 +136,8 @@ impl Inspect {
                 let range = c.range();
                 let signal = taken_for(c).map(|(signal, entry)| {
                     let guess = if entry.is_unit_guessed { "?" } else { "" };
-                    format!("{} in {}{guess}", signal.symbol(), entry.unit.name)
+                    let unit = entry.unit.map_or("-", |u| u.name);
+                    format!("{} in {unit}{guess}", signal.symbol())
                 });
                 vec![
                     c.heading.clone(),

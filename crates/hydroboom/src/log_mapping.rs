@@ -15,7 +15,7 @@ pub struct LogMapping {
 }
 
 impl LogMapping {
-    /// Reads a log, and says which of its columns is what.
+    /// Reads a log, and says which of its columns is what; what is assumed is among the log's remarks.
     pub fn read(&self, log: &Path) -> Result<(Measurement, Mapping)> {
         let given = match &self.mapping {
             Some(path) => {
@@ -23,8 +23,9 @@ impl LogMapping {
             }
             None => Mapping::default(),
         };
-        let log = read(log, given.time.as_deref()).into_diagnostic()?;
-        let mapping = given.completed(&log);
+        let mut log = read(log, Some(&given.time)).into_diagnostic()?;
+        let mapping = given.completed(&log).into_diagnostic()?;
+        log.remarks.extend(mapping.assumptions(&log));
         Ok((log, mapping))
     }
 }

@@ -4,7 +4,7 @@ use crate::error::IdentifyError;
 use crate::experiment::Times;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
-use hydroboom_measurement::{Measurement, Signal, Signals};
+use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 use hydroboom_model::{Input, ValveInput};
 
 /// A pump's speed is steady, and the oil rings freely, where it changes by less than this \[rev/s²\].
@@ -93,8 +93,19 @@ impl Drive {
                         ));
                     }
                 }
+                // of full travel, as the crane's file has it in volts
+                let volts = |value: f64| match track.is_some_and(Track::is_share) {
+                    true => n.spool_neutral + value * (n.spool_full - n.spool_neutral),
+                    false => value,
+                };
+                if track.is_some_and(Track::is_share) {
+                    remarks.push(format!(
+                        "the valve's command is a share: 100 % is taken as the {} V of full travel to lift, 0 % as the {} V of the middle",
+                        n.spool_full, n.spool_neutral
+                    ));
+                }
                 let inputs = begins().map(|time| ValveInput {
-                    command: of(driving, time).unwrap_or(n.spool_neutral),
+                    command: of(driving, time).map_or(n.spool_neutral, volts),
                     supply: of(Signal::PressureSupply, time).unwrap_or(n.supply_pressure),
                     tank: of(Signal::PressureTank, time).unwrap_or(n.tank_pressure),
                 });

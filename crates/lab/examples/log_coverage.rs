@@ -62,7 +62,7 @@ fn main() {
     for k in from..to {
         let crane = member(&nominal, seed, k).unwrap().crane;
         let log = logged(&model, &crane, &course, strategy);
-        let signals = Signals::of(&log, &Mapping::default().completed(&log)).unwrap();
+        let signals = Signals::of(&log, &Mapping::default().completed(&log).unwrap()).unwrap();
         let found = match estimate(&model, &signals, (None, None)) {
             Ok(found) => found,
             Err(error) => {

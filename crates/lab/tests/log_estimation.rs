@@ -25,7 +25,7 @@ fn logged(crane: &Description, name: &str) -> Measurement {
 }
 
 fn signals(log: &Measurement) -> Signals {
-    Signals::of(log, &Mapping::default().completed(log)).unwrap()
+    Signals::of(log, &Mapping::default().completed(log).unwrap()).unwrap()
 }
 
 fn along(signals: &Signals) -> LogEstimate {

@@ -1,5 +1,8 @@
 //! Channels as they were logged.
 
+use crate::error::MeasurementError;
+use crate::heading::Heading;
+use crate::signal::Signal;
 use crate::unit::Unit;
 use std::sync::Arc;
 
@@ -10,8 +13,10 @@ pub struct Channel {
     pub name: String,
     /// The column's heading, as logged.
     pub heading: String,
-    /// Unit, where the log names it.
+    /// Unit, where the log states it.
     pub unit: Option<Unit>,
+    /// What the log states as the unit, where that is none that is known.
+    pub unknown_unit: Option<String>,
     /// Times \[s\], never going back; shared by channels that were sampled together.
     pub time: Arc<[f64]>,
     /// Values in the log's unit; NaN where one is missing.
@@ -43,6 +48,22 @@ pub struct Range {
 }
 
 impl Channel {
+    /// A channel whose unit is stated in its heading, or nowhere.
+    pub fn new(heading: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
+        Self::of(Heading::parse(heading), heading, time, values)
+    }
+
+    /// A channel whose unit is stated beside its heading; where that is empty, the heading's own counts.
+    pub fn with_unit(heading: &str, unit: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
+        Self::of(Heading::with_unit(heading, unit), heading, time, values)
+    }
+
+    /// A channel whose heading has been read.
+    pub(crate) fn of(read: Heading, heading: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
+        let Heading { name, unit, unknown_unit } = read;
+        Self { name, heading: heading.into(), unit, unknown_unit, time, values }
+    }
+
     /// Smallest, mean and largest; none where no value is there.
     pub fn range(&self) -> Option<Range> {
         let there = || self.values.iter().filter(|v| v.is_finite());
@@ -60,6 +81,22 @@ impl Measurement {
     /// Headings of all channels, for messages.
     pub fn headings(&self) -> String {
         self.channels.iter().map(|c| c.heading.as_str()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The channel that a mapping names for a signal.
+    ///
+    /// # Errors
+    ///
+    /// [`MeasurementError::Mapping`] when there is none.
+    pub(crate) fn named(&self, signal: Signal, column: &str) -> Result<&Channel, MeasurementError> {
+        self.channel(column).ok_or_else(|| {
+            let reason = format!(
+                "log.{} names the column \"{column}\"; there are: {}",
+                signal.key(),
+                self.headings()
+            );
+            MeasurementError::Mapping { file: self.name.clone(), reason }
+        })
     }
 
     /// A channel by its heading or name.

@@ -6,8 +6,9 @@
 
 use crate::channel::{Channel, Measurement};
 use crate::error::MeasurementError;
+use crate::heading::{Heading, TIMES};
 use crate::thinning::{Columns, MOST};
-use crate::unit::{Dimension, Unit};
+use crate::unit::Unit;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -16,8 +17,6 @@ use std::path::Path;
 const HEAD: u64 = 64 * 1024;
 /// Bytes of a row, at most.
 const LONGEST_ROW: u64 = 4 << 20;
-/// Names of columns that hold the time.
-const TIMES: [&str; 7] = ["t", "time", "zeit", "timestamp", "elapsed", "tid", "temps"];
 /// Cells that mean that nothing is there.
 const MISSING: [&str; 7] = ["", "nan", "na", "n/a", "null", "-", "#nv"];
 /// Ticks of Windows' file time in a second.
@@ -38,8 +37,7 @@ struct Style {
 /// A column of numbers.
 struct Column {
     heading: String,
-    name: String,
-    unit: Option<Unit>,
+    read: Heading,
     is_time: bool,
     /// Interval that the head promises \[s\].
     interval: Option<f64>,
@@ -48,7 +46,7 @@ struct Column {
 impl Column {
     /// Whether its heading says that it is a time, or promises an interval.
     fn is_named_as_time(&self) -> bool {
-        self.interval.is_some() || TIMES.contains(&self.name.to_lowercase().as_str())
+        self.interval.is_some() || self.read.is_named_as_time()
     }
 }
 
@@ -67,14 +65,14 @@ pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, Measu
     let has_named_time = time.is_some() || columns.iter().any(Column::is_named_as_time);
     rows.read(BufReader::new(source), &mut groups, &mut remarks).map_err(|error| match error {
         MeasurementError::Time { file, line, column, .. } if !has_named_time => {
-            let units = match columns.iter().all(|c| c.unit.is_none()) {
+            let units = match columns.iter().all(|c| c.read.unit.is_none()) {
                 true => ", and no column has a unit",
                 false => "",
             };
             let reason = format!(
                 "no column is named as a time ({}), and the first, \"{column}\", is none: it goes back in line {line}{units}. A log without times is of no use: add a \
                  column of times in s, or name the one that there is ([log] time = \"...\" in a mapping)",
-                TIMES.join(", ")
+                TIMES[..6].join(", ")
             );
             MeasurementError::Format { file, reason }
         }
@@ -164,7 +162,7 @@ fn columns(
         false => plain_columns(style, remarks),
     };
     if let Some(wanted) = time {
-        let found = columns.iter().position(|c| c.heading == wanted || c.name == wanted);
+        let found = columns.iter().position(|c| c.heading == wanted || c.read.name == wanted);
         let Some(found) = found else {
             let all = columns.iter().map(|c| c.heading.as_str()).collect::<Vec<_>>().join(", ");
             let reason =
@@ -188,11 +186,9 @@ fn columns(
 
 /// A heading, its unit from a line below it, or from itself.
 fn column(heading: &str, below: Option<&str>) -> Column {
-    let (name, own) = Unit::split(heading);
-    let unit = below.and_then(|u| Unit::from_text(u.trim_matches(['[', ']', '(', ')']))).or(own);
-    let is_time = TIMES.contains(&name.to_lowercase().as_str())
-        && unit.is_none_or(|u| u.dimension == Dimension::Time);
-    Column { heading: heading.into(), name, unit, is_time, interval: None }
+    let read = Heading::with_unit(heading, below.unwrap_or(""));
+    let is_time = read.is_named_as_time();
+    Column { heading: heading.into(), read, is_time, interval: None }
 }
 
 fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
@@ -207,9 +203,7 @@ fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
     };
     // a row of units stands below the names
     let strip = |text: &str| text.trim_start_matches('#').trim().to_string();
-    let units = last
-        .iter()
-        .filter(|c| Unit::from_text(strip(c).trim_matches(['[', ']', '(', ')'])).is_some());
+    let units = last.iter().filter(|c| Unit::find(&strip(c)).is_some());
     let (names, units) = match (units.count() * 2 > last.len(), rows.next()) {
         (true, Some(above)) => (above, Some(last)),
         _ => (last, None),
@@ -241,8 +235,8 @@ fn scope_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
         let mut column = column(name, below.map(String::as_str));
         column.is_time = is_label;
         if is_label {
-            (column.heading, column.name) = ("time".into(), "time".into());
-            column.unit = Unit::from_text("ms");
+            column.heading = "time".into();
+            column.read = Heading::with_unit("time", "ms");
         } else if !has_times {
             let milliseconds =
                 samples.and_then(|s| s.get(k)).and_then(|c| number(c, style.decimal_comma));
@@ -457,7 +451,7 @@ impl Groups {
                 remarks
                     .push(format!("{count} rows are too many to keep: each {stride} are averaged"));
             }
-            let unit = group.time.and_then(|c| columns[c].unit).map_or(1.0, |u| u.size);
+            let unit = group.time.and_then(|c| columns[c].read.unit).map_or(1.0, |u| u.factor);
             let is_file_time = time[0] > 1e15;
             let unit = if is_file_time { FILE_TIME } else { unit };
             let first = match (is_file_time, time[0] * unit > FAR) {
@@ -467,13 +461,8 @@ impl Groups {
             time.iter_mut().for_each(|t| *t = (*t - first) * unit);
             let time: std::sync::Arc<[f64]> = time.into();
             for (column, values) in group.members.iter().map(|c| &columns[*c]).zip(data) {
-                channels.push(Channel {
-                    name: column.name.clone(),
-                    heading: column.heading.clone(),
-                    unit: column.unit,
-                    time: std::sync::Arc::clone(&time),
-                    values,
-                });
+                let time = std::sync::Arc::clone(&time);
+                channels.push(Channel::of(column.read.clone(), &column.heading, time, values));
             }
         }
         if begin.is_some() {

@@ -9,8 +9,12 @@
 
 mod channel;
 mod csv_file;
+mod dimension;
 mod error;
+mod guess;
+mod heading;
 mod mapping;
+mod mapping_text;
 mod mat;
 mod mcap_file;
 mod read;
@@ -18,16 +22,23 @@ mod sampled;
 mod signal;
 mod signals;
 mod spark;
+mod suspicion;
 mod thinning;
 mod time_base;
+mod time_column;
 mod unit;
+mod unit_table;
 
 pub use channel::{Channel, Measurement, Range};
+pub use dimension::Dimension;
 pub use error::MeasurementError;
-pub use mapping::{Entry, Mapping, Suspicion};
+pub use heading::Heading;
+pub use mapping::{Entry, Mapping};
 pub use read::{digest, digest_of, read};
 pub use signal::Signal;
 pub use signals::{Signals, Track};
 pub use spark::sparkline;
+pub use suspicion::Suspicion;
 pub use time_base::{Gap, TimeBase};
-pub use unit::{Dimension, Unit};
+pub use time_column::TimeColumn;
+pub use unit::{Unit, UnitError};

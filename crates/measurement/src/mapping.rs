@@ -2,22 +2,25 @@
 
 use crate::channel::{Channel, Measurement};
 use crate::error::MeasurementError;
+use crate::guess::by_size;
 use crate::signal::Signal;
-use crate::unit::{Dimension, Unit};
+use crate::time_column::TimeColumn;
+use crate::unit::{Unit, UnitError};
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
-/// A column that holds a signal: `signal = sign (column + offset)`, as it was `delay` before, on a clock that may
-/// run fast.
+/// A column that holds a signal: `signal = sign (scale column + offset)` in a unit, as it was `delay` before, on a clock that
+/// may run fast.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// Heading or name of the column.
     pub column: String,
-    /// Unit of the column.
-    pub unit: Unit,
+    /// Unit of what comes of scale and offset; the one that the log states for the column where none.
+    pub unit: Option<Unit>,
+    /// What the column is multiplied by.
+    pub scale: f64,
     /// −1 where the column counts the other way.
     pub sign: f64,
-    /// What is added to the column, in its unit.
+    /// What is added to the scaled column, in the unit.
     pub offset: f64,
     /// How late the column is \[s\].
     pub delay: f64,
@@ -25,342 +28,140 @@ pub struct Entry {
     pub drift: f64,
     /// Time constant of a first-order filter that the column went through \[s\]; zero for none.
     pub filter: f64,
-    /// Whether the unit was named, or found by the size of the numbers.
+    /// Whether the column was found by its name, and named by nobody.
+    pub is_column_guessed: bool,
+    /// Whether the unit was found by the size of the numbers, and stated nowhere.
     pub is_unit_guessed: bool,
 }
 
 /// Which column is which signal.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mapping {
-    /// Heading of the time's column, where it is not named as one.
-    pub time: Option<String>,
+    /// The time's column, where it is not named as one.
+    pub time: TimeColumn,
     /// The columns.
     pub entries: BTreeMap<Signal, Entry>,
 }
 
-/// Something about a signal that looks wrong.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Suspicion {
-    /// The signal.
-    pub signal: Signal,
-    /// What looks wrong, and what it may be.
-    pub text: String,
-}
-
-/// Names of columns that are not what was measured.
-const OTHERS: [&str; 12] = [
-    "ref",
-    "simulated",
-    "sim",
-    "error",
-    "setpoint",
-    "target",
-    "model",
-    "filtered",
-    "number",
-    "estimate",
-    "deviation",
-    "innovation",
-];
-
-/// A clock is not off by more \[ppm\].
-const MOST_DRIFT: f64 = 1e5;
-
 impl Entry {
+    /// A column as it is.
+    pub fn of(column: &str) -> Self {
+        Self {
+            column: column.into(),
+            unit: None,
+            scale: 1.0,
+            sign: 1.0,
+            offset: 0.0,
+            delay: 0.0,
+            drift: 0.0,
+            filter: 0.0,
+            is_column_guessed: false,
+            is_unit_guessed: false,
+        }
+    }
+
     /// When a sample was taken that its channel has at a time \[s\], for a channel that begins at another.
     pub fn taken(&self, time: f64, begin: f64) -> f64 {
         begin + (time - begin) / (1.0 + self.drift) - self.delay
     }
-}
 
-impl Mapping {
-    /// A mapping from the `[log]` table of a TOML text; signals are keys, each a column's name or a table.
+    /// A number of the column in SI units, for the unit that it is in.
+    pub fn si(&self, unit: &Unit, number: f64) -> f64 {
+        unit.si(self.sign * (self.scale * number + self.offset))
+    }
+
+    /// The unit that a channel is in as a signal: the mapping's, the log's, or one that fits its size.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] with what is wrong and what is allowed.
-    pub fn parse(file: &str, text: &str) -> Result<Self, MeasurementError> {
-        let wrong = |reason: String| MeasurementError::Mapping { file: file.into(), reason };
-        let whole: toml::Table = text.parse().map_err(|e: toml::de::Error| wrong(e.to_string()))?;
-        let Some(log) = whole.get("log").and_then(toml::Value::as_table) else {
-            return Err(wrong("there is no table [log]".into()));
-        };
-        let mut mapping = Self::default();
-        for (key, value) in log {
-            if key == "time" {
-                let name =
-                    value.as_str().ok_or_else(|| wrong("log.time is a column's name".into()))?;
-                mapping.time = Some(name.into());
-                continue;
-            }
-            let Some(signal) = Signal::from_key(key) else {
-                let all = Signal::ALL.map(Signal::key).join(", ");
-                return Err(wrong(format!("log.{key} is no signal; signals are time, {all}")));
+    /// What is wrong, and what to write: the log states a unit that is unknown or measures something else.
+    pub fn unit_of(&self, signal: Signal, channel: &Channel) -> Result<(Unit, bool), String> {
+        if let Some(unit) = self.unit {
+            return Ok((unit, self.is_unit_guessed));
+        }
+        let heading = &channel.heading;
+        let state = format!("state it in a mapping: [log.{}] unit = \"...\"", signal.key());
+        if let Some(text) = &channel.unknown_unit {
+            let error = match Unit::of_dimension(text, signal.dimension()) {
+                Err(error) => error.to_string(),
+                Ok(unit) => unit.name.into(),
             };
-            mapping
-                .entries
-                .insert(signal, entry(signal, value).map_err(|e| wrong(format!("log.{key}{e}")))?);
+            return Err(format!(
+                "the column \"{heading}\" for {}: {error}; {state}",
+                signal.symbol()
+            ));
         }
-        Ok(mapping)
-    }
-
-    /// As a `[log]` table, to be written to a file.
-    pub fn to_toml(&self) -> String {
-        let mut text = String::from("[log]\n");
-        // writing to a String cannot fail
-        if let Some(time) = &self.time {
-            let _ = writeln!(text, "time = {}", quoted(time));
-        }
-        for (signal, e) in &self.entries {
-            let _ = write!(
-                text,
-                "\n[log.{}]\ncolumn = {}\nunit = {}\n",
-                signal.key(),
-                quoted(&e.column),
-                quoted(e.unit.name)
-            );
-            for (key, value, usual) in [
-                ("sign", e.sign, 1.0),
-                ("offset", e.offset, 0.0),
-                ("delay_ms", e.delay * 1e3, 0.0),
-                ("drift_ppm", e.drift * 1e6, 0.0),
-                ("filter_ms", e.filter * 1e3, 0.0),
-            ] {
-                if value != usual {
-                    let _ = writeln!(text, "{key} = {value:?}");
-                }
+        match channel.unit {
+            Some(unit) if signal.accepts(unit.dimension) => Ok((unit, false)),
+            Some(unit) => {
+                let wanted = signal.dimension();
+                let text = unit.name.into();
+                let error = UnitError::Dimension { text, found: unit.dimension, wanted };
+                Err(format!(
+                    "the column \"{heading}\" for {}: {error}; if it is {} all the same, {state}, with scale and offset where \
+                     it takes them",
+                    signal.symbol(),
+                    signal.symbol()
+                ))
             }
+            None => Ok((by_size(signal, channel, self.scale), true)),
         }
-        text
     }
+}
 
-    /// What the columns are, as far as their names, units and sizes tell.
-    pub fn guess(log: &Measurement) -> Self {
-        let mut candidates: Vec<(f64, Signal, &Channel)> = Vec::new();
-        for channel in &log.channels {
-            for signal in Signal::ALL {
-                let score = likeness(signal, channel);
-                if score > 0.0 {
-                    candidates.push((score, signal, channel));
-                }
-            }
-        }
-        candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut mapping = Self::default();
-        for (_, signal, channel) in candidates {
-            let is_used = mapping.entries.values().any(|e| e.column == channel.heading);
-            if is_used || mapping.entries.contains_key(&signal) {
-                continue;
-            }
-            let unit = channel.unit.filter(|u| u.dimension == signal.dimension());
-            mapping.entries.insert(
-                signal,
-                Entry {
-                    column: channel.heading.clone(),
-                    unit: unit.unwrap_or_else(|| by_size(signal, channel)),
-                    sign: 1.0,
-                    offset: 0.0,
-                    delay: 0.0,
-                    drift: 0.0,
-                    filter: 0.0,
-                    is_unit_guessed: unit.is_none(),
-                },
-            );
-        }
-        mapping
-    }
-
-    /// This mapping, completed by what is guessed of what it does not name.
-    pub fn completed(mut self, log: &Measurement) -> Self {
+impl Mapping {
+    /// This mapping, completed by what is guessed of what it does not name, with the unit of each column.
+    ///
+    /// # Errors
+    ///
+    /// [`MeasurementError::Mapping`] where it names a column that is not there, or the log states a unit that is unknown or of
+    /// the wrong dimension.
+    pub fn completed(mut self, log: &Measurement) -> Result<Self, MeasurementError> {
         let taken: Vec<String> = self.entries.values().map(|e| e.column.clone()).collect();
         for (signal, entry) in Self::guess(log).entries {
             if !taken.contains(&entry.column) {
                 self.entries.entry(signal).or_insert(entry);
             }
         }
-        self
+        for (signal, entry) in &mut self.entries {
+            let channel = log.named(*signal, &entry.column)?;
+            let (unit, is_guessed) = entry
+                .unit_of(*signal, channel)
+                .map_err(|reason| MeasurementError::Mapping { file: log.name.clone(), reason })?;
+            (entry.unit, entry.is_unit_guessed) = (Some(unit), is_guessed);
+        }
+        Ok(self)
     }
 
-    /// What looks wrong with units and sizes, for a cylinder with a stroke \[m\] and a motor with a largest speed
-    /// \[rev/s\].
-    pub fn suspicions(&self, log: &Measurement, stroke: f64, motor_speed: f64) -> Vec<Suspicion> {
-        let mut found = Vec::new();
+    /// What is taken without being stated anywhere: units by the size of numbers. Sentences, each with what to write.
+    pub fn assumptions(&self, log: &Measurement) -> Vec<String> {
+        let mut said = Vec::new();
         for (signal, entry) in &self.entries {
-            let Some(range) = log.channel(&entry.column).and_then(Channel::range) else { continue };
-            let si = |v: f64| entry.sign * (v + entry.offset) * entry.unit.size;
-            let (a, b) = (si(range.low), si(range.high));
-            let (low, high) = (a.min(b), a.max(b));
-            let fits = |low: f64, high: f64| match signal.dimension() {
-                Dimension::Length => {
-                    low >= -0.01 * stroke - 5e-3
-                        && high <= 1.02 * stroke + 5e-3
-                        && high > 1e-3 * stroke
-                }
-                Dimension::Pressure => low >= -1.2e5 && high <= 600e5 && high > 0.2e5,
-                Dimension::Rotation => low.abs().max(high.abs()) <= 1.5 * motor_speed,
-                Dimension::Share => low >= -0.01 && high <= 1.01,
-                _ => true,
-            };
-            if fits(low, high) {
-                continue;
-            }
-            let (shown, size) = signal.shown();
-            let mut text = format!(
-                "{} is {:.4} to {:.4} {shown} with \"{}\" in {}",
-                signal.symbol(),
-                low / size,
-                high / size,
-                entry.column,
-                entry.unit.name
-            );
-            let other = Unit::ALL.into_iter().filter(|u| u.dimension == signal.dimension());
-            let scaled = |u: &Unit| u.size / entry.unit.size;
-            let better: Vec<&str> =
-                other.filter(|u| fits(low * scaled(u), high * scaled(u))).map(|u| u.name).collect();
-            // a length that moves by what the piston can, elsewhere: the cylinder's own length, say
-            let is_shifted = signal.dimension() == Dimension::Length
-                && (0.05 * stroke..=stroke).contains(&(high - low));
-            match (better.as_slice(), fits(-high, -low)) {
-                _ if is_shifted && low > 0.0 => {
-                    let _ = write!(
-                        text,
-                        ": has it another zero? (offset, {:.1} at most)",
-                        -low / entry.unit.size
-                    );
-                }
-                (_, true) => text += ": does it count the other way? (sign = -1)",
-                ([], _) => text += ": has it another zero (offset), or is it another signal?",
-                (names, _) => {
-                    let _ = write!(text, ": is it in {}?", names.join(" or "));
-                }
-            }
-            found.push(Suspicion { signal: *signal, text });
-        }
-        found
-    }
-}
-
-fn quoted(text: &str) -> String {
-    toml::Value::String(text.into()).to_string()
-}
-
-fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
-    let from_name = |column: &str| Entry {
-        column: column.into(),
-        unit: Unit::split(column).1.unwrap_or_else(|| first_unit(signal)),
-        sign: 1.0,
-        offset: 0.0,
-        delay: 0.0,
-        drift: 0.0,
-        filter: 0.0,
-        is_unit_guessed: Unit::split(column).1.is_none(),
-    };
-    let table = match value {
-        toml::Value::String(column) => return Ok(from_name(column)),
-        toml::Value::Table(table) => table,
-        _ => {
-            return Err(
-                " is a column's name, or a table with column, unit, sign, offset, delay_ms, drift_ppm, filter_ms"
-                    .into(),
-            );
-        }
-    };
-    let column = table.get("column").and_then(toml::Value::as_str);
-    let mut entry = from_name(column.ok_or(" has no column")?);
-    for (key, value) in table {
-        let number =
-            value.as_float().or(value.as_integer().map(|i| i as f64)).filter(|v| v.is_finite());
-        match (key.as_str(), number, value.as_str()) {
-            ("column", _, Some(_)) => {}
-            ("unit", _, Some(text)) => {
-                let unit = Unit::from_text(text).filter(|u| u.dimension == signal.dimension());
-                entry.unit = unit.ok_or_else(|| {
-                    let fitting = Unit::ALL.iter().filter(|u| u.dimension == signal.dimension());
-                    let names: Vec<&str> = fitting.map(|u| u.name).collect();
-                    format!(".unit = \"{text}\": one of {}", names.join(", "))
-                })?;
-                entry.is_unit_guessed = false;
-            }
-            ("sign", Some(sign), _) if sign.abs() == 1.0 => entry.sign = sign,
-            ("sign", ..) => return Err(".sign is 1 or -1".into()),
-            ("offset", Some(offset), _) => entry.offset = offset,
-            ("delay_ms", Some(delay), _) => entry.delay = delay * 1e-3,
-            ("drift_ppm", Some(drift), _) if drift.abs() <= MOST_DRIFT => {
-                entry.drift = drift * 1e-6;
-            }
-            ("filter_ms", Some(time), _) if time >= 0.0 => entry.filter = time * 1e-3,
-            ("filter_ms", ..) => return Err(".filter_ms is zero or more".into()),
-            ("drift_ppm", ..) => {
-                return Err(format!(".drift_ppm is between -{MOST_DRIFT} and {MOST_DRIFT}"));
-            }
-            _ => {
-                return Err(format!(
-                    ".{key} is not understood: column, unit, sign, offset, delay_ms, drift_ppm, filter_ms are"
+            let Some(unit) = entry.unit.filter(|_| entry.is_unit_guessed) else { continue };
+            // of a switch nobody states one
+            if *signal != Signal::HoldingValve {
+                said.push(format!(
+                    "\"{}\" has no unit: {} is taken in {} by its size; [log.{}] unit = \"...\" in a mapping states it",
+                    entry.column,
+                    signal.symbol(),
+                    unit.name,
+                    signal.key()
                 ));
             }
         }
-    }
-    Ok(entry)
-}
-
-/// The unit people use most.
-fn first_unit(signal: Signal) -> Unit {
-    let name = signal.shown().0;
-    Unit::ALL.into_iter().find(|u| u.name == name).unwrap_or(Unit::ALL[0])
-}
-
-/// The unit in which a column's numbers have a likely size.
-fn by_size(signal: Signal, channel: &Channel) -> Unit {
-    let largest = channel.range().map_or(0.0, |r| r.low.abs().max(r.high.abs()));
-    let name = match signal.dimension() {
-        Dimension::Pressure if largest > 1e4 => "Pa",
-        Dimension::Length if largest < 5.0 => "m",
-        Dimension::Rotation if largest < 60.0 => "rev/s",
-        _ => return first_unit(signal),
-    };
-    Unit::ALL.into_iter().find(|u| u.name == name).unwrap_or_else(|| first_unit(signal))
-}
-
-/// How likely a column is a signal: zero for not at all.
-fn likeness(signal: Signal, channel: &Channel) -> f64 {
-    if channel.unit.is_some_and(|u| u.dimension != signal.dimension()) || channel.range().is_none()
-    {
-        return 0.0;
-    }
-    let small = channel.name.to_lowercase();
-    let words: Vec<&str> =
-        small.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).collect();
-    let is_command =
-        matches!(signal, Signal::MotorCommand | Signal::HoldingValve | Signal::ValveCommand);
-    let is_other = words.iter().any(|w| OTHERS.iter().any(|o| w.starts_with(o)));
-    if is_other || (!is_command && words.iter().any(|w| w.starts_with("command") || *w == "cmd")) {
-        return 0.0;
-    }
-    let whole: String = words.concat();
-    // `p1_pressure`, `s1_position`: what it is of, said once more
-    let said = match signal.dimension() {
-        Dimension::Pressure => "pressure",
-        Dimension::Length => "position",
-        _ => "",
-    };
-    let short: String = words.iter().copied().filter(|word| *word != said).collect();
-    // a variable of a PLC: the last part counts, without its prefix of type
-    let last = channel.name.rsplit(['.', '/']).next().unwrap_or("");
-    let last: String = last.chars().filter(|c| c.is_alphanumeric()).collect();
-    let bare = last.trim_start_matches(['f', 'l', 'r', 'n', 'b']);
-    let bare = if bare.starts_with(char::is_uppercase) {
-        bare.to_lowercase()
-    } else {
-        last.to_lowercase()
-    };
-    let best = signal.names().iter().enumerate().map(|(rank, name)| {
-        let telling = 1.0 - 0.02 * rank as f64;
-        match () {
-            _ if whole == *name || bare == *name => telling,
-            _ if short == *name && short != whole => 0.9 * telling,
-            _ if name.len() >= 5 && whole.contains(name) => 0.8 * telling,
-            _ => 0.0,
+        for (signal, channel) in Self::misfits(log) {
+            if !self.entries.contains_key(&signal)
+                && let Some(unit) = channel.unit
+            {
+                said.push(format!(
+                    "\"{}\" is not taken for {}: {} is {}",
+                    channel.heading,
+                    signal.symbol(),
+                    unit.name,
+                    unit.dimension.words()
+                ));
+            }
         }
-    });
-    best.fold(0.0, f64::max)
+        said
+    }
 }

@@ -3,7 +3,6 @@
 use crate::channel::{Channel, Measurement};
 use crate::error::MeasurementError;
 use crate::thinning::{Columns, MOST};
-use crate::unit::Unit;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -80,8 +79,7 @@ pub(crate) fn read(path: &Path) -> Result<Measurement, MeasurementError> {
             continue;
         }
         for (heading, values) in topic.names.into_iter().zip(data) {
-            let (name, unit) = Unit::split(&heading);
-            channels.push(Channel { name, heading, unit, time: Arc::clone(&time), values });
+            channels.push(Channel::new(&heading, Arc::clone(&time), values));
         }
     }
     if channels.is_empty() {

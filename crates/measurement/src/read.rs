@@ -2,6 +2,7 @@
 
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
+use crate::time_column::TimeColumn;
 use crate::{csv_file, mat, mcap_file};
 use sha2::{Digest, Sha256};
 use std::fs::File;
@@ -11,21 +12,22 @@ use std::path::Path;
 /// How an MCAP file begins.
 const MCAP: &[u8] = &[0x89, b'M', b'C', b'A', b'P'];
 
-/// Reads a log: MCAP by how it begins, MAT by its name, anything else as delimited text. `time` names the
-/// column that holds the time, where it is not named so.
+/// Reads a log: MCAP by how it begins, MAT by its name, anything else as delimited text. `time` says
+/// how the time of its rows is found, where its names do not.
 ///
 /// # Errors
 ///
 /// [`MeasurementError`] with the place of what cannot be used.
-pub fn read(path: &Path, time: Option<&str>) -> Result<Measurement, MeasurementError> {
+pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
+    let column = time.and_then(|t| t.column.as_deref());
     let mut begins = [0; 5];
     let count = File::open(path).and_then(|mut f| f.read(&mut begins)).map_err(failed)?;
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
     match count {
         5 if begins == MCAP => mcap_file::read(path),
         _ if is_mat => mat::read(path, time),
-        _ => csv_file::read(path, time),
+        _ => csv_file::read(path, column),
     }
 }
 

@@ -1,8 +1,10 @@
 //! Columns that were sampled together, as formats with whole arrays have them (MAT, MDF), on their way to channels.
 
 use crate::channel::{Channel, Measurement};
+use crate::dimension::Dimension;
 use crate::error::MeasurementError;
-use crate::unit::{Dimension, Unit};
+use crate::heading::Heading;
+use crate::time_column::TimeColumn;
 use std::sync::Arc;
 
 /// Times that are larger are counted from something far away, and are shown from the first one on \[s\].
@@ -18,8 +20,7 @@ const DATENUM_INTERVAL: f64 = 1e-4;
 #[derive(Clone, Debug)]
 pub(crate) struct Column {
     heading: String,
-    name: String,
-    unit: Option<Unit>,
+    read: Heading,
     values: Vec<f64>,
 }
 
@@ -33,20 +34,12 @@ pub(crate) struct Samples {
 impl Column {
     /// A column, its unit from its heading.
     pub(crate) fn new(heading: &str, values: Vec<f64>) -> Self {
-        let (name, unit) = Unit::split(heading);
-        Self { heading: heading.into(), name, unit, values }
+        Self { heading: heading.into(), read: Heading::parse(heading), values }
     }
 
-    /// The same with a unit that is stated elsewhere.
-    pub(crate) fn in_unit(mut self, unit: Option<Unit>) -> Self {
-        self.unit = unit.or(self.unit);
-        self
-    }
-
-    /// The same, named otherwise than its heading says.
-    pub(crate) fn named(mut self, name: &str) -> Self {
-        self.name = name.into();
-        self
+    /// A column whose heading has been read.
+    pub(crate) fn of(heading: &str, read: Heading, values: Vec<f64>) -> Self {
+        Self { heading: heading.into(), read, values }
     }
 
     /// How many values it has.
@@ -56,17 +49,19 @@ impl Column {
 }
 
 /// A log that is put together from columns.
-pub(crate) struct Assembly {
+pub(crate) struct Assembly<'a> {
     file: String,
+    /// What a mapping says of the time.
+    stated: Option<&'a TimeColumn>,
     channels: Vec<Channel>,
     remarks: Vec<String>,
     /// What times that are far away are counted from \[s\].
     begin: Option<f64>,
 }
 
-impl Assembly {
-    pub(crate) fn new(file: &str, remarks: Vec<String>) -> Self {
-        Self { file: file.into(), channels: Vec::new(), remarks, begin: None }
+impl<'a> Assembly<'a> {
+    pub(crate) fn new(file: &str, stated: Option<&'a TimeColumn>, remarks: Vec<String>) -> Self {
+        Self { file: file.into(), stated, channels: Vec::new(), remarks, begin: None }
     }
 
     /// Adds columns.
@@ -75,8 +70,7 @@ impl Assembly {
     ///
     /// [`MeasurementError::Time`] when their time goes back.
     pub(crate) fn add(&mut self, samples: Samples) -> Result<(), MeasurementError> {
-        let Samples { time: Column { heading, name, unit, values: mut time }, mut columns } =
-            samples;
+        let Samples { time: Column { heading, read, values: mut time }, mut columns } = samples;
         // a row without a time is of no use
         let is_row: Vec<bool> = time.iter().map(|t| t.is_finite()).collect();
         let lost = is_row.iter().filter(|is| !**is).count();
@@ -93,10 +87,14 @@ impl Assembly {
             self.remarks.push(format!("{heading} has {} values: no time", time.len()));
             return Ok(());
         }
-        let unit = unit.filter(|u| u.dimension == Dimension::Time);
+        if let Some(stated) = self.stated {
+            time.iter_mut().for_each(|t| *t = stated.scale * *t + stated.offset);
+        }
+        let stated = self.stated.and_then(|s| s.unit);
+        let unit = stated.or(read.unit.filter(|u| u.dimension == Dimension::Time));
         let unit = match unit {
-            Some(unit) => unit.size,
-            None if is_datenum(&name, &time) => {
+            Some(unit) => unit.factor,
+            None if is_datenum(&read.name, &time) => {
                 self.remarks.push(format!("{heading} counts days (datenum)"));
                 DAY
             }
@@ -119,9 +117,9 @@ impl Assembly {
         time.iter_mut().for_each(|t| *t = (*t - begin) * unit);
         let time: Arc<[f64]> = time.into();
         for column in columns {
-            let Column { heading, name, unit, mut values } = column;
+            let Column { heading, read, mut values } = column;
             values.resize(time.len(), f64::NAN);
-            self.channels.push(Channel { name, heading, unit, time: Arc::clone(&time), values });
+            self.channels.push(Channel::of(read, &heading, Arc::clone(&time), values));
         }
         Ok(())
     }
@@ -169,7 +167,7 @@ mod tests {
     use super::*;
 
     fn log(name: &str, time: &[f64]) -> Measurement {
-        let mut assembly = Assembly::new("test", Vec::new());
+        let mut assembly = Assembly::new("test", None, Vec::new());
         let time = Column::new(name, time.to_vec());
         let column = || Column::new("p_A_bar", vec![1.0; time.values.len()]);
         assembly.add(Samples { columns: vec![column(), column()], time: time.clone() }).unwrap();

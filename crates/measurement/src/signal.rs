@@ -1,6 +1,6 @@
 //! What a model knows of a machine, and what people call it.
 
-use crate::unit::Dimension;
+use crate::dimension::Dimension;
 
 /// A signal of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -100,7 +100,7 @@ impl Signal {
             Dimension::Length => ("mm", 1e-3),
             Dimension::Pressure => ("bar", 1e5),
             Dimension::Rotation => ("rpm", 1.0 / 60.0),
-            Dimension::Tension => ("V", 1.0),
+            Dimension::Voltage => ("V", 1.0),
             _ => ("-", 1.0),
         }
     }
@@ -111,9 +111,15 @@ impl Signal {
             Self::Stroke => Dimension::Length,
             Self::MotorSpeed | Self::MotorCommand => Dimension::Rotation,
             Self::HoldingValve => Dimension::Share,
-            Self::ValveCommand => Dimension::Tension,
+            Self::ValveCommand => Dimension::Voltage,
             _ => Dimension::Pressure,
         }
+    }
+
+    /// Whether a column of a dimension can be it. A valve's command may be a share of what full travel takes.
+    pub fn accepts(self, dimension: Dimension) -> bool {
+        dimension == self.dimension()
+            || (self == Self::ValveCommand && dimension == Dimension::Share)
     }
 
     /// The signal of a key.

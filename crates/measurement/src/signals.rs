@@ -1,6 +1,7 @@
 //! The signals of a log, in SI units.
 
 use crate::channel::Measurement;
+use crate::dimension::Dimension;
 use crate::error::MeasurementError;
 use crate::mapping::Mapping;
 use crate::signal::Signal;
@@ -18,6 +19,8 @@ pub struct Track {
     reach: f64,
     /// Time constant of a first-order filter that it went through \[s\].
     filter: f64,
+    /// What its values measure, where that may be one of several.
+    dimension: Option<Dimension>,
 }
 
 /// Signals with their times.
@@ -37,12 +40,22 @@ impl Track {
             }
         }
         let reach = TimeBase::of(&kept.0).map_or(0.0, |base| 5.0 * base.interval);
-        Self { time: kept.0, values: kept.1, reach, filter: 0.0 }
+        Self { time: kept.0, values: kept.1, reach, filter: 0.0, dimension: None }
     }
 
     /// The same, seen through a first-order filter with a time constant \[s\]; zero for none.
     pub fn filtered(self, filter: f64) -> Self {
         Self { filter, ..self }
+    }
+
+    /// The same, with what its values measure: of a valve's command volts, or a share of full travel.
+    pub fn measured_as(self, dimension: Dimension) -> Self {
+        Self { dimension: Some(dimension), ..self }
+    }
+
+    /// Whether its values are shares of the whole.
+    pub fn is_share(&self) -> bool {
+        self.dimension == Some(Dimension::Share)
     }
 
     /// Time constant of the first-order filter that it went through \[s\]; zero for none.
@@ -87,24 +100,19 @@ impl Signals {
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] when it names a column that is not there.
+    /// [`MeasurementError::Mapping`] when it names a column that is not there, or a unit is unknown or of the wrong dimension.
     pub fn of(log: &Measurement, mapping: &Mapping) -> Result<Self, MeasurementError> {
         let mut tracks = BTreeMap::new();
         for (signal, entry) in &mapping.entries {
-            let Some(channel) = log.channel(&entry.column) else {
-                let reason = format!(
-                    "log.{} names the column \"{}\"; there are: {}",
-                    signal.key(),
-                    entry.column,
-                    log.headings()
-                );
-                return Err(MeasurementError::Mapping { file: log.name.clone(), reason });
-            };
+            let channel = log.named(*signal, &entry.column)?;
+            let (unit, _) = entry
+                .unit_of(*signal, channel)
+                .map_err(|reason| MeasurementError::Mapping { file: log.name.clone(), reason })?;
             let begin = channel.time.first().copied().unwrap_or(0.0);
             let time: Vec<f64> = channel.time.iter().map(|t| entry.taken(*t, begin)).collect();
-            let si = |v: &f64| entry.sign * (v + entry.offset) * entry.unit.size;
-            let values: Vec<f64> = channel.values.iter().map(si).collect();
-            let track = Track::new(&time, &values).filtered(entry.filter);
+            let values: Vec<f64> = channel.values.iter().map(|v| entry.si(&unit, *v)).collect();
+            let track =
+                Track::new(&time, &values).filtered(entry.filter).measured_as(unit.dimension);
             if track.time.len() >= 2 {
                 tracks.insert(*signal, track);
             }

@@ -1,27 +1,8 @@
 //! Units as people write them.
 
-/// What a unit measures.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dimension {
-    /// Length.
-    Length,
-    /// Speed.
-    Speed,
-    /// Pressure.
-    Pressure,
-    /// Rotational speed.
-    Rotation,
-    /// Angle.
-    Angle,
-    /// Rate of an angle.
-    AngularRate,
-    /// Time.
-    Time,
-    /// Electric tension, of a valve's command.
-    Tension,
-    /// A share, a switch.
-    Share,
-}
+use crate::dimension::Dimension;
+use crate::unit_table::UNITS;
+use thiserror::Error;
 
 /// A unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,94 +11,167 @@ pub struct Unit {
     pub name: &'static str,
     /// What it measures.
     pub dimension: Dimension,
-    /// One of it in SI units (rotation in rev/s, angles in rad).
-    pub size: f64,
-    /// Other ways to write it, in lower case, as endings of names and in brackets.
-    spellings: &'static [&'static str],
+    /// One of it in SI units (rotation in rev/s, angles in rad, shares in 1).
+    pub factor: f64,
+    /// What zero of it is in SI units: of temperatures, and of absolute pressures as gauge pressures.
+    pub offset: f64,
+    /// Other ways to write it, as [`normal`] leaves them, in small letters.
+    pub(crate) spellings: &'static [&'static str],
 }
 
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
+/// A unit that cannot be used.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum UnitError {
+    /// It is not known.
+    #[error("\"{text}\" is no known unit; the nearest is {nearest}")]
+    Unknown {
+        /// What was read.
+        text: String,
+        /// Name of the known unit that is written most alike.
+        nearest: &'static str,
+    },
+    /// It measures something else.
+    #[error("\"{text}\" is {}, not {}: one of {}", found.words(), wanted.words(), Unit::names(*wanted))]
+    Dimension {
+        /// What was read.
+        text: String,
+        /// What it measures.
+        found: Dimension,
+        /// What is wanted.
+        wanted: Dimension,
+    },
+}
 
 impl Unit {
-    /// All that are known; those with longer names first, so that endings are found whole.
-    pub const ALL: [Self; 24] = [
-        Self::of("m/s", Dimension::Speed, 1.0, &["m_s", "mps", "m_per_s"]),
-        Self::of("mm/s", Dimension::Speed, 1e-3, &["mm_s", "mmps", "mm_per_s"]),
-        Self::of("deg/s", Dimension::AngularRate, DEGREE, &["deg_s", "degps", "°/s"]),
-        Self::of("rad/s", Dimension::AngularRate, 1.0, &["rad_s"]),
-        Self::of("rev/s", Dimension::Rotation, 1.0, &["rev_s", "rps", "hz"]),
-        Self::of("rpm", Dimension::Rotation, 1.0 / 60.0, &["1/min", "rev/min", "u/min", "min-1"]),
-        Self::of("mm", Dimension::Length, 1e-3, &[]),
-        Self::of("cm", Dimension::Length, 1e-2, &[]),
-        Self::of("um", Dimension::Length, 1e-6, &["µm"]),
-        Self::of("m", Dimension::Length, 1.0, &[]),
-        Self::of("mbar", Dimension::Pressure, 1e2, &[]),
-        Self::of("bar", Dimension::Pressure, 1e5, &["barg"]),
-        Self::of("kPa", Dimension::Pressure, 1e3, &["kpa"]),
-        Self::of("MPa", Dimension::Pressure, 1e6, &["mpa"]),
-        Self::of("psi", Dimension::Pressure, 6_894.757_293_168, &[]),
-        Self::of("Pa", Dimension::Pressure, 1.0, &["pa"]),
-        Self::of("deg", Dimension::Angle, DEGREE, &["°"]),
-        Self::of("rad", Dimension::Angle, 1.0, &[]),
-        Self::of("ms", Dimension::Time, 1e-3, &[]),
-        Self::of("us", Dimension::Time, 1e-6, &["µs"]),
-        Self::of("s", Dimension::Time, 1.0, &["sec", "seconds"]),
-        Self::of("V", Dimension::Tension, 1.0, &["v", "volt"]),
-        Self::of("%", Dimension::Share, 1e-2, &["percent"]),
-        Self::of("-", Dimension::Share, 1.0, &["1"]),
-    ];
+    /// All that are known.
+    pub const ALL: &'static [Self] = &UNITS;
 
-    const fn of(
-        name: &'static str,
-        dimension: Dimension,
-        size: f64,
-        spellings: &'static [&'static str],
-    ) -> Self {
-        Self { name, dimension, size, spellings }
+    /// A unit from its name or another way to write it: with a Greek mu or a micro sign, raised digits, in brackets or
+    /// quotes, with what it measures in parentheses, `V (Voltage)`. Mega and milli are told apart.
+    ///
+    /// # Errors
+    ///
+    /// [`UnitError::Unknown`] with the nearest that is known.
+    pub fn from_text(text: &str) -> Result<Self, UnitError> {
+        Self::find(text)
+            .ok_or_else(|| UnitError::Unknown { text: excerpt(text), nearest: nearest(text, None) })
     }
 
-    /// A unit from its name or another way to write it. Mega and milli are told apart.
-    pub fn from_text(text: &str) -> Option<Self> {
-        let text = text.trim();
-        let exact = Self::ALL.into_iter().find(|u| u.name == text);
-        let small = text.to_lowercase();
-        exact.or_else(|| {
-            let is_one =
-                |u: &Self| u.name.to_lowercase() == small || u.spellings.contains(&&*small);
-            Self::ALL.into_iter().find(is_one)
+    /// The same of a dimension that is wanted.
+    ///
+    /// # Errors
+    ///
+    /// [`UnitError`] where it is not known, with the nearest of that dimension, or where it measures something else.
+    pub fn of_dimension(text: &str, wanted: Dimension) -> Result<Self, UnitError> {
+        match Self::find(text) {
+            Some(unit) if unit.dimension == wanted => Ok(unit),
+            Some(unit) => {
+                Err(UnitError::Dimension { text: excerpt(text), found: unit.dimension, wanted })
+            }
+            None => Err(UnitError::Unknown {
+                text: excerpt(text),
+                nearest: nearest(text, Some(wanted)),
+            }),
+        }
+    }
+
+    /// A number of it in SI units.
+    pub fn si(&self, number: f64) -> f64 {
+        number * self.factor + self.offset
+    }
+
+    /// Names of all units of a dimension, the usual one first.
+    pub fn names(dimension: Dimension) -> String {
+        let all = Self::ALL.iter().filter(|u| u.dimension == dimension);
+        all.map(|u| u.name).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The unit that a text is, if it is one.
+    pub(crate) fn find(text: &str) -> Option<Self> {
+        let text = stripped(text);
+        let whole = Self::spelled(&normal(text));
+        whole.or_else(|| {
+            // `V (Voltage)`, and `Pressure (bar)`
+            let (before, inside) = text.strip_suffix(')')?.split_once('(')?;
+            Self::spelled(&normal(stripped(before)))
+                .or_else(|| Self::spelled(&normal(stripped(inside))))
         })
     }
 
-    /// The unit that a column's name ends with: `p_A_bar`, `p_A [bar]`, `p_A (bar)`; and the name
-    /// without it.
-    pub fn split(name: &str) -> (String, Option<Self>) {
-        let name = name.trim();
-        for (open, close) in [('[', ']'), ('(', ')')] {
-            if let Some(inner) = name.strip_suffix(close)
-                && let Some((before, unit)) = inner.rsplit_once(open)
-                && let Some(unit) = Self::from_text(unit)
-            {
-                return (before.trim().trim_end_matches('_').to_string(), Some(unit));
-            }
-        }
-        let small = name.to_lowercase();
-        let mut best: Option<(usize, Self)> = None;
-        for unit in Self::ALL {
-            let lower = unit.name.to_lowercase().replace('/', "_");
-            for spelling in std::iter::once(lower.as_str()).chain(unit.spellings.iter().copied()) {
-                let fits = small.strip_suffix(spelling).is_some_and(|rest| rest.ends_with('_'));
-                if fits && best.is_none_or(|(length, _)| spelling.len() > length) {
-                    best = Some((spelling.len(), unit));
-                }
-            }
-        }
-        match best {
-            Some((length, unit)) => {
-                (name[..name.len() - length].trim_end_matches('_').to_string(), Some(unit))
-            }
-            None => (name.to_string(), None),
+    fn spelled(normal: &str) -> Option<Self> {
+        let exact = Self::ALL.iter().find(|u| u.name == normal);
+        exact.copied().or_else(|| {
+            let small = normal.to_lowercase();
+            // of units that differ in capitals, mega is meant where milli makes no sense
+            let is_one = |u: &&Self| {
+                u.spellings.contains(&small.as_str())
+                    || (u.name.to_lowercase() == small && !matches!(u.name, "mPa" | "MW" | "MN"))
+            };
+            Self::ALL.iter().find(is_one).copied()
+        })
+    }
+}
+
+/// Without quotes, brackets and a sign of a comment around it.
+fn stripped(text: &str) -> &str {
+    let mut text = text.trim();
+    loop {
+        let inner = text
+            .strip_prefix('[')
+            .and_then(|t| t.strip_suffix(']'))
+            .or_else(|| text.strip_prefix('(').and_then(|t| t.strip_suffix(')')))
+            .or_else(|| text.strip_prefix('<').and_then(|t| t.strip_suffix('>')))
+            .or_else(|| text.strip_prefix('{').and_then(|t| t.strip_suffix('}')))
+            .or_else(|| text.strip_prefix('\'').and_then(|t| t.strip_suffix('\'')))
+            .or_else(|| {
+                text.strip_prefix('"').and_then(|t| t.strip_suffix('"')).filter(|t| !t.is_empty())
+            });
+        match inner {
+            Some(inner) => text = inner.trim(),
+            None => return text,
         }
     }
+}
+
+/// One way of writing: `u` for micro, digits that are not raised, no blanks, dots, crosses, carets.
+fn normal(text: &str) -> String {
+    let mut normal = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            'µ' | 'μ' => normal.push('u'),
+            '²' => normal.push('2'),
+            '³' => normal.push('3'),
+            '¹' => normal.push('1'),
+            '⁻' | '−' | '–' => normal.push('-'),
+            'º' | '˚' => normal.push('°'),
+            '℃' => normal.push_str("°C"),
+            '℉' => normal.push_str("°F"),
+            '∕' | '÷' => normal.push('/'),
+            '″' | '”' => normal.push('"'),
+            '·' | '⋅' | '×' | '*' | '^' => {}
+            c if c.is_whitespace() => {}
+            c => normal.push(c),
+        }
+    }
+    normal
+}
+
+/// The beginning of a text, for messages.
+fn excerpt(text: &str) -> String {
+    text.trim().chars().take(40).collect()
+}
+
+/// Name of the unit that is written most like a text, of a dimension where one is wanted.
+fn nearest(text: &str, wanted: Option<Dimension>) -> &'static str {
+    let small = normal(&excerpt(stripped(text))).to_lowercase();
+    let alike = |spelling: &str| strsim::normalized_damerau_levenshtein(&small, spelling);
+    let of = |unit: &&Unit| {
+        let name = alike(&unit.name.to_lowercase());
+        unit.spellings.iter().map(|s| alike(s)).fold(name, f64::max)
+    };
+    let fitting = Unit::ALL.iter().filter(|u| wanted.is_none_or(|d| u.dimension == d));
+    // the first of those that are as much alike, which is the usual one
+    fitting.rev().max_by(|a, b| of(a).total_cmp(&of(b))).map_or("", |unit| unit.name)
 }
 
 #[cfg(test)]
@@ -125,41 +179,93 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_are_found_however_a_name_is_written() {
-        for (name, rest, unit) in [
-            ("pressure_a_bar", "pressure_a", Some("bar")),
-            ("p_A [bar]", "p_A", Some("bar")),
-            ("p_A (MPa)", "p_A", Some("MPa")),
-            ("velocity_mm_s", "velocity", Some("mm/s")),
-            ("motor_speed_rpm", "motor_speed", Some("rpm")),
-            ("stroke_mm", "stroke", Some("mm")),
-            ("t_s", "t", Some("s")),
-            ("time", "time", None),
-            ("p_A", "p_A", None),
-            ("MAIN.fPressure", "MAIN.fPressure", None),
-        ] {
-            let (found, of) = Unit::split(name);
-            assert_eq!((found.as_str(), of.map(|u| u.name)), (rest, unit), "{name}");
-        }
-        assert_eq!(Unit::from_text("MPa").map(|u| u.size), Some(1e6));
-        assert_eq!(Unit::from_text("1/min").map(|u| u.name), Some("rpm"));
-        assert!(Unit::from_text("furlong").is_none());
-    }
-
-    #[test]
     fn the_same_quantity_is_the_same_in_every_unit() {
-        // an atmosphere, a metre, a turn a second and a turn, as tables print them
+        // an atmosphere, a metre, a turn a second and others, as tables print them
         for (quantity, list) in [
             (101_325.0, &[("Pa", 101_325.0), ("kPa", 101.325), ("MPa", 0.101_325)][..]),
             (101_325.0, &[("mbar", 1013.25), ("bar", 1.013_25), ("psi", 14.695_949)]),
-            (1.0, &[("m", 1.0), ("cm", 100.0), ("mm", 1e3), ("um", 1e6)]),
+            (101_325.0, &[("kgf/cm²", 1.033_227), ("N/mm²", 0.101_325), ("N/m^2", 101_325.0)]),
+            (101_325.0, &[("hPa", 1013.25), ("atm", 1.0), ("mmHg", 760.0), ("Torr", 760.0)]),
+            (1.0, &[("m", 1.0), ("cm", 100.0), ("mm", 1e3), ("um", 1e6), ("in", 39.370_079)]),
             (1.0, &[("m/s", 1.0), ("mm/s", 1e3), ("rev/s", 1.0), ("rpm", 60.0)]),
+            (1.0, &[("rad/s", std::f64::consts::TAU), ("deg/s", 360.0), ("1/min", 60.0)]),
             (std::f64::consts::TAU, &[("rad", std::f64::consts::TAU), ("deg", 360.0)]),
-            (1.0, &[("s", 1.0), ("ms", 1e3), ("us", 1e6), ("%", 100.0)]),
+            (1.0, &[("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("%", 100.0)]),
+            (3600.0, &[("h", 1.0), ("min", 60.0), ("V", 3600.0), ("mA", 3.6e6)]),
+            (1e-3, &[("L/min", 60.0), ("l/s", 1.0), ("gpm", 15.850_323)]),
         ] {
             for (name, count) in list {
-                let size = Unit::from_text(name).map_or(0.0, |u| u.size);
-                assert!((count * size / quantity - 1.0).abs() < 1e-7, "{name}");
+                let unit = Unit::from_text(name).unwrap();
+                assert!((unit.si(*count) / quantity - 1.0).abs() < 1e-6, "{name}");
+            }
+        }
+        // zeros that are elsewhere: absolute pressure as gauge pressure, temperatures
+        for (name, number, si) in [
+            ("bar abs", 1.013_25, 0.0),
+            ("bara", 71.013_25, 70e5),
+            ("psia", 14.695_949, 0.0),
+            ("bar(g)", 70.0, 70e5),
+            ("°C", 0.0, 273.15),
+            ("degF", 32.0, 273.15),
+        ] {
+            let unit = Unit::from_text(name).unwrap();
+            assert!((unit.si(number) - si).abs() < 1e-2, "{name}: {}", unit.si(number));
+        }
+    }
+
+    #[test]
+    fn a_unit_is_known_however_it_is_written() {
+        for (text, name) in [
+            ("MPa", "MPa"),
+            ("mPa", "mPa"),
+            ("mpa", "MPa"),
+            ("MPA", "MPa"),
+            ("[bar]", "bar"),
+            ("(kPa)", "kPa"),
+            ("\"psi\"", "psi"),
+            ("'rad/s'", "rad/s"),
+            ("µs", "us"),
+            ("μs", "us"),
+            ("m·s⁻¹", "m/s"),
+            ("N/mm²", "N/mm2"),
+            ("kgf/cm^2", "kgf/cm2"),
+            ("V (Voltage)", "V"),
+            ("MPa (Pressure)", "MPa"),
+            ("Pressure (bar)", "bar"),
+            ("bar (g)", "bar"),
+            ("bar (abs)", "bar abs"),
+            ("psi(a)", "psia"),
+            ("1/min", "rpm"),
+            ("min⁻¹", "rpm"),
+            ("U/min", "rpm"),
+            ("l / min", "L/min"),
+            ("N·m", "Nm"),
+            ("msec", "ms"),
+            ("\"", "in"),
+            ("-", "-"),
+        ] {
+            assert_eq!(Unit::from_text(text).map(|u| u.name), Ok(name), "{text}");
+        }
+        let unknown = |text: &str| Unit::from_text(text).unwrap_err().to_string();
+        assert_eq!(unknown("barr"), "\"barr\" is no known unit; the nearest is bar");
+        assert!(unknown("furlong").contains("no known unit"));
+        assert!(unknown(&"x".repeat(100_000)).len() < 120);
+        let wrong = Unit::of_dimension("mm", Dimension::Pressure).unwrap_err().to_string();
+        assert!(wrong.starts_with("\"mm\" is a length, not a pressure: one of bar, Pa"), "{wrong}");
+        let near = Unit::of_dimension("mba", Dimension::Pressure).unwrap_err().to_string();
+        assert!(near.contains("nearest is mbar"), "{near}");
+    }
+
+    #[test]
+    fn no_spelling_means_two_units() {
+        for (k, unit) in Unit::ALL.iter().enumerate() {
+            assert_eq!(Unit::find(unit.name).map(|u| u.name), Some(unit.name));
+            for spelling in unit.spellings {
+                assert_eq!(normal(spelling).to_lowercase(), *spelling, "{}", unit.name);
+                let others = Unit::ALL.iter().enumerate().filter(|(other, _)| *other != k);
+                let taken = others.map(|(_, u)| u).find(|u| u.spellings.contains(spelling));
+                assert!(taken.is_none(), "{spelling}: {} and {:?}", unit.name, taken);
+                assert_eq!(Unit::find(spelling).map(|u| u.name), Some(unit.name), "{spelling}");
             }
         }
     }

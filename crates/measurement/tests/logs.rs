@@ -157,15 +157,15 @@ fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
     let path = file("mapped.csv", text);
     let mapping = Mapping::parse(
         "map.toml",
-        "[log]\ntime = \"zeitachse\"\npressure_a = \"kanal2\"\n[log.stroke]\ncolumn = \"kanal1\"\n\
+        "[log]\ntime = \"zeitachse\"\n[log.pressure_a]\ncolumn = \"kanal2\"\nunit = \"bar\"\n[log.stroke]\ncolumn = \"kanal1\"\n\
          unit = \"mm\"\nsign = -1\noffset = 10\ndelay_ms = 5000\n",
     )
     .unwrap();
-    let log = read(&path, mapping.time.as_deref()).unwrap();
+    let log = read(&path, Some(&mapping.time)).unwrap();
     let signals = Signals::of(&log, &mapping).unwrap();
     let stroke = signals.get(Signal::Stroke).unwrap();
     assert!((stroke.at(5.0).unwrap() - 41e-3).abs() < 1e-12, "{:?}", stroke.at(5.0));
-    // pressures in bar without a word: it is suspected aloud
+    // pascals that the mapping takes for bar: it is suspected aloud
     let suspicions = mapping.suspicions(&log, 0.5, 50.0);
     let text = suspicions.iter().map(|s| s.text.as_str()).collect::<Vec<_>>().join("; ");
     assert!(text.contains("p_A") && text.contains("Pa"), "{text}");
@@ -173,7 +173,10 @@ fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
     assert_eq!(Mapping::parse("again", &mapping.to_toml()).unwrap().entries.len(), 2);
     for (text, wanted) in [
         ("[log]\nstrocke = \"a\"\n", "log.strocke is no signal"),
-        ("[log.stroke]\ncolumn = \"a\"\nunit = \"bar\"\n", "log.stroke.unit = \"bar\": one of mm"),
+        (
+            "[log.stroke]\ncolumn = \"a\"\nunit = \"bar\"\n",
+            "log.stroke.unit: \"bar\" is a pressure, not a length: one of mm",
+        ),
         ("[log.stroke]\nunit = \"mm\"\n", "has no column"),
         ("[log.stroke]\ncolumn = \"a\"\nsign = 2\n", "sign is 1 or -1"),
         ("[log.stroke]\ncolumn = \"a\"\nfilter_ms = -3\n", "filter_ms is zero or more"),

@@ -151,6 +151,7 @@ impl Tune {
     ) -> Result<Experiment> {
         let (log, mapping) = self.mapping.read(path)?;
         let n = &crane.numbers;
+        notes.extend(log.remarks.iter().map(|r| format!("{}: {r}", path.display())));
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
         notes.extend(suspicions.into_iter().map(|s| format!("suspicious: {}", s.text)));
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;

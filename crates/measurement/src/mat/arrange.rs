@@ -2,11 +2,8 @@
 
 use super::simulink::{numbered, recording, structure_with_time};
 use super::value::{Matrix, Value, Variable};
+use crate::heading::Heading;
 use crate::sampled::{Column, Samples};
-
-/// Names of variables that hold the time.
-pub(super) const TIMES: [&str; 8] =
-    ["t", "time", "tout", "timestamp", "timestamps", "t_s", "time_s", "datenum"];
 
 /// What was found in a file.
 #[derive(Default)]
@@ -50,11 +47,7 @@ impl Arranged {
         let is_time = |name: &str, matrix: &Matrix| match wanted {
             _ if !matrix.is_vector() => false,
             Some(wanted) => name == wanted || path(name) == wanted,
-            None => {
-                let small = name.to_lowercase();
-                let (short, _) = crate::unit::Unit::split(&small);
-                TIMES.contains(&small.as_str()) || TIMES.contains(&short.as_str())
-            }
+            None => Heading::parse(name).is_named_as_time() || name.eq_ignore_ascii_case("datenum"),
         };
         let mut times: Vec<Time<'a>> = Vec::new();
         let mut matrices: Vec<(&str, &Matrix)> = Vec::new();

@@ -14,17 +14,22 @@ mod value;
 
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
+use crate::heading::TIMES;
 use crate::sampled::Assembly;
+use crate::time_column::TimeColumn;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
-/// Reads a MAT file. `time` is the name of the variable that holds the time, or its path (`s.time`).
+/// Reads a MAT file. The column of `time` is the name of the variable that holds it, or its path (`s.time`).
 ///
 /// # Errors
 ///
 /// [`MeasurementError`] when nothing in it can be used, with what is there.
-pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, MeasurementError> {
+pub(crate) fn read(
+    path: &Path,
+    time: Option<&TimeColumn>,
+) -> Result<Measurement, MeasurementError> {
     let file = path.display().to_string();
     let format = |reason: String| MeasurementError::Format { file: file.clone(), reason };
     let failed = |error| MeasurementError::File { file: file.clone(), error };
@@ -46,14 +51,15 @@ pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, Measu
     if let Some(samples) = trajectory::samples(&variables, &mut remarks) {
         let samples = samples.map_err(format)?;
         drop(variables);
-        let mut assembly = Assembly::new(&file, remarks);
+        let mut assembly = Assembly::new(&file, time, remarks);
         assembly.add(samples)?;
         return assembly.finish();
     }
-    let arranged = arrange::arrange(&variables, time);
+    let column = time.and_then(|t| t.column.as_deref());
+    let arranged = arrange::arrange(&variables, column);
     drop(variables);
     remarks.extend(arranged.remarks);
-    if let Some(wanted) = time.filter(|_| !arranged.has_wanted) {
+    if let Some(wanted) = column.filter(|_| !arranged.has_wanted) {
         let reason = format!(
             "the mapping names \"{wanted}\" as the time; variables of numbers are: {}",
             arranged.names.join(", ")
@@ -68,10 +74,10 @@ pub(crate) fn read(path: &Path, time: Option<&str>) -> Result<Measurement, Measu
         let said: String = remarks.iter().map(|r| format!("; {r}")).collect();
         return Err(format(format!(
             "no variable is named as a time ({}); there are: {names}{said}",
-            arrange::TIMES.join(", ")
+            TIMES.join(", ")
         )));
     }
-    let mut assembly = Assembly::new(&file, remarks);
+    let mut assembly = Assembly::new(&file, time, remarks);
     for samples in arranged.samples {
         assembly.add(samples)?;
     }

@@ -2,8 +2,8 @@
 //! ControlDesk's structures of X and Y.
 
 use super::value::{Matrix, Structure, Value};
+use crate::heading::Heading;
 use crate::sampled::{Column, Samples};
-use crate::unit::Unit;
 
 /// A structure with time, as To Workspace and scopes write it: `time`, and `signals` with `values` and `label`.
 pub(super) fn structure_with_time(
@@ -45,10 +45,10 @@ pub(super) fn numbered(name: &str, mut all: Vec<Vec<f64>>) -> Vec<Column> {
     if all.len() == 1 {
         return all.pop().map(|values| Column::new(name, values)).into_iter().collect();
     }
-    let (short, unit) = Unit::split(name);
+    let read = Heading::parse(name);
     let column = |(k, values): (usize, Vec<f64>)| {
-        let heading = format!("{name}_{}", k + 1);
-        Column::new(&heading, values).named(&format!("{short}_{}", k + 1)).in_unit(unit)
+        let short = Heading { name: format!("{}_{}", read.name, k + 1), ..read.clone() };
+        Column::of(&format!("{name}_{}", k + 1), short, values)
     };
     all.into_iter().enumerate().map(column).collect()
 }
@@ -66,9 +66,10 @@ pub(super) fn recording(
     };
     let mut rasters = Vec::new();
     for k in 0..x.count {
-        let unit = x.field_at(k, "Unit").and_then(Value::text).and_then(Unit::from_text);
+        let unit = x.field_at(k, "Unit").and_then(Value::text).unwrap_or("");
         let values = data(x, k)?.values;
-        let time = Column::new(&format!("{name}.X({})", k + 1), values).in_unit(unit);
+        let time =
+            Column::of(&format!("{name}.X({})", k + 1), Heading::with_unit("time", unit), values);
         rasters.push(Samples { time, columns: Vec::new() });
     }
     for k in 0..y.count {
@@ -76,7 +77,7 @@ pub(super) fn recording(
         let index = index.and_then(|i| i.values.first()).map_or(1, |i| *i as usize);
         let text = |field: &str| y.field_at(k, field).and_then(Value::text);
         let heading = text("Name").map_or_else(|| format!("Y({})", k + 1), |n| n.replace('"', ""));
-        let unit = text("Unit").and_then(Unit::from_text);
+        let read = Heading::with_unit(block_of(&heading), text("Unit").unwrap_or(""));
         let raster = index.checked_sub(1).and_then(|i| rasters.get_mut(i));
         let signals = match (&raster, data(y, k)) {
             (Some(raster), Some(data)) => data.signals(raster.time.len()),
@@ -86,12 +87,11 @@ pub(super) fn recording(
             remarks.push(format!("{heading} has other samples than its time and is left out"));
             continue;
         };
-        let (short, own) = Unit::split(block_of(&heading));
         let several = signals.len() > 1;
         for (k, values) in signals.into_iter().enumerate() {
             let ending = if several { format!("_{}", k + 1) } else { String::new() };
-            let column = Column::new(&format!("{heading}{ending}"), values);
-            raster.columns.push(column.named(&format!("{short}{ending}")).in_unit(unit.or(own)));
+            let read = Heading { name: format!("{}{ending}", read.name), ..read.clone() };
+            raster.columns.push(Column::of(&format!("{heading}{ending}"), read, values));
         }
     }
     remarks.push(format!("{name} is a recording of dSPACE"));

@@ -2,8 +2,8 @@
 //! which column is which variable.
 
 use super::value::{MOST_NUMBERS, Matrix, Value, Variable};
+use crate::heading::Heading;
 use crate::sampled::{Column, Samples};
-use crate::unit::Unit;
 
 /// The signals of a result of a simulation; none where it is no such file.
 ///
@@ -66,7 +66,7 @@ impl Trajectories<'_> {
         if variables == 0 || samples < 2 {
             return Err(format!("data_2 has {variables} variables of {samples} samples"));
         }
-        let time = Column::new("time", values(0, 1.0)).in_unit(self.unit(0));
+        let time = Column::of("time", self.heading(0, "time"), values(0, 1.0));
         let (mut columns, mut constants, mut aliases) = (Vec::new(), 0, 0);
         let mut is_taken = vec![false; variables];
         for (k, name) in self.names.iter().enumerate().skip(1) {
@@ -92,7 +92,7 @@ impl Trajectories<'_> {
             }
             let sign = if place < 0 { -1.0 } else { 1.0 };
             let values = values(variable - 1, sign);
-            columns.push(Column::new(name.trim(), values).in_unit(self.unit(k)));
+            columns.push(Column::of(name.trim(), self.heading(k, name.trim()), values));
         }
         remarks.push("a result of Dymola or OpenModelica".into());
         if constants > 0 {
@@ -116,13 +116,16 @@ impl Trajectories<'_> {
         Some((at(0)? as i64, at(1)? as i64))
     }
 
-    /// The unit at the end of a description: `Position [m]`, `Angle [rad|deg]`, `Time in [s]`. The second is only
-    /// for display.
-    fn unit(&self, name: usize) -> Option<Unit> {
-        let description = self.descriptions.get(name)?.trim_end();
-        let (_, inner) = description.split_once('[')?;
-        let (unit, _) = inner.split_once(']')?;
-        Unit::from_text(unit.split('|').next()?)
+    /// The name, with the unit in its description: `Position [m]`, `Angle [rad|deg]`, `Time in [s]`. A second one is only for
+    /// display.
+    fn heading(&self, k: usize, name: &str) -> Heading {
+        let bracket = |text: &String| {
+            let (_, inner) = text.split_once('[')?;
+            let (unit, _) = inner.split_once(']')?;
+            unit.split('|').next().map(String::from)
+        };
+        let unit = self.descriptions.get(k).and_then(bracket).unwrap_or_default();
+        Heading { name: name.into(), ..Heading::with_unit("", &unit) }
     }
 }
 

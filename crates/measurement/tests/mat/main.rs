@@ -4,7 +4,7 @@
 
 mod written;
 
-use hydroboom_measurement::{Mapping, Measurement, Signal, Signals, read};
+use hydroboom_measurement::{Mapping, Measurement, Signal, Signals, TimeColumn, read};
 use std::path::PathBuf;
 use written::{
     cells, doubles, file, integers, level_4, level_4_texts, object, packed, row, structure, text,
@@ -269,16 +269,20 @@ fn what_is_not_read_is_named_and_nothing_usable_is_refused() {
     assert!(said.contains("no variable is named as a time") && said.contains("b, a"), "{said}");
 }
 
+fn named(column: &str) -> TimeColumn {
+    TimeColumn { column: Some(column.into()), ..TimeColumn::default() }
+}
+
 #[test]
 fn the_time_may_be_named() {
     let [t, x, p] = course();
     let fields = structure("s", &["clock", "stroke_mm"], &[vec![row("", &t), row("", &x)]]);
     let path = path("named.mat", &file(&[row("p_A_bar", &p), fields]));
     for name in ["clock", "s.clock"] {
-        let log = read(&path, Some(name)).unwrap();
+        let log = read(&path, Some(&named(name))).unwrap();
         assert_eq!(log.headings(), "s.stroke_mm");
     }
-    let said = read(&path, Some("nowhere")).unwrap_err().to_string();
+    let said = read(&path, Some(&named("nowhere"))).unwrap_err().to_string();
     assert!(said.contains("nowhere") && said.contains("s.clock"), "{said}");
 }
 

@@ -1,0 +1,136 @@
+//! Which column is which signal, as far as names, units and sizes tell.
+
+use crate::channel::{Channel, Measurement};
+use crate::dimension::Dimension;
+use crate::mapping::{Entry, Mapping};
+use crate::signal::Signal;
+use crate::unit::Unit;
+
+/// Names of columns that are not what was measured.
+const OTHERS: [&str; 12] = [
+    "ref",
+    "simulated",
+    "sim",
+    "error",
+    "setpoint",
+    "target",
+    "model",
+    "filtered",
+    "number",
+    "estimate",
+    "deviation",
+    "innovation",
+];
+/// A name that is as likely is the signal's own.
+const OWN: f64 = 0.9;
+
+impl Mapping {
+    /// What the columns are, as far as their names, units and sizes tell.
+    pub fn guess(log: &Measurement) -> Self {
+        let mut candidates: Vec<(f64, Signal, &Channel)> = Vec::new();
+        for channel in &log.channels {
+            for signal in Signal::ALL {
+                let score = likeness(signal, channel);
+                if score > 0.0 {
+                    candidates.push((score, signal, channel));
+                }
+            }
+        }
+        candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut mapping = Self::default();
+        for (_, signal, channel) in candidates {
+            let is_used = mapping.entries.values().any(|e| e.column == channel.heading);
+            if is_used || mapping.entries.contains_key(&signal) {
+                continue;
+            }
+            let mut entry = Entry { is_column_guessed: true, ..Entry::of(&channel.heading) };
+            // a unit that is stated and unknown is no reason to guess another: it is told where the mapping is used
+            if let Ok((unit, is_guessed)) = entry.unit_of(signal, channel) {
+                (entry.unit, entry.is_unit_guessed) = (Some(unit), is_guessed);
+            }
+            mapping.entries.insert(signal, entry);
+        }
+        mapping
+    }
+
+    /// Columns that are named as a signal, in a unit that is none of it.
+    pub(crate) fn misfits(log: &Measurement) -> Vec<(Signal, &Channel)> {
+        let mut found = Vec::new();
+        for channel in log.channels.iter().filter(|c| c.unit.is_some()) {
+            for signal in Signal::ALL {
+                if channel.unit.is_some_and(|u| !signal.accepts(u.dimension))
+                    && likeness_of_name(signal, channel) >= OWN
+                {
+                    found.push((signal, channel));
+                }
+            }
+        }
+        found
+    }
+}
+
+/// The unit people use most.
+fn first_unit(signal: Signal) -> Unit {
+    let name = signal.shown().0;
+    Unit::find(name).unwrap_or(Unit::ALL[0])
+}
+
+/// The unit in which a column's numbers have a likely size.
+pub(crate) fn by_size(signal: Signal, channel: &Channel, scale: f64) -> Unit {
+    let largest = channel.range().map_or(0.0, |r| r.low.abs().max(r.high.abs())) * scale.abs();
+    let name = match signal.dimension() {
+        Dimension::Pressure if largest > 1e4 => "Pa",
+        Dimension::Length if largest < 5.0 => "m",
+        Dimension::Rotation if largest < 60.0 => "rev/s",
+        _ => return first_unit(signal),
+    };
+    Unit::find(name).unwrap_or_else(|| first_unit(signal))
+}
+
+/// How likely a column is a signal: zero for not at all.
+fn likeness(signal: Signal, channel: &Channel) -> f64 {
+    match channel.unit.is_none_or(|u| signal.accepts(u.dimension)) && channel.range().is_some() {
+        true => likeness_of_name(signal, channel),
+        false => 0.0,
+    }
+}
+
+/// How likely a column's name is a signal's: zero for not at all.
+fn likeness_of_name(signal: Signal, channel: &Channel) -> f64 {
+    let small = channel.name.to_lowercase();
+    let words: Vec<&str> =
+        small.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).collect();
+    let is_command =
+        matches!(signal, Signal::MotorCommand | Signal::HoldingValve | Signal::ValveCommand);
+    let is_other = words.iter().any(|w| OTHERS.iter().any(|o| w.starts_with(o)));
+    if is_other || (!is_command && words.iter().any(|w| w.starts_with("command") || *w == "cmd")) {
+        return 0.0;
+    }
+    let whole: String = words.concat();
+    // `p1_pressure`, `s1_position`: what it is of, said once more
+    let said = match signal.dimension() {
+        Dimension::Pressure => "pressure",
+        Dimension::Length => "position",
+        _ => "",
+    };
+    let short: String = words.iter().copied().filter(|word| *word != said).collect();
+    // a variable of a PLC: the last part counts, without its prefix of type
+    let last = channel.name.rsplit(['.', '/']).next().unwrap_or("");
+    let last: String = last.chars().filter(|c| c.is_alphanumeric()).collect();
+    let bare = last.trim_start_matches(['f', 'l', 'r', 'n', 'b']);
+    let bare = if bare.starts_with(char::is_uppercase) {
+        bare.to_lowercase()
+    } else {
+        last.to_lowercase()
+    };
+    let best = signal.names().iter().enumerate().map(|(rank, name)| {
+        let telling = 1.0 - 0.02 * rank as f64;
+        match () {
+            _ if whole == *name || bare == *name => telling,
+            _ if short == *name && short != whole => 0.9 * telling,
+            _ if name.len() >= 5 && whole.contains(name) => 0.8 * telling,
+            _ => 0.0,
+        }
+    });
+    best.fold(0.0, f64::max)
+}
