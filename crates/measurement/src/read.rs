@@ -3,14 +3,14 @@
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
 use crate::time_column::TimeColumn;
-use crate::{csv_file, mat, mcap_file};
+use crate::{csv_file, mat, mcap};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 /// How an MCAP file begins.
-const MCAP: &[u8] = &[0x89, b'M', b'C', b'A', b'P'];
+const MCAP: &[u8] = mcap::MAGIC.split_at(5).0;
 
 /// Reads a log: MCAP by how it begins, MAT by its name, anything else as delimited text. `time` says
 /// how the time of its rows is found, where its names do not.
@@ -25,7 +25,7 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
     let count = File::open(path).and_then(|mut f| f.read(&mut begins)).map_err(failed)?;
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
     match count {
-        5 if begins == MCAP => mcap_file::read(path),
+        5 if begins == MCAP => mcap::read(path, time),
         _ if is_mat => mat::read(path, time),
         _ => csv_file::read(path, column),
     }

@@ -46,11 +46,29 @@ impl Columns {
         }
         self.pending = 0;
         if self.columns.first().is_some_and(|c| c.len() >= self.most_rows) {
-            self.stride *= 2;
-            for column in &mut self.columns {
-                halve(column);
-            }
+            self.halve();
         }
+    }
+
+    /// Averages each two rows, and so those to come.
+    pub(crate) fn halve(&mut self) {
+        self.stride *= 2;
+        for column in &mut self.columns {
+            halve(column);
+        }
+    }
+
+    /// Adds a column; in the rows before nothing is there.
+    pub(crate) fn add_column(&mut self) {
+        let rows = self.columns.first().map_or(0, Vec::len);
+        self.columns.push(vec![f64::NAN; rows]);
+        self.sums.push(0.0);
+        self.counts.push(0);
+    }
+
+    /// How many numbers are kept.
+    pub(crate) fn numbers(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len) * self.columns.len()
     }
 
     /// The columns; rows that make no whole one are left out.

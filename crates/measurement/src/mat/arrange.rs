@@ -1,8 +1,9 @@
 //! Variables of a MAT file, put beside the times that they belong to.
 
-use super::simulink::{numbered, recording, structure_with_time};
+use super::simulink::{numbered, numbered_from, recording, structure_with_time};
 use super::value::{Matrix, Value, Variable};
 use crate::heading::Heading;
+use crate::path;
 use crate::sampled::{Column, Samples};
 
 /// What was found in a file.
@@ -81,7 +82,9 @@ impl Arranged {
                     .find_map(|(k, t)| matrix.signals(t.values.len()).map(|signals| (k, signals)))
             });
             match fitting {
-                Some((k, signals)) => groups[k].columns.extend(numbered(&heading, signals)),
+                Some((k, signals)) => {
+                    groups[k].columns.extend(numbered(&heading, &path::heading(&heading), signals))
+                }
                 None if times.is_empty() && wanted.is_none() => {
                     match with_own_time(&heading, matrix) {
                         Some(samples) => self.samples.push(samples),
@@ -157,15 +160,9 @@ fn with_own_time(name: &str, matrix: &Matrix) -> Option<Samples> {
         if grows {
             return Some(Samples {
                 time: Column::new(&format!("{name}_1"), time),
-                columns: numbered_from_two(name, signals),
+                columns: numbered_from(2, name, &path::heading(name), signals),
             });
         }
     }
     None
-}
-
-/// Signals of an array are numbered as its rows are: the first one is the time.
-fn numbered_from_two(name: &str, signals: Vec<Vec<f64>>) -> Vec<Column> {
-    let column = |(k, values)| Column::new(&format!("{name}_{}", k + 2), values);
-    signals.into_iter().enumerate().map(column).collect()
 }

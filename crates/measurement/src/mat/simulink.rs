@@ -29,7 +29,7 @@ pub(super) fn structure_with_time(
         let label = label.unwrap_or(name);
         let values = signals.field_at(k, "values").and_then(Value::numbers);
         match values.and_then(|v| v.signals(time.values.len())) {
-            Some(all) => columns.extend(numbered(label, all)),
+            Some(all) => columns.extend(numbered(label, &Heading::parse(label), all)),
             None => remarks.push(format!(
                 "{name}.signals({}) ({label}) has other than {} samples and is left out",
                 k + 1,
@@ -40,17 +40,26 @@ pub(super) fn structure_with_time(
     Some(Samples { time: Column::new(&format!("{name}.time"), time.values.clone()), columns })
 }
 
-/// Columns of one signal, or of several in one matrix.
-pub(super) fn numbered(name: &str, mut all: Vec<Vec<f64>>) -> Vec<Column> {
-    if all.len() == 1 {
-        return all.pop().map(|values| Column::new(name, values)).into_iter().collect();
+/// Columns of one signal, or of several in one matrix, whose heading has been read.
+pub(super) fn numbered(name: &str, read: &Heading, all: Vec<Vec<f64>>) -> Vec<Column> {
+    match <[Vec<f64>; 1]>::try_from(all) {
+        Ok([values]) => vec![Column::of(name, read.clone(), values)],
+        Err(all) => numbered_from(1, name, read, all),
     }
-    let read = Heading::parse(name);
+}
+
+/// Columns that are numbered from a number on.
+pub(super) fn numbered_from(
+    first: usize,
+    name: &str,
+    read: &Heading,
+    all: Vec<Vec<f64>>,
+) -> Vec<Column> {
     let column = |(k, values): (usize, Vec<f64>)| {
-        let short = Heading { name: format!("{}_{}", read.name, k + 1), ..read.clone() };
-        Column::of(&format!("{name}_{}", k + 1), short, values)
+        let short = Heading { name: format!("{}_{k}", read.name), ..read.clone() };
+        Column::of(&format!("{name}_{k}"), short, values)
     };
-    all.into_iter().enumerate().map(column).collect()
+    (first..).zip(all).map(column).collect()
 }
 
 /// A recording of dSPACE ControlDesk: `X(k).Data` are times, `Y(k).Data` signals with `Name`, `Unit` and `XIndex`.
