@@ -115,7 +115,7 @@ fn look(file: &str, head: &[u8]) -> Result<Style, MeasurementError> {
     let text = String::from_utf8_lossy(head);
     let text = text.trim_start_matches('\u{feff}');
     if head.contains(&0) {
-        let reason = "it is no text: CSV, MAT (level 4 to 7) and MCAP files are read".into();
+        let reason = "it is no text: CSV, MAT (level 4 to 7), MDF 4 and MCAP files are read".into();
         return Err(MeasurementError::Format { file: file.into(), reason });
     }
     let lines: Vec<&str> = text.lines().take(400).filter(|l| !l.trim().is_empty()).collect();

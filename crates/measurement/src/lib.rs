@@ -1,7 +1,7 @@
 //! Logs of real machines: read, understood, and put on a common time base.
 //!
 //! ```text
-//! file -csv, MAT, MCAP-> Measurement (channels as logged) -Mapping-> Signals (the model's, in SI units)
+//! file -csv, MAT, MCAP, MDF-> Measurement (channels as logged) -Mapping-> Signals (the model's, in SI units)
 //! ```
 //!
 //! A channel keeps its own time base as long as it can: what is uneven, missing or late is seen there
@@ -17,6 +17,7 @@ mod mapping;
 mod mapping_text;
 mod mat;
 pub mod mcap;
+mod mdf;
 mod path;
 mod read;
 mod sampled;

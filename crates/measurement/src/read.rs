@@ -3,16 +3,13 @@
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
 use crate::time_column::TimeColumn;
-use crate::{csv_file, mat, mcap};
+use crate::{csv_file, mat, mcap, mdf};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// How an MCAP file begins.
-const MCAP: &[u8] = mcap::MAGIC.split_at(5).0;
-
-/// Reads a log: MCAP by how it begins, MAT by its name, anything else as delimited text. `time` says
+/// Reads a log: MCAP and MDF by how they begin, MAT by its name, anything else as delimited text. `time` says
 /// how the time of its rows is found, where its names do not.
 ///
 /// # Errors
@@ -21,11 +18,13 @@ const MCAP: &[u8] = mcap::MAGIC.split_at(5).0;
 pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
     let column = time.and_then(|t| t.column.as_deref());
-    let mut begins = [0; 5];
-    let count = File::open(path).and_then(|mut f| f.read(&mut begins)).map_err(failed)?;
+    let mut begins = Vec::new();
+    File::open(path).and_then(|f| f.take(8).read_to_end(&mut begins)).map_err(failed)?;
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
-    match count {
-        5 if begins == MCAP => mcap::read(path, time),
+    match begins.as_slice() {
+        // what follows may be damaged: that is for the reader to say
+        begins if begins.starts_with(&mcap::MAGIC[..5]) => mcap::read(path, time),
+        begins if mdf::BEGINS.iter().any(|b| b.as_slice() == begins) => mdf::read(path, time),
         _ if is_mat => mat::read(path, time),
         _ => csv_file::read(path, column),
     }

@@ -64,6 +64,11 @@ impl<'a> Assembly<'a> {
         Self { file: file.into(), stated, channels: Vec::new(), remarks, begin: None }
     }
 
+    /// Says something about the log.
+    pub(crate) fn remark(&mut self, text: String) {
+        self.remarks.push(text);
+    }
+
     /// Adds columns.
     ///
     /// # Errors
