@@ -133,8 +133,8 @@ impl Header {
                 Value::Numbers(Matrix { dimensions: vec![self.rows, self.columns], values })
             }
             Kind::Text => {
-                let row = |k: usize| values.iter().skip(k).step_by(self.rows).map(character);
-                Value::Text((0..self.rows).map(|k| row(k).collect()).collect())
+                let characters: Vec<char> = values.iter().map(character).collect();
+                Value::of_characters(self.rows, &characters)
             }
             Kind::Sparse => Value::Unread("a sparse matrix".into()),
         }
@@ -196,6 +196,10 @@ mod tests {
         let variables = read(&cut[..], &mut remarks).unwrap();
         assert_eq!(variables.len(), 1);
         assert!(remarks[0].contains("after t"), "{remarks:?}");
+        let tall = matrix(51, 1 << 30, 0, "x", &[]);
+        assert!(
+            matches!(&read(&tall[..], &mut remarks).unwrap()[0].value, Value::Text(rows) if rows.is_empty())
+        );
         let large = matrix(0, 40_000, 50_000, "x", &[]);
         let said = read(&large[..], &mut remarks).err().unwrap();
         assert!(said.contains("20 million"), "{said}");

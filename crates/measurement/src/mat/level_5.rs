@@ -190,7 +190,7 @@ impl<'a> Elements<'a> {
                 }
                 Value::Structure(self.structure(count, depth)?)
             }
-            4 => Value::Text(self.text(&dimensions)?),
+            4 => self.text(&dimensions)?,
             5 => Value::Unread("a sparse matrix".into()),
             6..=15 => {
                 let values = self.numbers()?;
@@ -235,9 +235,10 @@ impl<'a> Elements<'a> {
         Ok(Structure { count, fields })
     }
 
-    /// Rows of characters, which are stored by columns.
-    fn text(&mut self, dimensions: &[usize]) -> Result<Vec<String>, Damage> {
+    /// Rows of characters.
+    fn text(&mut self, dimensions: &[usize]) -> Result<Value, Damage> {
         let (kind, data) = self.element()?;
+        *self.numbers_left = self.numbers_left.checked_sub(data.len()).ok_or_else(too_large)?;
         let characters: Vec<char> = match kind {
             4 | 17 => {
                 let codes = Storage::Uint16.numbers(data, self.order);
@@ -245,9 +246,7 @@ impl<'a> Elements<'a> {
             }
             _ => String::from_utf8_lossy(data).chars().collect(),
         };
-        let rows = dimensions.first().copied().unwrap_or(0).min(characters.len());
-        let row = |k: usize| characters.iter().skip(k).step_by(rows).collect();
-        Ok((0..rows).map(row).collect())
+        Ok(Value::of_characters(dimensions.first().copied().unwrap_or(0), &characters))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Results of Dymola and OpenModelica: MAT files of level 4 whose matrices `name`, `dataInfo` and `data_2` say
 //! which column is which variable.
 
-use super::value::{MOST_NUMBERS, Matrix, Value, Variable};
+use super::value::{MOST_NUMBERS, MOST_ROWS, Matrix, Value, Variable};
 use crate::heading::Heading;
 use crate::sampled::{Column, Samples};
 
@@ -129,10 +129,10 @@ impl Trajectories<'_> {
     }
 }
 
-/// Columns of a matrix of characters.
+/// Columns of a matrix of characters, as far as a result can have so many variables.
 fn columns_of(rows: &[String]) -> Vec<String> {
     let characters: Vec<Vec<char>> = rows.iter().map(|r| r.chars().collect()).collect();
     let count = characters.iter().map(Vec::len).max().unwrap_or(0);
     let column = |k: usize| characters.iter().map(move |row| row.get(k).copied().unwrap_or(' '));
-    (0..count).map(|k| column(k).collect()).collect()
+    (0..count.min(MOST_ROWS)).map(|k| column(k).collect()).collect()
 }

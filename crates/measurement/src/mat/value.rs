@@ -3,6 +3,9 @@
 /// Numbers that are kept of a file at most: 160 MB.
 pub(super) const MOST_NUMBERS: usize = 20_000_000;
 
+/// Rows of characters that are kept of a matrix at most; what has more is no text.
+pub(super) const MOST_ROWS: usize = 1_000_000;
+
 /// Why a file is no MAT file, or is damaged: a sentence without the file's name.
 pub(super) type Damage = String;
 
@@ -80,6 +83,16 @@ impl Structure {
 }
 
 impl Value {
+    /// Rows of characters, which are stored by columns.
+    pub(super) fn of_characters(rows: usize, characters: &[char]) -> Self {
+        let rows = if characters.is_empty() { 0 } else { rows };
+        if rows > MOST_ROWS {
+            return Self::Unread(format!("a text of {rows} rows"));
+        }
+        let row = |k: usize| characters.iter().skip(k).step_by(rows.max(1)).collect();
+        Self::Text((0..rows).map(row).collect())
+    }
+
     pub(super) fn numbers(&self) -> Option<&Matrix> {
         match self {
             Self::Numbers(matrix) => Some(matrix),
