@@ -37,6 +37,8 @@ const REMARKS: [&str; 37] = [
     "left", "right", "top", "rod", "base", "filt", "avg", "mean", "max", "pk", "rms", "ai", "ao",
     "di", "do", "old", "new", "model", "gauge", "roh", "rod", "head", "est", "pos",
 ];
+/// What stands where a unit stands, and says that there is none. TwinCAT Scope writes `(None)`.
+const NO_UNIT: [&str; 8] = ["none", "n/a", "na", "null", "keine", "unitless", "no unit", "?"];
 /// Words that are lengths: of their names alone `_in` is the unit.
 const LENGTHS: [&str; 8] =
     ["stroke", "position", "length", "displacement", "extension", "travel", "x", "xcyl"];
@@ -58,7 +60,8 @@ impl Heading {
     pub fn with_unit(text: &str, unit: &str) -> Self {
         let heading = Self::parse(text);
         let unit = unit.trim().trim_start_matches('#').trim();
-        if unit.trim_matches(['[', ']', '(', ')', '"', ' ']).is_empty() {
+        let inside = unit.trim_matches(['[', ']', '(', ')', '"', ' ']).to_lowercase();
+        if inside.is_empty() || NO_UNIT.contains(&inside.as_str()) {
             return heading;
         }
         match Unit::find(unit) {
@@ -130,7 +133,9 @@ fn is_word(text: &str, is_surely: bool) -> bool {
     let small = text.trim().to_lowercase();
     let has_letter = small.chars().any(char::is_alphabetic);
     let is_short = small.chars().count() <= if is_surely { 16 } else { 8 };
-    let is_remark = REMARKS.contains(&small.as_str()) || small.chars().count() < 2;
+    let is_remark = REMARKS.contains(&small.as_str())
+        || NO_UNIT.contains(&small.as_str())
+        || small.chars().count() < 2;
     has_letter
         && is_short
         && !is_remark
@@ -325,6 +330,8 @@ mod tests {
         let below = Heading::with_unit("MAIN.fPa", "MPa (Pressure)");
         assert_eq!(below.unit.map(|u| u.name), Some("MPa"));
         assert_eq!(Heading::with_unit("p_A", "foo").unknown_unit.as_deref(), Some("foo"));
+        let none = Heading::with_unit("bValve", "(None)");
+        assert_eq!((none.unit, none.unknown_unit), (None, None));
         assert_eq!(Heading::with_unit("p_A_bar", "[]").unit.map(|u| u.name), Some("bar"));
     }
 }

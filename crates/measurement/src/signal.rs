@@ -146,9 +146,18 @@ impl Signal {
             Self::PressureB => &["pressureb", "pb", "pcylb", "rodpressure", "rodside", "p2"],
             Self::PressurePumpB => &["pressurepumpb", "ppb", "pumpb", "ppumpb"],
             Self::PressureAccumulator => &["pressureaccumulator", "pacc", "accumulator", "accu"],
-            Self::MotorSpeed => {
-                &["motorspeed", "actualspeed", "speedact", "nmotor", "nact", "rpm", "speed"]
-            }
+            Self::MotorSpeed => &[
+                "motorspeed",
+                "actualspeed",
+                "speedact",
+                "nmotor",
+                "nact",
+                "rpm",
+                "speed",
+                "n",
+                "nm",
+                "nmot",
+            ],
             Self::MotorCommand => &[
                 "commandmotorspeed",
                 "motorcommand",
@@ -157,6 +166,7 @@ impl Signal {
                 "setspeed",
                 "nset",
                 "ncmd",
+                "nref",
                 "usm",
             ],
             Self::HoldingValve => {
@@ -168,6 +178,7 @@ impl Signal {
                 "spoolcommand",
                 "u1controlsignal",
                 "uvalve",
+                "uv",
                 "u1",
                 "u",
             ],
