@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::log_mapping::LogMapping;
 use crate::output;
 use clap::{Args, Subcommand};
-use hydroboom_measurement::{Channel, Signals, TimeBase, sparkline};
+use hydroboom_measurement::{Channel, Segment, Signals, TimeBase, sparkline};
 use hydroboom_realtime::log;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -83,6 +83,27 @@ impl ToCsv {
     }
 }
 
+/// Segments that are shown of a clock, at most.
+const MOST_SEGMENTS: usize = 20;
+
+/// The segments of each clock that has several, with the columns that have it.
+fn segments(channels: &[Channel]) -> Vec<(String, Vec<Segment>)> {
+    let mut found: Vec<(Vec<&str>, Vec<Segment>)> = Vec::new();
+    for channel in channels.iter().filter(|c| !c.breaks.is_empty()) {
+        let segments = channel.segments();
+        match found.iter_mut().find(|(_, other)| *other == segments) {
+            Some((columns, _)) => columns.push(&channel.heading),
+            None => found.push((vec![&channel.heading], segments)),
+        }
+    }
+    let named = |columns: Vec<&str>| match columns.as_slice() {
+        _ if columns.len() == channels.len() => "all columns".to_string(),
+        [first, second, _, ..] => format!("{first}, {second} and {} more", columns.len() - 2),
+        few => few.join(", "),
+    };
+    found.into_iter().map(|(columns, segments)| (named(columns), segments)).collect()
+}
+
 impl Inspect {
     fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
@@ -113,6 +134,7 @@ impl Inspect {
                         "interval_ms": base.as_ref().map(|b| b.interval * 1e3),
                         "jitter_ms": base.as_ref().map(|b| b.jitter * 1e3),
                         "gaps_s": base.as_ref().map(|b| b.gaps.iter().map(|g| [g.from, g.to]).collect::<Vec<_>>()),
+                        "segments_s": c.segments().iter().map(|s| [s.begin, s.end]).collect::<Vec<_>>(),
                         "signal": taken_for(c).map(|(s, _)| s.key()),
                         "taken_in": taken_for(c).map(|(_, e)| e.unit.map(|u| u.name)),
                         "is_unit_guessed": taken_for(c).map(|(_, e)| e.is_unit_guessed),
@@ -173,9 +195,20 @@ impl Inspect {
             log.channels.len(),
             output::table(&header, &rows)
         );
-        for gap in
-            log.channels.iter().filter_map(|c| TimeBase::of(&c.time)).flat_map(|b| b.gaps).take(5)
-        {
+        for (columns, segments) in segments(&log.channels) {
+            for (k, segment) in segments.iter().enumerate().take(MOST_SEGMENTS) {
+                said += &format!(
+                    "\nsegment {} of {}: {:.3} to {:.3} s, {} samples ({columns})",
+                    k + 1,
+                    segments.len(),
+                    segment.begin,
+                    segment.end,
+                    segment.samples
+                );
+            }
+        }
+        let gaps = log.channels.iter().filter_map(|c| TimeBase::of(&c.time)).flat_map(|b| b.gaps);
+        for gap in gaps.take(5) {
             said += &format!("\ngap from {:.3} to {:.3} s", gap.from, gap.to);
         }
         for remark in &log.remarks {

@@ -12,17 +12,28 @@ pub struct LogMapping {
     /// Mapping: a TOML file with a table `log`; what it does not name is guessed.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
+    /// Interval of the log's rows, where no column tells their time; counts before any.
+    #[arg(long, value_name = "MS", value_parser = sample_time)]
+    sample_time_ms: Option<f64>,
+}
+
+fn sample_time(text: &str) -> std::result::Result<f64, String> {
+    let interval = text.parse::<f64>().ok().filter(|ms| (1e-6..=1e9).contains(ms));
+    interval.ok_or_else(|| "an interval in ms, more than zero".into())
 }
 
 impl LogMapping {
     /// Reads a log, and says which of its columns is what; what is assumed is among the log's remarks.
     pub fn read(&self, log: &Path) -> Result<(Measurement, Mapping)> {
-        let given = match &self.mapping {
+        let mut given = match &self.mapping {
             Some(path) => {
                 Mapping::parse(&path.display().to_string(), &text(path)?).into_diagnostic()?
             }
             None => Mapping::default(),
         };
+        if let Some(interval) = self.sample_time_ms {
+            given.time.sample_time = Some(interval * 1e-3);
+        }
         let mut log = read(log, Some(&given.time)).into_diagnostic()?;
         let mapping = given.completed(&log).into_diagnostic()?;
         log.remarks.extend(mapping.assumptions(&log));

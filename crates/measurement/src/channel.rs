@@ -19,8 +19,21 @@ pub struct Channel {
     pub unknown_unit: Option<String>,
     /// Times \[s\], never going back; shared by channels that were sampled together.
     pub time: Arc<[f64]>,
+    /// Samples at which a new segment begins, but for the first: the clock was set there, or samples are missing.
+    pub breaks: Arc<[usize]>,
     /// Values in the log's unit; NaN where one is missing.
     pub values: Vec<f64>,
+}
+
+/// A part of a channel in which its clock runs on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// Time of its first sample \[s\].
+    pub begin: f64,
+    /// Time of its last sample \[s\].
+    pub end: f64,
+    /// How many samples it has.
+    pub samples: usize,
 }
 
 /// A log as it was read.
@@ -61,7 +74,24 @@ impl Channel {
     /// A channel whose heading has been read.
     pub(crate) fn of(read: Heading, heading: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
         let Heading { name, unit, unknown_unit } = read;
-        Self { name, heading: heading.into(), unit, unknown_unit, time, values }
+        let breaks = Arc::from([]);
+        Self { name, heading: heading.into(), unit, unknown_unit, time, breaks, values }
+    }
+
+    /// The same with segments that begin at some samples, which increase.
+    pub fn broken_at(self, breaks: Arc<[usize]>) -> Self {
+        Self { breaks, ..self }
+    }
+
+    /// Its segments, one after the other.
+    pub fn segments(&self) -> Vec<Segment> {
+        let begins = std::iter::once(0).chain(self.breaks.iter().copied());
+        let ends = self.breaks.iter().copied().chain([self.time.len()]);
+        let segment = |(from, to): (usize, usize)| {
+            let times = self.time.get(from..to)?;
+            Some(Segment { begin: *times.first()?, end: *times.last()?, samples: times.len() })
+        };
+        begins.zip(ends).filter_map(segment).collect()
     }
 
     /// Smallest, mean and largest; none where no value is there.

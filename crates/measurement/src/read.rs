@@ -17,7 +17,6 @@ use std::path::Path;
 /// [`MeasurementError`] with the place of what cannot be used.
 pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
-    let column = time.and_then(|t| t.column.as_deref());
     let mut begins = Vec::new();
     File::open(path).and_then(|f| f.take(8).read_to_end(&mut begins)).map_err(failed)?;
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
@@ -26,7 +25,7 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
         begins if begins.starts_with(&mcap::MAGIC[..5]) => mcap::read(path, time),
         begins if mdf::BEGINS.iter().any(|b| b.as_slice() == begins) => mdf::read(path, time),
         _ if is_mat => mat::read(path, time),
-        _ => csv_file::read(path, column),
+        _ => csv_file::read(path, &time.cloned().unwrap_or_default()),
     }
 }
 

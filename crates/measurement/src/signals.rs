@@ -19,6 +19,8 @@ pub struct Track {
     reach: f64,
     /// Time constant of a first-order filter that it went through \[s\].
     filter: f64,
+    /// Times at which a new segment begins \[s\].
+    breaks: Vec<f64>,
     /// What its values measure, where that may be one of several.
     dimension: Option<Dimension>,
 }
@@ -40,12 +42,45 @@ impl Track {
             }
         }
         let reach = TimeBase::of(&kept.0).map_or(0.0, |base| 5.0 * base.interval);
-        Self { time: kept.0, values: kept.1, reach, filter: 0.0, dimension: None }
+        Self {
+            time: kept.0,
+            values: kept.1,
+            reach,
+            filter: 0.0,
+            breaks: Vec::new(),
+            dimension: None,
+        }
     }
 
     /// The same, seen through a first-order filter with a time constant \[s\]; zero for none.
     pub fn filtered(self, filter: f64) -> Self {
         Self { filter, ..self }
+    }
+
+    /// The same with segments that begin at some times \[s\], which increase: nothing is known between the last sample before and
+    /// the first one after.
+    pub fn broken_at(self, breaks: Vec<f64>) -> Self {
+        Self { breaks, ..self }
+    }
+
+    /// Whether a segment begins after a time and not after another \[s\].
+    fn is_broken(&self, from: f64, to: f64) -> bool {
+        let next = self.breaks.partition_point(|b| *b <= from);
+        self.breaks.get(next).is_some_and(|b| *b <= to)
+    }
+
+    /// The parts in which something is known of it throughout \[s\].
+    pub fn stretches(&self) -> Vec<(f64, f64)> {
+        let Some(first) = self.time.first() else { return Vec::new() };
+        let mut stretches = vec![(*first, *first)];
+        for pair in self.time.windows(2) {
+            if pair[1] - pair[0] > self.reach || self.is_broken(pair[0], pair[1]) {
+                stretches.push((pair[1], pair[1]));
+            } else if let Some(last) = stretches.last_mut() {
+                last.1 = pair[1];
+            }
+        }
+        stretches
     }
 
     /// The same, with what its values measure: of a valve's command volts, or a share of full travel.
@@ -81,7 +116,7 @@ impl Track {
             return Some(self.values[before]);
         }
         let (t0, t1) = (self.time[before], *self.time.get(next)?);
-        if t1 - t0 > self.reach {
+        if t1 - t0 > self.reach || self.is_broken(t0, t1) {
             return None;
         }
         let share = (time - t0) / (t1 - t0);
@@ -113,6 +148,8 @@ impl Signals {
             let values: Vec<f64> = channel.values.iter().map(|v| entry.si(&unit, *v)).collect();
             let track =
                 Track::new(&time, &values).filtered(entry.filter).measured_as(unit.dimension);
+            let breaks = channel.breaks.iter().filter_map(|k| time.get(*k).copied());
+            let track = track.broken_at(breaks.collect());
             if track.time.len() >= 2 {
                 tracks.insert(*signal, track);
             }

@@ -4,7 +4,8 @@
 /// rows.
 pub(crate) const MOST: usize = 20_000_000;
 
-/// Columns that are filled row by row, and thinned when they become too long.
+/// Columns that are filled row by row, and thinned when they become too long. Rows of different segments are never averaged
+/// together.
 pub(crate) struct Columns {
     columns: Vec<Vec<f64>>,
     most_rows: usize,
@@ -13,6 +14,8 @@ pub(crate) struct Columns {
     sums: Vec<f64>,
     counts: Vec<u32>,
     pending: u64,
+    /// Rows at which a segment begins, but for the first.
+    breaks: Vec<usize>,
 }
 
 impl Columns {
@@ -24,6 +27,7 @@ impl Columns {
             sums: vec![0.0; columns],
             counts: vec![0; columns],
             pending: 0,
+            breaks: Vec::new(),
         }
     }
 
@@ -39,56 +43,87 @@ impl Columns {
         }
     }
 
+    /// The next row begins a segment. What was not enough for an averaged row is left out.
+    pub(crate) fn begin_segment(&mut self) {
+        self.sums.fill(0.0);
+        self.counts.fill(0);
+        self.pending = 0;
+        let rows = self.rows();
+        // nothing came of the segment before
+        if self.breaks.last().copied().unwrap_or(0) < rows {
+            self.breaks.push(rows);
+        }
+    }
+
+    fn rows(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
     fn flush(&mut self) {
         for (k, column) in self.columns.iter_mut().enumerate() {
             column.push(self.sums[k] / f64::from(self.counts[k]));
             (self.sums[k], self.counts[k]) = (0.0, 0);
         }
         self.pending = 0;
-        if self.columns.first().is_some_and(|c| c.len() >= self.most_rows) {
+        if self.rows() >= self.most_rows {
             self.halve();
-        }
-    }
-
-    /// Averages each two rows, and so those to come.
-    pub(crate) fn halve(&mut self) {
-        self.stride *= 2;
-        for column in &mut self.columns {
-            halve(column);
         }
     }
 
     /// Adds a column; in the rows before nothing is there.
     pub(crate) fn add_column(&mut self) {
-        let rows = self.columns.first().map_or(0, Vec::len);
-        self.columns.push(vec![f64::NAN; rows]);
+        self.columns.push(vec![f64::NAN; self.rows()]);
         self.sums.push(0.0);
         self.counts.push(0);
     }
 
     /// How many numbers are kept.
     pub(crate) fn numbers(&self) -> usize {
-        self.columns.first().map_or(0, Vec::len) * self.columns.len()
+        self.rows() * self.columns.len()
     }
 
-    /// The columns; rows that make no whole one are left out.
-    pub(crate) fn finish(self) -> Vec<Vec<f64>> {
-        self.columns
+    /// Each two rows of a segment become one; the last of an odd number is left out.
+    pub(crate) fn halve(&mut self) {
+        let rows = self.rows();
+        let mut begins = vec![0];
+        begins.extend(self.breaks.iter().copied().filter(|b| *b < rows));
+        let ends: Vec<usize> = begins.iter().skip(1).copied().chain([rows]).collect();
+        for column in &mut self.columns {
+            let mut kept = 0;
+            for (begin, end) in begins.iter().zip(&ends) {
+                for k in 0..(end - begin) / 2 {
+                    column[kept] = mean(column[begin + 2 * k], column[begin + 2 * k + 1]);
+                    kept += 1;
+                }
+            }
+            column.truncate(kept);
+        }
+        let mut kept = 0;
+        self.breaks.clear();
+        for (begin, end) in begins.iter().zip(&ends) {
+            if kept > 0 && end - begin >= 2 && self.breaks.last() != Some(&kept) {
+                self.breaks.push(kept);
+            }
+            kept += (end - begin) / 2;
+        }
+        self.stride *= 2;
+    }
+
+    /// The columns, and the rows at which a segment begins, but for the first.
+    pub(crate) fn finish(mut self) -> (Vec<Vec<f64>>, Vec<usize>) {
+        let rows = self.rows();
+        self.breaks.retain(|b| *b < rows);
+        (self.columns, self.breaks)
     }
 }
 
-/// Each two values become their mean, or the one that is there.
-fn halve(column: &mut Vec<f64>) {
-    let half = column.len() / 2;
-    for k in 0..half {
-        let (a, b) = (column[2 * k], column[2 * k + 1]);
-        column[k] = match (a.is_finite(), b.is_finite()) {
-            (true, false) => a,
-            (false, _) => b,
-            _ => 0.5 * (a + b),
-        };
+/// The mean of two values, or the one that is there.
+fn mean(a: f64, b: f64) -> f64 {
+    match (a.is_finite(), b.is_finite()) {
+        (true, false) => a,
+        (false, _) => b,
+        _ => 0.5 * (a + b),
     }
-    column.truncate(half);
 }
 
 #[cfg(test)]
@@ -102,11 +137,32 @@ mod tests {
             columns.push(&[f64::from(k), if k % 3 == 0 { f64::NAN } else { 5.0 }]);
         }
         let stride = columns.stride;
-        let kept = columns.finish();
+        let (kept, breaks) = columns.finish();
         assert!(kept[0].len() <= 1000 && kept[0].len() > 400, "{}", kept[0].len());
         assert!(stride >= 100_000 / 1000);
         let step = kept[0][1] - kept[0][0];
         assert!((step - stride as f64).abs() < 1e-9);
         assert!(kept[1].iter().all(|v| (v - 5.0).abs() < 1e-12));
+        assert!(breaks.is_empty());
+    }
+
+    #[test]
+    fn no_average_is_taken_over_a_break() {
+        // segments of 777 rows, each of one value: averaged within themselves they keep it
+        let mut columns = Columns::new(1, 500);
+        for k in 0..50_000_u32 {
+            if k % 777 == 0 && k > 0 {
+                columns.begin_segment();
+            }
+            columns.push(&[f64::from(k / 777)]);
+        }
+        assert!(columns.stride >= 64);
+        let (kept, breaks) = columns.finish();
+        assert!(kept[0].iter().all(|v| v.fract() == 0.0), "{:?}", kept[0]);
+        // where the value changes a segment begins, and nowhere else
+        let changes: Vec<usize> =
+            (1..kept[0].len()).filter(|k| kept[0][*k] != kept[0][k - 1]).collect();
+        assert_eq!(breaks, changes);
+        assert!(breaks.len() > 50, "{}", breaks.len());
     }
 }

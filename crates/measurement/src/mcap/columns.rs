@@ -4,13 +4,14 @@ use super::container::Loss;
 use super::definition::Definition;
 use super::records::{Message, Schema, Topic};
 use super::{cdr, json};
-use crate::channel::{Channel, Measurement};
+use crate::channel::Measurement;
 use crate::error::MeasurementError;
 use crate::path;
-use crate::thinning::{Columns, MOST};
+use crate::recording::Recording;
+use crate::sampled::Assembly;
+use crate::thinning::MOST;
 use crate::time_column::TimeColumn;
 use std::collections::{BTreeMap, HashMap};
-use std::sync::Arc;
 
 /// Columns over all topics, at most.
 const MOST_COLUMNS: usize = 4000;
@@ -71,13 +72,10 @@ struct Table {
     /// Paths of the numbers; the first column is the time.
     paths: Vec<String>,
     places: HashMap<String, usize>,
-    data: Columns,
+    data: Recording,
     row: Vec<f64>,
     encoding: Encoding,
-    last: f64,
     count: u64,
-    /// Messages that are earlier than the one before.
-    back: u64,
     damaged: u64,
     reason: String,
     timeless: u64,
@@ -158,38 +156,40 @@ impl<'a> Log<'a> {
         for path in self.topics.values().flat_map(|t| &t.paths) {
             *counts.entry(path.clone()).or_default() += 1;
         }
-        let mut channels = Vec::new();
-        for (topic, table) in self.topics {
-            table.say(&topic, &mut remarks);
-            let mut data = table.data.finish().into_iter();
-            let time: Arc<[f64]> = data.next().unwrap_or_default().into();
-            if time.len() < 2 {
-                continue;
-            }
-            // std_msgs/msg/Float64 and its like: the topic is the signal
-            let is_single = table.paths.iter().filter(|p| !is_stamp(p)).count() == 1;
-            for (path, values) in table.paths.into_iter().zip(data) {
-                let is_alone = counts.get(&path) == Some(&1);
-                let heading = match path.as_str() {
-                    "data" if is_single => topic.clone(),
-                    _ if is_alone => path.clone(),
-                    _ => format!("{topic}.{path}"),
-                };
-                let read = path::heading(&heading);
-                channels.push(Channel::of(read, &heading, Arc::clone(&time), values));
-            }
+        for (topic, table) in &self.topics {
+            table.say(topic, &mut remarks);
         }
         if self.clock.begin.is_some_and(|(seconds, _)| seconds > 0) {
             remarks.push("time is counted from the first message".into());
         }
-        if channels.is_empty() {
-            let said: String = remarks.iter().map(|r| format!("; {r}")).collect();
-            let reason = format!(
-                "no topic has two messages of numbers (JSON, or CDR with a ros2msg schema){said}"
-            );
-            return Err(MeasurementError::Format { file: file.into(), reason });
+        let mut assembly = Assembly::new(file, None, remarks);
+        for (topic, table) in self.topics {
+            if table.data.count < 2 {
+                continue;
+            }
+            // std_msgs/msg/Float64 and its like: the topic is the signal
+            let is_single = table.paths.iter().filter(|p| !is_stamp(p)).count() == 1;
+            let heading = |path: String| {
+                let heading = match path.as_str() {
+                    "data" if is_single => topic.clone(),
+                    _ if counts.get(&path) == Some(&1) => path,
+                    _ => format!("{topic}.{path}"),
+                };
+                let read = path::heading(&heading);
+                (heading, read)
+            };
+            let headings = table.paths.into_iter().map(heading).collect();
+            let recorded = table.data.finish(file, &format!("message (on {topic})"))?;
+            assembly.add_recorded(headings, recorded);
         }
-        Ok(Measurement { name: file.into(), channels, remarks })
+        assembly.finish().map_err(|error| match error {
+            MeasurementError::Format { file, reason } => {
+                let what =
+                    "no topic has two messages of numbers (JSON, or CDR with a ros2msg schema)";
+                MeasurementError::Format { file, reason: format!("{what}: {reason}") }
+            }
+            other => other,
+        })
     }
 }
 
@@ -224,12 +224,10 @@ impl Table {
         Self {
             paths: Vec::new(),
             places: HashMap::new(),
-            data: Columns::new(1, usize::MAX),
+            data: Recording::new(0, usize::MAX),
             row: vec![f64::NAN],
             encoding,
-            last: f64::NEG_INFINITY,
             count: 0,
-            back: 0,
             damaged: 0,
             reason: String::new(),
             timeless: 0,
@@ -278,8 +276,9 @@ impl Table {
         has_room
     }
 
-    /// Keeps the row at a time, unless it is none or goes back.
+    /// Keeps the row at a time, unless it is none.
     fn keep(&mut self, log_time: u64, clock: &mut Clock<'_>) {
+        self.count += 1;
         let there = |place: &usize| self.row.get(place + 1).copied();
         let time = clock.time(log_time, |path| self.places.get(path).and_then(there));
         let has_numbers = self.row.iter().any(|v| v.is_finite());
@@ -287,14 +286,8 @@ impl Table {
             self.timeless += u64::from(has_numbers);
             return;
         };
-        if time < self.last {
-            self.back += 1;
-            return;
-        }
-        self.last = time;
-        self.count += 1;
         self.row[0] = time;
-        self.data.push(&self.row);
+        self.data.push(self.count, &self.row);
     }
 
     fn say(&self, topic: &str, remarks: &mut Vec<String>) {
@@ -308,18 +301,6 @@ impl Table {
             remarks.push(format!(
                 "{} messages on {topic} have no time and are left out",
                 self.timeless
-            ));
-        }
-        if self.back > 0 {
-            remarks.push(format!(
-                "{} messages on {topic} are earlier than the one before and are left out: was a clock set back?",
-                self.back
-            ));
-        }
-        if self.data.stride > 1 {
-            remarks.push(format!(
-                "{} messages on {topic} are too many to keep: each {} are averaged",
-                self.count, self.data.stride
             ));
         }
     }

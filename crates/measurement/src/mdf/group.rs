@@ -3,7 +3,9 @@
 use super::block::{Blocks, Damage, number};
 use super::channel::{Field, Kind, kind};
 use super::data::Parts;
-use crate::thinning::Columns;
+use crate::dimension::Dimension;
+use crate::recording::Recording;
+use crate::time_column::TimeColumn;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 
@@ -31,8 +33,12 @@ pub(super) struct Group {
     is_text: bool,
     /// Records that it says to have.
     pub(super) cycles: u64,
-    /// The time, then a column for each field.
-    pub(super) columns: Columns,
+    /// The time \[s\], then a column for each field.
+    pub(super) recording: Recording,
+    /// What a number of the time is in seconds: a factor, and what is added.
+    pub(super) seconds: (f64, f64),
+    /// Records without a time.
+    timeless: u64,
     pub(super) read: u64,
 }
 
@@ -147,7 +153,9 @@ impl Group {
             record: record as usize,
             is_text,
             cycles: block.number(8, 8),
-            columns: Columns::new(1, usize::MAX),
+            recording: Recording::new(0, usize::MAX),
+            seconds: (1.0, 0.0),
+            timeless: 0,
             read: 0,
         };
         group.channels(file, block.link(1), "", channels, 0)?;
@@ -210,13 +218,20 @@ impl Group {
         bytes.checked_div(self.record as u64).unwrap_or(0)
     }
 
-    /// Takes another channel for the time, where one is asked for by name.
-    pub(super) fn choose_time(&mut self, wanted: Option<&str>) {
-        let Some(wanted) = wanted else { return };
-        if let Some(place) = self.fields.iter().position(|f| f.is_named(wanted)) {
+    /// Takes another channel for the time where a mapping names one, and finds what its numbers are in seconds: those of the format
+    /// are.
+    pub(super) fn choose_time(&mut self, stated: Option<&TimeColumn>) {
+        let wanted = stated.and_then(|s| s.column.as_deref());
+        let place = wanted.and_then(|w| self.fields.iter().position(|f| f.is_named(w)));
+        if let Some(place) = place {
             let field = self.fields.remove(place);
             self.fields.extend(self.time.replace(field));
         }
+        let own = self.time.as_ref().and_then(|t| t.read.unit);
+        let unit = stated.and_then(|s| s.unit).or(own);
+        let unit = unit.filter(|u| u.dimension == Dimension::Time).map_or(1.0, |u| u.factor);
+        let (scale, offset) = stated.map_or((1.0, 0.0), |s| (s.scale, s.offset));
+        self.seconds = (scale * unit, offset * unit);
     }
 
     /// Says what of it is left out.
@@ -235,6 +250,10 @@ impl Group {
         for (what, count) in &self.unread {
             remarks.push(format!("{count} channels of {name} are left out: {what}"));
         }
+        if self.timeless > 0 {
+            remarks
+                .push(format!("{} records of {name} have no time and are left out", self.timeless));
+        }
         if self.is_wanted() && self.read < self.cycles && !is_unfinished {
             remarks.push(format!("{name} has {} records of {}", self.read, self.cycles));
         }
@@ -243,8 +262,12 @@ impl Group {
     fn keep(&mut self, record: &[u8]) {
         let Some(time) = self.time.as_ref().filter(|_| self.read < self.cycles) else { return };
         let of = |field: &Field| field.of(record, self.data, self.read);
-        let row: Vec<f64> = std::iter::once(time).chain(&self.fields).map(of).collect();
-        self.columns.push(&row);
+        let mut row: Vec<f64> = std::iter::once(time).chain(&self.fields).map(of).collect();
+        row[0] = row[0] * self.seconds.0 + self.seconds.1;
         self.read += 1;
+        match row[0].is_finite() {
+            true => self.recording.push(self.read, &row),
+            false => self.timeless += 1,
+        }
     }
 }

@@ -12,8 +12,9 @@ mod group;
 
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
-use crate::sampled::{Assembly, Column, Samples};
-use crate::thinning::{Columns, MOST};
+use crate::recording::Recording;
+use crate::sampled::Assembly;
+use crate::thinning::MOST;
 use crate::time_column::TimeColumn;
 use block::{Blocks, Damage};
 use group::{DataGroup, Group};
@@ -42,7 +43,7 @@ pub(crate) fn read(
     let mut blocks = Blocks::new(BufReader::new(source)).map_err(failed)?;
     let mut remarks = Vec::new();
     let column = time.and_then(|t| t.column.as_deref());
-    let groups = groups(&mut blocks, column, &mut remarks)
+    let groups = groups(&mut blocks, time, &mut remarks)
         .map_err(|reason| MeasurementError::Format { file: file.clone(), reason })?;
     if let Some(wanted) = column
         && !groups.iter().any(|g| g.time.as_ref().is_some_and(|t| t.is_named(wanted)))
@@ -53,20 +54,11 @@ pub(crate) fn read(
             format!("the mapping names \"{wanted}\" as the time; channels are: {}", all.join(", "));
         return Err(MeasurementError::Mapping { file, reason });
     }
-    let mut assembly = Assembly::new(&file, time, remarks);
+    let mut assembly = Assembly::new(&file, None, remarks);
     for group in groups {
-        let Some(time) = group.time else { continue };
-        if group.columns.stride > 1 {
-            assembly.remark(format!(
-                "{} records of {} are too many to keep: each {} are averaged",
-                group.read, time.heading, group.columns.stride
-            ));
-        }
-        let mut data = group.columns.finish().into_iter();
-        let time = Column::of(&time.heading, time.read, data.next().unwrap_or_default());
-        let columns = group.fields.into_iter().zip(data);
-        let columns = columns.map(|(f, values)| Column::of(&f.heading, f.read, values)).collect();
-        assembly.add(Samples { time, columns })?;
+        let headings = group.fields.into_iter().map(|f| (f.heading, f.read)).collect();
+        let unit = format!("record (of {})", group.name);
+        assembly.add_recorded(headings, group.recording.finish(&file, &unit)?);
     }
     assembly.finish()
 }
@@ -74,7 +66,7 @@ pub(crate) fn read(
 /// All groups with their records.
 fn groups<R: Read + Seek>(
     file: &mut Blocks<R>,
-    wanted: Option<&str>,
+    stated: Option<&TimeColumn>,
     remarks: &mut Vec<String>,
 ) -> Result<Vec<Group>, Damage> {
     let head = file.bytes(0, FIRST)?;
@@ -93,7 +85,7 @@ fn groups<R: Read + Seek>(
     let header = file.block(FIRST, &[b"##HD"])?;
     let mut all = DataGroup::all(file, header.link(0))?;
     for group in all.iter_mut().flat_map(|d| &mut d.groups) {
-        group.choose_time(wanted);
+        group.choose_time(stated);
         let most = group.most_cycles(file.size.saturating_mul(UNPACKED));
         group.cycles = if is_unfinished { most } else { group.cycles.min(most) };
     }
@@ -106,7 +98,7 @@ fn groups<R: Read + Seek>(
                 true => (MOST as f64 * group.numbers() as f64 / total as f64) as usize,
                 false => usize::MAX,
             };
-            group.columns = Columns::new(group.fields.len() + 1, part);
+            group.recording = Recording::new(group.fields.len(), part);
         }
         if let Err(damage) = data.read(file, is_unfinished) {
             remarks.push(format!("it is damaged, and read up to there: {damage}"));

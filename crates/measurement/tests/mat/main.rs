@@ -248,7 +248,7 @@ fn days_since_year_zero_are_recognised() {
     let days: Vec<f64> = t.iter().map(|t| 739_000.0 + t / 86_400.0).collect();
     let log =
         log("datenum.mat", &file(&[row("t", &days), row("stroke_mm", &x), row("p_A_bar", &p)]));
-    assert!(log.remarks.iter().any(|r| r.contains("t counts days")), "{:?}", log.remarks);
+    assert!(log.remarks.iter().any(|r| r.contains("taken as days")), "{:?}", log.remarks);
     let span = log.channels[0].time[SAMPLES - 1];
     assert!((span - 0.49).abs() < 2e-5, "{span}");
 }

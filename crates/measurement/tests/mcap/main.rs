@@ -95,6 +95,24 @@ fn a_nan_of_python_is_a_missing_sample_and_a_broken_message_is_counted() {
     assert_eq!(log.channels[1].range().unwrap().missing, 0);
 }
 
+#[test]
+fn a_clock_that_is_set_back_begins_a_segment_and_strays_are_left_out() {
+    let mut messages = plain(900);
+    for k in 0..900 {
+        // the clock of the second half begins anew; one message of it comes late
+        let time = EPOCH + if k == 500 { 0 } else { k } * PERIOD;
+        messages.push((0, time, format!("{{\"stroke_mm\": {}}}", 950 + k).into_bytes()));
+    }
+    let log = log("reset.mcap", &file(options(), &[json("/crane")], &messages));
+    let stroke = log.channel("stroke_mm").unwrap();
+    assert_eq!((*stroke.breaks).to_vec(), [900]);
+    assert_eq!(stroke.values.len(), 1799);
+    assert!((stroke.segments()[1].end - stroke.segments()[1].begin - 8.99).abs() < 1e-9);
+    for wanted in ["the clock goes back", "1 rows whose time is out of order"] {
+        assert!(log.remarks.iter().any(|r| r.contains(wanted)), "{:?}", log.remarks);
+    }
+}
+
 /// Bytes of CDR, little endian, each number at a multiple of its size.
 #[derive(Default)]
 struct Cdr(Vec<u8>);

@@ -1,0 +1,331 @@
+//! What a cell of a table holds.
+
+/// What a cell of a table holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Cell {
+    /// A finite number.
+    Number(f64),
+    /// Nothing was measured.
+    Missing,
+    /// A date, a time of a day, both, or a duration.
+    Stamp(Stamp),
+    /// Anything else.
+    Text,
+}
+
+/// A date, a time of a day, both, or a duration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stamp {
+    /// Days since 1970, where there is a date.
+    pub(super) day: Option<i64>,
+    /// Seconds of the day, or of the duration, where there are.
+    pub(super) seconds: Option<f64>,
+}
+
+/// Words that mean that nothing is there.
+const MISSING: [&str; 17] = [
+    "nan",
+    "na",
+    "n/a",
+    "null",
+    "none",
+    "nil",
+    "inf",
+    "-inf",
+    "+inf",
+    "infinity",
+    "-infinity",
+    "invalid",
+    "missing",
+    "bad",
+    "ovf",
+    "overflow",
+    "-nan",
+];
+/// Switches.
+const ON: [&str; 6] = ["true", "on", "wahr", "ein", "yes", "ja"];
+const OFF: [&str; 6] = ["false", "off", "falsch", "aus", "no", "nein"];
+/// A cell that is longer is text.
+const LONGEST: usize = 64;
+
+impl Cell {
+    /// Reads a cell.
+    pub(super) fn read(text: &str, decimal_comma: bool) -> Self {
+        let text = text.trim().trim_matches('"').trim();
+        if text.is_empty() {
+            return Self::Missing;
+        }
+        let first = text.as_bytes()[0];
+        // most cells are plain numbers
+        if !decimal_comma
+            && (first.is_ascii_digit() || first == b'-')
+            && let Ok(value) = text.parse::<f64>()
+        {
+            return Self::finite(value);
+        }
+        if text.len() > LONGEST {
+            return Self::Text;
+        }
+        if let Some(value) = number(text, decimal_comma) {
+            return Self::finite(value);
+        }
+        let small = text.to_lowercase();
+        // `#N/A`, `#WERT!`; `1.#QNAN`, `-1.#IND`; `---`
+        let is_error = (small.starts_with('#') && small.len() > 2 && !small[1..].contains(' '))
+            || small.contains(".#");
+        let is_dash = small.chars().all(|c| "-–—.*?_".contains(c));
+        if is_error || is_dash || MISSING.contains(&small.as_str()) || small.starts_with("nan(") {
+            return Self::Missing;
+        }
+        if ON.contains(&small.as_str()) {
+            return Self::Number(1.0);
+        }
+        if OFF.contains(&small.as_str()) {
+            return Self::Number(0.0);
+        }
+        Stamp::read(text).map_or(Self::Text, Self::Stamp)
+    }
+
+    fn finite(value: f64) -> Self {
+        if value.is_finite() { Self::Number(value) } else { Self::Missing }
+    }
+
+    /// Its number; NaN where there is none.
+    pub(super) fn number(self) -> f64 {
+        match self {
+            Self::Number(value) => value,
+            _ => f64::NAN,
+        }
+    }
+
+    /// Whether it is a number or a time.
+    pub(super) fn is_data(self) -> bool {
+        matches!(self, Self::Number(_) | Self::Stamp(_))
+    }
+}
+
+/// A number as people write it: thousands apart, Fortran's exponent, a raised minus.
+fn number(text: &str, decimal_comma: bool) -> Option<f64> {
+    let has_digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit() || c == '.' || c == ',');
+    if !text.contains(|c: char| c.is_ascii_digit())
+        || (!has_digit(text.chars().next_back()) || text.ends_with(','))
+    {
+        return None;
+    }
+    let mut plain = String::with_capacity(text.len());
+    let thousands = match decimal_comma {
+        true if text.contains(',') => Some('.'),
+        false if text.contains('.') => Some(','),
+        _ => None,
+    };
+    for c in text.chars() {
+        match c {
+            '−' => plain.push('-'),
+            'D' | 'd' => plain.push('e'),
+            c if Some(c) == thousands => {}
+            ',' if decimal_comma => plain.push('.'),
+            '\u{a0}' | '\u{202f}' | '\'' => {}
+            c => plain.push(c),
+        }
+    }
+    // a sign of thousands stands before three digits
+    let parts: Vec<&str> = match thousands {
+        Some(sign) => text.split(sign).skip(1).collect(),
+        None => Vec::new(),
+    };
+    let is_apart = |part: &&str| part.chars().take_while(char::is_ascii_digit).count() == 3;
+    if !parts.iter().all(is_apart) {
+        return None;
+    }
+    plain.parse().ok()
+}
+
+impl Stamp {
+    /// A date (`2024-01-31`, `31.01.2024`, `1/31/2024`), a time of a day or a duration (`10:00:00,123`, `00:01:02.5 PM`), or both with a blank or a `T`
+    /// between; with a zone, which counts for nothing within a log.
+    fn read(text: &str) -> Option<Self> {
+        let text = text.trim_end_matches(['Z', 'z']).trim();
+        let (text, noon) = match text.to_ascii_uppercase() {
+            upper if upper.ends_with("PM") => (&text[..text.len() - 2], Some(12.0)),
+            upper if upper.ends_with("AM") => (&text[..text.len() - 2], Some(0.0)),
+            _ => (text, None),
+        };
+        let parts: Vec<&str> = text.split(['T', ' ']).filter(|p| !p.is_empty()).collect();
+        let (date, clock) = match parts.as_slice() {
+            [one] if one.contains(':') => (None, Some(*one)),
+            [one] => (Some(*one), None),
+            // `0 days 00:00:01.5`, as a table of Python has it
+            [days, word, clock] if word.starts_with("day") => {
+                let days: f64 = days.parse().ok()?;
+                let seconds = clock_seconds(clock)? + days * 86_400.0;
+                return Some(Self { day: None, seconds: Some(seconds) });
+            }
+            [date, clock, ..] if parts.len() <= 3 => (Some(*date), Some(*clock)),
+            _ => return None,
+        };
+        let day = match date {
+            Some(text) => Some(day(text)?),
+            None => None,
+        };
+        let seconds = match clock {
+            Some(text) => Some(clock_seconds(text)?),
+            None => None,
+        };
+        let seconds = match (seconds, noon) {
+            (Some(s), Some(noon)) => Some(s % (12.0 * 3600.0) + noon * 3600.0),
+            (seconds, _) => seconds,
+        };
+        Some(Self { day, seconds })
+    }
+}
+
+/// Seconds of `10:00:00.123`, `10:00`, `10:00:00,123+01:00`, `10:00:00:123`.
+fn clock_seconds(text: &str) -> Option<f64> {
+    let (sign, text) = match text.strip_prefix('-') {
+        Some(rest) => (-1.0, rest),
+        None => (1.0, text),
+    };
+    // the zone
+    let text = text.split(['+', '-']).next()?;
+    let fields: Vec<&str> = text.split(':').collect();
+    let whole = |text: &&str| text.parse::<u32>().ok().filter(|_| !text.is_empty());
+    let (hours, minutes, seconds) = match fields.as_slice() {
+        [h, m] => (whole(h)?, whole(m)?, 0.0),
+        [h, m, s] => (whole(h)?, whole(m)?, decimal(s)?),
+        // milliseconds or microseconds behind a fourth colon
+        [h, m, s, fraction] => {
+            let small = f64::from(whole(fraction)?) / 10_f64.powi(fraction.len() as i32);
+            (whole(h)?, whole(m)?, f64::from(whole(s)?) + small)
+        }
+        _ => return None,
+    };
+    (minutes < 60 && seconds < 61.0)
+        .then(|| sign * (f64::from(hours) * 3600.0 + f64::from(minutes) * 60.0 + seconds))
+}
+
+fn decimal(text: &str) -> Option<f64> {
+    let is_plain = text.chars().all(|c| c.is_ascii_digit() || c == '.' || c == ',');
+    let value = text.replace(',', ".").parse::<f64>().ok();
+    value.filter(|_| is_plain && text.starts_with(|c: char| c.is_ascii_digit()))
+}
+
+/// Days since 1970 of a date.
+fn day(text: &str) -> Option<i64> {
+    let sign = text.chars().find(|c| !c.is_ascii_digit())?;
+    let fields: Vec<&str> = text.split(sign).filter(|field| !field.is_empty()).collect();
+    let [a, b, c] = fields.as_slice() else { return None };
+    // `1.2.3` is a version
+    if a.len() < 2 && c.len() < 2 {
+        return None;
+    }
+    let number = |text: &str| text.parse::<i64>().ok().filter(|n| *n >= 0);
+    let (a, b, c) = (number(a)?, number(b)?, number(c)?);
+    let (year, month, day) = match sign {
+        '-' | '/' | '.' if a > 31 => (a, b, c),
+        '.' | '-' => (c, b, a),
+        '/' if a > 12 => (c, b, a),
+        '/' => (c, a, b),
+        _ => return None,
+    };
+    let year = if year < 100 { year + 2000 } else { year };
+    let is_date =
+        (1900..3000).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day);
+    is_date.then(|| days_since_1970(year, month, day))
+}
+
+/// Days from 1 January 1970 to a date of the Gregorian calendar: years are counted from March, so that the leap day is their
+/// last.
+fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
+    let year = if month <= 2 { year - 1 } else { year };
+    let months_since_march = (month + 9) % 12;
+    let day_of_year = (153 * months_since_march + 2) / 5 + day - 1;
+    365 * year + year / 4 - year / 100 + year / 400 + day_of_year - 719_468
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_read_as_people_write_them() {
+        for (text, comma, value) in [
+            ("1.5", false, 1.5),
+            ("-1,5", true, -1.5),
+            ("\"2,5\"", true, 2.5),
+            ("1.234,5", true, 1234.5),
+            ("1,013.25", false, 1013.25),
+            ("1.5D-3", false, 1.5e-3),
+            ("−4.5", false, -4.5),
+            ("+3", false, 3.0),
+            ("1E+05", false, 1e5),
+            (".5", false, 0.5),
+            ("TRUE", false, 1.0),
+            ("aus", true, 0.0),
+        ] {
+            assert_eq!(Cell::read(text, comma), Cell::Number(value), "{text}");
+        }
+        for text in [
+            "", " ", "NaN", "#N/A", "#NV", "#WERT!", "---", "-", "1.#QNAN", "-1.#IND", "1.#INF",
+            "inf", "n/a", "?", "nan(ind)", "1e999",
+        ] {
+            assert_eq!(Cell::read(text, false), Cell::Missing, "{text}");
+        }
+        for text in [
+            "IDLE",
+            "1,5",
+            "5 bar",
+            "1.2.3",
+            "e",
+            "d",
+            "0,",
+            "1,50.5",
+            "# note",
+            "x".repeat(99).as_str(),
+        ] {
+            assert_eq!(Cell::read(text, false), Cell::Text, "{text}");
+        }
+    }
+
+    #[test]
+    fn stamps_are_the_same_time_however_they_are_written() {
+        let seconds = |text: &str| match Cell::read(text, false) {
+            Cell::Stamp(Stamp { day, seconds }) => {
+                (day.unwrap_or(0) * 86_400) as f64 + seconds.unwrap_or(0.0)
+            }
+            other => panic!("{text}: {other:?}"),
+        };
+        // 31 January 2024, 10:00:00 is 1706695200 s after 1970
+        for text in [
+            "2024-01-31T10:00:00.25Z",
+            "2024-01-31 10:00:00.250+01:00",
+            "31.01.2024 10:00:00,25",
+            "1/31/2024 10:00:00.25 AM",
+            "2024/01/31 10:00:00:250",
+            "31.01.24 10:00:00,25",
+        ] {
+            assert!((seconds(text) - 1_706_695_200.25).abs() < 1e-6, "{text}: {}", seconds(text));
+        }
+        assert_eq!(seconds("10:00:01.5"), 36_001.5);
+        assert_eq!(seconds("10:00:01.5 PM"), 79_201.5);
+        assert_eq!(seconds("0 days 00:00:01.5"), 1.5);
+        assert_eq!(seconds("2000-03-01") - seconds("2000-02-28"), 2.0 * 86_400.0);
+        assert_eq!(seconds("2100-03-01") - seconds("2100-02-28"), 86_400.0);
+        assert_eq!(seconds("1970-01-01"), 0.0);
+        for text in [
+            "a:b",
+            "10:99:00",
+            "2024-13-01",
+            "1.2",
+            "::",
+            ":",
+            "T",
+            "Z",
+            "AM",
+            "é:1",
+            "1:2:3:4:5",
+            "99:éé",
+        ] {
+            assert!(!matches!(Cell::read(text, false), Cell::Stamp(_)), "{text}");
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! The columns of a table, from what stands above them.
+
+use super::cell::Cell;
+use super::style::Style;
+use crate::heading::Heading;
+use crate::unit::Unit;
+
+/// What the cells of a column are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Kind {
+    /// Numbers.
+    Number,
+    /// Dates and times.
+    Stamp,
+    /// Words.
+    Text,
+}
+
+/// A column.
+pub(super) struct Column {
+    pub(super) heading: String,
+    pub(super) read: Heading,
+    pub(super) kind: Kind,
+    /// Whether TwinCAT Scope says that it is a time, in ms.
+    pub(super) is_scope_time: bool,
+    /// Interval that the head promises \[s\].
+    pub(super) interval: Option<f64>,
+}
+
+/// The columns.
+pub(super) fn columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
+    let mut columns = match is_scope(style) {
+        true => scope_columns(style, remarks),
+        false => plain_columns(style, remarks),
+    };
+    for (k, column) in columns.iter_mut().enumerate() {
+        let count = |is: &dyn Fn(&Cell) -> bool| {
+            style.sample.iter().filter_map(|row| row.get(k)).filter(|c| is(c)).count()
+        };
+        let numbers = count(&|c| matches!(c, Cell::Number(_)));
+        let stamps = count(&|c| matches!(c, Cell::Stamp(_)));
+        let texts = count(&|c| matches!(c, Cell::Text));
+        column.kind = match (texts > numbers + stamps, stamps > numbers) {
+            (true, _) => Kind::Text,
+            (_, true) => Kind::Stamp,
+            _ => Kind::Number,
+        };
+    }
+    columns
+}
+
+/// A heading, its unit from a line below it, or from itself.
+fn column(heading: &str, below: &str) -> Column {
+    Column {
+        heading: heading.into(),
+        read: Heading::with_unit(heading, below),
+        kind: Kind::Number,
+        is_scope_time: false,
+        interval: None,
+    }
+}
+
+/// Without a sign of a comment.
+fn bare(text: &str) -> &str {
+    text.trim_start_matches(['#', '%', '!']).trim_start_matches("//").trim()
+}
+
+/// Where the first cell is but the sign of a comment, the others stand one further.
+fn without_sign(row: &[String]) -> &[String] {
+    match row.first() {
+        Some(first) if bare(first).is_empty() && !first.is_empty() => &row[1..],
+        _ => row,
+    }
+}
+
+fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
+    let is_number =
+        |text: &String| matches!(Cell::read(text, style.decimal_comma), Cell::Number(_));
+    let named =
+        |row: &&[String]| row.iter().filter(|c| !bare(c).is_empty() && !is_number(c)).count();
+    let is_heading = |row: &&[String]| {
+        let most = style.width.max(2);
+        row.len() + 1 >= most && row.len() <= most + 1 && named(row) * 2 > style.width
+    };
+    let rows: Vec<&[String]> = style.head.iter().map(|row| without_sign(row)).collect();
+    let headings: Vec<usize> = (0..rows.len()).rev().filter(|k| is_heading(&rows[*k])).collect();
+    let is_unit = |c: &&String| Unit::find(bare(c)).is_some();
+    let are_units = |row: &[String]| {
+        let there = row.iter().filter(|c| !bare(c).is_empty());
+        row.iter().filter(is_unit).count() * 2 > there.count().max(1)
+    };
+    // types, say, are the same all along
+    let is_uniform = |row: &[String]| row.len() > 2 && row.iter().skip(1).all(|c| *c == row[1]);
+    // the lowest are names, unless they are units below others
+    let mut candidates = headings.iter().filter(|k| !is_uniform(rows[**k])).chain(&headings);
+    let lowest = candidates.next().copied();
+    let above = candidates.next().copied().filter(|above| Some(*above) < lowest);
+    let names = match lowest {
+        Some(k) if are_units(rows[k]) => above.or(lowest),
+        lowest => lowest,
+    };
+    let below = &rows[names.map_or(0, |k| k + 1)..];
+    let is_whole = |row: &&&[String]| row.len() <= style.width + 1 && are_units(row);
+    let units = below.iter().find(is_whole);
+    let Some(names) = names.map(|k| rows[k]) else {
+        remarks.push("no row of names stands above the numbers: columns are counted".into());
+        let unit = |k: usize| units.and_then(|u| u.get(k)).map_or("", |u| bare(u));
+        return (1..=style.width).map(|k| column(&format!("column_{k}"), unit(k - 1))).collect();
+    };
+    (0..style.width)
+        .map(|k| {
+            let name = names.get(k).map_or("", |name| bare(name));
+            let unit = units.and_then(|u| u.get(k));
+            let counted = format!("column_{}", k + 1);
+            column(if name.is_empty() { &counted } else { name }, unit.map_or("", |u| bare(u)))
+        })
+        .collect()
+}
+
+fn is_label(row: &[String], label: &str) -> bool {
+    row.first().is_some_and(|c| c.eq_ignore_ascii_case(label))
+}
+
+/// Whether it is an export of TwinCAT Scope: each channel has a column below its label, `Name`, and one below its name.
+fn is_scope(style: &Style) -> bool {
+    let labels =
+        ["SampleTime[ms]", "SymbolComment", "Data-Type", "Starttime of export", "SymbolName"];
+    let is_said = style.head.iter().any(|row| labels.iter().any(|label| is_label(row, label)));
+    let is_in_pairs = style.head.iter().any(|row| {
+        row.len() >= 4
+            && row.iter().step_by(2).all(|c| c.is_empty() || c.eq_ignore_ascii_case("Name"))
+            && is_label(row, "Name")
+    });
+    is_in_pairs || (is_said && style.head.iter().any(|row| is_label(row, "Name")))
+}
+
+/// TwinCAT Scope: a block of rows, each beginning with its label, which stands above every time column too.
+fn scope_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
+    let row = |label: &str| {
+        let is_it = |row: &&Vec<String>| is_label(row, label);
+        style.head.iter().filter(is_it).max_by_key(|row| row.len())
+    };
+    let none = Vec::new();
+    let names = row("Name").unwrap_or(&none);
+    let (samples, units) = (row("SampleTime[ms]"), row("Unit"));
+    // exported without time columns, the numbers have no cell below the labels
+    let has_times = style.width + 1 >= names.len();
+    let mut columns = Vec::new();
+    for (k, name) in names.iter().enumerate() {
+        let is_time = name.eq_ignore_ascii_case("Name");
+        if (is_time && !has_times) || (name.is_empty() && k + 1 == names.len()) {
+            continue;
+        }
+        let below = units.and_then(|u| u.get(k)).filter(|_| !is_time);
+        let mut column = column(name, below.map_or("", String::as_str));
+        column.is_scope_time = is_time;
+        if is_time {
+            column.heading = "time".into();
+            column.read = Heading::with_unit("time", "ms");
+        } else if !has_times {
+            let sample = samples.and_then(|s| s.get(k)).map(|c| Cell::read(c, style.decimal_comma));
+            let interval = sample.map(|cell| cell.number() * 1e-3);
+            column.interval = interval.filter(|interval| *interval > 0.0);
+        }
+        columns.push(column);
+    }
+    remarks.push("an export of TwinCAT Scope".into());
+    columns
+}

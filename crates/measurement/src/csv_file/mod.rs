@@ -1,0 +1,126 @@
+//! Delimited text: anybody's, and the exports of TwinCAT Scope and Simulink.
+//!
+//! ```text
+//! lines -separator, decimal sign, head-> columns -names, units, content-> times -rows-> channels
+//! ```
+//!
+//! Each time column begins a group of columns that were sampled together: exports in which every channel has a time column of
+//! its own are read as what they are. What cannot be read is counted and said; a log is refused where nothing usable is left.
+
+mod cell;
+mod columns;
+mod lines;
+mod rows;
+mod style;
+mod times;
+
+use crate::channel::{Channel, Measurement};
+use crate::error::MeasurementError;
+use crate::time_column::TimeColumn;
+use columns::Kind;
+use lines::{Lines, text};
+use rows::Rows;
+use std::fs::File;
+use std::path::Path;
+use std::sync::Arc;
+use style::Style;
+use times::{Source, Times};
+
+/// Lines that are looked at first, and bytes of them, at most.
+const FIRST_LINES: usize = 2_000;
+const FIRST_BYTES: usize = 32 << 20;
+/// Columns, at most.
+const MOST_COLUMNS: usize = 20_000;
+/// Names that are told of columns that are left out.
+const TOLD: usize = 5;
+
+pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, MeasurementError> {
+    let file = path.display().to_string();
+    let failed = |error| MeasurementError::File { file: file.clone(), error };
+    let format = |reason: String| MeasurementError::Format { file: file.clone(), reason };
+    let empty = |found: String| MeasurementError::Empty { file: file.clone(), found };
+    let source = File::open(path).map_err(failed)?;
+    let Some(mut lines) = Lines::of(source).map_err(failed)? else {
+        let reason = "it is no text: CSV, MAT (level 4 to 7), MDF 4 and MCAP files are read";
+        return Err(format(reason.into()));
+    };
+    let mut first: Vec<String> = Vec::new();
+    let mut bytes = 0;
+    while first.len() < FIRST_LINES && bytes < FIRST_BYTES {
+        let Some(line) = lines.next().map_err(failed)? else { break };
+        bytes += line.len();
+        first.push(text(line).into_owned());
+    }
+    if first.iter().all(|line| line.trim().is_empty()) {
+        return Err(empty("it is empty".into()));
+    }
+    let Some(style) = Style::find(&first) else {
+        return Err(empty(
+            "no row in it has two numbers or more beside each other (separated by tab, semicolon, comma, colon, blanks or |)".into(),
+        ));
+    };
+    if style.width > MOST_COLUMNS {
+        return Err(format(format!("it has {} columns; {MOST_COLUMNS} are read", style.width)));
+    }
+    let mut remarks = Vec::new();
+    if lines.is_utf_16 {
+        remarks.push("it is in UTF-16".into());
+    }
+    let columns = columns::columns(&style, &mut remarks);
+    let words: Vec<&str> =
+        columns.iter().filter(|c| c.kind == Kind::Text).map(|c| c.heading.as_str()).collect();
+    if !words.is_empty() {
+        let more = words.len().saturating_sub(TOLD);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let named: Vec<String> = words.iter().take(TOLD).map(|w| format!("\"{w}\"")).collect();
+        remarks.push(format!("columns of text are left out: {}{more}", named.join(", ")));
+    }
+    let bases = Times { file: &file, style: &style, columns: &columns, wanted: time }
+        .bases(&mut remarks)?;
+    let is_counted = bases.iter().any(|b| matches!(b.source, Source::Counted { .. }));
+    let mut rows = Rows::new(&style, &columns, bases);
+    for (k, line) in first.iter().enumerate().skip(style.first) {
+        rows.add(k as u64 + 1, line);
+    }
+    drop(first);
+    while !rows.is_ended {
+        let number = lines.number + 1;
+        let Some(line) = lines.next().map_err(failed)? else { break };
+        rows.add(number, &text(line));
+    }
+    remarks.dedup();
+    let is_relative = rows.origin.is_some();
+    remarks.extend(rows.remarks());
+    let (count, bases) = rows.finish();
+    let mut channels = Vec::new();
+    for (members, recording) in bases {
+        let recorded = recording.finish(&file, "line")?;
+        remarks.extend(recorded.remarks);
+        if recorded.time.len() < 2 {
+            continue;
+        }
+        let (time, breaks): (Arc<[f64]>, Arc<[usize]>) =
+            (recorded.time.into(), recorded.breaks.into());
+        for (column, values) in members.iter().map(|c| &columns[*c]).zip(recorded.columns) {
+            if column.kind == Kind::Number {
+                let channel =
+                    Channel::of(column.read.clone(), &column.heading, Arc::clone(&time), values);
+                channels.push(channel.broken_at(Arc::clone(&breaks)));
+            }
+        }
+    }
+    if channels.is_empty() {
+        return Err(empty(match count {
+            0 => "there are no rows of numbers".to_string(),
+            1 => "there is 1 row of numbers".to_string(),
+            _ if is_counted => "no column of numbers is left".to_string(),
+            _ => format!(
+                "{count} rows were read, and no column of numbers beside the time with two times is left"
+            ),
+        }));
+    }
+    if is_relative {
+        remarks.push("time is counted from the first sample".into());
+    }
+    Ok(Measurement { name: file, channels, remarks })
+}

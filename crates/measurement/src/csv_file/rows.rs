@@ -1,0 +1,168 @@
+//! Rows of numbers, one after the other: what cannot be read is counted.
+
+use super::cell::Cell;
+use super::columns::{Column, Kind};
+use super::lines::Cells;
+use super::style::Style;
+use super::times::{Base, Clock};
+use crate::recording::Recording;
+use crate::thinning::MOST;
+
+/// Rows of numbers.
+pub(super) struct Rows<'a> {
+    style: &'a Style,
+    columns: &'a [Column],
+    bases: Vec<(Clock, Vec<usize>, Recording)>,
+    /// What far times are counted from \[s\].
+    pub(super) origin: Option<f64>,
+    /// Whether the table says that it ends here.
+    pub(super) is_ended: bool,
+    count: u64,
+    cells: Cells,
+    row: Vec<Cell>,
+    numbers: Vec<f64>,
+    comments: Odd,
+    words: Odd,
+    short: Odd,
+    long: Odd,
+    timeless: Odd,
+    bad: Odd,
+}
+
+/// What is odd: how often, and where first.
+#[derive(Default)]
+struct Odd {
+    count: u64,
+    line: u64,
+    what: String,
+}
+
+impl Odd {
+    fn add(&mut self, line: u64, what: &str) {
+        self.count += 1;
+        if self.count == 1 {
+            self.line = line;
+            self.what = what.trim().chars().take(40).collect();
+        }
+    }
+}
+
+impl<'a> Rows<'a> {
+    pub(super) fn new(style: &'a Style, columns: &'a [Column], bases: Vec<Base>) -> Self {
+        let share = MOST / bases.len().max(1);
+        let bases = bases.into_iter().map(|Base { source, members }| {
+            let recording = Recording::new(members.len(), share);
+            (Clock::new(source), members, recording)
+        });
+        Self {
+            style,
+            columns,
+            bases: bases.collect(),
+            origin: None,
+            is_ended: false,
+            count: 0,
+            cells: Cells::default(),
+            row: Vec::new(),
+            numbers: Vec::new(),
+            comments: Odd::default(),
+            words: Odd::default(),
+            short: Odd::default(),
+            long: Odd::default(),
+            timeless: Odd::default(),
+            bad: Odd::default(),
+        }
+    }
+
+    /// Adds a line.
+    pub(super) fn add(&mut self, number: u64, line: &str) {
+        if line.trim().is_empty() || self.is_ended {
+            return;
+        }
+        self.cells.split(line, self.style.separator);
+        if self.cells.len() <= 2 && self.cells.get(0).trim() == "EOF" {
+            self.is_ended = true;
+            return;
+        }
+        let width = self.columns.len();
+        self.row.clear();
+        let (mut numbers, mut texts, mut first_text) = (0_u64, 0_u64, None);
+        for (k, column) in self.columns.iter().enumerate() {
+            if column.kind == Kind::Text {
+                self.row.push(Cell::Missing);
+                continue;
+            }
+            let cell = Cell::read(self.cells.get(k), self.style.decimal_comma);
+            let fits = !matches!(
+                (cell, column.kind),
+                (Cell::Text, _) | (Cell::Stamp(_), Kind::Number) | (Cell::Number(_), Kind::Stamp)
+            );
+            if !fits {
+                texts += 1;
+                first_text = first_text.or(Some(k));
+            }
+            numbers += u64::from(cell.is_data() && fits);
+            self.row.push(if fits { cell } else { Cell::Missing });
+        }
+        // a comment, a second head
+        if texts > 0 && (numbers == 0 || texts > numbers) {
+            let is_comment = line.trim_start().starts_with(['#', '%', '!', '*'])
+                || line.trim_start().starts_with("//");
+            let odd = if is_comment { &mut self.comments } else { &mut self.words };
+            return odd.add(number, line);
+        }
+        if numbers == 0 {
+            return self.words.add(number, line);
+        }
+        if let Some(k) = first_text {
+            let what = format!("\"{}\" in {}", self.cells.get(k).trim(), self.columns[k].heading);
+            self.bad.add(number, &what);
+            self.bad.count += texts - 1;
+        }
+        if self.cells.len() < width {
+            self.short.add(number, "");
+        }
+        if (width..self.cells.len()).any(|k| !self.cells.get(k).trim().is_empty()) {
+            self.long.add(number, "");
+        }
+        self.count += 1;
+        let is_alone = self.bases.len() == 1;
+        for (clock, members, recording) in &mut self.bases {
+            // a channel that was sampled less often has no time in this row
+            let Some(time) = clock.time(&self.row, &mut self.origin) else {
+                if is_alone {
+                    self.timeless.add(number, line);
+                }
+                continue;
+            };
+            self.numbers.clear();
+            self.numbers.push(time);
+            self.numbers.extend(members.iter().map(|k| self.row[*k].number()));
+            recording.push(number, &self.numbers);
+        }
+    }
+
+    /// What was odd.
+    pub(super) fn remarks(&self) -> Vec<String> {
+        let mut said = Vec::new();
+        let mut say = |odd: &Odd, what: &str, then: &str| {
+            if odd.count > 0 {
+                let shown =
+                    if odd.what.is_empty() { String::new() } else { format!(" ({})", odd.what) };
+                said.push(format!("{} {what}, first line {}{shown}: {then}", odd.count, odd.line));
+            }
+        };
+        say(&self.comments, "comments", "left out");
+        say(&self.words, "rows that hold words in place of numbers", "left out");
+        say(&self.timeless, "rows without a time", "left out");
+        say(&self.bad, "cells that are no numbers", "they count as missing");
+        say(&self.short, "rows are shorter than the others", "what is not there is missing");
+        say(&self.long, "rows are longer than the others", "what is more is left out");
+        said
+    }
+
+    /// How many rows there were, and what was recorded of each base.
+    pub(super) fn finish(self) -> (u64, Vec<(Vec<usize>, Recording)>) {
+        let bases = self.bases.into_iter().map(|(_, members, recording)| (members, recording));
+        (self.count, bases.collect())
+    }
+}

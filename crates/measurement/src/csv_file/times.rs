@@ -1,0 +1,383 @@
+//! Which columns of a table hold times, and what they count: judged by names, units and content.
+
+use super::cell::{Cell, Stamp};
+use super::columns::{Column, Kind};
+use super::style::Style;
+use crate::dimension::Dimension;
+use crate::error::MeasurementError;
+use crate::time_column::TimeColumn;
+use crate::time_unit::{DAY, FAR, by_content, interval};
+use crate::unit::Unit;
+
+/// Ticks of Windows' file time \[s\], which TwinCAT Scope writes.
+const TICK: f64 = 1e-7;
+
+/// Where the time of some columns comes from.
+#[derive(Clone, Debug)]
+pub(super) enum Source {
+    /// A column of numbers: a factor to seconds, and what is added in seconds.
+    Number { column: usize, factor: f64, offset: f64, is_far: bool },
+    /// A column of dates and times; where the dates stand in another, that too.
+    Stamp { column: usize, date: Option<usize> },
+    /// Rows are counted \[s\].
+    Counted { interval: f64 },
+}
+
+/// Columns with the same times.
+pub(super) struct Base {
+    pub(super) source: Source,
+    pub(super) members: Vec<usize>,
+}
+
+/// The first rows, and how the time is to be found in them.
+pub(super) struct Times<'a> {
+    pub(super) file: &'a str,
+    pub(super) style: &'a Style,
+    pub(super) columns: &'a [Column],
+    pub(super) wanted: &'a TimeColumn,
+}
+
+impl Times<'_> {
+    /// The columns by their times.
+    pub(super) fn bases(&self, remarks: &mut Vec<String>) -> Result<Vec<Base>, MeasurementError> {
+        let all = || (0..self.columns.len()).filter(|k| self.columns[*k].kind != Kind::Text);
+        if let Some(interval) = self.wanted.sample_time {
+            remarks.push(format!(
+                "rows are counted, {:?} ms apart, as the sample time says",
+                interval * 1e3
+            ));
+            let of_time = |k: &usize| {
+                let column = &self.columns[*k];
+                column.is_scope_time || column.kind == Kind::Stamp || column.read.is_named_as_time()
+            };
+            let members = all().filter(|k| !of_time(k)).collect();
+            return Ok(vec![Base { source: Source::Counted { interval }, members }]);
+        }
+        let times = match self.wanted.column.as_deref() {
+            Some(name) => vec![self.named(name)?],
+            None if self.columns.iter().any(|c| c.is_scope_time) => {
+                all().filter(|k| self.columns[*k].is_scope_time).collect()
+            }
+            None if self.columns.iter().any(|c| c.interval.is_some()) => {
+                return Ok(self.counted());
+            }
+            None => self.found(remarks)?,
+        };
+        let Some(first) = times.first().copied() else { return Ok(Vec::new()) };
+        let date = self.date_beside(first);
+        let is_time = |k: usize| times.contains(&k) || Some(k) == date;
+        let mut bases: Vec<Base> = Vec::new();
+        for (place, time) in times.iter().enumerate() {
+            // what stands before the first time belongs to it too
+            let from = if place == 0 { 0 } else { *time };
+            let to = times.get(place + 1).copied().unwrap_or(self.columns.len());
+            let members: Vec<usize> =
+                all().filter(|k| (from..to).contains(k) && !is_time(*k)).collect();
+            if !members.is_empty() {
+                let source = self.source(*time, date.filter(|_| place == 0), remarks)?;
+                bases.push(Base { source, members });
+            }
+        }
+        Ok(bases)
+    }
+
+    /// Columns that are sampled as the head promises.
+    fn counted(&self) -> Vec<Base> {
+        let mut bases: Vec<Base> = Vec::new();
+        for (k, column) in self.columns.iter().enumerate().filter(|(_, c)| c.kind != Kind::Text) {
+            let interval = column.interval.unwrap_or(1e-3);
+            let same = bases.last_mut().filter(
+                |b| matches!(b.source, Source::Counted { interval: other } if other == interval),
+            );
+            match same {
+                Some(base) => base.members.push(k),
+                None => {
+                    bases.push(Base { source: Source::Counted { interval }, members: vec![k] });
+                }
+            }
+        }
+        bases
+    }
+
+    /// The column that a mapping names.
+    fn named(&self, name: &str) -> Result<usize, MeasurementError> {
+        let by_heading = self.columns.iter().position(|c| c.heading == name);
+        let found = by_heading.or_else(|| self.columns.iter().position(|c| c.read.name == name));
+        found.ok_or_else(|| MeasurementError::Mapping {
+            file: self.file.into(),
+            reason: format!(
+                "the mapping names \"{name}\" as the time; the columns are: {}",
+                self.headings()
+            ),
+        })
+    }
+
+    fn headings(&self) -> String {
+        let all: Vec<&str> = self.columns.iter().map(|c| c.heading.as_str()).collect();
+        let more =
+            if all.len() > 40 { format!(" and {} more", all.len() - 40) } else { String::new() };
+        format!("{}{more}", all[..all.len().min(40)].join(", "))
+    }
+
+    /// Columns that are times by name, unit and content; the first of them for all columns before the next.
+    fn found(&self, remarks: &mut Vec<String>) -> Result<Vec<usize>, MeasurementError> {
+        let score = |k: usize| -> f64 {
+            let column = &self.columns[k];
+            let is_stamp = column.kind == Kind::Stamp;
+            let has_unit = column.read.unit.is_some_and(|u| u.dimension == Dimension::Time);
+            let is_named = column.read.is_named_as_time();
+            if column.kind == Kind::Text || (!is_stamp && !self.goes_on(k)) {
+                return 0.0;
+            }
+            // a word says more than a letter, and a small letter more than a capital
+            let by_name = match (is_named, column.read.name.as_str()) {
+                (true, "T") => 0.5,
+                (true, name) if name.chars().count() == 1 => 1.0,
+                (true, _) => 2.0,
+                _ => 0.0,
+            };
+            let by_unit = if has_unit { 1.5 } else { 0.0 };
+            let by_kind = if is_stamp { 2.0 } else { 0.0 };
+            by_name + by_unit + by_kind
+        };
+        let mut best: Option<(f64, usize)> = None;
+        for k in 0..self.columns.len() {
+            if score(k) > best.map_or(0.0, |(most, _)| most) {
+                best = Some((score(k), k));
+            }
+        }
+        let Some((_, best)) = best else {
+            return self.first_that_goes_on(remarks).map(|k| vec![k]);
+        };
+        // a base of its own for each channel has the same name again, but for a number behind it
+        let base = stem(&self.columns[best].read.name);
+        let is_again = |k: &usize| {
+            let name = &self.columns[*k].read.name;
+            *k == best
+                || (*k > best
+                    && stem(name) == base
+                    && (*name == self.columns[best].read.name || base.len() > 2)
+                    && (self.columns[*k].kind == Kind::Stamp || self.goes_on(*k)))
+        };
+        Ok((0..self.columns.len()).filter(is_again).collect())
+    }
+
+    /// Without a column that is named as a time: the first one, if it increases by even steps.
+    fn first_that_goes_on(&self, remarks: &mut Vec<String>) -> Result<usize, MeasurementError> {
+        let first = self.columns.iter().position(|c| c.kind == Kind::Number);
+        if let Some(first) = first
+            && self.columns[first].read.unit.is_none()
+            && self.is_even(first)
+        {
+            remarks.push(format!(
+                "no column is named as a time: \"{}\" is taken for it, because it increases by even steps",
+                self.columns[first].heading
+            ));
+            return Ok(first);
+        }
+        let named: Vec<&str> = self
+            .columns
+            .iter()
+            .filter(|c| c.read.is_named_as_time())
+            .map(|c| c.heading.as_str())
+            .collect();
+        let what = match named.as_slice() {
+            [] => {
+                "no column is named as a time, and the first does not increase by even steps".into()
+            }
+            names => format!("{} is named as a time, and does not go on as one", names.join(", ")),
+        };
+        let no_unit = self.columns.iter().all(|c| c.read.unit.is_none());
+        let units = if no_unit { "; and no column has a unit" } else { "" };
+        Err(MeasurementError::Format {
+            file: self.file.into(),
+            reason: format!(
+                "it has no column of times: {what} (there are: {}){units}. If its rows are evenly spaced, give their interval (--sample-time-ms, or sample_time_ms \
+                 in a mapping); else name the column ([log] time = \"...\" in a mapping)",
+                self.headings()
+            ),
+        })
+    }
+
+    /// The first numbers of a column.
+    fn numbers(&self, k: usize) -> Vec<f64> {
+        let cells = self.style.sample.iter().filter_map(|row| row.get(k));
+        cells.map(|c| c.number()).filter(|v| v.is_finite()).collect()
+    }
+
+    /// Whether the first numbers of a column go on as a clock does: of twenty steps nineteen are not back, and half of them forth.
+    fn goes_on(&self, k: usize) -> bool {
+        let numbers = self.numbers(k);
+        let steps = numbers.len().saturating_sub(1);
+        let back = numbers.windows(2).filter(|w| w[1] < w[0]).count();
+        let on = numbers.windows(2).filter(|w| w[1] > w[0]).count();
+        // stamps that are coarser than the rows stand still between
+        steps == 0 || (on > 0 && back * 20 <= steps.max(20))
+    }
+
+    /// Whether the first numbers of a column increase by even steps.
+    fn is_even(&self, k: usize) -> bool {
+        let numbers = self.numbers(k);
+        let Some(usual) = interval(&numbers) else { return false };
+        let even =
+            numbers.windows(2).filter(|w| (w[1] - w[0] - usual).abs() <= 0.5 * usual).count();
+        even * 20 >= numbers.len().saturating_sub(1) * 19
+    }
+
+    /// A column of dates beside one of times of the day.
+    fn date_beside(&self, time: usize) -> Option<usize> {
+        let stamp = |k: usize| {
+            self.style.sample.iter().find_map(|row| match row.get(k) {
+                Some(Cell::Stamp(stamp)) => Some(*stamp),
+                _ => None,
+            })
+        };
+        let has = |k: usize| stamp(k).map(|s| (s.day.is_some(), s.seconds.is_some()));
+        let is_clock = self.columns[time].kind == Kind::Stamp && has(time) == Some((false, true));
+        let is_date = |k: &usize| {
+            self.columns.get(*k).is_some_and(|c| c.kind == Kind::Stamp)
+                && has(*k) == Some((true, false))
+        };
+        let beside = [time.wrapping_sub(1), time + 1];
+        beside.into_iter().find(is_date).filter(|_| is_clock)
+    }
+
+    fn source(
+        &self,
+        column: usize,
+        date: Option<usize>,
+        remarks: &mut Vec<String>,
+    ) -> Result<Source, MeasurementError> {
+        if self.columns[column].kind == Kind::Stamp {
+            return Ok(Source::Stamp { column, date });
+        }
+        let numbers = self.numbers(column);
+        let first = numbers.first().copied().unwrap_or(0.0);
+        let unit = self.unit(column, first, interval(&numbers), remarks)?;
+        let TimeColumn { scale, offset, .. } = *self.wanted;
+        Ok(Source::Number {
+            column,
+            factor: unit * scale,
+            offset: offset * unit,
+            is_far: (first * scale + offset).abs() * unit > FAR,
+        })
+    }
+
+    /// One of a column's numbers \[s\].
+    fn unit(
+        &self,
+        column: usize,
+        first: f64,
+        interval: Option<f64>,
+        remarks: &mut Vec<String>,
+    ) -> Result<f64, MeasurementError> {
+        let Column { heading, read, is_scope_time, .. } = &self.columns[column];
+        if let Some(unit) = self.wanted.unit {
+            return Ok(unit.factor);
+        }
+        if *is_scope_time && first > 1e15 {
+            remarks.push("times are ticks of 100 ns, as TwinCAT Scope writes them".into());
+            return Ok(TICK);
+        }
+        let state = "state it in a mapping: [log.time] column = \"...\", unit = \"...\"";
+        let wrong = |reason: String| MeasurementError::Mapping { file: self.file.into(), reason };
+        if let Some(text) = &read.unknown_unit {
+            let error = Unit::of_dimension(text, Dimension::Time).err();
+            let error = error.map_or_else(String::new, |e| e.to_string());
+            return Err(wrong(format!("the time \"{heading}\": {error}; {state}")));
+        }
+        match read.unit {
+            Some(unit) if unit.dimension == Dimension::Time => return Ok(unit.factor),
+            Some(unit) => {
+                let words = unit.dimension.words();
+                return Err(wrong(format!(
+                    "the time \"{heading}\": {} is {words}, not a time; {state}",
+                    unit.name
+                )));
+            }
+            None => {}
+        }
+        let interval = interval.unwrap_or(1.0);
+        if self.wanted.scale != 1.0 {
+            return Ok(1.0);
+        }
+        let (factor, what) = by_content(first, interval).ok_or_else(|| {
+            wrong(format!(
+                "the time \"{heading}\" has no unit, and begins with {first:?}: neither seconds nor milli-, micro- or nanoseconds since 1970, nor days; {state}"
+            ))
+        })?;
+        remarks.push(format!(
+            "the time \"{heading}\" has no unit: taken as {what}, its steps being {:.6} ms",
+            interval * factor * 1e3
+        ));
+        Ok(factor)
+    }
+}
+
+/// A name without a number behind it.
+fn stem(name: &str) -> &str {
+    name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches(['_', '.', '#', ' ', '-'])
+}
+
+/// Turns the cells of rows into times \[s\].
+pub(super) struct Clock {
+    source: Source,
+    count: u64,
+    /// Day of the first stamp.
+    day: Option<i64>,
+    /// What the first number of the table's first base is \[s\].
+    last: f64,
+    days_on: f64,
+}
+
+impl Clock {
+    pub(super) fn new(source: Source) -> Self {
+        Self { source, count: 0, day: None, last: f64::NEG_INFINITY, days_on: 0.0 }
+    }
+
+    /// The time of a row \[s\]; none where it has none. `origin` is what far times of the table are counted from \[s\].
+    pub(super) fn time(&mut self, row: &[Cell], origin: &mut Option<f64>) -> Option<f64> {
+        let cell = |k: usize| row.get(k).copied().unwrap_or(Cell::Missing);
+        match self.source {
+            Source::Counted { interval } => {
+                self.count += 1;
+                Some((self.count - 1) as f64 * interval)
+            }
+            Source::Number { column, factor, offset, is_far } => {
+                let Cell::Number(number) = cell(column) else { return None };
+                if !is_far {
+                    return Some(number * factor + offset);
+                }
+                // the difference first: a number since 1970 has no digits left for parts of a second
+                let zero = *origin.get_or_insert(number * factor + offset);
+                Some((number - (zero - offset) / factor) * factor)
+            }
+            Source::Stamp { column, date } => {
+                let Cell::Stamp(Stamp { day, seconds }) = cell(column) else { return None };
+                let beside = match date.map(cell) {
+                    Some(Cell::Stamp(stamp)) => stamp.day,
+                    _ => None,
+                };
+                let seconds = seconds.unwrap_or(0.0);
+                match day.or(beside) {
+                    Some(day) => {
+                        let first = *self.day.get_or_insert(day);
+                        let time = (day - first) as f64 * DAY + seconds;
+                        let zero = *origin.get_or_insert(time);
+                        Some(time - zero)
+                    }
+                    // a time of the day goes on after midnight
+                    None => {
+                        if self.last - seconds > 0.5 * DAY {
+                            self.days_on += DAY;
+                        }
+                        self.last = seconds;
+                        let time = seconds + self.days_on;
+                        let zero = *origin.get_or_insert(time);
+                        Some(time - zero)
+                    }
+                }
+            }
+        }
+    }
+}
