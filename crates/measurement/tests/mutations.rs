@@ -200,6 +200,13 @@ fn damaged_mat_files() {
 }
 
 #[test]
+fn damaged_mat_files_of_level_7_3() {
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mat/files");
+    let read = |name: &str| std::fs::read(files.join(name)).unwrap();
+    survives("7_3.mat", &["arrays_7_3.mat", "scope_7_3.mat"].map(read), use_file);
+}
+
+#[test]
 fn damaged_mdf_files() {
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mdf/files");
     let mut seeds: Vec<Vec<u8>> = ["plain", "transposed", "packed_list", "conversions", "zstd"]

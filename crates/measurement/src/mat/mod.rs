@@ -1,12 +1,13 @@
-//! MAT files of MATLAB, Simulink, dSPACE, Dymola and OpenModelica: levels 4 to 7.
+//! MAT files of MATLAB, Simulink, dSPACE, Dymola and OpenModelica: levels 4 to 7.3.
 //!
 //! ```text
-//! file -level_4, level_5-> variables -arrange (times and what is as long), trajectory-> samples
+//! file -level_4, level_5, level_7_3-> variables -arrange (times and what is as long), trajectory-> samples
 //! ```
 
 mod arrange;
 mod level_4;
 mod level_5;
+mod level_7_3;
 mod numbers;
 mod simulink;
 mod trajectory;
@@ -39,11 +40,7 @@ pub(crate) fn read(
     source.rewind().map_err(failed)?;
     let mut remarks = Vec::new();
     let variables = match begins.as_slice() {
-        b"MATLAB 7.3" => {
-            return Err(format(
-                "a MAT file of level 7.3 (HDF5) is not read; save it with -v7 in MATLAB".into(),
-            ));
-        }
+        b"MATLAB 7.3" => level_7_3::read(path, &mut remarks),
         [b'M', b'A', b'T', b'L', b'A', b'B', ..] => level_5::read(source, &mut remarks),
         _ => level_4::read(source, &mut remarks),
     }

@@ -253,6 +253,36 @@ fn days_since_year_zero_are_recognised() {
     assert!((span - 0.49).abs() < 2e-5, "{span}");
 }
 
+/// Level 7.3 is HDF5: made by `make_7_3.py`, as MATLAB lays it out.
+#[test]
+fn level_7_3_is_read_as_level_7_is() {
+    let recorded = |name: &str| {
+        let files = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mat/files");
+        read(&files.join(name), None).unwrap()
+    };
+    let [t, x, p] = course();
+    let log = recorded("arrays_7_3.mat");
+    assert_eq!(
+        log.headings(),
+        "pressures_bar_1, pressures_bar_2, single_bar, stroke_mm, log.oil_bar"
+    );
+    let values = |name: &str| &log.channel(name).unwrap().values;
+    assert_eq!(values("stroke_mm"), &x);
+    assert_eq!(*log.channel("stroke_mm").unwrap().time, *t);
+    for (k, p) in p.iter().enumerate() {
+        assert!((values("pressures_bar_1")[k] - p).abs() < 1e-12);
+        assert!((values("pressures_bar_2")[k] - p + 60.0).abs() < 1e-12);
+        assert!((values("single_bar")[k] - p).abs() < 1e-4);
+    }
+    assert_eq!(log.channel("log.oil_bar").unwrap().time.len(), 10);
+    for wanted in ["names is a cell array", "out is an object (timeseries)"] {
+        assert!(log.remarks.iter().any(|r| r.contains(wanted)), "{:?}", log.remarks);
+    }
+    let log = recorded("scope_7_3.mat");
+    assert_eq!(log.headings(), "stroke_mm, p_A [bar]");
+    holds(&log);
+}
+
 #[test]
 fn what_is_not_read_is_named_and_nothing_usable_is_refused() {
     let [t, x, _] = course();
