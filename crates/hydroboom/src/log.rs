@@ -115,7 +115,9 @@ impl Inspect {
             output::file(path, mapping.to_toml().as_bytes())?;
         }
         let taken_for = |channel: &Channel| {
-            let entry = mapping.entries.iter().find(|(_, e)| e.column == channel.heading);
+            let is_it =
+                |column: &str| log.channel(column).is_some_and(|c| std::ptr::eq(c, channel));
+            let entry = mapping.entries.iter().find(|(_, e)| is_it(&e.column));
             entry.map(|(signal, e)| (*signal, e))
         };
         if self.json {
@@ -126,7 +128,7 @@ impl Inspect {
                     let base = TimeBase::of(&c.time);
                     let range = c.range();
                     json!({
-                        "column": c.heading, "unit": c.unit.map(|u| u.name).or(c.unknown_unit.as_deref()), "samples": c.values.len(),
+                        "column": log.address(c), "unit": c.unit.map(|u| u.name).or(c.unknown_unit.as_deref()), "samples": c.values.len(),
                         "missing": range.map_or(c.values.len(), |r| r.missing),
                         "low": range.map(|r| r.low), "mean": range.map(|r| r.mean),
                         "high": range.map(|r| r.high),
@@ -162,7 +164,7 @@ impl Inspect {
                     format!("{} in {unit}{guess}", signal.symbol())
                 });
                 vec![
-                    c.heading.clone(),
+                    log.address(c),
                     signal.unwrap_or_default(),
                     range.map_or("-".into(), |r| number(r.low)),
                     range.map_or("-".into(), |r| number(r.high)),

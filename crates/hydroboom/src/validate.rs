@@ -50,6 +50,13 @@ struct Finding {
     said: String,
 }
 
+/// A segment of a log beside the model.
+struct Part {
+    experiment: Experiment,
+    prediction: Prediction,
+    findings: Vec<Finding>,
+}
+
 impl Validate {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
@@ -58,42 +65,33 @@ impl Validate {
         let n = &crane.numbers;
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
-        let experiment =
-            Experiment::new(&crane, &log, &signals, self.window.of()).into_diagnostic()?;
-        let (prediction, would) = remedies(&crane, &experiment).into_diagnostic()?;
-        let findings: Vec<Finding> = differences(&experiment, &prediction)
-            .into_iter()
-            .map(|difference| {
-                let of = would.iter().find(|(signal, _)| *signal == difference.signal);
-                let remedies = of.map_or_else(Vec::new, |(_, list)| list.clone());
-                let said = words(&difference, &remedies);
-                Finding { difference, remedies, said }
-            })
-            .collect();
+        let each = Experiment::each(&crane, &log, &signals, self.window.of()).into_diagnostic()?;
+        let parts = each.into_iter().map(|experiment| part(&crane, experiment));
+        let parts = parts.collect::<Result<Vec<Part>>>()?;
         let mut notes = log.remarks.clone();
-        notes.extend(experiment.remarks.iter().cloned());
+        notes.extend(parts.iter().flat_map(|part| part.experiment.remarks.clone()));
         notes.extend(suspicions.iter().map(|Suspicion { text, .. }| format!("suspicious: {text}")));
         if let Some(path) = &self.report {
-            let page = page(&self, &crane, &experiment, &prediction, &findings, &notes);
+            let page = page(&self, &crane, &parts, &notes);
             output::file(path, page.into_diagnostic()?.as_bytes())?;
         }
         if self.json {
-            return output::json(&json!({
-                "log": self.log, "crane": crane.name, "begin_s": experiment.begin,
-                "duration_s": experiment.duration(), "notes": notes,
-                "signals": findings.iter().map(in_json).collect::<Vec<_>>(),
-            }));
+            return output::json(&self.in_json(&crane, &parts, &notes));
         }
-        let rows: Vec<Vec<String>> = findings.iter().map(row).collect();
-        let mut said = format!(
-            "{}: {:.1} s beside \"{}\", log less model\n{}\n",
-            self.log.display(),
-            experiment.duration(),
-            crane.name,
-            output::table(&HEADER, &rows)
-        );
-        for finding in &findings {
-            said += &format!("\n{}", finding.said);
+        let mut said = String::new();
+        for part in &parts {
+            let rows: Vec<Vec<String>> = part.findings.iter().map(row).collect();
+            said += &format!(
+                "{}: {:.1} s beside \"{}\", log less model\n{}\n",
+                part.experiment.name,
+                part.experiment.duration(),
+                crane.name,
+                output::table(&HEADER, &rows)
+            );
+            for finding in &part.findings {
+                said += &format!("\n{}", finding.said);
+            }
+            said += if parts.len() > 1 { "\n\n" } else { "" };
         }
         for note in &notes {
             said += &format!("\nnote: {note}");
@@ -103,6 +101,41 @@ impl Validate {
         }
         output::text(&said)
     }
+
+    /// In JSON: of a log of several segments, the longest one's signals and then each segment.
+    fn in_json(&self, crane: &Description, parts: &[Part], notes: &[String]) -> Value {
+        let of = |part: &Part| {
+            json!({
+                "begin_s": part.experiment.begin, "duration_s": part.experiment.duration(),
+                "signals": part.findings.iter().map(in_json).collect::<Vec<_>>(),
+            })
+        };
+        let duration = |part: &&Part| part.experiment.duration();
+        let longest = parts.iter().max_by(|a, b| duration(a).total_cmp(&duration(b)));
+        let mut value = longest.map_or_else(|| json!({}), of);
+        value["log"] = json!(self.log);
+        value["crane"] = json!(crane.name);
+        value["notes"] = json!(notes);
+        if parts.len() > 1 {
+            value["segments"] = parts.iter().map(of).collect();
+        }
+        value
+    }
+}
+
+/// Compares a segment of a log with the model.
+fn part(crane: &Description, experiment: Experiment) -> Result<Part> {
+    let (prediction, would) = remedies(crane, &experiment).into_diagnostic()?;
+    let findings = differences(&experiment, &prediction)
+        .into_iter()
+        .map(|difference| {
+            let of = would.iter().find(|(signal, _)| *signal == difference.signal);
+            let remedies = of.map_or_else(Vec::new, |(_, list)| list.clone());
+            let said = words(&difference, &remedies);
+            Finding { difference, remedies, said }
+        })
+        .collect();
+    Ok(Part { experiment, prediction, findings })
 }
 
 const HEADER: [&str; 10] = [
@@ -245,16 +278,23 @@ fn paper_figure(signal: Signal) -> u32 {
     18 + FIGURES.iter().position(|s| *s == signal).unwrap_or(0) as u32
 }
 
+/// Which segment of a log something is of, where it has several.
+fn of_segment(parts: &[Part], experiment: &Experiment) -> String {
+    match parts.len() {
+        0 | 1 => String::new(),
+        _ => format!(" (from {:.3} s)", experiment.begin),
+    }
+}
+
 fn page(
     asked: &Validate,
     crane: &Description,
-    experiment: &Experiment,
-    prediction: &Prediction,
-    findings: &[Finding],
+    parts: &[Part],
     notes: &[String],
 ) -> Result<String, LabError> {
     let mut figures = Vec::new();
-    for finding in findings {
+    let findings = || parts.iter().flat_map(|part| part.findings.iter().map(move |f| (part, f)));
+    for (Part { experiment, prediction, .. }, finding) in findings() {
         let signal = finding.difference.signal;
         let k = COMPARED.iter().position(|s| *s == signal).unwrap_or(0);
         let (unit, size) = signal.shown();
@@ -271,7 +311,7 @@ fn page(
         let y = format!("log less model [{unit}]");
         let series = vec![Series { name: "difference", points: less, colour: 2 }];
         let difference = Figure { x, y: &y, series, axes: Axes::Linear }.svg()?;
-        figures.push((signal, both, difference));
+        figures.push((signal, of_segment(parts, experiment), both, difference));
     }
     // the paper measured a self-contained crane: its numbers say nothing beside another
     let is_published = crane.choices.circuit == CircuitChoice::SelfContained;
@@ -288,12 +328,12 @@ fn page(
     };
     let body = html! {
         p.soft {
-            "The log " code { (asked.log.display()) } " beside \"" (crane.name) "\", from " (format!("{:.3}", experiment.begin)) " s on for "
-            (format!("{:.1}", experiment.duration())) " s. The model is driven by " (driven_by) ". All differences are log less model."
+            "The log " code { (asked.log.display()) } " beside \"" (crane.name) "\""
+            @for Part { experiment, .. } in parts { ", from " (format!("{:.3}", experiment.begin)) " s on for " (format!("{:.1}", experiment.duration())) " s" } ". The model is driven by " (driven_by) ". All differences are log less model."
         }
         @for note in notes { p.soft { "Note: " (note) } }
         h2 { "What looks wrong, and what would move it" }
-        @for finding in findings { p { (finding.said) } }
+        @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
         p.soft {
             "What would move a signal is found by exact slopes along each key, one straight step of at most a half more or a third less: "
             "a hint where to look, no result. " code { "hydroboom show" } " lists where each value comes from."
@@ -301,8 +341,10 @@ fn page(
         h2 { "In numbers" @if is_published { ", beside Table 6" } }
         div.wide { table {
             thead { tr { @for name in HEADER { th { (name) } } @if is_published { th { "paper's RMS" } th { "paper's peak" } } } }
-            tbody { @for finding in findings { tr {
-                @for cell in row(finding) { td { (cell) } }
+            tbody { @for (part, finding) in findings() { tr {
+                @for (k, cell) in row(finding).into_iter().enumerate() {
+                    td { (cell) @if k == 0 { (of_segment(parts, &part.experiment)) } }
+                }
                 @if is_published { @match paper_row(finding.difference.signal) {
                     Some((_, _, peak, rms)) => { td { (format!("{rms:.3}")) } td { (format!("{peak:.3}")) } }
                     None => { td { "-" } td { "-" } }
@@ -314,9 +356,9 @@ fn page(
             "second, that white noise would not have; 0.05 if nothing is left to be explained."
             @if is_published { " The paper's numbers are of its own crane at 120 mm/s." }
         }
-        @for (signal, both, difference) in &figures {
+        @for (signal, segment, both, difference) in &figures {
             @let paper = if is_published { format!(", as the paper's figure {}", paper_figure(*signal)) } else { String::new() };
-            (figure(&format!("{}{paper}: log and model.", signal.symbol()), both))
+            (figure(&format!("{}{segment}{paper}: log and model.", signal.symbol()), both))
             (figure("Log less model.", difference))
         }
     };

@@ -73,6 +73,8 @@ const INTERVAL: f64 = 5e-3;
 const BEGINNING: f64 = 0.05;
 /// Faster than this nothing rests \[m/s\].
 const REST: f64 = 2e-3;
+/// Segments that are named as left out, at most.
+const MOST_TOLD: usize = 5;
 /// The beginning is at rest if it is for so long \[s\].
 const RESTING: f64 = 0.3;
 
@@ -175,6 +177,66 @@ impl Experiment {
             beginning,
             remarks,
         })
+    }
+
+    /// A log's signals within a window, once for each segment: a clock that was set and samples that are missing are not simulated, the model
+    /// begins anew after them.
+    ///
+    /// # Errors
+    ///
+    /// [`IdentifyError`] when position or what drives the model are missing, or no segment is long enough.
+    pub fn each(
+        model: &Description,
+        log: &Measurement,
+        signals: &Signals,
+        window: Window,
+    ) -> Result<Vec<Self>, IdentifyError> {
+        let driving = Drive::signal(model, log, signals, &mut Vec::new())?;
+        let begin = window.from.unwrap_or(f64::NEG_INFINITY);
+        let end = window.to.unwrap_or(f64::INFINITY);
+        let parts = signals.segments(driving, &[Signal::Stroke]).into_iter();
+        let parts = parts.map(|(from, to)| (from.max(begin), to.min(end)));
+        let parts: Vec<(f64, f64)> = parts.filter(|(from, to)| from < to).collect();
+        if parts.len() < 2 {
+            return Ok(vec![Self::new(model, log, signals, window)?]);
+        }
+        let (mut found, mut left_out, mut error) = (Vec::new(), Vec::new(), None);
+        for (k, (from, to)) in parts.iter().enumerate() {
+            let part = Window { from: Some(*from), to: Some(*to) };
+            match Self::new(model, log, signals, part) {
+                Ok(mut experiment) => {
+                    experiment.name = format!("{}, segment {}", experiment.name, k + 1);
+                    experiment.remarks.insert(
+                        0,
+                        format!(
+                            "segment {} of {}, {from:.3} to {to:.3} s: the model begins anew",
+                            k + 1,
+                            parts.len()
+                        ),
+                    );
+                    found.push(experiment);
+                }
+                // too short, or without a position at its beginning
+                Err(reason) => {
+                    left_out.push(format!("{from:.3} to {to:.3} s"));
+                    error = Some(reason);
+                }
+            }
+        }
+        match (found.first_mut(), error) {
+            (None, Some(reason)) => return Err(reason),
+            (Some(first), Some(reason)) => {
+                let more = left_out.len().saturating_sub(MOST_TOLD);
+                let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+                let named: Vec<String> = left_out.into_iter().take(MOST_TOLD).collect();
+                first.remarks.push(format!(
+                    "segments that are left out: {}{more} ({reason})",
+                    named.join(", ")
+                ));
+            }
+            _ => {}
+        }
+        Ok(found)
     }
 
     /// The same with a step as long as a control period: good enough to find where a search ends, not for how sure it is

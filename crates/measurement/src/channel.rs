@@ -6,6 +6,9 @@ use crate::signal::Signal;
 use crate::unit::Unit;
 use std::sync::Arc;
 
+/// Channels that a message names, at most.
+const MOST_NAMED: usize = 40;
+
 /// What one sensor gave.
 #[derive(Clone, Debug)]
 pub struct Channel {
@@ -108,30 +111,72 @@ impl Channel {
 }
 
 impl Measurement {
-    /// Headings of all channels, for messages.
+    /// What all channels are called, for messages.
     pub fn headings(&self) -> String {
-        self.channels.iter().map(|c| c.heading.as_str()).collect::<Vec<_>>().join(", ")
+        let more = self.channels.len().saturating_sub(MOST_NAMED);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let named = self.channels.iter().take(MOST_NAMED).map(|c| self.address(c));
+        format!("{}{more}", named.collect::<Vec<_>>().join(", "))
+    }
+
+    /// What a mapping calls a channel of this log: its heading, and `#2` behind it for the second that has the same.
+    pub fn address(&self, channel: &Channel) -> String {
+        let same: Vec<&Channel> =
+            self.channels.iter().filter(|c| c.heading == channel.heading).collect();
+        match same.iter().position(|c| std::ptr::eq(*c, channel)) {
+            Some(place) if same.len() > 1 => format!("{}#{}", channel.heading, place + 1),
+            _ => channel.heading.clone(),
+        }
+    }
+
+    /// Channels that a name stands for: those with the heading, or else those with the name.
+    fn called(&self, name: &str) -> Vec<&Channel> {
+        let by_heading: Vec<&Channel> =
+            self.channels.iter().filter(|c| c.heading == name).collect();
+        match by_heading.is_empty() {
+            true => self.channels.iter().filter(|c| c.name == name).collect(),
+            false => by_heading,
+        }
     }
 
     /// The channel that a mapping names for a signal.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] when there is none.
+    /// [`MeasurementError::Mapping`] when there is none, or when several are called so.
     pub(crate) fn named(&self, signal: Signal, column: &str) -> Result<&Channel, MeasurementError> {
-        self.channel(column).ok_or_else(|| {
-            let reason = format!(
+        let called = self.called(column);
+        let wrong = |reason: String| MeasurementError::Mapping { file: self.name.clone(), reason };
+        match (called.as_slice(), self.channel(column)) {
+            (_, Some(channel)) => Ok(channel),
+            ([], None) => Err(wrong(format!(
                 "log.{} names the column \"{column}\"; there are: {}",
                 signal.key(),
                 self.headings()
-            );
-            MeasurementError::Mapping { file: self.name.clone(), reason }
-        })
+            ))),
+            (several, None) => {
+                let all: Vec<String> =
+                    several.iter().map(|c| format!("\"{}\"", self.address(c))).collect();
+                Err(wrong(format!(
+                    "log.{} names the column \"{column}\", which {} columns are called; say which: {}",
+                    signal.key(),
+                    several.len(),
+                    all.join(", ")
+                )))
+            }
+        }
     }
 
-    /// A channel by its heading or name.
+    /// A channel by its heading or name, where no other is called so; of several the second is `name#2`.
     pub fn channel(&self, name: &str) -> Option<&Channel> {
-        let by_heading = self.channels.iter().find(|c| c.heading == name);
-        by_heading.or_else(|| self.channels.iter().find(|c| c.name == name))
+        match self.called(name).as_slice() {
+            [one] => Some(one),
+            [] => {
+                let (name, place) = name.rsplit_once('#')?;
+                let place = place.parse::<usize>().ok()?.checked_sub(1)?;
+                self.called(name).get(place).copied()
+            }
+            _ => None,
+        }
     }
 }

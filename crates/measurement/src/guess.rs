@@ -38,19 +38,48 @@ impl Mapping {
         }
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut mapping = Self::default();
-        for (_, signal, channel) in candidates {
-            let is_used = mapping.entries.values().any(|e| e.column == channel.heading);
-            if is_used || mapping.entries.contains_key(&signal) {
+        for (score, signal, channel) in &candidates {
+            let column = log.address(channel);
+            let is_used = mapping.entries.values().any(|e| e.column == column);
+            if is_used || mapping.entries.contains_key(signal) {
                 continue;
             }
-            let mut entry = Entry { is_column_guessed: true, ..Entry::of(&channel.heading) };
+            // of several that are called the same, which one is meant is for a mapping to say
+            let is_other = |c: &&(f64, Signal, &Channel)| {
+                c.0 == *score
+                    && c.1 == *signal
+                    && c.2.name == channel.name
+                    && !is_same(c.2, channel)
+            };
+            if candidates.iter().any(|c| is_other(&c)) {
+                continue;
+            }
+            let mut entry = Entry { is_column_guessed: true, ..Entry::of(&column) };
             // a unit that is stated and unknown is no reason to guess another: it is told where the mapping is used
-            if let Ok((unit, is_guessed)) = entry.unit_of(signal, channel) {
+            if let Ok((unit, is_guessed)) = entry.unit_of(*signal, channel) {
                 (entry.unit, entry.is_unit_guessed) = (Some(unit), is_guessed);
             }
-            mapping.entries.insert(signal, entry);
+            mapping.entries.insert(*signal, entry);
         }
         mapping
+    }
+
+    /// Signals for which several columns stand that are called the same and differ, with what those are called.
+    pub(crate) fn ambiguous(log: &Measurement) -> Vec<(Signal, Vec<String>)> {
+        let mut found = Vec::new();
+        for signal in Signal::ALL {
+            let likely: Vec<(f64, &Channel)> =
+                log.channels.iter().map(|c| (likeness(signal, c), c)).collect();
+            let best = likely.iter().map(|(score, _)| *score).fold(0.0, f64::max);
+            let best: Vec<&Channel> =
+                likely.iter().filter(|(s, _)| best > 0.0 && *s == best).map(|(_, c)| *c).collect();
+            if let [first, rest @ ..] = best.as_slice()
+                && rest.iter().any(|c| c.name == first.name && !is_same(c, first))
+            {
+                found.push((signal, best.iter().map(|c| log.address(c)).collect()));
+            }
+        }
+        found
     }
 
     /// Columns that are named as a signal, in a unit that is none of it.
@@ -67,6 +96,14 @@ impl Mapping {
         }
         found
     }
+}
+
+/// Whether two channels hold the same samples.
+fn is_same(a: &Channel, b: &Channel) -> bool {
+    let same = |a: &[f64], b: &[f64]| {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
+    };
+    std::ptr::eq(a, b) || (same(&a.time, &b.time) && same(&a.values, &b.values))
 }
 
 /// The unit people use most.

@@ -117,9 +117,13 @@ impl Mapping {
     /// [`MeasurementError::Mapping`] where it names a column that is not there, or the log states a unit that is unknown or of
     /// the wrong dimension.
     pub fn completed(mut self, log: &Measurement) -> Result<Self, MeasurementError> {
-        let taken: Vec<String> = self.entries.values().map(|e| e.column.clone()).collect();
+        let mut taken: Vec<&Channel> = Vec::new();
+        for (signal, entry) in &self.entries {
+            taken.push(log.named(*signal, &entry.column)?);
+        }
         for (signal, entry) in Self::guess(log).entries {
-            if !taken.contains(&entry.column) {
+            let channel = log.named(signal, &entry.column)?;
+            if !taken.iter().any(|other| std::ptr::eq(*other, channel)) {
                 self.entries.entry(signal).or_insert(entry);
             }
         }
@@ -146,6 +150,17 @@ impl Mapping {
                     signal.symbol(),
                     unit.name,
                     signal.key()
+                ));
+            }
+        }
+        for (signal, columns) in Self::ambiguous(log) {
+            if !self.entries.contains_key(&signal) {
+                said.push(format!(
+                    "none is taken for {} of {}, which are called the same: [log.{}] column = \"{}\" in a mapping says which",
+                    signal.symbol(),
+                    columns.join(", "),
+                    signal.key(),
+                    columns[0]
                 ));
             }
         }

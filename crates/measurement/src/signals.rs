@@ -69,6 +69,15 @@ impl Track {
         self.breaks.get(next).is_some_and(|b| *b <= to)
     }
 
+    /// Where its clock was set: the last sample before and the first one after \[s\].
+    fn jumps(&self) -> Vec<(f64, f64)> {
+        let around = |b: &f64| {
+            let next = self.time.partition_point(|t| t < b);
+            Some((*self.time.get(next.checked_sub(1)?)?, *self.time.get(next)?))
+        };
+        self.breaks.iter().filter_map(around).collect()
+    }
+
     /// The parts in which something is known of it throughout \[s\].
     pub fn stretches(&self) -> Vec<(f64, f64)> {
         let Some(first) = self.time.first() else { return Vec::new() };
@@ -178,6 +187,35 @@ impl Signals {
             key: signal.key(),
             columns: log.headings(),
         })
+    }
+
+    /// The parts of a log in which a signal is known throughout, and in which no clock of that signal or of some others was set \[s\].
+    /// Where a signal is logged so unevenly that this leaves less than half of it, only clocks count.
+    pub fn segments(&self, driving: Signal, others: &[Signal]) -> Vec<(f64, f64)> {
+        let Some(track) = self.get(driving) else { return Vec::new() };
+        let (Some(first), Some(last)) = (track.time.first(), track.time.last()) else {
+            return Vec::new();
+        };
+        let mut parts = track.stretches();
+        let known: f64 = parts.iter().map(|(from, to)| to - from).sum();
+        // a clock that was set leaves no time out that counts
+        let (mut all, mut set) = (last - first, Vec::new());
+        for (from, to) in track.jumps() {
+            all -= to - from;
+            set.push((from, to));
+        }
+        if known < 0.5 * all {
+            parts = vec![(*first, *last)];
+        }
+        set.extend(others.iter().filter_map(|s| self.get(*s)).flat_map(Track::jumps));
+        for (before, after) in set {
+            let cut = |(from, to): (f64, f64)| match from < after && before < to {
+                true => vec![(from, before.max(from)), (after.min(to), to)],
+                false => vec![(from, to)],
+            };
+            parts = parts.into_iter().flat_map(cut).filter(|(from, to)| from < to).collect();
+        }
+        parts
     }
 
     /// From when to when all of some signals were measured \[s\].

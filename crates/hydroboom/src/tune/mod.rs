@@ -95,12 +95,16 @@ impl Tune {
             miette::bail!("{} is zero: keys are moved by shares of their value", zero.path());
         }
         let (mut experiments, mut digests, mut notes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut digests_of = Vec::new();
         for path in &self.log {
-            experiments.push(self.experiment(&crane, path, &mut notes)?);
-            digests.push(digest(path).into_diagnostic()?);
+            let each = self.experiments(&crane, path, &mut notes)?;
+            let digest = digest(path).into_diagnostic()?;
+            digests_of.extend(std::iter::repeat_n(digest.clone(), each.len()));
+            experiments.extend(each);
+            digests.push(digest);
         }
-        let tests = self.test_log.iter().map(|path| self.experiment(&crane, path, &mut notes));
-        let tests = tests.collect::<Result<Vec<Experiment>>>()?;
+        let tests = self.test_log.iter().map(|path| self.experiments(&crane, path, &mut notes));
+        let tests = tests.collect::<Result<Vec<Vec<Experiment>>>>()?.concat();
         let stop = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&stop);
         ctrlc::set_handler(move || told.store(true, Ordering::Relaxed)).into_diagnostic()?;
@@ -133,8 +137,17 @@ impl Tune {
             .into_diagnostic()?;
         let task = self.task(&crane, &rest, &free, None);
         let profiles = self.profiles.of(&task, &found, &stop)?;
-        let outcome =
-            Outcome { crane: &crane, experiments, found, held, profiles, tests, digests, notes };
+        let outcome = Outcome {
+            crane: &crane,
+            experiments,
+            found,
+            held,
+            profiles,
+            tests,
+            digests,
+            digests_of,
+            notes,
+        };
         self.told(&outcome)?;
         if let Some((journal, _)) = kept {
             journal.remove();
@@ -142,23 +155,23 @@ impl Tune {
         Ok(())
     }
 
-    /// A log, ready to be compared with a crane; what is to be said of it is added to the notes.
-    fn experiment(
+    /// The segments of a log, ready to be compared with a crane; what is to be said of them is added to the notes.
+    fn experiments(
         &self,
         crane: &Description,
         path: &Path,
         notes: &mut Vec<String>,
-    ) -> Result<Experiment> {
+    ) -> Result<Vec<Experiment>> {
         let (log, mapping) = self.mapping.read(path)?;
         let n = &crane.numbers;
         notes.extend(log.remarks.iter().map(|r| format!("{}: {r}", path.display())));
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
         notes.extend(suspicions.into_iter().map(|s| format!("suspicious: {}", s.text)));
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
-        let experiment =
-            Experiment::new(crane, &log, &signals, self.window.of()).into_diagnostic()?;
-        notes.extend(experiment.remarks.iter().map(|r| format!("{}: {r}", path.display())));
-        Ok(experiment)
+        let each = Experiment::each(crane, &log, &signals, self.window.of()).into_diagnostic()?;
+        let remarks = each.iter().flat_map(|experiment| &experiment.remarks);
+        notes.extend(remarks.map(|r| format!("{}: {r}", path.display())));
+        Ok(each)
     }
 
     /// The file that keeps the search, and where an interrupted one was.
@@ -381,6 +394,8 @@ struct Outcome<'a> {
     profiles: Vec<Profile>,
     tests: Vec<Improvement>,
     digests: Vec<String>,
+    /// Of each experiment's log: a log may have several segments.
+    digests_of: Vec<String>,
     notes: Vec<String>,
 }
 

@@ -9,7 +9,7 @@ use maud::{Markup, html};
 
 /// The whole page.
 pub fn page(outcome: &Outcome<'_>) -> Result<String, LabError> {
-    let Outcome { crane, experiments, found, held, notes, digests, .. } = outcome;
+    let Outcome { crane, experiments, found, held, notes, digests_of, .. } = outcome;
     let drawn = outcome.profiles.iter().map(|profile| profiles::drawn(profile, found));
     let drawn = drawn.collect::<Result<Vec<Markup>, LabError>>()?;
     let mut figures = Vec::new();
@@ -51,7 +51,7 @@ pub fn page(outcome: &Outcome<'_>) -> Result<String, LabError> {
             (found.evaluations) " runs of the model."
             @if !found.has_converged { " The search did not end by itself: more may be to be had." }
         }
-        p.soft { "Logs: " @for (e, digest) in experiments.iter().zip(digests) {
+        p.soft { "Logs: " @for (e, digest) in experiments.iter().zip(digests_of) {
             code { (e.name) } " (SHA-256 " (&digest[..16]) "), " (format!("{:.1} s. ", e.duration()))
         } }
         @for note in notes { p.soft { "Note: " (note) } }

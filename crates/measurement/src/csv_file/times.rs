@@ -54,7 +54,7 @@ impl Times<'_> {
             return Ok(vec![Base { source: Source::Counted { interval }, members }]);
         }
         let times = match self.wanted.column.as_deref() {
-            Some(name) => vec![self.named(name)?],
+            Some(name) => self.named(name)?,
             None if self.columns.iter().any(|c| c.is_scope_time) => {
                 all().filter(|k| self.columns[*k].is_scope_time).collect()
             }
@@ -99,17 +99,29 @@ impl Times<'_> {
         bases
     }
 
-    /// The column that a mapping names.
-    fn named(&self, name: &str) -> Result<usize, MeasurementError> {
-        let by_heading = self.columns.iter().position(|c| c.heading == name);
-        let found = by_heading.or_else(|| self.columns.iter().position(|c| c.read.name == name));
-        found.ok_or_else(|| MeasurementError::Mapping {
-            file: self.file.into(),
-            reason: format!(
-                "the mapping names \"{name}\" as the time; the columns are: {}",
-                self.headings()
-            ),
-        })
+    /// The column that a mapping names; where each channel has a time of its own with the same name, all of them.
+    fn named(&self, name: &str) -> Result<Vec<usize>, MeasurementError> {
+        let called = |is: &dyn Fn(&Column) -> bool| -> Vec<usize> {
+            (0..self.columns.len()).filter(|k| is(&self.columns[*k])).collect()
+        };
+        let by_heading = called(&|c| c.heading == name);
+        let by_name = called(&|c| c.read.name == name);
+        let numbered = name.rsplit_once('#').and_then(|(name, place)| {
+            let place = place.parse::<usize>().ok()?.checked_sub(1)?;
+            called(&|c| c.heading == name || c.read.name == name).get(place).copied()
+        });
+        match (by_heading.is_empty(), by_name.is_empty(), numbered) {
+            (false, ..) => Ok(by_heading),
+            (_, false, _) => Ok(by_name),
+            (_, _, Some(one)) => Ok(vec![one]),
+            _ => Err(MeasurementError::Mapping {
+                file: self.file.into(),
+                reason: format!(
+                    "the mapping names \"{name}\" as the time; the columns are: {}",
+                    self.headings()
+                ),
+            }),
+        }
     }
 
     fn headings(&self) -> String {
