@@ -175,7 +175,7 @@ impl<'a> Assembly<'a> {
     /// # Errors
     ///
     /// [`MeasurementError::Format`] when no column was added, with what was left out.
-    pub(crate) fn finish(mut self) -> Result<Measurement, MeasurementError> {
+    pub(crate) fn finish(self) -> Result<Measurement, MeasurementError> {
         if self.channels.is_empty() {
             let reason = match self.remarks.is_empty() {
                 true => "it has no signal".into(),
@@ -183,20 +183,7 @@ impl<'a> Assembly<'a> {
             };
             return Err(MeasurementError::Format { file: self.file, reason });
         }
-        number_repeated(&mut self.channels);
         Ok(Measurement { name: self.file, channels: self.channels, remarks: self.remarks })
-    }
-}
-
-/// Headings that are there already get a number: `p`, `p#2`, `p#3`.
-fn number_repeated(channels: &mut [Channel]) {
-    let mut seen = std::collections::BTreeMap::<String, usize>::new();
-    for channel in channels {
-        let count = seen.entry(channel.heading.clone()).or_default();
-        *count += 1;
-        if *count > 1 {
-            channel.heading = format!("{}#{count}", channel.heading);
-        }
     }
 }
 
@@ -234,9 +221,9 @@ mod tests {
     }
 
     #[test]
-    fn samples_without_a_time_are_left_out_and_repeated_names_are_numbered() {
+    fn samples_without_a_time_and_repeated_ones_are_left_out() {
         let log = log("t_s", &[0.0, f64::NAN, 1.0, 1.0, 2.0]);
-        assert_eq!(log.headings(), "p_A_bar, p_A_bar#2");
+        assert_eq!(log.headings(), "p_A_bar#1, p_A_bar#2");
         assert_eq!(log.channels[0].values, [0.0, 2.0, 4.0]);
         assert!(log.remarks.iter().any(|r| r.contains("1 samples")), "{:?}", log.remarks);
         assert!(log.remarks.iter().any(|r| r.contains("repeat")), "{:?}", log.remarks);

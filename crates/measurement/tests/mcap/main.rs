@@ -54,6 +54,8 @@ fn topics_with_the_same_fields_are_both_addressed_by_topic() {
         log.headings(),
         "/cyl1.position_mm, /cyl1.pressure_a, /cyl2.position_mm, /cyl2.pressure_a, speed_rpm"
     );
+    // which cylinder is meant is not guessed
+    assert!(!Mapping::guess(&log).entries.contains_key(&Signal::Stroke));
     let text = "[log]\nstroke = \"/cyl2.position_mm\"\n";
     let signals = Signals::of(&log, &Mapping::parse("map.toml", text).unwrap()).unwrap();
     let stroke = signals.get(Signal::Stroke).unwrap().at(0.055).unwrap();
