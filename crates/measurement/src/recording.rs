@@ -46,6 +46,8 @@ pub(crate) struct Recording {
     last: Option<f64>,
     /// What is added to times as logged \[s\].
     shift: f64,
+    /// Time of the last row, as it is shown \[s\].
+    shown: f64,
     held: Vec<Held>,
     is_begun: bool,
     breaks: Vec<Break>,
@@ -78,6 +80,7 @@ impl Recording {
             limit: f64::INFINITY,
             last: None,
             shift: 0.0,
+            shown: f64::NEG_INFINITY,
             held: Vec::new(),
             is_begun: false,
             breaks: Vec::new(),
@@ -166,11 +169,18 @@ impl Recording {
 
     fn take(&mut self, time: f64, row: &[f64]) {
         self.last = Some(time);
+        let shown = time + self.shift;
+        // of times that are huge a small step is lost
+        if shown <= self.shown {
+            self.repeated += 1;
+            return;
+        }
+        self.shown = shown;
         if self.shift == 0.0 {
             return self.columns.push(row);
         }
         let mut shifted = row.to_vec();
-        shifted[0] = time + self.shift;
+        shifted[0] = shown;
         self.columns.push(&shifted);
     }
 

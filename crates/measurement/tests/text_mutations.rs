@@ -6,7 +6,7 @@
 
 use hydroboom_measurement::{Mapping, Signals, TimeColumn, read};
 use std::path::PathBuf;
-use std::sync::mpsc;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 /// Longest time that a file takes.
@@ -104,11 +104,13 @@ fn each(name: &'static str, task: fn(u64)) {
         }
     });
     for seed in 0..count() {
-        if seeds.recv_timeout(LONGEST).is_err() {
-            assert!(worker.is_finished(), "{name}: seed {seed} takes longer than {LONGEST:?}");
+        match seeds.recv_timeout(LONGEST) {
+            Ok(_) => {}
+            Err(RecvTimeoutError::Timeout) => {
+                panic!("{name}: seed {seed} takes longer than {LONGEST:?}")
+            }
             // the panic says what was wrong
-            worker.join().unwrap();
-            return;
+            Err(RecvTimeoutError::Disconnected) => break,
         }
     }
     worker.join().unwrap();
