@@ -21,6 +21,8 @@ const OTHERS: [&str; 12] = [
     "deviation",
     "innovation",
 ];
+/// Columns that are named of those that are called the same, at most.
+const MOST_NAMED: usize = 40;
 /// A name that is as likely is the signal's own.
 const OWN: f64 = 0.9;
 
@@ -38,20 +40,28 @@ impl Mapping {
         }
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut mapping = Self::default();
+        // what several columns are called that are as likely, for a signal
+        let mut doubtful: Vec<(Signal, f64, &str)> = Vec::new();
         for (score, signal, channel) in &candidates {
+            // of thousands of columns most end here: what follows looks at all of them
+            let called = last_part(&channel.name);
+            if mapping.entries.contains_key(signal) || doubtful.contains(&(*signal, *score, called))
+            {
+                continue;
+            }
             let column = log.address(channel);
-            let is_used = mapping.entries.values().any(|e| e.column == column);
-            if is_used || mapping.entries.contains_key(signal) {
+            if mapping.entries.values().any(|e| e.column == column) {
                 continue;
             }
             // of several that are called the same, which one is meant is for a mapping to say
             let is_other = |c: &&(f64, Signal, &Channel)| {
                 c.0 == *score
                     && c.1 == *signal
-                    && last_part(&c.2.name) == last_part(&channel.name)
+                    && last_part(&c.2.name) == called
                     && !is_same(c.2, channel)
             };
             if candidates.iter().any(|c| is_other(&c)) {
+                doubtful.push((*signal, *score, called));
                 continue;
             }
             let mut entry = Entry { is_column_guessed: true, ..Entry::of(&column) };
@@ -78,7 +88,8 @@ impl Mapping {
                     .iter()
                     .any(|c| last_part(&c.name) == last_part(&first.name) && !is_same(c, first))
             {
-                found.push((signal, best.iter().map(|c| log.address(c)).collect()));
+                let named = best.iter().take(MOST_NAMED).map(|c| log.address(c));
+                found.push((signal, named.collect()));
             }
         }
         found

@@ -18,6 +18,8 @@ mod mapping_text;
 mod mat;
 pub mod mcap;
 mod mdf;
+#[cfg(feature = "parquet")]
+mod parquet_file;
 mod path;
 mod read;
 mod recording;

@@ -9,7 +9,10 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// Reads a log: MCAP and MDF by how they begin, MAT by its name, anything else as delimited text. `time` says
+/// How a Parquet file begins.
+const PARQUET: &[u8] = b"PAR1";
+
+/// Reads a log: MCAP, MDF and Parquet by how they begin, MAT by its name, anything else as delimited text. `time` says
 /// how the time of its rows is found, where its names do not.
 ///
 /// # Errors
@@ -24,9 +27,21 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
         // what follows may be damaged: that is for the reader to say
         begins if begins.starts_with(&mcap::MAGIC[..5]) => mcap::read(path, time),
         begins if mdf::BEGINS.iter().any(|b| b.as_slice() == begins) => mdf::read(path, time),
+        begins if begins.starts_with(PARQUET) => parquet(path, time),
         _ if is_mat => mat::read(path, time),
         _ => csv_file::read(path, &time.cloned().unwrap_or_default()),
     }
+}
+
+#[cfg(feature = "parquet")]
+fn parquet(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
+    crate::parquet_file::read(path, time)
+}
+
+#[cfg(not(feature = "parquet"))]
+fn parquet(path: &Path, _: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
+    let reason = "a Parquet file, which this build does not read: build it with --features parquet, or export CSV".into();
+    Err(MeasurementError::Format { file: path.display().to_string(), reason })
 }
 
 /// SHA-256 of a file, in hexadecimal: which log a parameter was tuned to.

@@ -206,6 +206,14 @@ fn damaged_mat_files_of_level_7_3() {
     survives("7_3.mat", &["arrays_7_3.mat", "scope_7_3.mat"].map(read), use_file);
 }
 
+#[cfg(feature = "parquet")]
+#[test]
+fn damaged_parquet_files() {
+    let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parquet/files");
+    let read = |name: &str| std::fs::read(files.join(format!("{name}.parquet"))).unwrap();
+    survives("parquet", &["stamped", "seconds", "milliseconds"].map(read), use_file);
+}
+
 #[test]
 fn damaged_mdf_files() {
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mdf/files");

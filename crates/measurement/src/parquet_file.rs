@@ -1,0 +1,298 @@
+//! Parquet files: columns of numbers, row by row; one of them the time. Only with the feature `parquet`.
+
+use crate::channel::Measurement;
+use crate::dimension::Dimension;
+use crate::error::MeasurementError;
+use crate::heading::Heading;
+use crate::path;
+use crate::recording::Recording;
+use crate::sampled::Assembly;
+use crate::thinning::MOST;
+use crate::time_column::TimeColumn;
+use crate::time_unit::{FAR, by_content, interval};
+use parquet::basic::{LogicalType, TimeUnit, Type};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::DataType;
+use parquet::errors::Result as ParquetResult;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::schema::types::ColumnDescriptor;
+use std::fs::File;
+use std::path::Path;
+
+/// Rows that are read at once.
+const ROWS: usize = 1024;
+/// Rows from which the time's unit is judged.
+const FIRST: usize = 2000;
+/// Columns, at most.
+const MOST_COLUMNS: usize = 4000;
+
+/// A column of numbers.
+struct Field {
+    index: usize,
+    heading: String,
+    read: Heading,
+    /// One of a timestamp's numbers \[s\].
+    stamp: Option<f64>,
+}
+
+/// How the time's numbers become seconds.
+struct Clock {
+    /// What is taken off whole numbers first: since 1970 they have no digits left for parts of a second.
+    zero: i64,
+    factor: f64,
+    offset: f64,
+}
+
+/// Reads a Parquet file. The time is the column that `time` names, else one of timestamps, else one that is named as a time.
+///
+/// # Errors
+///
+/// [`MeasurementError`] when nothing in it can be used, with what is there.
+pub(crate) fn read(
+    path: &Path,
+    time: Option<&TimeColumn>,
+) -> Result<Measurement, MeasurementError> {
+    let file = path.display().to_string();
+    let format = |reason: String| MeasurementError::Format { file: file.clone(), reason };
+    let source =
+        File::open(path).map_err(|error| MeasurementError::File { file: file.clone(), error })?;
+    let size = source
+        .metadata()
+        .map_err(|error| MeasurementError::File { file: file.clone(), error })?
+        .len();
+    let reader = SerializedFileReader::new(source)
+        .map_err(|e| format(format!("not read as a Parquet file: {e}")))?;
+    if !is_sound(&reader, size) {
+        return Err(format("not read as a Parquet file: its columns do not lie within it".into()));
+    }
+    let mut remarks = Vec::new();
+    let mut fields = fields(&reader, &mut remarks);
+    if fields.len() > MOST_COLUMNS {
+        return Err(format(format!("it has {} columns; {MOST_COLUMNS} are read", fields.len())));
+    }
+    let of_time = time_field(&fields, time).map_err(|reason| match time {
+        Some(TimeColumn { column: Some(_), .. }) => {
+            MeasurementError::Mapping { file: file.clone(), reason }
+        }
+        _ => format(reason),
+    })?;
+    let of_time = fields.remove(of_time);
+    let clock = clock(&reader, &of_time, time, &mut remarks).map_err(format)?;
+    let mut recording = Recording::new(fields.len(), MOST);
+    if let Err(damage) = rows(&reader, &of_time, &fields, &clock, &mut recording) {
+        remarks.push(format!("it is damaged, and read up to there: {damage}"));
+    }
+    let mut assembly = Assembly::new(&file, None, remarks);
+    if clock.zero != 0 {
+        assembly.remark("time is counted from the first sample".into());
+    }
+    let headings = fields.into_iter().map(|f| (f.heading, f.read)).collect();
+    assembly.add_recorded(headings, recording.finish(&file, "row")?);
+    assembly.finish()
+}
+
+/// Whether all parts of the columns lie within the file: the library does not ask.
+fn is_sound(reader: &SerializedFileReader<File>, size: u64) -> bool {
+    let within = |from: i64, count: i64| {
+        let end = from.checked_add(count).and_then(|end| u64::try_from(end).ok());
+        from >= 0 && count >= 0 && end.is_some_and(|end| end <= size)
+    };
+    let metadata = reader.metadata();
+    let count = metadata.file_metadata().schema_descr().num_columns();
+    metadata.row_groups().iter().all(|group| {
+        group.num_columns() == count
+            && group.columns().iter().all(|column| {
+                let first = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
+                within(first, column.compressed_size()) && within(column.data_page_offset(), 0)
+            })
+    })
+}
+
+/// Columns of numbers; the others are named.
+fn fields(reader: &SerializedFileReader<File>, remarks: &mut Vec<String>) -> Vec<Field> {
+    let schema = reader.metadata().file_metadata().schema_descr();
+    let (mut fields, mut others) = (Vec::new(), Vec::new());
+    for (index, column) in schema.columns().iter().enumerate() {
+        let heading = column.path().string();
+        let is_number =
+            !matches!(column.physical_type(), Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY)
+                && !matches!(column.logical_type_ref(), Some(LogicalType::Decimal(_)))
+                && column.max_rep_level() == 0;
+        match is_number {
+            true => {
+                let read = path::heading(&heading);
+                fields.push(Field { index, heading, read, stamp: stamp(column) });
+            }
+            false => others.push(heading),
+        }
+    }
+    if !others.is_empty() {
+        let named: Vec<&str> = others.iter().take(5).map(String::as_str).collect();
+        remarks.push(format!(
+            "{} columns are no numbers and are left out: {}",
+            others.len(),
+            named.join(", ")
+        ));
+    }
+    fields
+}
+
+/// One of a timestamp's numbers \[s\]; none of other columns.
+fn stamp(column: &ColumnDescriptor) -> Option<f64> {
+    use parquet::basic::ConvertedType;
+    match (column.logical_type_ref(), column.converted_type(), column.physical_type()) {
+        (Some(LogicalType::Timestamp(of)), ..) => Some(match of.unit {
+            TimeUnit::MILLIS => 1e-3,
+            TimeUnit::MICROS => 1e-6,
+            TimeUnit::NANOS => 1e-9,
+        }),
+        (_, ConvertedType::TIMESTAMP_MILLIS, _) => Some(1e-3),
+        (_, ConvertedType::TIMESTAMP_MICROS, _) => Some(1e-6),
+        (_, _, Type::INT96) => Some(1e-9),
+        _ => None,
+    }
+}
+
+/// Which column is the time.
+fn time_field(fields: &[Field], time: Option<&TimeColumn>) -> Result<usize, String> {
+    let all = || fields.iter().map(|f| f.heading.as_str()).collect::<Vec<_>>().join(", ");
+    if let Some(wanted) = time.and_then(|t| t.column.as_deref()) {
+        let found = fields.iter().position(|f| f.heading == wanted || f.read.name == wanted);
+        return found.ok_or_else(|| {
+            format!("the mapping names \"{wanted}\" as the time; columns of numbers are: {}", all())
+        });
+    }
+    let stamped = fields.iter().position(|f| f.stamp.is_some());
+    let named = || fields.iter().position(|f| f.read.is_named_as_time());
+    stamped.or_else(named).ok_or_else(|| {
+        format!(
+            "no column is a timestamp or named as a time; columns of numbers are: {}. Name one ([log] time = \"...\" in a mapping)",
+            all()
+        )
+    })
+}
+
+/// How the time's numbers become seconds: as stated, or judged by the first ones.
+fn clock(
+    reader: &SerializedFileReader<File>,
+    time: &Field,
+    stated: Option<&TimeColumn>,
+    remarks: &mut Vec<String>,
+) -> Result<Clock, String> {
+    let mut first = Vec::new();
+    for group in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(group).map_err(|e| e.to_string())?;
+        let mut column = group.get_column_reader(time.index).map_err(|e| e.to_string())?;
+        first.extend(numbers(&mut column, FIRST, 0).map_err(|e| e.to_string())?);
+        if first.len() >= FIRST {
+            break;
+        }
+    }
+    first.retain(|v| v.is_finite());
+    let Some(begin) = first.first().copied() else {
+        return Err(format!("{} has no numbers: it is no time", time.heading));
+    };
+    let own = time.read.unit.filter(|u| u.dimension == Dimension::Time).map(|u| u.factor);
+    let unit = stated.and_then(|s| s.unit).map(|u| u.factor).or(time.stamp).or(own);
+    let (scale, offset) = stated.map_or((1.0, 0.0), |s| (s.scale, s.offset));
+    let unit = match unit {
+        Some(unit) => unit,
+        None if scale != 1.0 => 1.0,
+        None => {
+            let step = interval(&first).unwrap_or(1.0);
+            let (factor, what) = by_content(begin, step).ok_or_else(|| {
+                format!(
+                    "the time \"{}\" has no unit, and begins with {begin:?}; state it in a mapping: [log.time] column = \"...\", unit = \"...\"",
+                    time.heading
+                )
+            })?;
+            remarks.push(format!(
+                "the time \"{}\" has no unit: taken as {what}, its steps being {:.6} ms",
+                time.heading,
+                step * factor * 1e3
+            ));
+            factor
+        }
+    };
+    let is_far = (scale * begin + offset).abs() * unit > FAR;
+    let zero = if is_far && begin.fract() == 0.0 { begin as i64 } else { 0 };
+    let offset = if zero == 0 { offset * unit } else { 0.0 };
+    Ok(Clock { zero, factor: scale * unit, offset })
+}
+
+/// Reads all rows.
+fn rows(
+    reader: &SerializedFileReader<File>,
+    time: &Field,
+    fields: &[Field],
+    clock: &Clock,
+    recording: &mut Recording,
+) -> ParquetResult<()> {
+    let mut count = 0;
+    let mut row = vec![f64::NAN; fields.len() + 1];
+    for group in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(group)?;
+        let mut times = group.get_column_reader(time.index)?;
+        let columns = fields.iter().map(|f| group.get_column_reader(f.index));
+        let mut columns = columns.collect::<ParquetResult<Vec<ColumnReader>>>()?;
+        loop {
+            let times = numbers(&mut times, ROWS, clock.zero)?;
+            if times.is_empty() {
+                break;
+            }
+            let values = columns.iter_mut().map(|c| numbers(c, times.len(), 0));
+            let values = values.collect::<ParquetResult<Vec<Vec<f64>>>>()?;
+            for (k, number) in times.iter().enumerate() {
+                count += 1;
+                row[0] = number * clock.factor + clock.offset;
+                for (place, column) in row[1..].iter_mut().zip(&values) {
+                    *place = column.get(k).copied().unwrap_or(f64::NAN);
+                }
+                if row[0].is_finite() {
+                    recording.push(count, &row);
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The next numbers of a column, NaN where there is none; from whole ones a number is taken off first.
+fn numbers(column: &mut ColumnReader, rows: usize, zero: i64) -> ParquetResult<Vec<f64>> {
+    match column {
+        ColumnReader::BoolColumnReader(c) => typed(c, rows, |v| f64::from(u8::from(*v))),
+        ColumnReader::Int32ColumnReader(c) => {
+            typed(c, rows, |v| i64::from(*v).wrapping_sub(zero) as f64)
+        }
+        ColumnReader::Int64ColumnReader(c) => typed(c, rows, |v| v.wrapping_sub(zero) as f64),
+        ColumnReader::Int96ColumnReader(c) => {
+            typed(c, rows, |v| v.to_nanos().wrapping_sub(zero) as f64)
+        }
+        ColumnReader::FloatColumnReader(c) => typed(c, rows, |v| f64::from(*v) - zero as f64),
+        ColumnReader::DoubleColumnReader(c) => typed(c, rows, |v| v - zero as f64),
+        ColumnReader::ByteArrayColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => {
+            Ok(Vec::new())
+        }
+    }
+}
+
+fn typed<T: DataType>(
+    column: &mut ColumnReaderImpl<T>,
+    rows: usize,
+    number: impl Fn(&T::T) -> f64,
+) -> ParquetResult<Vec<f64>> {
+    let (mut values, mut levels) = (Vec::new(), Vec::new());
+    let (records, count, _) = column.read_records(rows, Some(&mut levels), None, &mut values)?;
+    let finite = |v: &T::T| Some(number(v)).filter(|v| v.is_finite()).unwrap_or(f64::NAN);
+    let mut there = values.iter().take(count).map(finite);
+    // where a value may be missing, a level says of each row whether it is there: the deepest
+    let deepest = levels.iter().copied().max().unwrap_or(0);
+    if levels.len() < records || count == records {
+        return Ok(there.collect());
+    }
+    let cell = |level: &i16| match *level == deepest && count > 0 {
+        true => there.next().unwrap_or(f64::NAN),
+        false => f64::NAN,
+    };
+    Ok(levels.iter().take(records).map(cell).collect())
+}
