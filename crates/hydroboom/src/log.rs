@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::log_mapping::LogMapping;
 use crate::output;
 use clap::{Args, Subcommand};
-use hydroboom_measurement::{Channel, Segment, Signals, TimeBase, sparkline};
+use hydroboom_measurement::{Channel, Gap, Segment, Signals, TimeBase, sparkline};
 use hydroboom_realtime::log;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -83,6 +83,8 @@ impl ToCsv {
     }
 }
 
+/// Gaps that are shown, at most.
+const MOST_GAPS: usize = 5;
 /// Segments that are shown of a clock, at most.
 const MOST_SEGMENTS: usize = 20;
 
@@ -209,9 +211,17 @@ impl Inspect {
                 );
             }
         }
-        let gaps = log.channels.iter().filter_map(|c| TimeBase::of(&c.time)).flat_map(|b| b.gaps);
-        for gap in gaps.take(5) {
+        let mut gaps: Vec<Gap> = Vec::new();
+        for base in log.channels.iter().filter_map(|c| TimeBase::of(&c.time)) {
+            gaps.extend(
+                base.gaps.into_iter().filter(|gap| !gaps.contains(gap)).collect::<Vec<_>>(),
+            );
+        }
+        for gap in gaps.iter().take(MOST_GAPS) {
             said += &format!("\ngap from {:.3} to {:.3} s", gap.from, gap.to);
+        }
+        if gaps.len() > MOST_GAPS {
+            said += &format!("\n{} more gaps", gaps.len() - MOST_GAPS);
         }
         for remark in &log.remarks {
             said += &format!("\nnote: {remark}");

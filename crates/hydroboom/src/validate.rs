@@ -91,7 +91,7 @@ impl Validate {
             for finding in &part.findings {
                 said += &format!("\n{}", finding.said);
             }
-            said += if parts.len() > 1 { "\n\n" } else { "" };
+            said += if parts.len() > 1 { "\n" } else { "" };
         }
         for note in &notes {
             said += &format!("\nnote: {note}");
