@@ -2,6 +2,7 @@
 
 import csv
 import sys
+from itertools import accumulate
 from array import array
 
 from fmpy import extract, read_model_description
@@ -29,17 +30,26 @@ def simulated(path, inputs, outputs):
 
 
 def replayed(path, given, found):
-    """Feeds a controller all its inputs in each period, numbers of 8 bytes, and writes what it shows."""
+    """Feeds a controller its inputs, numbers of 8 bytes, in each period those that have changed, and writes what it shows."""
     variables = read_model_description(path).modelVariables
     slave, _ = opened(path)
     inputs = [v for v in variables if v.causality == "input"]
     outputs = [v.valueReference for v in variables if v.causality == "output"]
-    references = [v.valueReference for v in inputs]
-    count = sum(v.shape[0] if getattr(v, "shape", ()) else 1 for v in inputs)
+    sizes = [v.shape[0] if getattr(v, "shape", ()) else 1 for v in inputs]
+    count = sum(sizes)
+    ends = list(accumulate(sizes))
+    places = [(v.valueReference, slice(end - size, end)) for v, size, end in zip(inputs, sizes, ends)]
     numbers = array("d", open(given, "rb").read())
     shown = array("d")
+    before = [None] * len(places)
     for k in range(len(numbers) // count):
-        slave.setReal(references, numbers[k * count : (k + 1) * count])
+        row = numbers[k * count : (k + 1) * count]
+        now = [row[place].tobytes() for _, place in places]
+        changed = [n for n in range(len(places)) if now[n] != before[n]]
+        before = now
+        values = array("d", b"".join(now[n] for n in changed))
+        if changed:
+            slave.setReal([places[n][0] for n in changed], values)
         slave.doStep(currentCommunicationPoint=k * 1e-3, communicationStepSize=1e-3)
         shown.extend(slave.getReal(outputs))
     slave.terminate()

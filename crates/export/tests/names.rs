@@ -76,7 +76,7 @@ static USUAL: LazyLock<(String, Vec<String>, String)> = LazyLock::new(|| {
 });
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
     fn no_name_becomes_code(name in any::<String>()) {

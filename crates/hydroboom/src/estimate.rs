@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 pub struct Estimate {
     #[command(flatten)]
     crane: CraneFile,
-    /// The log: CSV, TwinCAT Scope, Simulink, MAT, MCAP.
+    /// The log: CSV, TwinCAT Scope, Simulink, MAT, MDF, MCAP.
     #[arg(long, value_name = "FILE")]
     log: PathBuf,
     #[command(flatten)]

@@ -21,7 +21,7 @@ pub struct Log {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Say what a log has (CSV, TwinCAT Scope, Simulink, MAT, MCAP), and propose which column is what.
+    /// Say what a log has (CSV, TwinCAT Scope, Simulink, MAT, MDF, MCAP), and propose which column is what.
     Inspect(Inspect),
     /// Write a log of `hydroboom run` as CSV.
     ToCsv(ToCsv),

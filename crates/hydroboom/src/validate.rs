@@ -28,7 +28,7 @@ use std::path::PathBuf;
 pub struct Validate {
     #[command(flatten)]
     crane: CraneFile,
-    /// The log: CSV, TwinCAT Scope, Simulink, MAT, MCAP.
+    /// The log: CSV, TwinCAT Scope, Simulink, MAT, MDF, MCAP.
     #[arg(long, value_name = "FILE")]
     log: PathBuf,
     #[command(flatten)]

@@ -48,7 +48,7 @@ impl Mapping {
             let is_other = |c: &&(f64, Signal, &Channel)| {
                 c.0 == *score
                     && c.1 == *signal
-                    && c.2.name == channel.name
+                    && last_part(&c.2.name) == last_part(&channel.name)
                     && !is_same(c.2, channel)
             };
             if candidates.iter().any(|c| is_other(&c)) {
@@ -74,7 +74,9 @@ impl Mapping {
             let best: Vec<&Channel> =
                 likely.iter().filter(|(s, _)| best > 0.0 && *s == best).map(|(_, c)| *c).collect();
             if let [first, rest @ ..] = best.as_slice()
-                && rest.iter().any(|c| c.name == first.name && !is_same(c, first))
+                && rest
+                    .iter()
+                    .any(|c| last_part(&c.name) == last_part(&first.name) && !is_same(c, first))
             {
                 found.push((signal, best.iter().map(|c| log.address(c)).collect()));
             }
@@ -96,6 +98,11 @@ impl Mapping {
         }
         found
     }
+}
+
+/// What a name ends with: of `/cyl1.position` and `/cyl2.position` the same.
+fn last_part(name: &str) -> &str {
+    name.rsplit(['.', '/']).next().unwrap_or(name)
 }
 
 /// Whether two channels hold the same samples.

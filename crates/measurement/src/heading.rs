@@ -212,8 +212,8 @@ fn is_ending(word: &str, unit: Unit, name: &str) -> bool {
         // an inlet, a largest and a smallest, chambers and pump sides
         "in" | "ft" => LENGTHS.iter().any(|length| small.ends_with(length)),
         "min" | "h" | "d" | "std" => TIMES.iter().any(|time| small.ends_with(time)),
-        "PA" | "at" | "C" | "c" | "F" | "f" | "K" | "A" | "N" | "W" | "g" | "t" | "T" | "L"
-        | "l" | "ps" | "PS" | "rev" | "turn" => false,
+        "a" | "n" | "k" | "w" | "PA" | "at" | "C" | "c" | "F" | "f" | "K" | "A" | "N" | "W"
+        | "g" | "t" | "T" | "L" | "l" | "ps" | "PS" | "rev" | "turn" => false,
         "pa" => small != "p",
         "Pa" | "mm" | "bar" => true,
         "s" => !is_symbol || small == "t",
@@ -285,6 +285,8 @@ mod tests {
             "n_s",
             "x_cyl",
             "pressure_1",
+            "pressure_a",
+            "pressure_b",
             "x (1)",
             "x [1]",
             "aAxis[8]",

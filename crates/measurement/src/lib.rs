@@ -1,7 +1,7 @@
 //! Logs of real machines: read, understood, and put on a common time base.
 //!
 //! ```text
-//! file -csv, MAT, MCAP-> Measurement (channels as logged) -Mapping-> Signals (the model's, in SI units)
+//! file -csv, MAT, MCAP, MDF-> Measurement (channels as logged) -Mapping-> Signals (the model's, in SI units)
 //! ```
 //!
 //! A channel keeps its own time base as long as it can: what is uneven, missing or late is seen there
@@ -15,10 +15,13 @@ mod guess;
 mod heading;
 mod mapping;
 mod mapping_text;
-mod mat_file;
-mod mcap_file;
+mod mat;
+pub mod mcap;
+mod mdf;
+mod path;
 mod read;
 mod recording;
+mod sampled;
 mod signal;
 mod signals;
 mod spark;
@@ -26,6 +29,7 @@ mod suspicion;
 mod thinning;
 mod time_base;
 mod time_column;
+mod time_unit;
 mod unit;
 mod unit_table;
 

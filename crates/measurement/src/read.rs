@@ -3,16 +3,13 @@
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
 use crate::time_column::TimeColumn;
-use crate::{csv_file, mat_file, mcap_file};
+use crate::{csv_file, mat, mcap, mdf};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// How an MCAP file begins.
-const MCAP: &[u8] = &[0x89, b'M', b'C', b'A', b'P'];
-
-/// Reads a log: MCAP by how it begins, MAT by its name, anything else as delimited text. `time` says
+/// Reads a log: MCAP and MDF by how they begin, MAT by its name, anything else as delimited text. `time` says
 /// how the time of its rows is found, where its names do not.
 ///
 /// # Errors
@@ -20,14 +17,15 @@ const MCAP: &[u8] = &[0x89, b'M', b'C', b'A', b'P'];
 /// [`MeasurementError`] with the place of what cannot be used.
 pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
-    let time = time.cloned().unwrap_or_default();
-    let mut begins = [0; 5];
-    let count = File::open(path).and_then(|mut f| f.read(&mut begins)).map_err(failed)?;
+    let mut begins = Vec::new();
+    File::open(path).and_then(|f| f.take(8).read_to_end(&mut begins)).map_err(failed)?;
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
-    match count {
-        5 if begins == MCAP => mcap_file::read(path),
-        _ if is_mat => mat_file::read(path, time.column.as_deref()),
-        _ => csv_file::read(path, &time),
+    match begins.as_slice() {
+        // what follows may be damaged: that is for the reader to say
+        begins if begins.starts_with(&mcap::MAGIC[..5]) => mcap::read(path, time),
+        begins if mdf::BEGINS.iter().any(|b| b.as_slice() == begins) => mdf::read(path, time),
+        _ if is_mat => mat::read(path, time),
+        _ => csv_file::read(path, &time.cloned().unwrap_or_default()),
     }
 }
 

@@ -15,6 +15,8 @@ const GAP: f64 = 5.0;
 /// A segment whose clock was set back, or by more than a day, is shown so long after the one before \[s\].
 const AFTER: f64 = 1.0;
 const DAY: f64 = 86_400.0;
+/// Times are smaller \[s\]: three thousand years. Beyond, a clock has no digits left for its steps.
+const LARGEST: f64 = 1e11;
 /// Segments, at most: a column that jumps more often is no time.
 const MOST_SEGMENTS: usize = 10_000;
 /// Segments that are told one by one.
@@ -91,9 +93,29 @@ impl Recording {
         }
     }
 
+    /// Adds a column; in the rows before nothing is there.
+    pub(crate) fn add_column(&mut self) {
+        self.columns.add_column();
+    }
+
+    /// How many numbers are kept.
+    pub(crate) fn numbers(&self) -> usize {
+        self.columns.numbers()
+    }
+
+    /// Averages each two rows, and so those to come.
+    pub(crate) fn halve(&mut self) {
+        self.columns.halve();
+    }
+
     /// Adds a row: its time \[s\], then the other columns. A row without a time is left to the caller.
     pub(crate) fn push(&mut self, line: u64, row: &[f64]) {
         self.count += 1;
+        if row[0].abs() > LARGEST {
+            self.first_stray = if self.strays == 0 { line } else { self.first_stray };
+            self.strays += 1;
+            return;
+        }
         // no time, as `finish` says: nothing more is kept of it
         if self.jumps as usize > MOST_SEGMENTS {
             return;
@@ -323,7 +345,7 @@ mod tests {
             times[300] = time;
             recorded(times)
         };
-        for time in [2.9899, 0.0, 999.0, 1.7e9] {
+        for time in [2.9899, 0.0, 999.0, 1.7e9, -7.9e21] {
             let all = stray(time);
             assert_eq!(all.time.len(), 499, "{time}");
             assert!(all.breaks.is_empty() && !all.columns[0].contains(&300.0));

@@ -70,8 +70,20 @@ impl Columns {
         }
     }
 
+    /// Adds a column; in the rows before nothing is there.
+    pub(crate) fn add_column(&mut self) {
+        self.columns.push(vec![f64::NAN; self.rows()]);
+        self.sums.push(0.0);
+        self.counts.push(0);
+    }
+
+    /// How many numbers are kept.
+    pub(crate) fn numbers(&self) -> usize {
+        self.rows() * self.columns.len()
+    }
+
     /// Each two rows of a segment become one; the last of an odd number is left out.
-    fn halve(&mut self) {
+    pub(crate) fn halve(&mut self) {
         let rows = self.rows();
         let mut begins = vec![0];
         begins.extend(self.breaks.iter().copied().filter(|b| *b < rows));

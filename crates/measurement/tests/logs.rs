@@ -117,7 +117,7 @@ fn bad_logs_get_clear_errors() {
         ("asks.csv", b"u_valve,p_pressure\n0,1\n1,2\n0.5,3\n", "--sample-time-ms"),
         ("unitless.csv", b"u_valve,p_pressure\n0,1\n1,2\n0.5,3\n", "no column has a unit"),
         ("binary.csv", b"\x00\x01\x02\x03,\x00", "it is no text"),
-        ("level73.mat", b"MATLAB 7.3 MAT-file", "-v7"),
+        ("level73.mat", b"MATLAB 7.3 MAT-file", "not read as a MAT file of level 7.3"),
         ("cut.mat", b"MATLAB 5.0 MAT-file, cut", "not read as a MAT file"),
         ("foreign.mat", b"something else entirely, long enough", "neither"),
     ] {

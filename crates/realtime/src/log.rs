@@ -6,18 +6,19 @@
 
 use crate::control_task::Record;
 use crate::posix::survive_large_files;
+use ::mcap::records::MessageHeader;
+use ::mcap::{Compression, McapError, WriteOptions, Writer};
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::estimation::tip::TipEstimate;
 use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::State;
-use mcap::records::MessageHeader;
-use mcap::{Compression, McapError, Schema, WriteOptions, Writer};
+use hydroboom_measurement::mcap::{self, Stop};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufReader, BufWriter};
 use std::path::Path;
 use thiserror::Error;
 
@@ -36,13 +37,21 @@ pub enum LogError {
         /// What the system says.
         error: std::io::Error,
     },
-    /// It cannot be written any more, or is no such log.
+    /// It cannot be written any more.
     #[error("{path}: {error}")]
     Mcap {
         /// Its path.
         path: String,
         /// What the library says.
         error: McapError,
+    },
+    /// Some of it cannot be read.
+    #[error("{path}: {reason}")]
+    Damaged {
+        /// Its path.
+        path: String,
+        /// What is lost.
+        reason: String,
     },
     /// A message that is none of ours.
     #[error("{path}: not a log of hydroboom run: {reason}")]
@@ -273,31 +282,35 @@ pub struct Row {
     pub strategy: Strategy,
 }
 
-/// Calls with every message of a log, in order. A log that was cut off is read up to where it was.
+/// Calls with every message of a log, in order. A log that was cut off is read up to where it was; one that is damaged in
+/// between, or has no message, is refused.
 fn messages(
     path: &Path,
     mut each: impl FnMut(Value) -> Result<(), String>,
 ) -> Result<(), LogError> {
     let name = path.display().to_string();
-    let bytes =
-        std::fs::read(path).map_err(|error| LogError::File { path: name.clone(), error })?;
+    let failed = |error| LogError::File { path: name.clone(), error };
     let foreign = |reason: String| LogError::Foreign { path: name.clone(), reason };
-    if !bytes.starts_with(mcap::MAGIC) {
-        return Err(foreign("it does not begin as an MCAP file does".into()));
-    }
-    let options = [mcap::read::Options::IgnoreEndMagic];
-    let messages = mcap::MessageStream::new_with_options(&bytes, options.into_iter().collect())
-        .map_err(|error| LogError::Mcap { path: name.clone(), error })?;
-    for message in messages {
-        // the last chunk of a log that was cut off
-        let Ok(message) = message else { break };
-        let schema: Option<&Schema<'_>> = message.channel.schema.as_deref();
+    let source = BufReader::new(File::open(path).map_err(failed)?);
+    let mut count = 0_u64;
+    let loss = mcap::messages(source, |message| {
+        let schema = message.topic.schema.as_deref();
         if schema.is_none_or(|schema| schema.name != "hydroboom.Control") {
-            return Err(foreign(format!("a message on {}", message.channel.topic)));
+            return Err(Stop::Format(format!("a message on {}", message.topic.name)));
         }
-        let value: Value =
-            serde_json::from_slice(&message.data).map_err(|e| foreign(e.to_string()))?;
-        each(value).map_err(foreign)?;
+        let value = serde_json::from_slice(message.data);
+        count += 1;
+        value.map_err(|e| e.to_string()).and_then(&mut each).map_err(Stop::Format)
+    })
+    .map_err(|stop| match stop {
+        Stop::File(error) => failed(error),
+        Stop::Format(reason) => foreign(reason),
+    })?;
+    if loss.is_damage() {
+        return Err(LogError::Damaged { path: name, reason: loss.remarks().join("; ") });
+    }
+    if count == 0 {
+        return Err(foreign("there is no control period in it".into()));
     }
     Ok(())
 }
@@ -327,7 +340,7 @@ pub fn read(path: &Path) -> Result<(Vec<&'static str>, Vec<Vec<String>>), LogErr
 ///
 /// # Errors
 ///
-/// [`LogError`] when it cannot be read, or is none of ours.
+/// [`LogError`] when it cannot be read, is damaged, has no control period, or is none of ours.
 pub fn rows(path: &Path) -> Result<Vec<Row>, LogError> {
     let mut rows = Vec::new();
     messages(path, |value| {

@@ -88,6 +88,28 @@ fn replayed_readings_lead_to_the_same_commands() {
     assert!(again.iter().zip(&other).any(differ));
 }
 
+/// A log is replayed whole, or up to where it was cut off; what is empty or damaged in between is no replay.
+#[test]
+fn an_empty_or_damaged_log_is_refused() {
+    let (_, records, path) = logged("damaged", None, 2.0);
+    let bytes = std::fs::read(&path).unwrap();
+    let read = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        rows(&path).map(|rows| rows.len()).map_err(|e| e.to_string())
+    };
+    assert_eq!(read(&bytes), Ok(records.len()));
+    let cut = read(&bytes[..bytes.len() / 2]).unwrap();
+    assert!(cut > 0 && cut < records.len(), "{cut}");
+    let said = read(&bytes[..8]).unwrap_err();
+    assert!(said.contains("no control period"), "{said}");
+    let mut damaged = bytes.clone();
+    damaged[bytes.len() / 2] ^= 0x20;
+    let said = read(&damaged).unwrap_err();
+    assert!(said.contains("damaged chunks"), "{said}");
+    assert!(read(b"time,stroke").unwrap_err().contains("does not begin as an MCAP"));
+    std::fs::remove_file(path).unwrap();
+}
+
 /// From the same readings the same is estimated, and commanded.
 #[test]
 fn a_replayed_run_estimates_what_it_estimated() {

@@ -41,7 +41,7 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
     let empty = |found: String| MeasurementError::Empty { file: file.clone(), found };
     let source = File::open(path).map_err(failed)?;
     let Some(mut lines) = Lines::of(source).map_err(failed)? else {
-        let reason = "it is no text: CSV, MAT (level 4 to 7) and MCAP files are read";
+        let reason = "it is no text: CSV, MAT, MDF 4 and MCAP files are read";
         return Err(format(reason.into()));
     };
     let mut first: Vec<String> = Vec::new();

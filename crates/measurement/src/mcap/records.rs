@@ -1,0 +1,118 @@
+//! Records of an MCAP file, after its specification (mcap.dev/spec): an operation code, a length, fields.
+
+use std::rc::Rc;
+
+/// How a file begins and ends.
+pub(crate) const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
+
+/// What a record is.
+pub(super) mod code {
+    pub(in crate::mcap) const FOOTER: u8 = 0x02;
+    pub(in crate::mcap) const SCHEMA: u8 = 0x03;
+    pub(in crate::mcap) const CHANNEL: u8 = 0x04;
+    pub(in crate::mcap) const MESSAGE: u8 = 0x05;
+    pub(in crate::mcap) const CHUNK: u8 = 0x06;
+    pub(in crate::mcap) const DATA_END: u8 = 0x0f;
+}
+
+/// What the messages of a channel look like.
+#[derive(Debug, PartialEq)]
+pub struct Schema {
+    /// Its name, such as `sensor_msgs/msg/JointState`.
+    pub name: String,
+    /// Its language, such as `jsonschema` or `ros2msg`.
+    pub encoding: String,
+    /// Its text.
+    pub data: Vec<u8>,
+}
+
+/// What messages belong to.
+#[derive(Debug, PartialEq)]
+pub struct Topic {
+    /// Its name.
+    pub name: String,
+    /// How its messages are written, such as `json` or `cdr`.
+    pub encoding: String,
+    /// What they look like, where the file says so.
+    pub schema: Option<Rc<Schema>>,
+}
+
+/// A message.
+pub struct Message<'a> {
+    /// What it belongs to.
+    pub topic: &'a Rc<Topic>,
+    /// When it was logged \[ns\].
+    pub log_time: u64,
+    /// What it says.
+    pub data: &'a [u8],
+}
+
+/// The head of a chunk, and its packed records.
+pub(super) struct Chunk<'a> {
+    pub(super) begin: u64,
+    pub(super) end: u64,
+    pub(super) size: u64,
+    pub(super) crc: u32,
+    pub(super) compression: &'a str,
+    pub(super) records: &'a [u8],
+}
+
+/// Fields of a record, read one after the other; none where the record is too short.
+pub(super) struct Fields<'a>(pub(super) &'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn bytes(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (bytes, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(bytes)
+    }
+
+    pub(super) fn u16(&mut self) -> Option<u16> {
+        Some(u16::from_le_bytes(*self.bytes(2)?.first_chunk()?))
+    }
+
+    pub(super) fn u32(&mut self) -> Option<u32> {
+        Some(u32::from_le_bytes(*self.bytes(4)?.first_chunk()?))
+    }
+
+    pub(super) fn u64(&mut self) -> Option<u64> {
+        Some(u64::from_le_bytes(*self.bytes(8)?.first_chunk()?))
+    }
+
+    fn text(&mut self) -> Option<&'a str> {
+        let length = self.u32()? as usize;
+        std::str::from_utf8(self.bytes(length)?).ok()
+    }
+
+    /// The next record within a chunk.
+    pub(super) fn record(&mut self) -> Option<(u8, &'a [u8])> {
+        let code = *self.bytes(1)?.first()?;
+        let length = usize::try_from(self.u64()?).ok()?;
+        Some((code, self.bytes(length)?))
+    }
+
+    pub(super) fn schema(mut self) -> Option<(u16, Schema)> {
+        let (id, name, encoding) = (self.u16()?, self.text()?.into(), self.text()?.into());
+        let length = self.u32()? as usize;
+        Some((id, Schema { name, encoding, data: self.bytes(length)?.to_vec() }))
+    }
+
+    /// Number, number of the schema (zero for none), name and encoding.
+    pub(super) fn channel(mut self) -> Option<(u16, u16, String, String)> {
+        Some((self.u16()?, self.u16()?, self.text()?.into(), self.text()?.into()))
+    }
+
+    /// Number of the channel, time and data.
+    pub(super) fn message(mut self) -> Option<(u16, u64, &'a [u8])> {
+        let (channel, _sequence, log_time) = (self.u16()?, self.u32()?, self.u64()?);
+        let _publish_time = self.u64()?;
+        Some((channel, log_time, self.0))
+    }
+
+    pub(super) fn chunk(mut self) -> Option<Chunk<'a>> {
+        let (begin, end, size) = (self.u64()?, self.u64()?, self.u64()?);
+        let (crc, compression) = (self.u32()?, self.text()?);
+        let length = usize::try_from(self.u64()?).ok()?;
+        Some(Chunk { begin, end, size, crc, compression, records: self.bytes(length)? })
+    }
+}

@@ -1,0 +1,169 @@
+//! The records of a data group, as they lie in one block or in a list of blocks, packed or not.
+
+use super::block::{Blocks, Damage, number};
+use flate2::read::ZlibDecoder;
+use std::io::{Read, Seek};
+
+/// Bytes of a packed block when unpacked, at most. Writers use 4 MB.
+const LARGEST: u64 = 64 << 20;
+/// Bytes that are read at once of a block that is not packed.
+const PART: u64 = 4 << 20;
+/// Lists within lists, at most.
+const MOST_LISTS: usize = 1_000_000;
+
+/// Parts of the data, in order.
+pub(super) struct Parts {
+    /// Places of blocks that are to come, the next one last.
+    blocks: Vec<u64>,
+    /// The list that follows.
+    list: u64,
+    lists: usize,
+    /// What is left of a block that is not packed: its place and size.
+    rest: (u64, u64),
+    /// Whether a last block may say nothing of its length, as its writer was interrupted.
+    is_unfinished: bool,
+}
+
+impl Parts {
+    /// The data at a link.
+    ///
+    /// # Errors
+    ///
+    /// What kind of block there is in its place.
+    pub(super) fn at<R: Read + Seek>(
+        file: &mut Blocks<R>,
+        link: u64,
+        is_unfinished: bool,
+    ) -> Result<Self, Damage> {
+        let mut parts = Self { blocks: Vec::new(), list: 0, lists: 0, rest: (0, 0), is_unfinished };
+        if link == 0 {
+            return Ok(parts);
+        }
+        match &file.head(link)?.id {
+            b"##HL" => parts.list = file.next(link, b"##HL")?.link(0),
+            b"##DL" => parts.list = link,
+            b"##DT" | b"##DZ" => parts.blocks.push(link),
+            b"##LD" | b"##DV" => return Err("data by columns (LD, DV) are not read".into()),
+            other => {
+                return Err(format!("{} in place of data", String::from_utf8_lossy(other)));
+            }
+        }
+        Ok(parts)
+    }
+
+    /// The next part; none at the end.
+    ///
+    /// # Errors
+    ///
+    /// What is damaged.
+    pub(super) fn next<R: Read + Seek>(
+        &mut self,
+        file: &mut Blocks<R>,
+    ) -> Result<Option<Vec<u8>>, Damage> {
+        loop {
+            let (at, size) = self.rest;
+            if size > 0 {
+                let part = file.bytes(at, size.min(PART))?;
+                let read = part.len() as u64;
+                self.rest = (at + read, size - read);
+                if read == 0 {
+                    return Err("the file ends within its data".into());
+                }
+                return Ok(Some(part));
+            }
+            if let Some(block) = self.blocks.pop() {
+                file.visit(block)?;
+                let head = file.head(block)?;
+                let begin = block + 24 + 8 * head.links;
+                match &head.id {
+                    b"##DT" => {
+                        let size = head.length - 24 - 8 * head.links;
+                        let is_open = size == 0 && self.is_unfinished && self.blocks.is_empty();
+                        let to_end = file.size.saturating_sub(begin);
+                        self.rest = (begin, if is_open { to_end } else { size });
+                    }
+                    b"##DZ" => {
+                        let packed = file.bytes(begin, head.length - 24 - 8 * head.links)?;
+                        return unpacked(&packed).map(Some);
+                    }
+                    other => {
+                        return Err(format!(
+                            "{} in a list of data",
+                            String::from_utf8_lossy(other)
+                        ));
+                    }
+                }
+            } else if self.list != 0 {
+                self.lists += 1;
+                if self.lists > MOST_LISTS {
+                    return Err("its lists of data do not end".into());
+                }
+                let list = file.next(self.list, b"##DL")?;
+                self.list = list.link(0);
+                let blocks = list.links().get(1..).unwrap_or(&[]);
+                self.blocks = blocks.iter().rev().copied().filter(|b| *b != 0).collect();
+            } else {
+                return Ok(None);
+            }
+        }
+    }
+}
+
+/// Unpacks a block: kind of the block that it was, way of packing, columns of the transposition, sizes, data.
+fn unpacked(block: &[u8]) -> Result<Vec<u8>, Damage> {
+    let (head, data) = block.split_at_checked(24).ok_or("a packed block without a head")?;
+    let (kind, way, columns) = (&head[..2], head[2], number(head, 4, 4));
+    let (size, packed_size) = (number(head, 8, 8), number(head, 16, 8));
+    if kind != b"DT" {
+        return Err(format!("packed {} in place of data", String::from_utf8_lossy(kind)));
+    }
+    if size > LARGEST {
+        return Err(format!(
+            "a packed block of {} MB: blocks are read whole, up to {} MB",
+            size >> 20,
+            LARGEST >> 20
+        ));
+    }
+    let data = data.get(..packed_size as usize).ok_or("the file ends within its data")?;
+    let mut whole = Vec::new();
+    let read = match way {
+        0 | 1 => ZlibDecoder::new(data).take(size + 1).read_to_end(&mut whole),
+        2 | 3 => zstd::stream::read::Decoder::with_buffer(data)
+            .and_then(|decoder| decoder.take(size + 1).read_to_end(&mut whole)),
+        4 | 5 => lz4_flex::frame::FrameDecoder::new(data).take(size + 1).read_to_end(&mut whole),
+        other => return Err(format!("a block is packed in way {other}, which is not read")),
+    };
+    read.map_err(|e| format!("packed data: {e}"))?;
+    if whole.len() as u64 != size {
+        return Err(format!("a packed block has not the {size} bytes that it says"));
+    }
+    Ok(match way % 2 == 1 {
+        true => untransposed(&whole, columns as usize),
+        false => whole,
+    })
+}
+
+/// Bytes that were transposed as a matrix of so many columns; those after its last whole row were not.
+fn untransposed(bytes: &[u8], columns: usize) -> Vec<u8> {
+    let rows = bytes.len().checked_div(columns).unwrap_or(0);
+    let (matrix, rest) = bytes.split_at(rows * columns);
+    let mut plain = Vec::with_capacity(bytes.len());
+    for row in 0..rows {
+        plain.extend(matrix[row..].iter().step_by(rows));
+    }
+    plain.extend(rest);
+    plain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn transposed_bytes_are_put_back() {
+        // two rows of three bytes, and one more
+        assert_eq!(untransposed(&[1, 4, 2, 5, 3, 6, 7], 3), [1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(untransposed(&[1, 2], 3), [1, 2]);
+        assert_eq!(untransposed(&[1, 2], 0), [1, 2]);
+    }
+}

@@ -1,0 +1,273 @@
+//! Groups of channels of an MDF file that were sampled together (`##CG`), and their records.
+
+use super::block::{Blocks, Damage, number};
+use super::channel::{Field, Kind, kind};
+use super::data::Parts;
+use crate::dimension::Dimension;
+use crate::recording::Recording;
+use crate::time_column::TimeColumn;
+use std::collections::BTreeMap;
+use std::io::{Read, Seek};
+
+/// Channels of a file, at most.
+const MOST_CHANNELS: usize = 20_000;
+/// Channels within channels, at most.
+const DEEPEST: u32 = 8;
+/// Bytes of a record, at most.
+const LARGEST_RECORD: u64 = 16 << 20;
+
+/// Channels with one time.
+pub(super) struct Group {
+    /// Its name, as far as it has one.
+    pub(super) name: String,
+    pub(super) time: Option<Field>,
+    pub(super) fields: Vec<Field>,
+    /// What its channels were sampled at, where that is no time.
+    pub(super) other_master: Option<&'static str>,
+    /// Channels that are no numbers: what they are, and how many.
+    pub(super) unread: BTreeMap<String, u64>,
+    id: u64,
+    /// Bytes of a record: its data, and the bits that say which numbers are none.
+    data: usize,
+    record: usize,
+    is_text: bool,
+    /// Records that it says to have.
+    pub(super) cycles: u64,
+    /// The time \[s\], then a column for each field.
+    pub(super) recording: Recording,
+    /// What a number of the time is in seconds: a factor, and what is added.
+    pub(super) seconds: (f64, f64),
+    /// Records without a time.
+    timeless: u64,
+    pub(super) read: u64,
+}
+
+/// Groups whose records lie among each other.
+pub(super) struct DataGroup {
+    pub(super) groups: Vec<Group>,
+    /// Bytes of the number before each record that says of which group it is.
+    id_size: usize,
+    data: u64,
+}
+
+impl DataGroup {
+    /// All groups of a file, from the first one's place.
+    ///
+    /// # Errors
+    ///
+    /// What is damaged.
+    pub(super) fn all<R: Read + Seek>(
+        file: &mut Blocks<R>,
+        first: u64,
+    ) -> Result<Vec<Self>, Damage> {
+        let (mut all, mut at, mut channels) = (Vec::new(), first, 0);
+        while at != 0 {
+            let block = file.next(at, b"##DG")?;
+            let mut groups = Vec::new();
+            let mut next = block.link(1);
+            while next != 0 {
+                let (group, after) = Group::at(file, next, &mut channels)?;
+                groups.push(group);
+                next = after;
+            }
+            let id_size = block.number(0, 1) as usize;
+            if !matches!(id_size, 0 | 1 | 2 | 4 | 8) {
+                return Err(format!("records with numbers of {id_size} bytes"));
+            }
+            all.push(Self { groups, id_size, data: block.link(2) });
+            at = block.link(0);
+        }
+        Ok(all)
+    }
+
+    /// Reads all records. What was read before damage is kept.
+    ///
+    /// # Errors
+    ///
+    /// What is damaged.
+    pub(super) fn read<R: Read + Seek>(
+        &mut self,
+        file: &mut Blocks<R>,
+        is_unfinished: bool,
+    ) -> Result<(), Damage> {
+        let mut parts = Parts::at(file, self.data, is_unfinished)?;
+        let mut bytes: Vec<u8> = Vec::new();
+        while !self.is_read() {
+            let Some(part) = parts.next(file)? else { break };
+            bytes.extend(part);
+            let used = self.records(&bytes)?;
+            bytes.drain(..used);
+        }
+        Ok(())
+    }
+
+    fn is_read(&self) -> bool {
+        self.groups.iter().all(|g| !g.is_wanted() || g.read >= g.cycles)
+    }
+
+    /// Takes whole records from the beginning of some bytes; how many bytes that were.
+    fn records(&mut self, bytes: &[u8]) -> Result<usize, Damage> {
+        let mut at = 0;
+        loop {
+            let Some(after) = bytes.get(at + self.id_size..) else { return Ok(at) };
+            let id = number(bytes, at, self.id_size);
+            let group = match self.id_size {
+                0 => self.groups.first_mut(),
+                _ => self.groups.iter_mut().find(|g| g.id == id),
+            };
+            let group =
+                group.ok_or_else(|| format!("a record of a group {id}, which there is not"))?;
+            let size = match group.is_text {
+                true if after.len() < 4 => return Ok(at),
+                true => 4 + number(after, 0, 4) as usize,
+                false => group.record,
+            };
+            if size == 0 || size as u64 > LARGEST_RECORD {
+                return Err(format!("a record of {size} bytes"));
+            }
+            let Some(record) = after.get(..size) else { return Ok(at) };
+            group.keep(record);
+            at += self.id_size + size;
+        }
+    }
+}
+
+impl Group {
+    fn at<R: Read + Seek>(
+        file: &mut Blocks<R>,
+        at: u64,
+        channels: &mut usize,
+    ) -> Result<(Self, u64), Damage> {
+        let block = file.next(at, b"##CG")?;
+        let data = block.number(24, 4);
+        let record = data + block.number(28, 4);
+        let is_text = block.number(16, 2) & 1 == 1;
+        let mut group = Self {
+            name: file.text(block.link(2))?,
+            time: None,
+            fields: Vec::new(),
+            other_master: None,
+            unread: BTreeMap::new(),
+            id: block.number(0, 8),
+            data: data as usize,
+            record: record as usize,
+            is_text,
+            cycles: block.number(8, 8),
+            recording: Recording::new(0, usize::MAX),
+            seconds: (1.0, 0.0),
+            timeless: 0,
+            read: 0,
+        };
+        group.channels(file, block.link(1), "", channels, 0)?;
+        Ok((group, block.link(0)))
+    }
+
+    /// A list of channels, and those that are parts of them.
+    fn channels<R: Read + Seek>(
+        &mut self,
+        file: &mut Blocks<R>,
+        first: u64,
+        prefix: &str,
+        count: &mut usize,
+        depth: u32,
+    ) -> Result<(), Damage> {
+        let mut at = first;
+        while at != 0 {
+            let block = file.next(at, b"##CN")?;
+            *count += 1;
+            if *count > MOST_CHANNELS || depth > DEEPEST {
+                return Err(format!("it has more than {MOST_CHANNELS} channels"));
+            }
+            let name = file.text(block.link(2))?;
+            let name = match prefix.is_empty() {
+                true => name,
+                false => format!("{prefix}.{name}"),
+            };
+            at = block.link(0);
+            let parts = block.link(1);
+            if parts != 0 && file.head(parts)?.id == *b"##CN" {
+                self.channels(file, parts, &name, count, depth + 1)?;
+                continue;
+            }
+            let found = match parts {
+                0 => kind(file, &block, &name, self.data)?,
+                _ => Kind::Unread("an array".into()),
+            };
+            match found {
+                Kind::Time(field) if self.time.is_none() => self.time = Some(field),
+                Kind::Time(field) | Kind::Signal(field) => self.fields.push(field),
+                Kind::OtherMaster(what) => self.other_master = Some(what),
+                Kind::Unread(what) => *self.unread.entry(what).or_default() += 1,
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether it has a signal and a time.
+    pub(super) fn is_wanted(&self) -> bool {
+        self.time.is_some() && !self.fields.is_empty() && !self.is_text
+    }
+
+    /// How many numbers its records have, with their times.
+    pub(super) fn numbers(&self) -> u64 {
+        self.cycles.saturating_mul(self.fields.len() as u64 + 1)
+    }
+
+    /// Records that a file of some bytes can have, at most.
+    pub(super) fn most_cycles(&self, bytes: u64) -> u64 {
+        bytes.checked_div(self.record as u64).unwrap_or(0)
+    }
+
+    /// Takes another channel for the time where a mapping names one, and finds what its numbers are in seconds: those of the format
+    /// are.
+    pub(super) fn choose_time(&mut self, stated: Option<&TimeColumn>) {
+        let wanted = stated.and_then(|s| s.column.as_deref());
+        let place = wanted.and_then(|w| self.fields.iter().position(|f| f.is_named(w)));
+        if let Some(place) = place {
+            let field = self.fields.remove(place);
+            self.fields.extend(self.time.replace(field));
+        }
+        let own = self.time.as_ref().and_then(|t| t.read.unit);
+        let unit = stated.and_then(|s| s.unit).or(own);
+        let unit = unit.filter(|u| u.dimension == Dimension::Time).map_or(1.0, |u| u.factor);
+        let (scale, offset) = stated.map_or((1.0, 0.0), |s| (s.scale, s.offset));
+        self.seconds = (scale * unit, offset * unit);
+    }
+
+    /// Says what of it is left out.
+    pub(super) fn say(&self, is_unfinished: bool, remarks: &mut Vec<String>) {
+        let name = match (self.name.is_empty(), self.fields.first()) {
+            (false, _) => self.name.clone(),
+            (true, Some(field)) => format!("the group of {}", field.heading),
+            (true, None) => "a group".into(),
+        };
+        if !self.fields.is_empty() && self.time.is_none() {
+            remarks.push(match self.other_master {
+                Some(what) => format!("{name} is sampled at {what}, not at times: it is left out"),
+                None => format!("{name} has no time: it is left out"),
+            });
+        }
+        for (what, count) in &self.unread {
+            remarks.push(format!("{count} channels of {name} are left out: {what}"));
+        }
+        if self.timeless > 0 {
+            remarks
+                .push(format!("{} records of {name} have no time and are left out", self.timeless));
+        }
+        if self.is_wanted() && self.read < self.cycles && !is_unfinished {
+            remarks.push(format!("{name} has {} records of {}", self.read, self.cycles));
+        }
+    }
+
+    fn keep(&mut self, record: &[u8]) {
+        let Some(time) = self.time.as_ref().filter(|_| self.read < self.cycles) else { return };
+        let of = |field: &Field| field.of(record, self.data, self.read);
+        let mut row: Vec<f64> = std::iter::once(time).chain(&self.fields).map(of).collect();
+        row[0] = row[0] * self.seconds.0 + self.seconds.1;
+        self.read += 1;
+        match row[0].is_finite() {
+            true => self.recording.push(self.read, &row),
+            false => self.timeless += 1,
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! MDF 4 files: those that asammdf writes (`make.py`), and by hand what it does not.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+mod written;
+
+use hydroboom_measurement::{Mapping, Measurement, Signal, Signals, TimeColumn, read};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use written::File;
+
+fn recorded(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mdf/files").join(name)
+}
+
+fn path(name: &str, content: &[u8]) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::write(&path, content).unwrap();
+    path
+}
+
+fn refused(name: &str, content: &[u8]) -> String {
+    read(&path(name, content), None).unwrap_err().to_string()
+}
+
+/// Units, times and values that asammdf reads, by channel; NaN where one is invalid.
+fn expected(name: &str) -> BTreeMap<String, (String, Vec<(f64, f64)>)> {
+    let mut channels = BTreeMap::new();
+    for line in std::fs::read_to_string(recorded(name)).unwrap().lines() {
+        let cells: Vec<&str> = line.split(',').collect();
+        let value = cells[3].parse().unwrap_or(f64::NAN);
+        let (_, samples): &mut (String, Vec<_>) =
+            channels.entry(cells[0].into()).or_insert((cells[1].into(), Vec::new()));
+        samples.push((cells[2].parse().unwrap(), value));
+    }
+    channels
+}
+
+fn is_as_expected(log: &Measurement, name: &str) {
+    let expected = expected(name);
+    for (heading, (unit, samples)) in &expected {
+        let channel = log.channel(heading).unwrap_or_else(|| panic!("no {heading}"));
+        assert_eq!(channel.unit.map_or("", |u| u.name), unit, "{heading}");
+        assert_eq!(channel.values.len(), samples.len(), "{heading}");
+        for (k, (time, value)) in samples.iter().enumerate() {
+            assert_eq!(channel.time[k], *time, "{heading}");
+            let found = channel.values[k];
+            assert!(
+                (found - value).abs() <= 1e-14 * value.abs() || found.is_nan() && value.is_nan(),
+                "{heading}: {found} for {value}"
+            );
+        }
+    }
+    assert_eq!(log.channels.len(), expected.len(), "{}", log.headings());
+}
+
+#[test]
+fn every_way_of_packing_gives_the_same_numbers() {
+    for name in ["plain", "deflate", "transposed", "zstd", "transposed_lz4", "list", "packed_list"]
+    {
+        let log = read(&recorded(&format!("{name}.mf4")), None).unwrap();
+        is_as_expected(&log, "crane.csv");
+        assert!(log.remarks.is_empty(), "{name}: {:?}", log.remarks);
+        // each group has its own time
+        assert_eq!(log.channel("oil").unwrap().time.len(), 12);
+        let signals = Signals::of(&log, &Mapping::guess(&log)).unwrap();
+        let at = |signal| signals.get(signal).unwrap().at(0.1).unwrap();
+        assert!((at(Signal::Stroke) - 60e-3).abs() < 1e-9);
+        assert!((at(Signal::PressureA) - 63e5).abs() < 1e-3);
+        assert!((at(Signal::MotorSpeed) + 20.0 / 60.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn conversions_states_and_invalid_samples_are_those_of_asammdf() {
+    let log = read(&recorded("conversions.mf4"), None).unwrap();
+    is_as_expected(&log, "conversions.csv");
+    for wanted in ["of varying length", "an array"] {
+        assert!(log.remarks.iter().any(|r| r.contains(wanted)), "{:?}", log.remarks);
+    }
+}
+
+/// Records of two groups and of texts lie among each other, each with the number of its group.
+fn unsorted(file: &mut File) -> (u64, u64) {
+    let mut data = Vec::new();
+    for k in 0..40_u8 {
+        data.extend([1]);
+        data.extend((f64::from(k) * 0.01).to_le_bytes());
+        data.extend([k, 2 * k]);
+        if k % 4 == 0 {
+            data.extend([2]);
+            data.extend((f64::from(k) * 0.01).to_le_bytes());
+            data.extend((f32::from(k) * 0.5).to_be_bytes());
+            data.extend([3, 5, 0, 0, 0]);
+            data.extend(b"moves");
+        }
+    }
+    let texts = file.group(0, 0, [3, 10, 0], true);
+    let slow = file.channel(0, "p_A", "bar", [0, 5, 8, 32]);
+    let slow = file.channel(slow, "t", "s", [2, 4, 0, 64]);
+    let slow = file.group(texts, slow, [2, 10, 12], false);
+    let fast = file.channel(0, "stroke", "mm", [0, 1, 8, 16]);
+    let fast = file.channel(fast, "t", "s", [2, 4, 0, 64]);
+    let fast = file.group(slow, fast, [1, 40, 10], false);
+    let data = file.block("##DT", &[], &data);
+    (fast, data)
+}
+
+#[test]
+fn records_that_lie_among_each_other_are_told_apart() {
+    let mut file = File::new("MDF     ", "4.10");
+    let (group, data) = unsorted(&mut file);
+    let log = read(&path("unsorted.mf4", &file.finish(group, data, 1)), None).unwrap();
+    assert_eq!(log.headings(), "stroke, p_A");
+    assert_eq!(log.channels[0].values[3], f64::from(3 * 256 + 6));
+    assert_eq!((log.channels[1].time[2], log.channels[1].values[2]), (0.08, 4.0));
+    assert_eq!((log.channels[0].values.len(), log.channels[1].values.len()), (40, 10));
+}
+
+#[test]
+fn a_recording_that_was_interrupted_is_read_as_far_as_it_goes() {
+    let mut file = File::new("UnFinMF ", "4.10");
+    let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
+    let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
+    // neither the records nor the length of the data were counted
+    let group = file.group(0, channel, [0, 0, 9], false);
+    let at = (file.bytes.len().next_multiple_of(8) + 56 + 16) as u64;
+    let mut bytes = file.finish(group, at.next_multiple_of(8), 0);
+    bytes.resize(at.next_multiple_of(8) as usize, 0);
+    bytes.extend(b"##DT\0\0\0\0");
+    bytes.extend([24_u64.to_le_bytes(), 0_u64.to_le_bytes()].concat());
+    for k in 0..25_u8 {
+        bytes.extend((f64::from(k) * 0.01).to_le_bytes());
+        bytes.extend([k]);
+    }
+    bytes.extend([1, 2, 3]);
+    let log = read(&path("interrupted.mf4", &bytes), None).unwrap();
+    assert_eq!(log.channels[0].values.len(), 25);
+    assert!(log.remarks.iter().any(|r| r.contains("interrupted")), "{:?}", log.remarks);
+}
+
+#[test]
+fn another_channel_may_be_the_time() {
+    let time = |column: &str| TimeColumn { column: Some(column.into()), ..TimeColumn::default() };
+    let log = read(&recorded("plain.mf4"), Some(&time("stroke"))).unwrap();
+    assert_eq!(log.channel("p_A").unwrap().time[5], 55.0);
+    let said = read(&recorded("plain.mf4"), Some(&time("nowhere"))).unwrap_err().to_string();
+    assert!(said.contains("nowhere") && said.contains("motor_speed"), "{said}");
+}
+
+#[test]
+fn what_cannot_be_read_is_said() {
+    let said = refused("old.mf4", &File::new("MDF     ", "3.30").finish(0, 0, 0));
+    assert!(said.contains("version 3.30"), "{said}");
+    let said = refused("empty.mf4", &File::new("MDF     ", "4.10").finish(0, 0, 0));
+    assert!(said.contains("no signal"), "{said}");
+    assert!(refused("head.mf4", b"MDF     4.10    ").contains("no block"));
+    // without a time, and with an angle in its place
+    for (kind, sync, wanted) in [(0, 0, "has no time"), (2, 2, "sampled at an angle")] {
+        let mut file = File::new("MDF     ", "4.10");
+        let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
+        let channel = file.channel(channel, "t", "s", [kind, 4, 0, 64]);
+        let sync_at = channel as usize + 24 + 64 + 1;
+        file.bytes[sync_at] = sync;
+        let group = file.group(0, channel, [0, 3, 9], false);
+        let data = file.block("##DT", &[], &[0; 27]);
+        let said = refused("timeless.mf4", &file.finish(group, data, 0));
+        assert!(said.contains(wanted), "{said}");
+    }
+    // what was whole is kept
+    let whole = std::fs::read(recorded("list.mf4")).unwrap();
+    let last = whole.windows(4).rposition(|w| w == b"##DT").unwrap();
+    let mut damaged = whole.clone();
+    damaged[last + 2] = b'X';
+    let log = read(&path("damaged.mf4", &damaged), None).unwrap();
+    assert!(log.remarks.iter().any(|r| r.contains("up to there")), "{:?}", log.remarks);
+}
+
+#[test]
+fn a_list_that_leads_into_itself_ends() {
+    let mut file = File::new("MDF     ", "4.10");
+    let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
+    let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
+    let group = file.group(0, channel, [0, u64::MAX, 9], false);
+    let times: Vec<u8> =
+        (0..3_u8).flat_map(|k| [f64::from(k).to_le_bytes().to_vec(), vec![k]].concat()).collect();
+    let data = file.block("##DT", &[], &times);
+    let here = file.bytes.len().next_multiple_of(8) as u64;
+    let list = file.block("##DL", &[here, data, data], &[0; 8]);
+    let log = read(&path("loop.mf4", &file.finish(group, list, 0)), None).unwrap();
+    assert_eq!(log.channels[0].values, [0.0, 1.0, 2.0]);
+    assert!(log.remarks.iter().any(|r| r.contains("two links")), "{:?}", log.remarks);
+}
+
+#[test]
+fn a_packed_block_that_says_to_be_large_is_refused() {
+    let mut file = File::new("MDF     ", "4.10");
+    let channel = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
+    let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
+    let group = file.group(0, channel, [0, 1 << 40, 9], false);
+    let mut packed = b"DT\0\0\0\0\0\0".to_vec();
+    packed.extend([3_u64 << 30, 8].iter().flat_map(|n| n.to_le_bytes()));
+    packed.extend([0; 8]);
+    let data = file.block("##DZ", &[], &packed);
+    let said = refused("bomb.mf4", &file.finish(group, data, 0));
+    assert!(said.contains("a packed block of 3072 MB"), "{said}");
+}
