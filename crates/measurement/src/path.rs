@@ -1,13 +1,17 @@
 //! Headings of numbers within structures and messages: `cylinder.pressure_a_bar[2]`.
 
 use crate::heading::Heading;
+use crate::unit::Unit;
 
 /// A path's name and unit. The unit is stated in its last part, before an index; what that is part of says none.
 pub(crate) fn heading(path: &str) -> Heading {
     let last = path.rfind('.').map_or(0, |dot| dot + 1);
     let (before, last) = path.split_at(last);
     let (field, index) = last.split_at(last.find('[').unwrap_or(last.len()));
-    let is_index = index.is_empty() || index.ends_with(']');
+    // `p [bar]` and `p[bar]` state a unit, `p[2]` and `position[boom]` are one of several
+    let inside = index.strip_prefix('[').and_then(|i| i.strip_suffix(']'));
+    let is_unit = |inside: &str| field.ends_with(' ') || Unit::find(inside).is_some();
+    let is_index = inside.is_some_and(|i| i.parse::<usize>().is_ok() || !is_unit(i));
     let (field, index) = if is_index && !field.is_empty() { (field, index) } else { (last, "") };
     let read = Heading::parse(field);
     Heading { name: format!("{before}{}{index}", read.name), ..read }
@@ -25,6 +29,8 @@ mod tests {
             ("cyl_bar.pressure_a_bar", "cyl_bar.pressure_a", Some("bar")),
             ("joints.position[boom]", "joints.position[boom]", None),
             ("pressures_bar[2]", "pressures[2]", Some("bar")),
+            ("cyl.p_A [bar]", "cyl.p_A", Some("bar")),
+            ("cyl.p_A[bar]", "cyl.p_A", Some("bar")),
         ] {
             let read = heading(path);
             assert_eq!((read.name.as_str(), read.unit.map(|u| u.name)), (name, unit), "{path}");

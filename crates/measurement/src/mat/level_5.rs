@@ -52,7 +52,7 @@ pub(super) fn read(
             Err(_) => return Ok(variables),
         }
         let (kind, size) = (order.integer(&tag), u64::from(order.integer(&tag[4..])));
-        if size > LARGEST_ELEMENT && kind == MATRIX {
+        if size > LARGEST_ELEMENT {
             return Err(too_large());
         }
         let mut data = Vec::new();

@@ -83,7 +83,11 @@ impl Parts {
                         self.rest = (begin, if is_open { to_end } else { size });
                     }
                     b"##DZ" => {
-                        let packed = file.bytes(begin, head.length - 24 - 8 * head.links)?;
+                        let size = head.length - 24 - 8 * head.links;
+                        if size > LARGEST {
+                            return Err(too_large(size));
+                        }
+                        let packed = file.bytes(begin, size)?;
                         return unpacked(&packed).map(Some);
                     }
                     other => {
@@ -109,6 +113,14 @@ impl Parts {
     }
 }
 
+fn too_large(size: u64) -> Damage {
+    format!(
+        "a packed block of {} MB: blocks are read whole, up to {} MB",
+        size >> 20,
+        LARGEST >> 20
+    )
+}
+
 /// Unpacks a block: kind of the block that it was, way of packing, columns of the transposition, sizes, data.
 fn unpacked(block: &[u8]) -> Result<Vec<u8>, Damage> {
     let (head, data) = block.split_at_checked(24).ok_or("a packed block without a head")?;
@@ -118,11 +130,7 @@ fn unpacked(block: &[u8]) -> Result<Vec<u8>, Damage> {
         return Err(format!("packed {} in place of data", String::from_utf8_lossy(kind)));
     }
     if size > LARGEST {
-        return Err(format!(
-            "a packed block of {} MB: blocks are read whole, up to {} MB",
-            size >> 20,
-            LARGEST >> 20
-        ));
+        return Err(too_large(size));
     }
     let data = data.get(..packed_size as usize).ok_or("the file ends within its data")?;
     let mut whole = Vec::new();
