@@ -1,5 +1,6 @@
 //! `hydroboom linearise`
 
+use crate::paths::OutputFolder;
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_lab::mat_file::{Matrix, mat_file};
@@ -8,7 +9,6 @@ use hydroboom_model::{Input, Outputs, Scheme};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::fmt::Write;
-use std::path::PathBuf;
 
 /// Linearise the crane at an operating point: A, B, C, D, poles and frequency responses, with exact
 /// derivatives.
@@ -35,7 +35,7 @@ pub struct Linearise {
     /// Write A, B, C and D as CSV and as crane.mat (MATLAB, Octave, SciPy), and bode.html, into this
     /// folder.
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    out: Option<OutputFolder>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -93,7 +93,7 @@ impl Linearise {
             ),
         ];
         if let Some(folder) = &self.out {
-            std::fs::create_dir_all(folder).into_diagnostic()?;
+            output::folder(folder);
             for (name, rows, row_names, columns) in &matrices {
                 let mut csv = format!("row,{}\n", columns.join(","));
                 for (row, label) in rows.iter().zip(row_names.iter()) {
@@ -101,14 +101,14 @@ impl Linearise {
                     // a String takes every write
                     let _ = writeln!(csv, "{label},{}", cells.join(","));
                 }
-                output::file(&folder.join(format!("{name}.csv")), csv.as_bytes())?;
+                output::file(&folder.join(format!("{name}.csv")), csv.as_bytes());
             }
             let mat: Vec<Matrix<'_>> =
                 matrices.iter().map(|(name, rows, ..)| Matrix { name, rows }).collect();
             let input = ["pump_speed_rev_s".to_string()];
             let names =
                 [("states", &states[..]), ("outputs", &outputs[..]), ("inputs", &input[..])];
-            output::file(&folder.join("crane.mat"), &mat_file(&mat, &names))?;
+            output::file(&folder.join("crane.mat"), &mat_file(&mat, &names));
             // per rpm of motor speed
             let shown: Vec<(&str, usize, f64)> = SHOWN
                 .iter()
@@ -122,7 +122,7 @@ impl Linearise {
                 description.name, stroke_mm, self.motor_speed_rpm, self.valve
             );
             let page = report::bode_page(&title, &a, &b, &c, &shown, &modes).into_diagnostic()?;
-            output::file(&folder.join("bode.html"), page.as_bytes())?;
+            output::file(&folder.join("bode.html"), page.as_bytes());
         }
         if self.json {
             return output::json(&json!({

@@ -1,26 +1,26 @@
 //! The options that say which column of a log is which signal.
 
-use crate::crane_file::text;
+use crate::crane_file::text_of;
+use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_measurement::{Mapping, Measurement, read};
 use miette::{IntoDiagnostic, Result};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The options that say which column of a log is which signal.
 #[derive(Args, Clone)]
 pub struct LogMapping {
     /// Mapping: a TOML file with a table `log`; what it does not name is guessed.
     #[arg(long, value_name = "FILE")]
-    mapping: Option<PathBuf>,
+    mapping: Option<InputFile>,
 }
 
 impl LogMapping {
     /// Reads a log, and says which of its columns is what.
     pub fn read(&self, log: &Path) -> Result<(Measurement, Mapping)> {
         let given = match &self.mapping {
-            Some(path) => {
-                Mapping::parse(&path.display().to_string(), &text(path)?).into_diagnostic()?
-            }
+            Some(path) => Mapping::parse(&path.display().to_string(), &text_of(path, "mapping")?)
+                .into_diagnostic()?,
             None => Mapping::default(),
         };
         let log = read(log, given.time.as_deref()).into_diagnostic()?;

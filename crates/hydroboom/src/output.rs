@@ -1,22 +1,138 @@
-//! Tables for people, JSON for machines.
+//! What commands put out: tables for people, JSON for machines, files.
+//!
+//! An output that cannot be written does not end a command: it is told at once, the others are still
+//! written, and [`conclude`] ends the program with a list of what is missing.
 
-use miette::{IntoDiagnostic, Result, WrapErr};
+use miette::{IntoDiagnostic, Result, miette};
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// An output that was not written.
+struct Failure {
+    /// None for standard output.
+    path: Option<PathBuf>,
+    said: String,
+}
+
+/// Outputs of this process that were not written.
+static FAILURES: Mutex<Vec<Failure>> = Mutex::new(Vec::new());
 
 /// Writes text to standard output; a closed pipe is no error.
 pub fn text(text: &str) -> Result<()> {
-    match writeln!(std::io::stdout(), "{text}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(error).into_diagnostic().wrap_err("cannot write the results")
-        }
-        _ => Ok(()),
+    let mut stdout = std::io::stdout();
+    let written = writeln!(stdout, "{}", escaped(text)).and_then(|()| stdout.flush());
+    if let Err(error) = written
+        && error.kind() != std::io::ErrorKind::BrokenPipe
+    {
+        failed(None, format!("the results cannot be printed: {error}"));
     }
+    Ok(())
 }
 
 /// Writes JSON to standard output.
 pub fn json(value: &serde_json::Value) -> Result<()> {
     text(&serde_json::to_string_pretty(value).into_diagnostic()?)
+}
+
+/// Says something beside the results, on standard error.
+pub fn note(text: &str) {
+    // who closed standard error wants to hear nothing
+    let _ = writeln!(std::io::stderr(), "{}", escaped(text));
+}
+
+/// Warns of something, on standard error.
+pub fn warn(text: &str) {
+    note(&format!("warning: {text}"));
+}
+
+/// Writes a file whole or not at all; says whether it is written.
+pub fn file(path: &Path, content: &[u8]) -> bool {
+    written(path, hydroboom_files::write(path, content))
+}
+
+/// Makes a folder for files, where it is not there yet.
+pub fn folder(path: &Path) {
+    if let Err(error) = hydroboom_files::folder(path) {
+        failed(Some(path), error.to_string());
+    }
+}
+
+/// Keeps in mind what came of writing a file; says whether it is written.
+pub fn written(path: &Path, result: Result<(), impl std::fmt::Display>) -> bool {
+    match result {
+        Ok(()) => true,
+        Err(error) => {
+            failed(Some(path), error.to_string());
+            false
+        }
+    }
+}
+
+/// A line that names a file that was written, as `report: run.html`; the truth of one that was not.
+pub fn named(what: &str, path: &Path) -> String {
+    let failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
+    match failures.iter().any(|failure| failure.path.as_deref() == Some(path)) {
+        true => format!("\n{what}: {} is NOT written", path.display()),
+        false => format!("\n{what}: {}", path.display()),
+    }
+}
+
+fn failed(path: Option<&Path>, said: String) {
+    let mut failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
+    // files of a folder that could not be made
+    let is_known = |f: &Failure| {
+        f.path.as_deref().zip(path).is_some_and(|(known, path)| path.starts_with(known))
+    };
+    if !failures.iter().any(is_known) {
+        note(&said);
+        failures.push(Failure { path: path.map(Path::to_path_buf), said });
+    }
+}
+
+/// What a command comes to: an error where an output is missing, too.
+pub fn conclude(result: Result<()>) -> Result<()> {
+    let failures = std::mem::take(&mut *FAILURES.lock().unwrap_or_else(PoisonError::into_inner));
+    if failures.is_empty() {
+        return result;
+    }
+    let list: Vec<String> = failures.into_iter().map(|failure| failure.said).collect();
+    if let Err(error) = result {
+        note(&format!("not written:\n  {}", list.join("\n  ")));
+        return Err(error);
+    }
+    Err(miette!("not all is written:\n  {}", list.join("\n  ")))
+}
+
+/// Says why a command failed, on standard error.
+pub fn error(error: &miette::Report) {
+    let _ = writeln!(std::io::stderr(), "Error: {}", without_commands(&format!("{error:?}")));
+}
+
+/// The same for text that was made for a terminal, and keeps its colours.
+fn without_commands(text: &str) -> String {
+    let mut parts = text.split("\x1b[");
+    let mut shown = escaped(parts.next().unwrap_or_default());
+    for part in parts {
+        let end = part.find(|c: char| !(c.is_ascii_digit() || c == ';')).unwrap_or(part.len());
+        match part[end..].strip_prefix('m') {
+            Some(rest) => shown += &format!("\x1b[{}m{}", &part[..end], escaped(rest)),
+            None => shown += &format!("\\u{{1b}}[{}", escaped(part)),
+        }
+    }
+    shown
+}
+
+/// Text without control characters but line ends and tabs: what stands in a file commands no terminal.
+pub fn escaped(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter.is_control() && !matches!(letter, '\n' | '\t') {
+            true => shown.extend(letter.escape_default()),
+            false => shown.push(letter),
+        }
+    }
+    shown
 }
 
 /// A table with aligned columns: numbers to the right, the first column and words to the left.
@@ -47,14 +163,6 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.push(widths.iter().map(|w| "-".repeat(*w)).collect::<Vec<_>>().join("  "));
     lines.extend(rows.iter().map(|row| line(&mut row.iter().cloned())));
     lines.join("\n")
-}
-
-/// Writes a file whole or not at all: beside its place first, then moved there.
-pub fn file(path: &Path, content: &[u8]) -> Result<()> {
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    let written = std::fs::write(&partial, content).and_then(|()| std::fs::rename(&partial, path));
-    written.into_diagnostic().wrap_err_with(|| format!("{} cannot be written", path.display()))
 }
 
 /// A number with so many digits, or a dash.

@@ -3,6 +3,7 @@
 use crate::crane_file::CraneFile;
 use crate::interruptible::Interruptible;
 use crate::output;
+use crate::paths::OutputFile;
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
@@ -14,7 +15,6 @@ use indicatif::{ProgressBar, ProgressStyle};
 use maud::html;
 use miette::{IntoDiagnostic, Result, miette};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Rank a crane's parameters by their effect on tracking errors, pressures and the eigenfrequency: locally by exact
 /// slopes, and globally by Sobol indices.
@@ -43,7 +43,7 @@ pub struct Sensitivity {
     seed: u64,
     /// Report to write (HTML).
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -76,7 +76,7 @@ impl Sensitivity {
         };
         let found = Found { case, values, local: slopes, global };
         if let Some(path) = &self.report {
-            output::file(path, page(&crane, &found).into_diagnostic()?.as_bytes())?;
+            output::file(path, page(&crane, &found).into_diagnostic()?.as_bytes());
         }
         match self.json {
             true => output::json(&in_json(&crane, &found)),

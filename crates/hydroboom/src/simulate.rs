@@ -1,5 +1,6 @@
 //! `hydroboom simulate`
 
+use crate::paths::{InputFile, OutputFile};
 use crate::{crane_file::CraneFile, linearise::valve, output};
 use clap::{Args, ValueEnum};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
@@ -9,7 +10,6 @@ use hydroboom_model::{Input, Outputs, Scheme};
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 #[derive(Clone, Copy, ValueEnum)]
 enum SchemeName {
@@ -32,7 +32,7 @@ pub struct Simulate {
     speed_mm_s: Option<f64>,
     /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
     #[arg(long, value_name = "FILE", conflicts_with = "hold_s")]
-    input: Option<PathBuf>,
+    input: Option<InputFile>,
     /// Run a scenario under velocity feedforward; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["speed_mm_s", "input", "hold_s"])]
     scenario: Option<String>,
@@ -56,7 +56,7 @@ pub struct Simulate {
     step_us: Option<f64>,
     /// CSV log to write.
     #[arg(long, value_name = "FILE")]
-    log: Option<PathBuf>,
+    log: Option<OutputFile>,
     /// Interval of the log.
     #[arg(long, default_value_t = 10.0)]
     log_ms: f64,
@@ -113,7 +113,11 @@ impl Simulate {
             bar.set_position((share * 1000.0) as u64);
         });
         bar.finish_and_clear();
-        let crane = result.into_diagnostic()?;
+        let result = result.into_diagnostic()?;
+        if let Some(path) = &self.log {
+            output::written(path, result.log);
+        }
+        let crane = result.crane;
         let outputs = crane.outputs();
         if self.json {
             let values: serde_json::Map<_, _> = Outputs::NAMES
@@ -144,7 +148,7 @@ impl Simulate {
             said += &format!("; CAVITATING, {:.3} mL of vapour", outputs.cavity_volume * 1e6);
         }
         if let Some(log) = &self.log {
-            said += &format!("\nlog: {}", log.display());
+            said += &output::named("log", log);
         }
         output::text(&said)
     }

@@ -1,9 +1,10 @@
 //! `hydroboom tip`
 
-use crate::crane_file::{CraneFile, text};
+use crate::crane_file::{CraneFile, text_of};
 use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
 use crate::output;
+use crate::paths::InputFile;
 use crate::virtual_crane::strategies;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
@@ -39,7 +40,7 @@ pub struct Tip {
         required_unless_present = "family",
         conflicts_with = "family"
     )]
-    survey: Option<PathBuf>,
+    survey: Option<InputFile>,
     /// Crane file to write with the fitted keys of section tip; with --family, folder for the page with table and figure.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
@@ -87,7 +88,8 @@ impl Tip {
             ));
         }
         let name = path.display().to_string();
-        let survey = TipSurvey::parse(&name, &text(path)?, &crane).into_diagnostic()?;
+        let survey =
+            TipSurvey::parse(&name, &text_of(path, "survey")?, &crane).into_diagnostic()?;
         let fit = survey.fit(&crane).into_diagnostic()?;
         let left = NoiseFloor::of_survey(&fit, &crane, self.seed);
         let (line, worst) = fit.worst;
@@ -100,7 +102,7 @@ impl Tip {
         }
         if let Some(out) = &self.out {
             let written = self.with_keys(&fit, path)?;
-            output::file(out, written.as_bytes())?;
+            output::file(out, written.as_bytes());
         }
         if self.json {
             let keys: serde_json::Map<String, serde_json::Value> = fit
@@ -179,10 +181,10 @@ impl Tip {
             self.strategy.name(),
         );
         if let Some(folder) = &self.out {
-            std::fs::create_dir_all(folder).into_diagnostic()?;
+            output::folder(folder);
             let page =
                 report::tip_page(&format!("Estimated tip: {title}"), &found).into_diagnostic()?;
-            output::file(&folder.join("tip.html"), page.as_bytes())?;
+            output::file(&folder.join("tip.html"), page.as_bytes());
         }
         if self.json {
             return output::json(&json!({

@@ -3,6 +3,7 @@
 use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
+use crate::paths::{InputFile, OutputFile};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
@@ -16,7 +17,6 @@ use hydroboom_measurement::{Signal, Signals, Suspicion};
 use maud::html;
 use miette::{IntoDiagnostic, Result};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 /// Drive the model by a log's motor speed and valve, and say how position and pressures differ, and what
 /// would take the difference away.
@@ -30,14 +30,14 @@ pub struct Validate {
     crane: CraneFile,
     /// The log: CSV, TwinCAT Scope, Simulink, MAT, MCAP.
     #[arg(long, value_name = "FILE")]
-    log: PathBuf,
+    log: InputFile,
     #[command(flatten)]
     mapping: LogMapping,
     #[command(flatten)]
     window: LogWindow,
     /// Report to write (HTML).
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -75,7 +75,7 @@ impl Validate {
         notes.extend(suspicions.iter().map(|Suspicion { text, .. }| format!("suspicious: {text}")));
         if let Some(path) = &self.report {
             let page = page(&self, &crane, &experiment, &prediction, &findings, &notes);
-            output::file(path, page.into_diagnostic()?.as_bytes())?;
+            output::file(path, page.into_diagnostic()?.as_bytes());
         }
         if self.json {
             return output::json(&json!({
@@ -99,7 +99,7 @@ impl Validate {
             said += &format!("\nnote: {note}");
         }
         if let Some(path) = &self.report {
-            said += &format!("\nreport: {}", path.display());
+            said += &output::named("report", path);
         }
         output::text(&said)
     }

@@ -2,6 +2,7 @@
 
 use crate::crane_file::{CraneFile, text};
 use crate::output;
+use crate::paths::{InputFile, OutputFile, OutputFolder};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use hydroboom_control::strategy::Strategy;
@@ -16,7 +17,6 @@ use hydroboom_virtual_crane::Effect;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Strategies by their names, all that there are.
 pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
@@ -39,7 +39,7 @@ pub struct Virtual {
     crane: CraneFile,
     /// Crane file of the model that the controllers know; the paper's crane when not given.
     #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
+    model: Option<InputFile>,
     /// Override a key of that model, e.g. --model-set estimator.payload_drift_percent=2; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     model_set: Vec<String>,
@@ -58,10 +58,10 @@ pub struct Virtual {
     scenario: Option<String>,
     /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
     #[arg(long, value_name = "FILE", conflicts_with = "speed_mm_s")]
-    input: Option<PathBuf>,
+    input: Option<InputFile>,
     /// Log to write: CSV, or MAT where the name ends so.
     #[arg(long, value_name = "FILE")]
-    log: Option<PathBuf>,
+    log: Option<OutputFile>,
     /// Interval of the log; never shorter than a control period.
     #[arg(long, default_value_t = 1.0)]
     log_ms: f64,
@@ -70,10 +70,10 @@ pub struct Virtual {
     truth: bool,
     /// Write a documented set of logs for identification and control into this new folder.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["input", "log", "scenario", "speed_mm_s"])]
-    dataset: Option<PathBuf>,
+    dataset: Option<OutputFolder>,
     /// Write a survey of the tip at rest into this file: five poses over the motion, empty and with the model's payload.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "log", "scenario", "speed_mm_s", "dataset"])]
-    survey: Option<PathBuf>,
+    survey: Option<OutputFile>,
     /// Standard deviation of each surveyed coordinate.
     #[arg(long, default_value_t = 1.0, requires = "survey")]
     survey_noise_mm: f64,
@@ -134,7 +134,7 @@ impl Virtual {
                 seed: self.survey_seed,
             };
             let survey = virtual_survey(&crane, &order).into_diagnostic()?;
-            output::file(path, survey.text().as_bytes())?;
+            output::file(path, survey.text().as_bytes());
             return match self.json {
                 true => output::json(&json!({ "written": path, "poses": survey.points.len() })),
                 false => output::text(&format!(
@@ -185,7 +185,10 @@ impl Virtual {
             bar.set_position((share * 1000.0) as u64);
         });
         bar.finish_and_clear();
-        let summary = result.into_diagnostic()?;
+        let (summary, lost) = result.into_diagnostic()?;
+        if let Some(path) = &self.log {
+            output::written(path, lost.into_iter().next().map_or(Ok(()), Err));
+        }
         if self.json {
             let mut value = serde_json::to_value(summary).into_diagnostic()?;
             value["crane"] = json!(crane.name);
@@ -211,7 +214,7 @@ impl Virtual {
             );
         }
         if let Some(log) = &self.log {
-            said += &format!("\nlog: {}", log.display());
+            said += &output::named("log", log);
         }
         output::text(&said)
     }

@@ -13,6 +13,7 @@ use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_files::FileError;
 use hydroboom_model::Outputs;
 use hydroboom_virtual_crane::{Truth, VirtualCrane};
 use serde::Serialize;
@@ -93,18 +94,19 @@ pub struct Summary {
     pub estimates: Option<EstimateSummary>,
 }
 
-/// Runs the virtual crane and logs what is ordered; `progress` is told the share done.
+/// Runs the virtual crane and logs what is ordered; says which logs could not be written, and why.
+/// `progress` is told the share done.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated or the log cannot be written.
+/// [`LabError`] when the crane cannot be simulated.
 pub fn virtual_run(
     model: &Description,
     crane: &Description,
     task: &Task,
     logs: &[LogOrder<'_>],
     mut progress: impl FnMut(f64),
-) -> Result<Summary, LabError> {
+) -> Result<(Summary, Vec<FileError>), LabError> {
     let period = crane.numbers.control_period;
     let (loads, is_released) = match task {
         Task::Course(course, _) => (course.loads(), true),
@@ -119,7 +121,7 @@ pub fn virtual_run(
         if estimates {
             header.extend(ParallelEstimator::header());
         }
-        let log = Log::begin(order.path, &header)?;
+        let log = Log::begin(order.path, &header);
         let every = (order.interval / period).round().max(1.0) as u64;
         writers.push((log, order.contents, estimates, every));
     }
@@ -140,7 +142,7 @@ pub fn virtual_run(
                 if let Some(estimator) = estimator.as_ref().filter(|_| *estimates) {
                     row.extend(estimator.row());
                 }
-                log.row(&row)?;
+                log.row(&row);
             }
         }
         summary.add(sample);
@@ -182,8 +184,8 @@ pub fn virtual_run(
         summary.finish(&metrics);
     }
     summary.estimates = estimator.and_then(|estimator| estimator.summary());
-    writers.into_iter().try_for_each(|(log, ..)| log.finish())?;
-    Ok(summary)
+    let lost = writers.into_iter().filter_map(|(log, ..)| log.finish().err()).collect();
+    Ok((summary, lost))
 }
 
 /// All strategies along a course, side by side, each in short; `progress` is told the share done.

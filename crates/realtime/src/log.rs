@@ -12,30 +12,29 @@ use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::State;
+use hydroboom_files::{FileError, Output};
 use mcap::records::MessageHeader;
+use mcap::write::NoSeek;
 use mcap::{Compression, McapError, Schema, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Read};
 use std::path::Path;
 use thiserror::Error;
 
 /// Time between two chunks \[s\].
 const CHUNK: f64 = 0.5;
+/// Longest log that is read whole \[B\].
+const LONGEST: u64 = 2_000_000_000;
 const TOPIC: &str = "/control";
 
 /// Why there is no log.
 #[derive(Debug, Error)]
 pub enum LogError {
     /// The file cannot be made or read.
-    #[error("{path}: {error}")]
-    File {
-        /// Its path.
-        path: String,
-        /// What the system says.
-        error: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// It cannot be written any more, or is no such log.
     #[error("{path}: {error}")]
     Mcap {
@@ -132,7 +131,7 @@ fn tip(record: &Record, of: fn(&TipEstimate<f64>) -> f64) -> Option<f64> {
 /// A log being written.
 pub struct LogWriter {
     path: String,
-    writer: Writer<BufWriter<File>>,
+    writer: Writer<NoSeek<BufWriter<Output>>>,
     channel: u16,
     count: u32,
     chunk_from: f64,
@@ -147,14 +146,15 @@ impl LogWriter {
     pub fn begin(path: &Path) -> Result<Self, LogError> {
         survive_large_files();
         let name = path.display().to_string();
-        let file =
-            File::create(path).map_err(|error| LogError::File { path: name.clone(), error })?;
+        let file = Output::begin(path)?;
         let failed = |error| LogError::Mcap { path: name.clone(), error };
         let mut writer = WriteOptions::new()
             .compression(Some(Compression::Zstd))
             .chunk_size(None)
+            // a pipe cannot be gone back in
+            .disable_seeking(true)
             .library(concat!("hydroboom ", env!("CARGO_PKG_VERSION")))
-            .create(BufWriter::new(file))
+            .create(NoSeek::new(BufWriter::new(file)))
             .map_err(failed)?;
         let properties: Map<String, Value> = fields()
             .into_iter()
@@ -221,7 +221,16 @@ impl LogWriter {
     /// [`LogError`] when its end cannot be written.
     pub fn finish(mut self) -> Result<(), LogError> {
         let path = self.path.clone();
-        self.writer.finish().map(|_| ()).map_err(|error| LogError::Mcap { path, error })
+        let failed = |error| LogError::Mcap { path, error };
+        self.writer.finish().map_err(failed)?;
+        let file = self.writer.into_inner().into_inner();
+        match file.into_inner() {
+            Ok(output) => Ok(output.finish()?),
+            Err(error) => {
+                let (error, file) = error.into_parts();
+                Err(file.get_ref().failed(error).into())
+            }
+        }
     }
 }
 
@@ -279,12 +288,15 @@ fn messages(
     mut each: impl FnMut(Value) -> Result<(), String>,
 ) -> Result<(), LogError> {
     let name = path.display().to_string();
-    let bytes =
-        std::fs::read(path).map_err(|error| LogError::File { path: name.clone(), error })?;
     let foreign = |reason: String| LogError::Foreign { path: name.clone(), reason };
-    if !bytes.starts_with(mcap::MAGIC) {
+    let unread = |error| FileError::Read { path: path.into(), error };
+    let mut begins = Vec::new();
+    let file = File::open(path).map_err(unread)?;
+    file.take(mcap::MAGIC.len() as u64).read_to_end(&mut begins).map_err(unread)?;
+    if begins != mcap::MAGIC {
         return Err(foreign("it does not begin as an MCAP file does".into()));
     }
+    let bytes = hydroboom_files::bytes(path, "log of a run", LONGEST)?;
     let options = [mcap::read::Options::IgnoreEndMagic];
     let messages = mcap::MessageStream::new_with_options(&bytes, options.into_iter().collect())
         .map_err(|error| LogError::Mcap { path: name.clone(), error })?;
