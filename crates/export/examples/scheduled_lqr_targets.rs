@@ -1,5 +1,6 @@
 //! A minute of readings and previews of the scheduled LQR on the virtual crane, given to every exported form of it: how far each
-//! signal is off from Rust's, as a share of its size.
+//! signal is off from Rust's, as a share of its size. Then the same courses in closed loop, with Structured Text in `LREAL` and in
+//! `REAL` as the controller: how well the path is tracked, and whether the estimated payload is consistent with the true one.
 //!
 //! ```sh
 //! cargo run --release -p hydroboom-export --example scheduled_lqr_targets -- 60
@@ -15,12 +16,14 @@ mod evaluator;
 #[path = "../tests/recording/mod.rs"]
 mod recording;
 
+use hydroboom_control::reference::profile::SetPoint;
+use hydroboom_control::supervision::frame::{FrameInput, FrameOutput, frame_phase};
 use hydroboom_export::c::Precision;
-use hydroboom_export::closed_loop::Case;
+use hydroboom_export::closed_loop::{Case, RustScheduledLqr, Target, TargetError, run};
 use hydroboom_export::fmi::Version;
 use recording::{
-    From, Recording, compiled, cranes, in_c, in_fmu, in_structured_text, nothing, plain, recorded,
-    shares_off, structured_text,
+    From, OnPlc, Recording, compiled, cranes, in_c, in_fmu, in_structured_text, nothing, plain,
+    recorded, shares_off,
 };
 
 /// Payloads \[kg\] and positions \[m\] of the courses, one after the other until the time is over.
@@ -72,11 +75,104 @@ fn main() {
                 add(&format!("FMI {version:?}"), &course, &found, &recording);
             }
         }
-        let found = in_structured_text(&mut structured_text(), &recording);
+        let found = in_structured_text(Precision::Double, &recording);
         add("Structured Text", &course, &found, &recording);
+        let found = in_structured_text(Precision::Single, &recording);
+        add("Structured Text, REAL", &course, &found, &recording);
         if left == 0 {
             break;
         }
     }
     let _ = std::fs::remove_dir_all(&folder);
+    in_closed_loop(seconds);
+}
+
+/// A controller that keeps the last payload that it showed.
+struct Weighing {
+    inner: Controller,
+    /// Payload and its standard deviation \[kg\], while the controller has the load.
+    payload: [f64; 2],
+    /// Control periods so far.
+    periods: usize,
+}
+
+/// Rust or Structured Text.
+enum Controller {
+    Rust(Box<RustScheduledLqr>),
+    OnPlc(Box<OnPlc>),
+}
+
+impl Target for Weighing {
+    fn name(&self) -> &'static str {
+        match &self.inner {
+            Controller::Rust(rust) => rust.name(),
+            Controller::OnPlc(plc) => plc.name(),
+        }
+    }
+
+    fn look_ahead(&mut self, at: &dyn Fn(f64) -> SetPoint<f64>) {
+        match &mut self.inner {
+            Controller::Rust(rust) => rust.look_ahead(at),
+            Controller::OnPlc(plc) => plc.look_ahead(at),
+        }
+    }
+
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError> {
+        let (frame, payload) = match &mut self.inner {
+            Controller::Rust(rust) => {
+                let output = rust.advance(input);
+                (output.frame, [output.estimator.payload, output.estimator.payload_deviation])
+            }
+            Controller::OnPlc(plc) => (plc.period(input, gain)?, plc.payload()),
+        };
+        self.periods += 1;
+        if frame.status == frame_phase::CONTROLLING {
+            self.payload = payload;
+        }
+        Ok(frame)
+    }
+}
+
+/// The courses until the time is over, with Rust and with Structured Text as the controller.
+fn in_closed_loop(seconds: usize) {
+    let (model, machine) = cranes();
+    let mut left = 1000 * seconds;
+    println!(
+        "\ncontroller | course | status | RMS error [mm] | largest error [mm] | \
+         payload less the true one [kg] | its standard deviation [kg]"
+    );
+    println!("---|---|---|---|---|---|---");
+    for (payload, stroke) in COURSES {
+        let case = Case { payload, stroke, ..plain(&model) };
+        let rust = || Controller::Rust(Box::new(RustScheduledLqr::new(&model, 800).unwrap()));
+        let on_plc = |precision| Controller::OnPlc(Box::new(OnPlc::new(precision, 800)));
+        let controllers = [
+            ("Rust", rust()),
+            ("LREAL", on_plc(Precision::Double)),
+            ("REAL", on_plc(Precision::Single)),
+        ];
+        let mut periods = 0;
+        for (name, inner) in controllers {
+            let mut target = Weighing { inner, payload: [f64::NAN; 2], periods: 0 };
+            let outcome = run(&model, &machine, &case, &mut target).unwrap();
+            let [estimate, deviation] = target.payload;
+            println!(
+                "{name} | {payload} kg from {} mm | {} | {:.3} | {:.3} | {:.2} | {deviation:.2}",
+                1e3 * stroke,
+                outcome.status,
+                1e3 * outcome.rms,
+                1e3 * outcome.error,
+                estimate - payload,
+            );
+            periods = target.periods;
+        }
+        left = left.saturating_sub(periods);
+        if left == 0 {
+            break;
+        }
+    }
 }

@@ -143,7 +143,10 @@ impl Real for Expression {
     }
 }
 
-/// Records a loop.
+/// Most operations, all rows together, for which what is repeated is written out row by row, and no loop is recorded.
+pub const STRAIGHT_LINE: usize = 100;
+
+/// Records what is repeated: as a loop, or row by row where that is short.
 fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
     mask: Option<Condition>,
     rows: &[[Expression; R]; K],
@@ -162,8 +165,33 @@ fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
     let (next, made) =
         body(Expression(row), &from_fn(|k| Expression(read[k])), from_fn(|k| Expression(carry[k])));
     let [next, made] = [&next[..], &made[..]].map(|of| of.iter().map(|n| n.0).collect());
-    let (last, rows) = GRAPH.with_borrow_mut(|graph| graph.end_loop(number, next, made));
-    (from_fn(|k| Expression(last[k])), from_fn(|k| from_fn(|w| Expression(rows[k][w]))))
+    let (last, looped) = GRAPH.with_borrow_mut(|graph| graph.end_loop(number, next, made));
+    if GRAPH.with_borrow(|graph| graph.operations(number)) <= STRAIGHT_LINE {
+        // nothing refers to the loop any more, so that it is not printed
+        return written_out(mask, rows, carried, body);
+    }
+    (from_fn(|k| Expression(last[k])), from_fn(|k| from_fn(|w| Expression(looped[k][w]))))
+}
+
+/// Records what is repeated row by row.
+fn written_out<const R: usize, const N: usize, const W: usize, const K: usize>(
+    mask: Option<Condition>,
+    rows: &[[Expression; R]; K],
+    carried: [Expression; N],
+    mut body: impl FnMut(
+        Expression,
+        &[Expression; R],
+        [Expression; N],
+    ) -> ([Expression; N], [Expression; W]),
+) -> ([Expression; N], [[Expression; W]; K]) {
+    let mut last = carried;
+    let mut made = [[Expression::zero(); W]; K];
+    for (k, (row, made)) in rows.iter().zip(&mut made).enumerate() {
+        (last, *made) = body(Expression::lit(k as f64), row, last);
+    }
+    let Some(mask) = mask else { return (last, made) };
+    let kept = from_fn(|k| Expression::select(mask, last[k], carried[k]));
+    (kept, made.map(|row| row.map(|entry| Expression::select(mask, entry, Expression::zero()))))
 }
 
 /// So that the elementary functions themselves can be recorded, as `f64` runs them.

@@ -220,6 +220,24 @@ impl Graph {
         count
     }
 
+    /// How many operations a loop does, all its rows together.
+    pub(crate) fn operations(&self, number: u32) -> usize {
+        let outside = self.repetition(number).within;
+        let outside =
+            outside.and_then(|around| self.nodes().find(|n| self.op(*n) == Op::Row(around)));
+        let outside = outside.map_or(1, |row| self.repeats(row));
+        let is_inside = |node: &Node| {
+            let mut scope = self.scope(*node);
+            while scope.is_some_and(|of| of != number) {
+                scope = scope.and_then(|of| self.repetition(of).within);
+            }
+            scope.is_some()
+        };
+        let is_read = |op| matches!(op, Op::Row(_) | Op::Read(..) | Op::Carry(..) | Op::Loop(_));
+        let inside = self.nodes().filter(is_inside).filter(|node| !is_read(self.op(*node)));
+        inside.map(|node| self.repeats(node) / outside).sum()
+    }
+
     /// How many loops one is within.
     fn depth(&self, scope: Option<u32>) -> usize {
         scope.map_or(0, |number| 1 + self.depth(self.repetition(number).within))

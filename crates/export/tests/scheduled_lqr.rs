@@ -4,8 +4,10 @@
 
 #[allow(dead_code, reason = "other tests use more of it")]
 mod evaluator;
+#[allow(dead_code, reason = "an example uses more of it")]
 mod recording;
 
+use evaluator::Instance;
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::reference::preview::PreviewAhead;
 use hydroboom_control::reference::profile::SetPoint;
@@ -20,7 +22,7 @@ use hydroboom_export::fmi::Version;
 use hydroboom_export::scheduled_lqr_controller;
 use recording::{
     From, Recording, Requests, compiled, cranes, in_c, in_fmu, in_structured_text, names, nothing,
-    plain, recorded, shares_off, structured_text,
+    plain, recorded, shares_off,
 };
 use std::path::PathBuf;
 
@@ -248,9 +250,43 @@ const SHARE: f64 = 1e-6;
 fn structured_text_shows_what_rust_does() {
     let model = cranes().0;
     let (recording, _) = recorded(&plain(&model), 800, nothing, (From::Opening, 2000));
-    let found = in_structured_text(&mut structured_text(), &recording);
+    let found = in_structured_text(Precision::Double, &recording);
     for (name, share) in shares_off(&found, &recording) {
         assert!(share <= SHARE, "{name} is off by {share:e} of its size");
+    }
+}
+
+/// The same in `REAL`, half a second from when the controller has the load on: as near to double precision as `float` is in C.
+#[test]
+fn structured_text_in_single_precision_stays_near_double() {
+    let model = cranes().0;
+    let (recording, _) = recorded(&plain(&model), 800, nothing, (From::Opening, 1500));
+    let single = in_structured_text(Precision::Single, &recording);
+    let in_c = in_c(&compiled(&folder("c-beside-real"), Precision::Single, &[]), &recording);
+    let mut differs = false;
+    for (name, share) in shares_off(&single, &recording) {
+        assert!(share < 0.02, "{name} is off by {share:e} of its size");
+        differs |= share > SHARE;
+    }
+    assert!(differs, "single precision is rounded nowhere");
+    let size = recording.wanted.iter().map(|row| row[0].abs()).fold(0.0, f64::max);
+    for (k, (plc, c)) in single.iter().zip(&in_c).enumerate() {
+        assert!((plc[0] - c[0]).abs() < 0.01 * size, "period {k}: {} and {} rev/s", plc[0], c[0]);
+    }
+}
+
+/// Each result is rounded, as single precision in Rust rounds it.
+#[test]
+fn the_evaluator_rounds_what_is_real() {
+    let text = "FUNCTION_BLOCK FB_Rounded\nVAR_INPUT\n x : REAL;\nEND_VAR\nVAR_OUTPUT\n y : REAL;\n z : REAL;\nEND_VAR\n\
+                y := x * x - 0.1E0 / SQRT(x);\nz := EXP(-x) + DINT_TO_REAL(REAL_TO_DINT(x));\nEND_FUNCTION_BLOCK";
+    let mut block = Instance::parse(text);
+    for k in 1..200_u8 {
+        let x = 0.37_f32 * f32::from(k);
+        block.call(&[("x", f64::from(x))]);
+        let (y, z) = (x * x - 0.1 / x.sqrt(), (-x).exp() + x.round_ties_even());
+        assert_eq!(block.value("y"), f64::from(y), "{x}");
+        assert!((block.value("z") - f64::from(z)).abs() <= f64::from(z * f32::EPSILON), "{x}");
     }
 }
 

@@ -36,7 +36,7 @@ impl Library {
         let mut read = HashMap::new();
         for text in texts {
             // the parser knows no literals with a type
-            let pou = parse_pou(&text.replace("LREAL#", ""))
+            let pou = parse_pou(&text.replace("LREAL#", "").replace("REAL#", ""))
                 .unwrap_or_else(|e| panic!("{e:?} in\n{text}"));
             let name = pou.name.to_ascii_uppercase();
             assert!(read.insert(name, pou).is_none(), "a unit is read twice:\n{text}");
@@ -94,7 +94,7 @@ impl Instance {
     /// Changes a variable.
     pub fn set(&mut self, name: &str, value: f64) {
         match self.unit.place(name) {
-            Place::Number(k) => self.memory.numbers[*k] = value,
+            Place::Number(k) => self.memory.numbers[*k] = self.memory.held(value),
             other => panic!("{name} is {other:?}"),
         }
     }
@@ -110,7 +110,10 @@ impl Instance {
     /// Changes a number of an array.
     pub fn set_in_list(&mut self, name: &str, place: usize, value: f64) {
         match self.unit.place(name) {
-            Place::List(list) => self.memory.numbers[list.clone()][place] = value,
+            Place::List(list) => {
+                let held = self.memory.held(value);
+                self.memory.numbers[list.clone()][place] = held;
+            }
             other => panic!("{name} is {other:?}"),
         }
     }

@@ -3,6 +3,9 @@
 use super::{Instance, LAST_DIGIT};
 use std::ops::Range;
 
+/// Type of numbers in here; how they are rounded, the memory says.
+pub const NUMBER: &str = "number";
+
 /// Variables of an instance, constants and intermediate results, by type; an array is a range of the numbers.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
@@ -10,6 +13,8 @@ pub struct Memory {
     pub integers: Vec<i64>,
     pub truths: Vec<bool>,
     pub blocks: Vec<Instance>,
+    /// Whether numbers are `REAL`: each result is rounded to single precision.
+    pub is_single: bool,
 }
 
 /// Where something is in the memory.
@@ -30,7 +35,7 @@ impl Place {
     /// Type of what is there.
     pub fn kind(&self) -> &'static str {
         match self {
-            Self::Number(_) | Self::Entry(..) => "LREAL",
+            Self::Number(_) | Self::Entry(..) => NUMBER,
             Self::Integer(_) => "DINT",
             Self::Truth(_) => "BOOL",
             Self::List(_) => "ARRAY",
@@ -48,6 +53,12 @@ enum Value {
 }
 
 impl Memory {
+    /// A number as the memory can hold it. Rounding the exact double sum, product, quotient or root once more gives what single
+    /// precision gives: 53 bits are more than 2 x 24 + 2 (Figueroa, When is double rounding innocuous?).
+    pub fn held(&self, number: f64) -> f64 {
+        if self.is_single { f64::from(number as f32) } else { number }
+    }
+
     fn value(&self, place: &Place) -> Value {
         match place {
             Place::Number(k) => Value::Number(self.numbers[*k]),
@@ -63,11 +74,12 @@ impl Memory {
 
     fn set(&mut self, place: &Place, value: Value) {
         match (place, value) {
-            (Place::Number(k), Value::Number(v)) => self.numbers[*k] = v,
+            (Place::Number(k), Value::Number(v)) => self.numbers[*k] = self.held(v),
             (Place::Integer(k), Value::Integer(v)) => self.integers[*k] = v,
             (Place::Truth(k), Value::Truth(v)) => self.truths[*k] = v,
             (Place::Entry(list, k), Value::Number(v)) => {
-                self.numbers[list.clone()][self.integers[*k] as usize] = v;
+                let held = self.held(v);
+                self.numbers[list.clone()][self.integers[*k] as usize] = held;
             }
             (Place::Inner(block, place), value) => self.blocks[*block].memory.set(place, value),
             other => panic!("{other:?} are of different types"),
@@ -99,32 +111,34 @@ impl Operation {
     /// Type of its result.
     pub fn kind(&self) -> &'static str {
         match self {
-            Self::Number(..) | Self::Rounded(..) | Self::Limit(_) => "LREAL",
-            Self::Select(..) | Self::ToNumber(_) => "LREAL",
+            Self::Number(..) | Self::Rounded(..) | Self::Limit(_) => NUMBER,
+            Self::Select(..) | Self::ToNumber(_) => NUMBER,
             Self::Integer(..) | Self::LimitInteger(_) | Self::ToInteger(_) => "DINT",
             Self::Truth(..) | Self::Compare(..) | Self::CompareIntegers(..) => "BOOL",
         }
     }
 
     /// Puts its result at a place.
-    fn run(&self, to: usize, Memory { numbers, integers, truths, .. }: &mut Memory) {
-        match self {
-            Self::Number(f, [a, b]) => numbers[to] = f(numbers[*a], numbers[*b]),
-            Self::Integer(f, [a, b]) => integers[to] = f(integers[*a], integers[*b]),
-            Self::Truth(f, [a, b]) => truths[to] = f(truths[*a], truths[*b]),
-            Self::Compare(f, [a, b]) => truths[to] = f(numbers[*a], numbers[*b]),
-            Self::CompareIntegers(f, [a, b]) => truths[to] = f(integers[*a], integers[*b]),
-            Self::Rounded(f, a) => numbers[to] = f(numbers[*a]) * (1.0 + LAST_DIGIT.get()),
-            Self::Limit([low, a, high]) => {
-                numbers[to] = numbers[*a].max(numbers[*low]).min(numbers[*high]);
+    fn run(&self, to: usize, memory: &mut Memory) {
+        let Memory { numbers, integers, truths, .. } = memory;
+        let number = match self {
+            Self::Number(f, [a, b]) => f(numbers[*a], numbers[*b]),
+            Self::Rounded(f, a) => f(numbers[*a]) * (1.0 + LAST_DIGIT.get()),
+            Self::Limit([low, a, high]) => numbers[*a].max(numbers[*low]).min(numbers[*high]),
+            Self::Select(k, values) => numbers[values[usize::from(truths[*k])]],
+            Self::ToNumber(a) => integers[*a] as f64,
+            Self::Integer(f, [a, b]) => return integers[to] = f(integers[*a], integers[*b]),
+            Self::Truth(f, [a, b]) => return truths[to] = f(truths[*a], truths[*b]),
+            Self::Compare(f, [a, b]) => return truths[to] = f(numbers[*a], numbers[*b]),
+            Self::CompareIntegers(f, [a, b]) => {
+                return truths[to] = f(integers[*a], integers[*b]);
             }
             Self::LimitInteger([low, a, high]) => {
-                integers[to] = integers[*a].max(integers[*low]).min(integers[*high]);
+                return integers[to] = integers[*a].max(integers[*low]).min(integers[*high]);
             }
-            Self::Select(k, values) => numbers[to] = numbers[values[usize::from(truths[*k])]],
-            Self::ToNumber(a) => numbers[to] = integers[*a] as f64,
-            Self::ToInteger(a) => integers[to] = numbers[*a].round_ties_even() as i64,
-        }
+            Self::ToInteger(a) => return integers[to] = numbers[*a].round_ties_even() as i64,
+        };
+        memory.numbers[to] = memory.held(number);
     }
 }
 

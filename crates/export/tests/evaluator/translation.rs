@@ -2,7 +2,7 @@
 //! declared, not known or of another type is refused with its name.
 
 use super::program::Place::{self, Integer, Number, Truth};
-use super::program::{Instruction, Operation, run};
+use super::program::{Instruction, NUMBER, Operation, run};
 use super::{Instance, Unit};
 use iecst::{
     BinaryOp, Expr, ExprKind, Pou, Stmt, StmtKind, TypeKind, UnaryOp, VarBlockKind, VarDecl,
@@ -15,6 +15,7 @@ impl Unit {
     /// Translates a unit.
     pub fn translate(pou: &Pou, instance: Instances<'_>) -> Self {
         let mut unit = Self::default();
+        unit.initial.is_single = is_single(pou);
         for block in &pou.var_blocks {
             for variable in &block.vars {
                 let place = unit.declare(block.kind, variable, instance);
@@ -58,7 +59,7 @@ impl Unit {
                 let limits = [&range.low, &range.high].map(|e| self.index(e));
                 self.initialise();
                 let [first, last] = limits.map(|k| self.initial.integers[k]);
-                let is_known = kind.eq_ignore_ascii_case("LREAL") && first == 0 && last >= 0;
+                let is_known = kind.eq_ignore_ascii_case(self.number()) && first == 0 && last >= 0;
                 assert!(is_known, "{variable:?}");
                 // a local entry has to be set before it is read, although a PLC begins with zeros
                 let value = if block == VarBlockKind::VarInput { 0.0 } else { f64::NAN };
@@ -74,11 +75,18 @@ impl Unit {
     /// A new place, if the type is an elementary one.
     fn allocate(&mut self, kind: &str) -> Option<Place> {
         Some(match kind {
-            "LREAL" => Number(push(&mut self.initial.numbers, 0.0)),
+            kind if kind == NUMBER || kind == self.number() => {
+                Number(push(&mut self.initial.numbers, 0.0))
+            }
             "DINT" => Integer(push(&mut self.initial.integers, 0)),
             "BOOL" => Truth(push(&mut self.initial.truths, false)),
             _ => return None,
         })
+    }
+
+    /// The standard's name of the type of the unit's numbers.
+    fn number(&self) -> &'static str {
+        if self.initial.is_single { "REAL" } else { "LREAL" }
     }
 
     /// Executes the instructions so far on the initial memory: those of an initial value or of an array's limits.
@@ -189,7 +197,10 @@ impl Unit {
     /// Adds the instructions of an expression; returns the place of its value.
     fn expression(&mut self, e: &Expr) -> Place {
         let place = match &e.kind {
-            ExprKind::RealLiteral(v) => Number(push(&mut self.initial.numbers, *v)),
+            ExprKind::RealLiteral(v) => {
+                let held = self.initial.held(*v);
+                Number(push(&mut self.initial.numbers, held))
+            }
             ExprKind::IntLiteral(v) => Integer(push(&mut self.initial.integers, *v)),
             ExprKind::BoolLiteral(v) => Truth(push(&mut self.initial.truths, *v)),
             ExprKind::Ident(name) => self.place(name).clone(),
@@ -217,7 +228,8 @@ impl Unit {
                     _ => panic!("{name}: {a:?}"),
                 });
                 let arguments: Vec<Place> = arguments.collect();
-                self.result(function(name, &arguments))
+                let number = self.number();
+                self.result(function(&name.to_ascii_uppercase(), number, &arguments))
             }
             other => panic!("{other:?}"),
         };
@@ -239,6 +251,17 @@ impl Unit {
         self.instructions.push(Instruction::Result(to, operation));
         place
     }
+}
+
+/// Whether a unit's numbers are in single precision; no unit has both.
+fn is_single(pou: &Pou) -> bool {
+    let kinds =
+        pou.var_blocks.iter().flat_map(|block| &block.vars).map(|v| match &v.var_type.kind {
+            TypeKind::Array { element, .. } => &element.kind,
+            kind => kind,
+        });
+    let is = |kind: &TypeKind, name: &str| matches!(kind, TypeKind::Simple(k) if k.eq_ignore_ascii_case(name));
+    kinds.into_iter().any(|kind| is(kind, "REAL"))
 }
 
 fn operation(op: BinaryOp, operands: [Place; 2]) -> Operation {
@@ -263,8 +286,8 @@ fn operation(op: BinaryOp, operands: [Place; 2]) -> Operation {
     }
 }
 
-fn function(name: &str, arguments: &[Place]) -> Operation {
-    match (name.to_ascii_uppercase().as_str(), arguments) {
+fn function(name: &str, number: &str, arguments: &[Place]) -> Operation {
+    match (name, arguments) {
         ("SQRT", &[Number(a)]) => Operation::Rounded(f64::sqrt, a),
         ("EXP", &[Number(a)]) => Operation::Rounded(f64::exp, a),
         ("LN", &[Number(a)]) => Operation::Rounded(f64::ln, a),
@@ -278,8 +301,8 @@ fn function(name: &str, arguments: &[Place]) -> Operation {
         ("SEL", &[Truth(condition), Number(no), Number(yes)]) => {
             Operation::Select(condition, [no, yes])
         }
-        ("DINT_TO_LREAL", &[Integer(a)]) => Operation::ToNumber(a),
-        ("LREAL_TO_DINT", &[Number(a)]) => Operation::ToInteger(a),
+        (name, &[Integer(a)]) if name == format!("DINT_TO_{number}") => Operation::ToNumber(a),
+        (name, &[Number(a)]) if name == format!("{number}_TO_DINT") => Operation::ToInteger(a),
         _ => {
             let kinds: Vec<&str> = arguments.iter().map(Place::kind).collect();
             panic!("function {name} of {kinds:?}")

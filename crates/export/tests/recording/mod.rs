@@ -3,19 +3,23 @@
 use super::evaluator::Instance;
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::memory::Memory;
+use hydroboom_control::reference::preview::PreviewAhead;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::supervision::frame::{FrameInput, FrameOutput, frame_phase};
 use hydroboom_control::supervision::framed_scheduled_lqr::{
     EstimatorRequest, FramedScheduledLqrInput, FramedScheduledLqrOutput, FramedScheduledLqrState,
 };
 use hydroboom_description::Description;
+use hydroboom_export::Block;
 use hydroboom_export::c::{Precision, files};
 use hydroboom_export::closed_loop::{
     Case, Outcome, RustScheduledLqr, Target, TargetError, cases, run,
 };
 use hydroboom_export::fmi::{System, Version, archive, binary, unit};
 use hydroboom_export::scheduled_lqr_controller;
-use hydroboom_export::structured_text::{edge_name, function_block, switch_name};
+use hydroboom_export::structured_text::{
+    edge_name, function_block, in_single_precision, switch_name,
+};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -258,12 +262,6 @@ pub fn in_c(program: &Path, recording: &Recording) -> Vec<Vec<f64>> {
     rows
 }
 
-/// The function block, for [`in_structured_text`].
-pub fn structured_text() -> Instance {
-    let block = scheduled_lqr_controller(&cranes().0).unwrap();
-    Instance::parse(&function_block(&block).unwrap().text())
-}
-
 /// Name of a variable, and its place where it is an entry of an array.
 fn split(name: &str) -> (&str, Option<usize>) {
     match name.strip_suffix(']').and_then(|name| name.split_once('[')) {
@@ -272,23 +270,55 @@ fn split(name: &str) -> (&str, Option<usize>) {
     }
 }
 
-/// What Structured Text, evaluated, shows in each period of a recording, which begins at power-up or anywhere.
-pub fn in_structured_text(block: &mut Instance, recording: &Recording) -> Vec<Vec<f64>> {
-    let made = scheduled_lqr_controller(&cranes().0).unwrap();
-    // the first call begins at the start values: it is made before the state is given
-    block.call_with(&[], &[("bReset", true)]);
-    for ((v, _), value) in made.states.iter().zip(&recording.begin) {
-        let (name, place) = split(&v.name);
-        let camel = edge_name(name);
-        let name = format!("s{}{}", camel[..1].to_uppercase(), &camel[1..]);
-        match place {
-            Some(place) => block.set_in_list(&name, place, *value),
-            None => block.set(&name, *value),
+/// The function block, evaluated.
+pub struct OnPlc {
+    block: Instance,
+    /// What it was printed from.
+    made: Block,
+    /// What it is given beside the frame's input, and the control periods \[s, 1\] that it looks ahead, in a closed loop.
+    input: FramedScheduledLqrInput<f64>,
+    period: f64,
+    length: usize,
+}
+
+impl OnPlc {
+    /// With numbers of `LREAL` or `REAL`, before its first call, with a preview of so many control periods in a closed loop.
+    pub fn new(precision: Precision, length: usize) -> Self {
+        let (model, _) = cranes();
+        let made = scheduled_lqr_controller(&model).unwrap();
+        let mut units = vec![function_block(&made).unwrap()];
+        if precision == Precision::Single {
+            units = in_single_precision(units).unwrap();
+        }
+        let input = *RustScheduledLqr::new(&model, length).unwrap().input();
+        let block = Instance::parse(&units[0].text());
+        Self { block, made, input, period: model.numbers.control_period, length }
+    }
+
+    /// Gives it a memory.
+    fn remember(&mut self, memory: &[f64]) {
+        // the first call begins at the start values: it is made before the memory is given
+        self.block.call_with(&[], &[("bReset", true)]);
+        for ((v, _), value) in self.made.states.iter().zip(memory) {
+            let (name, place) = split(&v.name);
+            let camel = edge_name(name);
+            let name = format!("s{}{}", camel[..1].to_uppercase(), &camel[1..]);
+            match place {
+                Some(place) => self.block.set_in_list(&name, place, *value),
+                None => self.block.set(&name, *value),
+            }
         }
     }
-    let is_switch = |unit: &str| unit == "0/1";
-    let mut rows = Vec::new();
-    for given in &recording.given {
+
+    /// The payload that it estimates and its standard deviation \[kg\].
+    pub fn payload(&self) -> [f64; 2] {
+        ["payload", "payload_deviation"].map(|name| self.block.value(&edge_name(name)))
+    }
+
+    /// Calls it with everything that it is given; returns everything that it shows.
+    fn call(&mut self, given: &[f64]) -> Vec<f64> {
+        let Self { block, made, .. } = self;
+        let is_switch = |unit: &str| unit == "0/1";
         for ((v, _), value) in made.inputs.iter().zip(given) {
             match split(&v.name) {
                 (name, Some(place)) => block.set_in_list(&edge_name(name), place, *value),
@@ -302,9 +332,35 @@ pub fn in_structured_text(block: &mut Instance, recording: &Recording) -> Vec<Ve
             "code" => block.count(&edge_name(&v.name)) as f64,
             _ => block.value(&edge_name(&v.name)),
         });
-        rows.push(shown.collect());
+        shown.collect()
     }
-    rows
+}
+
+impl Target for OnPlc {
+    fn name(&self) -> &'static str {
+        "Structured Text, scheduled LQR"
+    }
+
+    fn look_ahead(&mut self, at: &dyn Fn(f64) -> SetPoint<f64>) {
+        self.input.ahead = PreviewAhead::new(self.period, self.length, at);
+    }
+
+    fn period(
+        &mut self,
+        input: &FrameInput<f64>,
+        _gain: f64,
+    ) -> Result<FrameOutput<f64>, TargetError> {
+        self.input.frame = *input;
+        let shown = self.call(&given(&self.input));
+        Ok(FrameOutput::from_array(std::array::from_fn(|k| shown[k])))
+    }
+}
+
+/// What Structured Text, evaluated, shows in each period of a recording, which begins at power-up or anywhere.
+pub fn in_structured_text(precision: Precision, recording: &Recording) -> Vec<Vec<f64>> {
+    let mut block = OnPlc::new(precision, 0);
+    block.remember(&recording.begin);
+    recording.given.iter().map(|given| block.call(given)).collect()
 }
 
 /// What the FMU, made in a folder, shows in each period of a recording from power-up on, driven by FMPy.
