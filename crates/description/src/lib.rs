@@ -24,6 +24,7 @@ mod difference;
 mod digest;
 mod equipment_defaults;
 mod error;
+mod excerpt;
 mod parse;
 mod range;
 pub mod schema;

@@ -1,5 +1,6 @@
 //! `hydroboom linearise`
 
+use crate::number;
 use crate::paths::OutputFolder;
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
@@ -19,15 +20,15 @@ use std::fmt::Write;
 pub struct Linearise {
     #[command(flatten)]
     crane: CraneFile,
-    /// Piston position, before the crane moves.
-    #[arg(long, default_value_t = 250.0)]
+    /// Piston position, before the crane moves: 0 to 20000 mm.
+    #[arg(long, default_value_t = 250.0, allow_negative_numbers = true, value_parser = number::within(number::STROKE, "mm"))]
     stroke_mm: f64,
-    /// Motor speed.
-    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
+    /// Motor speed: -20000 to 20000 rpm.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
     motor_speed_rpm: f64,
     /// Let the crane move for so long under the motor speed first; by default a second unless it
     /// rests.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(0.0..=3600.0, "s"))]
     settle_s: Option<f64>,
     /// 3/2 valve: 1 energised, 0 load held.
     #[arg(long, default_value_t = 1.0, value_parser = valve)]
@@ -65,9 +66,6 @@ impl Linearise {
         let mut crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
         let input = Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
         let settle = self.settle_s.unwrap_or(if self.motor_speed_rpm == 0.0 { 0.0 } else { 1.0 });
-        if !(0.0..=3600.0).contains(&settle) {
-            miette::bail!("--settle-s is 0 to 3600 seconds, not {settle}");
-        }
         crane.advance(&input, (settle * 1e3).round() as u32).into_diagnostic()?;
         let stroke_mm = crane.outputs().stroke * 1e3;
         let (a, b) = crane.jacobian(&input);

@@ -1,10 +1,12 @@
 //! The options that say which column of a log is which signal.
 
 use crate::crane_file::text_of;
+use crate::number;
 use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_measurement::{Mapping, Measurement, read};
 use miette::{IntoDiagnostic, Result};
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
 /// The options that say which column of a log is which signal.
@@ -23,20 +25,33 @@ impl LogMapping {
                 .into_diagnostic()?,
             None => Mapping::default(),
         };
+        if is_device(log) {
+            miette::bail!(
+                help = "name a file or a pipe",
+                "{} is a device, and no log",
+                log.display()
+            );
+        }
         let log = read(log, given.time.as_deref()).into_diagnostic()?;
         let mapping = given.completed(&log);
         Ok((log, mapping))
     }
 }
 
+/// Whether a path is a device, which may have no end.
+fn is_device(path: &Path) -> bool {
+    let found = std::fs::metadata(path);
+    found.is_ok_and(|f| f.file_type().is_char_device() || f.file_type().is_block_device())
+}
+
 /// The options that choose a part of a log.
 #[derive(Args, Clone, Copy)]
 pub struct LogWindow {
     /// Use the log from here; from its beginning when not given.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::LOG_TIME, "s"))]
     from_s: Option<f64>,
     /// Use the log to here; to its end when not given.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::LOG_TIME, "s"))]
     to_s: Option<f64>,
 }
 

@@ -82,7 +82,7 @@ impl MachineChoice {
         };
         let differences = by_weight(model.differences(&machine));
         let choice = Self { model, machine, source, filled_in, differences, arguments };
-        choice.notes().iter().for_each(|note| output::note(&format!("{note}")));
+        choice.notes().iter().for_each(|note| output::note(note));
         Ok(choice)
     }
 

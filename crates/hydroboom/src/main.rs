@@ -24,6 +24,7 @@ mod machine;
 mod machine_choice;
 mod motion;
 mod new;
+mod number;
 mod output;
 mod paths;
 mod processor;
@@ -99,7 +100,10 @@ fn main() -> ExitCode {
     }));
     // it is set once, here; without it errors are only plainer
     drop(is_set);
-    let matches = Arguments::command().get_matches();
+    let matches = Arguments::command().try_get_matches().unwrap_or_else(|error| {
+        output::usage(&error);
+        std::process::exit(error.exit_code())
+    });
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let result = paths::check(&matches).and_then(|()| run(arguments.command));
     match output::conclude(result) {

@@ -4,7 +4,7 @@
 //! written, and [`conclude`] ends the program with a list of what is missing.
 
 use miette::{IntoDiagnostic, Result, miette};
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -106,7 +106,44 @@ pub fn conclude(result: Result<()>) -> Result<()> {
 
 /// Says why a command failed, on standard error.
 pub fn error(error: &miette::Report) {
-    let _ = writeln!(std::io::stderr(), "Error: {}", without_commands(&format!("{error:?}")));
+    let said = without_commands(&cut(&format!("{error:?}")));
+    let _ = writeln!(std::io::stderr(), "Error: {said}");
+}
+
+/// Says what is wrong with a command line, or the help that was asked for.
+pub fn usage(error: &clap::Error) {
+    let said = error.render();
+    let colourful = |text: &str| without_commands(&cut(text));
+    let _ = match (error.use_stderr(), std::io::stderr().is_terminal()) {
+        (true, true) => write!(std::io::stderr(), "{}", colourful(&said.ansi().to_string())),
+        (true, false) => write!(std::io::stderr(), "{}", colourful(&said.to_string())),
+        // help is our own text
+        (false, _) => error.print(),
+    };
+}
+
+/// Letters of a message that are shown of one line, and its lines.
+const MOST_LETTERS: usize = 2000;
+const MOST_LINES: usize = 400;
+
+/// A message without the rest of overlong lines: what is quoted from a file has no length of its own.
+fn cut(text: &str) -> String {
+    let count = text.lines().count();
+    let mut lines: Vec<String> = text
+        .lines()
+        .take(MOST_LINES)
+        .map(|line| match line.char_indices().nth(MOST_LETTERS) {
+            Some((at, _)) => format!("{} ...", &line[..at]),
+            None => line.to_string(),
+        })
+        .collect();
+    if count > MOST_LINES {
+        lines.push(format!("... and {} more lines", count - MOST_LINES));
+    }
+    if text.ends_with('\n') {
+        lines.push(String::new());
+    }
+    lines.join("\n")
 }
 
 /// The same for text that was made for a terminal, and keeps its colours.
@@ -175,5 +212,26 @@ pub fn number(value: f64) -> String {
     match value != 0.0 && value.abs() < 1e-3 {
         true => format!("{value:e}"),
         false => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown_and_not_obeyed() {
+        assert_eq!(escaped("a\x1b[2Jb\r\u{9b}\tc\n"), "a\\u{1b}[2Jb\\r\\u{9b}\tc\n");
+        // colours of our own messages stay
+        assert_eq!(without_commands("\x1b[31mred\x1b[0m"), "\x1b[31mred\x1b[0m");
+        assert_eq!(without_commands("\x1b[2J\x1b]0;t\x07"), "\\u{1b}[2J\\u{1b}]0;t\\u{7}");
+    }
+
+    #[test]
+    fn overlong_messages_are_cut() {
+        let said = cut(&format!("ä{}\nshort", "[".repeat(200_000)));
+        assert!(said.len() < 2100 && said.ends_with("...\nshort"), "{said}");
+        assert!(cut(&"x\n".repeat(100_000)).len() < 2000);
+        assert_eq!(cut("a\nb\n"), "a\nb\n");
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::crane_file::CraneFile;
 use crate::interruptible::Interruptible;
+use crate::number;
 use crate::output;
 use crate::paths::OutputFile;
 use clap::Args;
@@ -32,8 +33,8 @@ pub struct Sensitivity {
     /// Keys that vary, with commas between them; those that logs usually tell something of when not given.
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     keys: Vec<String>,
-    /// Speed of the motion; the crane's fast one when not given.
-    #[arg(long, value_name = "SPEED")]
+    /// Speed of the motion; the crane's fast one when not given: 0.1 to 10000 mm/s.
+    #[arg(long, value_name = "SPEED", allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Rows of the global study, each of as many runs as there are keys, and two more; 0 leaves it out.
     #[arg(long, value_name = "COUNT", default_value_t = 0)]
@@ -62,7 +63,9 @@ impl Sensitivity {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
-        let case = Case::new(&crane, self.speed(&crane)?, &self.chosen()?).into_diagnostic()?;
+        let case =
+            Case::new(&crane, number::speed_of_motion(&crane, self.speed_mm_s)?, &self.chosen()?)
+                .into_diagnostic()?;
         let free = self.free(&crane)?;
         let bar = ProgressBar::new(free.len().div_ceil(4) as u64).with_style(
             ProgressStyle::with_template("{bar:40} {pos} of {len} slopes, {eta} left")
@@ -87,20 +90,6 @@ impl Sensitivity {
                 }
                 output::text(&text)
             }
-        }
-    }
-
-    fn speed(&self, crane: &Description) -> Result<f64> {
-        let n = &crane.numbers;
-        let speed = self.speed_mm_s.map_or(n.fast, |mm| mm * 1e-3);
-        let most = (n.motion_end - n.motion_start).abs() / n.ramp;
-        match speed > 0.0 && speed <= most {
-            true => Ok(speed),
-            false => Err(miette!(
-                help = "the motion's length and ramp stand in the crane file, [motion]",
-                "--speed-mm-s is 0 to {:.0} for this motion",
-                most * 1e3
-            )),
         }
     }
 

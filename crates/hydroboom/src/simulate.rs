@@ -1,5 +1,6 @@
 //! `hydroboom simulate`
 
+use crate::number;
 use crate::paths::{InputFile, OutputFile};
 use crate::{crane_file::CraneFile, linearise::valve, output};
 use clap::{Args, ValueEnum};
@@ -27,8 +28,8 @@ enum SchemeName {
 pub struct Simulate {
     #[command(flatten)]
     crane: CraneFile,
-    /// Run the crane file's motion at this speed, under velocity feedforward.
-    #[arg(long, conflicts_with_all = ["input", "hold_s"])]
+    /// Run the crane file's motion at this speed, under velocity feedforward: 0.1 to 10000 mm/s.
+    #[arg(long, conflicts_with_all = ["input", "hold_s"], allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
     #[arg(long, value_name = "FILE", conflicts_with = "hold_s")]
@@ -36,29 +37,29 @@ pub struct Simulate {
     /// Run a scenario under velocity feedforward; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["speed_mm_s", "input", "hold_s"])]
     scenario: Option<String>,
-    /// Hold a constant input for so many seconds.
-    #[arg(long)]
+    /// Hold a constant input for so many seconds: 0.001 to 1e7 s.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::DURATION, "s"))]
     hold_s: Option<f64>,
-    /// Motor speed of --hold-s.
-    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, requires = "hold_s")]
+    /// Motor speed of --hold-s: -20000 to 20000 rpm.
+    #[arg(long, default_value_t = 0.0, requires = "hold_s", allow_negative_numbers = true, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
     motor_speed_rpm: f64,
     /// 3/2 valve of --hold-s: 1 energised, 0 load held.
     #[arg(long, default_value_t = 1.0, value_parser = valve)]
     valve: f64,
-    /// Piston position to start from; the motion's start when not given.
-    #[arg(long)]
+    /// Piston position to start from; the motion's start when not given: 0 to 20000 mm.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::STROKE, "mm"))]
     start_mm: Option<f64>,
     /// How to move in time.
     #[arg(long, value_enum, default_value = "implicit")]
     scheme: SchemeName,
-    /// Step; by default the scheme's own.
-    #[arg(long)]
+    /// Step; by default the scheme's own: 0.1 to 100000 us.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::STEP, "us"))]
     step_us: Option<f64>,
     /// CSV log to write.
     #[arg(long, value_name = "FILE")]
     log: Option<OutputFile>,
-    /// Interval of the log.
-    #[arg(long, default_value_t = 10.0)]
+    /// Interval of the log: 0.001 to 3600000 ms.
+    #[arg(long, default_value_t = 10.0, allow_negative_numbers = true, value_parser = number::within(number::LOG_INTERVAL, "ms"))]
     log_ms: f64,
     /// Print JSON.
     #[arg(long)]
@@ -78,18 +79,12 @@ impl Simulate {
         let drive = match (&self.input, self.hold_s) {
             (Some(path), _) => Drive::Recording(Recording::read(path).into_diagnostic()?),
             (None, Some(duration)) => {
-                if !(duration > 0.0 && duration.is_finite()) {
-                    miette::bail!("--hold-s is a positive number of seconds, not {duration}");
-                }
                 let input =
                     Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
                 Drive::Constant(input, duration)
             }
             (None, None) => {
-                let speed = self.speed_mm_s.map_or(n.fast, |mm_s| mm_s * 1e-3);
-                if !(speed > 0.0 && speed.is_finite()) {
-                    miette::bail!("--speed-mm-s is a positive number");
-                }
+                let speed = number::speed_of_motion(&description, self.speed_mm_s)?;
                 let choice = match self.scenario {
                     Some(name) => CourseChoice::Scenario(name),
                     None => CourseChoice::Motion(speed),

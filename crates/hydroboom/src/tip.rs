@@ -3,6 +3,7 @@
 use crate::crane_file::{CraneFile, text_of};
 use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
+use crate::number;
 use crate::output;
 use crate::paths::InputFile;
 use crate::virtual_crane::strategies;
@@ -56,8 +57,8 @@ pub struct Tip {
     /// Vary stiffness of beam and base, dead volumes, sensors and fieldbus too.
     #[arg(long, requires = "family")]
     widened: bool,
-    /// Standard deviation of each surveyed coordinate of the family's cranes.
-    #[arg(long, default_value_t = 1.0, requires = "family")]
+    /// Standard deviation of each surveyed coordinate of the family's cranes: 0.001 to 100 mm.
+    #[arg(long, default_value_t = 1.0, requires = "family", allow_negative_numbers = true, value_parser = number::within(number::SURVEY_NOISE, "mm"))]
     survey_noise_mm: f64,
     /// Scenario in place of the fast motion; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", requires = "family")]
@@ -149,9 +150,6 @@ impl Tip {
     fn test(&self, count: u64) -> Result<()> {
         let choice = MachineChoice::read(&self.crane, None)?;
         let (model, nominal) = (&choice.model, &choice.machine);
-        if !(1e-3..=100.0).contains(&self.survey_noise_mm) {
-            bail!("--survey-noise-mm is from 0.001 to 100, not {}", self.survey_noise_mm);
-        }
         let course = match &self.scenario {
             Some(name) => CourseChoice::Scenario(name.clone()),
             None => CourseChoice::Motion(nominal.numbers.fast),

@@ -8,6 +8,7 @@ mod watch;
 
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
+use crate::number;
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use crate::virtual_crane::strategies;
@@ -63,8 +64,8 @@ pub struct Run {
     /// Change to this strategy in the middle of the motion, without a bump.
     #[arg(long, value_parser = strategies(), value_name = "STRATEGY", conflicts_with = "dashboard")]
     then: Option<Strategy>,
-    /// Speed of the motion; the model's fast one when not given.
-    #[arg(long)]
+    /// Speed of the motion; the model's fast one when not given: 0.1 to 10000 mm/s.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Run a scenario; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", conflicts_with = "speed_mm_s")]
