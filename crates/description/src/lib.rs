@@ -62,6 +62,11 @@ impl Origin {
 }
 
 impl Origin {
+    /// Whether the crane file or an override states the key: not a default, nor of another circuit.
+    pub fn is_stated(&self) -> bool {
+        self.line.is_some() || self.provenance == "set"
+    }
+
     /// Of a key that another circuit or structure has.
     fn foreign() -> Self {
         Self { provenance: "foreign".into(), source: "not of this crane".into(), line: None }

@@ -1,10 +1,10 @@
 //! The options that choose a crane.
 
-use crate::output;
 use crate::paths::InputFile;
+use crate::{origin, output};
 use clap::Args;
 use hydroboom_description::schema::CircuitChoice;
-use hydroboom_description::{Description, DescriptionError, UIA_SINGLE_BOOM};
+use hydroboom_description::{Description, DescriptionError, UIA_SINGLE_BOOM, UIA_VIRTUAL};
 use miette::{IntoDiagnostic, Result, miette};
 use std::ffi::OsString;
 use std::path::Path;
@@ -77,7 +77,15 @@ impl CraneFile {
     ) -> Result<Description> {
         let mut description = match &self.crane {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
-            None => embedded()?,
+            None => {
+                let description = embedded()?;
+                let text = match description.name == UIA_NAME {
+                    true => UIA_SINGLE_BOOM,
+                    false => UIA_VIRTUAL,
+                };
+                origin::embedded(&description.name, text);
+                description
+            }
         };
         for assignment in &self.set {
             description.set_within_range(assignment)?;
@@ -101,6 +109,9 @@ pub fn self_contained(description: Description) -> Result<Description> {
     }
 }
 
+/// Name of the paper's crane in its embedded file.
+const UIA_NAME: &str = "UiA single boom";
+
 /// Longest crane file, mapping or survey that is read \[B\].
 const LONGEST: u64 = 4_000_000;
 
@@ -111,5 +122,7 @@ pub fn text(path: &Path) -> Result<String> {
 
 /// The text of a file that people write; `what` says what it is.
 pub fn text_of(path: &Path, what: &'static str) -> Result<String> {
-    hydroboom_files::text(path, what, LONGEST).into_diagnostic()
+    let text = hydroboom_files::text(path, what, LONGEST).into_diagnostic()?;
+    origin::read(what, path, &text);
+    Ok(text)
 }

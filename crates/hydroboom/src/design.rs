@@ -58,8 +58,8 @@ impl Design {
         let family = family.transpose().into_diagnostic()?;
         if let Some(folder) = &self.out {
             let page = report::design_page(&crane, &reports).into_diagnostic()?;
-            output::folder(folder);
-            output::file(&folder.join("design.html"), page.as_bytes());
+            let seed = self.family.map(|_| self.seed);
+            output::page_with_figures(folder, "design", &page, seed);
         }
         if self.json {
             return output::json(&json!({

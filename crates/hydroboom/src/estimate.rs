@@ -83,7 +83,7 @@ impl Estimate {
         let name = self.log.display().to_string();
         if let Some(path) = &self.out {
             let page = estimation_page(&name, &crane.name, &found, &notes).into_diagnostic()?;
-            output::file(path, page.as_bytes());
+            output::page(path, &page, None);
         }
         if let Some(path) = &self.csv {
             output::written(path, write(path, &found));

@@ -7,7 +7,7 @@ use crate::virtual_crane::strategies;
 use crate::{healthy, output};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
-use hydroboom_lab::report::document;
+use hydroboom_lab::report::{Page, document};
 use hydroboom_realtime::campaign_cranes::{CampaignCrane, at_valve_end, campaign_cranes};
 use hydroboom_realtime::fault::Fault;
 use hydroboom_realtime::faults::{Moment, Outcome, Underway};
@@ -95,7 +95,7 @@ impl Faults {
         }
         bar.finish_and_clear();
         if let Some(path) = &self.report {
-            output::file(path, page(&strategies, &faults, &cases).as_bytes());
+            output::page(path, &page(&strategies, &faults, &cases), None);
         }
         let beyond: Vec<&Case> = cases.iter().filter(|c| !c.outcome.is_within_bounds()).collect();
         if self.json {
@@ -266,7 +266,7 @@ fn detail(case: &Case) -> Vec<String> {
 }
 
 /// All cases as a page.
-fn page(strategies: &[Strategy], faults: &[Fault], cases: &[Case]) -> String {
+fn page(strategies: &[Strategy], faults: &[Fault], cases: &[Case]) -> Page {
     let body = html! {
         p.soft {
             "Every fault under " (names(strategies).join(", ")) " at five moments of the fast cycle, in simulated "

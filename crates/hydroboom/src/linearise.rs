@@ -120,7 +120,7 @@ impl Linearise {
                 description.name, stroke_mm, self.motor_speed_rpm, self.valve
             );
             let page = report::bode_page(&title, &a, &b, &c, &shown, &modes).into_diagnostic()?;
-            output::file(&folder.join("bode.html"), page.as_bytes());
+            output::page_with_figures(folder, "bode", &page, None);
         }
         if self.json {
             return output::json(&json!({

@@ -25,6 +25,7 @@ mod machine_choice;
 mod motion;
 mod new;
 mod number;
+mod origin;
 mod output;
 mod paths;
 mod processor;

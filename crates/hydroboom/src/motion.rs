@@ -61,6 +61,9 @@ pub struct MotionTests {
     /// this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<OutputFolder>,
+    /// Write the time series of every run, as CSV, into this folder.
+    #[arg(long, value_name = "DIR", conflicts_with = "family")]
+    log: Option<OutputFolder>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -128,7 +131,6 @@ impl MotionTests {
             .filter(|_| choice.source == Source::Embedded)
             .map(|(simulated, crane)| signals(&differences(simulated, crane)));
         if let Some(folder) = &self.out {
-            output::folder(folder);
             let plant = match choice.source {
                 Source::Embedded => "virtual crane".to_string(),
                 Source::CraneFile => name.clone(),
@@ -141,7 +143,11 @@ impl MotionTests {
                 alongside: alongside.as_ref(),
                 remark: choice.equality(),
             });
-            output::file(&folder.join("motion.html"), page.into_diagnostic()?.as_bytes());
+            output::page_with_figures(folder, "motion", &page.into_diagnostic()?, None);
+        }
+        if let Some(folder) = &self.log {
+            output::folder(folder);
+            runs.iter().for_each(|run| write_log(folder, &name, run));
         }
         if self.json {
             return output::json(&json!({
@@ -306,6 +312,17 @@ fn effect(model: &Description, difference: &Difference) -> Result<Effect, LabErr
         pressure_a_rms_bar: (square / before.samples.len().max(1) as f64).sqrt() * 1e-5,
         eigenfrequency_hz: [frequency(model)?, frequency(&plant)?],
     })
+}
+
+/// Writes a run into a folder, under the names of plant, course and strategy.
+pub fn write_log(folder: &Path, plant: &str, run: &hydroboom_lab::motion_test::Run) {
+    let plain = |text: &str| {
+        let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
+        words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("-")
+    };
+    let name = format!("{}-{}-{}.csv", plain(plant), plain(&run.course), run.strategy.name());
+    let path = folder.join(name);
+    output::written(&path, hydroboom_lab::run_log::write_run(run, &path));
 }
 
 /// Tables 7 to 9, "paper | here".

@@ -3,6 +3,8 @@
 //! An output that cannot be written does not end a command: it is told at once, the others are still
 //! written, and [`conclude`] ends the program with a list of what is missing.
 
+use crate::origin::origin;
+use hydroboom_lab::report::Page;
 use miette::{IntoDiagnostic, Result, miette};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -49,6 +51,27 @@ pub fn warn(text: &str) {
 /// Writes a file whole or not at all; says whether it is written.
 pub fn file(path: &Path, content: &[u8]) -> bool {
     written(path, hydroboom_files::write(path, content))
+}
+
+/// Writes a report; `seed` is that of what was drawn at random. Says whether it is written.
+pub fn page(path: &Path, page: &Page, seed: Option<u64>) -> bool {
+    file(path, page.html(&origin(seed)).as_bytes())
+}
+
+/// Writes a report into a folder, and beside it its figures as SVG and CSV; returns the report's path.
+pub fn page_with_figures(at: &Path, name: &str, report: &Page, seed: Option<u64>) -> PathBuf {
+    folder(at);
+    let path = at.join(format!("{name}.html"));
+    page(&path, report, seed);
+    let figures = at.join(format!("{name}-figures"));
+    if !report.figures.is_empty() {
+        folder(&figures);
+    }
+    for figure in &report.figures {
+        file(&figures.join(format!("{}.svg", figure.name)), figure.svg.as_bytes());
+        file(&figures.join(format!("{}.csv", figure.name)), figure.csv.as_bytes());
+    }
+    path
 }
 
 /// Makes a folder for files, where it is not there yet.

@@ -10,7 +10,7 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::Free;
 use hydroboom_lab::LabError;
-use hydroboom_lab::report::{Bar, Bars, document, figure};
+use hydroboom_lab::report::{Bar, Bars, Page, document, figure};
 use hydroboom_sensitivity::{Case, Index, Local, Output, Sobol, Study, local, sobol};
 use indicatif::{ProgressBar, ProgressStyle};
 use maud::html;
@@ -79,7 +79,8 @@ impl Sensitivity {
         };
         let found = Found { case, values, local: slopes, global };
         if let Some(path) = &self.report {
-            output::file(path, page(&crane, &found).into_diagnostic()?.as_bytes());
+            let seed = (self.rows > 0).then_some(self.seed);
+            output::page(path, &page(&crane, &found).into_diagnostic()?, seed);
         }
         match self.json {
             true => output::json(&in_json(&crane, &found)),
@@ -216,7 +217,7 @@ fn in_json(crane: &Description, found: &Found) -> serde_json::Value {
     })
 }
 
-fn page(crane: &Description, found: &Found) -> Result<String, LabError> {
+fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
     let mut figures = Vec::new();
     for (k, output) in found.case.outputs.iter().enumerate() {
         let (unit, size) = output.unit();
@@ -224,10 +225,10 @@ fn page(crane: &Description, found: &Found) -> Result<String, LabError> {
         let names: Vec<String> = ranked.iter().map(|l| l.key.path()).collect();
         let bars = ranked.iter().zip(&names).take(12).map(|(l, name)| {
             let effect = l.effect(k) / size;
-            Bar { name, from: -effect, to: effect, bounds: None }
+            Bar { name, from: -effect, to: effect, colour: 0, bounds: None }
         });
         let x = format!("effect on the {} [{unit}]", output.title());
-        let tornado = Bars { x: &x, bars: bars.collect() }.svg()?;
+        let tornado = Bars { x: &x, bars: bars.collect() }.drawn()?;
         let sobol = match &found.global {
             Some((indices, _)) => {
                 let mut order: Vec<usize> = (0..found.local.len()).collect();
@@ -237,10 +238,10 @@ fn page(crane: &Description, found: &Found) -> Result<String, LabError> {
                     order.iter().map(|place| found.local[*place].key.path()).collect();
                 let bars = order.iter().zip(&names).take(12).map(|(place, name)| {
                     let i = indices[k].total[*place];
-                    Bar { name, from: 0.0, to: i.value, bounds: Some((i.low, i.high)) }
+                    Bar { name, from: 0.0, to: i.value, colour: 0, bounds: Some((i.low, i.high)) }
                 });
                 let x = "total Sobol index, share of the variance [-]";
-                Some(Bars { x, bars: bars.collect() }.svg()?)
+                Some(Bars { x, bars: bars.collect() }.drawn()?)
             }
             None => None,
         };

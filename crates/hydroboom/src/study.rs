@@ -19,9 +19,12 @@ pub struct Study {
     /// --crane is given, else none.
     #[arg(long, value_name = "FILE")]
     virtual_crane: Option<InputFile>,
-    /// Folder for report.html.
+    /// Folder for report.html, and for its figures as SVG and CSV.
     #[arg(long, value_name = "DIR", default_value = "study")]
     out: OutputFolder,
+    /// Write the time series of every motion, as CSV, into this folder.
+    #[arg(long, value_name = "DIR")]
+    log: Option<OutputFolder>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -42,9 +45,13 @@ impl Study {
         };
         let result = study::study(&description, stand_in.as_ref(), &said).into_diagnostic()?;
         let page = report::page(&description, &result).into_diagnostic()?;
-        output::folder(&self.out);
-        let path = self.out.join("report.html");
-        output::file(&path, page.as_bytes());
+        let path = output::page_with_figures(&self.out, "report", &page, None);
+        if let Some(folder) = &self.log {
+            output::folder(folder);
+            for (plant, run) in &result.runs {
+                motion::write_log(folder, plant, run);
+            }
+        }
         if self.json {
             return output::json(&serde_json::to_value(&result).into_diagnostic()?);
         }

@@ -179,10 +179,9 @@ impl Tip {
             self.strategy.name(),
         );
         if let Some(folder) = &self.out {
-            output::folder(folder);
             let page =
                 report::tip_page(&format!("Estimated tip: {title}"), &found).into_diagnostic()?;
-            output::file(&folder.join("tip.html"), page.as_bytes());
+            output::page_with_figures(folder, "tip", &page, Some(self.seed));
         }
         if self.json {
             return output::json(&json!({

@@ -64,9 +64,8 @@ impl Trials {
         let outcomes = run(model, &trials, &controllers, &|| bar.inc(1));
         bar.finish_and_clear();
         if let Some(folder) = &self.out {
-            output::folder(folder);
             let page = report::trials_page(&choice.name(), choice.equality(), &outcomes);
-            output::file(&folder.join("trials.html"), page.as_bytes());
+            output::page_with_figures(folder, "trials", &page, None);
         }
         if self.json {
             return output::json(&json!({ "trials": outcomes, "machine": choice.json() }));

@@ -12,7 +12,7 @@ use hydroboom_identify::{
 };
 use hydroboom_lab::LabError;
 use hydroboom_lab::paper;
-use hydroboom_lab::report::{Axes, Figure, Series, document, figure};
+use hydroboom_lab::report::{Axes, Figure, Page, Series, document, figure};
 use hydroboom_measurement::{Signal, Signals, Suspicion};
 use maud::html;
 use miette::{IntoDiagnostic, Result};
@@ -75,7 +75,7 @@ impl Validate {
         notes.extend(suspicions.iter().map(|Suspicion { text, .. }| format!("suspicious: {text}")));
         if let Some(path) = &self.report {
             let page = page(&self, &crane, &experiment, &prediction, &findings, &notes);
-            output::file(path, page.into_diagnostic()?.as_bytes());
+            output::page(path, &page.into_diagnostic()?, None);
         }
         if self.json {
             return output::json(&json!({
@@ -252,7 +252,7 @@ fn page(
     prediction: &Prediction,
     findings: &[Finding],
     notes: &[String],
-) -> Result<String, LabError> {
+) -> Result<Page, LabError> {
     let mut figures = Vec::new();
     for finding in findings {
         let signal = finding.difference.signal;
@@ -267,10 +267,10 @@ fn page(
         let x = "time since the experiment began [s]";
         let y = format!("{} [{unit}]", signal.symbol());
         let series = Series::list([("log", log), ("model", model)]);
-        let both = Figure { x, y: &y, series, axes: Axes::Linear }.svg()?;
+        let both = Figure { x, y: &y, series, axes: Axes::Linear }.drawn()?;
         let y = format!("log less model [{unit}]");
         let series = vec![Series { name: "difference", points: less, colour: 2 }];
-        let difference = Figure { x, y: &y, series, axes: Axes::Linear }.svg()?;
+        let difference = Figure { x, y: &y, series, axes: Axes::Linear }.drawn()?;
         figures.push((signal, both, difference));
     }
     // the paper measured a self-contained crane: its numbers say nothing beside another

@@ -5,17 +5,16 @@ use crate::closed_loop::metrics::Metrics;
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
-use crate::log::{Log, columns, scaled};
+use crate::log::Log;
+use crate::run_log::{header, row};
 use crate::simulate::Recording;
 use crate::virtual_estimates::{EstimateSummary, ParallelEstimator};
 use hydroboom_control::command::AxisCommand;
-use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_files::FileError;
-use hydroboom_model::Outputs;
-use hydroboom_virtual_crane::{Truth, VirtualCrane};
+use hydroboom_virtual_crane::VirtualCrane;
 use serde::Serialize;
 use std::path::Path;
 
@@ -50,10 +49,10 @@ pub enum Contents {
 }
 
 impl Contents {
-    fn readings(self) -> bool {
+    pub(crate) fn readings(self) -> bool {
         self != Self::TruthAlone
     }
-    fn truth(self) -> bool {
+    pub(crate) fn truth(self) -> bool {
         self != Self::Readings
     }
 }
@@ -114,9 +113,10 @@ pub fn virtual_run(
         Task::Oscillation { .. } => (&[][..], false),
     };
     let mut estimator = ParallelEstimator::new(model, crane, loads, is_released);
+    let has_reference = matches!(task, Task::Course(..));
     let mut writers = Vec::with_capacity(logs.len());
     for order in logs {
-        let mut header = header(order.contents, task);
+        let mut header = header(order.contents, has_reference);
         let estimates = order.estimates && estimator.is_some();
         if estimates {
             header.extend(ParallelEstimator::header());
@@ -138,7 +138,7 @@ pub fn virtual_run(
         }
         for (log, contents, estimates, every) in &mut writers {
             if count % *every == 0 {
-                let mut row = row(*contents, task, sample);
+                let mut row = row(*contents, has_reference, sample);
                 if let Some(estimator) = estimator.as_ref().filter(|_| *estimates) {
                     row.extend(estimator.row());
                 }
@@ -268,36 +268,4 @@ fn follow(
         }
     }
     Ok(())
-}
-
-fn header(contents: Contents, task: &Task) -> Vec<String> {
-    let mut header = vec!["time_s".to_string()];
-    if contents.readings() {
-        if matches!(task, Task::Course(..)) {
-            header.extend(columns(&SetPoint::NAMES, &SetPoint::UNITS, "reference_"));
-        }
-        header.extend(columns(&AxisCommand::NAMES, &AxisCommand::UNITS, "command_"));
-        header.extend(columns(&AxisSignals::NAMES, &AxisSignals::UNITS, ""));
-    }
-    if contents.truth() {
-        header.extend(columns(&Outputs::NAMES, &Outputs::UNITS, "true_"));
-        header.extend(columns(&Truth::NAMES, &Truth::UNITS, "true_"));
-    }
-    header
-}
-
-fn row(contents: Contents, task: &Task, sample: &Sample) -> Vec<f64> {
-    let mut row = vec![sample.time];
-    if contents.readings() {
-        if matches!(task, Task::Course(..)) {
-            row.extend(scaled(&sample.reference.to_array(), &SetPoint::UNITS));
-        }
-        row.extend(scaled(&sample.command.to_array(), &AxisCommand::UNITS));
-        row.extend(scaled(&sample.signals.to_array(), &AxisSignals::UNITS));
-    }
-    if contents.truth() {
-        row.extend(scaled(&sample.truth.outputs.to_array(), &Outputs::UNITS));
-        row.extend(scaled(&sample.truth.beside_outputs(), &Truth::UNITS));
-    }
-    row
 }

@@ -376,7 +376,7 @@ impl Run {
                 real_time,
                 &processor(),
             );
-            output::file(path, page.into_diagnostic()?.as_bytes());
+            output::page(path, &page.into_diagnostic()?, None);
         }
         match self.json {
             true => output::json(&report.json())?,

@@ -1,5 +1,6 @@
 //! Who looks on while a machine runs: writes the log, sums the courses up, asks for the next one.
 
+use crate::origin::origin;
 use crate::output;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
@@ -407,7 +408,7 @@ impl Watch {
         if let Some((dashboard, _)) = &mut self.dashboard {
             dashboard.result(&json!(result));
             match super::page::course_page(&result, &self.records) {
-                Ok(page) => dashboard.set_report(page),
+                Ok(page) => dashboard.set_report(page.html(&origin(None))),
                 Err(error) => dashboard.say(&format!("no report: {error}")),
             }
         }

@@ -252,7 +252,7 @@ impl Tune {
         }
         if let Some(path) = &self.report {
             let page = page::page(outcome).into_diagnostic()?;
-            output::file(path, page.as_bytes());
+            output::page(path, &page, None);
         }
         match self.json {
             true => output::json(&json!({
