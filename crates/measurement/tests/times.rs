@@ -70,6 +70,9 @@ fn a_stated_unit_counts_before_what_numbers_look_like() {
     assert!(text.contains("\"lj\" is no known unit"), "{text}");
 }
 
+/// What a column of times is called, and how it writes a moment.
+type Writer = (&'static str, fn(Moment) -> String);
+
 /// Days, hours, minutes, seconds, milliseconds.
 type Moment = (u32, u32, u32, u32, u32);
 
@@ -81,7 +84,7 @@ fn dates_and_times_of_the_day_are_read_however_they_are_written() {
         let (day, ms) = (ms / 86_400_000, ms % 86_400_000);
         (day, ms / 3_600_000, ms / 60_000 % 60, ms / 1000 % 60, ms % 1000)
     };
-    let writers: [(&str, fn(Moment) -> String); 6] = [
+    let writers: [Writer; 6] = [
         ("ISO", |(d, h, m, s, ms)| format!("2024-02-{:02}T{h:02}:{m:02}:{s:02}.{ms:03}Z", 28 + d)),
         ("blank", |(d, h, m, s, ms)| format!("2024-02-{:02} {h:02}:{m:02}:{s:02}.{ms:03}", 28 + d)),
         ("German", |(d, h, m, s, ms)| {
