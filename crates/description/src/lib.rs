@@ -24,6 +24,7 @@ mod difference;
 mod digest;
 mod equipment_defaults;
 mod error;
+mod excerpt;
 mod parse;
 mod range;
 pub mod schema;
@@ -61,6 +62,11 @@ impl Origin {
 }
 
 impl Origin {
+    /// Whether the crane file or an override states the key: not a default, nor of another circuit.
+    pub fn is_stated(&self) -> bool {
+        self.line.is_some() || self.provenance == "set"
+    }
+
     /// Of a key that another circuit or structure has.
     fn foreign() -> Self {
         Self { provenance: "foreign".into(), source: "not of this crane".into(), line: None }

@@ -1,16 +1,22 @@
 //! From text to a checked description.
 
 use crate::error::{DescriptionError, Problem};
+use crate::excerpt::{Excerpt, excerpt, quoted};
 use crate::schema::{Choices, KEYS, Key, LINKS, Numbers, StructureChoice};
 use crate::{Description, Origin};
 use hydroboom_model::MAX_SEGMENTS;
-use miette::NamedSource;
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// Largest crane file read \[bytes\]; anything larger is not one.
 const LARGEST: usize = 1 << 20;
+
+/// Longest path that may be a slip of the pen \[bytes\].
+const LONGEST_PATH: usize = 200;
+
+/// Problems that are shown; a file that is no crane file has as many as it likes.
+const MOST_PROBLEMS: usize = 20;
 
 /// Keys that are not plain numbers.
 const SEGMENTS: &str = "boom.segments";
@@ -27,6 +33,10 @@ fn known_paths() -> impl Iterator<Item = String> {
 fn suggestion(path: &str) -> String {
     if path == "following" || path.starts_with("following.") {
         return "model following was replaced by the scheduled LQR: its keys are in [estimator] and [scheduled_lqr]".into();
+    }
+    // likeness costs the product of both lengths
+    if path.len() > LONGEST_PATH {
+        return "`hydroboom show` lists all keys".into();
     }
     let name = |path: &str| path.rsplit('.').next().unwrap_or_default().to_string();
     let near = known_paths()
@@ -92,17 +102,38 @@ struct Reading<'a> {
     texts: Vec<(String, String)>,
     shares: Option<Vec<f64>>,
     problems: Vec<Problem>,
+    /// Problems found, also those beyond [`MOST_PROBLEMS`].
+    count: usize,
 }
 
 impl Reading<'_> {
     fn problem(&mut self, span: Range<usize>, message: String, label: &str, help: String) {
-        self.problems.push(Problem {
+        if self.problems.len() < MOST_PROBLEMS {
+            self.problems.push(self.problem_at(span, message, label, help));
+        }
+        self.count += 1;
+    }
+
+    /// A problem with its place.
+    fn problem_at(
+        &self,
+        span: Range<usize>,
+        message: String,
+        label: &str,
+        help: String,
+    ) -> Problem {
+        let Excerpt { source, span, column } = excerpt(self.file, self.text, span);
+        let label = match column {
+            Some(column) => format!("{label}, column {column}"),
+            None => label.into(),
+        };
+        Problem {
             message,
             help: Some(help),
             span: Some(span.into()),
-            label: label.into(),
-            source_code: Some(NamedSource::new(self.file, self.text.to_string())),
-        });
+            label,
+            source_code: Some(source),
+        }
     }
 
     fn line(&self, at: usize) -> usize {
@@ -173,7 +204,7 @@ impl Reading<'_> {
                     {
                         self.problem(
                             span,
-                            format!("`{path}` cannot be \"{text}\""),
+                            format!("`{path}` cannot be \"{}\"", quoted(&text)),
                             "not known",
                             format!("one of: {}", allowed.join(", ")),
                         );
@@ -190,7 +221,8 @@ impl Reading<'_> {
                 ),
             }
         } else {
-            self.problem(key_span, format!("unknown key `{path}`"), "unknown", suggestion(path));
+            let message = format!("unknown key `{}`", quoted(path));
+            self.problem(key_span, message, "unknown", suggestion(path));
         }
     }
 
@@ -208,7 +240,7 @@ impl Reading<'_> {
             if !["value", "range", "provenance", "source"].contains(&key.get_ref().as_ref()) {
                 self.problem(
                     key.span(),
-                    format!("unknown entry `{}`", key.get_ref()),
+                    format!("unknown entry `{}`", quoted(key.get_ref())),
                     "unknown",
                     "a value with an origin is { value = ..., range = [low, high], \
                      provenance = \"...\", source = \"...\" }"
@@ -237,7 +269,7 @@ impl Reading<'_> {
             .as_array()
             .and_then(|items| items.iter().map(|item| number(item.get_ref())).collect());
         let Some(&[low, high]) = bounds.as_deref() else {
-            let read = &self.text[span.clone()];
+            let read = quoted(&self.text[span.clone()]);
             let message = format!("the range of `{path}` is two numbers [{unit}], not {read}");
             let help = format!(
                 "write range = [low, high] within {} to {} {unit}, with {value} {unit} between them",
@@ -316,12 +348,13 @@ impl Description {
             texts: Vec::new(),
             shares: None,
             problems: Vec::new(),
+            count: 0,
         };
         let (document, errors) = DeTable::parse_recoverable(text);
         for error in &errors {
             let span = error.span().unwrap_or(0..0);
             let help = "crane files are TOML: `key = value` lines under `[section]` headings";
-            reading.problem(span, error.message().trim().to_string(), "here", help.into());
+            reading.problem(span, quoted(error.message().trim()), "here", help.into());
         }
         if errors.is_empty() {
             for (section, body) in document.get_ref().iter() {
@@ -335,7 +368,7 @@ impl Description {
                     }
                     None => reading.problem(
                         section.span(),
-                        format!("`{section_name}` stands outside of any section"),
+                        format!("`{}` stands outside of any section", quoted(section_name)),
                         "no section",
                         suggestion(section_name),
                     ),
@@ -352,7 +385,7 @@ impl Description {
     /// [`DescriptionError`] when the key is unknown, the value impossible, or the machine with it.
     pub fn set(&mut self, assignment: &str) -> Result<(), DescriptionError> {
         let wrong = |message: String, help: String| {
-            DescriptionError::of(&format!("--set {assignment}"), message, Some(help))
+            DescriptionError::of(&format!("--set {}", quoted(assignment)), message, Some(help))
         };
         let Some((path, text)) = assignment.split_once('=') else {
             let help = "write section.key=value, for example --set boom.segments=10".into();
@@ -366,7 +399,10 @@ impl Description {
                 return Err(wrong(format!("this crane has no {path}"), why.into()));
             }
             let value: f64 = text.parse().map_err(|_| {
-                wrong(format!("`{text}` is not a number"), format!("{path}: {}", key.meaning))
+                wrong(
+                    format!("`{}` is not a number", quoted(text)),
+                    format!("{path}: {}", key.meaning),
+                )
             })?;
             if let Some((message, help)) = number_problem(key, value) {
                 return Err(wrong(message, help));
@@ -394,7 +430,10 @@ impl Description {
             self.name = text.into();
         } else if let Some(allowed) = Choices::allowed(path) {
             let unknown = || {
-                wrong(format!("`{text}` is not known"), format!("one of: {}", allowed.join(", ")))
+                wrong(
+                    format!("`{}` is not known", quoted(text)),
+                    format!("one of: {}", allowed.join(", ")),
+                )
             };
             if path == crate::schema::CircuitChoice::PATH || path == StructureChoice::PATH {
                 let help =
@@ -405,7 +444,7 @@ impl Description {
                 return Err(unknown());
             }
         } else {
-            return Err(wrong(format!("unknown key `{path}`"), suggestion(path)));
+            return Err(wrong(format!("unknown key `{}`", quoted(path)), suggestion(path)));
         }
         match self.impossible() {
             Some((_, message, help)) => Err(wrong(message, help)),
@@ -419,6 +458,9 @@ impl Reading<'_> {
         let file = self.file;
         let failed = |problems| Err(DescriptionError { name: file.to_string(), problems });
         if !self.problems.is_empty() {
+            if let more @ 1.. = self.count - self.problems.len() {
+                self.problems.push(Problem::plain(format!("and {more} more"), None));
+            }
             return failed(self.problems);
         }
         let text = |path: &str| {
@@ -458,13 +500,10 @@ impl Reading<'_> {
         }
         if !strangers.is_empty() {
             let problems = strangers.into_iter().map(|(index, why)| {
-                let span = self.origins[index].line.map(|line| line_span(self.text, line));
-                Problem {
-                    message: format!("this crane has no `{}`", KEYS[index].path()),
-                    help: Some(why.into()),
-                    span: span.map(Into::into),
-                    label: "not of this crane".into(),
-                    source_code: Some(NamedSource::new(self.file, self.text.to_string())),
+                let message = format!("this crane has no `{}`", KEYS[index].path());
+                match self.origins[index].line.map(|line| line_span(self.text, line)) {
+                    Some(span) => self.problem_at(span, message, "not of this crane", why.into()),
+                    None => Problem::plain(message, Some(why.into())),
                 }
             });
             return failed(problems.collect());
@@ -499,12 +538,9 @@ impl Reading<'_> {
                 .position(|key| key.path() == path)
                 .and_then(|index| description.origins[index].line);
             let span = line.map(|line| line_span(self.text, line));
-            let problem = Problem {
-                message,
-                help: Some(help),
-                span: span.map(Into::into),
-                label: "this key, among others".into(),
-                source_code: Some(NamedSource::new(self.file, self.text.to_string())),
+            let problem = match span {
+                Some(span) => self.problem_at(span, message, "this key, among others", help),
+                None => Problem::plain(message, Some(help)),
             };
             return failed(vec![problem]);
         }

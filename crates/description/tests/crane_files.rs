@@ -57,7 +57,27 @@ fn a_problem_points_at_its_place() {
     let text = changed("value = 10.6,", "value = -3,");
     let error = Description::parse("test.toml", &text).unwrap_err();
     let span = error.problems[0].span.unwrap();
-    assert_eq!(&text[span.offset()..span.offset() + span.len()], "-3");
+    let shown = error.problems[0].source_code.as_ref().unwrap().inner();
+    assert_eq!(&shown[span.offset()..span.offset() + span.len()], "-3");
+    // on its line of the file
+    let line = |text: &str, at: usize| text[..at].matches('\n').count();
+    assert_eq!(line(shown, span.offset()), line(&text, text.find("value = -3,").unwrap()));
+}
+
+/// Neither a line without end nor a thousand mistakes make a message without end.
+#[test]
+fn a_message_is_as_long_as_a_screen() {
+    let lines = "wrong = 1\n".repeat(10_000);
+    for text in ["[".repeat(200_000), format!("[a]\nb = \"{}\"", "x".repeat(200_000)), lines] {
+        let error = Description::parse("test.toml", &text).unwrap_err();
+        let shown: usize = error
+            .problems
+            .iter()
+            .map(|p| p.message.len() + p.source_code.as_ref().map_or(0, |s| s.inner().len()))
+            .sum();
+        assert!(shown < 250_000 && error.problems.len() <= 21, "{shown}");
+        assert!(error.problems.iter().all(|p| p.message.len() < 1000));
+    }
 }
 
 #[test]

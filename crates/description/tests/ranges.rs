@@ -17,6 +17,7 @@ fn problem(text: &str) -> (String, String, String) {
     assert_eq!(error.problems.len(), 1, "{:?}", error.problems);
     let problem = &error.problems[0];
     let span = problem.span.expect("a place in the file");
+    let text = problem.source_code.as_ref().expect("an excerpt").inner();
     let marked = text[span.offset()..span.offset() + span.len()].to_string();
     (problem.message.clone(), problem.help.clone().unwrap_or_default(), marked)
 }

@@ -2,13 +2,14 @@
 
 use crate::crane_file::text;
 use crate::output;
+use crate::paths::{InputFile, OutputFile};
 use clap::Args;
 use hydroboom_description::{Description, UIA_VIRTUAL};
 use hydroboom_lab::calibrate::{Effort, Found, Journal, PARAMETERS, published, search, trade_off};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Find the virtual crane's unpublished parameters from what was published of the real one.
 #[derive(Args)]
@@ -19,14 +20,14 @@ pub struct Calibrate {
     /// Virtual crane to start from, which also keeps all that is not calibrated; the embedded one
     /// when not given.
     #[arg(long, value_name = "FILE")]
-    crane: Option<PathBuf>,
+    crane: Option<InputFile>,
     /// Crane file to write.
     #[arg(long, value_name = "FILE", default_value = "uia-virtual.toml")]
-    out: PathBuf,
+    out: OutputFile,
     /// Where evaluations are kept, to go on after an interruption; beside the crane file when not
     /// given.
     #[arg(long, value_name = "FILE")]
-    journal: Option<PathBuf>,
+    journal: Option<OutputFile>,
     /// Generations of the global search.
     #[arg(long, default_value_t = 70)]
     generations: usize,
@@ -61,11 +62,7 @@ impl Calibrate {
             population: self.population.max(4),
             iterations: self.iterations,
         };
-        let path = self.journal.clone().unwrap_or_else(|| {
-            let mut path = self.out.clone().into_os_string();
-            path.push(".journal");
-            path.into()
-        });
+        let path = self.journal.as_deref().map_or_else(|| beside(&self.out), Path::to_path_buf);
         let heading = format!("{:016x}", fingerprint(&template_text));
         let mut journal = Journal::open(&path, &heading).into_diagnostic()?;
 
@@ -82,18 +79,27 @@ impl Calibrate {
         });
         bar.finish_and_clear();
         let found = found.into_diagnostic()?;
-        output::file(&self.out, found.crane_file(&template_text).into_diagnostic()?.as_bytes())?;
-        // the result is written; nothing is left to go on with
+        let crane_file = found.crane_file(&template_text).into_diagnostic()?;
         drop(journal);
-        std::fs::remove_file(&path).into_diagnostic()?;
+        if output::file(&self.out, crane_file.as_bytes()) {
+            // the result is written; nothing is left to go on with
+            std::fs::remove_file(&path).into_diagnostic()?;
+        }
         match self.json {
             true => output::json(&json!({
                 "written": self.out, "evaluations": found.evaluations,
                 "reached": found.reached(), "parameters": found.calibrated(),
             })),
-            false => output::text(&format!("{}\nwritten: {}", said(&found), self.out.display())),
+            false => output::text(&(said(&found) + &output::named("written", &self.out))),
         }
     }
+}
+
+/// Where the journal of a crane file lies that none is named for.
+fn beside(out: &Path) -> PathBuf {
+    let mut path = out.as_os_str().to_owned();
+    path.push(".journal");
+    path.into()
 }
 
 /// Shows what one key does to every published result.

@@ -1,18 +1,20 @@
 //! The options that choose a crane.
 
+use crate::paths::InputFile;
+use crate::{origin, output};
 use clap::Args;
 use hydroboom_description::schema::CircuitChoice;
-use hydroboom_description::{Description, DescriptionError, UIA_SINGLE_BOOM};
-use miette::{IntoDiagnostic, Result, WrapErr, miette};
+use hydroboom_description::{Description, DescriptionError, UIA_SINGLE_BOOM, UIA_VIRTUAL};
+use miette::{IntoDiagnostic, Result, miette};
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The options that choose a crane.
 #[derive(Args)]
 pub struct CraneFile {
     /// Crane file; an embedded one when not given: the paper's crane, or the virtual one.
     #[arg(long, value_name = "FILE")]
-    crane: Option<PathBuf>,
+    crane: Option<InputFile>,
     /// Override a key, e.g. --set boom.segments=10, within its range where the file states one; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -31,7 +33,7 @@ impl CraneFile {
 
     /// The options again, for another process.
     pub fn arguments(&self) -> Vec<OsString> {
-        let crane = self.crane.iter().flat_map(|path| ["--crane".into(), path.into()]);
+        let crane = self.crane.iter().flat_map(|path| ["--crane".into(), path.as_os_str().into()]);
         crane.chain(self.set.iter().flat_map(|set| ["--set".into(), set.into()])).collect()
     }
 
@@ -75,13 +77,21 @@ impl CraneFile {
     ) -> Result<Description> {
         let mut description = match &self.crane {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
-            None => embedded()?,
+            None => {
+                let description = embedded()?;
+                let text = match description.name == UIA_NAME {
+                    true => UIA_SINGLE_BOOM,
+                    false => UIA_VIRTUAL,
+                };
+                origin::embedded(&description.name, text);
+                description
+            }
         };
         for assignment in &self.set {
             description.set_within_range(assignment)?;
         }
         for warning in description.warnings() {
-            eprintln!("warning: {warning}");
+            output::warn(&warning.to_string());
         }
         Ok(description)
     }
@@ -99,11 +109,20 @@ pub fn self_contained(description: Description) -> Result<Description> {
     }
 }
 
-/// A file's text.
+/// Name of the paper's crane in its embedded file.
+const UIA_NAME: &str = "UiA single boom";
+
+/// Longest crane file, mapping or survey that is read \[B\].
+const LONGEST: u64 = 4_000_000;
+
+/// The text of a crane file.
 pub fn text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("{} cannot be read", path.display()))?;
-    String::from_utf8(bytes)
-        .map_err(|_| miette::miette!("{} is not a text file (UTF-8)", path.display()))
+    text_of(path, "crane file")
+}
+
+/// The text of a file that people write; `what` says what it is.
+pub fn text_of(path: &Path, what: &'static str) -> Result<String> {
+    let text = hydroboom_files::text(path, what, LONGEST).into_diagnostic()?;
+    origin::read(what, path, &text);
+    Ok(text)
 }

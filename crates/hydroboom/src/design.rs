@@ -2,6 +2,7 @@
 
 use crate::crane_file::CraneFile;
 use crate::output;
+use crate::paths::OutputFolder;
 use clap::Args;
 use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_description::Description;
@@ -11,7 +12,6 @@ use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Piston positions that are looked at, as shares of the stroke.
 const AT: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
@@ -38,7 +38,7 @@ pub struct Design {
     observability: bool,
     /// Write design.html into this folder.
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    out: Option<OutputFolder>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -58,8 +58,8 @@ impl Design {
         let family = family.transpose().into_diagnostic()?;
         if let Some(folder) = &self.out {
             let page = report::design_page(&crane, &reports).into_diagnostic()?;
-            std::fs::create_dir_all(folder).into_diagnostic()?;
-            output::file(&folder.join("design.html"), page.as_bytes())?;
+            let seed = self.family.map(|_| self.seed);
+            output::page_with_figures(folder, "design", &page, seed);
         }
         if self.json {
             return output::json(&json!({

@@ -1,5 +1,6 @@
 //! `hydroboom eigen`
 
+use crate::number;
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_lab::{eigenfrequency, paper};
@@ -12,8 +13,8 @@ use serde_json::json;
 pub struct Eigen {
     #[command(flatten)]
     crane: CraneFile,
-    /// Piston positions.
-    #[arg(long, value_delimiter = ',', default_values_t = paper::EIGEN_STROKE_MM)]
+    /// Piston positions: 0 to 20000 mm.
+    #[arg(long, value_delimiter = ',', default_values_t = paper::EIGEN_STROKE_MM, allow_negative_numbers = true, value_parser = number::within(number::STROKE, "mm"))]
     stroke_mm: Vec<f64>,
     /// Print JSON.
     #[arg(long)]

@@ -3,7 +3,9 @@
 use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
+use crate::paths::{InputFile, OutputFile};
 use clap::Args;
+use hydroboom_files::FileError;
 use hydroboom_lab::log::Log;
 use hydroboom_lab::log_estimation::{ESTIMATES, INNOVATIONS, LogEstimate, estimate};
 use hydroboom_lab::log_estimation::{readable, unit};
@@ -11,7 +13,7 @@ use hydroboom_lab::report::estimation_page;
 use hydroboom_measurement::{Signal, Signals};
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::{Map, Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Estimate states and parameters along a recorded log, with bounds, and say whether they can be relied on, which signal is off, and what the motion could not
 /// tell.
@@ -25,17 +27,17 @@ pub struct Estimate {
     crane: CraneFile,
     /// The log: CSV, TwinCAT Scope, Simulink, MAT, MDF, MCAP.
     #[arg(long, value_name = "FILE")]
-    log: PathBuf,
+    log: InputFile,
     #[command(flatten)]
     mapping: LogMapping,
     #[command(flatten)]
     window: LogWindow,
     /// Page with figures to write (HTML).
     #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
+    out: Option<OutputFile>,
     /// Estimates over time to write: CSV, or MAT where the name ends so.
     #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
+    csv: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -71,10 +73,10 @@ impl Estimate {
         let name = self.log.display().to_string();
         if let Some(path) = &self.out {
             let page = estimation_page(&name, &crane.name, &found, &notes).into_diagnostic()?;
-            output::file(path, page.as_bytes())?;
+            output::page(path, &page, None);
         }
         if let Some(path) = &self.csv {
-            write(path, &found)?;
+            output::written(path, write(path, &found));
         }
         if self.json {
             return output::json(&in_json(&name, &crane.name, &found, &notes));
@@ -133,7 +135,7 @@ impl Estimate {
             said += &format!("\nnote: {note}");
         }
         for path in self.out.iter().chain(&self.csv) {
-            said += &format!("\nwritten: {}", path.display());
+            said += &output::named("written", path);
         }
         said
     }
@@ -153,8 +155,8 @@ fn columns() -> Vec<String> {
     header
 }
 
-fn write(path: &Path, found: &LogEstimate) -> Result<()> {
-    let mut log = Log::begin(path, &columns()).into_diagnostic()?;
+fn write(path: &Path, found: &LogEstimate) -> Result<(), FileError> {
+    let mut log = Log::begin(path, &columns());
     for row in &found.rows {
         let mut values = vec![row.time, f64::from(u8::from(row.is_held))];
         values.extend(row.estimate);
@@ -162,9 +164,9 @@ fn write(path: &Path, found: &LogEstimate) -> Result<()> {
         values.extend(row.innovation);
         values.extend(row.innovation_deviation);
         values.push(row.mean_nis);
-        log.row(&values).into_diagnostic()?;
+        log.row(&values);
     }
-    log.finish().into_diagnostic()
+    log.finish()
 }
 
 fn in_json(log: &str, crane: &str, found: &LogEstimate, notes: &[String]) -> Value {

@@ -39,9 +39,8 @@ pub fn run(
     }
     let rows = rows(controllers, &names, &results);
     if let Some(folder) = out {
-        std::fs::create_dir_all(folder).into_diagnostic()?;
         let page = report::family_page(&choice.name(), results.len(), seed, is_widened, &rows);
-        output::file(&folder.join("family.html"), page.as_bytes())?;
+        output::page_with_figures(folder, "family", &page, Some(seed));
     }
     if as_json {
         let cranes: Vec<_> = results

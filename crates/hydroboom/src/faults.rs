@@ -2,11 +2,12 @@
 
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
+use crate::paths::OutputFile;
 use crate::virtual_crane::strategies;
 use crate::{healthy, output};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
-use hydroboom_lab::report::document;
+use hydroboom_lab::report::{Page, document};
 use hydroboom_realtime::campaign_cranes::{CampaignCrane, at_valve_end, campaign_cranes};
 use hydroboom_realtime::fault::Fault;
 use hydroboom_realtime::faults::{Moment, Outcome, Underway};
@@ -15,7 +16,6 @@ use maud::html;
 use miette::{IntoDiagnostic, Result};
 use rayon::prelude::*;
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Run the fault-injection campaign: every fault, under every strategy or those named, and at five moments
 /// of the cycle, in simulated time, judged on the simulated machine.
@@ -51,7 +51,7 @@ pub struct Faults {
     strategy: Vec<Strategy>,
     /// Report to write (HTML): every case.
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -95,7 +95,7 @@ impl Faults {
         }
         bar.finish_and_clear();
         if let Some(path) = &self.report {
-            output::file(path, page(&strategies, &faults, &cases).as_bytes())?;
+            output::page(path, &page(&strategies, &faults, &cases), None);
         }
         let beyond: Vec<&Case> = cases.iter().filter(|c| !c.outcome.is_within_bounds()).collect();
         if self.json {
@@ -127,7 +127,7 @@ impl Faults {
             }
         };
         if let Some(path) = &self.report {
-            said += &format!("\nreport: {}", path.display());
+            said += &output::named("report", path);
         }
         output::text(&said)
     }
@@ -266,7 +266,7 @@ fn detail(case: &Case) -> Vec<String> {
 }
 
 /// All cases as a page.
-fn page(strategies: &[Strategy], faults: &[Fault], cases: &[Case]) -> String {
+fn page(strategies: &[Strategy], faults: &[Fault], cases: &[Case]) -> Page {
     let body = html! {
         p.soft {
             "Every fault under " (names(strategies).join(", ")) " at five moments of the fast cycle, in simulated "

@@ -4,6 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
 use crate::output;
+use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_description::{Description, RangeSource};
 use hydroboom_lab::LabError;
@@ -12,7 +13,6 @@ use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::learning::{Taught, taught};
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// What one cycle under the scheduled LQR tells of a virtual crane, and what open loop is worth with it: the machine is commanded what a model was commanded in a
 /// rehearsal under the scheduled LQR, and not looked at. From the rest that the cycle began from, by the model as described, and by a model fitted to the
@@ -29,7 +29,7 @@ pub struct Learn {
     /// Crane file of the machine; when not given, the virtual crane: that of the crane file (typical drive,
     /// valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE", conflicts_with = "family")]
-    plant: Option<PathBuf>,
+    plant: Option<InputFile>,
     /// So many virtual cranes in its place.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     family: Option<u64>,

@@ -1,5 +1,7 @@
 //! `hydroboom linearise`
 
+use crate::number;
+use crate::paths::OutputFolder;
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_lab::mat_file::{Matrix, mat_file};
@@ -8,7 +10,6 @@ use hydroboom_model::{Input, Outputs, Scheme};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 use std::fmt::Write;
-use std::path::PathBuf;
 
 /// Linearise the crane at an operating point: A, B, C, D, poles and frequency responses, with exact
 /// derivatives.
@@ -19,15 +20,15 @@ use std::path::PathBuf;
 pub struct Linearise {
     #[command(flatten)]
     crane: CraneFile,
-    /// Piston position, before the crane moves.
-    #[arg(long, default_value_t = 250.0)]
+    /// Piston position, before the crane moves: 0 to 20000 mm.
+    #[arg(long, default_value_t = 250.0, allow_negative_numbers = true, value_parser = number::within(number::STROKE, "mm"))]
     stroke_mm: f64,
-    /// Motor speed.
-    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true)]
+    /// Motor speed: -20000 to 20000 rpm.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
     motor_speed_rpm: f64,
     /// Let the crane move for so long under the motor speed first; by default a second unless it
     /// rests.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(0.0..=3600.0, "s"))]
     settle_s: Option<f64>,
     /// 3/2 valve: 1 energised, 0 load held.
     #[arg(long, default_value_t = 1.0, value_parser = valve)]
@@ -35,7 +36,7 @@ pub struct Linearise {
     /// Write A, B, C and D as CSV and as crane.mat (MATLAB, Octave, SciPy), and bode.html, into this
     /// folder.
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    out: Option<OutputFolder>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -65,9 +66,6 @@ impl Linearise {
         let mut crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
         let input = Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
         let settle = self.settle_s.unwrap_or(if self.motor_speed_rpm == 0.0 { 0.0 } else { 1.0 });
-        if !(0.0..=3600.0).contains(&settle) {
-            miette::bail!("--settle-s is 0 to 3600 seconds, not {settle}");
-        }
         crane.advance(&input, (settle * 1e3).round() as u32).into_diagnostic()?;
         let stroke_mm = crane.outputs().stroke * 1e3;
         let (a, b) = crane.jacobian(&input);
@@ -93,7 +91,7 @@ impl Linearise {
             ),
         ];
         if let Some(folder) = &self.out {
-            std::fs::create_dir_all(folder).into_diagnostic()?;
+            output::folder(folder);
             for (name, rows, row_names, columns) in &matrices {
                 let mut csv = format!("row,{}\n", columns.join(","));
                 for (row, label) in rows.iter().zip(row_names.iter()) {
@@ -101,14 +99,14 @@ impl Linearise {
                     // a String takes every write
                     let _ = writeln!(csv, "{label},{}", cells.join(","));
                 }
-                output::file(&folder.join(format!("{name}.csv")), csv.as_bytes())?;
+                output::file(&folder.join(format!("{name}.csv")), csv.as_bytes());
             }
             let mat: Vec<Matrix<'_>> =
                 matrices.iter().map(|(name, rows, ..)| Matrix { name, rows }).collect();
             let input = ["pump_speed_rev_s".to_string()];
             let names =
                 [("states", &states[..]), ("outputs", &outputs[..]), ("inputs", &input[..])];
-            output::file(&folder.join("crane.mat"), &mat_file(&mat, &names))?;
+            output::file(&folder.join("crane.mat"), &mat_file(&mat, &names));
             // per rpm of motor speed
             let shown: Vec<(&str, usize, f64)> = SHOWN
                 .iter()
@@ -122,7 +120,7 @@ impl Linearise {
                 description.name, stroke_mm, self.motor_speed_rpm, self.valve
             );
             let page = report::bode_page(&title, &a, &b, &c, &shown, &modes).into_diagnostic()?;
-            output::file(&folder.join("bode.html"), page.as_bytes())?;
+            output::page_with_figures(folder, "bode", &page, None);
         }
         if self.json {
             return output::json(&json!({

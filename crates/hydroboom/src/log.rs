@@ -3,12 +3,13 @@
 use crate::crane_file::CraneFile;
 use crate::log_mapping::LogMapping;
 use crate::output;
+use crate::paths::{InputFile, OutputFile};
 use clap::{Args, Subcommand};
-use hydroboom_measurement::{Channel, Segment, Signals, TimeBase, sparkline};
+use hydroboom_measurement::{Channel, Gap, Segment, Signals, TimeBase, sparkline};
 use hydroboom_realtime::log;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::Path;
 
 /// Look at logs of machines, and convert those of `hydroboom run`.
 #[derive(Args)]
@@ -30,12 +31,12 @@ enum Command {
 #[derive(Args)]
 struct Inspect {
     /// The log.
-    log: PathBuf,
+    log: InputFile,
     #[command(flatten)]
     mapping: LogMapping,
     /// Write the proposed mapping, to be changed and given to `validate` and `tune`.
     #[arg(long, value_name = "FILE")]
-    mapping_out: Option<PathBuf>,
+    mapping_out: Option<OutputFile>,
     #[command(flatten)]
     crane: CraneFile,
     /// Print JSON.
@@ -46,10 +47,10 @@ struct Inspect {
 #[derive(Args)]
 struct ToCsv {
     /// The log (MCAP).
-    log: PathBuf,
+    log: InputFile,
     /// CSV to write; beside the log when not given.
     #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
+    out: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -69,13 +70,14 @@ impl ToCsv {
     fn run(self) -> Result<()> {
         let asked = self;
         let (header, rows) = log::read(&asked.log).into_diagnostic()?;
-        let out = asked.out.unwrap_or_else(|| asked.log.with_extension("csv"));
+        let beside = || asked.log.with_extension("csv");
+        let out = asked.out.as_deref().map_or_else(beside, Path::to_path_buf);
         let mut csv = header.join(",") + "\n";
         for row in &rows {
             csv += &row.join(",");
             csv.push('\n');
         }
-        output::file(&out, csv.as_bytes())?;
+        output::file(&out, csv.as_bytes());
         match asked.json {
             true => output::json(&json!({ "written": out, "rows": rows.len() })),
             false => output::text(&format!("{} rows in {}", rows.len(), out.display())),
@@ -83,6 +85,8 @@ impl ToCsv {
     }
 }
 
+/// Gaps that are shown, at most.
+const MOST_GAPS: usize = 5;
 /// Segments that are shown of a clock, at most.
 const MOST_SEGMENTS: usize = 20;
 
@@ -112,7 +116,7 @@ impl Inspect {
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
         if let Some(path) = &self.mapping_out {
-            output::file(path, mapping.to_toml().as_bytes())?;
+            output::file(path, mapping.to_toml().as_bytes());
         }
         let taken_for = |channel: &Channel| {
             let is_it =
@@ -209,9 +213,17 @@ impl Inspect {
                 );
             }
         }
-        let gaps = log.channels.iter().filter_map(|c| TimeBase::of(&c.time)).flat_map(|b| b.gaps);
-        for gap in gaps.take(5) {
+        let mut gaps: Vec<Gap> = Vec::new();
+        for base in log.channels.iter().filter_map(|c| TimeBase::of(&c.time)) {
+            gaps.extend(
+                base.gaps.into_iter().filter(|gap| !gaps.contains(gap)).collect::<Vec<_>>(),
+            );
+        }
+        for gap in gaps.iter().take(MOST_GAPS) {
             said += &format!("\ngap from {:.3} to {:.3} s", gap.from, gap.to);
+        }
+        if gaps.len() > MOST_GAPS {
+            said += &format!("\n{} more gaps", gaps.len() - MOST_GAPS);
         }
         for remark in &log.remarks {
             said += &format!("\nnote: {remark}");
@@ -228,7 +240,7 @@ impl Inspect {
             said += &format!("\nno column is taken for {}", missing.join(", "));
         }
         if let Some(path) = &self.mapping_out {
-            said += &format!("\nmapping: {}", path.display());
+            said += &output::named("mapping", path);
         }
         output::text(&said)
     }

@@ -1,8 +1,8 @@
 //! The machine that stands in for the real one beside its model.
 
 use crate::crane_file::{CraneFile, self_contained, text};
-use crate::output;
-use hydroboom_description::{Description, Difference, FilledIn, by_weight};
+use crate::{origin, output};
+use hydroboom_description::{Description, Difference, FilledIn, UIA_VIRTUAL, by_weight};
 use miette::Result;
 use serde_json::{Value, json};
 use std::ffi::OsString;
@@ -78,11 +78,15 @@ impl MachineChoice {
                 arguments.push("--virtual".into());
                 (machine, Source::CraneFile, filled_in, arguments)
             }
-            (None, None) => (Description::uia_virtual()?, Source::Embedded, nothing, Vec::new()),
+            (None, None) => {
+                let machine = Description::uia_virtual()?;
+                origin::embedded(&machine.name, UIA_VIRTUAL);
+                (machine, Source::Embedded, nothing, Vec::new())
+            }
         };
         let differences = by_weight(model.differences(&machine));
         let choice = Self { model, machine, source, filled_in, differences, arguments };
-        choice.notes().iter().for_each(|note| eprintln!("{note}"));
+        choice.notes().iter().for_each(|note| output::note(note));
         Ok(choice)
     }
 

@@ -24,7 +24,10 @@ mod machine;
 mod machine_choice;
 mod motion;
 mod new;
+mod number;
+mod origin;
 mod output;
+mod paths;
 mod processor;
 mod run;
 mod scenarios;
@@ -39,9 +42,10 @@ mod tune;
 mod validate;
 mod virtual_crane;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use miette::{MietteHandlerOpts, Result};
 use std::io::IsTerminal;
+use std::process::ExitCode;
 
 /// Simulates an electro-hydraulic crane with a flexible boom, and steers with it.
 #[derive(Parser)]
@@ -86,15 +90,34 @@ enum Command {
     Bench(bench::Bench),
 }
 
-fn main() -> Result<()> {
+fn main() -> ExitCode {
     processor::check();
+    hydroboom_realtime::posix::survive_large_files();
     // paths stay whole, and a log or a pipe gets each message in one line
     let wrapped = std::io::stderr().is_terminal();
-    miette::set_hook(Box::new(move |_| {
+    let is_set = miette::set_hook(Box::new(move |_| {
         let options = MietteHandlerOpts::new().wrap_lines(wrapped).break_words(false);
         Box::new(options.build())
-    }))?;
-    match Arguments::parse().command {
+    }));
+    // it is set once, here; without it errors are only plainer
+    drop(is_set);
+    let matches = Arguments::command().try_get_matches().unwrap_or_else(|error| {
+        output::usage(&error);
+        std::process::exit(error.exit_code())
+    });
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let result = paths::check(&matches).and_then(|()| run(arguments.command));
+    match output::conclude(result) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            output::error(&error);
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> Result<()> {
+    match command {
         Command::New(command) => command.run(),
         Command::Check(command) => command.run(),
         Command::Show(command) => command.run(),

@@ -2,6 +2,7 @@
 
 use crate::crane_file::{CraneFile, text};
 use crate::machine_choice::{MachineChoice, Source};
+use crate::paths::{InputFile, OutputFolder};
 use crate::{family, output};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
@@ -17,7 +18,7 @@ use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Asks for the virtual crane, and names the embedded one.
 const VIRTUAL: &str = "virtual";
@@ -36,7 +37,7 @@ pub struct MotionTests {
     /// crane: that of the crane file (typical drive, valve, sensors and fieldbus stand in for what it leaves
     /// out), the paper's without --crane; the model itself when not given.
     #[arg(long, value_name = "FILE")]
-    plant: Option<PathBuf>,
+    plant: Option<InputFile>,
     /// Run on so many virtual cranes around the plant (the virtual crane when not given) instead.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     family: Option<u64>,
@@ -59,7 +60,10 @@ pub struct MotionTests {
     /// Write motion.html, with figures 24 to 27 and on the virtual crane 18 to 23, or family.html into
     /// this folder.
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    out: Option<OutputFolder>,
+    /// Write the time series of every run, as CSV, into this folder.
+    #[arg(long, value_name = "DIR", conflicts_with = "family")]
+    log: Option<OutputFolder>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -127,7 +131,6 @@ impl MotionTests {
             .filter(|_| choice.source == Source::Embedded)
             .map(|(simulated, crane)| signals(&differences(simulated, crane)));
         if let Some(folder) = &self.out {
-            std::fs::create_dir_all(folder).into_diagnostic()?;
             let plant = match choice.source {
                 Source::Embedded => "virtual crane".to_string(),
                 Source::CraneFile => name.clone(),
@@ -140,7 +143,11 @@ impl MotionTests {
                 alongside: alongside.as_ref(),
                 remark: choice.equality(),
             });
-            output::file(&folder.join("motion.html"), page.into_diagnostic()?.as_bytes())?;
+            output::page_with_figures(folder, "motion", &page.into_diagnostic()?, None);
+        }
+        if let Some(folder) = &self.log {
+            output::folder(folder);
+            runs.iter().for_each(|run| write_log(folder, &name, run));
         }
         if self.json {
             return output::json(&json!({
@@ -194,7 +201,7 @@ impl MotionTests {
             None if self.family.is_none() => {
                 return Ok((MachineChoice::model_itself(&model), NOMINAL.into()));
             }
-            Some(path) if path.as_path() != Path::new(VIRTUAL) => path,
+            Some(path) if **path != *Path::new(VIRTUAL) => path,
             _ => {
                 let choice = MachineChoice::of(model, &self.crane, None)?;
                 let name = match choice.source {
@@ -305,6 +312,17 @@ fn effect(model: &Description, difference: &Difference) -> Result<Effect, LabErr
         pressure_a_rms_bar: (square / before.samples.len().max(1) as f64).sqrt() * 1e-5,
         eigenfrequency_hz: [frequency(model)?, frequency(&plant)?],
     })
+}
+
+/// Writes a run into a folder, under the names of plant, course and strategy.
+pub fn write_log(folder: &Path, plant: &str, run: &hydroboom_lab::motion_test::Run) {
+    let plain = |text: &str| {
+        let words = text.split(|c: char| !c.is_ascii_alphanumeric()).filter(|w| !w.is_empty());
+        words.map(str::to_ascii_lowercase).collect::<Vec<_>>().join("-")
+    };
+    let name = format!("{}-{}-{}.csv", plain(plant), plain(&run.course), run.strategy.name());
+    let path = folder.join(name);
+    output::written(&path, hydroboom_lab::run_log::write_run(run, &path));
 }
 
 /// Tables 7 to 9, "paper | here".

@@ -1,11 +1,11 @@
 //! `hydroboom new`
 
 use crate::output;
+use crate::paths::OutputFile;
 use clap::Args;
 use clap::ValueEnum;
 use hydroboom_description::{Description, PATU_LIFT, UIA_SINGLE_BOOM};
 use miette::Result;
-use std::path::PathBuf;
 
 /// What the crane file is to describe.
 #[derive(Clone, Copy, ValueEnum)]
@@ -37,7 +37,7 @@ const SUPERVISION: &str = "\
 )]
 pub struct New {
     /// File to write; it must not exist.
-    file: PathBuf,
+    file: OutputFile,
     /// Circuit that moves the cylinder.
     #[arg(long, value_enum, default_value = "self-contained")]
     circuit: Circuit,
@@ -64,7 +64,7 @@ impl New {
             }
             Circuit::ValveControlled => PATU_LIFT.into(),
         };
-        output::file(&self.file, text.as_bytes())?;
+        output::file(&self.file, text.as_bytes());
         let name = self.file.display().to_string();
         match self.json {
             true => output::json(&serde_json::json!({ "written": name })),

@@ -1,22 +1,198 @@
-//! Tables for people, JSON for machines.
+//! What commands put out: tables for people, JSON for machines, files.
+//!
+//! An output that cannot be written does not end a command: it is told at once, the others are still
+//! written, and [`conclude`] ends the program with a list of what is missing.
 
-use miette::{IntoDiagnostic, Result, WrapErr};
-use std::io::Write;
-use std::path::Path;
+use crate::origin::origin;
+use hydroboom_lab::report::Page;
+use miette::{IntoDiagnostic, Result, miette};
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// An output that was not written.
+struct Failure {
+    /// None for standard output.
+    path: Option<PathBuf>,
+    said: String,
+}
+
+/// Outputs of this process that were not written.
+static FAILURES: Mutex<Vec<Failure>> = Mutex::new(Vec::new());
 
 /// Writes text to standard output; a closed pipe is no error.
 pub fn text(text: &str) -> Result<()> {
-    match writeln!(std::io::stdout(), "{text}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(error).into_diagnostic().wrap_err("cannot write the results")
-        }
-        _ => Ok(()),
+    let mut stdout = std::io::stdout();
+    let written = writeln!(stdout, "{}", escaped(text)).and_then(|()| stdout.flush());
+    if let Err(error) = written
+        && error.kind() != std::io::ErrorKind::BrokenPipe
+    {
+        failed(None, format!("the results cannot be printed: {error}"));
     }
+    Ok(())
 }
 
 /// Writes JSON to standard output.
 pub fn json(value: &serde_json::Value) -> Result<()> {
     text(&serde_json::to_string_pretty(value).into_diagnostic()?)
+}
+
+/// Says something beside the results, on standard error.
+pub fn note(text: &str) {
+    // who closed standard error wants to hear nothing
+    let _ = writeln!(std::io::stderr(), "{}", escaped(text));
+}
+
+/// Warns of something, on standard error.
+pub fn warn(text: &str) {
+    note(&format!("warning: {text}"));
+}
+
+/// Writes a file whole or not at all; says whether it is written.
+pub fn file(path: &Path, content: &[u8]) -> bool {
+    written(path, hydroboom_files::write(path, content))
+}
+
+/// Writes a report; `seed` is that of what was drawn at random. Says whether it is written.
+pub fn page(path: &Path, page: &Page, seed: Option<u64>) -> bool {
+    file(path, page.html(&origin(seed)).as_bytes())
+}
+
+/// Writes a report into a folder, and beside it its figures as SVG and CSV; returns the report's path.
+pub fn page_with_figures(at: &Path, name: &str, report: &Page, seed: Option<u64>) -> PathBuf {
+    folder(at);
+    let path = at.join(format!("{name}.html"));
+    page(&path, report, seed);
+    let figures = at.join(format!("{name}-figures"));
+    if !report.figures.is_empty() {
+        folder(&figures);
+    }
+    for figure in &report.figures {
+        file(&figures.join(format!("{}.svg", figure.name)), figure.svg.as_bytes());
+        file(&figures.join(format!("{}.csv", figure.name)), figure.csv.as_bytes());
+    }
+    path
+}
+
+/// Makes a folder for files, where it is not there yet.
+pub fn folder(path: &Path) {
+    if let Err(error) = hydroboom_files::folder(path) {
+        failed(Some(path), error.to_string());
+    }
+}
+
+/// Keeps in mind what came of writing a file; says whether it is written.
+pub fn written(path: &Path, result: Result<(), impl std::fmt::Display>) -> bool {
+    match result {
+        Ok(()) => true,
+        Err(error) => {
+            failed(Some(path), error.to_string());
+            false
+        }
+    }
+}
+
+/// A line that names a file that was written, as `report: run.html`; the truth of one that was not.
+pub fn named(what: &str, path: &Path) -> String {
+    let failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
+    match failures.iter().any(|failure| failure.path.as_deref() == Some(path)) {
+        true => format!("\n{what}: {} is NOT written", path.display()),
+        false => format!("\n{what}: {}", path.display()),
+    }
+}
+
+fn failed(path: Option<&Path>, said: String) {
+    let mut failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
+    // files of a folder that could not be made
+    let is_known = |f: &Failure| {
+        f.path.as_deref().zip(path).is_some_and(|(known, path)| path.starts_with(known))
+    };
+    if !failures.iter().any(is_known) {
+        note(&said);
+        failures.push(Failure { path: path.map(Path::to_path_buf), said });
+    }
+}
+
+/// What a command comes to: an error where an output is missing, too.
+pub fn conclude(result: Result<()>) -> Result<()> {
+    let failures = std::mem::take(&mut *FAILURES.lock().unwrap_or_else(PoisonError::into_inner));
+    if failures.is_empty() {
+        return result;
+    }
+    let list: Vec<String> = failures.into_iter().map(|failure| failure.said).collect();
+    if let Err(error) = result {
+        note(&format!("not written:\n  {}", list.join("\n  ")));
+        return Err(error);
+    }
+    Err(miette!("not all is written:\n  {}", list.join("\n  ")))
+}
+
+/// Says why a command failed, on standard error.
+pub fn error(error: &miette::Report) {
+    let said = without_commands(&cut(&format!("{error:?}")));
+    let _ = writeln!(std::io::stderr(), "Error: {said}");
+}
+
+/// Says what is wrong with a command line, or the help that was asked for.
+pub fn usage(error: &clap::Error) {
+    let said = error.render();
+    let colourful = |text: &str| without_commands(&cut(text));
+    let _ = match (error.use_stderr(), std::io::stderr().is_terminal()) {
+        (true, true) => write!(std::io::stderr(), "{}", colourful(&said.ansi().to_string())),
+        (true, false) => write!(std::io::stderr(), "{}", colourful(&said.to_string())),
+        // help is our own text
+        (false, _) => error.print(),
+    };
+}
+
+/// Letters of a message that are shown of one line, and its lines.
+const MOST_LETTERS: usize = 2000;
+const MOST_LINES: usize = 400;
+
+/// A message without the rest of overlong lines: what is quoted from a file has no length of its own.
+fn cut(text: &str) -> String {
+    let count = text.lines().count();
+    let mut lines: Vec<String> = text
+        .lines()
+        .take(MOST_LINES)
+        .map(|line| match line.char_indices().nth(MOST_LETTERS) {
+            Some((at, _)) => format!("{} ...", &line[..at]),
+            None => line.to_string(),
+        })
+        .collect();
+    if count > MOST_LINES {
+        lines.push(format!("... and {} more lines", count - MOST_LINES));
+    }
+    if text.ends_with('\n') {
+        lines.push(String::new());
+    }
+    lines.join("\n")
+}
+
+/// The same for text that was made for a terminal, and keeps its colours.
+fn without_commands(text: &str) -> String {
+    let mut parts = text.split("\x1b[");
+    let mut shown = escaped(parts.next().unwrap_or_default());
+    for part in parts {
+        let end = part.find(|c: char| !(c.is_ascii_digit() || c == ';')).unwrap_or(part.len());
+        match part[end..].strip_prefix('m') {
+            Some(rest) => shown += &format!("\x1b[{}m{}", &part[..end], escaped(rest)),
+            None => shown += &format!("\\u{{1b}}[{}", escaped(part)),
+        }
+    }
+    shown
+}
+
+/// Text without control characters but line ends and tabs: what stands in a file commands no terminal.
+pub fn escaped(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter.is_control() && !matches!(letter, '\n' | '\t') {
+            true => shown.extend(letter.escape_default()),
+            false => shown.push(letter),
+        }
+    }
+    shown
 }
 
 /// A table with aligned columns: numbers to the right, the first column and words to the left.
@@ -49,14 +225,6 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.join("\n")
 }
 
-/// Writes a file whole or not at all: beside its place first, then moved there.
-pub fn file(path: &Path, content: &[u8]) -> Result<()> {
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    let written = std::fs::write(&partial, content).and_then(|()| std::fs::rename(&partial, path));
-    written.into_diagnostic().wrap_err_with(|| format!("{} cannot be written", path.display()))
-}
-
 /// A number with so many digits, or a dash.
 pub fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |v| format!("{v:.digits$}"))
@@ -67,5 +235,26 @@ pub fn number(value: f64) -> String {
     match value != 0.0 && value.abs() < 1e-3 {
         true => format!("{value:e}"),
         false => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown_and_not_obeyed() {
+        assert_eq!(escaped("a\x1b[2Jb\r\u{9b}\tc\n"), "a\\u{1b}[2Jb\\r\\u{9b}\tc\n");
+        // colours of our own messages stay
+        assert_eq!(without_commands("\x1b[31mred\x1b[0m"), "\x1b[31mred\x1b[0m");
+        assert_eq!(without_commands("\x1b[2J\x1b]0;t\x07"), "\\u{1b}[2J\\u{1b}]0;t\\u{7}");
+    }
+
+    #[test]
+    fn overlong_messages_are_cut() {
+        let said = cut(&format!("ä{}\nshort", "[".repeat(200_000)));
+        assert!(said.len() < 2100 && said.ends_with("...\nshort"), "{said}");
+        assert!(cut(&"x\n".repeat(100_000)).len() < 2000);
+        assert_eq!(cut("a\nb\n"), "a\nb\n");
     }
 }

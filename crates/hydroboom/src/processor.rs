@@ -12,9 +12,9 @@ pub fn check() {
     let wide = !cfg!(target_feature = "avx2")
         || (__cpuid(0).eax >= 7 && __cpuid_count(7, 0).ebx & AVX2 != 0);
     if !(fused && wide) {
-        eprintln!(
+        crate::output::note(
             "This program was compiled for processors with AVX2 and FMA, and this one has not both.\n\
-             Compile it with RUSTFLAGS=\"-C target-cpu=x86-64-v2\": same results, slower."
+             Compile it with RUSTFLAGS=\"-C target-cpu=x86-64-v2\": same results, slower.",
         );
         std::process::exit(1);
     }

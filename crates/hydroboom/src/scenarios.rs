@@ -2,6 +2,7 @@
 
 use crate::crane_file::{CraneFile, text};
 use crate::output;
+use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, Scenario, scenarios};
@@ -9,7 +10,6 @@ use hydroboom_lab::virtual_run::strategies;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// List what cranes do all day, or run one of these scenarios under all strategies.
 #[derive(Args)]
@@ -22,7 +22,7 @@ pub struct Scenarios {
     name: Option<String>,
     /// Crane file of the model that the controllers know; the paper's crane when not given.
     #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
+    model: Option<InputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,

@@ -2,19 +2,20 @@
 
 use crate::crane_file::CraneFile;
 use crate::interruptible::Interruptible;
+use crate::number;
 use crate::output;
+use crate::paths::OutputFile;
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::Free;
 use hydroboom_lab::LabError;
-use hydroboom_lab::report::{Bar, Bars, document, figure};
+use hydroboom_lab::report::{Bar, Bars, Page, document, figure};
 use hydroboom_sensitivity::{Case, Index, Local, Output, Sobol, Study, local, sobol};
 use indicatif::{ProgressBar, ProgressStyle};
 use maud::html;
 use miette::{IntoDiagnostic, Result, miette};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Rank a crane's parameters by their effect on tracking errors, pressures and the eigenfrequency: locally by exact
 /// slopes, and globally by Sobol indices.
@@ -32,8 +33,8 @@ pub struct Sensitivity {
     /// Keys that vary, with commas between them; those that logs usually tell something of when not given.
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     keys: Vec<String>,
-    /// Speed of the motion; the crane's fast one when not given.
-    #[arg(long, value_name = "SPEED")]
+    /// Speed of the motion; the crane's fast one when not given: 0.1 to 10000 mm/s.
+    #[arg(long, value_name = "SPEED", allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Rows of the global study, each of as many runs as there are keys, and two more; 0 leaves it out.
     #[arg(long, value_name = "COUNT", default_value_t = 0)]
@@ -43,7 +44,7 @@ pub struct Sensitivity {
     seed: u64,
     /// Report to write (HTML).
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -62,7 +63,9 @@ impl Sensitivity {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
-        let case = Case::new(&crane, self.speed(&crane)?, &self.chosen()?).into_diagnostic()?;
+        let case =
+            Case::new(&crane, number::speed_of_motion(&crane, self.speed_mm_s)?, &self.chosen()?)
+                .into_diagnostic()?;
         let free = self.free(&crane)?;
         let bar = ProgressBar::new(free.len().div_ceil(4) as u64).with_style(
             ProgressStyle::with_template("{bar:40} {pos} of {len} slopes, {eta} left")
@@ -76,7 +79,8 @@ impl Sensitivity {
         };
         let found = Found { case, values, local: slopes, global };
         if let Some(path) = &self.report {
-            output::file(path, page(&crane, &found).into_diagnostic()?.as_bytes())?;
+            let seed = (self.rows > 0).then_some(self.seed);
+            output::page(path, &page(&crane, &found).into_diagnostic()?, seed);
         }
         match self.json {
             true => output::json(&in_json(&crane, &found)),
@@ -87,20 +91,6 @@ impl Sensitivity {
                 }
                 output::text(&text)
             }
-        }
-    }
-
-    fn speed(&self, crane: &Description) -> Result<f64> {
-        let n = &crane.numbers;
-        let speed = self.speed_mm_s.map_or(n.fast, |mm| mm * 1e-3);
-        let most = (n.motion_end - n.motion_start).abs() / n.ramp;
-        match speed > 0.0 && speed <= most {
-            true => Ok(speed),
-            false => Err(miette!(
-                help = "the motion's length and ramp stand in the crane file, [motion]",
-                "--speed-mm-s is 0 to {:.0} for this motion",
-                most * 1e3
-            )),
         }
     }
 
@@ -227,7 +217,7 @@ fn in_json(crane: &Description, found: &Found) -> serde_json::Value {
     })
 }
 
-fn page(crane: &Description, found: &Found) -> Result<String, LabError> {
+fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
     let mut figures = Vec::new();
     for (k, output) in found.case.outputs.iter().enumerate() {
         let (unit, size) = output.unit();
@@ -235,10 +225,10 @@ fn page(crane: &Description, found: &Found) -> Result<String, LabError> {
         let names: Vec<String> = ranked.iter().map(|l| l.key.path()).collect();
         let bars = ranked.iter().zip(&names).take(12).map(|(l, name)| {
             let effect = l.effect(k) / size;
-            Bar { name, from: -effect, to: effect, bounds: None }
+            Bar { name, from: -effect, to: effect, colour: 0, bounds: None }
         });
         let x = format!("effect on the {} [{unit}]", output.title());
-        let tornado = Bars { x: &x, bars: bars.collect() }.svg()?;
+        let tornado = Bars { x: &x, bars: bars.collect() }.drawn()?;
         let sobol = match &found.global {
             Some((indices, _)) => {
                 let mut order: Vec<usize> = (0..found.local.len()).collect();
@@ -248,10 +238,10 @@ fn page(crane: &Description, found: &Found) -> Result<String, LabError> {
                     order.iter().map(|place| found.local[*place].key.path()).collect();
                 let bars = order.iter().zip(&names).take(12).map(|(place, name)| {
                     let i = indices[k].total[*place];
-                    Bar { name, from: 0.0, to: i.value, bounds: Some((i.low, i.high)) }
+                    Bar { name, from: 0.0, to: i.value, colour: 0, bounds: Some((i.low, i.high)) }
                 });
                 let x = "total Sobol index, share of the variance [-]";
-                Some(Bars { x, bars: bars.collect() }.svg()?)
+                Some(Bars { x, bars: bars.collect() }.drawn()?)
             }
             None => None,
         };

@@ -1,5 +1,7 @@
 //! `hydroboom simulate`
 
+use crate::number;
+use crate::paths::{InputFile, OutputFile};
 use crate::{crane_file::CraneFile, linearise::valve, output};
 use clap::{Args, ValueEnum};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
@@ -9,7 +11,6 @@ use hydroboom_model::{Input, Outputs, Scheme};
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 #[derive(Clone, Copy, ValueEnum)]
 enum SchemeName {
@@ -27,38 +28,38 @@ enum SchemeName {
 pub struct Simulate {
     #[command(flatten)]
     crane: CraneFile,
-    /// Run the crane file's motion at this speed, under velocity feedforward.
-    #[arg(long, conflicts_with_all = ["input", "hold_s"])]
+    /// Run the crane file's motion at this speed, under velocity feedforward: 0.1 to 10000 mm/s.
+    #[arg(long, conflicts_with_all = ["input", "hold_s"], allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
     #[arg(long, value_name = "FILE", conflicts_with = "hold_s")]
-    input: Option<PathBuf>,
+    input: Option<InputFile>,
     /// Run a scenario under velocity feedforward; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["speed_mm_s", "input", "hold_s"])]
     scenario: Option<String>,
-    /// Hold a constant input for so many seconds.
-    #[arg(long)]
+    /// Hold a constant input for so many seconds: 0.001 to 1e7 s.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::DURATION, "s"))]
     hold_s: Option<f64>,
-    /// Motor speed of --hold-s.
-    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, requires = "hold_s")]
+    /// Motor speed of --hold-s: -20000 to 20000 rpm.
+    #[arg(long, default_value_t = 0.0, requires = "hold_s", allow_negative_numbers = true, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
     motor_speed_rpm: f64,
     /// 3/2 valve of --hold-s: 1 energised, 0 load held.
     #[arg(long, default_value_t = 1.0, value_parser = valve)]
     valve: f64,
-    /// Piston position to start from; the motion's start when not given.
-    #[arg(long)]
+    /// Piston position to start from; the motion's start when not given: 0 to 20000 mm.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::STROKE, "mm"))]
     start_mm: Option<f64>,
     /// How to move in time.
     #[arg(long, value_enum, default_value = "implicit")]
     scheme: SchemeName,
-    /// Step; by default the scheme's own.
-    #[arg(long)]
+    /// Step; by default the scheme's own: 0.1 to 100000 us.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::STEP, "us"))]
     step_us: Option<f64>,
     /// CSV log to write.
     #[arg(long, value_name = "FILE")]
-    log: Option<PathBuf>,
-    /// Interval of the log.
-    #[arg(long, default_value_t = 10.0)]
+    log: Option<OutputFile>,
+    /// Interval of the log: 0.001 to 3600000 ms.
+    #[arg(long, default_value_t = 10.0, allow_negative_numbers = true, value_parser = number::within(number::LOG_INTERVAL, "ms"))]
     log_ms: f64,
     /// Print JSON.
     #[arg(long)]
@@ -78,18 +79,12 @@ impl Simulate {
         let drive = match (&self.input, self.hold_s) {
             (Some(path), _) => Drive::Recording(Recording::read(path).into_diagnostic()?),
             (None, Some(duration)) => {
-                if !(duration > 0.0 && duration.is_finite()) {
-                    miette::bail!("--hold-s is a positive number of seconds, not {duration}");
-                }
                 let input =
                     Input { pump_speed: self.motor_speed_rpm / 60.0, holding_valve: self.valve };
                 Drive::Constant(input, duration)
             }
             (None, None) => {
-                let speed = self.speed_mm_s.map_or(n.fast, |mm_s| mm_s * 1e-3);
-                if !(speed > 0.0 && speed.is_finite()) {
-                    miette::bail!("--speed-mm-s is a positive number");
-                }
+                let speed = number::speed_of_motion(&description, self.speed_mm_s)?;
                 let choice = match self.scenario {
                     Some(name) => CourseChoice::Scenario(name),
                     None => CourseChoice::Motion(speed),
@@ -113,7 +108,11 @@ impl Simulate {
             bar.set_position((share * 1000.0) as u64);
         });
         bar.finish_and_clear();
-        let crane = result.into_diagnostic()?;
+        let result = result.into_diagnostic()?;
+        if let Some(path) = &self.log {
+            output::written(path, result.log);
+        }
+        let crane = result.crane;
         let outputs = crane.outputs();
         if self.json {
             let values: serde_json::Map<_, _> = Outputs::NAMES
@@ -144,7 +143,7 @@ impl Simulate {
             said += &format!("; CAVITATING, {:.3} mL of vapour", outputs.cavity_volume * 1e6);
         }
         if let Some(log) = &self.log {
-            said += &format!("\nlog: {}", log.display());
+            said += &output::named("log", log);
         }
         output::text(&said)
     }

@@ -1,12 +1,12 @@
 //! `hydroboom study`
 
 use crate::crane_file::{CraneFile, text};
+use crate::paths::{InputFile, OutputFolder};
 use crate::{eigen, energy, motion, output};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_lab::{report, study};
-use miette::{IntoDiagnostic, Result, WrapErr};
-use std::path::PathBuf;
+use miette::{IntoDiagnostic, Result};
 use std::time::Instant;
 
 /// Run the paper's experiments, print "paper | here", write a report with figures.
@@ -18,10 +18,13 @@ pub struct Study {
     /// Crane file of a virtual crane that stands in for the real one; the embedded one where no
     /// --crane is given, else none.
     #[arg(long, value_name = "FILE")]
-    virtual_crane: Option<PathBuf>,
-    /// Folder for report.html.
+    virtual_crane: Option<InputFile>,
+    /// Folder for report.html, and for its figures as SVG and CSV.
     #[arg(long, value_name = "DIR", default_value = "study")]
-    out: PathBuf,
+    out: OutputFolder,
+    /// Write the time series of every motion, as CSV, into this folder.
+    #[arg(long, value_name = "DIR")]
+    log: Option<OutputFolder>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -33,7 +36,8 @@ impl Study {
         let clock = Instant::now();
         // the plant of the published experiments is the model: drive and sensors of the file are a machine's
         let description = self.crane.read()?.without_equipment();
-        let said = |done: &str| eprintln!("{:5.1} s  {done}", clock.elapsed().as_secs_f64());
+        let said =
+            |done: &str| output::note(&format!("{:5.1} s  {done}", clock.elapsed().as_secs_f64()));
         let stand_in = match &self.virtual_crane {
             Some(path) => Some(Description::parse(&path.display().to_string(), &text(path)?)?),
             None if self.crane.is_embedded() => Some(Description::uia_virtual()?),
@@ -41,11 +45,13 @@ impl Study {
         };
         let result = study::study(&description, stand_in.as_ref(), &said).into_diagnostic()?;
         let page = report::page(&description, &result).into_diagnostic()?;
-        std::fs::create_dir_all(&self.out)
-            .into_diagnostic()
-            .wrap_err_with(|| format!("{} cannot be made", self.out.display()))?;
-        let path = self.out.join("report.html");
-        output::file(&path, page.as_bytes())?;
+        let path = output::page_with_figures(&self.out, "report", &page, None);
+        if let Some(folder) = &self.log {
+            output::folder(folder);
+            for (plant, run) in &result.runs {
+                motion::write_log(folder, plant, run);
+            }
+        }
         if self.json {
             return output::json(&serde_json::to_value(&result).into_diagnostic()?);
         }
@@ -107,9 +113,9 @@ impl Study {
             output::table(&header, &damping)
         );
         output::text(&format!(
-            "{said}\n\n{}\n\nreport: {} ({:.1} s)",
+            "{said}\n\n{}\n{} ({:.1} s)",
             energy::table(&result.energy.audits),
-            path.display(),
+            output::named("report", &path),
             clock.elapsed().as_secs_f64()
         ))
     }

@@ -3,6 +3,7 @@
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::output;
+use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::fault::Cause;
@@ -15,7 +16,6 @@ use hydroboom_realtime::flow_baseline::FlowBaseline;
 use hydroboom_realtime::reactions::{ReactionEffect, ideal_second_line, reaction_effects};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Show what supervision derives from a crane file: limits, the release of the load, what the monitors
 /// can find, and what each reaction does.
@@ -29,7 +29,7 @@ pub struct Supervision {
     /// Show what can be found against this machine's own baseline of delivered flow, as recorded by
     /// `hydroboom run --record-baseline`.
     #[arg(long, value_name = "FILE")]
-    baseline: Option<PathBuf>,
+    baseline: Option<InputFile>,
     /// Compute what each reaction does to the simulated machine at its slow and its fast speed, and
     /// what a monitor behind an unproven release would leave; a minute.
     #[arg(long)]

@@ -1,9 +1,11 @@
 //! `hydroboom tip`
 
-use crate::crane_file::{CraneFile, text};
+use crate::crane_file::{CraneFile, text_of};
 use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
+use crate::number;
 use crate::output;
+use crate::paths::InputFile;
 use crate::virtual_crane::strategies;
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
@@ -39,7 +41,7 @@ pub struct Tip {
         required_unless_present = "family",
         conflicts_with = "family"
     )]
-    survey: Option<PathBuf>,
+    survey: Option<InputFile>,
     /// Crane file to write with the fitted keys of section tip; with --family, folder for the page with table and figure.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
@@ -55,8 +57,8 @@ pub struct Tip {
     /// Vary stiffness of beam and base, dead volumes, sensors and fieldbus too.
     #[arg(long, requires = "family")]
     widened: bool,
-    /// Standard deviation of each surveyed coordinate of the family's cranes.
-    #[arg(long, default_value_t = 1.0, requires = "family")]
+    /// Standard deviation of each surveyed coordinate of the family's cranes: 0.001 to 100 mm.
+    #[arg(long, default_value_t = 1.0, requires = "family", allow_negative_numbers = true, value_parser = number::within(number::SURVEY_NOISE, "mm"))]
     survey_noise_mm: f64,
     /// Scenario in place of the fast motion; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", requires = "family")]
@@ -87,7 +89,8 @@ impl Tip {
             ));
         }
         let name = path.display().to_string();
-        let survey = TipSurvey::parse(&name, &text(path)?, &crane).into_diagnostic()?;
+        let survey =
+            TipSurvey::parse(&name, &text_of(path, "survey")?, &crane).into_diagnostic()?;
         let fit = survey.fit(&crane).into_diagnostic()?;
         let left = NoiseFloor::of_survey(&fit, &crane, self.seed);
         let (line, worst) = fit.worst;
@@ -100,7 +103,7 @@ impl Tip {
         }
         if let Some(out) = &self.out {
             let written = self.with_keys(&fit, path)?;
-            output::file(out, written.as_bytes())?;
+            output::file(out, written.as_bytes());
         }
         if self.json {
             let keys: serde_json::Map<String, serde_json::Value> = fit
@@ -147,9 +150,6 @@ impl Tip {
     fn test(&self, count: u64) -> Result<()> {
         let choice = MachineChoice::read(&self.crane, None)?;
         let (model, nominal) = (&choice.model, &choice.machine);
-        if !(1e-3..=100.0).contains(&self.survey_noise_mm) {
-            bail!("--survey-noise-mm is from 0.001 to 100, not {}", self.survey_noise_mm);
-        }
         let course = match &self.scenario {
             Some(name) => CourseChoice::Scenario(name.clone()),
             None => CourseChoice::Motion(nominal.numbers.fast),
@@ -179,10 +179,9 @@ impl Tip {
             self.strategy.name(),
         );
         if let Some(folder) = &self.out {
-            std::fs::create_dir_all(folder).into_diagnostic()?;
             let page =
                 report::tip_page(&format!("Estimated tip: {title}"), &found).into_diagnostic()?;
-            output::file(&folder.join("tip.html"), page.as_bytes())?;
+            output::page_with_figures(folder, "tip", &page, Some(self.seed));
         }
         if self.json {
             return output::json(&json!({

@@ -3,6 +3,7 @@
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::output;
+use crate::paths::OutputFolder;
 use clap::{Args, ValueEnum};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::baselines::Baseline;
@@ -12,7 +13,6 @@ use hydroboom_lab::report;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// What is tried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -39,7 +39,7 @@ pub struct Trials {
     rivals: bool,
     /// Write trials.html into this folder.
     #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    out: Option<OutputFolder>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -64,9 +64,8 @@ impl Trials {
         let outcomes = run(model, &trials, &controllers, &|| bar.inc(1));
         bar.finish_and_clear();
         if let Some(folder) = &self.out {
-            std::fs::create_dir_all(folder).into_diagnostic()?;
             let page = report::trials_page(&choice.name(), choice.equality(), &outcomes);
-            output::file(&folder.join("trials.html"), page.as_bytes())?;
+            output::page_with_figures(folder, "trials", &page, None);
         }
         if self.json {
             return output::json(&json!({ "trials": outcomes, "machine": choice.json() }));

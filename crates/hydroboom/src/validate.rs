@@ -3,6 +3,7 @@
 use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
+use crate::paths::{InputFile, OutputFile};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
@@ -11,12 +12,11 @@ use hydroboom_identify::{
 };
 use hydroboom_lab::LabError;
 use hydroboom_lab::paper;
-use hydroboom_lab::report::{Axes, Figure, Series, document, figure};
+use hydroboom_lab::report::{Axes, Figure, Page, Series, document, figure};
 use hydroboom_measurement::{Signal, Signals, Suspicion};
 use maud::html;
 use miette::{IntoDiagnostic, Result};
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 /// Drive the model by a log's motor speed and valve, and say how position and pressures differ, and what
 /// would take the difference away.
@@ -30,14 +30,14 @@ pub struct Validate {
     crane: CraneFile,
     /// The log: CSV, TwinCAT Scope, Simulink, MAT, MDF, MCAP.
     #[arg(long, value_name = "FILE")]
-    log: PathBuf,
+    log: InputFile,
     #[command(flatten)]
     mapping: LogMapping,
     #[command(flatten)]
     window: LogWindow,
     /// Report to write (HTML).
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -73,7 +73,7 @@ impl Validate {
         notes.extend(suspicions.iter().map(|Suspicion { text, .. }| format!("suspicious: {text}")));
         if let Some(path) = &self.report {
             let page = page(&self, &crane, &parts, &notes);
-            output::file(path, page.into_diagnostic()?.as_bytes())?;
+            output::page(path, &page.into_diagnostic()?, None);
         }
         if self.json {
             return output::json(&self.in_json(&crane, &parts, &notes));
@@ -91,13 +91,13 @@ impl Validate {
             for finding in &part.findings {
                 said += &format!("\n{}", finding.said);
             }
-            said += if parts.len() > 1 { "\n\n" } else { "" };
+            said += if parts.len() > 1 { "\n" } else { "" };
         }
         for note in &notes {
             said += &format!("\nnote: {note}");
         }
         if let Some(path) = &self.report {
-            said += &format!("\nreport: {}", path.display());
+            said += &output::named("report", path);
         }
         output::text(&said)
     }
@@ -291,7 +291,7 @@ fn page(
     crane: &Description,
     parts: &[Part],
     notes: &[String],
-) -> Result<String, LabError> {
+) -> Result<Page, LabError> {
     let mut figures = Vec::new();
     let findings = || parts.iter().flat_map(|part| part.findings.iter().map(move |f| (part, f)));
     for (Part { experiment, prediction, .. }, finding) in findings() {
@@ -307,10 +307,10 @@ fn page(
         let x = "time since the experiment began [s]";
         let y = format!("{} [{unit}]", signal.symbol());
         let series = Series::list([("log", log), ("model", model)]);
-        let both = Figure { x, y: &y, series, axes: Axes::Linear }.svg()?;
+        let both = Figure { x, y: &y, series, axes: Axes::Linear }.drawn()?;
         let y = format!("log less model [{unit}]");
         let series = vec![Series { name: "difference", points: less, colour: 2 }];
-        let difference = Figure { x, y: &y, series, axes: Axes::Linear }.svg()?;
+        let difference = Figure { x, y: &y, series, axes: Axes::Linear }.drawn()?;
         figures.push((signal, of_segment(parts, experiment), both, difference));
     }
     // the paper measured a self-contained crane: its numbers say nothing beside another

@@ -1,7 +1,9 @@
 //! `hydroboom virtual`
 
 use crate::crane_file::{CraneFile, text};
+use crate::number;
 use crate::output;
+use crate::paths::{InputFile, OutputFile, OutputFolder};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use hydroboom_control::strategy::Strategy;
@@ -16,7 +18,6 @@ use hydroboom_virtual_crane::Effect;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// Strategies by their names, all that there are.
 pub fn strategies() -> impl TypedValueParser<Value = Strategy> {
@@ -39,7 +40,7 @@ pub struct Virtual {
     crane: CraneFile,
     /// Crane file of the model that the controllers know; the paper's crane when not given.
     #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
+    model: Option<InputFile>,
     /// Override a key of that model, e.g. --model-set estimator.payload_drift_percent=2; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     model_set: Vec<String>,
@@ -47,8 +48,8 @@ pub struct Virtual {
     /// drive, valve, air, temperature, sensors, fieldbus.
     #[arg(long, value_name = "EFFECTS", value_delimiter = ',')]
     without: Vec<String>,
-    /// Speed of the motion; the model's fast one when not given.
-    #[arg(long)]
+    /// Speed of the motion; the model's fast one when not given: 0.1 to 10000 mm/s.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// How the motor's speed is found.
     #[arg(long, value_parser = strategies(), default_value = "velocity-feedforward")]
@@ -58,24 +59,24 @@ pub struct Virtual {
     scenario: Option<String>,
     /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
     #[arg(long, value_name = "FILE", conflicts_with = "speed_mm_s")]
-    input: Option<PathBuf>,
+    input: Option<InputFile>,
     /// Log to write: CSV, or MAT where the name ends so.
     #[arg(long, value_name = "FILE")]
-    log: Option<PathBuf>,
-    /// Interval of the log; never shorter than a control period.
-    #[arg(long, default_value_t = 1.0)]
+    log: Option<OutputFile>,
+    /// Interval of the log; never shorter than a control period: 0.001 to 3600000 ms.
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true, value_parser = number::within(number::LOG_INTERVAL, "ms"))]
     log_ms: f64,
     /// Add the hidden states to the log.
     #[arg(long, requires = "log")]
     truth: bool,
     /// Write a documented set of logs for identification and control into this new folder.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["input", "log", "scenario", "speed_mm_s"])]
-    dataset: Option<PathBuf>,
+    dataset: Option<OutputFolder>,
     /// Write a survey of the tip at rest into this file: five poses over the motion, empty and with the model's payload.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "log", "scenario", "speed_mm_s", "dataset"])]
-    survey: Option<PathBuf>,
-    /// Standard deviation of each surveyed coordinate.
-    #[arg(long, default_value_t = 1.0, requires = "survey")]
+    survey: Option<OutputFile>,
+    /// Standard deviation of each surveyed coordinate: 0.001 to 100 mm.
+    #[arg(long, default_value_t = 1.0, requires = "survey", allow_negative_numbers = true, value_parser = number::within(number::SURVEY_NOISE, "mm"))]
     survey_noise_mm: f64,
     /// Seed of the survey's noise.
     #[arg(long, default_value_t = 1, requires = "survey")]
@@ -118,23 +119,14 @@ impl Virtual {
         for assignment in &self.model_set {
             model.set_within_range(assignment)?;
         }
-        if !(self.log_ms > 0.0 && self.log_ms.is_finite()) {
-            miette::bail!("--log-ms is a positive number, not {}", self.log_ms);
-        }
         if let Some(path) = &self.survey {
-            if !(1e-3..=100.0).contains(&self.survey_noise_mm) {
-                miette::bail!(
-                    "--survey-noise-mm is from 0.001 to 100, not {}",
-                    self.survey_noise_mm
-                );
-            }
             let order = SurveyOrder {
                 loads: [0.0, model.numbers.payload],
                 deviation: self.survey_noise_mm * 1e-3,
                 seed: self.survey_seed,
             };
             let survey = virtual_survey(&crane, &order).into_diagnostic()?;
-            output::file(path, survey.text().as_bytes())?;
+            output::file(path, survey.text().as_bytes());
             return match self.json {
                 true => output::json(&json!({ "written": path, "poses": survey.points.len() })),
                 false => output::text(&format!(
@@ -162,10 +154,10 @@ impl Virtual {
                 )),
             };
         }
-        let speed = self.speed_mm_s.map_or(model.numbers.fast, |mm_s| mm_s * 1e-3);
-        if !(speed > 0.0 && speed.is_finite()) {
-            miette::bail!("--speed-mm-s is a positive number");
-        }
+        let speed = match self.speed_mm_s {
+            asked @ Some(_) => number::speed_of_motion(&crane, asked)?,
+            None => model.numbers.fast,
+        };
         let choice = match self.scenario {
             Some(name) => CourseChoice::Scenario(name),
             None => CourseChoice::Motion(speed),
@@ -185,7 +177,10 @@ impl Virtual {
             bar.set_position((share * 1000.0) as u64);
         });
         bar.finish_and_clear();
-        let summary = result.into_diagnostic()?;
+        let (summary, lost) = result.into_diagnostic()?;
+        if let Some(path) = &self.log {
+            output::written(path, lost.into_iter().next().map_or(Ok(()), Err));
+        }
         if self.json {
             let mut value = serde_json::to_value(summary).into_diagnostic()?;
             value["crane"] = json!(crane.name);
@@ -211,7 +206,7 @@ impl Virtual {
             );
         }
         if let Some(log) = &self.log {
-            said += &format!("\nlog: {}", log.display());
+            said += &output::named("log", log);
         }
         output::text(&said)
     }

@@ -10,6 +10,7 @@ use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::trajectory::Trajectory as _;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_files::Folder;
 use hydroboom_model::Outputs;
 use hydroboom_virtual_crane::Truth;
 use std::fmt::Write as _;
@@ -32,9 +33,6 @@ pub fn dataset(
     mut progress: impl FnMut(f64),
 ) -> Result<Vec<PathBuf>, LabError> {
     // beside its place first: a dataset is whole or not there
-    let mut partial = folder.as_os_str().to_owned();
-    partial.push(".partial");
-    let partial = PathBuf::from(partial);
     let failed = |path: &Path| {
         let path = path.display().to_string();
         move |error| LabError::File { path, error }
@@ -43,9 +41,8 @@ pub fn dataset(
         let error = std::io::Error::from(std::io::ErrorKind::AlreadyExists);
         return Err(failed(folder)(error));
     }
-    if partial.exists() {
-        fs::remove_dir_all(&partial).map_err(failed(&partial))?;
-    }
+    let beside = Folder::begin(folder)?;
+    let partial = beside.path();
     for kind in ["readings", "truth"] {
         let path = partial.join(kind);
         fs::create_dir_all(&path).map_err(failed(&path))?;
@@ -72,15 +69,18 @@ pub fn dataset(
                     interval: INTERVAL,
                 })
                 .collect();
-            virtual_run(model, crane, &test.task(), &orders, |_| {})?;
+            let (_, lost) = virtual_run(model, crane, &test.task(), &orders, |_| {})?;
+            if let Some(error) = lost.into_iter().next() {
+                return Err(error.into());
+            }
             done.extend(paths);
             progress(done.len() as f64 / 4.0 / count);
         }
     }
     let readme = partial.join("README.md");
-    fs::write(&readme, read_me(crane)).map_err(failed(&readme))?;
+    hydroboom_files::write(&readme, read_me(crane).as_bytes())?;
     done.push("README.md".into());
-    fs::rename(&partial, folder).map_err(failed(folder))?;
+    beside.finish()?;
     Ok(done)
 }
 

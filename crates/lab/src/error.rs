@@ -70,6 +70,9 @@ pub enum LabError {
         /// What the system says.
         error: std::io::Error,
     },
+    /// A file cannot be read within its bounds, or written.
+    #[error(transparent)]
+    Files(#[from] hydroboom_files::FileError),
     /// A figure cannot be drawn.
     #[error("figure: {0}")]
     Figure(String),

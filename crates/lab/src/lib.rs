@@ -28,6 +28,7 @@ pub mod numerical_damping;
 pub mod paper;
 mod rehearsal;
 pub mod report;
+pub mod run_log;
 pub mod simulate;
 mod stand_in;
 pub mod study;

@@ -1,10 +1,9 @@
 //! Logs: columns that carry their unit, written whole or not at all.
 
-use crate::LabError;
 use crate::mat_file::{Matrix, mat_file};
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use hydroboom_files::{FileError, Output};
+use std::io::Write;
+use std::path::Path;
 
 /// Units of a log: suffix of the column and size in SI units.
 fn shown_unit(unit: &str) -> (&'static str, f64) {
@@ -36,27 +35,43 @@ pub fn scaled<'a>(values: &'a [f64], units: &'a [&'static str]) -> impl Iterator
     values.iter().zip(units).map(|(value, unit)| value / shown_unit(unit).1)
 }
 
-/// A log that is being written, beside its final name; [`finish`](Log::finish) moves it there. A
-/// log that is dropped before leaves nothing. A name that ends in `.mat` makes it a MAT file with a
-/// variable for each column, any other a CSV file.
+/// A log that is being written; [`finish`](Log::finish) gives it its name. A log that is dropped before
+/// leaves nothing. A name that ends in `.mat` makes it a MAT file with a variable for each column, any
+/// other a CSV file, whose numbers are read back to the last digit.
+///
+/// A log that cannot be written, because the disk is full, does not stop what it tells of:
+/// [`finish`](Log::finish) says so at the end.
 pub struct Log {
-    path: PathBuf,
-    partial: PathBuf,
-    /// None once the log is complete.
-    writer: Option<Writer>,
+    /// An error ends the writing.
+    writer: Result<Writer, FileError>,
 }
 
 enum Writer {
-    Csv(Box<csv::Writer<BufWriter<File>>>),
+    Csv(Box<csv::Writer<Output>>),
     /// Names and columns, kept until the end: the format wants whole columns.
-    Mat(BufWriter<File>, Vec<(String, Vec<Vec<f64>>)>),
+    Mat(Output, Vec<(String, Vec<Vec<f64>>)>),
 }
 
 impl Writer {
-    fn row(&mut self, values: &[f64]) -> std::io::Result<()> {
+    fn begin(path: &Path, header: &[String]) -> Result<Self, FileError> {
+        let output = Output::begin(path)?;
+        if path.extension().is_some_and(|extension| extension == "mat") {
+            let columns = header.iter().map(|name| (name.clone(), Vec::new())).collect();
+            return Ok(Self::Mat(output, columns));
+        }
+        let mut writer = csv::Writer::from_writer(output);
+        match writer.write_record(header) {
+            Ok(()) => Ok(Self::Csv(Box::new(writer))),
+            Err(error) => Err(FileError::Write { path: path.into(), error: error.into() }),
+        }
+    }
+
+    fn row(&mut self, values: &[f64]) -> Result<(), FileError> {
         match self {
             Self::Csv(writer) => {
-                Ok(writer.write_record(values.iter().map(|v| format!("{v:.9e}")))?)
+                // the shortest text that is read back as the same number
+                let cells = values.iter().map(|v| format!("{v:e}"));
+                writer.write_record(cells).map_err(|error| writer.get_ref().failed(error.into()))
             }
             Self::Mat(_, columns) => {
                 columns.iter_mut().zip(values).for_each(|((_, rows), v)| rows.push(vec![*v]));
@@ -65,14 +80,25 @@ impl Writer {
         }
     }
 
-    fn finish(&mut self) -> std::io::Result<()> {
+    fn finish(self) -> Result<(), FileError> {
         match self {
-            Self::Csv(writer) => writer.flush(),
-            Self::Mat(file, columns) => {
+            Self::Csv(mut writer) => {
+                writer.flush().map_err(|error| writer.get_ref().failed(error))?;
+                match writer.into_inner() {
+                    Ok(output) => output.finish(),
+                    Err(error) => {
+                        let why = std::io::Error::other(error.error().to_string());
+                        Err(error.into_inner().get_ref().failed(why))
+                    }
+                }
+            }
+            Self::Mat(mut output, columns) => {
                 let matrices: Vec<Matrix<'_>> =
                     columns.iter().map(|(name, rows)| Matrix { name, rows }).collect();
-                file.write_all(&mat_file(&matrices, &[]))?;
-                file.flush()
+                output
+                    .write_all(&mat_file(&matrices, &[]))
+                    .map_err(|error| output.failed(error))?;
+                output.finish()
             }
         }
     }
@@ -80,64 +106,25 @@ impl Writer {
 
 impl Log {
     /// Begins a log with its header.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError::File`] when it cannot be written.
-    pub fn begin(path: &Path, header: &[String]) -> Result<Self, LabError> {
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(".partial");
-        let partial = PathBuf::from(partial);
-        let file = File::create(&partial)
-            .map_err(|error| LabError::File { path: partial.display().to_string(), error })?;
-        let file = BufWriter::new(file);
-        let mut begun = Ok(());
-        let writer = if path.extension().is_some_and(|extension| extension == "mat") {
-            Writer::Mat(file, header.iter().map(|name| (name.clone(), Vec::new())).collect())
-        } else {
-            let mut writer = csv::Writer::from_writer(file);
-            begun = writer.write_record(header).map_err(std::io::Error::from);
-            Writer::Csv(Box::new(writer))
-        };
-        let log = Self { path: path.into(), partial, writer: Some(writer) };
-        begun.map_err(|error| log.failed(error))?;
-        Ok(log)
+    pub fn begin(path: &Path, header: &[String]) -> Self {
+        Self { writer: Writer::begin(path, header) }
     }
 
     /// Adds a row.
-    ///
-    /// # Errors
-    ///
-    /// [`LabError::File`] when it cannot be written.
-    pub fn row(&mut self, values: &[f64]) -> Result<(), LabError> {
-        let written = self.writer.as_mut().map_or(Ok(()), |writer| writer.row(values));
-        written.map_err(|error| self.failed(error))
+    pub fn row(&mut self, values: &[f64]) {
+        if let Ok(writer) = &mut self.writer
+            && let Err(error) = writer.row(values)
+        {
+            self.writer = Err(error);
+        }
     }
 
     /// Completes the log and gives it its name.
     ///
     /// # Errors
     ///
-    /// [`LabError::File`] when it cannot be written.
-    pub fn finish(mut self) -> Result<(), LabError> {
-        let flushed = self.writer.as_mut().map_or(Ok(()), Writer::finish);
-        flushed
-            .and_then(|()| std::fs::rename(&self.partial, &self.path))
-            .map_err(|error| self.failed(error))?;
-        self.writer = None;
-        Ok(())
-    }
-
-    fn failed(&self, error: std::io::Error) -> LabError {
-        LabError::File { path: self.path.display().to_string(), error }
-    }
-}
-
-impl Drop for Log {
-    fn drop(&mut self) {
-        if self.writer.take().is_some() {
-            // nothing else can be done about a file that does not go away
-            let _ = std::fs::remove_file(&self.partial);
-        }
+    /// [`FileError`] when it could not be written.
+    pub fn finish(self) -> Result<(), FileError> {
+        self.writer?.finish()
     }
 }

@@ -4,10 +4,12 @@ use crate::closed_loop::scenario::{Course, due};
 use crate::log::{self, Log};
 use crate::{LabError, Plant, plant};
 use hydroboom_description::Description;
+use hydroboom_files::FileError;
 use hydroboom_model::{Flows, Input, Outputs, Scheme};
-use std::fs::File;
-use std::io::BufReader;
 use std::path::Path;
+
+/// Longest recorded input that is read \[B\]: a day of rows every 10 ms.
+const LONGEST: u64 = 500_000_000;
 
 /// A recorded input: from each time on, motor speed and valve hold until the next.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,11 +51,10 @@ impl Recording {
     /// [`LabError::Input`] naming the line and column of what cannot be used.
     pub fn read(path: &Path) -> Result<Self, LabError> {
         let name = path.display().to_string();
-        let file =
-            File::open(path).map_err(|error| LabError::File { path: name.clone(), error })?;
+        let file = hydroboom_files::bytes(path, "recorded input", LONGEST)?;
         let wrong = |reason: String| LabError::Input { file: name.clone(), reason };
         let mut reader =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(BufReader::new(file));
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file.as_slice());
         let headers =
             reader.headers().map_err(|e| wrong(format!("cannot be read as CSV: {e}")))?.clone();
         let column = |wanted: &str| headers.iter().position(|h| h == wanted);
@@ -139,18 +140,26 @@ fn log_row(crane: &dyn Plant, input: &Input<f64>) -> Vec<f64> {
     row
 }
 
-/// Simulates and writes a CSV log; returns the crane at the end. `progress` is told the share done.
+/// What a simulation came to.
+pub struct Simulated {
+    /// The crane at the end.
+    pub crane: Box<dyn Plant>,
+    /// Whether the log that was asked for is written; no log is one.
+    pub log: Result<(), FileError>,
+}
+
+/// Simulates and writes a log. `progress` is told the share done.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated or the log cannot be written.
+/// [`LabError`] when the crane cannot be simulated.
 pub fn simulate(
     description: &Description,
     drive: &Drive,
     settings: &Settings,
     log: Option<&Path>,
     mut progress: impl FnMut(f64),
-) -> Result<Box<dyn Plant>, LabError> {
+) -> Result<Simulated, LabError> {
     let mut start = description.start(settings.start_stroke);
     if !settings.preloaded {
         start.preload = 0.0;
@@ -178,10 +187,7 @@ pub fn simulate(
     if settings.step > duration {
         return Err(LabError::Step { step_us: settings.step * 1e6, duration_s: duration });
     }
-    let mut log = match log {
-        Some(path) => Some(Log::begin(path, &header(crane.as_ref()))?),
-        None => None,
-    };
+    let mut log = log.map(|path| Log::begin(path, &header(crane.as_ref())));
     let steps = (duration / settings.step).round() as u64;
     let every = (settings.log_interval / settings.step).round().max(1.0) as u64;
     for k in 0..=steps {
@@ -194,7 +200,7 @@ pub fn simulate(
         }
         if k % every == 0 {
             if let Some(log) = &mut log {
-                log.row(&log_row(crane.as_ref(), &input))?;
+                log.row(&log_row(crane.as_ref(), &input));
             }
             progress(k as f64 / steps.max(1) as f64);
         }
@@ -202,6 +208,5 @@ pub fn simulate(
             crane.advance(&input, 1).map_err(LabError::during("simulation"))?;
         }
     }
-    log.map_or(Ok(()), Log::finish)?;
-    Ok(crane)
+    Ok(Simulated { crane, log: log.map_or(Ok(()), Log::finish) })
 }

@@ -5,16 +5,16 @@ use crate::closed_loop::metrics::Metrics;
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
-use crate::log::{Log, columns, scaled};
+use crate::log::Log;
+use crate::run_log::{header, row};
 use crate::simulate::Recording;
 use crate::virtual_estimates::{EstimateSummary, ParallelEstimator};
 use hydroboom_control::command::AxisCommand;
-use hydroboom_control::measurement::AxisSignals;
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_model::Outputs;
-use hydroboom_virtual_crane::{Truth, VirtualCrane};
+use hydroboom_files::FileError;
+use hydroboom_virtual_crane::VirtualCrane;
 use serde::Serialize;
 use std::path::Path;
 
@@ -49,10 +49,10 @@ pub enum Contents {
 }
 
 impl Contents {
-    fn readings(self) -> bool {
+    pub(crate) fn readings(self) -> bool {
         self != Self::TruthAlone
     }
-    fn truth(self) -> bool {
+    pub(crate) fn truth(self) -> bool {
         self != Self::Readings
     }
 }
@@ -93,18 +93,19 @@ pub struct Summary {
     pub estimates: Option<EstimateSummary>,
 }
 
-/// Runs the virtual crane and logs what is ordered; `progress` is told the share done.
+/// Runs the virtual crane and logs what is ordered; says which logs could not be written, and why.
+/// `progress` is told the share done.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated or the log cannot be written.
+/// [`LabError`] when the crane cannot be simulated.
 pub fn virtual_run(
     model: &Description,
     crane: &Description,
     task: &Task,
     logs: &[LogOrder<'_>],
     mut progress: impl FnMut(f64),
-) -> Result<Summary, LabError> {
+) -> Result<(Summary, Vec<FileError>), LabError> {
     let period = crane.numbers.control_period;
     let (loads, is_released) = match task {
         Task::Course(course, _) => (course.loads(), true),
@@ -112,14 +113,15 @@ pub fn virtual_run(
         Task::Oscillation { .. } => (&[][..], false),
     };
     let mut estimator = ParallelEstimator::new(model, crane, loads, is_released);
+    let has_reference = matches!(task, Task::Course(..));
     let mut writers = Vec::with_capacity(logs.len());
     for order in logs {
-        let mut header = header(order.contents, task);
+        let mut header = header(order.contents, has_reference);
         let estimates = order.estimates && estimator.is_some();
         if estimates {
             header.extend(ParallelEstimator::header());
         }
-        let log = Log::begin(order.path, &header)?;
+        let log = Log::begin(order.path, &header);
         let every = (order.interval / period).round().max(1.0) as u64;
         writers.push((log, order.contents, estimates, every));
     }
@@ -136,11 +138,11 @@ pub fn virtual_run(
         }
         for (log, contents, estimates, every) in &mut writers {
             if count % *every == 0 {
-                let mut row = row(*contents, task, sample);
+                let mut row = row(*contents, has_reference, sample);
                 if let Some(estimator) = estimator.as_ref().filter(|_| *estimates) {
                     row.extend(estimator.row());
                 }
-                log.row(&row)?;
+                log.row(&row);
             }
         }
         summary.add(sample);
@@ -182,8 +184,8 @@ pub fn virtual_run(
         summary.finish(&metrics);
     }
     summary.estimates = estimator.and_then(|estimator| estimator.summary());
-    writers.into_iter().try_for_each(|(log, ..)| log.finish())?;
-    Ok(summary)
+    let lost = writers.into_iter().filter_map(|(log, ..)| log.finish().err()).collect();
+    Ok((summary, lost))
 }
 
 /// All strategies along a course, side by side, each in short; `progress` is told the share done.
@@ -266,36 +268,4 @@ fn follow(
         }
     }
     Ok(())
-}
-
-fn header(contents: Contents, task: &Task) -> Vec<String> {
-    let mut header = vec!["time_s".to_string()];
-    if contents.readings() {
-        if matches!(task, Task::Course(..)) {
-            header.extend(columns(&SetPoint::NAMES, &SetPoint::UNITS, "reference_"));
-        }
-        header.extend(columns(&AxisCommand::NAMES, &AxisCommand::UNITS, "command_"));
-        header.extend(columns(&AxisSignals::NAMES, &AxisSignals::UNITS, ""));
-    }
-    if contents.truth() {
-        header.extend(columns(&Outputs::NAMES, &Outputs::UNITS, "true_"));
-        header.extend(columns(&Truth::NAMES, &Truth::UNITS, "true_"));
-    }
-    header
-}
-
-fn row(contents: Contents, task: &Task, sample: &Sample) -> Vec<f64> {
-    let mut row = vec![sample.time];
-    if contents.readings() {
-        if matches!(task, Task::Course(..)) {
-            row.extend(scaled(&sample.reference.to_array(), &SetPoint::UNITS));
-        }
-        row.extend(scaled(&sample.command.to_array(), &AxisCommand::UNITS));
-        row.extend(scaled(&sample.signals.to_array(), &AxisSignals::UNITS));
-    }
-    if contents.truth() {
-        row.extend(scaled(&sample.truth.outputs.to_array(), &Outputs::UNITS));
-        row.extend(scaled(&sample.truth.beside_outputs(), &Truth::UNITS));
-    }
-    row
 }

@@ -6,6 +6,7 @@ use hydroboom_control::supervision::flow_monitor::{
     FlowMonitor, FlowMonitorState, FlowReading, Range,
 };
 use hydroboom_description::Description;
+use hydroboom_files::FileError;
 use hydroboom_math::solve_pivoted;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -40,17 +41,15 @@ pub struct FlowBaseline {
     pub digest: String,
 }
 
+/// Longest file that is read \[B\].
+const LONGEST: u64 = 1_000_000;
+
 /// Why there is no baseline.
 #[derive(Debug, Error)]
 pub enum BaselineError {
     /// The file cannot be read or written.
-    #[error("{path}: {error}")]
-    File {
-        /// Its path.
-        path: String,
-        /// What the system says.
-        error: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The file is none, or of another crane.
     #[error("{path}: {reason}")]
     Other {
@@ -202,8 +201,7 @@ impl FlowBaseline {
     /// [`BaselineError`] when there is none, its numbers cannot be, or it is of another crane.
     pub fn read(model: &Description, path: &Path) -> Result<Self, BaselineError> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| BaselineError::File { path: name.clone(), error })?;
+        let text = hydroboom_files::text(path, "baseline", LONGEST)?;
         let other = |reason: String| BaselineError::Other { path: name.clone(), reason };
         let value: Value = serde_json::from_str(&text).map_err(|error| {
             other(format!("not what `hydroboom run --record-baseline` writes: {error}"))

@@ -7,6 +7,7 @@
 use crate::control_task::Record;
 use crate::posix::survive_large_files;
 use ::mcap::records::MessageHeader;
+use ::mcap::write::NoSeek;
 use ::mcap::{Compression, McapError, WriteOptions, Writer};
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::estimation::tip::TipEstimate;
@@ -14,6 +15,7 @@ use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::State;
+use hydroboom_files::{FileError, Output};
 use hydroboom_measurement::mcap::{self, Stop};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -30,13 +32,8 @@ const TOPIC: &str = "/control";
 #[derive(Debug, Error)]
 pub enum LogError {
     /// The file cannot be made or read.
-    #[error("{path}: {error}")]
-    File {
-        /// Its path.
-        path: String,
-        /// What the system says.
-        error: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// It cannot be written any more.
     #[error("{path}: {error}")]
     Mcap {
@@ -141,7 +138,7 @@ fn tip(record: &Record, of: fn(&TipEstimate<f64>) -> f64) -> Option<f64> {
 /// A log being written.
 pub struct LogWriter {
     path: String,
-    writer: Writer<BufWriter<File>>,
+    writer: Writer<NoSeek<BufWriter<Output>>>,
     channel: u16,
     count: u32,
     chunk_from: f64,
@@ -156,14 +153,15 @@ impl LogWriter {
     pub fn begin(path: &Path) -> Result<Self, LogError> {
         survive_large_files();
         let name = path.display().to_string();
-        let file =
-            File::create(path).map_err(|error| LogError::File { path: name.clone(), error })?;
+        let file = Output::begin(path)?;
         let failed = |error| LogError::Mcap { path: name.clone(), error };
         let mut writer = WriteOptions::new()
             .compression(Some(Compression::Zstd))
             .chunk_size(None)
+            // a pipe cannot be gone back in
+            .disable_seeking(true)
             .library(concat!("hydroboom ", env!("CARGO_PKG_VERSION")))
-            .create(BufWriter::new(file))
+            .create(NoSeek::new(BufWriter::new(file)))
             .map_err(failed)?;
         let properties: Map<String, Value> = fields()
             .into_iter()
@@ -230,7 +228,16 @@ impl LogWriter {
     /// [`LogError`] when its end cannot be written.
     pub fn finish(mut self) -> Result<(), LogError> {
         let path = self.path.clone();
-        self.writer.finish().map(|_| ()).map_err(|error| LogError::Mcap { path, error })
+        let failed = |error| LogError::Mcap { path, error };
+        self.writer.finish().map_err(failed)?;
+        let file = self.writer.into_inner().into_inner();
+        match file.into_inner() {
+            Ok(output) => Ok(output.finish()?),
+            Err(error) => {
+                let (error, file) = error.into_parts();
+                Err(file.get_ref().failed(error).into())
+            }
+        }
     }
 }
 
@@ -289,7 +296,7 @@ fn messages(
     mut each: impl FnMut(Value) -> Result<(), String>,
 ) -> Result<(), LogError> {
     let name = path.display().to_string();
-    let failed = |error| LogError::File { path: name.clone(), error };
+    let failed = |error| FileError::Read { path: path.into(), error };
     let foreign = |reason: String| LogError::Foreign { path: name.clone(), reason };
     let source = BufReader::new(File::open(path).map_err(failed)?);
     let mut count = 0_u64;
@@ -303,7 +310,7 @@ fn messages(
         value.map_err(|e| e.to_string()).and_then(&mut each).map_err(Stop::Format)
     })
     .map_err(|stop| match stop {
-        Stop::File(error) => failed(error),
+        Stop::File(error) => failed(error).into(),
         Stop::Format(reason) => foreign(reason),
     })?;
     if loss.is_damage() {

@@ -8,6 +8,7 @@ use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_description::Description;
 use hydroboom_design::DesignError;
 use hydroboom_design::scheduled_lqr::{designed, known_delay};
+use hydroboom_files::{FileError, own_text};
 use serde_json::{Value, json};
 use std::path::Path;
 use thiserror::Error;
@@ -18,17 +19,15 @@ const MS: f64 = 1e-3;
 /// Standard deviations between file and crane file beyond which they contradict each other.
 const CONTRADICTION: f64 = 3.0;
 
+/// Longest file that is read \[B\].
+const LONGEST: u64 = 1_000_000;
+
 /// Why parameters are not taken up.
 #[derive(Debug, Error)]
 pub enum ParameterFileError {
     /// The file cannot be read.
-    #[error("{path}: {error}")]
-    File {
-        /// Its path.
-        path: String,
-        /// What the system says.
-        error: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The file is none, of another crane, or its numbers cannot be.
     #[error("{path}: {reason}")]
     Other {
@@ -91,8 +90,7 @@ pub fn read(
     path: &Path,
 ) -> Result<RetainedParameters<f64>, ParameterFileError> {
     let name = path.display().to_string();
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| ParameterFileError::File { path: name.clone(), error })?;
+    let text = own_text(path, "file of parameters", LONGEST)?;
     let other = |reason: String| ParameterFileError::Other { path: name.clone(), reason };
     let value: Value = serde_json::from_str(&text)
         .map_err(|error| other(format!("not what `hydroboom run --parameters` writes: {error}")))?;

@@ -2,13 +2,13 @@
 
 use super::{File, written};
 use crate::crane_file::CraneFile;
+use crate::paths::OutputFolder;
 use clap::Args;
 use hydroboom_export::c::{Precision, Prefix, prefixed_files};
 use hydroboom_export::{
     blocks, controller, crane_model, scheduled_lqr_controller, simulation_feedforward,
 };
 use miette::{IntoDiagnostic, Result};
-use std::path::PathBuf;
 
 /// C99: a header and a source with the whole crane, the same in two blocks, the benchmark controller, simulation
 /// feedforward with the crane that it simulates, and the scheduled LQR with its state estimator.
@@ -22,7 +22,7 @@ pub struct C {
     crane: CraneFile,
     /// Folder to write to.
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: OutputFolder,
     /// Compute in float instead of double: no longer the numbers that Rust computes.
     #[arg(long)]
     single: bool,

@@ -4,6 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::interruptible::{Interruptible, of_asked};
 use crate::machine_choice::MachineChoice;
 use crate::output;
+use crate::paths::OutputFile;
 use clap::{Args, ValueEnum};
 use hydroboom_control::reference::preview::PERIODS_AHEAD;
 use hydroboom_control::supervision::frame::STATUS_FAULT;
@@ -17,7 +18,7 @@ use hydroboom_export::{controller, scheduled_lqr_controller, simulation_feedforw
 use miette::{IntoDiagnostic, Result};
 use rayon::prelude::*;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A controller as exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -81,7 +82,7 @@ pub struct ClosedLoop {
     plant_set: Vec<String>,
     /// Table to write (CSV): every trial.
     #[arg(long, value_name = "FILE")]
-    csv: Option<PathBuf>,
+    csv: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -93,7 +94,8 @@ impl ClosedLoop {
         let MachineChoice { model, mut machine, .. } = MachineChoice::read(&self.crane, None)?;
         self.plant_set.iter().try_for_each(|assignment| machine.set(assignment))?;
         let folder = std::env::temp_dir().join(format!("hydroboom-loop-{}", std::process::id()));
-        let folder_of = |path: &PathBuf| path.parent().map(Path::to_path_buf).unwrap_or_default();
+        let folder_of =
+            |path: &OutputFile| path.parent().map(Path::to_path_buf).unwrap_or_default();
         if let Some(missing) = self
             .csv
             .as_ref()
@@ -152,7 +154,7 @@ impl ClosedLoop {
         let _ = std::fs::remove_dir_all(&folder);
         let rows: Vec<Row> = rows?.into_iter().flatten().collect();
         if let Some(path) = &self.csv {
-            output::file(path, csv(&rows, true).as_bytes())?;
+            output::file(path, csv(&rows, true).as_bytes());
         }
         let beyond = rows.iter().filter(|row| !row.beyond.is_empty()).count();
         let period = model.numbers.control_period;

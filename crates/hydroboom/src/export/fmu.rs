@@ -3,6 +3,7 @@
 use super::flops;
 use crate::crane_file::CraneFile;
 use crate::output;
+use crate::paths::OutputFile;
 use clap::{Args, ValueEnum};
 use hydroboom_export::fmi::{System, Version, archive, binary, twincat_settings, unit};
 use hydroboom_export::{
@@ -11,7 +12,6 @@ use hydroboom_export::{
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-use std::path::PathBuf;
 
 /// What an FMU is of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -58,10 +58,10 @@ pub struct Fmu {
     fmi: String,
     /// File to write.
     #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    out: OutputFile,
     /// Settings for TwinCAT's FMI target (TE1420), which compiles the FMU's source: a file for its folder.
     #[arg(long, value_name = "FILE")]
-    twincat_settings: Option<PathBuf>,
+    twincat_settings: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -105,11 +105,11 @@ impl Fmu {
         let binaries = made.into_diagnostic()?;
         let bytes = archive(&unit, &binaries).into_diagnostic()?;
         let systems: Vec<&str> = binaries.iter().map(|(system, _)| system.name()).collect();
-        output::file(&self.out, &bytes)?;
+        output::file(&self.out, &bytes);
         let mut files = vec![(self.out.clone(), bytes)];
         if let Some(path) = self.twincat_settings {
             let settings = twincat_settings().into_bytes();
-            output::file(&path, &settings)?;
+            output::file(&path, &settings);
             files.push((path, settings));
         }
         let flops = flops(&[block]).into_diagnostic()?;

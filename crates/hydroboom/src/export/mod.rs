@@ -10,7 +10,7 @@ use crate::output;
 use clap::{Args, Subcommand};
 use hydroboom_export::{Block, ExportError, Plan};
 use hydroboom_measurement::digest_of;
-use miette::{IntoDiagnostic, Result, WrapErr};
+use miette::{IntoDiagnostic, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -54,11 +54,9 @@ struct File {
 
 /// Writes files into a folder, which is made; says what was written.
 fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Result<()> {
-    std::fs::create_dir_all(folder)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("{} cannot be made", folder.display()))?;
+    output::folder(folder);
     for file in files {
-        output::file(&folder.join(&file.name), file.content.as_bytes())?;
+        output::file(&folder.join(&file.name), file.content.as_bytes());
     }
     let flops = flops(blocks).into_diagnostic()?;
     if in_json {

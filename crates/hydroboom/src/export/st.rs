@@ -2,13 +2,13 @@
 
 use super::{File, written};
 use crate::crane_file::CraneFile;
+use crate::paths::OutputFolder;
 use clap::Args;
 use hydroboom_export::structured_text::{in_single_precision, plcopen, twincat, units};
 use hydroboom_export::{
     blocks, controller, scheduled_lqr_controller, simulation_feedforward_controller,
 };
 use miette::{IntoDiagnostic, Result};
-use std::path::PathBuf;
 
 /// IEC 61131-3 Structured Text: function blocks of hydraulics, boom, the controllers (benchmark, simulation feedforward, scheduled LQR) and the simulation that steers, with two
 /// tasks; plain text, TwinCAT 3 files, and one PLCopen XML.
@@ -20,7 +20,7 @@ pub struct St {
     crane: CraneFile,
     /// Folder to write to.
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    out: OutputFolder,
     /// Single precision: `REAL` for `LREAL`, for controllers without the longer type; without the test bench.
     #[arg(long)]
     single: bool,

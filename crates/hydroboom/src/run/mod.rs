@@ -8,7 +8,9 @@ mod watch;
 
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
+use crate::number;
 use crate::output;
+use crate::paths::{InputFile, OutputFile};
 use crate::virtual_crane::strategies;
 use clap::Args;
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
@@ -55,15 +57,15 @@ pub struct Run {
     /// Crane file of the virtual crane that plays the machine; when not given, that of the crane file (typical
     /// drive, valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE")]
-    machine: Option<PathBuf>,
+    machine: Option<InputFile>,
     /// How the motor's speed is found.
     #[arg(long, value_parser = strategies(), default_value = "simulation-feedforward-closed-loop")]
     strategy: Strategy,
     /// Change to this strategy in the middle of the motion, without a bump.
     #[arg(long, value_parser = strategies(), value_name = "STRATEGY", conflicts_with = "dashboard")]
     then: Option<Strategy>,
-    /// Speed of the motion; the model's fast one when not given.
-    #[arg(long)]
+    /// Speed of the motion; the model's fast one when not given: 0.1 to 10000 mm/s.
+    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Run a scenario; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", conflicts_with = "speed_mm_s")]
@@ -88,23 +90,23 @@ pub struct Run {
     /// Baseline of this machine's delivered flow, as recorded by --record-baseline: position is compared
     /// with it in place of the crane file's ranges.
     #[arg(long, value_name = "FILE")]
-    baseline: Option<PathBuf>,
+    baseline: Option<InputFile>,
     /// Record this machine's delivered flow from the last course into a file, if it went well.
     #[arg(long, value_name = "FILE")]
-    record_baseline: Option<PathBuf>,
+    record_baseline: Option<OutputFile>,
     /// Parameters of the state estimator (oil, unknown flow, drive lag) with their covariance: taken up at the start where the file is there, and written
     /// at the end.
     #[arg(long, value_name = "FILE", conflicts_with = "replay")]
-    parameters: Option<PathBuf>,
+    parameters: Option<OutputFile>,
     /// Log to write, MCAP: Foxglove and PlotJuggler open it, `hydroboom log to-csv` converts it.
     #[arg(long, value_name = "FILE")]
-    log: Option<PathBuf>,
+    log: Option<OutputFile>,
     /// Show the controller and the supervisor the readings of such a log again, in simulated time.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["dashboard", "cycles", "log", "scenario"])]
-    replay: Option<PathBuf>,
+    replay: Option<InputFile>,
     /// Report to write (HTML); after a fault its last second is written beside it, as CSV.
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     /// In simulated time: the same tasks, as fast as they go (with a dashboard: as fast as the clock),
     /// every time the same.
     #[arg(long)]
@@ -161,10 +163,14 @@ impl Run {
                 Some(self.in_real_time(&cranes, begin, &desk, &mut watch)?)
             }
         };
-        watch.close_log();
-        self.record(&cranes.model, &watch)?;
-        self.retain(&cranes.model, &watch)?;
-        self.conclude(&cranes, &watch, alone.as_ref(), real_time.as_ref())
+        if let (Some(path), Some(lost)) = (&self.log, watch.close_log()) {
+            output::written(path, Err(lost));
+        }
+        // none of them is lost for another
+        let recorded = self.record(&cranes.model, &watch);
+        self.retain(&cranes.model, &watch);
+        let concluded = self.conclude(&cranes, &watch, alone.as_ref(), real_time.as_ref());
+        recorded.and(concluded)
     }
 
     /// Limits of the crane, its delivered flow against the baseline where one is named.
@@ -183,7 +189,7 @@ impl Run {
             Some(path) if path.exists() => {
                 let retained = parameter_file::read(model, path).into_diagnostic()?;
                 let said = parameter_file::summary(model, &retained);
-                eprintln!("{}: taken up, {said}", path.display());
+                output::note(&format!("{}: taken up, {said}", path.display()));
                 Ok(Some(retained))
             }
             Some(path) => {
@@ -191,10 +197,10 @@ impl Run {
                 if folder.is_some_and(|folder| !folder.is_dir()) {
                     return Err(miette!("{}: its folder does not exist", path.display()));
                 }
-                eprintln!(
+                output::note(&format!(
                     "{}: not there yet; the estimator begins with the crane file",
                     path.display()
-                );
+                ));
                 Ok(None)
             }
             None => Ok(None),
@@ -202,22 +208,23 @@ impl Run {
     }
 
     /// Writes the estimator's parameters for the next run; those of an estimator that diverged are not kept.
-    fn retain(&self, model: &Description, watch: &Watch) -> Result<()> {
-        let Some(path) = &self.parameters else { return Ok(()) };
+    fn retain(&self, model: &Description, watch: &Watch) {
+        let Some(path) = &self.parameters else { return };
         let diverged = Some(Fallback::Estimator.name());
         if watch.results.iter().any(|result| result.fallback_cause == diverged) {
-            eprintln!("{}: not written, since the estimator diverged", path.display());
-            return Ok(());
+            output::note(&format!("{}: not written, since the estimator diverged", path.display()));
+            return;
         }
         let estimates = watch.session().last().and_then(|record| record.estimates);
         let Some(estimates) = estimates else {
-            eprintln!("{}: not written, since nothing was estimated", path.display());
-            return Ok(());
+            output::note(&format!("{}: not written, since nothing was estimated", path.display()));
+            return;
         };
-        output::file(path, parameter_file::text(model, &estimates.parameters).as_bytes())?;
+        if !output::file(path, parameter_file::text(model, &estimates.parameters).as_bytes()) {
+            return;
+        }
         let said = parameter_file::summary(model, &estimates.parameters);
-        eprintln!("{}: written, {said}", path.display());
-        Ok(())
+        output::note(&format!("{}: written, {said}", path.display()));
     }
 
     /// Records the baseline of delivered flow from the last course.
@@ -227,20 +234,22 @@ impl Run {
         if let (Some(fault), _) | (None, Some(fault)) =
             (fault, watch.session().fault().map(|fault| fault.cause.code()))
         {
-            eprintln!("no baseline: the course was stopped by {fault}");
+            output::note(&format!("no baseline: the course was stopped by {fault}"));
             return Ok(());
         }
         let monitor = limits(model, model.numbers.fast).into_diagnostic()?.flow;
         let baseline =
             FlowBaseline::of_course(model, &monitor, &watch.records).into_diagnostic()?;
-        output::file(path, baseline.text().as_bytes())?;
-        eprintln!(
+        if !output::file(path, baseline.text().as_bytes()) {
+            return Ok(());
+        }
+        output::note(&format!(
             "baseline of delivered flow: gain {:.4}, leakage {:.2} times the described, residual {:.2} mm: {}",
             baseline.gain,
             baseline.leakage,
             baseline.residual * 1e3,
             path.display()
-        );
+        ));
         Ok(())
     }
 
@@ -253,7 +262,10 @@ impl Run {
         switch: Switch,
     ) -> Result<Watch> {
         let log = match &self.log {
-            Some(path) => Some(LogWriter::begin(path).into_diagnostic()?),
+            Some(path) => {
+                let begun = LogWriter::begin(path);
+                begun.map_err(|error| output::written(path, Err(error))).ok()
+            }
             None => None,
         };
         let session = Session::new(&cranes.model);
@@ -282,7 +294,7 @@ impl Run {
         };
         let dashboard = Dashboard::open(address, self.allow_remote, &setup, Arc::clone(desk))
             .into_diagnostic()?;
-        eprintln!("dashboard: {}", dashboard.address());
+        output::note(&format!("dashboard: {}", dashboard.address()));
         Ok(watch.with_dashboard(dashboard, cranes.courses()))
     }
 
@@ -364,7 +376,7 @@ impl Run {
                 real_time,
                 &processor(),
             );
-            output::file(path, page.into_diagnostic()?.as_bytes())?;
+            output::page(path, &page.into_diagnostic()?, None);
         }
         match self.json {
             true => output::json(&report.json())?,
@@ -372,7 +384,7 @@ impl Run {
                 let mut said = report.text();
                 for (what, path) in [("log", &self.log), ("report", &self.report)] {
                     if let Some(path) = path {
-                        said += &format!("\n{what}: {}", path.display());
+                        said += &output::named(what, path);
                     }
                 }
                 output::text(&said)?;
@@ -381,8 +393,8 @@ impl Run {
         let Some(fault) = watch.session().fault() else { return Ok(()) };
         if let Some(path) = &self.report {
             let data = path.with_extension("fault.csv");
-            output::file(&data, hydroboom_realtime::log::csv(&fault.records).as_bytes())?;
-            eprintln!("the last second before the fault: {}", data.display());
+            output::file(&data, hydroboom_realtime::log::csv(&fault.records).as_bytes());
+            output::note(&format!("the last second before the fault: {}", data.display()));
         }
         if self.dashboard.is_some() || self.carry_on {
             return Ok(());
@@ -485,10 +497,10 @@ fn attend(desk: &Arc<Desk>) -> Result<()> {
     let mut pressed = false;
     ctrlc::set_handler(move || {
         if std::mem::replace(&mut pressed, true) {
-            eprintln!("emergency stop");
+            output::note("emergency stop");
             desk.emergency_stop();
         } else {
-            eprintln!("stopping; once more for an emergency stop");
+            output::note("stopping; once more for an emergency stop");
             desk.close();
         }
     })
@@ -497,7 +509,7 @@ fn attend(desk: &Arc<Desk>) -> Result<()> {
 
 /// Enter starts what is planned.
 fn wait_for_enter(started: Arc<std::sync::atomic::AtomicBool>) {
-    eprintln!("the load is held; Enter starts the motion, Ctrl-C ends");
+    output::note("the load is held; Enter starts the motion, Ctrl-C ends");
     std::thread::spawn(move || {
         let mut line = String::new();
         if std::io::stdin().read_line(&mut line).is_ok_and(|count| count > 0) {

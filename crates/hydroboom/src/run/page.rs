@@ -3,14 +3,14 @@
 use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use hydroboom_lab::LabError;
-use hydroboom_lab::report::{Axes, Figure, Series, document, figure};
+use hydroboom_lab::report::{Axes, Figure, Page, Series, document, figure};
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
 use maud::{Markup, html};
 
 /// One course, as it is shown at once after it.
-pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<String, LabError> {
+pub fn course_page(result: &CourseResult, records: &[Record]) -> Result<Page, LabError> {
     let body = html! {
         (results(std::slice::from_ref(result), None))
         (course(records)?)
@@ -26,7 +26,7 @@ pub fn run_page(
     records: &[Record],
     real_time: Option<&RealTime>,
     computer: &str,
-) -> Result<String, LabError> {
+) -> Result<Page, LabError> {
     let body = html! {
         p.soft {
             "The machine is \"" (cranes.name()) "\", simulated, which stands in for a real one: nothing here is a "
@@ -77,7 +77,8 @@ fn course(records: &[Record]) -> Result<Markup, LabError> {
     };
     let draw = |y: &str, lines: Vec<(&str, Vec<(f64, f64)>)>| {
         let series = Series::list(lines.into_iter().filter(|(_, points)| !points.is_empty()));
-        Figure { x: "time since the start was asked for [s]", y, series, axes: Axes::Linear }.svg()
+        Figure { x: "time since the start was asked for [s]", y, series, axes: Axes::Linear }
+            .drawn()
     };
     let bar = |of: fn(&Record) -> f64| over(&|r| Some(of(r) * 1e-5));
     let has_error = records.iter().any(|r| r.error().is_some());
@@ -121,7 +122,7 @@ fn deadlines(r: &RealTime, computer: &str) -> Result<Markup, LabError> {
     let draw = |x: &str, of: fn(&Timing) -> Vec<(f64, f64)>| {
         let lines = [("simulation", of(&r.simulation)), ("control", of(&r.control))];
         let y = "share of all beyond";
-        Figure { x, y, series: Series::list(lines), axes: Axes::Logarithmic }.svg()
+        Figure { x, y, series: Series::list(lines), axes: Axes::Logarithmic }.drawn()
     };
     Ok(html! {
         h2 { "Deadlines" }

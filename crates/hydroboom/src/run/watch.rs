@@ -1,5 +1,7 @@
 //! Who looks on while a machine runs: writes the log, sums the courses up, asks for the next one.
 
+use crate::origin::origin;
+use crate::output;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::{Decision, State};
@@ -8,7 +10,7 @@ use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
 use hydroboom_realtime::control_task::{Fallback, Record};
 use hydroboom_realtime::desk::{Desk, Generation};
 use hydroboom_realtime::failure::Failure;
-use hydroboom_realtime::log::LogWriter;
+use hydroboom_realtime::log::{LogError, LogWriter};
 use hydroboom_realtime::readiness::start_waits_for;
 use hydroboom_realtime::session::{Attendant, Hung, Order, Session};
 use hydroboom_realtime::trouble::Tampering;
@@ -102,6 +104,8 @@ pub struct Watch {
     switch: Option<Switch>,
     plan: Option<Plan>,
     log: Option<LogWriter>,
+    /// Why the log was given up.
+    lost_log: Option<LogError>,
     speaks: bool,
     state: Option<State>,
     /// What it was said last that the machine waits for.
@@ -155,6 +159,7 @@ impl Watch {
             switch: None,
             plan: None,
             log: None,
+            lost_log: None,
             speaks: false,
             state: None,
             waiting: None,
@@ -222,11 +227,10 @@ impl Watch {
         &self.session
     }
 
-    /// Ends the log; a log that cannot be ended is said to end.
-    pub fn close_log(&mut self) {
-        if let Some(Err(error)) = self.log.take().map(LogWriter::finish) {
-            eprintln!("the log ends here: {error}");
-        }
+    /// Ends the log; says why it is not whole.
+    pub fn close_log(&mut self) -> Option<LogError> {
+        let ended = self.log.take().and_then(|log| log.finish().err());
+        self.lost_log.take().or(ended)
     }
 }
 
@@ -302,11 +306,12 @@ impl Watch {
         {
             self.log = None;
             self.say(&format!("the log ends here: {error}"));
+            self.lost_log = Some(error);
         }
     }
 
     fn say(&mut self, text: &str) {
-        eprintln!("{text}");
+        output::note(text);
         if let Some((dashboard, _)) = &mut self.dashboard {
             dashboard.say(text);
         }
@@ -367,9 +372,9 @@ impl Watch {
             match record.decision.cause {
                 Some(cause) if now == State::Fault => {
                     let (code, advice) = (cause.code(), cause.advice());
-                    eprintln!("{:8.3} s  Fault: {code}: {advice}", record.time);
+                    output::note(&format!("{:8.3} s  Fault: {code}: {advice}", record.time));
                 }
-                _ => eprintln!("{:8.3} s  {}", record.time, now.name()),
+                _ => output::note(&format!("{:8.3} s  {}", record.time, now.name())),
             }
         }
         let is_over = match before {
@@ -403,7 +408,7 @@ impl Watch {
         if let Some((dashboard, _)) = &mut self.dashboard {
             dashboard.result(&json!(result));
             match super::page::course_page(&result, &self.records) {
-                Ok(page) => dashboard.set_report(page),
+                Ok(page) => dashboard.set_report(page.html(&origin(None))),
                 Err(error) => dashboard.say(&format!("no report: {error}")),
             }
         }
@@ -423,7 +428,7 @@ impl Watch {
         if self.desk.is_closing() || (is_fault && !plan.carry_on) {
             self.desk.close();
         } else if is_fault {
-            eprintln!("{:8.3} s  reset, because it shall carry on", last.time);
+            output::note(&format!("{:8.3} s  reset, because it shall carry on", last.time));
             self.desk.reset();
             self.resting = None;
         } else if plan.left == 0 {

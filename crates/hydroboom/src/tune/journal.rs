@@ -1,6 +1,6 @@
 //! Where a search is, in a file, to go on after an interruption.
 
-use crate::output;
+use hydroboom_files::{own_text, write};
 use hydroboom_identify::Progress;
 use miette::{IntoDiagnostic, Result, miette};
 use serde_json::{Value, json};
@@ -10,6 +10,9 @@ use std::time::{Duration, Instant};
 
 /// The file is not written more often than this.
 const RARELY: Duration = Duration::from_secs(1);
+
+/// Longest journal that is read \[B\].
+const LONGEST: u64 = 1_000_000;
 
 /// A search's best place, kept in a file.
 pub struct Journal {
@@ -29,7 +32,7 @@ impl Journal {
         let wrong = |why: &str| {
             miette!(help = "remove it to begin anew, or name another", "{} {why}", path.display())
         };
-        let text = std::fs::read_to_string(path).into_diagnostic()?;
+        let text = own_text(path, "journal", LONGEST).into_diagnostic()?;
         let whole: Value =
             serde_json::from_str(&text).map_err(|_| wrong("is no journal of a search"))?;
         if whole["search"].as_str() != Some(&journal.search) {
@@ -47,7 +50,7 @@ impl Journal {
             return Ok(());
         }
         let text = json!({ "search": self.search, "runs": progress.runs, "at": progress.best });
-        output::file(&self.path, text.to_string().as_bytes())?;
+        write(&self.path, text.to_string().as_bytes()).into_diagnostic()?;
         *self.written.borrow_mut() = Some(Instant::now());
         Ok(())
     }

@@ -8,6 +8,7 @@ mod profiles;
 use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
+use crate::paths::{InputFile, OutputFile};
 use clap::Args;
 use held::HoldOut;
 use hydroboom_description::Description;
@@ -41,7 +42,7 @@ pub struct Tune {
     crane: CraneFile,
     /// A log; can be repeated, and then all are fitted at once.
     #[arg(long, value_name = "FILE", required = true)]
-    log: Vec<PathBuf>,
+    log: Vec<InputFile>,
     #[command(flatten)]
     mapping: LogMapping,
     #[command(flatten)]
@@ -52,10 +53,10 @@ pub struct Tune {
     free: Vec<String>,
     /// Crane file to write, with provenance `tuned` and the digests of the logs.
     #[arg(long, value_name = "FILE")]
-    out: Option<PathBuf>,
+    out: Option<OutputFile>,
     /// A log that the search does not see: how the model does there, before and after; can be repeated.
     #[arg(long, value_name = "FILE")]
-    test_log: Vec<PathBuf>,
+    test_log: Vec<InputFile>,
     #[command(flatten)]
     hold_out: HoldOut,
     #[command(flatten)]
@@ -65,10 +66,10 @@ pub struct Tune {
     generations: usize,
     /// Where the search is kept, to go on after Ctrl-C: beside --out where that is given.
     #[arg(long, value_name = "FILE")]
-    journal: Option<PathBuf>,
+    journal: Option<OutputFile>,
     /// Report to write (HTML).
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<OutputFile>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -148,8 +149,9 @@ impl Tune {
             digests_of,
             notes,
         };
-        self.told(&outcome)?;
-        if let Some((journal, _)) = kept {
+        let is_written = self.told(&outcome)?;
+        // what could not be written is found again at once from its journal
+        if let Some((journal, _)) = kept.filter(|_| is_written) {
             journal.remove();
         }
         Ok(())
@@ -186,7 +188,9 @@ impl Tune {
             name.push(".journal");
             Some(PathBuf::from(name))
         };
-        let Some(path) = self.journal.clone().or_else(beside) else { return Ok(None) };
+        let Some(path) = self.journal.as_deref().map(Path::to_path_buf).or_else(beside) else {
+            return Ok(None);
+        };
         let keys: Vec<String> = free.iter().map(|key| key.path()).collect();
         let windows = (&self.hold_out.hold_out, self.hold_out.in_turn, self.window.of());
         let search = format!(
@@ -252,16 +256,17 @@ impl Tune {
         }
     }
 
-    /// Writes and prints what came of it.
-    fn told(&self, outcome: &Outcome<'_>) -> Result<()> {
+    /// Writes and prints what came of it; says whether the crane file is written, where one is wanted.
+    fn told(&self, outcome: &Outcome<'_>) -> Result<bool> {
         let Outcome { crane, found, digests, notes, held, profiles, tests, .. } = outcome;
+        let mut is_written = true;
         if let Some(path) = &self.out {
             let text = self.written(found, digests)?;
-            output::file(path, text.as_bytes())?;
+            is_written = output::file(path, text.as_bytes());
         }
         if let Some(path) = &self.report {
             let page = page::page(outcome).into_diagnostic()?;
-            output::file(path, page.as_bytes())?;
+            output::page(path, &page, None);
         }
         match self.json {
             true => output::json(&json!({
@@ -271,9 +276,10 @@ impl Tune {
                 "keys": found.tuned.iter().map(in_json).collect::<Vec<_>>(),
                 "correlation": found.correlation, "profiles": profiles::in_json(profiles),
                 "differences": found.improvements.iter().map(improvement).collect::<Vec<_>>(),
-            })),
-            false => output::text(&self.said(outcome)),
+            }))?,
+            false => output::text(&self.said(outcome))?,
         }
+        Ok(is_written)
     }
 
     /// The crane file with the keys that were moved; all else, comments too, as it was, but for ranges
@@ -379,7 +385,7 @@ impl Tune {
             said += &format!("\nnote: {note}");
         }
         for path in self.out.iter().chain(&self.report) {
-            said += &format!("\nwritten: {}", path.display());
+            said += &output::named("written", path);
         }
         said
     }

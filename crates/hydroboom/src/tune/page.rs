@@ -4,11 +4,11 @@ use super::{Outcome, Shown, profiles};
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::{COMPARED, Fit, Tuned, experiment_for};
 use hydroboom_lab::LabError;
-use hydroboom_lab::report::{Axes, Figure, Series, document, figure};
+use hydroboom_lab::report::{Axes, Figure, Page, Series, document, figure};
 use maud::{Markup, html};
 
 /// The whole page.
-pub fn page(outcome: &Outcome<'_>) -> Result<String, LabError> {
+pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
     let Outcome { crane, experiments, found, held, notes, digests_of, .. } = outcome;
     let drawn = outcome.profiles.iter().map(|profile| profiles::drawn(profile, found));
     let drawn = drawn.collect::<Result<Vec<Markup>, LabError>>()?;
@@ -35,7 +35,8 @@ pub fn page(outcome: &Outcome<'_>) -> Result<String, LabError> {
             ];
             let x = "time since the experiment began [s]";
             let y = format!("{} [{unit}]", signal.symbol());
-            let svg = Figure { x, y: &y, series: Series::list(lines), axes: Axes::Linear }.svg()?;
+            let svg =
+                Figure { x, y: &y, series: Series::list(lines), axes: Axes::Linear }.drawn()?;
             let caption = format!(
                 "{} of {}: log, and model before and after.",
                 signal.symbol(),

@@ -127,6 +127,6 @@ pub fn drawn(profile: &Profile, found: &Fit) -> std::result::Result<Markup, LabE
     }
     lines.push(("contradicted above", vec![(ends[0], LIMIT), (ends[1], LIMIT)]));
     let (x, y) = (format!("{} [{}]", key.path(), key.unit), "rise of the sum [squared deviations]");
-    let svg = Figure { x: &x, y, series: Series::list(lines), axes: Axes::Linear }.svg()?;
+    let svg = Figure { x: &x, y, series: Series::list(lines), axes: Axes::Linear }.drawn()?;
     Ok(figure(&format!("{}.", words(profile)), &svg))
 }

@@ -4,10 +4,14 @@
 //! same evaluations in the same order, finds them, and goes on where it stopped.
 
 use crate::LabError;
+use hydroboom_files::{FileError, own_text, try_place};
 use std::collections::HashMap;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// Longest journal that is read \[B\]: some 100 000 evaluations.
+const LONGEST: u64 = 100_000_000;
 
 /// Evaluations by the exact bits of their point.
 pub struct Journal {
@@ -35,11 +39,14 @@ impl Journal {
         let name = path.display().to_string();
         let failed = |error| LabError::File { path: name.clone(), error };
         let mut known = HashMap::new();
-        let content = match std::fs::read_to_string(path) {
+        let content = match own_text(path, "journal", LONGEST) {
             Ok(content) => content,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(error) => return Err(failed(error)),
+            Err(FileError::Read { error, .. }) if error.kind() == std::io::ErrorKind::NotFound => {
+                String::new()
+            }
+            Err(error) => return Err(error.into()),
         };
+        try_place(path)?;
         let mut lines = content.lines();
         if let Some(found) = lines.next()
             && found != heading

@@ -1,6 +1,8 @@
 //! Bars by name: tornado and index figures.
 
-use super::figure::{COLOURS, FINE, GRID, INK, themed, tick};
+use super::drawing_data::{Drawing, rows_as_csv};
+use super::figure::{FINE, GRID, INK, themed, tick};
+use super::palette::paint;
 use crate::LabError;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -13,6 +15,8 @@ pub struct Bar<'a> {
     pub from: f64,
     /// Where it ends; a dot marks it where the bar begins elsewhere than at zero.
     pub to: f64,
+    /// Which of the palette's colours it has.
+    pub colour: usize,
     /// An interval around its end.
     pub bounds: Option<(f64, f64)>,
 }
@@ -26,18 +30,37 @@ pub struct Bars<'a> {
 }
 
 /// Width of the figure, of the names' column, and height of a bar's row and of what is below.
-const WIDTH: u32 = 760;
-const NAMES: u32 = 300;
-const ROW: u32 = 24;
+const WIDTH: u32 = 560;
+const NAMES: u32 = 262;
+const ROW: u32 = 26;
 const BELOW: u32 = 52;
 
 impl Bars<'_> {
-    /// The figure as an SVG element.
+    /// The figure, drawn.
     ///
     /// # Errors
     ///
     /// [`LabError::Figure`] when there is nothing finite to draw.
-    pub fn svg(&self) -> Result<String, LabError> {
+    pub fn drawn(&self) -> Result<Drawing, LabError> {
+        let svg = self.svg()?;
+        let rows: Vec<(&str, Vec<f64>)> = self
+            .bars
+            .iter()
+            .map(|bar| {
+                let (low, high) = bar.bounds.unwrap_or((bar.to, bar.to));
+                (bar.name, vec![bar.from, bar.to, low, high])
+            })
+            .collect();
+        let named: Vec<String> = self
+            .bars
+            .iter()
+            .map(|bar| format!("{} {}", bar.name, tick(bar.to, bar.to.abs())))
+            .collect();
+        let csv = rows_as_csv(&["name", &format!("from: {}", self.x), "to", "low", "high"], &rows);
+        Ok(Drawing { svg, csv, says: format!("Bars of {}: {}.", self.x, named.join(", ")) })
+    }
+
+    fn svg(&self) -> Result<String, LabError> {
         let ends = || {
             self.bars.iter().flat_map(|b| {
                 let (low, high) = b.bounds.unwrap_or((b.to, b.to));
@@ -53,7 +76,7 @@ impl Bars<'_> {
         let mut svg = String::new();
         {
             let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-            let font = ("sans-serif", 14 * FINE).into_font().color(&INK);
+            let font = ("sans-serif", 15 * FINE).into_font().color(&INK);
             let pad = 0.04 * (high - low);
             let left = if low < 0.0 { low - pad } else { 0.0 };
             let count = self.bars.len() as f64;
@@ -74,7 +97,7 @@ impl Bars<'_> {
                 .disable_y_mesh()
                 .y_labels(0)
                 .x_desc(self.x)
-                .x_labels(7)
+                .x_labels(4)
                 .x_label_formatter(&|v| tick(*v, high - low))
                 .draw()
                 .map_err(|e| failed(&e))?;
@@ -83,7 +106,7 @@ impl Bars<'_> {
                 let middle = count - k as f64 - 0.5;
                 let rectangle = Rectangle::new(
                     [(bar.from, middle - 0.32), (bar.to, middle + 0.32)],
-                    COLOURS[0].mix(0.75).filled(),
+                    paint(bar.colour).mix(0.75).filled(),
                 );
                 chart.draw_series([rectangle]).map_err(|e| failed(&e))?;
                 if bar.from != 0.0 {

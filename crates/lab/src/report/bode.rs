@@ -1,6 +1,7 @@
 //! Frequency responses of the linearised crane.
 
-use super::document::{document, figure};
+use super::document::{Page, document};
+use super::drawing_data::figure;
 use super::figure::{Axes, Figure, Series};
 use crate::LabError;
 use crate::linearise::{Mode, response};
@@ -27,7 +28,7 @@ pub fn bode_page(
     c: &DMatrix<f64>,
     outputs: &[(&str, usize, f64)],
     modes: &[Mode],
-) -> Result<String, LabError> {
+) -> Result<Page, LabError> {
     let frequencies: Vec<f64> =
         (0..=POINTS).map(|i| LOW * (HIGH / LOW).powf(f64::from(i) / f64::from(POINTS))).collect();
     let (mut sizes, mut phases) = (Vec::new(), Vec::new());
@@ -45,8 +46,8 @@ pub fn bode_page(
     let phases = Figure { x, y, series: Series::list(phases), axes: Axes::LogarithmicX };
     let body = html! {
         p.soft { "From motor speed [rpm], by exact derivatives of the model at this operating point." }
-        (figure("Magnitude.", &sizes.svg()?))
-        (figure("Phase.", &phases.svg()?))
+        (figure("Magnitude: how much each output answers to a rpm of motor speed, by frequency.", &sizes.drawn()?))
+        (figure("Phase: how late it answers; a turn of -180 deg marks a mode of the load.", &phases.drawn()?))
         h2 { "Poles" }
         div.wide { table {
             thead { tr { th { "real [1/s]" } th { "imaginary [rad/s]" } th { "frequency [Hz]" } th { "damping ratio" } } }

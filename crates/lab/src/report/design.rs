@@ -1,9 +1,12 @@
 //! Loops of the benchmark and of the scheduled LQR, before anything moves.
 
 use super::bode::size_and_phase;
-use super::document::{document, figure};
+use super::document::{Page, document};
+use super::drawing_data::figure;
 use super::figure::{Axes, Figure, Series};
+use super::palette::colour_of;
 use crate::LabError;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_design::{DesignReport, LinearisedPlant, benchmark_loop, scheduled_lqr_loop};
 use maud::html;
@@ -17,7 +20,7 @@ const POINTS: u32 = 600;
 /// # Errors
 ///
 /// [`LabError`] when a figure cannot be drawn, or the crane not be linearised.
-pub fn design_page(crane: &Description, reports: &[DesignReport]) -> Result<String, LabError> {
+pub fn design_page(crane: &Description, reports: &[DesignReport]) -> Result<Page, LabError> {
     let stroke = 0.5 * crane.numbers.stroke;
     let linear = LinearisedPlant::new(crane, stroke)?;
     let loops = [
@@ -35,13 +38,19 @@ pub fn design_page(crane: &Description, reports: &[DesignReport]) -> Result<Stri
         phases.push((*name, phase));
     }
     let x = "frequency [Hz]";
-    let bode = |y, points, axes| Figure { x, y, series: Series::list(points), axes }.svg();
+    let bode = |y, lines: Vec<(&'static str, Vec<(f64, f64)>)>, axes| {
+        let places = [Strategy::BenchmarkClosedLoop, Strategy::ScheduledLqr].map(colour_of);
+        let named = lines.into_iter().zip(places);
+        let series =
+            named.map(|((name, points), colour)| Series { name, points, colour }).collect();
+        Figure { x, y, series, axes }.drawn()
+    };
     let size = bode("loop gain", sizes, Axes::Logarithmic)?;
     let phase = bode("phase [deg]", phases, Axes::LogarithmicX)?;
     let body = html! {
         h2 { "Loop at mid-stroke, broken at the motor" }
-        (figure("Gain.", &size))
-        (figure("Phase.", &phase))
+        (figure("Gain of the loop: where it crosses 1 the loop is fastest; the peak is the load on its oil.", &size))
+        (figure("Phase of the loop: what it is above -180 deg where the gain crosses 1 is the phase margin.", &phase))
         h2 { "Margins" }
         @for report in reports {
             h3 { (format!("{:.0} mm: load mode {:.2} Hz, damping ratio {:.4}", report.stroke_mm, report.load_mode.frequency_hz, report.load_mode.damping_ratio)) }

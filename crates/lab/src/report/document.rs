@@ -1,5 +1,7 @@
 //! The frame of every page: one self-contained HTML file, readable in light and dark.
 
+use super::drawing_data::{FigureFile, apart};
+use super::origin::Origin;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 const STYLE: &str = "
@@ -14,32 +16,54 @@ table{border-collapse:collapse;margin:.6em 0;font-variant-numeric:tabular-nums;f
 th,td{padding:.18em .7em;text-align:right;border-bottom:1px solid var(--grid)}
 th:first-child,td:first-child{text-align:left}thead th{border-bottom:2px solid var(--soft)}
 tr:nth-child(even) td{background:var(--band)}
+.wide,body>table,details>table{display:block;max-width:100%;overflow-x:auto;scrollbar-width:thin;scrollbar-color:var(--soft) var(--band)}
+.wide::-webkit-scrollbar{height:9px}.wide::-webkit-scrollbar-track{background:var(--band)}
+.wide::-webkit-scrollbar-thumb{background:var(--soft);border-radius:5px}
+.wide th:first-child,.wide td:first-child{position:sticky;left:0;background:var(--paper)}
+.wide tr:nth-child(even) td:first-child{background:var(--band)}
+.drawn svg{display:block;max-width:48rem;height:auto}
+footer{margin-top:3rem;color:var(--soft);font-size:.92rem}
+dl{display:grid;grid-template-columns:max-content 1fr;gap:.1em 1em}dd{margin:0;overflow-wrap:anywhere}
 td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-size:.92rem}
-.wide{overflow-x:auto}.wide td:not(.text){white-space:nowrap}small,.soft{color:var(--soft)}code{font-size:.92em}
+.wide td:not(.text){white-space:nowrap}small,.soft{color:var(--soft)}code{font-size:.92em}
 .pair{display:flex;flex-wrap:wrap;gap:0 1rem}.pair figure{flex:1 1 20rem;max-width:30rem}
 details{margin:.6em 0}summary{cursor:pointer}";
 
-/// A whole page.
-pub fn document(title: &str, body: &Markup) -> String {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { (title) }
-                (body)
-            }
-        }
-    };
-    page.into_string()
+/// A page, which becomes a file once it is known how it was made.
+#[derive(Clone, Debug)]
+pub struct Page {
+    title: String,
+    /// Without the numbers of the figures.
+    body: String,
+    /// Its figures, in their order.
+    pub figures: Vec<FigureFile>,
 }
 
-/// A figure with its caption.
-pub fn figure(caption: &str, svg: &str) -> Markup {
-    html! { figure { (PreEscaped(svg)) figcaption { (caption) } } }
+/// A whole page.
+pub fn document(title: &str, body: &Markup) -> Page {
+    let (body, figures) = apart(&body.0);
+    Page { title: title.into(), body, figures }
+}
+
+impl Page {
+    /// The page as an HTML file, with a block that says how it was made.
+    pub fn html(&self, origin: &Origin) -> String {
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width, initial-scale=1";
+                    title { (self.title) }
+                    style { (PreEscaped(STYLE)) }
+                }
+                body {
+                    h1 { (self.title) }
+                    (PreEscaped(&self.body))
+                    (origin.block())
+                }
+            }
+        };
+        page.into_string()
+    }
 }

@@ -1,5 +1,6 @@
 //! The crane to scale, at both ends of its motion.
 
+use super::drawing_data::{Drawing, lines_as_csv};
 use crate::{LabError, plant};
 use hydroboom_description::Description;
 use hydroboom_model::Scheme;
@@ -13,7 +14,7 @@ const SCALE: f64 = 150.0;
 /// # Errors
 ///
 /// [`LabError`] when the crane has no state of rest there.
-pub fn crane(description: &Description) -> Result<String, LabError> {
+pub fn crane(description: &Description) -> Result<Drawing, LabError> {
     let n = &description.numbers;
     let mut low = [n.base_x.min(0.0) - 0.3, n.base_y - 0.35];
     let mut high = [n.base_x.max(0.0) + 0.3, 0.3_f64];
@@ -31,7 +32,7 @@ pub fn crane(description: &Description) -> Result<String, LabError> {
     let (width, height) = ((high[0] - low[0]) * SCALE, (high[1] - low[1]) * SCALE);
     let mut svg = format!(
         "<svg viewBox=\"0 0 {width:.0} {height:.0}\" width=\"100%\" role=\"img\" \
-         font-family=\"sans-serif\" font-size=\"13\" fill=\"var(--ink)\">"
+         font-family=\"sans-serif\" font-size=\"20\" fill=\"var(--ink)\">"
     );
     let foot = [n.base_x, n.base_y];
     let mut add = |text: String| svg.push_str(&text);
@@ -103,5 +104,18 @@ pub fn crane(description: &Description) -> Result<String, LabError> {
         format!("boom {:.0} mm, payload {:.0} kg", n.boom_length * 1e3, n.payload),
     ));
     svg.push_str("</svg>");
-    Ok(svg)
+    let lines: Vec<(String, Vec<(f64, f64)>)> = poses
+        .iter()
+        .map(|(stroke, line, _)| {
+            let points = line.iter().map(|[x, y]| (*x, *y)).collect();
+            (format!("boom at {:.0} mm", stroke * 1e3), points)
+        })
+        .collect();
+    let lines = lines.iter().map(|(name, points)| (name.as_str(), points.as_slice()));
+    let csv = lines_as_csv("x [m]", "y [m]", lines);
+    let says = format!(
+        "A boom of {:.2} m on its pivot A, lifted by a cylinder from the foot B, with its payload of {:.0} kg at the tip.",
+        n.boom_length, n.payload
+    );
+    Ok(Drawing { svg, csv, says })
 }

@@ -1,6 +1,7 @@
 //! States and parameters that the filter estimates along a log, with their bounds.
 
-use super::document::{document, figure};
+use super::document::{Page, document};
+use super::drawing_data::{Drawing, figure};
 use super::figure::{Axes, Figure, Series};
 use crate::LabError;
 use crate::log_estimation::{ESTIMATES, EstimateRow, INNOVATIONS, LogEstimate, readable, unit};
@@ -17,7 +18,7 @@ pub fn estimation_page(
     crane: &str,
     found: &LogEstimate,
     notes: &[String],
-) -> Result<String, LabError> {
+) -> Result<Page, LabError> {
     let verdict = &found.verdict;
     let mut figures = Vec::new();
     for (k, (name, _)) in ESTIMATES.iter().enumerate() {
@@ -112,7 +113,7 @@ fn table_of_innovations(found: &LogEstimate) -> Markup {
     }
 }
 
-fn estimate_figure(found: &LogEstimate, k: usize) -> Result<String, LabError> {
+fn estimate_figure(found: &LogEstimate, k: usize) -> Result<Drawing, LabError> {
     let name = ESTIMATES[k].0;
     let of = |side: f64| {
         let at = |row: &EstimateRow| (row.time, row.estimate[k] + side * row.deviation[k]);
@@ -122,7 +123,7 @@ fn estimate_figure(found: &LogEstimate, k: usize) -> Result<String, LabError> {
     svg(&label, of(0.0), of(2.0), of(-2.0), "estimate")
 }
 
-fn innovation_figure(found: &LogEstimate, k: usize) -> Result<String, LabError> {
+fn innovation_figure(found: &LogEstimate, k: usize) -> Result<Drawing, LabError> {
     let name = INNOVATIONS[k].0;
     let of = |at: &dyn Fn(&EstimateRow) -> f64| {
         found.rows.iter().map(|row| (row.time, at(row))).collect()
@@ -143,11 +144,11 @@ fn svg(
     upper: Vec<(f64, f64)>,
     lower: Vec<(f64, f64)>,
     name: &str,
-) -> Result<String, LabError> {
+) -> Result<Drawing, LabError> {
     let series = vec![
         Series { name: "+2 sigma", points: upper, colour: 1 },
         Series { name: "-2 sigma", points: lower, colour: 1 },
         Series { name, points: value, colour: 0 },
     ];
-    Figure { x: "time of the log [s]", y, series, axes: Axes::Linear }.svg()
+    Figure { x: "time of the log [s]", y, series, axes: Axes::Linear }.drawn()
 }

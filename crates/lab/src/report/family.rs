@@ -1,7 +1,8 @@
 //! What a family of virtual cranes makes of the strategies: boxes and tables.
 
-use super::document::{document, figure};
-use super::figure::COLOURS;
+use super::document::{Page, document};
+use super::drawing_data::{Drawing, figure, rows_as_csv};
+use super::palette::{colour_of_controller, paint};
 use super::pareto::{Pareto, ParetoPoint};
 use crate::closed_loop::monte_carlo::{Percentiles, Row, variations};
 use hydroboom_control::strategy::Strategy;
@@ -10,7 +11,7 @@ use plotters::style::RGBColor;
 use std::fmt::Write;
 
 /// The page of a family of `count` cranes drawn with `seed`, widened or not.
-pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows: &[Row]) -> String {
+pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows: &[Row]) -> Page {
     let first = rows.first().map(|row| row.controller);
     let courses: Vec<&str> = rows
         .iter()
@@ -35,13 +36,13 @@ pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows:
             (figure(
                 "RMS tracking error: box from quarter to three quarters of the cranes with the median, \
                  line from 5 to 95 %, dot for the worst.",
-                &boxes("error [mm]", &of(course).iter().map(|r| (name(r), r.rms_mm)).collect::<Vec<_>>())))
+                &boxes("error [mm]", &of(course).iter().map(|r| (*r, r.rms_mm)).collect::<Vec<_>>())))
             (figure("Magnitude of the peak error.",
-                &boxes("error [mm]", &of(course).iter().map(|r| (name(r), r.peak_mm)).collect::<Vec<_>>())))
+                &boxes("error [mm]", &of(course).iter().map(|r| (*r, r.peak_mm)).collect::<Vec<_>>())))
             (figure(
                 "RMS error over the benchmark's on the same crane, which is 1: left of it the strategy is better.",
                 &boxes("times the benchmark's", &of(course).iter()
-                    .map(|r| (name(r), r.rms_over_benchmark)).collect::<Vec<_>>())))
+                    .map(|r| (*r, r.rms_over_benchmark)).collect::<Vec<_>>())))
             (pareto(&of(course)))
             (table(&of(course)))
             (beside_the_benchmark(&of(course)))
@@ -56,15 +57,14 @@ fn pareto(rows: &[&Row]) -> Markup {
     let drawn = |effort: &str, of: fn(&Row) -> Percentiles| {
         let marks = rows
             .iter()
-            .enumerate()
-            .map(|(k, row)| ParetoPoint {
+            .map(|row| ParetoPoint {
                 name: name(row),
-                colour: colour(name(row), k),
+                colour: colour_of_controller(row.controller),
                 effort: of(row),
                 error: row.true_rms_over_benchmark,
             })
             .collect();
-        Pareto { effort, error: "true RMS error, times the benchmark's", marks }.svg().ok()
+        Pareto { effort, error: "true RMS error, times the benchmark's", marks }.drawn().ok()
     };
     let figures = [
         (
@@ -85,11 +85,6 @@ fn pareto(rows: &[&Row]) -> Markup {
             }
         }
     }
-}
-
-/// Which of the palette's colours a controller has: that of its strategy, or the next ones over again.
-fn colour(name: &str, place: usize) -> usize {
-    Strategy::ALL.iter().position(|strategy| strategy.name() == name).unwrap_or(place)
 }
 
 fn name(row: &Row) -> &'static str {
@@ -178,15 +173,28 @@ fn explanation() -> Markup {
     }
 }
 
-const WIDTH: f64 = 760.0;
-/// Column of the names: the longest takes 260.
-const LEFT: f64 = 290.0;
+const WIDTH: f64 = 560.0;
+/// Column of the names: the longest takes 256.
+const LEFT: f64 = 268.0;
 const LINE: f64 = 34.0;
 /// Width of a decade in which there is room for more than its own number.
 const ROOMY: f64 = 110.0;
 
 /// Boxes over a logarithmic axis, as SVG.
-fn boxes(axis: &str, rows: &[(&str, Percentiles)]) -> String {
+fn boxes(axis: &str, rows: &[(&Row, Percentiles)]) -> Drawing {
+    let table: Vec<(&str, Vec<f64>)> = rows
+        .iter()
+        .map(|(r, s)| (name(r), vec![s.p5, s.p25, s.median, s.p75, s.p95, s.worst]))
+        .collect();
+    let median = format!("median: {axis}");
+    let csv = rows_as_csv(&["name", "5 %", "25 %", &median, "75 %", "95 %", "worst"], &table);
+    let named: Vec<String> =
+        rows.iter().map(|(r, s)| format!("{} {:.2}", name(r), s.median)).collect();
+    let says = format!("Medians of {axis}: {}.", named.join(", "));
+    Drawing { svg: boxes_svg(axis, rows), csv, says }
+}
+
+fn boxes_svg(axis: &str, rows: &[(&Row, Percentiles)]) -> String {
     let positive = |v: f64| v.max(1e-3);
     let low = rows.iter().map(|(_, s)| positive(s.p5)).fold(f64::INFINITY, f64::min) * 0.8;
     let high = rows.iter().map(|(_, s)| positive(s.worst)).fold(0.0, f64::max) * 1.25;
@@ -197,7 +205,7 @@ fn boxes(axis: &str, rows: &[(&str, Percentiles)]) -> String {
     let bottom = 10.0 + LINE * rows.len() as f64;
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {}\" width=\"100%\" \
-         role=\"img\" font-family=\"sans-serif\" font-size=\"14\" fill=\"var(--ink)\">",
+         role=\"img\" font-family=\"sans-serif\" font-size=\"15\" fill=\"var(--ink)\">",
         bottom + 42.0
     );
     let mut decade = 10f64.powf(low.log10().floor());
@@ -224,9 +232,10 @@ fn boxes(axis: &str, rows: &[(&str, Percentiles)]) -> String {
         (LEFT + WIDTH) / 2.0,
         bottom + 37.0
     );
-    for (k, (name, s)) in rows.iter().enumerate() {
+    for (k, (row, s)) in rows.iter().enumerate() {
         let y = 10.0 + LINE * (k as f64 + 0.5);
-        let RGBColor(red, green, blue) = COLOURS[colour(name, k) % COLOURS.len()];
+        let (name, RGBColor(red, green, blue)) =
+            (name(row), paint(colour_of_controller(row.controller)));
         let colour = format!("#{red:02x}{green:02x}{blue:02x}");
         let (edge, top, end) = (x(s.p25), y - 9.0, y + 9.0);
         let (width, median) = (x(s.p75) - edge, x(s.median));

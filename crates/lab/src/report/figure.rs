@@ -1,5 +1,7 @@
 //! Line figures as SVG that follows the page's colours in light and dark.
 
+use super::drawing_data::{Drawing, lines_as_csv};
+use super::palette::paint;
 use crate::LabError;
 use plotters::prelude::*;
 
@@ -9,7 +11,8 @@ pub struct Series<'a> {
     pub name: &'a str,
     /// Points.
     pub points: Vec<(f64, f64)>,
-    /// Which of the palette's colours it has.
+    /// Which of the palette's colours it has: [`colour_of`](super::colour_of) a strategy's, or
+    /// [`NEUTRAL`](super::NEUTRAL) of a reference.
     pub colour: usize,
 }
 
@@ -44,33 +47,33 @@ pub enum Axes {
     LogarithmicX,
 }
 
-/// Mid-tone colours that can be told apart on white and on black, also without colour vision
-/// (after Okabe and Ito).
-pub(super) const COLOURS: [RGBColor; 5] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(150, 130, 20),
-];
-
 /// Stand-ins that are replaced by the page's own colours, which depend on light or dark.
 pub(super) const INK: RGBColor = RGBColor(1, 2, 3);
 pub(super) const GRID: RGBColor = RGBColor(4, 5, 6);
 
 /// Drawn four times as large as shown, because the backend rounds to whole pixels.
 pub(super) const FINE: u32 = 4;
-const SIZE: (u32, u32) = (760 * FINE, 300 * FINE);
+/// Narrow enough that its text can be read on a phone.
+const SIZE: (u32, u32) = (560 * FINE, 300 * FINE);
+const TEXT: u32 = 16;
 /// More points than pixels only make the page heavy.
 const MOST_POINTS: usize = 900;
 
 impl Figure<'_> {
-    /// The figure as an SVG element.
+    /// The figure, drawn.
     ///
     /// # Errors
     ///
     /// [`LabError::Figure`] when there is nothing finite to draw.
-    pub fn svg(&self) -> Result<String, LabError> {
+    pub fn drawn(&self) -> Result<Drawing, LabError> {
+        let svg = self.svg()?;
+        let lines = || self.series.iter().map(|line| (line.name, line.points.as_slice()));
+        let names: Vec<&str> = lines().map(|(name, _)| name).collect();
+        let says = format!("Over {}, {}: {}.", self.x, self.y, names.join(", "));
+        Ok(Drawing { svg, csv: lines_as_csv(self.x, self.y, lines()), says })
+    }
+
+    fn svg(&self) -> Result<String, LabError> {
         let finite = |(x, y): &(f64, f64)| {
             let x_fits = self.axes == Axes::Linear || *x > 0.0;
             let y_fits = self.axes != Axes::Logarithmic || *y > 0.0;
@@ -99,9 +102,9 @@ impl Figure<'_> {
             builder
                 .margin(8 * FINE)
                 .margin_right(18 * FINE)
-                .x_label_area_size(40 * FINE)
-                .y_label_area_size(64 * FINE);
-            let axis = ("sans-serif", 14 * FINE).into_font().color(&INK);
+                .x_label_area_size(44 * FINE)
+                .y_label_area_size(70 * FINE);
+            let axis = ("sans-serif", TEXT * FINE).into_font().color(&INK);
             macro_rules! draw {
                 ($x:expr, $y:expr) => {{
                     let mut chart = builder.build_cartesian_2d($x, $y).map_err(|e| failed(&e))?;
@@ -114,14 +117,14 @@ impl Figure<'_> {
                         .axis_desc_style(axis.clone())
                         .x_desc(self.x)
                         .y_desc(self.y)
-                        .x_labels(9)
+                        .x_labels(7)
                         .y_labels(6)
                         .x_label_formatter(&|v| tick(*v, x_high - x_low))
                         .y_label_formatter(&|v| tick(*v, y_high - y_low))
                         .draw()
                         .map_err(|e| failed(&e))?;
                     for (colour, name, points) in &series {
-                        let colour = COLOURS[colour % COLOURS.len()];
+                        let colour = paint(*colour);
                         let style = colour.stroke_width(2 * FINE);
                         let drawn = chart
                             .draw_series(LineSeries::new(points.iter().copied(), style))

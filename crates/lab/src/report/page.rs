@@ -1,7 +1,8 @@
 //! The page.
 
-use super::document::{document, figure};
+use super::document::{Page, document};
 use super::drawing;
+use super::drawing_data::figure;
 use super::figure::{Axes, Figure, Series};
 use super::tracking::{self, over_time};
 use super::validation;
@@ -20,7 +21,7 @@ use maud::{Markup, html};
 /// # Errors
 ///
 /// [`LabError`] when a figure cannot be drawn.
-pub fn page(description: &Description, study: &Study) -> Result<String, LabError> {
+pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> {
     let body = html! {
                 p.soft {
                     "Everything below is simulated. \"Paper\" is Hagen et al., Actuators 2025, 14(2):80; "
@@ -54,7 +55,7 @@ fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
             let series = Series::list([("p_A", shown.collect())]);
             figure(
                 "Figure 17: the boom dropped onto its locked cylinder at 200 mm, with friction.",
-                &Figure { x: "time [s]", y: "p_A [bar]", series, axes: Axes::Linear }.svg()?,
+                &Figure { x: "time [s]", y: "p_A [bar]", series, axes: Axes::Linear }.drawn()?,
             )
         }
         None => html! {},
@@ -290,8 +291,8 @@ fn pressures(study: &Study) -> Result<Markup, LabError> {
     let low = Figure { x: "time [s]", y: "pressure [bar]", series: low, axes: Axes::Linear };
     Ok(html! {
         h2 { "Pressures" }
-        (figure("High-pressure side under velocity feedforward at the fast speed, nominal plant.", &high.svg()?))
-        (figure("Low-pressure side.", &low.svg()?))
+        (figure("High-pressure side under velocity feedforward at the fast speed, nominal plant.", &high.drawn()?))
+        (figure("Low-pressure side, likewise: rod side, pump port and accumulator.", &low.drawn()?))
     })
 }
 
@@ -307,7 +308,7 @@ fn energy(study: &Study) -> Result<Markup, LabError> {
                 ("of it gravitational", over(|b| b.gained.gravitational)),
             ]);
             let y = "energy since the start [J]";
-            let svg = Figure { x: "time [s]", y, series, axes: Axes::Linear }.svg()?;
+            let svg = Figure { x: "time [s]", y, series, axes: Axes::Linear }.drawn()?;
             figure(
                 "Energy over the fast cycle: what is stored is the pump's work less the losses.",
                 &svg,
@@ -380,8 +381,8 @@ fn precision(study: &Study) -> Result<Markup, LabError> {
             "The first two seconds of the fast motion against Runge-Kutta steps of 1 us, without substeps. "
             "Points that diverged are left out."
         }
-        (figure("Error over step size.", &steps.svg()?))
-        (figure("Error over computing time.", &times.svg()?))
+        (figure("Largest error of p_A over the step size: a line twice as steep is an order more.", &steps.drawn()?))
+        (figure("The same over computing time: lower left is better.", &times.drawn()?))
     })
 }
 
@@ -395,7 +396,9 @@ fn oil(description: &Description) -> Result<Markup, LabError> {
     let points = (0..=300).map(|i| f64::from(i) * 0.4).map(|p| (p, beta(p * 1e5) * 1e-6));
     let series = Series::list([("beta", points.collect())]);
     let svg = Figure { x: "pressure [bar]", y: "bulk modulus [MPa]", series, axes: Axes::Linear };
-    Ok(html! { h2 { "Oil" } (figure("Figure 8: effective bulk modulus.", &svg.svg()?)) })
+    Ok(
+        html! { h2 { "Oil" } (figure("Figure 8: effective bulk modulus: soft where the oil is at low pressure and holds air.", &svg.drawn()?)) },
+    )
 }
 
 fn parameters(description: &Description) -> Markup {
@@ -408,7 +411,7 @@ fn parameters(description: &Description) -> Markup {
         }
         div.wide { table {
             thead { tr { th { "key" } th { "value" } th { "unit" } th { "provenance" } th { "source" } } }
-            tbody { @for (key, value, origin) in description.entries() { tr {
+            tbody { @for (key, value, origin) in description.entries().filter(|(.., origin)| origin.is_stated()) { tr {
                 td { code { (key.path()) } } td { (value) } td.text { (key.unit) }
                 td.text { (origin.provenance) } td.text { (origin.source) }
             } } }

@@ -1,6 +1,8 @@
 //! Errors against effort: a mark for each controller, with bars over the family.
 
-use super::figure::{COLOURS, FINE, GRID, INK, number, themed, tick};
+use super::drawing_data::{Drawing, rows_as_csv};
+use super::figure::{FINE, GRID, INK, number, themed, tick};
+use super::palette::{COLOURS, paint};
 use crate::LabError;
 use crate::closed_loop::monte_carlo::Percentiles;
 use plotters::prelude::*;
@@ -37,12 +39,29 @@ const TEXT: u32 = 16;
 const NEAR_ONE: f64 = 0.05;
 
 impl Pareto<'_> {
-    /// The figure as an SVG element; controllers without a finite median or percentile are left out.
+    /// The figure, drawn; controllers without a finite median or percentile are left out.
     ///
     /// # Errors
     ///
     /// [`LabError::Figure`] when there is nothing finite to draw.
-    pub fn svg(&self) -> Result<String, LabError> {
+    pub fn drawn(&self) -> Result<Drawing, LabError> {
+        let svg = self.svg()?;
+        let rows: Vec<(&str, Vec<f64>)> = self
+            .marks
+            .iter()
+            .map(|m| {
+                (m.name, [m.effort, m.error].iter().flat_map(|s| [s.p5, s.median, s.p95]).collect())
+            })
+            .collect();
+        let (effort, error) =
+            (format!("median: {}", self.effort), format!("median: {}", self.error));
+        let header = ["name", "effort, 5 %", &effort, "95 %", "error, 5 %", &error, "95 %"];
+        let names: Vec<&str> = self.marks.iter().map(|mark| mark.name).collect();
+        let says = format!("{} over {}: {}.", self.error, self.effort, names.join(", "));
+        Ok(Drawing { svg, csv: rows_as_csv(&header, &rows), says })
+    }
+
+    fn svg(&self) -> Result<String, LabError> {
         let finite =
             |s: &Percentiles| s.p5.is_finite() && s.median.is_finite() && s.p95.is_finite();
         let drawable =
@@ -92,7 +111,7 @@ impl Pareto<'_> {
                 .map_err(|e| failed(&e))?;
             for mark in &marks {
                 let (x, y) = (mark.effort, mark.error);
-                let style = COLOURS[mark.colour % COLOURS.len()].stroke_width(2 * FINE);
+                let style = paint(mark.colour).stroke_width(2 * FINE);
                 let bars =
                     [[(x.p5, y.median), (x.p95, y.median)], [(x.median, y.p5), (x.median, y.p95)]];
                 let bars = bars.map(|bar| PathElement::new(bar, style));
@@ -110,7 +129,7 @@ impl Pareto<'_> {
             let left = font.pos(Pos::new(HPos::Left, VPos::Center));
             for (k, mark) in marks.iter().enumerate() {
                 let y = fine(LINE * k as u32 + LINE / 2);
-                let colour = COLOURS[mark.colour % COLOURS.len()].filled();
+                let colour = paint(mark.colour).filled();
                 let at = (fine(78), y);
                 if mark.colour < COLOURS.len() {
                     below.draw(&Circle::new(at, 5 * FINE, colour)).map_err(|e| failed(&e))?;
@@ -151,7 +170,7 @@ mod tests {
             mark("better", 1, [0.8, 0.9, 1.0], [0.01, 0.02, 0.05]),
             mark("unfinished", 2, [f64::NAN; 3], [0.1, 0.2, 0.3]),
         ];
-        let svg = Pareto { effort: "effort [-]", error: "error [-]", marks }.svg().unwrap();
+        let svg = Pareto { effort: "effort [-]", error: "error [-]", marks }.drawn().unwrap().svg;
         let circles: Vec<[f64; 2]> = svg
             .split("<circle ")
             .skip(1)

@@ -1,7 +1,9 @@
 //! The estimated tip along a cycle: how far it hangs below a rigid boom, with bounds, and what is left.
 
-use super::document::{document, figure};
-use super::figure::{COLOURS, FINE, GRID, INK, number, themed};
+use super::document::{Page, document};
+use super::drawing_data::{Drawing, figure, lines_as_csv};
+use super::figure::{FINE, GRID, INK, number, themed};
+use super::palette::COLOURS;
 use crate::LabError;
 use crate::closed_loop::tip_accuracy::{Method, TipAccuracy, TipInstant};
 use maud::html;
@@ -26,7 +28,7 @@ struct Band {
 }
 
 /// Two axes over one time: height below a rigid boom above, error below.
-fn svg(course: &[TipInstant]) -> Result<String, LabError> {
+fn svg(course: &[TipInstant]) -> Result<Drawing, LabError> {
     let step = course.len().div_ceil(POINTS).max(1);
     let instants: Vec<&TipInstant> = course.iter().step_by(step).collect();
     let (Some(first), Some(last)) = (instants.first(), instants.last()) else {
@@ -65,7 +67,21 @@ fn svg(course: &[TipInstant]) -> Result<String, LabError> {
         draw(&lower, &times, "error of the height [mm]", "time [s]", (&below, 2.2))?;
         area.present().map_err(|e| LabError::Figure(e.to_string()))?;
     }
-    Ok(themed(&svg, size))
+    let mut lines: Vec<(String, Vec<(f64, f64)>)> = Vec::new();
+    for (part, bands) in
+        [("tip below a rigid boom", &above[..]), ("error of the height", &below[..])]
+    {
+        for band in bands {
+            let values = band.points.iter().map(|(t, v, _)| (*t, *v)).collect();
+            lines.push((format!("{part}, {}", band.name), values));
+            let deviations = band.points.iter().map(|(t, _, d)| (*t, *d)).collect();
+            lines.push((format!("{part}, {}: two standard deviations", band.name), deviations));
+        }
+    }
+    let csv =
+        lines_as_csv("time [s]", "[mm]", lines.iter().map(|(n, p)| (n.as_str(), p.as_slice())));
+    let names = above.iter().map(|band| band.name).collect::<Vec<_>>().join(", ");
+    Ok(Drawing { svg: themed(&svg, size), csv, says: format!("Over time [s], [mm]: {names}.") })
 }
 
 fn draw(
@@ -149,7 +165,7 @@ fn draw(
 /// # Errors
 ///
 /// [`LabError::Figure`] when the figure cannot be drawn.
-pub fn tip_page(title: &str, found: &TipAccuracy) -> Result<String, LabError> {
+pub fn tip_page(title: &str, found: &TipAccuracy) -> Result<Page, LabError> {
     let drawn = svg(&found.course)?;
     let caption = format!(
         "Crane {}, that of the median RMS error after a survey. Above: height of the tip less that of a rigid boom at the same piston position, truth and estimates with two standard deviations. Below: what \

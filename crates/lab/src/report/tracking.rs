@@ -1,7 +1,9 @@
 //! Figures 24 to 27: reference, positions and errors of the compared strategies.
 
-use super::document::{document, figure};
+use super::document::{Page, document};
+use super::drawing_data::figure;
 use super::figure::{Axes, Figure, Series};
+use super::palette::{NEUTRAL, colour_of};
 use super::validation;
 use crate::LabError;
 use crate::closed_loop::sample::Sample;
@@ -47,14 +49,21 @@ pub fn panels<'a>(
     let Some(reference) = reference else { return Ok(html! {}) };
     let course = &reference.course;
     let wanted = || over_time(reference, |s| s.reference.position * 1e3);
-    let position = |series, y| Figure { x: "time [s]", y, series, axes: Axes::Linear }.svg();
-    let motion = position(Series::list([("x_ref", wanted())]), "x_ref [mm]")?;
+    let position = |series, y| Figure { x: "time [s]", y, series, axes: Axes::Linear }.drawn();
+    let alone = vec![Series { name: "reference", points: wanted(), colour: NEUTRAL }];
+    let motion = position(alone, "x_ref [mm]")?;
     let mut panels = Vec::new();
     for (title, strategies) in COMPARED {
-        let mut positions = vec![Series { name: "reference", points: wanted(), colour: 0 }];
+        let mut positions = vec![Series { name: "reference", points: wanted(), colour: NEUTRAL }];
         let mut errors = Vec::new();
-        for (index, run) in strategies.into_iter().filter_map(&find).enumerate() {
-            let (name, colour) = (run.strategy.name(), index + 1);
+        let mut said = Vec::new();
+        for run in strategies.into_iter().filter_map(&find) {
+            let (name, colour) = (run.strategy.name(), colour_of(run.strategy));
+            said.push(format!(
+                "{name} RMS {:.2} mm, peak {:.2} mm",
+                run.rms() * 1e3,
+                run.peak() * 1e3
+            ));
             let points = over_time(run, |s| s.signals.stroke * 1e3);
             positions.push(Series { name, points, colour });
             let points = over_time(run, |s| s.error() * 1e3);
@@ -64,14 +73,15 @@ pub fn panels<'a>(
             title,
             position(positions, "x_cyl [mm]")?,
             position(errors, "x - x_ref [mm]")?,
+            said.join("; "),
         ));
     }
     Ok(html! {
-        (figure(&format!("Figure 24: reference, {course}."), &motion))
-        @for (title, a, b) in &panels {
+        (figure(&format!("Figure 24: where the piston should be, {course}."), &motion))
+        @for (title, a, b, said) in &panels {
             h3 { (title) ", " (plant) ", " (course) }
-            (figure("(a) Piston position.", a))
-            (figure("(b) Tracking error.", b))
+            (figure("(a) Where the piston is, as its sensor reads it, and where it should be.", a))
+            (figure(&format!("(b) How far the piston is off: {said}."), b))
         }
     })
 }
@@ -96,7 +106,7 @@ pub struct MotionTests<'a> {
 /// # Errors
 ///
 /// [`LabError`] when a figure cannot be drawn.
-pub fn motion_page(tests: &MotionTests<'_>) -> Result<String, LabError> {
+pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     let mut courses: Vec<&str> = tests.runs.iter().map(|run| run.course.as_str()).collect();
     courses.dedup();
     courses.sort_unstable();

@@ -1,13 +1,15 @@
 //! Trials as a page: bars of each contender's error, and a table.
 
-use super::document::{document, figure};
+use super::document::{Page, document};
+use super::drawing_data::{Drawing, figure};
+use super::palette::colour_of_controller;
 use super::{Bar, Bars};
 use crate::closed_loop::controller_choice::ControllerChoice;
 use crate::closed_loop::robustness::Outcome;
 use maud::{Markup, html};
 
 /// The page of trials on a crane, with a remark on the crane if there is one.
-pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> String {
+pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> Page {
     let mut names: Vec<&str> = Vec::new();
     for outcome in outcomes {
         if !names.contains(&outcome.trial.as_str()) {
@@ -80,13 +82,19 @@ const FIGURES: [(&str, &str, Drawn); 2] = [
 ];
 
 /// Those that can be compared, as bars; none where there is nothing to draw.
-fn bars(axis: &str, value: Drawn, of: &[&Outcome]) -> Option<String> {
+fn bars(axis: &str, value: Drawn, of: &[&Outcome]) -> Option<Drawing> {
     let bar = |o: &&Outcome| {
         let to = value(o)?;
-        Some(Bar { name: o.controller.name(), from: 0.0, to, bounds: None })
+        Some(Bar {
+            name: o.controller.name(),
+            from: 0.0,
+            to,
+            colour: colour_of_controller(o.controller),
+            bounds: None,
+        })
     };
     let bars = of.iter().filter_map(bar).collect();
-    Bars { x: axis, bars }.svg().ok()
+    Bars { x: axis, bars }.drawn().ok()
 }
 
 fn millimetres(value: Option<f64>) -> String {

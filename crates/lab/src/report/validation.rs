@@ -1,6 +1,6 @@
 //! Figures 18 to 23: position and pressures, the published model beside a crane.
 
-use super::document::figure;
+use super::drawing_data::figure;
 use super::figure::{Axes, Figure, Series};
 use crate::LabError;
 use crate::motion_test::Run;
@@ -31,14 +31,18 @@ pub fn panels(simulated: &Run, crane: &Run, name: &str) -> Result<Markup, LabErr
             run.samples.iter().map(|s| (s.time, of(&s.signals))).collect()
         };
         let pairs = simulated.samples.iter().zip(&crane.samples);
-        let difference = pairs.map(|(s, c)| (s.time, of(&c.signals) - of(&s.signals))).collect();
-        let svg = |y: &str, series| Figure { x: "time [s]", y, series, axes: Axes::Linear }.svg();
+        let difference: Vec<(f64, f64)> =
+            pairs.map(|(s, c)| (s.time, of(&c.signals) - of(&s.signals))).collect();
+        let square: f64 = difference.iter().map(|(_, d)| d * d).sum();
+        let rms = (square / difference.len().max(1) as f64).sqrt();
+        let most = difference.iter().map(|(_, d)| d.abs()).fold(0.0, f64::max);
+        let svg = |y: &str, series| Figure { x: "time [s]", y, series, axes: Axes::Linear }.drawn();
         let both = [(name, over(crane)), ("published model", over(simulated))];
         let difference = vec![Series { name: "difference", points: difference, colour: 2 }];
         shown.push((
-            format!("Figure {number} (a): {signal}."),
+            format!("Figure {number} (a): {signal} of the {name} and of the published model, commanded alike."),
             svg(axis, Series::list(both))?,
-            format!("(b) {name} less published model."),
+            format!("(b) {axis}, {name} less published model: RMS {rms:.2}, at most {most:.2}."),
             svg(&format!("difference of {axis}"), difference)?,
         ));
     }

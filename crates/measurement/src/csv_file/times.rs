@@ -145,6 +145,8 @@ impl Times<'_> {
             // a word says more than a letter, and a small letter more than a capital
             let by_name = match (is_named, column.read.name.as_str()) {
                 (true, "T") => 0.5,
+                // time in French, temperatures elsewhere
+                (true, name) if name.eq_ignore_ascii_case("temps") => 0.75,
                 (true, name) if name.chars().count() == 1 => 1.0,
                 (true, _) => 2.0,
                 _ => 0.0,

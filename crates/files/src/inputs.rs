@@ -1,0 +1,80 @@
+//! Inputs: read within bounds, and never written over.
+
+use crate::{FileError, Identity};
+use std::fs::File;
+use std::io::Read;
+use std::os::unix::fs::FileTypeExt;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Inputs of this process, as they were named.
+static INPUTS: Mutex<Vec<(PathBuf, Identity)>> = Mutex::new(Vec::new());
+
+/// Keeps a file from being written by this process.
+pub fn protect(path: &Path) {
+    let Some(identity) = Identity::of(path) else { return };
+    // a list is whole after each push
+    INPUTS.lock().unwrap_or_else(PoisonError::into_inner).push((path.into(), identity));
+}
+
+/// Refuses an output that is an input.
+pub(crate) fn refuse_input(path: &Path) -> Result<(), FileError> {
+    let Some(output) = Identity::of(path) else { return Ok(()) };
+    let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
+    match inputs.iter().find(|(_, input)| input.is_same(&output)) {
+        Some((input, _)) => Err(FileError::IsInput { path: path.into(), input: input.clone() }),
+        None => Ok(()),
+    }
+}
+
+/// Reads a file of at most so many bytes, and keeps it from being written. `what` says in one word
+/// or two what the file is.
+///
+/// # Errors
+///
+/// [`FileError`] when it cannot be read or is longer; a device without end is left after the limit.
+pub fn bytes(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>, FileError> {
+    protect(path);
+    bounded(path, what, limit)
+}
+
+fn bounded(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>, FileError> {
+    let failed = |error| FileError::Read { path: path.into(), error };
+    let file = File::open(path).map_err(failed)?;
+    let is_device = file.metadata().is_ok_and(|found| {
+        found.file_type().is_char_device() || found.file_type().is_block_device()
+    });
+    let mut read = Vec::new();
+    file.take(limit.saturating_add(1)).read_to_end(&mut read).map_err(failed)?;
+    match read.len() as u64 > limit {
+        true => {
+            let limit_kb = limit / 1000;
+            Err(FileError::TooLong { path: path.into(), what, limit_kb, is_device })
+        }
+        false => Ok(read),
+    }
+}
+
+/// Reads a text file of at most so many bytes; see [`bytes`].
+///
+/// # Errors
+///
+/// [`FileError`] when it cannot be read, is longer, or no text.
+pub fn text(path: &Path, what: &'static str, limit: u64) -> Result<String, FileError> {
+    decoded(path, bytes(path, what, limit)?)
+}
+
+/// The same of a file that this program writes again: its own record of something, as of an
+/// interrupted search.
+///
+/// # Errors
+///
+/// As [`text`].
+pub fn own_text(path: &Path, what: &'static str, limit: u64) -> Result<String, FileError> {
+    decoded(path, bounded(path, what, limit)?)
+}
+
+fn decoded(path: &Path, bytes: Vec<u8>) -> Result<String, FileError> {
+    String::from_utf8(bytes)
+        .map_err(|e| FileError::NotText { path: path.into(), at: e.utf8_error().valid_up_to() })
+}

@@ -1,0 +1,69 @@
+//! Numbers on the command line: finite, and within stated ranges.
+
+use hydroboom_description::Description;
+use miette::{Result, miette};
+use std::ops::RangeInclusive;
+
+/// Speeds of a motion \[mm/s\]; how fast a crane's own motion can be depends on its length and ramp.
+pub const SPEED: RangeInclusive<f64> = 0.1..=10_000.0;
+/// Piston positions \[mm\], of any crane.
+pub const STROKE: RangeInclusive<f64> = 0.0..=20_000.0;
+/// Speeds of a motor \[rpm\].
+pub const MOTOR_SPEED: RangeInclusive<f64> = -20_000.0..=20_000.0;
+/// Steps of a simulation \[us\].
+pub const STEP: RangeInclusive<f64> = 0.1..=100_000.0;
+/// Intervals between rows of a log \[ms\].
+pub const LOG_INTERVAL: RangeInclusive<f64> = 0.001..=3_600_000.0;
+/// Durations of a simulation \[s\]: up to four months.
+pub const DURATION: RangeInclusive<f64> = 1e-3..=1e7;
+/// Standard deviations of a survey \[mm\].
+pub const SURVEY_NOISE: RangeInclusive<f64> = 1e-3..=100.0;
+/// Times of a log \[s\], counted from whenever.
+pub const LOG_TIME: RangeInclusive<f64> = -1e12..=1e12;
+
+/// Reads a number within a range; `unit` is its unit.
+pub fn within(
+    range: RangeInclusive<f64>,
+    unit: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let number = text.trim().parse::<f64>().ok().filter(|number| range.contains(number));
+        let (low, high) = (range.start(), range.end());
+        number.ok_or_else(|| format!("it is a number from {low} to {high} {unit}"))
+    }
+}
+
+/// The speed of a crane's motion \[m/s\]: what was asked for \[mm/s\], or its fast one.
+///
+/// # Errors
+///
+/// When the crane has come to its end before it is as fast.
+pub fn speed_of_motion(crane: &Description, asked: Option<f64>) -> Result<f64> {
+    let n = &crane.numbers;
+    let Some(asked) = asked else { return Ok(n.fast) };
+    let most = 1e3 * (n.motion_end - n.motion_start).abs() / n.ramp;
+    match asked <= most {
+        true => Ok(asked * 1e-3),
+        false => Err(miette!(
+            help = "the motion's length and ramp stand in the crane file, [motion]",
+            "--speed-mm-s is {} to {most:.0} for this motion, not {asked}",
+            SPEED.start()
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_finite_and_within_their_range() {
+        let read = within(SPEED, "mm/s");
+        assert_eq!(read("25"), Ok(25.0));
+        assert_eq!(read(" 1e2 "), Ok(100.0));
+        for wrong in ["nan", "NaN", "inf", "-inf", "1e300", "1e999", "-25", "0", "fast", ""] {
+            let said = read(wrong).unwrap_err();
+            assert!(said.contains("0.1 to 10000 mm/s"), "{wrong}: {said}");
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! How a report was made: what was read, by which command, when.
+
+use hydroboom_lab::report::Origin;
+use hydroboom_measurement::digest_of;
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+use std::time::SystemTime;
+
+/// Crane files and mappings that were read: what it is, its name, its digest.
+static READ: Mutex<Vec<(String, String, String)>> = Mutex::new(Vec::new());
+
+/// Keeps in mind that a file was read.
+pub fn read(what: &str, path: &Path, content: &str) {
+    keep(what, &path.display().to_string(), content);
+}
+
+/// Keeps in mind that an embedded crane file was taken.
+pub fn embedded(name: &str, content: &str) {
+    keep("crane file", &format!("{name} (embedded)"), content);
+}
+
+fn keep(what: &str, name: &str, content: &str) {
+    let read = (what.to_string(), name.to_string(), digest_of(content.as_bytes()));
+    // a list is whole after each push
+    let mut all = READ.lock().unwrap_or_else(PoisonError::into_inner);
+    if !all.contains(&read) {
+        all.push(read);
+    }
+}
+
+/// How a report is made that is made now; `seed` is that of what was drawn at random.
+pub fn origin(seed: Option<u64>) -> Origin {
+    let command: Vec<String> =
+        std::env::args_os().map(|argument| quoted(&argument.to_string_lossy())).collect();
+    Origin {
+        version: env!("CARGO_PKG_VERSION").into(),
+        command: command.join(" "),
+        date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+        read: READ.lock().unwrap_or_else(PoisonError::into_inner).clone(),
+        seed,
+    }
+}
+
+/// An argument as a shell takes it.
+fn quoted(argument: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
+    match !argument.is_empty() && argument.chars().all(is_plain) {
+        true => argument.into(),
+        false => format!("'{}'", argument.replace('\'', "'\\''")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_is_shown_as_a_shell_takes_it() {
+        for plain in ["--set", "payload.mass_kg=340", "a/b-c_d.toml", "größe"] {
+            assert_eq!(quoted(plain), plain);
+        }
+        assert_eq!(quoted("it's a"), r"'it'\''s a'");
+        assert_eq!(quoted(""), "''");
+    }
+}
