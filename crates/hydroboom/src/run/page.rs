@@ -84,24 +84,24 @@ fn course(records: &[Record]) -> Result<Markup, LabError> {
     let has_error = records.iter().any(|r| r.error().is_some());
     Ok(html! {
         h2 { "The course" }
-        (figure("Position. Before the load is released the pump takes it over.", &draw("position [mm]", vec![
+        (figure("Where the piston should be, is, and is in the simulation. Before the load is released the pump takes it over.", &draw("position [mm]", vec![
             ("reference", over(&|r| Some(r.reference.position * 1e3))),
             ("machine", over(&|r| Some(r.signals().stroke * 1e3))),
             ("simulation", over(&|r| r.simulated.map(|s| s.axis().stroke * 1e3))),
         ])?))
         @if has_error {
-            (figure("Tracking error.", &draw("x - x_ref [mm]", vec![
+            (figure("How far the piston is off the reference, as its sensor reads it.", &draw("x - x_ref [mm]", vec![
                 ("machine", over(&|r| r.error().map(|e| e * 1e3))),
             ])?))
         }
-        (figure("Pressures.", &draw("pressure [bar]", vec![
+        (figure("Pressures: pump port and piston side carry the load, once they are alike the load is released; rod side and accumulator stay low.", &draw("pressure [bar]", vec![
             ("p_PA", bar(|r| r.signals().pressure_pump_a)),
             ("p_A", bar(|r| r.signals().pressure_a)),
             ("p_B", bar(|r| r.signals().pressure_b)),
             ("p_PB", bar(|r| r.signals().pressure_pump_b)),
             ("p_acc", bar(|r| r.signals().pressure_accumulator)),
         ])?))
-        (figure("Motor speed.", &draw("motor speed [rpm]", vec![
+        (figure("Motor speed that control asked for, and what the drive made of it.", &draw("motor speed [rpm]", vec![
             ("asked for", over(&|r| Some(r.decision.command.motor_speed * 60.0))),
             ("read", over(&|r| Some(r.signals().motor_speed * 60.0))),
         ])?))

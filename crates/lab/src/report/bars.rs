@@ -31,7 +31,7 @@ pub struct Bars<'a> {
 
 /// Width of the figure, of the names' column, and height of a bar's row and of what is below.
 const WIDTH: u32 = 560;
-const NAMES: u32 = 262;
+const NAMES: u32 = 284;
 const ROW: u32 = 26;
 const BELOW: u32 = 52;
 

@@ -49,7 +49,7 @@ pub fn design_page(crane: &Description, reports: &[DesignReport]) -> Result<Page
     let phase = bode("phase [deg]", phases, Axes::LogarithmicX)?;
     let body = html! {
         h2 { "Loop at mid-stroke, broken at the motor" }
-        (figure("Gain of the loop: where it crosses 1 the loop is fastest; the peak is the load on its oil.", &size))
+        (figure("Gain of the loop: errors are held back where it is above 1; the peak is the load on its oil.", &size))
         (figure("Phase of the loop: what it is above -180 deg where the gain crosses 1 is the phase margin.", &phase))
         h2 { "Margins" }
         @for report in reports {

@@ -174,8 +174,8 @@ fn explanation() -> Markup {
 }
 
 const WIDTH: f64 = 560.0;
-/// Column of the names: the longest takes 256.
-const LEFT: f64 = 268.0;
+/// Column of the names: the longest takes 274.
+const LEFT: f64 = 288.0;
 const LINE: f64 = 34.0;
 /// Width of a decade in which there is room for more than its own number.
 const ROOMY: f64 = 110.0;

@@ -54,8 +54,12 @@ pub(super) const GRID: RGBColor = RGBColor(4, 5, 6);
 /// Drawn four times as large as shown, because the backend rounds to whole pixels.
 pub(super) const FINE: u32 = 4;
 /// Narrow enough that its text can be read on a phone.
-const SIZE: (u32, u32) = (560 * FINE, 300 * FINE);
+const SIZE: (u32, u32) = (560, 290);
 const TEXT: u32 = 16;
+/// Height of a line of the legend, which stands above the lines that are drawn.
+const LEGEND_LINE: u32 = 22;
+/// Height of the axes alone.
+const AXES: f64 = 222.0;
 /// More points than pixels only make the page heavy.
 const MOST_POINTS: usize = 900;
 
@@ -94,9 +98,13 @@ impl Figure<'_> {
         };
         let (x_low, x_high) = extent(|p| p.0);
         let (y_low, y_high) = extent(|p| p.1);
+        let legend = if series.len() > 1 { LEGEND_LINE * series.len() as u32 } else { 0 };
+        let size = (SIZE.0 * FINE, (SIZE.1 + legend) * FINE);
+        // share of the drawn lines' height that the legend takes above them
+        let room = f64::from(legend) / AXES;
         let mut svg = String::new();
         {
-            let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+            let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
             let failed = |e: &dyn std::fmt::Display| LabError::Figure(e.to_string());
             let mut builder = ChartBuilder::on(&area);
             builder
@@ -153,21 +161,19 @@ impl Figure<'_> {
                 }};
             }
             let pad = 0.06 * (y_high - y_low).max(1e-9 * y_high.abs()).max(1e-12);
-            // room for the legend above the lines
-            let head = if series.len() > 1 { 1.5 + series.len() as f64 } else { 1.0 };
-            let even = y_low - pad..y_high + head * pad;
+            let even = y_low - pad..y_high + pad + room * (y_high - y_low + 2.0 * pad);
             let decades = (x_low * 0.8..x_high * 1.25).log_scale();
-            let log_head = if series.len() > 1 { (y_high / y_low).powf(0.3) } else { 1.4 };
+            let log_head = 1.4 * (2.0 * y_high / y_low).powf(room);
             match self.axes {
                 Axes::Logarithmic => {
-                    draw!(decades, (y_low * 0.7..y_high * log_head.max(1.4)).log_scale())
+                    draw!(decades, (y_low * 0.7..y_high * log_head).log_scale())
                 }
                 Axes::LogarithmicX => draw!(decades, even),
                 Axes::Linear => draw!(x_low..x_high, even),
             }
             area.present().map_err(|e| failed(&e))?;
         }
-        Ok(themed(&svg, SIZE))
+        Ok(themed(&svg, size))
     }
 }
 
