@@ -520,7 +520,7 @@ fn the_evaluator_refuses_what_the_standard_does() {
         ("x := fb.missing;", "missing is not declared"),
         ("fb(missing := x);", "missing is not declared"),
         ("fb(u := b);", "types of u "),
-        ("x(u := x);", "x is LREAL"),
+        ("x(u := x);", "x is number"),
     ];
     let texts = wrong.map(|(statement, said)| (few(variables, statement), said));
     let twice = (few("x : LREAL; X : DINT;", ""), "X is declared twice");

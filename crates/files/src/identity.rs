@@ -31,6 +31,11 @@ impl Identity {
         Some(Self { path: resolved(path)?, node })
     }
 
+    /// Whether there is such a file.
+    pub(crate) fn is_file(&self) -> bool {
+        self.node.is_some()
+    }
+
     /// Whether both are the same file.
     pub fn is_same(&self, other: &Self) -> bool {
         self.path == other.path || (self.node.is_some() && self.node == other.node)

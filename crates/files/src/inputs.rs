@@ -7,22 +7,33 @@ use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Inputs of this process, as they were named.
-static INPUTS: Mutex<Vec<(PathBuf, Identity)>> = Mutex::new(Vec::new());
+/// An input of this process.
+struct Input {
+    /// As it was named.
+    path: PathBuf,
+    identity: Identity,
+    /// Held open, so that no other file gets its inode where it is deleted.
+    _file: Option<File>,
+}
+
+/// Inputs of this process.
+static INPUTS: Mutex<Vec<Input>> = Mutex::new(Vec::new());
 
 /// Keeps a file from being written by this process.
 pub fn protect(path: &Path) {
     let Some(identity) = Identity::of(path) else { return };
+    let file = identity.is_file().then(|| File::open(path).ok()).flatten();
     // a list is whole after each push
-    INPUTS.lock().unwrap_or_else(PoisonError::into_inner).push((path.into(), identity));
+    let mut inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
+    inputs.push(Input { path: path.into(), identity, _file: file });
 }
 
 /// Refuses an output that is an input.
 pub(crate) fn refuse_input(path: &Path) -> Result<(), FileError> {
     let Some(output) = Identity::of(path) else { return Ok(()) };
     let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
-    match inputs.iter().find(|(_, input)| input.is_same(&output)) {
-        Some((input, _)) => Err(FileError::IsInput { path: path.into(), input: input.clone() }),
+    match inputs.iter().find(|input| input.identity.is_same(&output)) {
+        Some(input) => Err(FileError::IsInput { path: path.into(), input: input.path.clone() }),
         None => Ok(()),
     }
 }

@@ -64,6 +64,23 @@ impl Output {
         done.map_err(|error| FileError::Write { path, error })
     }
 
+    /// Leaves what was written beside its place, unfinished, for what cannot be written again; returns where it is.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError`] when it cannot be kept.
+    pub fn leave(self) -> Result<PathBuf, FileError> {
+        let Self { path, kind } = self;
+        match kind {
+            Kind::InPlace(_) => Ok(path),
+            Kind::Whole(file, _) => {
+                let kept = file.keep();
+                kept.map(|(_, at)| at)
+                    .map_err(|error| FileError::Write { path, error: error.error })
+            }
+        }
+    }
+
     /// The path, as it was named.
     pub fn path(&self) -> &Path {
         &self.path

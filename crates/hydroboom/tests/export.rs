@@ -48,7 +48,7 @@ fn what_a_language_cannot_say_is_refused_with_the_reason() {
     says(&hydroboom(&["export", "st", "--crane", &crane, "--out", &out]), "self-contained");
     assert!(!std::path::Path::new(&out).exists(), "something was written");
     std::fs::write(&out, "in the way").unwrap();
-    says(&hydroboom(&["export", "c", "--out", &out]), "cannot be made");
+    says(&hydroboom(&["export", "c", "--out", &out]), "cannot be written: File exists");
 }
 
 /// Scripts of earlier versions ask for it.

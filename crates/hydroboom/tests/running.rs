@@ -16,7 +16,7 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
     assert!(run["rms_mm"].as_f64().unwrap() < 1.1, "{run}");
     let rows = |log: &std::path::Path| {
         let csv = log.with_extension("csv");
-        let arguments = ["log", "to-csv", log.to_str().unwrap(), "--out", csv.to_str().unwrap()];
+        let arguments = ["log", "to-csv", &kept, "--out", csv.to_str().unwrap()];
         let output = hydroboom(&arguments);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         std::fs::read_to_string(csv).unwrap().lines().count() - 1
@@ -83,13 +83,16 @@ fn a_full_disk_ends_the_log_and_not_the_run() {
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && said.contains("the log ends here"), "{said}");
+    assert!(!output.status.success() && said.contains("not all is written"), "{said}");
+    let (_, kept) = said.split_once("the log ends here, what was written is in ").expect(&said);
+    let (kept, _) = kept.split_once(".partial: ").expect(&said);
+    let kept = format!("{kept}.partial");
     let full: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let free = parsed(&["run", "--simulated-time", "--json"]);
     assert_eq!(full["rms_mm"], free["rms_mm"], "the control noticed it");
     assert!(full["fault"].is_null());
     let csv = folder.join("run.csv");
-    let read = hydroboom(&["log", "to-csv", log.to_str().unwrap(), "--out", csv.to_str().unwrap()]);
+    let read = hydroboom(&["log", "to-csv", &kept, "--out", csv.to_str().unwrap()]);
     assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
     let rows = std::fs::read_to_string(csv).unwrap().lines().count();
     assert!(rows > 2000, "{rows} rows are left");

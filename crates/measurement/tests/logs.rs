@@ -146,6 +146,30 @@ fn what_is_missing_stays_missing() {
 }
 
 #[test]
+fn what_is_no_row_of_numbers_is_left_out_counted_and_said() {
+    let text = "# made by hand\ntime_s,stroke_mm,p_A_bar\n0,1,68\n0.01,2,69\n# a pause\n0.02,3,oops\ntime_s,stroke_mm,p_A_bar\n0.03,4\n\
+                0.04,5,71,9\n0.05,6,---\n,7,70\n0.06,8,7";
+    let read_log = log("odd.csv", text);
+    assert_eq!(read_log.channels[0].values, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]);
+    assert_eq!(read_log.channels[1].range().unwrap().missing, 3);
+    let said = read_log.remarks.join("\n");
+    for wanted in [
+        "1 comments, first line 5",
+        "1 rows that hold words in place of numbers, first line 7",
+        "1 cells that are no numbers, first line 6 (\"oops\" in p_A_bar)",
+        "1 rows are shorter than the others, first line 8",
+        "1 rows are longer than the others, first line 9",
+        "1 rows without a time, first line 11",
+    ] {
+        assert!(said.contains(wanted), "{wanted}: {said}");
+    }
+    // half a number at the end of a file that was cut off is none
+    let cut = log("cut.csv", "time_s,stroke_mm,p_A_bar\n0,1,68\n0.01,2,69\n0.02,3,69\n0.03,48");
+    assert_eq!(cut.channels[0].values, [1.0, 2.0, 3.0]);
+    assert!(cut.remarks.iter().any(|r| r.contains("cut off by the end")), "{:?}", cut.remarks);
+}
+
+#[test]
 fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
     let text = "zeitachse,kanal1,kanal2\n0,-50,6800000\n10,-51,6810000\n20,-52,6820000\n";
     let path = file("mapped.csv", text);

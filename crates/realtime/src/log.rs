@@ -21,7 +21,7 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Time between two chunks \[s\].
@@ -219,6 +219,16 @@ impl LogWriter {
                 false => Ok(()),
             })
             .map_err(|error| LogError::Mcap { path: self.path.clone(), error })
+    }
+
+    /// Gives the log up, and leaves what was written of it beside its place; returns where.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`] when it cannot be kept.
+    pub fn leave(self) -> Result<PathBuf, LogError> {
+        let (output, _) = self.writer.into_inner().into_inner().into_parts();
+        Ok(output.leave()?)
     }
 
     /// Ends the log.

@@ -301,13 +301,19 @@ impl Running {
 impl Watch {
     /// Adds a record to the log; a log that cannot be written is given up, and the run goes on.
     fn write(&mut self, record: &Record) {
-        if let Some(writer) = &mut self.log
-            && let Err(error) = writer.add(record)
-        {
-            self.log = None;
-            self.say(&format!("the log ends here: {error}"));
-            self.lost_log = Some(error);
+        let Some(mut writer) = self.log.take() else { return };
+        let Err(error) = writer.add(record) else {
+            self.log = Some(writer);
+            return;
+        };
+        match writer.leave() {
+            Ok(kept) => self.say(&format!(
+                "the log ends here, what was written is in {}: {error}",
+                kept.display()
+            )),
+            Err(lost) => self.say(&format!("the log ends here, and is lost: {error}; {lost}")),
         }
+        self.lost_log = Some(error);
     }
 
     fn say(&mut self, text: &str) {

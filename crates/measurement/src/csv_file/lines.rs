@@ -21,6 +21,8 @@ pub(super) struct Lines {
     pub(super) number: u64,
     /// Whether the text is in UTF-16.
     pub(super) is_utf_16: bool,
+    /// Whether the line that was read last has no end: the last of a file, which may have been cut off in it.
+    pub(super) is_cut: bool,
 }
 
 impl Lines {
@@ -45,7 +47,14 @@ impl Lines {
             None => Box::new(BufReader::with_capacity(1 << 16, whole)),
         };
         let end = if is_carriage_return { b'\r' } else { b'\n' };
-        Ok(Some(Self { source, end, line: Vec::new(), number: 0, is_utf_16: utf_16.is_some() }))
+        Ok(Some(Self {
+            source,
+            end,
+            line: Vec::new(),
+            number: 0,
+            is_utf_16: utf_16.is_some(),
+            is_cut: false,
+        }))
     }
 
     /// The next line, without its end; none at the end of the file.
@@ -57,6 +66,7 @@ impl Lines {
             return Ok(None);
         }
         self.number += 1;
+        self.is_cut = self.line.last() != Some(&self.end);
         if count as u64 == LONGEST_LINE {
             let reason = format!("line {} is longer than {} MB", self.number, LONGEST_LINE >> 20);
             return Err(Error::new(ErrorKind::InvalidData, reason));

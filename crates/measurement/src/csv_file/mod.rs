@@ -8,6 +8,7 @@
 //! its own are read as what they are. What cannot be read is counted and said; a log is refused where nothing usable is left.
 
 mod cell;
+mod clock;
 mod columns;
 mod lines;
 mod rows;
@@ -79,14 +80,16 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
         .bases(&mut remarks)?;
     let is_counted = bases.iter().any(|b| matches!(b.source, Source::Counted { .. }));
     let mut rows = Rows::new(&style, &columns, bases);
+    let count = first.len();
     for (k, line) in first.iter().enumerate().skip(style.first) {
-        rows.add(k as u64 + 1, line);
+        rows.add(k as u64 + 1, line, lines.is_cut && k + 1 == count);
     }
     drop(first);
     while !rows.is_ended {
         let number = lines.number + 1;
         let Some(line) = lines.next().map_err(failed)? else { break };
-        rows.add(number, &text(line));
+        let line = text(line).into_owned();
+        rows.add(number, &line, lines.is_cut);
     }
     remarks.dedup();
     let is_relative = rows.origin.is_some();

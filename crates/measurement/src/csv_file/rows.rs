@@ -1,10 +1,11 @@
 //! Rows of numbers, one after the other: what cannot be read is counted.
 
 use super::cell::Cell;
+use super::clock::Clock;
 use super::columns::{Column, Kind};
 use super::lines::Cells;
 use super::style::Style;
-use super::times::{Base, Clock};
+use super::times::Base;
 use crate::recording::Recording;
 use crate::thinning::MOST;
 
@@ -27,6 +28,7 @@ pub(super) struct Rows<'a> {
     long: Odd,
     timeless: Odd,
     bad: Odd,
+    cut: Odd,
 }
 
 /// What is odd: how often, and where first.
@@ -70,11 +72,12 @@ impl<'a> Rows<'a> {
             long: Odd::default(),
             timeless: Odd::default(),
             bad: Odd::default(),
+            cut: Odd::default(),
         }
     }
 
-    /// Adds a line.
-    pub(super) fn add(&mut self, number: u64, line: &str) {
+    /// Adds a line; one that was cut off is left out where it is shorter than the others, since its last number may be too.
+    pub(super) fn add(&mut self, number: u64, line: &str, is_cut: bool) {
         if line.trim().is_empty() || self.is_ended {
             return;
         }
@@ -84,6 +87,9 @@ impl<'a> Rows<'a> {
             return;
         }
         let width = self.columns.len();
+        if is_cut && self.cells.len() < width {
+            return self.cut.add(number, line);
+        }
         self.row.clear();
         let (mut numbers, mut texts, mut first_text) = (0_u64, 0_u64, None);
         for (k, column) in self.columns.iter().enumerate() {
@@ -156,6 +162,7 @@ impl<'a> Rows<'a> {
         say(&self.timeless, "rows without a time", "left out");
         say(&self.bad, "cells that are no numbers", "they count as missing");
         say(&self.short, "rows are shorter than the others", "what is not there is missing");
+        say(&self.cut, "rows are cut off by the end of the file", "left out");
         say(&self.long, "rows are longer than the others", "what is more is left out");
         said
     }

@@ -1,6 +1,6 @@
 //! Which columns of a table hold times, and what they count: judged by names, units and content.
 
-use super::cell::{Cell, Stamp};
+use super::cell::Cell;
 use super::columns::{Column, Kind};
 use super::style::Style;
 use crate::dimension::Dimension;
@@ -332,67 +332,4 @@ impl Times<'_> {
 /// A name without a number behind it.
 fn stem(name: &str) -> &str {
     name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches(['_', '.', '#', ' ', '-'])
-}
-
-/// Turns the cells of rows into times \[s\].
-pub(super) struct Clock {
-    source: Source,
-    count: u64,
-    /// Day of the first stamp.
-    day: Option<i64>,
-    /// What the first number of the table's first base is \[s\].
-    last: f64,
-    days_on: f64,
-}
-
-impl Clock {
-    pub(super) fn new(source: Source) -> Self {
-        Self { source, count: 0, day: None, last: f64::NEG_INFINITY, days_on: 0.0 }
-    }
-
-    /// The time of a row \[s\]; none where it has none. `origin` is what far times of the table are counted from \[s\].
-    pub(super) fn time(&mut self, row: &[Cell], origin: &mut Option<f64>) -> Option<f64> {
-        let cell = |k: usize| row.get(k).copied().unwrap_or(Cell::Missing);
-        match self.source {
-            Source::Counted { interval } => {
-                self.count += 1;
-                Some((self.count - 1) as f64 * interval)
-            }
-            Source::Number { column, factor, offset, is_far } => {
-                let Cell::Number(number) = cell(column) else { return None };
-                if !is_far {
-                    return Some(number * factor + offset);
-                }
-                // the difference first: a number since 1970 has no digits left for parts of a second
-                let zero = *origin.get_or_insert(number * factor + offset);
-                Some((number - (zero - offset) / factor) * factor)
-            }
-            Source::Stamp { column, date } => {
-                let Cell::Stamp(Stamp { day, seconds }) = cell(column) else { return None };
-                let beside = match date.map(cell) {
-                    Some(Cell::Stamp(stamp)) => stamp.day,
-                    _ => None,
-                };
-                let seconds = seconds.unwrap_or(0.0);
-                match day.or(beside) {
-                    Some(day) => {
-                        let first = *self.day.get_or_insert(day);
-                        let time = (day - first) as f64 * DAY + seconds;
-                        let zero = *origin.get_or_insert(time);
-                        Some(time - zero)
-                    }
-                    // a time of the day goes on after midnight
-                    None => {
-                        if self.last - seconds > 0.5 * DAY {
-                            self.days_on += DAY;
-                        }
-                        self.last = seconds;
-                        let time = seconds + self.days_on;
-                        let zero = *origin.get_or_insert(time);
-                        Some(time - zero)
-                    }
-                }
-            }
-        }
-    }
 }
