@@ -16,7 +16,7 @@ fn a_run_in_simulated_time_is_logged_and_converted() {
     assert!(run["rms_mm"].as_f64().unwrap() < 1.1, "{run}");
     let rows = |log: &std::path::Path| {
         let csv = log.with_extension("csv");
-        let arguments = ["log", "to-csv", &kept, "--out", csv.to_str().unwrap()];
+        let arguments = ["log", "to-csv", log.to_str().unwrap(), "--out", csv.to_str().unwrap()];
         let output = hydroboom(&arguments);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         std::fs::read_to_string(csv).unwrap().lines().count() - 1

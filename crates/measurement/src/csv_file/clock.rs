@@ -1,7 +1,8 @@
 //! Cells of rows as times.
 
 use super::cell::{Cell, Stamp};
-use super::times::{DAY, Source};
+use super::times::Source;
+use crate::time_unit::DAY;
 
 /// Turns the cells of rows into times \[s\].
 pub(super) struct Clock {

@@ -6,7 +6,7 @@ use super::style::Style;
 use crate::dimension::Dimension;
 use crate::error::MeasurementError;
 use crate::time_column::TimeColumn;
-use crate::time_unit::{DAY, FAR, by_content, interval};
+use crate::time_unit::{FAR, by_content, interval};
 use crate::unit::Unit;
 
 /// Ticks of Windows' file time \[s\], which TwinCAT Scope writes.
