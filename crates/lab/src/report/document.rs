@@ -25,7 +25,7 @@ tr:nth-child(even) td{background:var(--band)}
 footer{margin-top:3rem;color:var(--soft);font-size:.92rem}
 dl{display:grid;grid-template-columns:max-content 1fr;gap:.1em 1em}dd{margin:0;overflow-wrap:anywhere}
 td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-size:.92rem}
-.wide td:not(.text){white-space:nowrap}small,.soft{color:var(--soft)}code{font-size:.92em}
+.wide td:not(.text){white-space:nowrap}small,.soft{color:var(--soft)}code{font-size:.92em;overflow-wrap:anywhere}
 .pair{display:flex;flex-wrap:wrap;gap:0 1rem}.pair figure{flex:1 1 20rem;max-width:30rem}
 details{margin:.6em 0}summary{cursor:pointer}";
 

@@ -68,10 +68,9 @@ pub fn crane(description: &Description) -> Result<Drawing, LabError> {
             let (x, y) = px(*tip);
             add(format!(
                 "<rect x=\"{:.1}\" y=\"{:.1}\" width=\"26\" height=\"26\" fill=\"#009e73\"/>\
-                 <text x=\"{:.1}\" y=\"{:.1}\">x_cyl = {:.0} mm</text>",
+                 <text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">x_cyl = {:.0} mm</text>",
                 x - 13.0,
                 y - 13.0,
-                x - 50.0,
                 y - 20.0,
                 stroke * 1e3
             ));
@@ -99,7 +98,7 @@ pub fn crane(description: &Description) -> Result<Drawing, LabError> {
     ));
     add(text(x + SCALE / 2.0 - 14.0, y - 6.0, "1 m".into()));
     add(text(
-        x - 2.0 * SCALE,
+        x - 2.2 * SCALE,
         y - 6.0,
         format!("boom {:.0} mm, payload {:.0} kg", n.boom_length * 1e3, n.payload),
     ));
