@@ -143,24 +143,6 @@ fn course() -> [Vec<f64>; 2] {
 }
 
 #[test]
-fn damaged_csv_files() {
-    let [t, x] = course();
-    let rows = |separator: &str| -> String {
-        let row = |(t, x): (&f64, &f64)| format!("{t}{separator}{x}{separator}68.5\r\n");
-        t.iter().zip(&x).map(row).collect()
-    };
-    let plain = format!("time_s,stroke_mm,p_A [bar]\n{}", rows(","));
-    let scope = format!(
-        "Name\tScope Project\nFile\tlift.svdx\n\nName\tGVL.fPosition\tGVL.fPressure\nSampleTime[ms]\t10\t10\nUnit\tmm\tbar\n\n{}",
-        rows("\t").replace('.', ",")
-    );
-    let quoted = format!("\"t / ms\";\"x (1)\";\"p\"\n# comment\n{}", rows(";"));
-    let wide: Vec<u8> = plain.encode_utf16().flat_map(u16::to_le_bytes).collect();
-    let wide = [vec![0xff, 0xfe], wide].concat();
-    survives("csv", &[plain.into(), scope.into(), quoted.into(), wide], use_file);
-}
-
-#[test]
 fn damaged_mat_files() {
     let [t, x] = course();
     let inner =
@@ -265,14 +247,4 @@ fn damaged_mcap_files() {
         ),
     ];
     survives("mcap", &seeds, use_file);
-}
-
-#[test]
-fn damaged_mappings() {
-    let seed = "[log]\ntime = \"t\"\n[log.stroke]\ncolumn = \"x\"\nunit = \"mm\"\nsign = -1\noffset = 250.0\n\
-                delay_ms = 4.0\ndrift_ppm = 200\nfilter_ms = 20.0\n[log.pressure_a]\ncolumn = \"p\"\nscale = 2.0\n";
-    survives("toml", &[seed.into()], |path| {
-        let text = String::from_utf8_lossy(&std::fs::read(path).unwrap()).into_owned();
-        let _ = Mapping::parse("mapping.toml", &text);
-    });
 }
