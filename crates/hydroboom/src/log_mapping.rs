@@ -2,6 +2,7 @@
 
 use crate::crane_file::text_of;
 use crate::number;
+use crate::origin;
 use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_measurement::{Mapping, Measurement, read};
@@ -43,6 +44,7 @@ impl LogMapping {
                 log.display()
             );
         }
+        origin::log(log);
         let mut log = read(log, Some(&given.time)).into_diagnostic()?;
         let mapping = given.completed(&log).into_diagnostic()?;
         log.remarks.extend(mapping.assumptions(&log));

@@ -3,6 +3,7 @@
 use crate::error::MeasurementError;
 use crate::heading::Heading;
 use crate::signal::Signal;
+use crate::time_column::TimeColumn;
 use crate::unit::Unit;
 use std::sync::Arc;
 
@@ -48,6 +49,8 @@ pub struct Measurement {
     pub channels: Vec<Channel>,
     /// What had to be done to read it.
     pub remarks: Vec<String>,
+    /// The column that its times were found in; none where each signal has times of its own, or the format says which is the time.
+    pub time: Option<TimeColumn>,
 }
 
 /// Smallest, mean and largest of the values that are there.

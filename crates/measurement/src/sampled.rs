@@ -50,11 +50,20 @@ pub(crate) struct Assembly<'a> {
     remarks: Vec<String>,
     /// What times that are far away are counted from \[s\].
     begin: Option<f64>,
+    /// The columns that its times were found in.
+    times: Vec<TimeColumn>,
 }
 
 impl<'a> Assembly<'a> {
     pub(crate) fn new(file: &str, stated: Option<&'a TimeColumn>, remarks: Vec<String>) -> Self {
-        Self { file: file.into(), stated, channels: Vec::new(), remarks, begin: None }
+        Self {
+            file: file.into(),
+            stated,
+            channels: Vec::new(),
+            remarks,
+            begin: None,
+            times: Vec::new(),
+        }
     }
 
     /// Says something about the log.
@@ -78,6 +87,7 @@ impl<'a> Assembly<'a> {
             time.iter_mut().for_each(|t| *t = stated.scale * *t + stated.offset);
         }
         let unit = self.unit(&heading, &read, &time)?;
+        self.times.push(TimeColumn::found(&heading, Some(unit)));
         let begin = self.begin(time.iter().copied().find(|t| t.is_finite()).unwrap_or(0.0) * unit);
         // which samples are kept, and at what times
         let mut recording = Recording::new(1, usize::MAX);
@@ -183,7 +193,9 @@ impl<'a> Assembly<'a> {
             };
             return Err(MeasurementError::Format { file: self.file, reason });
         }
-        Ok(Measurement { name: self.file, channels: self.channels, remarks: self.remarks })
+        let Self { file: name, channels, remarks, mut times, .. } = self;
+        let time = times.pop().filter(|_| times.is_empty());
+        Ok(Measurement { name, channels, remarks, time })
     }
 }
 

@@ -142,6 +142,22 @@ fn ticks_of_100_ns_are_none_but_in_scope() {
 }
 
 #[test]
+fn a_time_that_was_guessed_is_written_to_the_mapping_and_read_back() {
+    for (heading, wanted) in [("Zeit", "unit = \"ms\""), ("t [us]", "unit = \"us\"")] {
+        let text = table(heading, |k| (k * 10).to_string());
+        let log = read(&file("guessed_time.csv", &text), None).unwrap();
+        let mapping = Mapping::default().completed(&log).unwrap();
+        let written = mapping.to_toml();
+        let column = format!("[log.time]\ncolumn = \"{heading}\"  # guessed");
+        assert!(written.contains(&column) && written.contains(wanted), "{written}");
+        let again = Mapping::parse("again", &written).unwrap();
+        assert!(!again.time.is_guessed);
+        let same = read(&file("guessed_time.csv", &text), Some(&again.time)).unwrap();
+        assert_eq!(same.channels[0].time, log.channels[0].time);
+    }
+}
+
+#[test]
 fn a_clock_is_mapped_and_shifted_by_a_mapping() {
     let text = table("ticks", |k| (k * 5).to_string());
     let mapping = Mapping::parse(

@@ -63,7 +63,7 @@ impl Clock<'_> {
         let far = if seconds > FAR { (seconds, nanoseconds) } else { (0, 0) };
         let begin = *self.begin.get_or_insert(far);
         let whole = seconds.checked_sub(begin.0)? as f64;
-        Some(whole + nanoseconds.checked_sub(begin.1)? as f64 * 1e-9)
+        Some(whole + nanoseconds.checked_sub(begin.1)? as f64 / 1e9)
     }
 }
 
