@@ -16,7 +16,7 @@ pub struct LogMapping {
     /// Mapping: a TOML file with a table `log`; what it does not name is guessed.
     #[arg(long, value_name = "FILE")]
     mapping: Option<InputFile>,
-    /// Interval of the log's rows, where no column tells their time; counts before any.
+    /// Interval of the rows of a text file, where no column tells their time; takes precedence over a time column.
     #[arg(long, value_name = "MS", value_parser = sample_time)]
     sample_time_ms: Option<f64>,
 }

@@ -144,19 +144,16 @@ impl Recording {
 
     fn place(&mut self, line: u64, row: &[f64]) {
         let time = row[0];
-        let Some(last) = self.last else { return self.take(time, row) };
+        let Some(last) = self.last else { return self.take(line, row) };
         let step = time - last;
         let goes_on = step > 0.0 && step <= self.limit;
         match (goes_on, self.held.is_empty()) {
-            (true, true) => self.take(time, row),
+            (true, true) => self.take(line, row),
             (true, false) => {
                 self.left_out();
-                self.take(time, row);
+                self.take(line, row);
             }
-            (false, true) if step == 0.0 => {
-                self.repeated += 1;
-                self.first_repeated = if self.repeated == 1 { line } else { self.first_repeated };
-            }
+            (false, true) if step == 0.0 => self.repeat(line),
             // where rows are held because samples are missing, the clock went on meanwhile
             (false, _) => {
                 self.held.push(Held { line, row: row.to_vec() });
@@ -167,13 +164,21 @@ impl Recording {
         }
     }
 
-    fn take(&mut self, time: f64, row: &[f64]) {
+    /// The row at a line has the time of the one before.
+    fn repeat(&mut self, line: u64) {
+        if self.repeated == 0 {
+            self.first_repeated = line;
+        }
+        self.repeated += 1;
+    }
+
+    fn take(&mut self, line: u64, row: &[f64]) {
+        let time = row[0];
         self.last = Some(time);
         let shown = time + self.shift;
         // of times that are huge a small step is lost
         if shown <= self.shown {
-            self.repeated += 1;
-            return;
+            return self.repeat(line);
         }
         self.shown = shown;
         if self.shift == 0.0 {

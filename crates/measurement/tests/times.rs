@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_measurement::{Mapping, Measurement, MeasurementError, read};
+use hydroboom_measurement::{Mapping, Measurement, MeasurementError, TimeColumn, read};
 use std::path::PathBuf;
 
 fn file(name: &str, content: &str) -> PathBuf {
@@ -155,6 +155,35 @@ fn a_time_that_was_guessed_is_written_to_the_mapping_and_read_back() {
         let same = read(&file("guessed_time.csv", &text), Some(&again.time)).unwrap();
         assert_eq!(same.channels[0].time, log.channels[0].time);
     }
+}
+
+#[test]
+fn clocks_of_one_table_go_over_midnight_together() {
+    for dates in [["2024-01-31 ", "2024-02-01 "], ["", ""]] {
+        // the second clock begins after midnight
+        let row = |k: u32| {
+            let stamp = |s: u32| match s < 86_400 {
+                true => format!("{}23:59:{:02}", dates[0], s - 86_340),
+                false => format!("{}00:00:{:02}", dates[1], s - 86_400),
+            };
+            format!("{};{};{};{}\n", stamp(86_398 + k), 50 + k, stamp(86_401 + k), 70 + k)
+        };
+        let text = format!("time;stroke_mm;time;p_A_bar\n{}", (0..20).map(row).collect::<String>());
+        let log = log("midnight.csv", &text).unwrap();
+        let begins: Vec<f64> = log.channels.iter().map(|c| c.time[0]).collect();
+        assert_eq!(begins, [0.0, 3.0], "{dates:?}: {:?}", log.remarks);
+        assert!(log.channels.iter().all(|c| c.time[19] - c.time[0] == 19.0), "{dates:?}");
+    }
+}
+
+#[test]
+fn a_sample_time_counts_rows_of_text_files_only() {
+    let path = file("counted.mcap", "\u{89}MCAP0\r\n");
+    let bytes = [&[0x89][..], b"MCAP0\r\n"].concat();
+    std::fs::write(&path, bytes).unwrap();
+    let counted = TimeColumn { sample_time: Some(0.01), ..TimeColumn::default() };
+    let said = read(&path, Some(&counted)).unwrap_err().to_string();
+    assert!(said.contains("counts rows of text files; in an MCAP file name the time"), "{said}");
 }
 
 #[test]

@@ -93,7 +93,7 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
         rows.add(number, &line, lines.is_cut);
     }
     remarks.dedup();
-    let is_relative = rows.origin.is_some();
+    let is_relative = rows.origin.zero.is_some();
     remarks.extend(rows.remarks());
     let (count, bases) = rows.finish();
     let mut channels = Vec::new();
