@@ -7,7 +7,6 @@ use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_measurement::{Mapping, Measurement, read};
 use miette::{IntoDiagnostic, Result};
-use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
 /// The options that say which column of a log is which signal.
@@ -37,25 +36,12 @@ impl LogMapping {
         if let Some(interval) = self.sample_time_ms {
             given.time.sample_time = Some(interval * 1e-3);
         }
-        if is_device(log) {
-            miette::bail!(
-                help = "name a file or a pipe",
-                "{} is a device, and no log",
-                log.display()
-            );
-        }
         origin::log(log);
         let mut log = read(log, Some(&given.time)).into_diagnostic()?;
         let mapping = given.completed(&log).into_diagnostic()?;
         log.remarks.extend(mapping.assumptions(&log));
         Ok((log, mapping))
     }
-}
-
-/// Whether a path is a device, which may have no end.
-fn is_device(path: &Path) -> bool {
-    let found = std::fs::metadata(path);
-    found.is_ok_and(|f| f.file_type().is_char_device() || f.file_type().is_block_device())
 }
 
 /// The options that choose a part of a log.

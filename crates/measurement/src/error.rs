@@ -13,6 +13,12 @@ pub enum MeasurementError {
         /// What the system says.
         error: std::io::Error,
     },
+    /// It is a folder, a pipe or a device.
+    #[error("{file} is no regular file: a log is read more than once, so write it to a file first")]
+    NoFile {
+        /// Its path.
+        file: String,
+    },
     /// There is nothing, or not enough, in it.
     #[error("{file}: {found}; a log has a header and two rows of numbers at least")]
     Empty {
