@@ -59,7 +59,7 @@ pub enum MeasurementError {
     },
     /// A signal that is needed has no column.
     #[error(
-        "no column for {missing}; the log has: {columns}. Name it in a mapping: [log.{key}] column = \"...\""
+        "no column for {missing}; the log has: {columns}{misfits}. Name it in a mapping: [log.{key}] column = \"...\""
     )]
     Missing {
         /// What is missing.
@@ -68,5 +68,7 @@ pub enum MeasurementError {
         key: &'static str,
         /// Columns that are there.
         columns: String,
+        /// Columns that are called so, and of another quantity.
+        misfits: String,
     },
 }
