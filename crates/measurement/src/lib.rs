@@ -9,6 +9,7 @@
 
 mod channel;
 mod csv_file;
+mod decompress;
 mod dimension;
 mod error;
 mod guess;
@@ -31,6 +32,7 @@ mod suspicion;
 mod thinning;
 mod time_base;
 mod time_column;
+mod time_scale;
 mod time_unit;
 mod unit;
 mod unit_table;
