@@ -291,7 +291,7 @@ impl Recording {
             let stride = self.columns.stride;
             let span = usual * stride as f64;
             said.push(format!(
-                "{} rows are too many to keep: each {stride} are averaged, over {:.3} ms, which halves the power at {:.3} Hz and loses what is faster",
+                "{} rows are too many to keep: each {stride} are averaged, over {:.3} ms, which halves the power at {:.3} Hz; what is faster is attenuated and aliased",
                 self.count,
                 span * 1e3,
                 0.443 / span
@@ -301,7 +301,7 @@ impl Recording {
     }
 }
 
-/// What is a gap \[s\] in some rows: of nine intervals in ten none is a fifth as long. None where no time goes on.
+/// Longest step within a segment \[s\]: 5 times the 90th percentile of the intervals; none where no time increases.
 fn gap(rows: &[Held]) -> Option<f64> {
     let steps = rows.windows(2).map(|w| w[1].row[0] - w[0].row[0]);
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
