@@ -10,6 +10,7 @@
 mod channel;
 mod contradiction;
 mod csv_file;
+mod decompress;
 mod dimension;
 mod error;
 mod guess;
@@ -33,6 +34,7 @@ mod suspicion;
 mod thinning;
 mod time_base;
 mod time_column;
+mod time_scale;
 mod time_unit;
 mod unit;
 mod unit_table;
