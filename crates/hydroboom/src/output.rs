@@ -234,6 +234,15 @@ pub fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |v| format!("{v:.digits$}"))
 }
 
+/// A number with four digits, very small and very large ones by their power of ten.
+pub fn short(value: f64) -> String {
+    let four: f64 = format!("{value:.3e}").parse().unwrap_or(value);
+    match four != 0.0 && !(1e-3..1e6).contains(&four.abs()) {
+        true => format!("{four:e}"),
+        false => four.to_string(),
+    }
+}
+
 /// A number with all its digits, small ones by their power of ten.
 pub fn number(value: f64) -> String {
     match value != 0.0 && value.abs() < 1e-3 {
