@@ -8,6 +8,7 @@
 //! and told, not hidden by a resampling.
 
 mod channel;
+mod contradiction;
 mod csv_file;
 mod decompress;
 mod dimension;
@@ -19,6 +20,7 @@ mod mapping_text;
 mod mat;
 pub mod mcap;
 mod mdf;
+mod outlier;
 #[cfg(feature = "parquet")]
 mod parquet_file;
 mod path;
