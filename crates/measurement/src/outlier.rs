@@ -34,7 +34,7 @@ impl Mapping {
                 number.is_finite() && !plausible(*signal, stroke, motor_speed).contains(&value)
             };
             let count = channel.values.iter().filter(|v| is_outlier(v)).count();
-            let Some(first) = channel.values.iter().position(|v| is_outlier(v)) else { continue };
+            let Some(first) = channel.values.iter().position(is_outlier) else { continue };
             if count as f64 > MOST * channel.values.len() as f64 {
                 continue;
             }
