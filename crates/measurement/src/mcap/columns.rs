@@ -194,3 +194,27 @@ impl<'a> Log<'a> {
 fn is_stamp(path: &str) -> bool {
     path.ends_with("stamp.sec") || path.ends_with("stamp.nanosec")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::records::Schema;
+    use super::*;
+
+    #[test]
+    fn a_schema_is_parsed_once_whether_it_is_understood_or_not() {
+        let topic = |data: &str| {
+            let (name, encoding) = ("a/msg/B".into(), "ros2msg".into());
+            let schema = Rc::new(Schema { name, encoding, data: data.as_bytes().to_vec() });
+            Rc::new(Topic { name: "/a".into(), encoding: "cdr".into(), schema: Some(schema) })
+        };
+        let mut log = Log::new(None);
+        let mut places = Vec::new();
+        for data in ["float64 x", "float64[x] y"] {
+            let place = log.place(&topic(data));
+            // of another channel that looks alike too
+            assert!((0..3).all(|_| Rc::ptr_eq(&log.place(&topic(data)), &place)), "{data}");
+            places.push(place);
+        }
+        assert!(matches!((&*places[0], &*places[1]), (Place::Table(0), Place::Unread(_))));
+    }
+}
