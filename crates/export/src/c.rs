@@ -13,7 +13,7 @@ use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
 use crate::statement::{
-    Binding, Carried, Dialect, Loop, Run, Source, Statement, Text, arithmetic, broken, call,
+    Carried, Dialect, Loop, Precedence, Run, Source, Statement, Text, arithmetic, broken, call,
     clear_infix, grouped, runs, statements,
 };
 use hydroboom_math::elementary;
@@ -147,7 +147,7 @@ impl Dialect for C {
             }
             v => literal(v, self.0),
         };
-        let binding = if text.starts_with('-') { Binding::Sign } else { Binding::Whole };
+        let binding = if text.starts_with('-') { Precedence::Sign } else { Precedence::Whole };
         Text::new(text, binding)
     }
 
@@ -157,11 +157,11 @@ impl Dialect for C {
 
     fn row(&self, counter: &str) -> Text {
         let real = if self.0 == Precision::Double { "double" } else { "float" };
-        Text::new(format!("({real}){counter}"), Binding::Sign)
+        Text::new(format!("({real}){counter}"), Precedence::Sign)
     }
 
     fn operation(&self, op: Op, x: &[Text]) -> Text {
-        use Binding::*;
+        use Precedence::*;
         if let Some(text) = arithmetic(op, x) {
             return text;
         }

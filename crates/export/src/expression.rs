@@ -144,7 +144,7 @@ impl Real for Expression {
 }
 
 /// Most operations, all rows together, for which what is repeated is written out row by row, and no loop is recorded.
-pub const STRAIGHT_LINE: usize = 100;
+pub const MAX_UNROLLED_OPERATIONS: usize = 100;
 
 /// Records what is repeated: as a loop, or row by row where that is short.
 fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
@@ -166,7 +166,7 @@ fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
         body(Expression(row), &from_fn(|k| Expression(read[k])), from_fn(|k| Expression(carry[k])));
     let [next, made] = [&next[..], &made[..]].map(|of| of.iter().map(|n| n.0).collect());
     let (last, looped) = GRAPH.with_borrow_mut(|graph| graph.end_loop(number, next, made));
-    if GRAPH.with_borrow(|graph| graph.operations(number)) <= STRAIGHT_LINE {
+    if GRAPH.with_borrow(|graph| graph.operations(number)) <= MAX_UNROLLED_OPERATIONS {
         // nothing refers to the loop any more, so that it is not printed
         return written_out(mask, rows, carried, body);
     }

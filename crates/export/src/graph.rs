@@ -12,7 +12,7 @@ pub struct Node(pub(crate) u32);
 pub enum Op {
     /// A constant, by its bits.
     Constant(u64),
-    /// What comes from outside, counted.
+    /// An input, by its index.
     Input(u32),
     /// Sum.
     Add(Node, Node),
@@ -62,25 +62,25 @@ pub enum Op {
     Mantissa(Node),
     /// e of the same.
     Exponent(Node),
-    /// Numbers of one kind in a row, counted.
+    /// A table of numbers, by its index.
     Table(u32),
     /// Linear interpolation in a table: the first, at the place of the second.
     Interpolate(Node, Node),
-    /// What is done for each row of some tables, counted.
+    /// A loop over the rows of some tables, by its index.
     Loop(u32),
-    /// In a loop (its number): the number of the row.
+    /// In a loop (by its index): the index of the row.
     Row(u32),
-    /// In a loop: the row's entry in a table, counted.
+    /// In a loop: the row's entry in a table, by the table's place among those that the loop reads.
     Read(u32, u32),
-    /// In a loop: what the row before carried on, counted.
+    /// In a loop: a state, as the row before left it, by its index.
     Carry(u32, u32),
-    /// Behind a loop: what its last row carried on, counted.
+    /// Behind a loop: a state, as its last row left it, by its index.
     Carried(Node, u32),
-    /// Behind a loop: of the row (second) that it made, an entry (third).
+    /// Behind a loop: an output, by row and column.
     Made(Node, u32, u32),
 }
 
-/// Something that is done for each row of some tables.
+/// A loop over the rows of some tables.
 #[derive(Clone, Debug)]
 pub struct Repetition {
     /// Rows.
@@ -91,11 +91,11 @@ pub struct Repetition {
     pub within: Option<u32>,
     /// Tables that it reads, each with `count` entries.
     pub read: Vec<Node>,
-    /// What is carried into the first row.
+    /// States before the first row.
     pub begin: Vec<Node>,
-    /// What a row carries on.
+    /// States after a row.
     pub next: Vec<Node>,
-    /// What a row makes.
+    /// Outputs of a row.
     pub made: Vec<Node>,
 }
 
@@ -189,7 +189,9 @@ impl Graph {
 
     /// The loop of a node that is one.
     fn of_loop(&self, node: Node) -> &Repetition {
-        let number = if let Op::Loop(number) = self.op(node) { number } else { 0 };
+        let Op::Loop(number) = self.op(node) else {
+            unreachable!("what is behind a loop refers to a loop: end_loop alone makes such nodes")
+        };
         self.repetition(number)
     }
 

@@ -16,9 +16,9 @@ pub(crate) trait Dialect {
     fn operation(&self, op: Op, operands: &[Text]) -> Text;
 }
 
-/// How strongly a text holds together: what is weaker needs brackets within what is stronger.
+/// Operator precedence, the lowest first: an operand of lower precedence needs brackets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Binding {
+pub(crate) enum Precedence {
     Choice,
     Or,
     And,
@@ -33,29 +33,29 @@ pub(crate) enum Binding {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Text {
     pub(crate) text: String,
-    pub(crate) binding: Binding,
+    pub(crate) precedence: Precedence,
 }
 
 impl Text {
-    pub(crate) fn new(text: impl Into<String>, binding: Binding) -> Self {
-        Self { text: text.into(), binding }
+    pub(crate) fn new(text: impl Into<String>, precedence: Precedence) -> Self {
+        Self { text: text.into(), precedence }
     }
 
     pub(crate) fn whole(text: impl Into<String>) -> Self {
-        Self::new(text, Binding::Whole)
+        Self::new(text, Precedence::Whole)
     }
 
     /// As an operand of something that binds so.
-    pub(crate) fn within(&self, binding: Binding) -> String {
-        match self.binding >= binding {
+    pub(crate) fn within(&self, precedence: Precedence) -> String {
+        match self.precedence >= precedence {
             true => self.text.clone(),
             false => format!("({})", self.text),
         }
     }
 
     /// As an operand that must bind more strongly.
-    pub(crate) fn inside(&self, binding: Binding) -> String {
-        match self.binding > binding {
+    pub(crate) fn inside(&self, precedence: Precedence) -> String {
+        match self.precedence > precedence {
             true => self.text.clone(),
             false => format!("({})", self.text),
         }
@@ -63,26 +63,26 @@ impl Text {
 }
 
 /// Two operands with a sign between them; those that bind alike are done from the left.
-fn infix(x: &[Text], sign: &str, binding: Binding) -> Text {
-    Text::new(format!("{} {sign} {}", x[0].within(binding), x[1].inside(binding)), binding)
+fn infix(x: &[Text], sign: &str, precedence: Precedence) -> Text {
+    Text::new(format!("{} {sign} {}", x[0].within(precedence), x[1].inside(precedence)), precedence)
 }
 
 /// What all languages write alike: sums, products, quotients, comparisons; none for anything else.
 pub(crate) fn arithmetic(op: Op, x: &[Text]) -> Option<Text> {
     Some(match op {
-        Op::Add(..) => infix(x, "+", Binding::Sum),
-        Op::Sub(..) => infix(x, "-", Binding::Sum),
-        Op::Mul(..) => infix(x, "*", Binding::Product),
-        Op::Div(..) => infix(x, "/", Binding::Product),
-        Op::Less(..) => infix(x, "<", Binding::Comparison),
+        Op::Add(..) => infix(x, "+", Precedence::Sum),
+        Op::Sub(..) => infix(x, "-", Precedence::Sum),
+        Op::Mul(..) => infix(x, "*", Precedence::Product),
+        Op::Div(..) => infix(x, "/", Precedence::Product),
+        Op::Less(..) => infix(x, "<", Precedence::Comparison),
         _ => return None,
     })
 }
 
 /// The same with brackets around all but comparisons' own operands: not everybody knows which of `and` and `or` comes first.
-pub(crate) fn clear_infix(x: &[Text], sign: &str, binding: Binding) -> Text {
-    let [a, b] = [0, 1].map(|k| x[k].inside(Binding::Comparison));
-    Text::new(format!("{a} {sign} {b}"), binding)
+pub(crate) fn clear_infix(x: &[Text], sign: &str, precedence: Precedence) -> Text {
+    let [a, b] = [0, 1].map(|k| x[k].inside(Precedence::Comparison));
+    Text::new(format!("{a} {sign} {b}"), precedence)
 }
 
 /// A function of the operands.
@@ -251,7 +251,7 @@ pub(crate) fn statements(
     (writing.said.remove(&None).unwrap_or_default(), results)
 }
 
-/// How often each node is used; from within a loop counts twice, since what is the same for all rows is worked out before.
+/// How often each node is used. A use inside a loop counts twice, so that a loop-invariant value gets a name before the loop.
 fn uses(source: &Source<'_>) -> HashMap<Node, usize> {
     let Source { graph, order, results, .. } = *source;
     let mut uses: HashMap<Node, usize> = HashMap::new();

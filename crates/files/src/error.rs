@@ -17,7 +17,7 @@ pub enum FileError {
     },
     /// It holds more than such a file can.
     #[error(
-        "{} is too long: more than {limit_kb} kB, which no {what} is{}",
+        "{} is too long: a {what} may have at most {limit_kb} kB{}",
         path.display(),
         if *is_device { " (it is a device)" } else { "" }
     )]
@@ -32,7 +32,7 @@ pub enum FileError {
         is_device: bool,
     },
     /// It is not UTF-8.
-    #[error("{} is not a text file (UTF-8): byte {at} is none of a letter", path.display())]
+    #[error("{} is not a text file (UTF-8): byte {at} is not valid", path.display())]
     NotText {
         /// The file, as it was named.
         path: PathBuf,

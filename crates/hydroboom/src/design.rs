@@ -59,7 +59,7 @@ impl Design {
         if let Some(folder) = &self.out {
             let page = report::design_page(&crane, &reports).into_diagnostic()?;
             let seed = self.family.map(|_| self.seed);
-            output::page_with_figures(folder, "design", &page, seed);
+            output::page_in_folder(folder, "design", &page, seed);
         }
         if self.json {
             return output::json(&json!({

@@ -40,7 +40,7 @@ pub fn run(
     let rows = rows(controllers, &names, &results);
     if let Some(folder) = out {
         let page = report::family_page(&choice.name(), results.len(), seed, is_widened, &rows);
-        output::page_with_figures(folder, "family", &page, Some(seed));
+        output::page_in_folder(folder, "family", &page, Some(seed));
     }
     if as_json {
         let cranes: Vec<_> = results

@@ -120,7 +120,7 @@ impl Linearise {
                 description.name, stroke_mm, self.motor_speed_rpm, self.valve
             );
             let page = report::bode_page(&title, &a, &b, &c, &shown, &modes).into_diagnostic()?;
-            output::page_with_figures(folder, "bode", &page, None);
+            output::page_in_folder(folder, "bode", &page, None);
         }
         if self.json {
             return output::json(&json!({

@@ -2,6 +2,7 @@
 
 use crate::crane_file::text_of;
 use crate::number;
+use crate::origin;
 use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_measurement::{Mapping, Measurement, read};
@@ -15,7 +16,7 @@ pub struct LogMapping {
     /// Mapping: a TOML file with a table `log`; what it does not name is guessed.
     #[arg(long, value_name = "FILE")]
     mapping: Option<InputFile>,
-    /// Interval of the log's rows, where no column tells their time; counts before any.
+    /// Interval of the rows of a text file, where no column tells their time; takes precedence over a time column.
     #[arg(long, value_name = "MS", value_parser = sample_time)]
     sample_time_ms: Option<f64>,
 }
@@ -43,6 +44,7 @@ impl LogMapping {
                 log.display()
             );
         }
+        origin::log(log);
         let mut log = read(log, Some(&given.time)).into_diagnostic()?;
         let mapping = given.completed(&log).into_diagnostic()?;
         log.remarks.extend(mapping.assumptions(&log));

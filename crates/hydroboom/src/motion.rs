@@ -143,7 +143,7 @@ impl MotionTests {
                 alongside: alongside.as_ref(),
                 remark: choice.equality(),
             });
-            output::page_with_figures(folder, "motion", &page.into_diagnostic()?, None);
+            output::page_in_folder(folder, "motion", &page.into_diagnostic()?, None);
         }
         if let Some(folder) = &self.log {
             output::folder(folder);

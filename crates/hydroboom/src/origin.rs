@@ -1,13 +1,33 @@
 //! How a report was made: what was read, by which command, when.
 
 use hydroboom_lab::report::Origin;
-use hydroboom_measurement::digest_of;
-use std::path::Path;
+use hydroboom_measurement::{digest, digest_of};
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
 /// Crane files and mappings that were read: what it is, its name, its digest.
 static READ: Mutex<Vec<(String, String, String)>> = Mutex::new(Vec::new());
+
+/// Logs that were read. They may be long: their digests are worked out where a report is written.
+static LOGS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Keeps in mind that a log was read.
+pub fn log(path: &Path) {
+    let mut all = LOGS.lock().unwrap_or_else(PoisonError::into_inner);
+    if !all.iter().any(|known| known == path) {
+        all.push(path.into());
+    }
+}
+
+/// The logs with their digests; a pipe has none.
+fn logs() -> Vec<(String, String, String)> {
+    let all = LOGS.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let regular = all.into_iter().filter(|path| path.is_file());
+    let digested =
+        |path: PathBuf| Some(("log".into(), path.display().to_string(), digest(&path).ok()?));
+    regular.filter_map(digested).collect()
+}
 
 /// Keeps in mind that a file was read.
 pub fn read(what: &str, path: &Path, content: &str) {
@@ -36,7 +56,7 @@ pub fn origin(seed: Option<u64>) -> Origin {
         version: env!("CARGO_PKG_VERSION").into(),
         command: command.join(" "),
         date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
-        read: READ.lock().unwrap_or_else(PoisonError::into_inner).clone(),
+        read: [READ.lock().unwrap_or_else(PoisonError::into_inner).clone(), logs()].concat(),
         seed,
     }
 }

@@ -53,24 +53,28 @@ pub fn file(path: &Path, content: &[u8]) -> bool {
     written(path, hydroboom_files::write(path, content))
 }
 
-/// Writes a report; `seed` is that of what was drawn at random. Says whether it is written.
-pub fn page(path: &Path, page: &Page, seed: Option<u64>) -> bool {
-    file(path, page.html(&origin(seed)).as_bytes())
-}
-
-/// Writes a report into a folder, and beside it its figures as SVG and CSV; returns the report's path.
-pub fn page_with_figures(at: &Path, name: &str, report: &Page, seed: Option<u64>) -> PathBuf {
-    folder(at);
-    let path = at.join(format!("{name}.html"));
-    page(&path, report, seed);
-    let figures = at.join(format!("{name}-figures"));
-    if !report.figures.is_empty() {
-        folder(&figures);
+/// Writes a report, and its figures as SVG and CSV into a folder beside it, `NAME-figures`; beside a device or a pipe
+/// none. `seed` is that of what was drawn at random.
+pub fn page(path: &Path, report: &Page, seed: Option<u64>) {
+    let is_written = file(path, report.html(&origin(seed)).as_bytes());
+    if !is_written || !path.is_file() || report.figures.is_empty() {
+        return;
     }
+    let mut name = path.file_stem().unwrap_or_default().to_os_string();
+    name.push("-figures");
+    let figures = path.with_file_name(name);
+    folder(&figures);
     for figure in &report.figures {
         file(&figures.join(format!("{}.svg", figure.name)), figure.svg.as_bytes());
         file(&figures.join(format!("{}.csv", figure.name)), figure.csv.as_bytes());
     }
+}
+
+/// Writes a report with its figures into a folder; returns the report's path.
+pub fn page_in_folder(at: &Path, name: &str, report: &Page, seed: Option<u64>) -> PathBuf {
+    folder(at);
+    let path = at.join(format!("{name}.html"));
+    page(&path, report, seed);
     path
 }
 

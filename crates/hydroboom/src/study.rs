@@ -45,7 +45,7 @@ impl Study {
         };
         let result = study::study(&description, stand_in.as_ref(), &said).into_diagnostic()?;
         let page = report::page(&description, &result).into_diagnostic()?;
-        let path = output::page_with_figures(&self.out, "report", &page, None);
+        let path = output::page_in_folder(&self.out, "report", &page, None);
         if let Some(folder) = &self.log {
             output::folder(folder);
             for (plant, run) in &result.runs {

@@ -181,7 +181,7 @@ impl Tip {
         if let Some(folder) = &self.out {
             let page =
                 report::tip_page(&format!("Estimated tip: {title}"), &found).into_diagnostic()?;
-            output::page_with_figures(folder, "tip", &page, Some(self.seed));
+            output::page_in_folder(folder, "tip", &page, Some(self.seed));
         }
         if self.json {
             return output::json(&json!({

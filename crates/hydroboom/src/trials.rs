@@ -65,7 +65,7 @@ impl Trials {
         bar.finish_and_clear();
         if let Some(folder) = &self.out {
             let page = report::trials_page(&choice.name(), choice.equality(), &outcomes);
-            output::page_with_figures(folder, "trials", &page, None);
+            output::page_in_folder(folder, "trials", &page, None);
         }
         if self.json {
             return output::json(&json!({ "trials": outcomes, "machine": choice.json() }));

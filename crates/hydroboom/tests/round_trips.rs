@@ -139,6 +139,7 @@ fn a_run_is_read_back_from_mcap_and_csv() {
     }
     let found = parsed(&["validate", "--log", &mcap, "--to-s", "2", "--json"]);
     assert!(!found["signals"].as_array().unwrap().is_empty(), "{found}");
+    validates_alike(&mcap, &csv);
 }
 
 #[test]
@@ -192,6 +193,13 @@ fn a_report_says_how_it_was_made() {
     let page = fs::read_to_string(at("v.html")).unwrap();
     let digest = hydroboom_measurement::digest_of(&fs::read(&crane).unwrap());
     assert!(page.contains(&digest), "the crane file's own digest");
+    let digest = hydroboom_measurement::digest(Path::new(&log)).unwrap();
+    assert!(page.contains(&digest), "the log's digest");
+    let drawn = page.matches("<figure>").count();
+    let figures: Vec<_> =
+        fs::read_dir(at("v-figures")).unwrap().map(|e| e.unwrap().path()).collect();
+    let count = |kind: &str| figures.iter().filter(|p| p.extension().unwrap() == kind).count();
+    assert!(drawn > 0 && count("svg") == drawn && count("csv") == drawn, "{drawn}: {figures:?}");
     assert!(page.contains(r"it'\''s a crane.toml'"), "quoted for a shell");
     assert!(!page.contains("<dt>seed</dt>"));
     made(&["motion", "--family", "1", "--seed", "77", "--scenario", "reversal", "--out", &at("f")]);

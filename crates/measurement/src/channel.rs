@@ -3,7 +3,9 @@
 use crate::error::MeasurementError;
 use crate::heading::Heading;
 use crate::signal::Signal;
+use crate::time_column::TimeColumn;
 use crate::unit::Unit;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Channels that a message names, at most.
@@ -48,6 +50,8 @@ pub struct Measurement {
     pub channels: Vec<Channel>,
     /// What had to be done to read it.
     pub remarks: Vec<String>,
+    /// The column that its times were found in; none where each signal has times of its own, or the format says which is the time.
+    pub time: Option<TimeColumn>,
 }
 
 /// Smallest, mean and largest of the values that are there.
@@ -117,6 +121,26 @@ impl Measurement {
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         let named = self.channels.iter().take(MOST_NAMED).map(|c| self.address(c));
         format!("{}{more}", named.collect::<Vec<_>>().join(", "))
+    }
+
+    /// What a mapping calls the channels of this log, in their order, as [`Self::address`].
+    pub fn addresses(&self) -> Vec<String> {
+        let mut count: HashMap<&str, usize> = HashMap::new();
+        for channel in &self.channels {
+            *count.entry(&channel.heading).or_default() += 1;
+        }
+        let mut place: HashMap<&str, usize> = HashMap::new();
+        let mut all = Vec::with_capacity(self.channels.len());
+        for channel in &self.channels {
+            let heading = channel.heading.as_str();
+            let place = place.entry(heading).or_default();
+            *place += 1;
+            all.push(match count.get(heading) {
+                Some(1) | None => heading.to_string(),
+                Some(_) => format!("{heading}#{place}"),
+            });
+        }
+        all
     }
 
     /// What a mapping calls a channel of this log: its heading, and `#2` behind it for the second that has the same.

@@ -35,20 +35,6 @@ pub enum MeasurementError {
         /// What to do.
         advice: &'static str,
     },
-    /// Time goes back.
-    #[error("{file}, line {line}: time goes back from {before} to {after} (column `{column}`)")]
-    Time {
-        /// Its path.
-        file: String,
-        /// Line, counted from one; for formats without lines the sample.
-        line: u64,
-        /// Name of the time column.
-        column: String,
-        /// The time before.
-        before: f64,
-        /// The time read.
-        after: f64,
-    },
     /// The format is not understood.
     #[error("{file}: {reason}")]
     Format {

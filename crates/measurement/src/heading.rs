@@ -33,10 +33,10 @@ pub(crate) const TIMES: [&str; 15] = [
     "x_value",
 ];
 /// Words in parentheses that are no units.
-const REMARKS: [&str; 37] = [
+const REMARKS: [&str; 36] = [
     "raw", "set", "act", "ist", "soll", "abs", "rel", "ref", "sim", "cmd", "meas", "calc", "real",
     "left", "right", "top", "rod", "base", "filt", "avg", "mean", "max", "pk", "rms", "ai", "ao",
-    "di", "do", "old", "new", "model", "gauge", "roh", "rod", "head", "est", "pos",
+    "di", "do", "old", "new", "model", "gauge", "roh", "head", "est", "pos",
 ];
 /// What stands where a unit stands, and says that there is none. TwinCAT Scope writes `(None)`.
 const NO_UNIT: [&str; 8] = ["none", "n/a", "na", "null", "keine", "unitless", "no unit", "?"];

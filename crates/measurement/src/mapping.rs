@@ -134,6 +134,11 @@ impl Mapping {
                 .map_err(|reason| MeasurementError::Mapping { file: log.name.clone(), reason })?;
             (entry.unit, entry.is_unit_guessed) = (Some(unit), is_guessed);
         }
+        if let (None, None, Some(found)) = (&self.time.column, self.time.sample_time, &log.time) {
+            let found = found.clone();
+            self.time = TimeColumn { column: found.column, is_guessed: true, ..self.time };
+            self.time.unit = self.time.unit.or(found.unit);
+        }
         Ok(self)
     }
 

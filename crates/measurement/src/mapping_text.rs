@@ -70,7 +70,11 @@ impl Mapping {
         if self.time.column.is_some() || self.time.unit.is_some() || self.time.scale != 1.0 {
             text += "\n[log.time]\n";
             if let Some(column) = &self.time.column {
-                let _ = writeln!(text, "column = {}", quoted(column));
+                let guessed = match self.time.is_guessed {
+                    true => "  # guessed, with its unit, by name and content",
+                    false => "",
+                };
+                let _ = writeln!(text, "column = {}{guessed}", quoted(column));
             }
             if let Some(unit) = self.time.unit {
                 let _ = writeln!(text, "unit = {}", quoted(unit.name));

@@ -1,7 +1,6 @@
 //! Parquet files: columns of numbers, row by row; one of them the time. Only with the feature `parquet`.
 
 use crate::channel::Measurement;
-use crate::dimension::Dimension;
 use crate::error::MeasurementError;
 use crate::heading::Heading;
 use crate::path;
@@ -9,8 +8,8 @@ use crate::recording::Recording;
 use crate::sampled::Assembly;
 use crate::thinning::MOST;
 use crate::time_column::TimeColumn;
-use crate::time_unit::{FAR, by_content, interval};
-use parquet::basic::{LogicalType, TimeUnit, Type};
+use crate::time_unit::{FAR, interval, resolve};
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::Result as ParquetResult;
@@ -31,8 +30,19 @@ struct Field {
     index: usize,
     heading: String,
     read: Heading,
-    /// One of a timestamp's numbers \[s\].
-    stamp: Option<f64>,
+    /// What kind of time it is, where the file says so.
+    of_time: Option<OfTime>,
+    /// Whether its integers have no sign.
+    is_unsigned: bool,
+}
+
+/// A column that the file says to be of times.
+#[derive(Clone, Copy)]
+struct OfTime {
+    /// One of its numbers \[s\].
+    factor: f64,
+    /// Whether it has a date, and is not of the day alone.
+    is_stamp: bool,
 }
 
 /// How the time's numbers become seconds.
@@ -79,8 +89,14 @@ pub(crate) fn read(
     let of_time = fields.remove(of_time);
     let clock = clock(&reader, &of_time, time, &mut remarks).map_err(format)?;
     let mut recording = Recording::new(fields.len(), MOST);
-    if let Err(damage) = rows(&reader, &of_time, &fields, &clock, &mut recording) {
+    let mut timeless = 0;
+    let read = rows(&reader, &of_time, &fields, &clock, &mut recording, &mut timeless);
+    if let Err(damage) = read {
         remarks.push(format!("it is damaged, and read up to there: {damage}"));
+    }
+    if timeless > 0 {
+        remarks
+            .push(format!("{timeless} rows have no time ({}) and are left out", of_time.heading));
     }
     let mut assembly = Assembly::new(&file, None, remarks);
     if clock.zero != 0 {
@@ -121,7 +137,8 @@ fn fields(reader: &SerializedFileReader<File>, remarks: &mut Vec<String>) -> Vec
         match is_number {
             true => {
                 let read = path::heading(&heading);
-                fields.push(Field { index, heading, read, stamp: stamp(column) });
+                let (of_time, is_unsigned) = (of_time(column), is_unsigned(column));
+                fields.push(Field { index, heading, read, of_time, is_unsigned });
             }
             false => others.push(heading),
         }
@@ -137,19 +154,33 @@ fn fields(reader: &SerializedFileReader<File>, remarks: &mut Vec<String>) -> Vec
     fields
 }
 
-/// One of a timestamp's numbers \[s\]; none of other columns.
-fn stamp(column: &ColumnDescriptor) -> Option<f64> {
-    use parquet::basic::ConvertedType;
-    match (column.logical_type_ref(), column.converted_type(), column.physical_type()) {
-        (Some(LogicalType::Timestamp(of)), ..) => Some(match of.unit {
-            TimeUnit::MILLIS => 1e-3,
-            TimeUnit::MICROS => 1e-6,
-            TimeUnit::NANOS => 1e-9,
-        }),
-        (_, ConvertedType::TIMESTAMP_MILLIS, _) => Some(1e-3),
-        (_, ConvertedType::TIMESTAMP_MICROS, _) => Some(1e-6),
-        (_, _, Type::INT96) => Some(1e-9),
-        _ => None,
+/// What kind of time a column is; none of other columns.
+fn of_time(column: &ColumnDescriptor) -> Option<OfTime> {
+    let factor = |unit| match unit {
+        TimeUnit::MILLIS => 1e-3,
+        TimeUnit::MICROS => 1e-6,
+        TimeUnit::NANOS => 1e-9,
+    };
+    let (factor, is_stamp) =
+        match (column.logical_type_ref(), column.converted_type(), column.physical_type()) {
+            (Some(LogicalType::Timestamp(of)), ..) => (factor(of.unit), true),
+            (Some(LogicalType::Time(of)), ..) => (factor(of.unit), false),
+            (_, ConvertedType::TIMESTAMP_MILLIS, _) => (1e-3, true),
+            (_, ConvertedType::TIMESTAMP_MICROS, _) => (1e-6, true),
+            (_, ConvertedType::TIME_MILLIS, _) => (1e-3, false),
+            (_, ConvertedType::TIME_MICROS, _) => (1e-6, false),
+            (_, _, Type::INT96) => (1e-9, true),
+            _ => return None,
+        };
+    Some(OfTime { factor, is_stamp })
+}
+
+/// Whether a column's integers have no sign: they are stored as those with one of as many bits.
+fn is_unsigned(column: &ColumnDescriptor) -> bool {
+    use ConvertedType::{UINT_8, UINT_16, UINT_32, UINT_64};
+    match column.logical_type_ref() {
+        Some(LogicalType::Integer(of)) => !of.is_signed,
+        _ => matches!(column.converted_type(), UINT_8 | UINT_16 | UINT_32 | UINT_64),
     }
 }
 
@@ -162,11 +193,12 @@ fn time_field(fields: &[Field], time: Option<&TimeColumn>) -> Result<usize, Stri
             format!("the mapping names \"{wanted}\" as the time; columns of numbers are: {}", all())
         });
     }
-    let stamped = fields.iter().position(|f| f.stamp.is_some());
+    let stamped = fields.iter().position(|f| f.of_time.is_some_and(|t| t.is_stamp));
     let named = || fields.iter().position(|f| f.read.is_named_as_time());
-    stamped.or_else(named).ok_or_else(|| {
+    let of_the_day = || fields.iter().position(|f| f.of_time.is_some());
+    stamped.or_else(named).or_else(of_the_day).ok_or_else(|| {
         format!(
-            "no column is a timestamp or named as a time; columns of numbers are: {}. Name one ([log] time = \"...\" in a mapping)",
+            "no column is a timestamp, a time of the day or named as a time; columns of numbers are: {}. Name one ([log] time = \"...\" in a mapping)",
             all()
         )
     })
@@ -183,7 +215,7 @@ fn clock(
     for group in 0..reader.num_row_groups() {
         let group = reader.get_row_group(group).map_err(|e| e.to_string())?;
         let mut column = group.get_column_reader(time.index).map_err(|e| e.to_string())?;
-        first.extend(numbers(&mut column, FIRST, 0).map_err(|e| e.to_string())?);
+        first.extend(numbers(&mut column, FIRST, 0, time.is_unsigned).map_err(|e| e.to_string())?);
         if first.len() >= FIRST {
             break;
         }
@@ -192,41 +224,24 @@ fn clock(
     let Some(begin) = first.first().copied() else {
         return Err(format!("{} has no numbers: it is no time", time.heading));
     };
-    let own = time.read.unit.filter(|u| u.dimension == Dimension::Time).map(|u| u.factor);
-    let unit = stated.and_then(|s| s.unit).map(|u| u.factor).or(time.stamp).or(own);
+    let own = time.of_time.map(|t| t.factor);
+    let (unit, remark) = resolve(&time.heading, &time.read, stated, own, begin, interval(&first))?;
+    remarks.extend(remark);
     let (scale, offset) = stated.map_or((1.0, 0.0), |s| (s.scale, s.offset));
-    let unit = match unit {
-        Some(unit) => unit,
-        None if scale != 1.0 => 1.0,
-        None => {
-            let step = interval(&first).unwrap_or(1.0);
-            let (factor, what) = by_content(begin, step).ok_or_else(|| {
-                format!(
-                    "the time \"{}\" has no unit, and begins with {begin:?}; state it in a mapping: [log.time] column = \"...\", unit = \"...\"",
-                    time.heading
-                )
-            })?;
-            remarks.push(format!(
-                "the time \"{}\" has no unit: taken as {what}, its steps being {:.6} ms",
-                time.heading,
-                step * factor * 1e3
-            ));
-            factor
-        }
-    };
     let is_far = (scale * begin + offset).abs() * unit > FAR;
     let zero = if is_far && begin.fract() == 0.0 { begin as i64 } else { 0 };
     let offset = if zero == 0 { offset * unit } else { 0.0 };
     Ok(Clock { zero, factor: scale * unit, offset })
 }
 
-/// Reads all rows.
+/// Reads all rows; those without a time are counted.
 fn rows(
     reader: &SerializedFileReader<File>,
     time: &Field,
     fields: &[Field],
     clock: &Clock,
     recording: &mut Recording,
+    timeless: &mut u64,
 ) -> ParquetResult<()> {
     let mut count = 0;
     let mut row = vec![f64::NAN; fields.len() + 1];
@@ -236,11 +251,12 @@ fn rows(
         let columns = fields.iter().map(|f| group.get_column_reader(f.index));
         let mut columns = columns.collect::<ParquetResult<Vec<ColumnReader>>>()?;
         loop {
-            let times = numbers(&mut times, ROWS, clock.zero)?;
+            let times = numbers(&mut times, ROWS, clock.zero, time.is_unsigned)?;
             if times.is_empty() {
                 break;
             }
-            let values = columns.iter_mut().map(|c| numbers(c, times.len(), 0));
+            let values = columns.iter_mut().zip(fields);
+            let values = values.map(|(c, f)| numbers(c, times.len(), 0, f.is_unsigned));
             let values = values.collect::<ParquetResult<Vec<Vec<f64>>>>()?;
             for (k, number) in times.iter().enumerate() {
                 count += 1;
@@ -248,8 +264,9 @@ fn rows(
                 for (place, column) in row[1..].iter_mut().zip(&values) {
                     *place = column.get(k).copied().unwrap_or(f64::NAN);
                 }
-                if row[0].is_finite() {
-                    recording.push(count, &row);
+                match row[0].is_finite() {
+                    true => recording.push(count, &row),
+                    false => *timeless += 1,
                 }
             }
         }
@@ -258,16 +275,25 @@ fn rows(
 }
 
 /// The next numbers of a column, NaN where there is none; from whole ones a number is taken off first.
-fn numbers(column: &mut ColumnReader, rows: usize, zero: i64) -> ParquetResult<Vec<f64>> {
+fn numbers(
+    column: &mut ColumnReader,
+    rows: usize,
+    zero: i64,
+    is_unsigned: bool,
+) -> ParquetResult<Vec<f64>> {
+    // what has no sign may be twice as large as what is taken off
+    let from_zero = |value: i128| (value - i128::from(zero)) as f64;
     match column {
         ColumnReader::BoolColumnReader(c) => typed(c, rows, |v| f64::from(u8::from(*v))),
-        ColumnReader::Int32ColumnReader(c) => {
-            typed(c, rows, |v| i64::from(*v).wrapping_sub(zero) as f64)
-        }
-        ColumnReader::Int64ColumnReader(c) => typed(c, rows, |v| v.wrapping_sub(zero) as f64),
-        ColumnReader::Int96ColumnReader(c) => {
-            typed(c, rows, |v| v.to_nanos().wrapping_sub(zero) as f64)
-        }
+        ColumnReader::Int32ColumnReader(c) => typed(c, rows, |v| match is_unsigned {
+            true => from_zero((*v as u32).into()),
+            false => from_zero((*v).into()),
+        }),
+        ColumnReader::Int64ColumnReader(c) => typed(c, rows, |v| match is_unsigned {
+            true => from_zero((*v as u64).into()),
+            false => from_zero((*v).into()),
+        }),
+        ColumnReader::Int96ColumnReader(c) => typed(c, rows, |v| from_zero(v.to_nanos().into())),
         ColumnReader::FloatColumnReader(c) => typed(c, rows, |v| f64::from(*v) - zero as f64),
         ColumnReader::DoubleColumnReader(c) => typed(c, rows, |v| v - zero as f64),
         ColumnReader::ByteArrayColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => {

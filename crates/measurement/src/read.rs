@@ -22,13 +22,28 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
     let mut begins = Vec::new();
     File::open(path).and_then(|f| f.take(8).read_to_end(&mut begins)).map_err(failed)?;
+    let counted = |format: &str| match time.and_then(|t| t.sample_time) {
+        None => Ok(()),
+        Some(_) => Err(MeasurementError::Mapping {
+            file: path.display().to_string(),
+            reason: format!(
+                "the sample time (--sample-time-ms, or sample_time_ms in a mapping) counts rows of text files; in {format} name the time: [log] time = \"...\" in a mapping"
+            ),
+        }),
+    };
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
     match begins.as_slice() {
         // what follows may be damaged: that is for the reader to say
-        begins if begins.starts_with(&mcap::MAGIC[..5]) => mcap::read(path, time),
-        begins if mdf::BEGINS.iter().any(|b| b.as_slice() == begins) => mdf::read(path, time),
-        begins if begins.starts_with(PARQUET) => parquet(path, time),
-        _ if is_mat => mat::read(path, time),
+        begins if begins.starts_with(&mcap::MAGIC[..5]) => {
+            counted("an MCAP file").and_then(|()| mcap::read(path, time))
+        }
+        begins if mdf::BEGINS.iter().any(|b| b.as_slice() == begins) => {
+            counted("an MDF file").and_then(|()| mdf::read(path, time))
+        }
+        begins if begins.starts_with(PARQUET) => {
+            counted("a Parquet file").and_then(|()| parquet(path, time))
+        }
+        _ if is_mat => counted("a MAT file").and_then(|()| mat::read(path, time)),
         _ => csv_file::read(path, &time.cloned().unwrap_or_default()),
     }
 }

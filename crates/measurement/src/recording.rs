@@ -144,19 +144,16 @@ impl Recording {
 
     fn place(&mut self, line: u64, row: &[f64]) {
         let time = row[0];
-        let Some(last) = self.last else { return self.take(time, row) };
+        let Some(last) = self.last else { return self.take(line, row) };
         let step = time - last;
         let goes_on = step > 0.0 && step <= self.limit;
         match (goes_on, self.held.is_empty()) {
-            (true, true) => self.take(time, row),
+            (true, true) => self.take(line, row),
             (true, false) => {
                 self.left_out();
-                self.take(time, row);
+                self.take(line, row);
             }
-            (false, true) if step == 0.0 => {
-                self.repeated += 1;
-                self.first_repeated = if self.repeated == 1 { line } else { self.first_repeated };
-            }
+            (false, true) if step == 0.0 => self.repeat(line),
             // where rows are held because samples are missing, the clock went on meanwhile
             (false, _) => {
                 self.held.push(Held { line, row: row.to_vec() });
@@ -167,13 +164,21 @@ impl Recording {
         }
     }
 
-    fn take(&mut self, time: f64, row: &[f64]) {
+    /// The row at a line has the time of the one before.
+    fn repeat(&mut self, line: u64) {
+        if self.repeated == 0 {
+            self.first_repeated = line;
+        }
+        self.repeated += 1;
+    }
+
+    fn take(&mut self, line: u64, row: &[f64]) {
+        let time = row[0];
         self.last = Some(time);
         let shown = time + self.shift;
         // of times that are huge a small step is lost
         if shown <= self.shown {
-            self.repeated += 1;
-            return;
+            return self.repeat(line);
         }
         self.shown = shown;
         if self.shift == 0.0 {
@@ -286,7 +291,7 @@ impl Recording {
             let stride = self.columns.stride;
             let span = usual * stride as f64;
             said.push(format!(
-                "{} rows are too many to keep: each {stride} are averaged, over {:.3} ms, which halves the power at {:.3} Hz and loses what is faster",
+                "{} rows are too many to keep: each {stride} are averaged, over {:.3} ms, which halves the power at {:.3} Hz; what is faster is attenuated and aliased",
                 self.count,
                 span * 1e3,
                 0.443 / span
@@ -296,7 +301,7 @@ impl Recording {
     }
 }
 
-/// What is a gap \[s\] in some rows: of nine intervals in ten none is a fifth as long. None where no time goes on.
+/// Longest step within a segment \[s\]: 5 times the 90th percentile of the intervals; none where no time increases.
 fn gap(rows: &[Held]) -> Option<f64> {
     let steps = rows.windows(2).map(|w| w[1].row[0] - w[0].row[0]);
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();

@@ -1,12 +1,11 @@
 //! Columns that were sampled together, as formats with whole arrays have them (MAT, MDF), on their way to channels.
 
 use crate::channel::{Channel, Measurement};
-use crate::dimension::Dimension;
 use crate::error::MeasurementError;
 use crate::heading::Heading;
 use crate::recording::{Recorded, Recording};
 use crate::time_column::TimeColumn;
-use crate::time_unit::{DAY, FAR, by_content, interval};
+use crate::time_unit::{FAR, interval, resolve};
 use std::sync::Arc;
 
 /// A column.
@@ -50,11 +49,20 @@ pub(crate) struct Assembly<'a> {
     remarks: Vec<String>,
     /// What times that are far away are counted from \[s\].
     begin: Option<f64>,
+    /// The columns that its times were found in.
+    times: Vec<TimeColumn>,
 }
 
 impl<'a> Assembly<'a> {
     pub(crate) fn new(file: &str, stated: Option<&'a TimeColumn>, remarks: Vec<String>) -> Self {
-        Self { file: file.into(), stated, channels: Vec::new(), remarks, begin: None }
+        Self {
+            file: file.into(),
+            stated,
+            channels: Vec::new(),
+            remarks,
+            begin: None,
+            times: Vec::new(),
+        }
     }
 
     /// Says something about the log.
@@ -78,6 +86,7 @@ impl<'a> Assembly<'a> {
             time.iter_mut().for_each(|t| *t = stated.scale * *t + stated.offset);
         }
         let unit = self.unit(&heading, &read, &time)?;
+        self.times.push(TimeColumn::found(&heading, Some(unit)));
         let begin = self.begin(time.iter().copied().find(|t| t.is_finite()).unwrap_or(0.0) * unit);
         // which samples are kept, and at what times
         let mut recording = Recording::new(1, usize::MAX);
@@ -114,7 +123,7 @@ impl<'a> Assembly<'a> {
         }
         let mut time = recorded.time;
         let begin = self.begin(first);
-        if first > FAR && begin > 0.0 {
+        if first.abs() > FAR && begin != 0.0 {
             time.iter_mut().for_each(|t| *t -= begin);
         }
         let (time, breaks): (Arc<[f64]>, Arc<[usize]>) = (time.into(), recorded.breaks.into());
@@ -127,11 +136,11 @@ impl<'a> Assembly<'a> {
 
     /// What times are counted from \[s\]: zero, or the first that is far away.
     fn begin(&mut self, first: f64) -> f64 {
-        if first > FAR && self.begin.is_none() {
+        if first.abs() > FAR && self.begin.is_none() {
             self.begin = Some(first);
             self.remark("time is counted from the first sample".into());
         }
-        if first > FAR { self.begin.unwrap_or(0.0) } else { 0.0 }
+        if first.abs() > FAR { self.begin.unwrap_or(0.0) } else { 0.0 }
     }
 
     /// One of a time's numbers \[s\].
@@ -141,32 +150,12 @@ impl<'a> Assembly<'a> {
         read: &Heading,
         time: &[f64],
     ) -> Result<f64, MeasurementError> {
-        let stated = self.stated.and_then(|s| s.unit).or(read.unit);
-        if let Some(unit) = stated.filter(|u| u.dimension == Dimension::Time) {
-            return Ok(unit.factor);
-        }
-        if self.stated.is_some_and(|s| s.scale != 1.0) {
-            return Ok(1.0);
-        }
         let there: Vec<f64> = time.iter().copied().filter(|t| t.is_finite()).take(2000).collect();
-        let interval = interval(&there).unwrap_or(1.0);
-        let is_days = read.name.to_lowercase().contains("datenum");
-        let found = match is_days {
-            true => Some((DAY, "days, MATLAB's datenum")),
-            false => by_content(there[0], interval),
-        };
-        let Some((factor, what)) = found else {
-            let reason = format!(
-                "the time \"{heading}\" has no unit, and begins with {:?}: neither seconds nor milli-, micro- or nanoseconds since 1970, nor days; state it in a mapping: \
-                 [log.time] column = \"...\", unit = \"...\"",
-                there[0]
-            );
-            return Err(MeasurementError::Mapping { file: self.file.clone(), reason });
-        };
-        self.remark(format!(
-            "the time \"{heading}\" has no unit: taken as {what}, its steps being {:.6} ms",
-            interval * factor * 1e3
-        ));
+        let first = there.first().copied().unwrap_or(0.0);
+        let (factor, remark) =
+            resolve(heading, read, self.stated, None, first, interval(&there))
+                .map_err(|reason| MeasurementError::Mapping { file: self.file.clone(), reason })?;
+        self.remarks.extend(remark);
         Ok(factor)
     }
 
@@ -183,13 +172,16 @@ impl<'a> Assembly<'a> {
             };
             return Err(MeasurementError::Format { file: self.file, reason });
         }
-        Ok(Measurement { name: self.file, channels: self.channels, remarks: self.remarks })
+        let Self { file: name, channels, remarks, mut times, .. } = self;
+        let time = times.pop().filter(|_| times.is_empty());
+        Ok(Measurement { name, channels, remarks, time })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::time_unit::DAY;
 
     fn log(name: &str, time: &[f64]) -> Measurement {
         let mut assembly = Assembly::new("test", None, Vec::new());
@@ -209,6 +201,8 @@ mod tests {
             ("t", [1.7e9, 1.7e9 + 0.5, 1.7e9 + 1.0], [0.0, 0.5, 1.0]),
             ("t", [1.7e12, 1.7e12 + 500.0, 1.7e12 + 1000.0], [0.0, 0.5, 1.0]),
             ("t", [day, day + 1.0 / DAY, day + 2.0 / DAY], [0.0, 1.0, 2.0]),
+            // before 1970, or counted down to an event
+            ("t_s", [-2e9, -2e9 + 0.5, -2e9 + 1.0], [0.0, 0.5, 1.0]),
             ("datenum", [day, day + 1.0, day + 2.0], [0.0, DAY, 2.0 * DAY]),
             // seconds of a clock that ran for a week
             ("t", [739_000.0, 739_000.01, 739_000.02], [739_000.0, 739_000.01, 739_000.02]),
@@ -217,6 +211,19 @@ mod tests {
             for (found, wanted) in log.channels[0].time.iter().zip(wanted) {
                 assert!((found - wanted).abs() < 2e-5, "{name}: {found} for {wanted}");
             }
+        }
+    }
+
+    #[test]
+    fn a_time_in_a_unit_that_is_unknown_or_of_no_time_is_refused() {
+        for (name, wanted) in
+            [("t [ticks]", "\"ticks\" is no known unit"), ("x_mm", "mm is a length, not a time")]
+        {
+            let mut assembly = Assembly::new("test", None, Vec::new());
+            let time = Column::new(name, vec![0.0, 1.0, 2.0]);
+            let columns = vec![Column::new("p_A_bar", vec![0.0; 3])];
+            let said = assembly.add(Samples { columns, time }).unwrap_err().to_string();
+            assert!(said.contains(wanted) && said.contains("[log.time]"), "{said}");
         }
     }
 

@@ -218,13 +218,13 @@ impl Signals {
         parts
     }
 
-    /// From when to when all of some signals were measured \[s\].
+    /// From when to when all of some signals were measured \[s\]; none where one has no sample, or they have no time in common.
     pub fn overlap(&self, signals: &[Signal]) -> Option<(f64, f64)> {
-        let tracks = signals.iter().filter_map(|s| self.get(*s));
-        let (begin, end) = tracks.fold((f64::NEG_INFINITY, f64::INFINITY), |(b, e), track| {
-            let (first, last) = (track.time[0], track.time[track.time.len() - 1]);
-            (b.max(first), e.min(last))
-        });
+        let (mut begin, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
+        for track in signals.iter().filter_map(|s| self.get(*s)) {
+            begin = begin.max(*track.time.first()?);
+            end = end.min(*track.time.last()?);
+        }
         (begin < end && begin.is_finite() && end.is_finite()).then_some((begin, end))
     }
 }

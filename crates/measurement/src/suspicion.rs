@@ -50,7 +50,7 @@ fn absolute(signal: Signal, entry: &Entry, unit: &Unit, channel: &Channel) -> Op
         ),
         _ => return None,
     };
-    let offset = format!("offset = {:.4}", -ATMOSPHERE / unit.factor);
+    let offset = format!("offset = {:.4}", -ATMOSPHERE / (entry.sign * unit.factor));
     let stated = format!("{} abs", unit.name);
     let remedy = match Unit::find(&stated) {
         Some(unit) => format!("unit = \"{}\", or {offset}", unit.name),
@@ -117,8 +117,8 @@ impl Mapping {
                 _ if is_shifted && low > 0.0 => {
                     let _ = write!(
                         text,
-                        ": has it another zero? (offset, {:.1} at most)",
-                        -low / unit.factor
+                        ": has it another zero? (offset = {:.1} makes its smallest value 0)",
+                        entry.offset - low / (entry.sign * unit.factor)
                     );
                 }
                 (_, true) => text += ": does it count the other way? (sign = -1)",

@@ -1,4 +1,9 @@
-//! What a time counts that has no unit, judged by its numbers.
+//! What a time counts: as it is stated, or judged by its numbers.
+
+use crate::dimension::Dimension;
+use crate::heading::Heading;
+use crate::time_column::TimeColumn;
+use crate::unit::Unit;
 
 /// Times that are larger are counted from something far away, and are shown from the first one on \[s\].
 pub(crate) const FAR: f64 = 1e7;
@@ -12,8 +17,67 @@ const SPREADSHEET: std::ops::Range<f64> = 3.2e4..7.4e4;
 /// Intervals of rows that logs of machines have, at most \[s\].
 const LONGEST: f64 = 0.5;
 
+/// What one of a time's numbers is \[s\], and what is to be said of it: as a mapping states it, as the format says (`own`), as the heading says, else as its
+/// first number and the usual interval tell.
+///
+/// # Errors
+///
+/// What is wrong, and what to write: a unit that is unknown or of no time, or numbers that do not tell it.
+pub(crate) fn resolve(
+    heading: &str,
+    read: &Heading,
+    stated: Option<&TimeColumn>,
+    own: Option<f64>,
+    first: f64,
+    interval: Option<f64>,
+) -> Result<(f64, Option<String>), String> {
+    let state = "state it in a mapping: [log.time] column = \"...\", unit = \"...\"";
+    let of_time = |unit: Unit| match unit.dimension {
+        Dimension::Time => Ok((unit.factor, None)),
+        other => Err(format!(
+            "the time \"{heading}\": {} is {}, not a time; {state}",
+            unit.name,
+            other.words()
+        )),
+    };
+    if let Some(unit) = stated.and_then(|s| s.unit) {
+        return of_time(unit);
+    }
+    if let Some(factor) = own {
+        return Ok((factor, None));
+    }
+    if let Some(text) = &read.unknown_unit {
+        let error = Unit::of_dimension(text, Dimension::Time).err();
+        let error = error.map_or_else(String::new, |e| e.to_string());
+        return Err(format!("the time \"{heading}\": {error}; {state}"));
+    }
+    if let Some(unit) = read.unit {
+        return of_time(unit);
+    }
+    // whoever states a factor has it lead to seconds
+    if stated.is_some_and(|s| s.scale != 1.0) {
+        return Ok((1.0, None));
+    }
+    let interval = interval.unwrap_or(1.0);
+    let is_days = read.name.to_lowercase().contains("datenum");
+    let found = match is_days {
+        true => Some((DAY, "days, MATLAB's datenum")),
+        false => by_content(first, interval),
+    };
+    let (factor, what) = found.ok_or_else(|| {
+        format!(
+            "the time \"{heading}\" has no unit, and begins with {first:?}: neither seconds nor milli-, micro- or nanoseconds since 1970, nor days; {state}"
+        )
+    })?;
+    let remark = format!(
+        "the time \"{heading}\" has no unit: taken as {what}, its steps being {:.6} ms",
+        interval * factor * 1e3
+    );
+    Ok((factor, Some(remark)))
+}
+
 /// What numbers count \[s\], from the first one and their usual interval.
-pub(crate) fn by_content(first: f64, interval: f64) -> Option<(f64, &'static str)> {
+fn by_content(first: f64, interval: f64) -> Option<(f64, &'static str)> {
     let is_fine = |factor: f64| interval * factor <= 10.0;
     for (factor, what) in [
         (1.0, "seconds since 1970"),

@@ -91,6 +91,16 @@ impl Unit {
         let text = stripped(text);
         let whole = Self::spelled(&normal(text));
         whole.or_else(|| {
+            if let Some(gauge) = without_absolute(text).and_then(Self::find)
+                && gauge.dimension == Dimension::Pressure
+            {
+                let is_it = |u: &&Self| {
+                    u.dimension == Dimension::Pressure
+                        && u.offset != 0.0
+                        && u.factor.to_bits() == gauge.factor.to_bits()
+                };
+                return Self::ALL.iter().find(is_it).copied();
+            }
             // `V (Voltage)`, and `Pressure (bar)`
             let (before, inside) = text.strip_suffix(')')?.split_once('(')?;
             Self::spelled(&normal(stripped(before)))
@@ -131,6 +141,19 @@ fn stripped(text: &str) -> &str {
             None => return text,
         }
     }
+}
+
+/// What stands before "absolute", however that is written: `bar (abs.)`, `kPa absolut`, `hPa(a)`.
+fn without_absolute(text: &str) -> Option<&str> {
+    let text = text.trim().trim_end_matches([')', ']']).trim_end_matches('.');
+    let word = text.rfind(|c: char| !c.is_alphabetic()).map_or(0, |at| at + 1);
+    // a separator is of one byte or more
+    let word = (word..text.len()).find(|at| text.is_char_boundary(*at))?;
+    let is_absolute = ["a", "abs", "absolut", "absolute"]
+        .iter()
+        .any(|spelling| text[word..].eq_ignore_ascii_case(spelling));
+    let before = text[..word].trim_end_matches(['(', '[', ' ', '_', ',', '-', '.']);
+    (is_absolute && word > 0 && !before.is_empty()).then_some(before)
 }
 
 /// One way of writing: `u` for micro, digits that are not raised, no blanks, dots, crosses, carets.
@@ -235,6 +258,11 @@ mod tests {
             ("bar (g)", "bar"),
             ("bar (abs)", "bar abs"),
             ("psi(a)", "psia"),
+            ("bar (absolute)", "bar abs"),
+            ("bar (absolut)", "bar abs"),
+            ("kPa (abs.)", "kPa abs"),
+            ("[mbar, abs]", "mbar abs"),
+            ("N/mm² abs", "MPa abs"),
             ("1/min", "rpm"),
             ("min⁻¹", "rpm"),
             ("U/min", "rpm"),
@@ -248,6 +276,10 @@ mod tests {
         }
         let unknown = |text: &str| Unit::from_text(text).unwrap_err().to_string();
         assert_eq!(unknown("barr"), "\"barr\" is no known unit; the nearest is bar");
+        // no gauge pressure, whatever stands before
+        for text in ["kgf/cm2 (abs)", "Torr abs", "barr (absolute)"] {
+            assert!(Unit::from_text(text).is_err(), "{text}");
+        }
         assert!(unknown("furlong").contains("no known unit"));
         assert!(unknown(&"x".repeat(100_000)).len() < 120);
         let wrong = Unit::of_dimension("mm", Dimension::Pressure).unwrap_err().to_string();

@@ -42,7 +42,7 @@ const fn temperature(
 }
 
 /// Of several units of a dimension the usual one is first. Spellings are in small letters, without blanks, dots and carets.
-pub(crate) const UNITS: [Unit; 98] = [
+pub(crate) const UNITS: [Unit; 100] = [
     unit(
         "mm",
         Dimension::Length,
@@ -91,6 +91,7 @@ pub(crate) const UNITS: [Unit; 98] = [
     absolute("kPa abs", 1e3, &["kpaabs", "kpaa", "kpa(a)", "kpa(abs)"]),
     absolute("MPa abs", 1e6, &["mpaabs", "mpaa", "mpa(a)", "mpa(abs)"]),
     absolute("mbar abs", 1e2, &["mbarabs", "mbara", "mbar(a)", "mbar(abs)"]),
+    absolute("hPa abs", 1e2, &["hpaabs", "hpaa", "hpa(a)", "hpa(abs)"]),
     absolute("Pa abs", 1.0, &["paabs", "pa(a)", "pa(abs)"]),
     unit(
         "rpm",
@@ -98,7 +99,7 @@ pub(crate) const UNITS: [Unit; 98] = [
         1.0 / 60.0,
         &["1/min", "rev/min", "u/min", "min-1", "r/min", "tr/min", "/min", "upm", "revs/min"],
     ),
-    unit("rev/s", Dimension::Rotation, 1.0, &["rps", "1/s", "u/s", "s-1", "r/s", "revs/s", "/s"]),
+    unit("rev/s", Dimension::Rotation, 1.0, &["rps", "1/s", "u/s", "s-1", "revs/s", "/s"]),
     unit("rad/s", Dimension::Rotation, 1.0 / TAU, &["radps", "rads-1"]),
     unit("deg/s", Dimension::Rotation, 1.0 / 360.0, &["degps", "°/s", "grad/s", "degs-1", "dps"]),
     unit("rad/min", Dimension::Rotation, 1.0 / (60.0 * TAU), &[]),
@@ -160,10 +161,11 @@ pub(crate) const UNITS: [Unit; 98] = [
     unit("kNm", Dimension::Torque, 1e3, &[]),
     unit("kg", Dimension::Mass, 1.0, &[]),
     unit("g", Dimension::Mass, 1e-3, &["gram"]),
-    unit("t", Dimension::Mass, 1e3, &["ton", "tonne"]),
+    unit("t", Dimension::Mass, 1e3, &["tonne"]),
     unit("lb", Dimension::Mass, 0.453_592_37, &["lbs"]),
     unit("W", Dimension::Power, 1.0, &["watt"]),
     unit("kW", Dimension::Power, 1e3, &[]),
     unit("MW", Dimension::Power, 1e6, &[]),
-    unit("hp", Dimension::Power, 745.699_871_582_270_2, &["ps"]),
+    unit("hp", Dimension::Power, 745.699_871_582_270_2, &[]),
+    unit("PS", Dimension::Power, 75.0 * GRAVITY, &["cv"]),
 ];

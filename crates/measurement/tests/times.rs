@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_measurement::{Mapping, Measurement, MeasurementError, read};
+use hydroboom_measurement::{Mapping, Measurement, MeasurementError, TimeColumn, read};
 use std::path::PathBuf;
 
 fn file(name: &str, content: &str) -> PathBuf {
@@ -139,6 +139,51 @@ fn ticks_of_100_ns_are_none_but_in_scope() {
             .unwrap();
     let log = read(&file("ticks_of_whom.csv", &text), Some(&mapping.time)).unwrap();
     assert!((two_seconds(&log) - 2.0).abs() < 1e-5, "{}", two_seconds(&log));
+}
+
+#[test]
+fn a_time_that_was_guessed_is_written_to_the_mapping_and_read_back() {
+    for (heading, wanted) in [("Zeit", "unit = \"ms\""), ("t [us]", "unit = \"us\"")] {
+        let text = table(heading, |k| (k * 10).to_string());
+        let log = read(&file("guessed_time.csv", &text), None).unwrap();
+        let mapping = Mapping::default().completed(&log).unwrap();
+        let written = mapping.to_toml();
+        let column = format!("[log.time]\ncolumn = \"{heading}\"  # guessed");
+        assert!(written.contains(&column) && written.contains(wanted), "{written}");
+        let again = Mapping::parse("again", &written).unwrap();
+        assert!(!again.time.is_guessed);
+        let same = read(&file("guessed_time.csv", &text), Some(&again.time)).unwrap();
+        assert_eq!(same.channels[0].time, log.channels[0].time);
+    }
+}
+
+#[test]
+fn clocks_of_one_table_go_over_midnight_together() {
+    for dates in [["2024-01-31 ", "2024-02-01 "], ["", ""]] {
+        // the second clock begins after midnight
+        let row = |k: u32| {
+            let stamp = |s: u32| match s < 86_400 {
+                true => format!("{}23:59:{:02}", dates[0], s - 86_340),
+                false => format!("{}00:00:{:02}", dates[1], s - 86_400),
+            };
+            format!("{};{};{};{}\n", stamp(86_398 + k), 50 + k, stamp(86_401 + k), 70 + k)
+        };
+        let text = format!("time;stroke_mm;time;p_A_bar\n{}", (0..20).map(row).collect::<String>());
+        let log = log("midnight.csv", &text).unwrap();
+        let begins: Vec<f64> = log.channels.iter().map(|c| c.time[0]).collect();
+        assert_eq!(begins, [0.0, 3.0], "{dates:?}: {:?}", log.remarks);
+        assert!(log.channels.iter().all(|c| c.time[19] - c.time[0] == 19.0), "{dates:?}");
+    }
+}
+
+#[test]
+fn a_sample_time_counts_rows_of_text_files_only() {
+    let path = file("counted.mcap", "\u{89}MCAP0\r\n");
+    let bytes = [&[0x89][..], b"MCAP0\r\n"].concat();
+    std::fs::write(&path, bytes).unwrap();
+    let counted = TimeColumn { sample_time: Some(0.01), ..TimeColumn::default() };
+    let said = read(&path, Some(&counted)).unwrap_err().to_string();
+    assert!(said.contains("counts rows of text files; in an MCAP file name the time"), "{said}");
 }
 
 #[test]

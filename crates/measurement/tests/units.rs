@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
-use hydroboom_measurement::{Mapping, Measurement, MeasurementError, Signal, Signals, read};
+use hydroboom_measurement::{Mapping, Measurement, MeasurementError, Signal, Signals, Track, read};
 use std::path::PathBuf;
 
 fn log(name: &str, content: &str) -> Measurement {
@@ -134,4 +134,42 @@ fn an_absolute_pressure_is_suspected_by_its_name_or_its_rest() {
     assert_eq!(said("stated.csv", "pressure_b [bar abs]", 1.013), "");
     let text = said("named.csv", "pressure_b_abs [bar]", 3.0);
     assert!(text.contains("is named as an absolute pressure"), "{text}");
+}
+
+/// What is proposed puts the signal where it belongs, whatever the mapping says already.
+#[test]
+fn the_proposed_zero_is_right_with_sign_and_offset() {
+    for (sign, offset) in [(1.0, 0.0), (-1.0, 0.0), (1.0, 100.0), (-1.0, -40.0)] {
+        // a cylinder's own length, from 650 to 900 mm
+        let rows: String = (0..200)
+            .map(|k| {
+                let length = 650.0 + 250.0 * f64::from(k) / 199.0;
+                format!("{},{}\n", f64::from(k) * 0.01, sign * length - offset)
+            })
+            .collect();
+        let log = log("zero.csv", &format!("time_s,x\n{rows}"));
+        let mapped = |offset: f64| {
+            let text = format!(
+                "[log.stroke]\ncolumn = \"x\"\nunit = \"mm\"\nsign = {sign:?}\noffset = {offset:?}\n"
+            );
+            Mapping::parse("m", &text).unwrap().completed(&log).unwrap()
+        };
+        let suspicions = mapped(offset).suspicions(&log, 0.5, 50.0);
+        let said = &suspicions[0].text;
+        let proposed = said.split("offset = ").nth(1).and_then(|t| t.split(' ').next());
+        let proposed: f64 = proposed.and_then(|t| t.parse().ok()).expect(said);
+        let signals = Signals::of(&log, &mapped(proposed)).unwrap();
+        let stroke = signals.get(Signal::Stroke).unwrap().values();
+        assert!(stroke[0].abs() < 1e-9 && (stroke[199] - 0.25).abs() < 1e-9, "{said}: {stroke:?}");
+        assert!(mapped(proposed).suspicions(&log, 0.5, 50.0).is_empty());
+    }
+}
+
+#[test]
+fn signals_without_a_sample_have_no_time_in_common() {
+    let mut signals = Signals::default();
+    signals.insert(Signal::Stroke, Track::new(&[0.0, 1.0], &[f64::NAN, f64::NAN]));
+    signals.insert(Signal::PressureA, Track::new(&[0.0, 1.0], &[1.0, 2.0]));
+    assert_eq!(signals.overlap(&[Signal::Stroke, Signal::PressureA]), None);
+    assert_eq!(signals.overlap(&[Signal::PressureA]), Some((0.0, 1.0)));
 }

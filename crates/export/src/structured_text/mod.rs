@@ -25,7 +25,7 @@ use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
 use crate::statement::{
-    Binding, Dialect, Run, Source, Text, arithmetic, broken, call, clear_infix, grouped, runs,
+    Dialect, Precedence, Run, Source, Text, arithmetic, broken, call, clear_infix, grouped, runs,
     statements,
 };
 use hydroboom_description::Description;
@@ -102,7 +102,7 @@ struct StructuredText;
 impl Dialect for StructuredText {
     fn constant(&self, value: f64) -> Text {
         let text = literal(value);
-        let binding = if text.starts_with('-') { Binding::Sign } else { Binding::Whole };
+        let binding = if text.starts_with('-') { Precedence::Sign } else { Precedence::Whole };
         Text::new(text, binding)
     }
 
@@ -115,7 +115,7 @@ impl Dialect for StructuredText {
     }
 
     fn operation(&self, op: Op, x: &[Text]) -> Text {
-        use Binding::*;
+        use Precedence::*;
         if let Some(text) = arithmetic(op, x) {
             return text;
         }
@@ -349,7 +349,7 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
                 (None, Target::Output(k)) => {
                     let name = &output_names[k];
                     let text = match edge_kind(&block.outputs[k]) {
-                        "BOOL" => format!("0.5E0 < {}", text.inside(Binding::Sum)),
+                        "BOOL" => format!("0.5E0 < {}", text.inside(Precedence::Sum)),
                         "DINT" => format!("LREAL_TO_DINT({})", text.text),
                         _ => text.text.clone(),
                     };

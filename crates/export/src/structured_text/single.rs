@@ -5,7 +5,7 @@ use crate::error::ExportError;
 
 /// The units with `REAL` in the place of `LREAL`.
 ///
-/// Without the test bench and its task: single precision does not come as near to Rust as it asks for.
+/// Without the test bench and its task: single precision differs from Rust by more than its tolerance.
 ///
 /// # Errors
 ///

@@ -78,6 +78,7 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
     }
     let bases = Times { file: &file, style: &style, columns: &columns, wanted: time }
         .bases(&mut remarks)?;
+    let found = found(&columns, &bases);
     let is_counted = bases.iter().any(|b| matches!(b.source, Source::Counted { .. }));
     let mut rows = Rows::new(&style, &columns, bases);
     let count = first.len();
@@ -92,7 +93,7 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
         rows.add(number, &line, lines.is_cut);
     }
     remarks.dedup();
-    let is_relative = rows.origin.is_some();
+    let is_relative = rows.origin.zero.is_some();
     remarks.extend(rows.remarks());
     let (count, bases) = rows.finish();
     let mut channels = Vec::new();
@@ -125,5 +126,17 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
     if is_relative {
         remarks.push("time is counted from the first sample".into());
     }
-    Ok(Measurement { name: file, channels, remarks })
+    Ok(Measurement { name: file, channels, remarks, time: found })
+}
+
+/// The column of times, where there is one.
+fn found(columns: &[columns::Column], bases: &[times::Base]) -> Option<TimeColumn> {
+    let [base] = bases else { return None };
+    match base.source {
+        Source::Number { column, factor, .. } => {
+            Some(TimeColumn::found(&columns[column].heading, Some(factor)))
+        }
+        Source::Stamp { column, .. } => Some(TimeColumn::found(&columns[column].heading, None)),
+        Source::Counted { .. } => None,
+    }
 }

@@ -1,7 +1,7 @@
 //! Rows of numbers, one after the other: what cannot be read is counted.
 
 use super::cell::Cell;
-use super::clock::Clock;
+use super::clock::{Clock, Origin};
 use super::columns::{Column, Kind};
 use super::lines::Cells;
 use super::style::Style;
@@ -15,7 +15,7 @@ pub(super) struct Rows<'a> {
     columns: &'a [Column],
     bases: Vec<(Clock, Vec<usize>, Recording)>,
     /// What far times are counted from \[s\].
-    pub(super) origin: Option<f64>,
+    pub(super) origin: Origin,
     /// Whether the table says that it ends here.
     pub(super) is_ended: bool,
     count: u64,
@@ -60,7 +60,7 @@ impl<'a> Rows<'a> {
             style,
             columns,
             bases: bases.collect(),
-            origin: None,
+            origin: Origin::default(),
             is_ended: false,
             count: 0,
             cells: Cells::default(),

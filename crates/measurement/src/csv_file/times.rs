@@ -6,8 +6,7 @@ use super::style::Style;
 use crate::dimension::Dimension;
 use crate::error::MeasurementError;
 use crate::time_column::TimeColumn;
-use crate::time_unit::{FAR, by_content, interval};
-use crate::unit::Unit;
+use crate::time_unit::{FAR, interval, resolve};
 
 /// Ticks of Windows' file time \[s\], which TwinCAT Scope writes.
 const TICK: f64 = 1e-7;
@@ -287,44 +286,15 @@ impl Times<'_> {
         remarks: &mut Vec<String>,
     ) -> Result<f64, MeasurementError> {
         let Column { heading, read, is_scope_time, .. } = &self.columns[column];
-        if let Some(unit) = self.wanted.unit {
-            return Ok(unit.factor);
-        }
-        if *is_scope_time && first > 1e15 {
+        // a unit that is stated counts before
+        let has_ticks = *is_scope_time && first > 1e15 && self.wanted.unit.is_none();
+        if has_ticks {
             remarks.push("times are ticks of 100 ns, as TwinCAT Scope writes them".into());
-            return Ok(TICK);
         }
-        let state = "state it in a mapping: [log.time] column = \"...\", unit = \"...\"";
-        let wrong = |reason: String| MeasurementError::Mapping { file: self.file.into(), reason };
-        if let Some(text) = &read.unknown_unit {
-            let error = Unit::of_dimension(text, Dimension::Time).err();
-            let error = error.map_or_else(String::new, |e| e.to_string());
-            return Err(wrong(format!("the time \"{heading}\": {error}; {state}")));
-        }
-        match read.unit {
-            Some(unit) if unit.dimension == Dimension::Time => return Ok(unit.factor),
-            Some(unit) => {
-                let words = unit.dimension.words();
-                return Err(wrong(format!(
-                    "the time \"{heading}\": {} is {words}, not a time; {state}",
-                    unit.name
-                )));
-            }
-            None => {}
-        }
-        let interval = interval.unwrap_or(1.0);
-        if self.wanted.scale != 1.0 {
-            return Ok(1.0);
-        }
-        let (factor, what) = by_content(first, interval).ok_or_else(|| {
-            wrong(format!(
-                "the time \"{heading}\" has no unit, and begins with {first:?}: neither seconds nor milli-, micro- or nanoseconds since 1970, nor days; {state}"
-            ))
-        })?;
-        remarks.push(format!(
-            "the time \"{heading}\" has no unit: taken as {what}, its steps being {:.6} ms",
-            interval * factor * 1e3
-        ));
+        let own = has_ticks.then_some(TICK);
+        let (factor, remark) = resolve(heading, read, Some(self.wanted), own, first, interval)
+            .map_err(|reason| MeasurementError::Mapping { file: self.file.into(), reason })?;
+        remarks.extend(remark);
         Ok(factor)
     }
 }

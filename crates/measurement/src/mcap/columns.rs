@@ -62,8 +62,9 @@ impl Clock<'_> {
         };
         let far = if seconds > FAR { (seconds, nanoseconds) } else { (0, 0) };
         let begin = *self.begin.get_or_insert(far);
-        let whole = seconds.checked_sub(begin.0)? as f64;
-        Some(whole + nanoseconds.checked_sub(begin.1)? as f64 * 1e-9)
+        // in one division, so that a time is the number that its decimals are read as
+        let whole = i128::from(seconds.checked_sub(begin.0)?) * 1_000_000_000;
+        Some((whole + i128::from(nanoseconds.checked_sub(begin.1)?)) as f64 / 1e9)
     }
 }
 

@@ -1,0 +1,245 @@
+//! `hydroboom log inspect`: what a log has, and what is taken for which signal.
+
+use crate::crane_file::CraneFile;
+use crate::log_mapping::LogMapping;
+use crate::output;
+use crate::paths::{InputFile, OutputFile};
+use clap::Args;
+use hydroboom_measurement::{
+    Channel, Entry, Gap, Mapping, Measurement, Range, Segment, Signal, Suspicion, TimeBase,
+    sparkline,
+};
+use miette::Result;
+use serde_json::{Value, json};
+use std::collections::HashMap;
+
+/// Gaps that are shown, at most.
+const MOST_GAPS: usize = 5;
+/// Segments that are shown of a clock, at most.
+const MOST_SEGMENTS: usize = 20;
+
+#[derive(Args)]
+pub struct Inspect {
+    /// The log.
+    log: InputFile,
+    #[command(flatten)]
+    mapping: LogMapping,
+    /// Write the proposed mapping, to be changed and given to `validate` and `tune`.
+    #[arg(long, value_name = "FILE")]
+    mapping_out: Option<OutputFile>,
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// A column of a log.
+struct Column<'a> {
+    channel: &'a Channel,
+    /// What a mapping calls it.
+    address: String,
+    base: Option<TimeBase>,
+    range: Option<Range>,
+    /// The signal that it is taken for.
+    signal: Option<(Signal, &'a Entry)>,
+}
+
+impl Inspect {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let crane = self.crane.read_any()?;
+        let (log, mapping) = self.mapping.read(&self.log)?;
+        let n = &crane.numbers;
+        let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
+        if let Some(path) = &self.mapping_out {
+            output::file(path, mapping.to_toml().as_bytes());
+        }
+        let columns = columns(&log, &mapping);
+        if self.json {
+            let columns: Vec<Value> = columns.iter().map(Column::json).collect();
+            let suspicions: Vec<&str> = suspicions.iter().map(|s| s.text.as_str()).collect();
+            return output::json(&json!({
+                "log": self.log, "channels": columns, "remarks": log.remarks, "suspicions": suspicions,
+            }));
+        }
+        let mut said = format!("{}: {}", self.log.display(), overview(&columns));
+        for line in segment_lines(&log.channels).into_iter().chain(gap_lines(&columns)) {
+            said += &format!("\n{line}");
+        }
+        said += &remarks(&log, &mapping, &suspicions);
+        if let Some(path) = &self.mapping_out {
+            said += &output::named("mapping", path);
+        }
+        output::text(&said)
+    }
+}
+
+/// The columns of a log, in their order.
+fn columns<'a>(log: &'a Measurement, mapping: &'a Mapping) -> Vec<Column<'a>> {
+    let of_entry = |(signal, entry): (&Signal, &'a Entry)| {
+        let channel = log.channel(&entry.column)?;
+        Some((std::ptr::from_ref(channel), (*signal, entry)))
+    };
+    let signals: HashMap<*const Channel, (Signal, &Entry)> =
+        mapping.entries.iter().filter_map(of_entry).collect();
+    log.channels
+        .iter()
+        .zip(log.addresses())
+        .map(|(channel, address)| Column {
+            channel,
+            address,
+            base: TimeBase::of(&channel.time),
+            range: channel.range(),
+            signal: signals.get(&std::ptr::from_ref(channel)).copied(),
+        })
+        .collect()
+}
+
+impl Column<'_> {
+    fn missing(&self) -> usize {
+        self.range.map_or(self.channel.values.len(), |r| r.missing)
+    }
+
+    fn json(&self) -> Value {
+        let Self { channel, base, range, signal, .. } = self;
+        let base = base.as_ref();
+        let gaps = |b: &TimeBase| b.gaps.iter().map(|g| [g.from, g.to]).collect::<Vec<_>>();
+        json!({
+            "column": self.address,
+            "unit": channel.unit.map(|u| u.name).or(channel.unknown_unit.as_deref()),
+            "samples": channel.values.len(),
+            "missing": self.missing(),
+            "low": range.map(|r| r.low), "mean": range.map(|r| r.mean), "high": range.map(|r| r.high),
+            "begin_s": base.map(|b| b.begin), "end_s": base.map(|b| b.end),
+            "interval_ms": base.map(|b| b.interval * 1e3),
+            "jitter_ms": base.map(|b| b.jitter * 1e3),
+            "gaps_s": base.map(gaps),
+            "segments_s": channel.segments().iter().map(|s| [s.begin, s.end]).collect::<Vec<_>>(),
+            "signal": signal.map(|(s, _)| s.key()),
+            "signal_unit": signal.map(|(_, e)| e.unit.map(|u| u.name)),
+            "is_unit_guessed": signal.map(|(_, e)| e.is_unit_guessed),
+        })
+    }
+
+    fn row(&self) -> Vec<String> {
+        let number = |v: f64| match v.abs() {
+            size if size != 0.0 && !(1e-3..1e6).contains(&size) => format!("{v:.4e}"),
+            _ => format!("{v:.3}"),
+        };
+        let signal = self.signal.map(|(signal, entry)| {
+            let guess = if entry.is_unit_guessed { "?" } else { "" };
+            let unit = entry.unit.map_or("-", |u| u.name);
+            format!("{} in {unit}{guess}", signal.symbol())
+        });
+        let of_base = |text: &dyn Fn(&TimeBase) -> String| {
+            self.base.as_ref().map_or_else(|| "-".into(), text)
+        };
+        vec![
+            self.address.clone(),
+            signal.unwrap_or_default(),
+            self.range.map_or("-".into(), |r| number(r.low)),
+            self.range.map_or("-".into(), |r| number(r.high)),
+            self.range.map_or("all".into(), |r| r.missing.to_string()),
+            of_base(&|b| format!("{:.3}", b.interval * 1e3)),
+            of_base(&|b| format!("{:.3}", b.jitter * 1e3)),
+            of_base(&|b| b.gaps.len().to_string()),
+            sparkline(&self.channel.values, 24),
+        ]
+    }
+}
+
+/// How many columns there are, from when to when, and a table of them.
+fn overview(columns: &[Column<'_>]) -> String {
+    let bases = columns.iter().filter_map(|c| c.base.as_ref());
+    let (begin, end) = bases.fold((f64::INFINITY, f64::NEG_INFINITY), |(begin, end), base| {
+        (begin.min(base.begin), end.max(base.end))
+    });
+    let header = [
+        "column",
+        "signal",
+        "min",
+        "max",
+        "missing",
+        "interval [ms]",
+        "jitter [ms]",
+        "gaps",
+        "trend",
+    ];
+    let rows: Vec<Vec<String>> = columns.iter().map(Column::row).collect();
+    let table = output::table(&header, &rows);
+    format!("{} columns, {begin:.3} to {end:.3} s\n{table}", columns.len())
+}
+
+/// The segments of each clock that has several, with the columns that have it.
+fn segments(channels: &[Channel]) -> Vec<(String, Vec<Segment>)> {
+    let mut found: Vec<(Vec<&str>, Vec<Segment>)> = Vec::new();
+    for channel in channels.iter().filter(|c| !c.breaks.is_empty()) {
+        let segments = channel.segments();
+        match found.iter_mut().find(|(_, other)| *other == segments) {
+            Some((columns, _)) => columns.push(&channel.heading),
+            None => found.push((vec![&channel.heading], segments)),
+        }
+    }
+    let named = |columns: Vec<&str>| match columns.as_slice() {
+        _ if columns.len() == channels.len() => "all columns".to_string(),
+        [first, second, _, ..] => format!("{first}, {second} and {} more", columns.len() - 2),
+        few => few.join(", "),
+    };
+    found.into_iter().map(|(columns, segments)| (named(columns), segments)).collect()
+}
+
+fn segment_lines(channels: &[Channel]) -> Vec<String> {
+    let mut lines = Vec::new();
+    for (columns, segments) in segments(channels) {
+        for (k, Segment { begin, end, samples }) in segments.iter().enumerate().take(MOST_SEGMENTS)
+        {
+            lines.push(format!(
+                "segment {} of {}: {begin:.3} to {end:.3} s, {samples} samples ({columns})",
+                k + 1,
+                segments.len(),
+            ));
+        }
+    }
+    lines
+}
+
+/// Each gap once, however many columns have it.
+fn gap_lines(columns: &[Column<'_>]) -> Vec<String> {
+    let mut gaps: Vec<Gap> = Vec::new();
+    let mut bases: Vec<&TimeBase> = Vec::new();
+    for base in columns.iter().filter_map(|c| c.base.as_ref()) {
+        if !bases.contains(&base) {
+            bases.push(base);
+            let new: Vec<Gap> = base.gaps.iter().filter(|g| !gaps.contains(g)).copied().collect();
+            gaps.extend(new);
+        }
+    }
+    let shown = gaps.iter().take(MOST_GAPS);
+    let mut lines: Vec<String> =
+        shown.map(|gap| format!("gap from {:.3} to {:.3} s", gap.from, gap.to)).collect();
+    if gaps.len() > MOST_GAPS {
+        lines.push(format!("{} more gaps", gaps.len() - MOST_GAPS));
+    }
+    lines
+}
+
+/// What had to be done to read the log, what looks suspicious, and which signals it lacks.
+fn remarks(log: &Measurement, mapping: &Mapping, suspicions: &[Suspicion]) -> String {
+    let mut said = String::new();
+    for remark in &log.remarks {
+        said += &format!("\nnote: {remark}");
+    }
+    for suspicion in suspicions {
+        said += &format!("\nsuspicious: {}", suspicion.text);
+    }
+    let missing: Vec<&str> = Signal::COMPARED
+        .into_iter()
+        .filter(|signal| !mapping.entries.contains_key(signal))
+        .map(Signal::symbol)
+        .collect();
+    if !missing.is_empty() {
+        said += &format!("\nno column is taken for {}", missing.join(", "));
+    }
+    said
+}
