@@ -67,6 +67,14 @@ pub enum IdentifyError {
         /// The key.
         key: String,
     },
+    /// A delay or offset of a channel that is none.
+    #[error(
+        "\"{name}\" is no delay or offset of a channel: stroke.delay_ms, pressure_a.offset_bar and alike, or delay, offset, all"
+    )]
+    Nuisance {
+        /// What was asked for.
+        name: String,
+    },
     /// A key that is none.
     #[error("no key \"{key}\" of a crane file{suggestion}")]
     Key {

@@ -255,6 +255,20 @@ impl Experiment {
         self.every as f64 * self.period
     }
 
+    /// Whether a compared signal was measured.
+    pub fn is_measured(&self, signal: Signal) -> bool {
+        let place = COMPARED.iter().position(|s| *s == signal);
+        place.is_some_and(|k| self.samples.iter().any(|s| s.values[k].is_some()))
+    }
+
+    /// Which compared signal each start was read from, by its place.
+    pub(crate) fn start_channels(&self) -> [Option<usize>; STARTS] {
+        match self.drive {
+            Drive::Pump(_) => [Some(0), Some(1), Some(3), Some(4), Some(5), None],
+            Drive::Valve(..) => [Some(0), Some(2), Some(3), None, None, None],
+        }
+    }
+
     /// What drives the model at a sample, in units that a steady input changes by less than one of in a second.
     pub(crate) fn driving(&self, sample: usize) -> f64 {
         self.drive.driving((sample * self.every).min(self.drive.len() - 1))

@@ -24,7 +24,10 @@ pub use advice::experiment_for;
 pub use differences::{Difference, Differences, differences};
 pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
-pub use fit::{Fit, Improvement, LIMIT, Profile, Progress, Task, Tuned, fit, prior, profile};
+pub use fit::{
+    Allowed, Channel, Effect, Fit, Improvement, LIMIT, Nuisance, Profile, Progress, Task, Tuned,
+    fit, prior, profile,
+};
 pub use free::Free;
 pub use hold_out::{Foretold, HeldOut, Stretch, held_out};
 pub use number::{Number, Stepper};

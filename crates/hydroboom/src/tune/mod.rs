@@ -1,5 +1,6 @@
 //! `hydroboom tune`
 
+mod channels;
 mod held;
 mod journal;
 mod page;
@@ -9,14 +10,15 @@ use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
+use channels::Fixed;
 use clap::Args;
 use held::HoldOut;
 use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::Stretch;
 use hydroboom_identify::{
-    COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Profile, Task, Tuned,
-    experiment_for, fit, held_out, predict,
+    COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Nuisance, Profile, Task,
+    Tuned, experiment_for, fit, held_out, predict,
 };
 use hydroboom_lab::crane_file_text::{FoundValue, write_value};
 use hydroboom_measurement::{Signals, digest, digest_of};
@@ -57,6 +59,8 @@ pub struct Tune {
     /// A log that the search does not see: how the model does there, before and after; can be repeated.
     #[arg(long, value_name = "FILE")]
     test_log: Vec<InputFile>,
+    #[command(flatten)]
+    fixed: Fixed,
     #[command(flatten)]
     hold_out: HoldOut,
     #[command(flatten)]
@@ -110,13 +114,15 @@ impl Tune {
         let told = Arc::clone(&stop);
         ctrlc::set_handler(move || told.store(true, Ordering::Relaxed)).into_diagnostic()?;
 
+        let fixed = self.fixed.all();
+        let asked = Asked { crane: &crane, free: &free, fixed: &fixed };
         let mut held = Vec::new();
         if self.hold_out.in_turn {
             for stretch in &self.hold_out.hold_out {
                 let rest: Vec<Experiment> =
                     experiments.iter().map(|e| e.without(&[*stretch])).collect();
                 let what = format!("without {} to {} s: ", stretch.from, stretch.to);
-                let found = self.search(&crane, &rest, &free, &stop, None, &what)?;
+                let found = self.search(asked, &rest, &stop, None, &what)?;
                 held.extend(judged(&experiments, &found, *stretch));
             }
         }
@@ -125,7 +131,7 @@ impl Tune {
             false => experiments.iter().map(|e| e.without(&self.hold_out.hold_out)).collect(),
         };
         let kept = self.journal(&digests, &free)?;
-        let found = self.search(&crane, &rest, &free, &stop, kept.as_ref(), "")?;
+        let found = self.search(asked, &rest, &stop, kept.as_ref(), "")?;
         if !self.hold_out.in_turn {
             for stretch in &self.hold_out.hold_out {
                 held.extend(judged(&experiments, &found, *stretch));
@@ -136,7 +142,7 @@ impl Tune {
             .map(|e| tested(&crane, &found, e))
             .collect::<Result<Vec<Improvement>, IdentifyError>>()
             .into_diagnostic()?;
-        let task = self.task(&crane, &rest, &free, None);
+        let task = self.task(asked, &rest, None);
         let profiles = self.profiles.of(&task, &found, &stop)?;
         let outcome = Outcome {
             crane: &crane,
@@ -192,7 +198,8 @@ impl Tune {
             return Ok(None);
         };
         let keys: Vec<String> = free.iter().map(|key| key.path()).collect();
-        let windows = (&self.hold_out.hold_out, self.hold_out.in_turn, self.window.of());
+        let windows =
+            (&self.hold_out.hold_out, self.hold_out.in_turn, self.window.of(), self.fixed.all());
         let search = format!(
             "{}; {}; {}; {windows:?}",
             digest_of(self.crane.text()?.as_bytes()),
@@ -204,20 +211,19 @@ impl Tune {
 
     fn task<'a>(
         &self,
-        model: &'a Description,
+        asked: Asked<'a>,
         experiments: &'a [Experiment],
-        free: &'a [Free],
         resume: Option<&'a [f64]>,
     ) -> Task<'a> {
-        Task { model, experiments, free, resume, generations: self.generations }
+        let Asked { crane: model, free, fixed } = asked;
+        Task { model, experiments, free, fixed, resume, generations: self.generations }
     }
 
     /// One search, with its progress shown and kept.
     fn search(
         &self,
-        crane: &Description,
+        asked: Asked<'_>,
         experiments: &[Experiment],
-        free: &[Free],
         stop: &AtomicBool,
         kept: Option<&(Journal, Option<Vec<f64>>)>,
         what: &str,
@@ -227,7 +233,7 @@ impl Tune {
         if resume.is_some() {
             bar.println("an interrupted search goes on");
         }
-        let task = self.task(crane, experiments, free, resume);
+        let task = self.task(asked, experiments, resume);
         let failed = RefCell::new(None);
         let found = fit(&task, &|progress| {
             bar.set_message(format!("{what}{} runs, {:.0} left", progress.runs, progress.sum));
@@ -274,7 +280,7 @@ impl Tune {
                 "crane": crane.name, "logs": self.log, "sha256": digests, "notes": notes,
                 "runs": found.evaluations, "converged": found.has_converged,
                 "keys": found.tuned.iter().map(in_json).collect::<Vec<_>>(),
-                "correlation": found.correlation, "profiles": profiles::in_json(profiles),
+                "channels": channels::in_json(&found.channels), "correlation": found.correlation, "profiles": profiles::in_json(profiles),
                 "differences": found.improvements.iter().map(improvement).collect::<Vec<_>>(),
             }))?,
             false => output::text(&self.said(outcome))?,
@@ -334,9 +340,7 @@ impl Tune {
                         false => "nothing".into(),
                     },
                     if t.is_determined { "yes" } else { "NO" }.into(),
-                    t.partner
-                        .as_ref()
-                        .map_or(String::new(), |(k, c)| format!("{} ({c:+.2})", k.path())),
+                    t.partner.as_ref().map_or(String::new(), |(k, c)| format!("{k} ({c:+.2})")),
                 ]
             })
             .collect();
@@ -357,6 +361,9 @@ impl Tune {
             if found.has_converged { "" } else { "; the search did not end by itself" },
             output::table(&header, &rows)
         );
+        if !found.channels.is_empty() {
+            said += &format!("\n{}\n", channels::said(&found.channels));
+        }
         for improvement in &found.improvements {
             said += &format!("\n{}, RMS: {}", improvement.log, before_and_after(improvement));
         }
@@ -389,6 +396,14 @@ impl Tune {
         }
         said
     }
+}
+
+/// What is searched for.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    crane: &'a Description,
+    free: &'a [Free],
+    fixed: &'a [Nuisance],
 }
 
 /// What came of tuning.
@@ -473,6 +488,6 @@ fn in_json(t: &Tuned) -> serde_json::Value {
         "interval_95": [key.to_unit(low), key.to_unit(high)], "known_to_percent": t.prior * 100.0,
         "logs_say_to_percent": t.from_logs.is_finite().then_some(t.from_logs * 100.0),
         "determined": t.is_determined,
-        "partner": t.partner.as_ref().map(|(k, _)| k.path()), "correlation": t.partner.as_ref().map(|(_, c)| c),
+        "partner": t.partner.as_ref().map(|(k, _)| k), "correlation": t.partner.as_ref().map(|(_, c)| c),
     })
 }

@@ -1,6 +1,6 @@
 //! The report of a tuning.
 
-use super::{Outcome, Shown, profiles};
+use super::{Outcome, Shown, channels, profiles};
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::{COMPARED, Fit, Tuned, experiment_for};
 use hydroboom_lab::LabError;
@@ -61,6 +61,14 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
         p.soft {
             "The interval holds the true value in nineteen cases of twenty, if the model is the true one but for its numbers. Known to: what "
             "the provenance of the key stands for. Logs say to: what the logs alone add to that."
+        }
+        @if !found.channels.is_empty() {
+            h2 { "Delay and offset of each channel" }
+            p.soft { "Nuisance parameters of the same problem: what they leave open is in the intervals of the keys. Write what is not zero into the mapping (delay_ms, offset), or fix what is known by --fix." }
+            div.wide { table {
+                thead { tr { th { "log" } @for name in channels::HEADER { th { (name) } } } }
+                tbody { @for c in &found.channels { tr { td { (c.log) } @for cell in channels::row(c) { td { (cell) } } } } }
+            } }
         }
         @if !open.is_empty() {
             h2 { "What the logs do not determine, and what would" }

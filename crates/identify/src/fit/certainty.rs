@@ -125,10 +125,12 @@ impl Certainty {
 
     /// Correlations of the first ones.
     pub(super) fn correlation(&self, count: usize) -> Vec<Vec<f64>> {
-        let of = |i: usize, j: usize| {
-            self.whole.real[(i, j)] / (self.deviation(i) * self.deviation(j)).max(1e-300)
-        };
-        (0..count).map(|i| (0..count).map(|j| of(i, j)).collect()).collect()
+        (0..count).map(|i| (0..count).map(|j| self.correlation_of(i, j)).collect()).collect()
+    }
+
+    /// Correlation of two.
+    pub(super) fn correlation_of(&self, i: usize, j: usize) -> f64 {
+        self.whole.real[(i, j)] / (self.deviation(i) * self.deviation(j)).max(1e-300)
     }
 
     /// What the logs alone say of one of those that were moved.

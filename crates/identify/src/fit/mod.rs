@@ -3,10 +3,11 @@
 //! What is minimised is `Σ ((log − model)/σ)² + Σ ((ln θ − ln θ_0)/s)²`: differences of all signals of all logs, each
 //! against what its sensor and the model's own shortcomings leave (σ), and each key against what is known of it (s, from its
 //! provenance). Where each log starts from is free too, within what sensors err by: a pump side that starts a tenth of
-//! a bar wrong would be explained by something else. Levenberg and Marquardt's method with exact slopes; σ is found anew once from what the first round leaves.
+//! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew once from what the first round leaves.
 
 mod certainty;
 mod layout;
+mod nuisance;
 mod pitch;
 mod profile;
 mod residual;
@@ -14,17 +15,18 @@ mod samples;
 mod search;
 mod watch;
 
+pub use nuisance::{Allowed, Effect, Nuisance};
 pub use profile::{LIMIT, Profile, profile};
 pub use watch::Progress;
 
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
-use crate::prediction::{Prediction, STARTS};
+use crate::prediction::Prediction;
 use crate::tuning_fork::TuningFork;
 use certainty::Certainty;
 use hydroboom_description::Description;
-use layout::Layout;
+use layout::{Layout, PER_LOG};
 use nalgebra::DVector;
 use pitch::Pitch;
 use residual::{Deviations, deviations, residuals};
@@ -48,15 +50,45 @@ pub struct Tuned {
     pub from_logs: f64,
     /// Whether the logs say more of it than was known.
     pub is_determined: bool,
-    /// The key that it is traded against most, and the correlation with it.
-    pub partner: Option<(Free, f64)>,
+    /// What it is traded against most, a key or a channel's delay or offset, and the correlation with it.
+    pub partner: Option<(String, f64)>,
 }
+
+/// What the model's steps and its samples may be wrong by, as a deviation of ln θ: no log tells more than the model resolves.
+const RESOLVED: f64 = 3e-5;
 
 impl Tuned {
     /// The interval, in SI units, that holds the true value in nineteen cases of twenty, if the model is the true one.
     pub fn interval(&self) -> (f64, f64) {
-        let factor = (1.96 * self.deviation).exp();
+        let factor = (1.96 * self.deviation.hypot(RESOLVED)).exp();
         (self.value.1 / factor, self.value.1 * factor)
+    }
+}
+
+/// Delay or offset of a log's channel after tuning.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Channel {
+    /// The log.
+    pub log: String,
+    /// What it is.
+    pub nuisance: Nuisance,
+    /// Its value, in its unit.
+    pub value: f64,
+    /// Its deviation, in its unit, what was known included.
+    pub deviation: f64,
+    /// The key that it is traded against most, and the correlation with it.
+    pub partner: Option<(String, f64)>,
+}
+
+impl Channel {
+    /// The interval, in its unit, that holds the true value in nineteen cases of twenty.
+    pub fn interval(&self) -> (f64, f64) {
+        (self.value - 1.96 * self.deviation, self.value + 1.96 * self.deviation)
+    }
+
+    /// Whether zero is outside its interval.
+    pub fn is_off(&self) -> bool {
+        self.value.abs() > 1.96 * self.deviation
     }
 }
 
@@ -90,6 +122,8 @@ pub struct Fit {
     pub description: Description,
     /// The keys.
     pub tuned: Vec<Tuned>,
+    /// Delay and offset of each channel of each log, but for those that were fixed.
+    pub channels: Vec<Channel>,
     /// Correlations of the keys, what was known included.
     pub correlation: Vec<Vec<f64>>,
     /// The logs.
@@ -133,6 +167,8 @@ pub struct Task<'a> {
     pub experiments: &'a [Experiment],
     /// The keys to move.
     pub free: &'a [Free],
+    /// Delays and offsets of channels that stay zero; all others are free.
+    pub fixed: &'a [Nuisance],
     /// Where an earlier search was, as its [`Progress`] told; none to begin at the model.
     pub resume: Option<&'a [f64]>,
     /// Generations of a global search (CMA-ES) before the local one: as wide as what is known of the keys leaves
@@ -142,19 +178,24 @@ pub struct Task<'a> {
 
 impl<'a> Task<'a> {
     fn layout(&self) -> Layout<'a> {
-        Layout { model: self.model, experiments: self.experiments, free: self.free }
+        Layout {
+            model: self.model,
+            experiments: self.experiments,
+            free: self.free,
+            fixed: self.fixed,
+        }
     }
 
-    /// What is known of the keys, and of where each log starts from.
+    /// What is known of the keys, and of each log's starts and channels.
     fn known(&self) -> Known {
         let origins: Vec<&str> =
             self.model.entries().map(|(_, _, o)| o.provenance.as_str()).collect();
         let mut mean: Vec<f64> = self.free.iter().map(|key| key.value(self.model).ln()).collect();
         let mut deviation: Vec<f64> =
             self.free.iter().map(|key| prior(origins[key.place])).collect();
-        let starts = STARTS * self.experiments.len();
-        mean.extend(std::iter::repeat_n(0.0, starts));
-        deviation.extend(std::iter::repeat_n(1.0, starts));
+        let of_logs = PER_LOG * self.experiments.len();
+        mean.extend(std::iter::repeat_n(0.0, of_logs));
+        deviation.extend(std::iter::repeat_n(1.0, of_logs));
         Known { mean, deviation }
     }
 
@@ -219,7 +260,8 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     let evaluations = watch.borrow().runs();
     Ok(Fit {
         description: layout.moved(at.as_slice()),
-        tuned: tuned(task.free, &known, at.as_slice(), &certainty),
+        tuned: tuned(&layout, &known, at.as_slice(), &certainty),
+        channels: channels(&layout, at.as_slice(), &certainty),
         correlation: certainty.correlation(task.free.len()),
         improvements: improvements.collect(),
         predictions: (before, after),
@@ -230,14 +272,14 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
 }
 
 /// What is to be said of each key.
-fn tuned(free: &[Free], known: &Known, at: &[f64], certainty: &Certainty) -> Vec<Tuned> {
-    let correlation = certainty.correlation(free.len());
+fn tuned(layout: &Layout<'_>, known: &Known, at: &[f64], certainty: &Certainty) -> Vec<Tuned> {
+    let nuisances = (0..layout.experiments.len()).flat_map(|log| layout.nuisances(log));
+    let keys = layout.free.iter().map(|key| key.path()).enumerate();
+    let all: Vec<(usize, String)> =
+        keys.chain(nuisances.map(|(place, nuisance)| (place, nuisance.path()))).collect();
     let of = |(k, key): (usize, &Free)| {
         let (prior, deviation) = (known.deviation[k], certainty.deviation(k));
         let from_logs = certainty.alone(k).deviation;
-        let strength = |j: &usize| correlation[k][*j].abs();
-        let others = (0..free.len()).filter(|j| *j != k);
-        let partner = others.max_by(|a, b| strength(a).total_cmp(&strength(b)));
         Tuned {
             key: *key,
             value: (known.mean[k].exp(), at[k].exp()),
@@ -245,8 +287,35 @@ fn tuned(free: &[Free], known: &Known, at: &[f64], certainty: &Certainty) -> Vec
             deviation,
             from_logs,
             is_determined: from_logs < prior,
-            partner: partner.map(|j| (free[j], correlation[k][j])),
+            partner: partner(k, &all, certainty),
         }
     };
-    free.iter().enumerate().map(of).collect()
+    layout.free.iter().enumerate().map(of).collect()
+}
+
+/// What is to be said of each channel.
+fn channels(layout: &Layout<'_>, at: &[f64], certainty: &Certainty) -> Vec<Channel> {
+    let keys: Vec<(usize, String)> = layout.free.iter().map(|key| key.path()).enumerate().collect();
+    let of = |log: usize| {
+        let keys = &keys;
+        layout.nuisances(log).map(move |(place, nuisance)| {
+            let deviation = nuisance.allowed().deviation;
+            Channel {
+                log: layout.experiments[log].name.clone(),
+                nuisance,
+                value: at[place] * deviation,
+                deviation: certainty.deviation(place) * deviation,
+                partner: partner(place, keys, certainty),
+            }
+        })
+    };
+    (0..layout.experiments.len()).flat_map(of).collect()
+}
+
+/// Which of several one is traded against most.
+fn partner(place: usize, all: &[(usize, String)], certainty: &Certainty) -> Option<(String, f64)> {
+    let others = all.iter().filter(|(other, _)| *other != place);
+    let others =
+        others.map(|(other, name)| (name.clone(), certainty.correlation_of(place, *other)));
+    others.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
 }

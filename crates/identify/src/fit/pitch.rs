@@ -1,7 +1,7 @@
 //! The pitch: slow courses, frequencies and dampings, of which none has a phase.
 
 use super::layout::Layout;
-use super::search::{Search, Sum, within_bounds};
+use super::search::{Search, Sum};
 use crate::prediction::Prediction;
 use crate::tuning_fork::TuningFork;
 use cmaes::{CMAESOptions, DVector as Point};
@@ -55,7 +55,7 @@ impl Search<'_, '_, Pitch<'_>> {
             for (k, x) in x.iter().enumerate() {
                 at[k] += self.known.deviation[k] * x.clamp(-3.0, 3.0);
             }
-            within_bounds(&mut at, self.layout.free);
+            self.layout.within_bounds(at.as_mut_slice());
             at
         };
         let sum = |x: &Point<f64>| {

@@ -2,7 +2,6 @@
 
 use super::layout::Layout;
 use super::watch::Watch;
-use crate::free::Free;
 use crate::prediction::Prediction;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, storage::Owned};
@@ -93,7 +92,7 @@ impl<S: Sum> LeastSquaresProblem<f64, Dyn, Dyn> for Search<'_, '_, S> {
 
     fn set_params(&mut self, x: &DVector<f64>) {
         self.at.copy_from(x);
-        within_bounds(&mut self.at, self.layout.free);
+        self.layout.within_bounds(self.at.as_mut_slice());
     }
 
     fn params(&self) -> DVector<f64> {
@@ -114,13 +113,5 @@ impl<S: Sum> LeastSquaresProblem<f64, Dyn, Dyn> for Search<'_, '_, S> {
             all[(rows + k, k)] = 1.0 / s;
         }
         Some(all)
-    }
-}
-
-/// Keeps keys within what a crane file allows.
-pub(super) fn within_bounds(at: &mut DVector<f64>, free: &[Free]) {
-    for (z, key) in at.iter_mut().zip(free) {
-        let (low, high) = key.bounds();
-        *z = z.clamp(low.max(1e-300).ln(), high.ln());
     }
 }

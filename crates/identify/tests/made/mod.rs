@@ -7,7 +7,7 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::{KEYS, Numbers};
 use hydroboom_identify::{Experiment, Window};
 use hydroboom_lab::simulate::{Drive, Settings, simulate};
-use hydroboom_measurement::{Mapping, Signal, Signals, Track, read};
+use hydroboom_measurement::{Mapping, Measurement, Signal, Signals, Track, read};
 use hydroboom_model::Scheme;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -30,10 +30,6 @@ pub fn log_of(model: &Description, noise: f64, seed: u64) -> Experiment {
 
 /// The same at a speed \[m/s\].
 pub fn log_at(model: &Description, speed: f64, noise: f64, seed: u64) -> Experiment {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    let count = COUNT.fetch_add(1, Ordering::Relaxed);
-    let name = format!("made-{}-{count}.csv", std::process::id());
-    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     let settings = Settings {
         start_stroke: model.numbers.motion_start,
         // the published scheme damps a little by itself, which would be found as friction
@@ -43,8 +39,46 @@ pub fn log_at(model: &Description, speed: f64, noise: f64, seed: u64) -> Experim
         log_interval: 1e-3,
         preloaded: true,
     };
+    let (log, signals) = recorded(model, speed, &settings, noise, seed);
+    Experiment::new(model, &log, &signals, Window::default()).unwrap()
+}
+
+/// What `hydroboom simulate` records at the fast speed with noise on it: some channels, each as late \[s\] and as much off \[SI\] as
+/// asked for, the first 9 s of it.
+pub fn commanded(model: &Description, channels: &[(Signal, f64, f64)], seed: u64) -> Experiment {
+    let settings = Settings {
+        start_stroke: model.numbers.motion_start,
+        scheme: Scheme::Published,
+        step: 5e-5,
+        log_interval: 1e-2,
+        preloaded: true,
+    };
+    let (log, clean) = recorded(model, model.numbers.fast, &settings, 1.0, seed);
+    let mut signals = Signals::default();
+    signals.insert(Signal::MotorSpeed, clean.get(Signal::MotorSpeed).unwrap().clone());
+    for (signal, late, off) in channels {
+        let track = clean.get(*signal).unwrap();
+        let time: Vec<f64> = track.time().iter().map(|t| t + late).collect();
+        let values: Vec<f64> = track.values().iter().map(|v| v + off).collect();
+        signals.insert(*signal, Track::new(&time, &values));
+    }
+    Experiment::new(model, &log, &signals, Window { from: None, to: Some(9.0) }).unwrap()
+}
+
+/// A log of the model under velocity feedforward, noise on what is compared.
+fn recorded(
+    model: &Description,
+    speed: f64,
+    settings: &Settings,
+    noise: f64,
+    seed: u64,
+) -> (Measurement, Signals) {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    let name = format!("made-{}-{count}.csv", std::process::id());
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     let drive = Drive::Course(Box::new(model.motion(speed)));
-    simulate(model, &drive, &settings, Some(&path), |_| {}).unwrap();
+    simulate(model, &drive, settings, Some(&path), |_| {}).unwrap();
     let log = read(&path, None).unwrap();
     std::fs::remove_file(&path).unwrap();
     let clean = Signals::of(&log, &Mapping::guess(&log)).unwrap();
@@ -64,5 +98,5 @@ pub fn log_at(model: &Description, speed: f64, noise: f64, seed: u64) -> Experim
         let noisy: Vec<f64> = track.values().iter().map(|v| v + size * normal()).collect();
         signals.insert(signal, Track::new(track.time(), &noisy));
     }
-    Experiment::new(model, &log, &signals, Window::default()).unwrap()
+    (log, signals)
 }

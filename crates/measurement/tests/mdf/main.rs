@@ -80,6 +80,11 @@ fn conversions_states_and_invalid_samples_are_those_of_asammdf() {
     }
 }
 
+#[test]
+fn ranges_and_values_that_are_converted_or_texts_are_those_of_asammdf() {
+    is_as_expected(&read(&recorded("parts.mf4"), None).unwrap(), "parts.csv");
+}
+
 /// Records of two groups and of texts lie among each other, each with the number of its group.
 fn unsorted(file: &mut File) -> (u64, u64) {
     let mut data = Vec::new();

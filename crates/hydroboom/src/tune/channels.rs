@@ -1,0 +1,71 @@
+//! Delay and offset of the logs' channels: the option that fixes them, and what comes of them.
+
+use crate::output;
+use clap::Args;
+use hydroboom_identify::{Channel, Nuisance};
+use serde_json::{Value, json};
+
+/// The option that fixes delays and offsets.
+#[derive(Args, Clone)]
+pub struct Fixed {
+    /// Delays and offsets of channels that are known to be zero (once the mapping says what they are), with commas between
+    /// them: `stroke.delay_ms`, `pressure_a.offset_bar`, or `delay`, `offset`, `all`. The others are free.
+    #[arg(long = "fix", value_name = "NAMES", value_delimiter = ',', value_parser = named)]
+    named: Vec<Named>,
+}
+
+/// What one name means.
+#[derive(Clone)]
+struct Named(Vec<Nuisance>);
+
+fn named(text: &str) -> Result<Named, String> {
+    Nuisance::named(text.trim()).map(Named).map_err(|error| error.to_string())
+}
+
+impl Fixed {
+    /// The delays and offsets that stay zero.
+    pub fn all(&self) -> Vec<Nuisance> {
+        self.named.iter().flat_map(|named| named.0.iter().copied()).collect()
+    }
+}
+
+/// What of a channel is said, as cells of a table.
+pub const HEADER: [&str; 5] =
+    ["delay or offset", "found", "95 %", "not zero", "traded most against"];
+
+/// A row of that table.
+pub fn row(channel: &Channel) -> Vec<String> {
+    let unit = channel.nuisance.allowed().unit;
+    let (low, high) = channel.interval();
+    let partner = channel.partner.as_ref();
+    vec![
+        channel.nuisance.path(),
+        format!("{:+.2} {unit}", channel.value),
+        format!("{low:+.2} to {high:+.2}"),
+        if channel.is_off() { "YES" } else { "no" }.into(),
+        partner.map_or(String::new(), |(key, c)| format!("{key} ({c:+.2})")),
+    ]
+}
+
+/// For people: a table for each log.
+pub fn said(channels: &[Channel]) -> String {
+    let tables = channels.chunk_by(|a, b| a.log == b.log).map(|of_log| {
+        let rows: Vec<Vec<String>> = of_log.iter().map(row).collect();
+        format!("{}:\n{}", of_log[0].log, output::table(&HEADER, &rows))
+    });
+    tables.collect::<Vec<_>>().join("\n")
+}
+
+/// For machines.
+pub fn in_json(channels: &[Channel]) -> Vec<Value> {
+    let of = |c: &Channel| {
+        let allowed = c.nuisance.allowed();
+        let (low, high) = c.interval();
+        json!({
+            "log": c.log, "key": c.nuisance.path(), "unit": allowed.unit, "value": c.value, "interval_95": [low, high],
+            "not_zero": c.is_off(), "range": allowed.range, "known_to": allowed.deviation, "source": allowed.source,
+            "partner": c.partner.as_ref().map(|(key, _)| key), "correlation": c.partner.as_ref().map(|(_, c)| c),
+        })
+    };
+    channels.iter().map(of).collect()
+}

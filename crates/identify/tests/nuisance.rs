@@ -1,0 +1,90 @@
+//! Delay and offset of a log's channels: found beside the keys, where they would otherwise move them.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+mod made;
+
+use hydroboom_description::Description;
+use hydroboom_identify::{Channel, Fit, Free, Nuisance, Task, fit};
+use hydroboom_measurement::Signal;
+use made::commanded;
+
+const ATMOSPHERE: f64 = 1.01325e5;
+const KEYS: [&str; 3] = ["payload.mass_kg", "boom.youngs_modulus_gpa", "pump.flow_gain"];
+
+fn tuned(channels: &[(Signal, f64, f64)], fixed: &[Nuisance]) -> Fit {
+    let model = Description::uia_single_boom().unwrap();
+    let free: Vec<Free> = KEYS.iter().map(|path| Free::from_path(path).unwrap()).collect();
+    let experiments = [commanded(&model, channels, 5)];
+    let task = Task {
+        model: &model,
+        experiments: &experiments,
+        free: &free,
+        fixed,
+        resume: None,
+        generations: 0,
+    };
+    fit(&task, &|_| true).unwrap()
+}
+
+fn channel<'a>(found: &'a Fit, path: &str) -> &'a Channel {
+    found.channels.iter().find(|c| c.nuisance.path() == path).unwrap()
+}
+
+/// Whether each key's interval holds what it was before, which is the truth here.
+fn holds_truth(found: &Fit) -> Vec<bool> {
+    let of = found.tuned.iter().map(|t| {
+        let (low, high) = t.interval();
+        eprintln!("{}: {:.5e} to {:.5e} for {:.5e}", t.key.path(), low, high, t.value.0);
+        (low..=high).contains(&t.value.0)
+    });
+    of.collect()
+}
+
+/// With the delay at zero a position that is 20 ms late makes 145 kg of 307.
+#[test]
+fn a_position_that_is_late_moves_its_delay_and_no_key() {
+    for late in [20e-3, 4e-3] {
+        let channels = [(Signal::Stroke, late, 0.0)];
+        let found = tuned(&channels, &[]);
+        assert_eq!(holds_truth(&found), [true; 3], "{late} s late");
+        // the model's inputs hold for a period, so the log is late by a part of one too
+        let delay = channel(&found, "stroke.delay_ms");
+        assert!((delay.value - late * 1e3).abs() < 0.5 && delay.is_off(), "{delay:?}");
+        let without = tuned(&channels, &Nuisance::named("stroke.delay").unwrap());
+        assert!(without.channels.iter().all(|c| c.nuisance.path() != "stroke.delay_ms"));
+        let left = |found: &Fit| found.improvements[0].rms[0].unwrap().1;
+        assert!(left(&without) > 3.0 * left(&found), "{} m without", left(&without));
+    }
+}
+
+#[test]
+fn a_transmitter_of_absolute_pressure_is_off_by_an_atmosphere_and_the_payload_is_not() {
+    let channels = [(Signal::Stroke, 0.0, 0.0), (Signal::PressureA, 0.0, ATMOSPHERE)];
+    let found = tuned(&channels, &[]);
+    assert_eq!(holds_truth(&found), [true; 3]);
+    let offset = channel(&found, "pressure_a.offset_bar");
+    let (low, high) = offset.interval();
+    assert!(offset.is_off() && (low..=high).contains(&(ATMOSPHERE * 1e-5)), "{offset:?}");
+    // weight and offset of the pressure that carries it are told apart only by the lever arms over the stroke
+    let (key, correlation) = offset.partner.as_ref().unwrap();
+    assert!(key == "payload.mass_kg" && *correlation < -0.9, "{offset:?}");
+    let payload = &found.tuned[0];
+    assert_eq!(payload.partner.as_ref().unwrap().0, "pressure_a.offset_bar");
+}
+
+#[test]
+fn a_log_of_simulate_itself_holds_its_own_truth() {
+    let found = tuned(&[(Signal::Stroke, 0.0, 0.0)], &[]);
+    assert_eq!(holds_truth(&found), [true; 3]);
+}
+
+#[test]
+fn a_position_that_reads_too_much_moves_the_start_with_it() {
+    let channels = [(Signal::Stroke, 0.0, 3e-3), (Signal::PressureA, 0.0, 0.0)];
+    let found = tuned(&channels, &[]);
+    assert_eq!(holds_truth(&found), [true; 3]);
+    let offset = channel(&found, "stroke.offset_mm");
+    let (low, high) = offset.interval();
+    assert!(offset.is_off() && (low..=high).contains(&3.0), "{offset:?}");
+}
