@@ -25,7 +25,7 @@ impl Bench {
         let description = self.crane.read()?;
         let timing = benchmark::timing(&description).into_diagnostic()?;
         let clock = Instant::now();
-        study::study(&description, Some(&Description::uia_virtual()?), &|_| {})
+        study::study(&description, Some(&Description::uia_virtual()?), true, &|_| {})
             .into_diagnostic()?;
         let study_s = clock.elapsed().as_secs_f64();
         if self.json {

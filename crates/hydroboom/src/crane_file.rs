@@ -5,6 +5,7 @@ use crate::{origin, output};
 use clap::Args;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_description::{Description, DescriptionError, UIA_SINGLE_BOOM, UIA_VIRTUAL};
+use hydroboom_lab::paper;
 use miette::{IntoDiagnostic, Result, miette};
 use std::ffi::OsString;
 use std::path::Path;
@@ -24,6 +25,13 @@ impl CraneFile {
     /// Whether the crane is an embedded one, overrides or not.
     pub fn is_embedded(&self) -> bool {
         self.crane.is_none()
+    }
+
+    /// Whether the crane file is the paper's, embedded or with its values; overrides are not looked at. The paper's figures stand beside no other crane.
+    pub fn is_papers_crane(&self) -> Result<bool> {
+        let Some(path) = &self.crane else { return Ok(true) };
+        let file = Description::parse(&path.display().to_string(), &text(path)?)?;
+        Ok(paper::is_its_crane(&file))
     }
 
     /// The crane file that is named, if one is.

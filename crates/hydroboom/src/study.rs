@@ -5,7 +5,8 @@ use crate::paths::{InputFile, OutputFolder};
 use crate::{eigen, energy, motion, output};
 use clap::Args;
 use hydroboom_description::Description;
-use hydroboom_lab::{report, study};
+use hydroboom_lab::study::{NOMINAL, OFF, VIRTUAL};
+use hydroboom_lab::{claims, report, study};
 use miette::{IntoDiagnostic, Result};
 use std::time::Instant;
 
@@ -43,7 +44,9 @@ impl Study {
             None if self.crane.is_embedded() => Some(Description::uia_virtual()?),
             None => None,
         };
-        let result = study::study(&description, stand_in.as_ref(), &said).into_diagnostic()?;
+        let is_papers_crane = self.crane.is_papers_crane()?;
+        let result = study::study(&description, stand_in.as_ref(), is_papers_crane, &said)
+            .into_diagnostic()?;
         let page = report::page(&description, &result).into_diagnostic()?;
         let path = output::page_in_folder(&self.out, "report", &page, None);
         if let Some(folder) = &self.log {
@@ -73,7 +76,8 @@ impl Study {
             .collect();
         let header =
             ["signal", "RMS paper", "virtual", "off-model", "peak paper", "virtual", "off-model"];
-        let mut said = eigen::table(&result.eigenfrequency);
+        let mut said =
+            format!("{}\n\n{}", claims_table(&result), eigen::table(&result.eigenfrequency));
         if let Some(hz) = result.virtual_eigenfrequency_hz {
             let hz = hz.map(three).join(", ");
             said += &format!("\nvirtual crane, beside \"paper measured\": {hz}");
@@ -119,4 +123,55 @@ impl Study {
             clock.elapsed().as_secs_f64()
         ))
     }
+}
+
+/// The paper's headline claims, "paper | here".
+fn claims_table(study: &study::Study) -> String {
+    let shown: Vec<[String; 8]> = study
+        .claims
+        .iter()
+        .map(|claim| {
+            let on = |plant| claim.on(plant);
+            let one = |value: Option<f64>| output::optional(value, claim.digits());
+            [
+                format!("{} [{}]", claim.compares, claim.unit),
+                one(claim.paper_stated),
+                one(claim.paper_tables),
+                one(on(NOMINAL).map(|figure| figure.measured)),
+                one(on(OFF).map(|figure| figure.measured)),
+                one(on(VIRTUAL).map(|figure| figure.measured)),
+                one(on(VIRTUAL).map(|figure| figure.truth)),
+                claim.worse_on().join(", "),
+            ]
+        })
+        .collect();
+    let header = [
+        "compared",
+        "paper states",
+        "its tables",
+        "nominal",
+        "off-model",
+        "virtual measured",
+        "virtual true",
+        "worse than the paper on",
+    ];
+    let is_shown = |column: &usize| match header[*column] {
+        "paper states" | "its tables" | "worse than the paper on" => {
+            study.eigenfrequency_accuracy_percent.is_some()
+        }
+        "virtual measured" | "virtual true" => study.virtual_eigenfrequency_hz.is_some(),
+        _ => true,
+    };
+    let columns: Vec<usize> = (0..header.len()).filter(is_shown).collect();
+    let header: Vec<&str> = columns.iter().map(|k| header[*k]).collect();
+    let rows: Vec<Vec<String>> =
+        shown.iter().map(|row| columns.iter().map(|k| row[*k].clone()).collect()).collect();
+    let against = study.eigenfrequency_accuracy_percent.map_or_else(String::new, |percent| {
+        format!("\nAgainst the eigenfrequencies that the paper measured, our model's mean accuracy is {percent:.1} %.")
+    });
+    format!(
+        "The paper's headline claims; nominal and off-model plant have ideal sensors, measured and true is the same there\n{}\n{}{against}",
+        output::table(&header, &rows),
+        claims::REMARK.replace(". ", ".\n"),
+    )
 }

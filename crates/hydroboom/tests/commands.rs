@@ -333,11 +333,17 @@ fn results_for_machines_have_the_promised_names() {
         ["plant", "strategy", "speed_mm_s", "rms_mm", "peak_mm", "paper_rms_mm", "paper_peak_mm"];
     keys(&study["motion"][0], &row);
     keys(&study["energy"], &["audits", "numerical_damping"]);
+    keys(&study["claims"][0], &["compares", "unit", "paper_stated", "paper_tables", "plants"]);
+    keys(&study["claims"][6]["plants"][2], &["plant", "measured", "true", "worse_than_paper"]);
     let row = ["signal", "paper_rms", "virtual_rms", "off_model_rms", "virtual_peak"];
     keys(&study["differences"][0], &row);
     keys(&study["double_damping"][1], &["plant", "benchmark_mm", "damped_once_mm"]);
     let report = std::fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(!report.contains("http://") || !report.contains("src=\"http"), "not self-contained");
+    for claim in study["claims"].as_array().unwrap() {
+        let compares = claim["compares"].as_str().unwrap();
+        assert!(report.contains(compares), "{compares}");
+    }
     for figure in [
         "Figure 8",
         "Figure 17",

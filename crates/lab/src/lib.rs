@@ -7,6 +7,7 @@ mod amended;
 pub mod baselines;
 pub mod benchmark;
 pub mod calibrate;
+pub mod claims;
 pub mod closed_loop;
 pub mod crane_file_text;
 pub mod dataset;

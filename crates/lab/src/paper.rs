@@ -1,6 +1,7 @@
 //! The paper's printed results, for "paper | here" (doi:10.3390/act14020080). Errors are x − x_ref.
 
 use hydroboom_control::strategy::Strategy;
+use hydroboom_description::{Description, Difference};
 
 /// Table 5: strokes \[mm\].
 pub const EIGEN_STROKE_MM: [f64; 3] = [100.0, 200.0, 400.0];
@@ -36,4 +37,27 @@ pub const TRACKING_MM: [([f64; 2], [f64; 2]); 4] = [
 /// RMS and peak of a published strategy at both speeds; none for one that the paper does not have.
 pub fn tracking_mm(strategy: Strategy) -> Option<([f64; 2], [f64; 2])> {
     TRACKING_MM.get(strategy as usize).copied()
+}
+
+/// Table 1: stroke of the cylinder \[mm\], L_cyl,max less L_cyl,min.
+pub const STROKE_MM: f64 = 500.0;
+/// Table 7: RMS tracking error of simulation feedforward in open loop below that of velocity feedforward at both speeds \[%\].
+pub const IMPROVEMENT_OPEN_LOOP_PERCENT: [f64; 2] = [83.11, 78.61];
+/// Table 9: RMS tracking error in closed loop with simulation feedforward below the benchmark's at both speeds \[%\].
+pub const IMPROVEMENT_CLOSED_LOOP_PERCENT: [f64; 2] = [16.37, 11.89];
+/// Abstract: accuracy of the simulated eigenfrequency \[%\].
+pub const STATED_EIGENFREQUENCY_PERCENT: f64 = 97.0;
+/// Abstract: deviation of the simulated piston position, of the stroke \[%\].
+pub const STATED_POSITION_PERCENT: f64 = 1.2;
+/// Conclusions: the same as an RMS \[mm\].
+pub const STATED_POSITION_MM: f64 = 5.85;
+/// Abstract: reduction of the RMS tracking error in open loop, at the slow speed \[%\].
+pub const STATED_OPEN_LOOP_PERCENT: f64 = 83.0;
+/// Conclusions: reduction of the RMS tracking error in closed loop at both speeds \[%\].
+pub const STATED_CLOSED_LOOP_PERCENT: [f64; 2] = [16.0, 12.0];
+
+/// Whether a crane is the paper's: its file has the paper's values, drive, valve, sensors and fieldbus aside.
+pub fn is_its_crane(crane: &Description) -> bool {
+    Description::uia_single_boom()
+        .is_ok_and(|own| own.differences(crane).iter().all(Difference::is_of_equipment))
 }

@@ -1,5 +1,6 @@
 //! The paper's experiments in one go.
 
+use crate::claims::{self, Claim, claims};
 use crate::closed_loop::scenario::Course;
 use crate::double_damping::{DoubleDamping, double_damping};
 use crate::energy_audit::{Audit, audit};
@@ -63,6 +64,10 @@ pub struct EnergyResults {
 pub struct Study {
     /// Name of the crane.
     pub crane: String,
+    /// The paper's headline claims.
+    pub claims: Vec<Claim>,
+    /// Mean accuracy of our model's eigenfrequencies against those that the paper measured \[%\]; none for another crane.
+    pub eigenfrequency_accuracy_percent: Option<f64>,
     /// Table 5.
     pub eigenfrequency: Vec<eigenfrequency::Row>,
     /// Eigenfrequencies of the virtual crane at the same positions, where there is one.
@@ -116,21 +121,27 @@ impl Study {
 struct VirtualResults {
     eigenfrequency: [f64; 3],
     runs: Vec<Run>,
-    alongside: Run,
+    /// The model along the slow and the fast motion.
+    alongside: [Run; 2],
     pressure_oscillation: f64,
     damping: DoubleDamping,
 }
 
-fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualResults, LabError> {
-    let n = &model.numbers;
+/// Eigenfrequencies at the paper's strokes \[Hz\], load held, without friction.
+fn locked_modes(crane: &Description) -> Result<[f64; 3], LabError> {
     let frictionless = eigenfrequency::without_friction(crane)?;
     let mut frequencies = [0.0; 3];
     for (hz, stroke) in frequencies.iter_mut().zip(paper::EIGEN_STROKE_MM) {
         *hz = eigenfrequency::locked_mode(&frictionless, stroke * 1e-3)?.frequency_hz;
     }
-    let fast = crane.motion(n.fast);
+    Ok(frequencies)
+}
+
+fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualResults, LabError> {
+    let n = &model.numbers;
+    let (slow, fast) = (crane.motion(n.slow), crane.motion(n.fast));
     let mut runs = Vec::new();
-    for motion in [crane.motion(n.slow), fast] {
+    for motion in [slow, fast] {
         runs.extend(run_all(model, crane, &motion)?);
     }
     let velocity_feedforward = runs
@@ -138,16 +149,20 @@ fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualRe
         .find(|run| run.strategy == Strategy::VelocityFeedforward && run.course == fast.name());
     let oscillation = velocity_feedforward.map(|run| pressure_oscillation(&fast, run));
     Ok(VirtualResults {
-        eigenfrequency: frequencies,
-        alongside: run(model, model, Strategy::VelocityFeedforward, &fast)?,
+        eigenfrequency: locked_modes(crane)?,
+        alongside: [
+            run(model, model, Strategy::VelocityFeedforward, &slow)?,
+            run(model, model, Strategy::VelocityFeedforward, &fast)?,
+        ],
         pressure_oscillation: oscillation.transpose()?.unwrap_or(f64::NAN),
         damping: double_damping(model, VIRTUAL, crane, &fast, &runs)?,
         runs,
     })
 }
 
-/// Runs the study on a crane, and on a virtual crane that stands in for it where one is given;
-/// `progress` is told what has been done.
+/// Runs the study on a crane, and on a virtual crane that stands in for it where one is given.
+///
+/// The paper's figures stand beside those of its own crane only, `is_papers_crane`, overridden keys or not. `progress` is told what has been done.
 ///
 /// # Errors
 ///
@@ -155,6 +170,7 @@ fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualRe
 pub fn study(
     description: &Description,
     virtual_crane: Option<&Description>,
+    is_papers_crane: bool,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Study, LabError> {
     let (off, off_model) = description.overridden("cranes/off-model.toml", OFF_MODEL)?;
@@ -172,6 +188,7 @@ pub fn study(
                 rows.push(eigenfrequency::row(description, stroke_mm * 1e-3)?);
             }
             let oscillation = eigenfrequency::oscillation(description, 0.2, n.oscillation_drop)?;
+            let off_hz = locked_modes(&off)?;
             progress("eigenfrequencies");
             let mut audits = Vec::new();
             for step in [2.0, 1.0, 0.5] {
@@ -180,7 +197,7 @@ pub fn study(
             let numerical_damping = numerical_damping(description)?;
             let energy = EnergyResults { audits, numerical_damping };
             progress("energy audit");
-            Ok::<_, LabError>((rows, oscillation, virtual_results, energy))
+            Ok::<_, LabError>((rows, off_hz, oscillation, virtual_results, energy))
         });
         let runs = (|| {
             let mut runs = Vec::new();
@@ -201,20 +218,16 @@ pub fn study(
         (runs, rest)
     });
     let (mut runs, damping, points) = runs?;
-    let (eigenfrequency, oscillation, virtual_results, energy) = rest?;
+    let (eigenfrequency, off_hz, oscillation, virtual_results, energy) = rest?;
 
     let mut double_damping = vec![damping];
     let mut seen = None;
     let (mut alongside, mut virtual_hz, mut virtual_oscillation) = (None, None, None);
     if let Some(results) = virtual_results {
-        let is_fast = |run: &&Run| {
-            run.strategy == Strategy::VelocityFeedforward && run.course == results.alongside.course
-        };
-        seen = results
-            .runs
-            .iter()
-            .find(is_fast)
-            .map(|run| calibrate::differences(&results.alongside, run));
+        let [_, fast] = &results.alongside;
+        let is_fast =
+            |run: &&Run| run.strategy == Strategy::VelocityFeedforward && run.course == fast.course;
+        seen = results.runs.iter().find(is_fast).map(|run| calibrate::differences(fast, run));
         runs.extend(results.runs.into_iter().map(|run| (VIRTUAL.to_string(), run)));
         double_damping.push(results.damping);
         alongside = Some(results.alongside);
@@ -232,8 +245,24 @@ pub fn study(
     };
     let pressure_oscillation_hz = pressure_oscillation(&description.motion(n.fast), nominal)?;
     let differences = differences(seen, calibrate::differences(nominal, other));
+    let model_hz = std::array::from_fn(|k| eigenfrequency[k].linearised_hz);
+    let mut plants_hz = vec![(OFF, off_hz)];
+    plants_hz.extend(virtual_hz.map(|hz| (VIRTUAL, hz)));
+    let claims = claims(&claims::Shown {
+        is_papers_crane,
+        stroke: n.stroke,
+        speeds: [n.slow, n.fast],
+        eigen_stroke_mm: paper::EIGEN_STROKE_MM,
+        model_hz,
+        plants_hz,
+        runs: &runs,
+        alongside: alongside.as_ref().map(|[slow, fast]| [slow, fast]),
+    });
+    let accuracy = claims::accuracy_percent(&model_hz, &paper::EIGEN_MEASURED_HZ);
     Ok(Study {
         crane: description.name.clone(),
+        claims,
+        eigenfrequency_accuracy_percent: is_papers_crane.then_some(accuracy),
         eigenfrequency,
         virtual_eigenfrequency_hz: virtual_hz,
         motion,
@@ -247,7 +276,7 @@ pub fn study(
         work_precision: points,
         off_model,
         runs,
-        alongside,
+        alongside: alongside.map(|[_, fast]| fast),
         oscillation: Some(oscillation),
     })
 }

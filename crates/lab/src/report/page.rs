@@ -7,6 +7,7 @@ use super::figure::{Axes, Figure, Series};
 use super::tracking::{self, over_time};
 use super::validation;
 use crate::LabError;
+use crate::claims::REMARK;
 use crate::closed_loop::sample::Sample;
 use crate::energy_audit::Balance;
 use crate::study::{NOMINAL, OFF, Study, VIRTUAL};
@@ -33,6 +34,7 @@ pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> 
                 }
                 (figure("The crane to scale, at both ends of the motion. Dots are the joints between segments.",
                     &drawing::crane(description)?))
+                (claims(study))
                 (eigenfrequencies(study)?)
                 (differences(study))
                 (validation(study)?)
@@ -46,6 +48,42 @@ pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> 
                 (parameters(description))
     };
     Ok(document(&format!("Hydroboom study: {}", study.crane), &body))
+}
+
+/// The paper's headline claims.
+fn claims(study: &Study) -> Markup {
+    let beside_paper = study.eigenfrequency_accuracy_percent.is_some();
+    let beside_virtual = study.virtual_eigenfrequency_hz.is_some();
+    html! {
+        h2 { "The paper's headline claims" }
+        p.soft {
+            "Each figure is computed from the runs below. Nominal and off-model plant have ideal sensors: measured and true is the same there. "
+            (REMARK)
+        }
+        div.wide { table {
+            thead { tr {
+                th { "compared" }
+                @if beside_paper { th { "paper states" } th { "paper's tables" } }
+                th { "nominal" } th { "off-model" }
+                @if beside_virtual { th { "virtual crane, measured" } th { "virtual crane, true" } }
+                @if beside_paper { th { "worse than the paper on" } }
+            } }
+            tbody { @for claim in &study.claims { tr {
+                @let on = |plant| claim.on(plant);
+                @let one = |value: Option<f64>| optional(value, claim.digits());
+                td.text { (claim.compares) " [" (claim.unit) "]" }
+                @if beside_paper { td { (one(claim.paper_stated)) } td { (one(claim.paper_tables)) } }
+                td { (one(on(NOMINAL).map(|f| f.measured))) } td { (one(on(OFF).map(|f| f.measured))) }
+                @if beside_virtual {
+                    td { (one(on(VIRTUAL).map(|f| f.measured))) } td { (one(on(VIRTUAL).map(|f| f.truth))) }
+                }
+                @if beside_paper { td.text { (claim.worse_on().join(", ")) } }
+            } } }
+        } }
+        @if let Some(percent) = study.eigenfrequency_accuracy_percent {
+            p { "Against the eigenfrequencies that the paper measured, our model's mean accuracy is " (format!("{percent:.1}")) " %." }
+        }
+    }
 }
 
 fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {

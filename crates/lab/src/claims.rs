@@ -1,0 +1,310 @@
+//! The paper's headline claims beside the same figures here, also where ours are worse.
+
+use crate::closed_loop::sample::Sample;
+use crate::motion_test::Run;
+use crate::paper;
+use crate::study::{NOMINAL, OFF, VIRTUAL};
+use hydroboom_control::strategy::Strategy;
+use serde::Serialize;
+
+/// A figure on one plant.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OnPlant {
+    /// Name of the plant.
+    pub plant: &'static str,
+    /// As the plant's sensors measure it. An eigenfrequency is of the linearised plant, and is not measured.
+    pub measured: f64,
+    /// Of the plant itself; the same where its sensors are ideal.
+    #[serde(rename = "true")]
+    pub truth: f64,
+    /// Whether the measured figure is worse than the paper's tables, or than what its text states where they have none.
+    pub worse_than_paper: Option<bool>,
+}
+
+/// A claim of the paper beside the same figure here.
+#[derive(Clone, Debug, Serialize)]
+pub struct Claim {
+    /// What is compared with what.
+    pub compares: String,
+    /// Unit of all figures.
+    pub unit: &'static str,
+    /// Whether a larger figure is better.
+    pub more_is_better: bool,
+    /// As the paper's abstract and conclusions state it; none for another crane.
+    pub paper_stated: Option<f64>,
+    /// As the paper's tables have it, or as it follows from them.
+    pub paper_tables: Option<f64>,
+    /// Here. Without the nominal plant where it would be compared with itself.
+    pub plants: Vec<OnPlant>,
+}
+
+impl Claim {
+    /// The figure on a plant.
+    pub fn on(&self, plant: &str) -> Option<&OnPlant> {
+        self.plants.iter().find(|figure| figure.plant == plant)
+    }
+
+    /// Digits behind the point with which its figures are shown.
+    pub fn digits(&self) -> usize {
+        if self.unit == "%" { 1 } else { 2 }
+    }
+
+    /// Names of the plants on which the figure is worse than the paper's.
+    pub fn worse_on(&self) -> Vec<&'static str> {
+        let worse = self.plants.iter().filter(|figure| figure.worse_than_paper == Some(true));
+        worse.map(|figure| figure.plant).collect()
+    }
+
+    fn add(&mut self, plant: &'static str, [measured, truth]: [f64; 2]) {
+        let paper = self.paper_tables.or(self.paper_stated);
+        let worse_than_paper = paper
+            .map(|paper| if self.more_is_better { measured < paper } else { measured > paper });
+        self.plants.push(OnPlant { plant, measured, truth, worse_than_paper });
+    }
+}
+
+/// What claims are computed from.
+pub struct Shown<'a> {
+    /// Whether the crane is the paper's: its figures belong to no other.
+    pub is_papers_crane: bool,
+    /// The cylinder's stroke \[m\].
+    pub stroke: f64,
+    /// Slow and fast speed of the motion \[m/s\].
+    pub speeds: [f64; 2],
+    /// Strokes at which eigenfrequencies were found \[mm\].
+    pub eigen_stroke_mm: [f64; 3],
+    /// Eigenfrequencies of the model there \[Hz\], load held, without friction.
+    pub model_hz: [f64; 3],
+    /// Those of each plant that differs from the model.
+    pub plants_hz: Vec<(&'static str, [f64; 3])>,
+    /// All strategies on all plants.
+    pub runs: &'a [(String, Run)],
+    /// The model under velocity feedforward along the virtual crane's motions, slow and fast.
+    pub alongside: Option<[&'a Run; 2]>,
+}
+
+/// The claims, in the order of the paper's conclusions; a figure whose run is missing is left out.
+pub fn claims(shown: &Shown<'_>) -> Vec<Claim> {
+    let mut claims = vec![eigenfrequency(shown)];
+    claims.extend([0, 1].map(|k| position(shown, k)));
+    claims.extend([0, 1].map(|k| open_loop(shown, k)));
+    claims.extend([0, 1].map(|k| closed_loop(shown, k)));
+    claims
+}
+
+/// Mean accuracy \[%\]: 100 % less the mean of |f_model / f_plant − 1|.
+pub fn accuracy_percent(model_hz: &[f64; 3], plant_hz: &[f64; 3]) -> f64 {
+    let off = model_hz.iter().zip(plant_hz).map(|(model, plant)| (model / plant - 1.0).abs());
+    100.0 * (1.0 - off.sum::<f64>() / model_hz.len() as f64)
+}
+
+fn eigenfrequency(shown: &Shown<'_>) -> Claim {
+    let strokes = shown.eigen_stroke_mm.map(|stroke| format!("{stroke:.0}")).join(", ");
+    let tables = accuracy_percent(&paper::EIGEN_SIMULATED_HZ, &paper::EIGEN_MEASURED_HZ);
+    let mut claim = Claim {
+        compares: format!("eigenfrequency at {strokes} mm: mean accuracy, model against plant"),
+        unit: "%",
+        more_is_better: true,
+        paper_stated: shown.is_papers_crane.then_some(paper::STATED_EIGENFREQUENCY_PERCENT),
+        paper_tables: shown.is_papers_crane.then_some(tables),
+        plants: Vec::new(),
+    };
+    for (plant, hz) in &shown.plants_hz {
+        claim.add(plant, [accuracy_percent(&shown.model_hz, hz); 2]);
+    }
+    claim
+}
+
+impl Shown<'_> {
+    /// The run of a strategy at the slow (0) or the fast speed (1).
+    fn run(&self, plant: &str, strategy: Strategy, k: usize) -> Option<&Run> {
+        let is = |(name, run): &&(String, Run)| {
+            name == plant && run.strategy == strategy && run.speed == self.speeds[k]
+        };
+        self.runs.iter().find(is).map(|(_, run)| run)
+    }
+
+    fn speed(&self, k: usize) -> String {
+        format!("{:.0} mm/s", 1e3 * self.speeds[k])
+    }
+}
+
+/// RMS of the difference of a value along two runs of equal periods.
+fn rms_difference(a: &Run, b: &Run, value: fn(&Sample) -> f64) -> f64 {
+    let pairs = a.samples.iter().zip(&b.samples);
+    let square: f64 = pairs.map(|(a, b)| (value(a) - value(b)).powi(2)).sum();
+    (square / a.samples.len().min(b.samples.len()).max(1) as f64).sqrt()
+}
+
+fn position(shown: &Shown<'_>, k: usize) -> Claim {
+    let of_stroke = 100.0 / paper::STROKE_MM;
+    let table_6 = of_stroke * paper::TABLE_6[0].3;
+    let mut claim = Claim {
+        compares: format!(
+            "velocity feedforward, {}: RMS of plant less model, position",
+            shown.speed(k)
+        ),
+        unit: "% of the stroke",
+        more_is_better: false,
+        paper_stated: shown.is_papers_crane.then_some(paper::STATED_POSITION_PERCENT),
+        // Table 6 is of the fast speed
+        paper_tables: (shown.is_papers_crane && k == 1).then_some(table_6),
+        plants: Vec::new(),
+    };
+    let model = shown.run(NOMINAL, Strategy::VelocityFeedforward, k);
+    for (plant, model) in [(OFF, model), (VIRTUAL, shown.alongside.map(|runs| runs[k]))] {
+        let run = shown.run(plant, Strategy::VelocityFeedforward, k);
+        if let (Some(model), Some(run)) = (model, run) {
+            let values: [fn(&Sample) -> f64; 2] =
+                [|s| s.signals.stroke, |s| s.truth.outputs.stroke];
+            claim
+                .add(plant, values.map(|of| 100.0 / shown.stroke * rms_difference(model, run, of)));
+        }
+    }
+    claim
+}
+
+/// By how much the RMS tracking error of `strategy` is below that of `other` \[%\], as measured and as true.
+fn less_by(shown: &Shown<'_>, claim: &mut Claim, [strategy, other]: [Strategy; 2], k: usize) {
+    for plant in [NOMINAL, OFF, VIRTUAL] {
+        if let (Some(run), Some(other)) =
+            (shown.run(plant, strategy, k), shown.run(plant, other, k))
+        {
+            let (own, other) = (run.metrics(), other.metrics());
+            let measured = 100.0 * (1.0 - own.rms() / other.rms());
+            let truth = 100.0 * (1.0 - own.true_rms() / other.true_rms());
+            claim.add(plant, [measured, truth]);
+        }
+    }
+}
+
+fn open_loop(shown: &Shown<'_>, k: usize) -> Claim {
+    let stated = [Some(paper::STATED_OPEN_LOOP_PERCENT), None][k];
+    let mut claim = Claim {
+        compares: format!(
+            "open loop, {}: RMS error, simulation below velocity feedforward",
+            shown.speed(k)
+        ),
+        unit: "%",
+        more_is_better: true,
+        paper_stated: stated.filter(|_| shown.is_papers_crane),
+        paper_tables: shown.is_papers_crane.then_some(paper::IMPROVEMENT_OPEN_LOOP_PERCENT[k]),
+        plants: Vec::new(),
+    };
+    let pair = [Strategy::SimulationFeedforwardOpenLoop, Strategy::VelocityFeedforward];
+    less_by(shown, &mut claim, pair, k);
+    claim
+}
+
+fn closed_loop(shown: &Shown<'_>, k: usize) -> Claim {
+    let stated = paper::STATED_CLOSED_LOOP_PERCENT[k];
+    let mut claim = Claim {
+        compares: format!(
+            "closed loop, {}: RMS error, simulation feedforward below benchmark",
+            shown.speed(k)
+        ),
+        unit: "%",
+        more_is_better: true,
+        paper_stated: shown.is_papers_crane.then_some(stated),
+        paper_tables: shown.is_papers_crane.then_some(paper::IMPROVEMENT_CLOSED_LOOP_PERCENT[k]),
+        plants: Vec::new(),
+    };
+    let pair = [Strategy::SimulationFeedforwardClosedLoop, Strategy::BenchmarkClosedLoop];
+    less_by(shown, &mut claim, pair, k);
+    claim
+}
+
+/// What has to be known to read the table.
+pub const REMARK: &str = "\
+Our eigenfrequencies are those of the linearised cranes without friction. The nominal plant equals the model, and so has no deviation from it. \
+The paper does not say at which speed 1.2 % holds. A negative reduction is an increase.";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion_test::run_all;
+    use hydroboom_description::Description;
+
+    /// Its text states rounded figures of its tables; how a mean accuracy is formed here must give the one that it states.
+    #[test]
+    fn the_papers_tables_give_what_its_abstract_states() {
+        let mean = accuracy_percent(&paper::EIGEN_SIMULATED_HZ, &paper::EIGEN_MEASURED_HZ);
+        assert!((mean - paper::STATED_EIGENFREQUENCY_PERCENT).abs() < 0.5, "{mean} %");
+        assert_eq!(
+            paper::IMPROVEMENT_OPEN_LOOP_PERCENT[0].round(),
+            paper::STATED_OPEN_LOOP_PERCENT
+        );
+        let closed = paper::IMPROVEMENT_CLOSED_LOOP_PERCENT.map(f64::round);
+        assert_eq!(closed, paper::STATED_CLOSED_LOOP_PERCENT);
+        let share = 100.0 * paper::STATED_POSITION_MM / paper::STROKE_MM;
+        assert!((share - paper::STATED_POSITION_PERCENT).abs() < 0.05, "{share} % of the stroke");
+        // its printed errors have two digits, and give its printed reductions to their rounding
+        for k in 0..2 {
+            let [feedforward, open, benchmark, closed] = paper::TRACKING_MM.map(|(rms, _)| rms[k]);
+            let near = |ratio: f64, percent: f64, within: f64| {
+                let own = 100.0 * (1.0 - ratio);
+                assert!((own - percent).abs() < within, "{own} % for {percent} %");
+            };
+            near(open / feedforward, paper::IMPROVEMENT_OPEN_LOOP_PERCENT[k], 0.05);
+            near(closed / benchmark, paper::IMPROVEMENT_CLOSED_LOOP_PERCENT[k], 5.0);
+        }
+    }
+
+    fn shown<'a>(runs: &'a [(String, Run)], speed: f64, is_papers_crane: bool) -> Shown<'a> {
+        Shown {
+            is_papers_crane,
+            stroke: 0.5,
+            speeds: [speed; 2],
+            eigen_stroke_mm: paper::EIGEN_STROKE_MM,
+            model_hz: [3.0; 3],
+            plants_hz: vec![(OFF, [3.0, 3.0, 3.3])],
+            runs,
+            alongside: None,
+        }
+    }
+
+    /// Runs whose piston is off by what is set here: the figures by hand.
+    #[test]
+    fn figures_are_those_of_the_runs_and_worse_ones_are_named() {
+        let model = Description::uia_single_boom().unwrap();
+        let motion = model.motion(model.numbers.fast);
+        let mut runs = Vec::new();
+        for plant in [NOMINAL, OFF] {
+            for mut run in run_all(&model, &model, &motion).unwrap() {
+                let off = match (plant, run.strategy) {
+                    (OFF, Strategy::VelocityFeedforward) => 20e-3,
+                    (_, Strategy::VelocityFeedforward) => 10e-3,
+                    (_, Strategy::SimulationFeedforwardOpenLoop) => 1e-3,
+                    (_, Strategy::BenchmarkClosedLoop) => 2e-3,
+                    _ => 3e-3,
+                };
+                for sample in &mut run.samples {
+                    sample.signals.stroke = sample.reference.position + off;
+                    sample.truth.outputs.stroke = sample.reference.position + 2.0 * off;
+                }
+                runs.push((plant.to_string(), run));
+            }
+        }
+        let of = |papers| claims(&shown(&runs, model.numbers.fast, papers));
+        let [eigen, _, position, _, open, _, closed] = &of(true)[..] else {
+            panic!("another number")
+        };
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} for {b}");
+        let off = |claim: &Claim| claim.on(OFF).unwrap().clone();
+        close(off(eigen).measured, 100.0 * (1.0 - (1.0 - 3.0 / 3.3) / 3.0));
+        assert!(eigen.on(NOMINAL).is_none() && position.on(NOMINAL).is_none());
+        // 10 and 20 mm of 500 mm
+        close(off(position).measured, 2.0);
+        close(off(position).truth, 4.0);
+        close(off(open).measured, 95.0);
+        close(open.on(NOMINAL).unwrap().truth, 90.0);
+        close(closed.on(NOMINAL).unwrap().measured, -50.0);
+        assert_eq!((open.worse_on(), closed.worse_on()), (vec![], vec![NOMINAL, OFF]));
+        assert_eq!((position.worse_on(), eigen.worse_on()), (vec![OFF], vec![OFF]));
+        // another crane is not held against the paper's
+        for claim in of(false) {
+            assert_eq!((claim.paper_stated, claim.paper_tables), (None, None), "{claim:?}");
+            assert!(claim.worse_on().is_empty());
+        }
+    }
+}
