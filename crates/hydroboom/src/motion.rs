@@ -98,7 +98,9 @@ impl MotionTests {
             (choice, gains) = benchmark_gains::for_comparison(choice, payloads)?;
         }
         let (model, plant) = (&choice.model, &choice.machine);
-        gains.iter().for_each(|remark| output::warn(remark));
+        if self.family.is_some() {
+            gains.iter().for_each(|remark| output::warn(remark));
+        }
         if let Some(count) = self.family {
             let out = self.out.as_deref();
             let controllers =
@@ -152,12 +154,20 @@ impl MotionTests {
                 Source::CraneFile => name.clone(),
                 Source::MachineFile | Source::Model => format!("plant \"{name}\""),
             };
+            let unstable = loops.iter().filter(|of| !of.stable).map(ToString::to_string);
+            let remarks: Vec<String> = choice
+                .equality()
+                .map(String::from)
+                .into_iter()
+                .chain(gains.clone())
+                .chain(unstable)
+                .collect();
             let page = report::motion_page(&report::MotionTests {
                 crane: &model.name,
                 plant: &plant,
                 runs: &runs,
                 alongside: alongside.as_ref(),
-                remark: choice.equality(),
+                remark: (!remarks.is_empty()).then(|| remarks.join(". ")).as_deref(),
             });
             output::page_in_folder(folder, "motion", &page.into_diagnostic()?, None);
         }
@@ -208,6 +218,9 @@ impl MotionTests {
         }
         if let Some(equality) = choice.equality() {
             said += &format!("{}: {equality}\n", choice.name());
+        }
+        if let Some(remark) = &gains {
+            said += &format!("{remark}\n");
         }
         let unstable: String =
             loops.iter().filter(|of| !of.stable).map(|of| format!("\n{of}")).collect();

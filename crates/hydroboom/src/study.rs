@@ -96,18 +96,13 @@ impl Study {
             output::table(&header, &differences)
         );
         said += &format!("\n\n{}", motion::table(&result.motion));
-        let pair = |[rms, peak]: [f64; 2]| format!("{rms:.3} / {peak:.3}");
         let damping: Vec<Vec<String>> = result
             .double_damping
             .iter()
             .map(|d| {
-                vec![
-                    d.plant.clone(),
-                    d.course.clone(),
-                    pair(d.benchmark_mm),
-                    pair(d.damped_twice_mm),
-                    pair(d.damped_once_mm),
-                ]
+                let mut row = vec![d.plant.clone(), d.course.clone()];
+                row.extend(d.cells());
+                row
             })
             .collect();
         let header = ["plant", "course", "benchmark", "as published", "on p - p_sim"];

@@ -188,7 +188,9 @@ impl Virtual {
             return output::json(&value);
         }
         let mut said = format!("{}: {:.3} s", crane.name, summary.duration_s);
-        if let (Some(rms), Some(peak), Some(true_rms)) =
+        if let Some(oscillation) = summary.sustained_oscillation {
+            said += &format!(", UNSTABLE, in sustained oscillation of {oscillation}");
+        } else if let (Some(rms), Some(peak), Some(true_rms)) =
             (summary.rms_mm, summary.peak_mm, summary.true_rms_mm)
         {
             said += &format!(

@@ -36,6 +36,19 @@ pub struct DoubleDamping {
     pub damped_twice_mm: [f64; 2],
     /// The same with the pressure feedback acting on p − p_sim: damped once.
     pub damped_once_mm: [f64; 2],
+    /// Whether each of the three, in this order, came to rest where its reference rested.
+    pub stable: [bool; 3],
+}
+
+impl DoubleDamping {
+    /// RMS and peak of each of the three, or that it is unstable.
+    pub fn cells(&self) -> [String; 3] {
+        let errors = [self.benchmark_mm, self.damped_twice_mm, self.damped_once_mm];
+        std::array::from_fn(|k| match self.stable[k] {
+            true => format!("{:.3} / {:.3}", errors[k][0], errors[k][1]),
+            false => "unstable".into(),
+        })
+    }
 }
 
 /// The three along a course: two from `runs` on the plant, where both have been run along it, and the
@@ -51,20 +64,25 @@ pub fn double_damping(
     course: &dyn Course,
     runs: &[Run],
 ) -> Result<DoubleDamping, LabError> {
-    let known = |strategy| -> Result<[f64; 2], LabError> {
-        let of = |run: &Run| [run.rms() * 1e3, run.peak() * 1e3];
+    let known = |strategy| -> Result<([f64; 2], bool), LabError> {
+        let of =
+            |run: &Run| ([run.rms() * 1e3, run.peak() * 1e3], run.sustained_oscillation.is_none());
         let name = course.name();
         match runs.iter().find(|run| run.strategy == strategy && run.course == name) {
             Some(run) => Ok(of(run)),
             None => Ok(of(&run(model, plant, strategy, course)?)),
         }
     };
+    let (benchmark_mm, benchmark) = known(Strategy::BenchmarkClosedLoop)?;
+    let (damped_twice_mm, twice) = known(Strategy::SimulationFeedforwardClosedLoop)?;
+    let (damped_once_mm, once) = damped_once(model, plant, course)?;
     Ok(DoubleDamping {
         plant: plant_name.into(),
         course: course.name(),
-        benchmark_mm: known(Strategy::BenchmarkClosedLoop)?,
-        damped_twice_mm: known(Strategy::SimulationFeedforwardClosedLoop)?,
-        damped_once_mm: damped_once(model, plant, course)?,
+        benchmark_mm,
+        damped_twice_mm,
+        damped_once_mm,
+        stable: [benchmark, twice, once],
     })
 }
 
@@ -72,7 +90,7 @@ fn damped_once(
     model: &Description,
     plant: &Description,
     course: &dyn Course,
-) -> Result<[f64; 2], LabError> {
+) -> Result<([f64; 2], bool), LabError> {
     let law = model.benchmark();
     let area_ratio = model.cylinder().area_ratio();
     let start = course.reference(0.0).position;
@@ -108,5 +126,5 @@ fn damped_once(
             crane.advance(&command).map_err(LabError::during("damped once"))?;
         }
     }
-    Ok([metrics.rms() * 1e3, metrics.peak() * 1e3])
+    Ok(([metrics.rms() * 1e3, metrics.peak() * 1e3], !metrics.oscillates()))
 }

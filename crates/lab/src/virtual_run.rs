@@ -1,7 +1,7 @@
 //! The virtual crane at work, logged as a real crane's data acquisition would.
 
 use crate::LabError;
-use crate::closed_loop::metrics::Metrics;
+use crate::closed_loop::metrics::{Metrics, SustainedOscillation};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
@@ -81,6 +81,10 @@ pub struct Summary {
     pub peak_mm: Option<f64>,
     /// RMS tracking error of the true piston.
     pub true_rms_mm: Option<f64>,
+    /// Whether it came to rest where its reference rested; none for a recorded input.
+    pub stable: Option<bool>,
+    /// The sustained oscillation that it was in while its reference rested.
+    pub sustained_oscillation: Option<SustainedOscillation>,
     /// Piston position at the end, truly.
     pub stroke_mm: f64,
     /// Pressure on the piston side at the end, truly.
@@ -237,6 +241,8 @@ impl Summary {
         self.rms_mm = Some(metrics.rms() * 1e3);
         self.peak_mm = Some(metrics.peak() * 1e3);
         self.true_rms_mm = Some(metrics.true_rms() * 1e3);
+        self.stable = Some(!metrics.oscillates());
+        self.sustained_oscillation = metrics.sustained_oscillation();
     }
 }
 

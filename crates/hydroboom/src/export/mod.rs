@@ -8,6 +8,8 @@ mod st;
 
 use crate::output;
 use clap::{Args, Subcommand};
+use hydroboom_description::Description;
+use hydroboom_design::stability::{benchmark_stability, scheduled_lqr_stability};
 use hydroboom_export::{Block, ExportError, Plan};
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
@@ -44,6 +46,18 @@ impl Export {
             Target::ClosedLoop(command) => command.run(),
         }
     }
+}
+
+/// Says which of the exported controllers is unstable around the crane that it is exported for.
+fn warn_of_unstable(crane: &Description) -> Result<()> {
+    let loops = [
+        benchmark_stability(crane, None).into_diagnostic()?,
+        scheduled_lqr_stability(crane, None).into_diagnostic()?,
+    ];
+    for unstable in loops.iter().filter(|of| !of.stable) {
+        output::warn(&unstable.to_string());
+    }
+    Ok(())
 }
 
 /// A file that is to be written.

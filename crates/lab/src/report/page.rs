@@ -250,7 +250,6 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
 }
 
 fn damping(study: &Study) -> Markup {
-    let pair = |[rms, peak]: [f64; 2]| format!("{rms:.3} / {peak:.3}");
     html! {
         h2 { "What the published closed loop of simulation feedforward loses" }
         p {
@@ -267,8 +266,10 @@ fn damping(study: &Study) -> Markup {
                 th { "published: damped twice" } th { "pressure differences: damped once" }
             } }
             tbody { @for row in &study.double_damping { tr {
-                td { (row.plant) } td { (row.course) } td { (pair(row.benchmark_mm)) }
-                td { (pair(row.damped_twice_mm)) } td { (pair(row.damped_once_mm)) }
+                td { (row.plant) } td { (row.course) }
+                @for (cell, stable) in row.cells().iter().zip(row.stable) {
+                    @if stable { td { (cell) } } @else { td.unstable { (cell) } }
+                }
             } } }
         } }
     }
