@@ -314,6 +314,22 @@ impl Description {
         cylinder(&self.numbers)
     }
 
+    /// The friction law, as the model has it.
+    pub fn friction_law(&self) -> Friction<f64> {
+        self.friction(&self.numbers)
+    }
+
+    /// The oil, as the model has it, without dissolved air.
+    pub fn oil(&self) -> Oil<f64> {
+        oil(&self.numbers)
+    }
+
+    /// Velocity \[m/s\] of the piston at the motor's largest speed, without leakage.
+    pub fn fastest_piston(&self) -> f64 {
+        let n = &self.numbers;
+        n.motor_speed * n.displacement / self.cylinder().piston_area
+    }
+
     /// The motion of the tests at a speed \[m/s\].
     pub fn motion(&self, speed: f64) -> OutAndBack<f64> {
         let n = &self.numbers;

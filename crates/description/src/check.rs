@@ -311,6 +311,13 @@ impl Description {
                 ));
             }
         }
+        if self.choices.structure == StructureChoice::Beam && n.payload_x > 1.001 * n.boom_length {
+            warnings.push(format!(
+                "the payload hangs beyond the boom: payload.x_mm = {:.0}, and boom.length_mm = {:.0}",
+                n.payload_x * 1e3,
+                n.boom_length * 1e3
+            ));
+        }
         if self.choices.circuit != CircuitChoice::SelfContained {
             return warnings;
         }

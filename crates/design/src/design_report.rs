@@ -111,4 +111,18 @@ mod tests {
             );
         }
     }
+
+    /// A third of the payload makes the oil soft: with the paper's gains the benchmark is unstable around it, and an unstable loop has no margins.
+    #[test]
+    fn an_unstable_loop_is_told_so_in_place_of_its_margins() {
+        let mut light = Description::uia_single_boom().unwrap();
+        light.set("payload.mass_kg=100").unwrap();
+        let report = design_report(&light, 0.25).unwrap();
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["benchmark"]["stable"], false);
+        assert!(json["benchmark"]["unstable_poles"].as_u64() >= Some(1), "{json}");
+        assert!(json["benchmark"]["phase_deg"].is_null() && json["benchmark"]["gain"].is_null());
+        assert_eq!(json["scheduled_lqr"]["stable"], true);
+        assert!(json["scheduled_lqr"]["phase_deg"].as_f64() > Some(30.0), "{json}");
+    }
 }

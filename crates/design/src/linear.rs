@@ -89,6 +89,14 @@ fn balanced(a: &DMatrix<f64>) -> DMatrix<f64> {
     m
 }
 
+/// Whether the load-holding valve of the piston side passes no more oil where the pump's pressure rises a little: no rate of the piston side's
+/// pressure depends on it.
+pub fn in_dead_band(a: &DMatrix<f64>, states: &[String]) -> bool {
+    let place = |name: &str| states.iter().position(|state| state == name);
+    let pair = place("pressure_a_pa").zip(place("pressure_pump_a_pa"));
+    pair.is_some_and(|(cylinder, pump)| a[(cylinder, pump)] == 0.0)
+}
+
 /// Shape of the mode with the eigenvalue λ: how far each state swings, as complex numbers scaled so
 /// that the state `unit` is one. By inverse iteration beside λ.
 ///

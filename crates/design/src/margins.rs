@@ -100,6 +100,7 @@ impl Loop {
 
 /// Stability margins of a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(into = "Shown")]
 pub struct Margins {
     /// Gain margin: factor on the gain, upwards, at which the loop becomes unstable; infinite where none does.
     pub gain: f64,
@@ -113,6 +114,40 @@ pub struct Margins {
     pub crossover_hz: f64,
     /// Poles of the closed loop that grow faster than 0.25 1/s, less those of the open loop; where there are some, the margins above are none.
     pub unstable_poles: u32,
+}
+
+impl Margins {
+    /// Whether no pole of the closed loop grows: an unstable loop has no margins.
+    pub fn is_stable(&self) -> bool {
+        self.unstable_poles == 0
+    }
+}
+
+/// Margins as they are written: an unstable loop has none, a stable one may have no gain margin.
+#[derive(Serialize)]
+struct Shown {
+    stable: bool,
+    unstable_poles: u32,
+    gain: Option<f64>,
+    phase_deg: Option<f64>,
+    modulus_margin: Option<f64>,
+    at_hz: Option<f64>,
+    crossover_hz: Option<f64>,
+}
+
+impl From<Margins> for Shown {
+    fn from(m: Margins) -> Self {
+        let of = |value: f64| (m.is_stable() && value.is_finite()).then_some(value);
+        Self {
+            stable: m.is_stable(),
+            unstable_poles: m.unstable_poles,
+            gain: of(m.gain),
+            phase_deg: of(m.phase_deg),
+            modulus_margin: of(m.modulus_margin),
+            at_hz: of(m.at_hz),
+            crossover_hz: of(m.crossover_hz),
+        }
+    }
 }
 
 /// Margins of a loop around a crane.

@@ -1,4 +1,4 @@
-//! Whether a closed loop rings on, by the argument principle.
+//! Unstable poles of a closed loop, by the argument principle.
 
 use crate::{DesignError, LinearisedPlant, Loop};
 use nalgebra::Complex;

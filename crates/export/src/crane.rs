@@ -6,6 +6,7 @@ use crate::expression::{Expression, record};
 use crate::given::{noded, parameters, variable};
 use crate::graph::{Graph, Node};
 use crate::name::plain;
+use crate::step_limit::longest_step;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_model::circuit::{CircuitState, Flows, Nodes};
 use hydroboom_model::stepping::published;
@@ -48,12 +49,13 @@ struct Recorded {
     labels: HashMap<Node, (String, String)>,
 }
 
-/// The crane at rest where its motion starts.
+/// The crane at rest where its motion starts. Its step is one that the exported code, which takes no substeps, is stable with.
 pub(crate) fn resting(description: &Description) -> Result<CraneState<f64, SEGMENTS>, ExportError> {
     let found = description.coordinates();
     if found != SEGMENTS {
         return Err(ExportError::Segments { found });
     }
+    longest_step(description)?;
     let crane = description.crane::<SEGMENTS>()?;
     let n = &description.numbers;
     let start = description.start_over(n, n.motion_start);

@@ -2,7 +2,7 @@
 
 use hydroboom_description::BuildError;
 use hydroboom_design::DesignError;
-use hydroboom_model::SimulationError;
+use hydroboom_model::{SimulationError, StepBound};
 use hydroboom_plant::PlantError;
 use thiserror::Error;
 
@@ -57,12 +57,14 @@ pub enum ExportError {
     },
     /// The crane file's step is longer than the published scheme is stable with.
     #[error(
-        "controller.simulation_period_us = {step_us:.1} us is above the published scheme's limit for this crane, {limit_us:.1} us (`hydroboom check` shows it); lower it"
+        "controller.simulation_period_us = {step_us:.1} us is above the published scheme's limit {bound} for this crane, {limit_us:.1} us (`hydroboom check` shows it); lower it"
     )]
     Step {
         /// The step \[us\].
         step_us: f64,
         /// The limit \[us\].
         limit_us: f64,
+        /// Which limit it is.
+        bound: StepBound,
     },
 }

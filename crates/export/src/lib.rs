@@ -23,6 +23,7 @@ mod plan;
 mod simulating;
 mod slopes;
 mod statement;
+mod step_limit;
 pub mod structured_text;
 
 pub use block::{Block, ControlPeriod, Entry, Target, Variable};

@@ -3,9 +3,10 @@
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_description::Description;
-use hydroboom_description::schema::CircuitChoice;
+use hydroboom_description::schema::{CircuitChoice, FrictionChoice};
+use hydroboom_design::stability::{LoopStability, benchmark_stability, scheduled_lqr_stability};
 use hydroboom_lab::plant;
-use hydroboom_model::{Circuit, Scheme, ValveInput};
+use hydroboom_model::{Circuit, Scheme, StepLimit, ValveInput};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
@@ -34,19 +35,29 @@ impl Check {
         let numbers = &description.numbers;
         let mut rows = Vec::new();
         let mut values = Vec::new();
+        let mut pressures = Vec::new();
+        let has_bristles = description.choices.friction == FrictionChoice::LuGre;
         for share in [0.0, 0.5, 1.0] {
             let start = description.start(share * numbers.stroke);
             let crane = plant(&description, &start, Scheme::Implicit, 1e-3).into_diagnostic()?;
-            let (outputs, limit) = (crane.outputs(), crane.step_limit());
-            rows.push(vec![
-                format!("{:.0}", outputs.stroke * 1e3),
+            let outputs = crane.outputs();
+            let (law, fastest) = (description.friction_law(), description.fastest_piston());
+            let bristle = StepLimit::of_bristles(&law, fastest);
+            let limit = StepLimit { bristle, ..crane.step_limit() };
+            pressures.push((share * numbers.stroke, outputs.pressure_a));
+            let mut row = vec![
+                format!("{:.0}", share * numbers.stroke * 1e3),
                 format!("{:.1}", outputs.pressure_a * 1e-5),
                 format!("{:.2}", outputs.cylinder_force * 1e-3),
                 format!("{:.1}", outputs.tip_deflection * 1e3),
                 format!("{:.1}", limit.bending * 1e6),
                 format!("{:.1}", limit.friction * 1e6),
                 format!("{:.1}", limit.chatter * 1e6),
-            ]);
+            ];
+            if has_bristles {
+                row.push(format!("{:.1}", limit.bristle * 1e6));
+            }
+            rows.push(row);
             values.push(json!({
                 "stroke_mm": outputs.stroke * 1e3,
                 "pressure_a_bar": outputs.pressure_a * 1e-5,
@@ -56,17 +67,36 @@ impl Check {
                     "bending": limit.bending * 1e6,
                     "friction": limit.friction * 1e6,
                     "chatter": limit.chatter * 1e6,
+                    "bristle": has_bristles.then_some(limit.bristle * 1e6),
                 },
             }));
         }
+        let found = found(&description, &pressures);
+        let loops = [
+            ("benchmark", benchmark_stability(&description, None)),
+            ("scheduled LQR", scheduled_lqr_stability(&description, None)),
+        ];
+        let mut remarks = found;
+        for (name, stability) in &loops {
+            match stability {
+                Ok(stability) if stability.stable => {}
+                Ok(unstable) => remarks.push(unstable.to_string()),
+                Err(error) => remarks.push(format!("{name}: its loop cannot be computed: {error}")),
+            }
+        }
         if self.json {
+            let stable = loops.iter().all(|(_, of)| of.as_ref().is_ok_and(|of| of.stable));
+            let loops: Vec<&LoopStability> =
+                loops.iter().filter_map(|(_, of)| of.as_ref().ok()).collect();
             return output::json(&json!({
                 "crane": description.name,
-                "warnings": description.warnings(),
+                "warnings": all(&description, remarks),
+                "stable": stable, "loops": loops,
                 "at_rest": values,
             }));
         }
-        let header = [
+        remarks.iter().for_each(|remark| output::warn(remark));
+        let mut header = vec![
             "stroke [mm]",
             "p_A [bar]",
             "F_cyl [kN]",
@@ -75,8 +105,18 @@ impl Check {
             "friction [us]",
             "chatter [us]",
         ];
+        if has_bristles {
+            header.push("bristles [us]");
+        }
+        let bristles = match has_bristles {
+            true => format!(
+                "\nBristles: 0.7 of 2 g/(sigma_0 |v|), at {:.0} mm/s, where the motor is fastest.",
+                description.fastest_piston() * 1e3
+            ),
+            false => String::new(),
+        };
         output::text(&format!(
-            "{}: no errors. At rest, and the published scheme's step limits:\n{}",
+            "{}: no errors. At rest, and the published scheme's step limits:\n{}{bristles}",
             description.name,
             output::table(&header, &rows)
         ))
@@ -87,6 +127,7 @@ impl Check {
         let n = &description.numbers;
         let crane = description.valve_crane_over::<f64, N>(n).into_diagnostic()?;
         let (mut rows, mut values) = (Vec::new(), Vec::new());
+        let mut pressures = Vec::new();
         for share in [0.0, 0.5, 1.0] {
             let stroke = share * n.stroke;
             let start = description.valve_start_over(n, stroke);
@@ -101,6 +142,7 @@ impl Check {
             let flow = crane.circuit.flows(a, b, 1.0, &input).supply_to_a;
             let speed = flow / crane.cylinder.piston_area;
             let (bar, mm) = (1e-5, 1e3);
+            pressures.push((stroke, a));
             rows.push(vec![
                 format!("{:.0}", stroke * mm),
                 format!("{:.1}", a * bar),
@@ -113,11 +155,14 @@ impl Check {
                 "full_flow_l_min": flow * 60e3, "full_speed_mm_s": speed * mm,
             }));
         }
+        let remarks = found(description, &pressures);
         if self.json {
             return output::json(&json!({
-                "crane": description.name, "warnings": description.warnings(), "at_rest": values,
+                "crane": description.name, "warnings": all(description, remarks),
+                "at_rest": values,
             }));
         }
+        remarks.iter().for_each(|remark| output::warn(remark));
         let header = ["stroke [mm]", "p_A [bar]", "tip x, y [m]", "full lift [L/min]", "[mm/s]"];
         output::text(&format!(
             "{}: no errors. At rest with the valve closed, and what full travel would lift with:\n{}",
@@ -125,4 +170,38 @@ impl Check {
             output::table(&header, &rows)
         ))
     }
+}
+
+/// The warnings of a description, and what was found beside them.
+fn all(description: &Description, remarks: Vec<String>) -> Vec<String> {
+    description.warnings().into_iter().chain(remarks).collect()
+}
+
+/// Share of the largest bulk modulus below which oil is soft.
+const SOFT: f64 = 0.9;
+
+/// What is found of a crane at rest, by piston position \[m\] and pressure on the piston side \[Pa\]: oil that is soft where it bears the load.
+fn found(description: &Description, pressures: &[(f64, f64)]) -> Vec<String> {
+    let n = &description.numbers;
+    let oil = description.oil();
+    let soft: Vec<String> = pressures
+        .iter()
+        .map(|(stroke, pressure)| {
+            (stroke, pressure, oil.bulk_modulus(*pressure) / n.bulk_modulus_max)
+        })
+        .filter(|(.., share)| *share < SOFT)
+        .map(|(stroke, pressure, share)| {
+            format!("{:.0} % at {:.0} mm ({:.1} bar)", share * 100.0, stroke * 1e3, pressure * 1e-5)
+        })
+        .collect();
+    if soft.is_empty() {
+        return Vec::new();
+    }
+    vec![format!(
+        "the load pressure lies in the oil's soft range: its bulk modulus is {} of the largest; oil.transition_bar = {:.1}, \
+         oil.transition_width_bar = {:.1}. The load rings slowly there, a little air changes it much, and gains have to be lower",
+        soft.join(", "),
+        n.transition * 1e-5,
+        n.transition_width * 1e-5
+    )]
 }

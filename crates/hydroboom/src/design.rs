@@ -7,14 +7,12 @@ use clap::Args;
 use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_description::Description;
 use hydroboom_design::observability::observability;
+use hydroboom_design::stability::{LoopStability, POSITIONS};
 use hydroboom_design::{DesignReport, design_report};
 use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
-
-/// Piston positions that are looked at, as shares of the stroke.
-const AT: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
 /// Loops of the benchmark and of the scheduled LQR before anything moves: natural frequency of the load, stability margins, Bode figures; observability of the estimator's states.
 #[derive(Args)]
@@ -53,7 +51,7 @@ impl Design {
         }
         let at = |share: &f64| design_report(&crane, share * crane.numbers.stroke);
         let reports =
-            AT.iter().map(at).collect::<Result<Vec<DesignReport>, _>>().into_diagnostic()?;
+            POSITIONS.iter().map(at).collect::<Result<Vec<DesignReport>, _>>().into_diagnostic()?;
         let family = self.family.map(|count| family_margins(&crane, count, self.seed));
         let family = family.transpose().into_diagnostic()?;
         if let Some(folder) = &self.out {
@@ -61,20 +59,23 @@ impl Design {
             let seed = self.family.map(|_| self.seed);
             output::page_in_folder(folder, "design", &page, seed);
         }
+        let loops = LoopStability::of_reports(&reports);
         if self.json {
             return output::json(&json!({
-                "crane": crane.name, "positions": reports, "family": family,
+                "crane": crane.name, "positions": reports, "stable": loops.iter().all(|of| of.stable),
+                "loops": loops, "family": family,
             }));
         }
         let mut text = format!(
-            "{}: loops of the benchmark and of the scheduled LQR
-
-{}",
+            "{}: loops of the benchmark and of the scheduled LQR\n\n{}",
             crane.name,
             table(&reports)
         );
-        text += "
-PM phase margin, GM gain margin, d modulus margin (smallest distance from -1), around a machine that is like the model, with the lags of drive and fieldbus.";
+        text += "\n\
+            PM phase margin, GM gain margin, d modulus margin (smallest distance from -1), around a machine that is like the model, with the lags of drive and fieldbus.";
+        for unstable in loops.iter().filter(|of| !of.stable) {
+            text += &format!("\n{unstable}; it has no margins there");
+        }
         if let Some(family) = &family {
             text += &format!("\n\n{}", over_family(family));
         }
@@ -141,9 +142,9 @@ fn over_family(family: &[FamilyMargins]) -> String {
 
 fn over_family_row(of: &FamilyMargins) -> Vec<String> {
     let m = &of.worst.margins;
-    let margins = match m.unstable_poles {
-        0 => [format!("{:.2}", m.modulus_margin), gain(m.gain), format!("{:.0}", m.phase_deg)],
-        _ => ["unstable".into(), "-".into(), "-".into()],
+    let margins = match m.is_stable() {
+        true => [format!("{:.2}", m.modulus_margin), gain(m.gain), format!("{:.0}", m.phase_deg)],
+        false => ["unstable".into(), "-".into(), "-".into()],
     };
     let mut row = vec![
         of.controller.into(),
@@ -161,9 +162,9 @@ fn table(reports: &[DesignReport]) -> String {
     let rows: Vec<Vec<String>> = reports
         .iter()
         .map(|l| {
-            let margins = |m: &hydroboom_design::Margins| match m.unstable_poles {
-                0 => format!("{:.0} / {} / {:.2}", m.phase_deg, gain(m.gain), m.modulus_margin),
-                _ => "unstable".into(),
+            let margins = |m: &hydroboom_design::Margins| match m.is_stable() {
+                true => format!("{:.0} / {} / {:.2}", m.phase_deg, gain(m.gain), m.modulus_margin),
+                false => "unstable".into(),
             };
             vec![
                 format!("{:.0}", l.stroke_mm),

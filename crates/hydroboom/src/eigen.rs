@@ -3,6 +3,8 @@
 use crate::number;
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
+use hydroboom_description::Description;
+use hydroboom_description::schema::FrictionChoice;
 use hydroboom_lab::{eigenfrequency, paper};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -25,25 +27,74 @@ impl Eigen {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let description = self.crane.read()?;
-        let rows: Vec<eigenfrequency::Row> = self
-            .stroke_mm
-            .iter()
-            .map(|stroke| eigenfrequency::row(&description, stroke * 1e-3).into_diagnostic())
-            .collect::<Result<_>>()?;
-        match self.json {
-            true => output::json(&json!({ "eigenfrequency": rows })),
-            false => {
-                output::text(&format!("{}\n\n{}\n\n{}", table(&rows), DIFFERENCE, shapes(&rows)))
+        let (mut rows, mut failed) = (Vec::new(), Vec::new());
+        for stroke in &self.stroke_mm {
+            match eigenfrequency::row(&description, stroke * 1e-3) {
+                Ok(row) => rows.push(row),
+                Err(error) => failed.push((*stroke, error)),
             }
         }
+        // one stroke does not take the others along
+        if rows.is_empty()
+            && let Some((_, error)) = failed.pop()
+        {
+            return Err(error).into_diagnostic();
+        }
+        if self.json {
+            let failed: Vec<_> = failed
+                .iter()
+                .map(|(stroke, error)| json!({ "stroke_mm": stroke, "error": error.to_string() }))
+                .collect();
+            return output::json(&json!({ "eigenfrequency": rows, "failed": failed }));
+        }
+        let failed: String =
+            failed.iter().map(|(stroke, error)| format!("\n{stroke:.0} mm: {error}")).collect();
+        output::text(&format!(
+            "{}{failed}\n\n{}\n\n{}",
+            table(&rows),
+            difference(&description, &rows),
+            shapes(&rows)
+        ))
     }
 }
 
+/// Oscillation and linearisation that differ by less than this are the same.
+const SAME: f64 = 0.005;
+
 /// Why the columns differ.
-const DIFFERENCE: &str = "\
-Without friction, oscillation and linearisation are the same thing seen twice. With it, the oscillation
-dies out within a few periods, while the linearisation sees the smoothed friction law as it is at rest: a
-stiff damper that all but locks the piston, so that only the boom bends.";
+fn difference(description: &Description, rows: &[eigenfrequency::Row]) -> String {
+    let apart = |row: &eigenfrequency::Row| {
+        row.frictionless_hz.map(|hz| (hz / row.linearised_hz - 1.0).abs())
+    };
+    let largest = rows.iter().filter_map(apart).fold(0.0, f64::max);
+    let mut text = format!(
+        "Without friction, oscillation and linearisation see the same mode: they differ by {:.1} % at most.",
+        largest * 100.0
+    );
+    for row in rows.iter().filter(|row| apart(row).is_some_and(|apart| apart > SAME)) {
+        let [low, high] = row.frictionless_bar;
+        text += &format!(
+            "\nAt {:.0} mm the drop of {:.1} mm moves p_A from {low:.0} to {high:.0} bar, and the oil's stiffness with it.",
+            row.stroke_mm,
+            eigenfrequency::SMALL_DROP * 1e3
+        );
+    }
+    for row in rows.iter().filter(|row| row.oscillation_hz.is_none()) {
+        text += &format!(
+            "\nAt {:.0} mm friction ends the oscillation before two periods are over: it has no frequency there.",
+            row.stroke_mm
+        );
+    }
+    let at_rest = match description.choices.friction {
+        FrictionChoice::Stribeck => "the smoothed friction law at rest, a stiff damper",
+        FrictionChoice::LuGre => "the bristles at rest, a stiff spring with a damper",
+    };
+    text + &format!(
+        "\nWith friction, the oscillation is that of a drop of {:.1} mm, which friction brings to rest; the linearisation takes\n\
+             {at_rest}, which holds the piston back, so that the boom bends more and the oil less.",
+        description.numbers.oscillation_drop * 1e3
+    )
+}
 
 /// Every oscillatory mode with its shape.
 fn shapes(rows: &[eigenfrequency::Row]) -> String {
@@ -78,8 +129,8 @@ pub fn table(rows: &[eigenfrequency::Row]) -> String {
                 output::optional(r.paper_measured_hz, 2),
                 output::optional(r.paper_simulated_hz, 2),
                 format!("{:.3}", r.linearised_hz),
-                format!("{:.3}", r.frictionless_hz),
-                format!("{:.3}", r.oscillation_hz),
+                output::optional(r.frictionless_hz, 3),
+                output::optional(r.oscillation_hz, 3),
                 format!("{:.3}", r.linearised_with_friction_hz),
             ]
         })

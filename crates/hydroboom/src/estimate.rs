@@ -47,7 +47,7 @@ impl Estimate {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
-        let (log, mapping) = self.mapping.read(&self.log)?;
+        let (log, mapping) = self.mapping.read(&self.log, &crane)?;
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
         let needed = [Signal::Stroke, Signal::PressureA, Signal::PressureB, Signal::MotorSpeed];
         let suspicions = mapping.suspicions(&log, crane.numbers.stroke, crane.numbers.motor_speed);

@@ -75,7 +75,10 @@ impl Learn {
                 vec![
                     t.crane.clone(),
                     t.course.clone(),
-                    output::optional(t.closed_loop_mm, 2),
+                    match t.sustained_oscillation {
+                        None => output::optional(t.closed_loop_mm, 2),
+                        Some(oscillation) => format!("unstable: {oscillation}"),
+                    },
                     output::optional(t.before_mm, 2),
                     output::optional(t.in_hindsight_mm, 2),
                     output::optional(t.amended_mm, 2),

@@ -4,6 +4,7 @@ use crate::number;
 use crate::paths::OutputFolder;
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
+use hydroboom_description::Description;
 use hydroboom_lab::mat_file::{Matrix, mat_file};
 use hydroboom_lab::{linearise, plant, report};
 use hydroboom_model::{Input, Outputs, Scheme};
@@ -73,6 +74,10 @@ impl Linearise {
         let states = crane.state_names();
         let outputs = Outputs::NAMES.map(String::from);
         let modes = linearise::modes(&a).into_diagnostic()?;
+        let dead_band = match self.valve > 0.0 && linearise::in_dead_band(&a, &states) {
+            true => Some(self.dead_band(&description)),
+            false => None,
+        };
         let rows_of = |m: &dyn Fn(usize, usize) -> f64, rows: usize, columns: usize| {
             (0..rows)
                 .map(|i| (0..columns).map(|j| m(i, j)).collect::<Vec<f64>>())
@@ -126,7 +131,7 @@ impl Linearise {
             return output::json(&json!({
                 "states": states, "outputs": outputs, "input": "pump_speed_rev_s",
                 "A": matrices[0].1, "B": matrices[1].1, "C": matrices[2].1, "D": matrices[3].1,
-                "modes": modes,
+                "modes": modes, "in_dead_band": dead_band.is_some(), "remark": dead_band,
             }));
         }
         let rows: Vec<Vec<String>> = modes
@@ -140,11 +145,40 @@ impl Linearise {
                 ]
             })
             .collect();
+        let remark = dead_band.map_or(String::new(), |remark| format!("\n\n{remark}"));
         output::text(&format!(
-            "Poles at {stroke_mm:.0} mm, {:.0} rpm, valve {}, slowest first\n{}",
+            "Poles at {stroke_mm:.0} mm, {:.0} rpm, valve {}, slowest first\n{}{remark}",
             self.motor_speed_rpm,
             self.valve,
             output::table(&["real [1/s]", "imag [rad/s]", "f [Hz]", "damping"], &rows)
         ))
     }
+
+    /// What is to be said of an operating point in the dead band, with one that is not in it where there is one.
+    fn dead_band(&self, description: &Description) -> String {
+        let said = "This operating point lies in the dead band of the load-holding valve: between cracking and closing no oil passes, and a \
+                    small change of the motor's speed moves nothing. The poles are those of a cylinder that is shut.";
+        let n = &description.numbers;
+        let slow = n.slow * description.cylinder().piston_area / (n.displacement * n.flow_gain);
+        let speeds = [slow, 2.0 * slow, 4.0 * slow, 0.5 * n.motor_speed, n.motor_speed];
+        let moves = |speed: &f64| {
+            let start = description.start(self.stroke_mm * 1e-3);
+            let mut crane = plant(description, &start, Scheme::Implicit, 1e-3).ok()?;
+            let input = Input { pump_speed: *speed, holding_valve: self.valve };
+            crane.advance(&input, SETTLING).ok()?;
+            let (a, _) = crane.jacobian(&input);
+            (!linearise::in_dead_band(&a, &crane.state_names())).then_some(60.0 * speed)
+        };
+        match speeds.iter().filter(|speed| **speed <= n.motor_speed).find_map(moves) {
+            Some(rpm) => format!(
+                "{said}\nWith the valve open: hydroboom linearise --stroke-mm {:.0} --motor-speed-rpm {:.0}, after a second of that motion.",
+                self.stroke_mm,
+                rpm.ceil()
+            ),
+            None => format!("{said}\nNo motor speed from this position opens it within a second."),
+        }
+    }
 }
+
+/// Time for which the crane moves before an operating point is taken, in steps of 1 ms.
+const SETTLING: u32 = 1000;

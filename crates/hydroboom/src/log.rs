@@ -53,7 +53,7 @@ impl Log {
 impl ToCsv {
     fn run(self) -> Result<()> {
         let asked = self;
-        let (header, rows) = log::read(&asked.log).into_diagnostic()?;
+        let log::Table { header, rows, remarks } = log::read(&asked.log).into_diagnostic()?;
         let beside = || asked.log.with_extension("csv");
         let out = asked.out.as_deref().map_or_else(beside, Path::to_path_buf);
         let mut csv = header.join(",") + "\n";
@@ -62,9 +62,15 @@ impl ToCsv {
             csv.push('\n');
         }
         output::file(&out, csv.as_bytes());
-        match asked.json {
-            true => output::json(&json!({ "written": out, "rows": rows.len() })),
-            false => output::text(&format!("{} rows in {}", rows.len(), out.display())),
+        if asked.json {
+            return output::json(
+                &json!({ "written": out, "rows": rows.len(), "remarks": remarks }),
+            );
         }
+        let mut said = format!("{} rows in {}", rows.len(), out.display());
+        for remark in &remarks {
+            said += &format!("\nnote: {remark}");
+        }
+        output::text(&said)
     }
 }

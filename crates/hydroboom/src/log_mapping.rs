@@ -5,9 +5,9 @@ use crate::number;
 use crate::origin;
 use crate::paths::InputFile;
 use clap::Args;
+use hydroboom_description::Description;
 use hydroboom_measurement::{Mapping, Measurement, read};
-use miette::{IntoDiagnostic, Result};
-use std::os::unix::fs::FileTypeExt;
+use miette::{IntoDiagnostic, Result, miette};
 use std::path::Path;
 
 /// The options that say which column of a log is which signal.
@@ -27,8 +27,21 @@ fn sample_time(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl LogMapping {
-    /// Reads a log, and says which of its columns is what; what is assumed is among the log's remarks.
-    pub fn read(&self, log: &Path) -> Result<(Measurement, Mapping)> {
+    /// Reads a log of a crane, and says which of its columns is what; what is assumed is among the log's remarks.
+    pub fn read(&self, log: &Path, crane: &Description) -> Result<(Measurement, Mapping)> {
+        let (log, mapping, refused) = self.read_where_known(log, crane)?;
+        match refused.into_iter().next() {
+            None => Ok((log, mapping)),
+            Some(reason) => Err(miette!("{}: {reason}", log.name)),
+        }
+    }
+
+    /// The same without the columns whose units are unknown or of the wrong dimension, and what is wrong with each of them.
+    pub fn read_where_known(
+        &self,
+        log: &Path,
+        crane: &Description,
+    ) -> Result<(Measurement, Mapping, Vec<String>)> {
         let mut given = match &self.mapping {
             Some(path) => Mapping::parse(&path.display().to_string(), &text_of(path, "mapping")?)
                 .into_diagnostic()?,
@@ -37,25 +50,15 @@ impl LogMapping {
         if let Some(interval) = self.sample_time_ms {
             given.time.sample_time = Some(interval * 1e-3);
         }
-        if is_device(log) {
-            miette::bail!(
-                help = "name a file or a pipe",
-                "{} is a device, and no log",
-                log.display()
-            );
-        }
         origin::log(log);
         let mut log = read(log, Some(&given.time)).into_diagnostic()?;
-        let mapping = given.completed(&log).into_diagnostic()?;
+        let (mapping, refused) = given.completed_where_known(&log).into_diagnostic()?;
+        let n = &crane.numbers;
+        let outliers = mapping.without_outliers(&mut log, n.stroke, n.motor_speed);
+        log.remarks.extend(outliers);
         log.remarks.extend(mapping.assumptions(&log));
-        Ok((log, mapping))
+        Ok((log, mapping, refused))
     }
-}
-
-/// Whether a path is a device, which may have no end.
-fn is_device(path: &Path) -> bool {
-    let found = std::fs::metadata(path);
-    found.is_ok_and(|f| f.file_type().is_char_device() || f.file_type().is_block_device())
 }
 
 /// The options that choose a part of a log.

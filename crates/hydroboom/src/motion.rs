@@ -7,13 +7,14 @@ use crate::{family, output};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, Difference};
+use hydroboom_design::stability::stability_of;
 use hydroboom_lab::calibrate::differences;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
+use hydroboom_lab::motion_test::{Row, oscillation_remarks, run, run_all};
 use hydroboom_lab::study::NOMINAL;
 use hydroboom_lab::{LabError, paper, report};
-use hydroboom_lab::{motion_test::Row, motion_test::run, motion_test::run_all};
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
@@ -111,6 +112,7 @@ impl MotionTests {
             bar.inc(1);
         }
         bar.finish_and_clear();
+        let loops = stability_of(&Strategy::ALL, model, plant).into_diagnostic()?;
         let rows: Vec<Row> = runs.iter().map(|run| Row::of(&name, run)).collect();
         // Table 6: the published model along the last course, the fast motion unless it is a scenario
         let velocity_feedforward =
@@ -152,6 +154,8 @@ impl MotionTests {
         if self.json {
             return output::json(&json!({
                 "motion": rows, "plant_changes": effects, "differences": table_6, "machine": choice.json(),
+                "stable": loops.iter().all(|of| of.stable) && rows.iter().all(|row| row.stable),
+                "loops": loops,
             }));
         }
         let mut said = String::new();
@@ -191,7 +195,9 @@ impl MotionTests {
         if let Some(equality) = choice.equality() {
             said += &format!("{}: {equality}\n", choice.name());
         }
-        output::text(&format!("{said}{}", table(&rows)))
+        let unstable: String =
+            loops.iter().filter(|of| !of.stable).map(|of| format!("\n{of}")).collect();
+        output::text(&format!("{said}{}{unstable}", table(&rows)))
     }
 
     /// What is run on, and its name in tables.
@@ -325,7 +331,12 @@ pub fn write_log(folder: &Path, plant: &str, run: &hydroboom_lab::motion_test::R
     output::written(&path, hydroboom_lab::run_log::write_run(run, &path));
 }
 
-/// Tables 7 to 9, "paper | here".
+/// An error of a run; none where the run oscillates.
+fn here(row: &Row, mm: f64) -> String {
+    if row.stable { format!("{mm:.3}") } else { "unstable".into() }
+}
+
+/// Tables 7 to 9, "paper | here", and what is to be said of runs that oscillate.
 pub fn table(rows: &[Row]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()
@@ -335,9 +346,9 @@ pub fn table(rows: &[Row]) -> String {
                 r.plant.clone(),
                 r.course.clone(),
                 output::optional(r.paper_rms_mm, 2),
-                format!("{:.3}", r.rms_mm),
+                here(r, r.rms_mm),
                 output::optional(r.paper_peak_mm, 2),
-                format!("{:.3}", r.peak_mm),
+                here(r, r.peak_mm),
                 format!("{:.3}", r.effort.residual_vibration_mm),
                 format!("{:.2}", r.effort.energy_kj),
                 format!("{:.0}", r.effort.motor_speed_rpm),
@@ -356,10 +367,12 @@ pub fn table(rows: &[Row]) -> String {
         "energy [kJ]",
         "motor [rpm]",
     ];
+    let remarks: String =
+        oscillation_remarks(rows).iter().map(|remark| format!("\n{remark}")).collect();
     format!(
         "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane. The scheduled LQR is ours, and looks\n\
          0.4 s along the path.\n\
-         Beside it the RMS of the tip's vibration at rest, the motor's work, and its largest speed.\n{}",
+         Beside it the RMS of the tip's vibration at rest, the motor's work, and its largest speed.\n{}{remarks}",
         output::table(&header, &cells)
     )
 }

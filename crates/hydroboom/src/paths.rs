@@ -50,10 +50,19 @@ path_of_a_role!(
 ///
 /// # Errors
 ///
-/// When an output is an input, or two outputs are one file.
+/// When an output is an input, two outputs are one file, or a folder to write into is a file.
 pub fn check(arguments: &ArgMatches) -> Result<()> {
     for input in all::<InputFile>(arguments) {
         protect(&input);
+    }
+    for folder in all::<OutputFolder>(arguments) {
+        if folder.exists() && !folder.is_dir() {
+            return Err(miette!(
+                help = "name a folder: it is made where it is not there",
+                "{} is a file, and files are to be written into it",
+                folder.display()
+            ));
+        }
     }
     let mut before: Vec<(Identity, OutputFile)> = Vec::new();
     for output in all::<OutputFile>(arguments) {

@@ -97,13 +97,13 @@ fn row(o: &Outcome) -> Vec<String> {
     vec![
         o.trial.clone(),
         o.controller.name().into(),
-        output::optional(o.rms_mm, 3),
-        output::optional(o.peak_mm, 2),
-        output::optional(o.true_rms_mm, 3),
+        output::optional(o.rms_mm.filter(|_| o.stable), 3),
+        output::optional(o.peak_mm.filter(|_| o.stable), 2),
+        output::optional(o.true_rms_mm.filter(|_| o.stable), 3),
         format!("{:.0}", o.effort.motor_speed_rpm),
         format!("{:.1}", o.effort.motor_ripple_rpm),
         format!("{:.1}", o.effort.tip_deflection_mm),
         format!("{:.3}", o.effort.residual_vibration_mm),
-        if o.unstable { "swings on" } else { "" }.into(),
+        o.verdict(),
     ]
 }

@@ -61,7 +61,7 @@ impl Validate {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
-        let (log, mapping) = self.mapping.read(&self.log)?;
+        let (log, mapping) = self.mapping.read(&self.log, &crane)?;
         let n = &crane.numbers;
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;

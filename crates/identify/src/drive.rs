@@ -36,7 +36,9 @@ impl Drive {
         if signals.get(Signal::MotorSpeed).is_some() {
             return Ok(Signal::MotorSpeed);
         }
-        signals.need(Signal::MotorCommand, log)?;
+        if signals.get(Signal::MotorCommand).is_none() {
+            signals.need(Signal::MotorSpeed, log)?;
+        }
         remarks.push("the motor's speed was not read: the one asked for drives the model".into());
         Ok(Signal::MotorCommand)
     }

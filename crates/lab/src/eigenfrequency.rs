@@ -11,10 +11,13 @@ use serde::Serialize;
 pub struct Row {
     /// Piston position.
     pub stroke_mm: f64,
-    /// From the oscillation in the time domain, f = n/Δt, with the crane's friction.
-    pub oscillation_hz: f64,
+    /// Of the lowest mode, from the oscillation in the time domain, f = n/Δt, with the crane's friction; none where it dies out before two
+    /// periods are over.
+    pub oscillation_hz: Option<f64>,
     /// The same with friction switched off.
-    pub frictionless_hz: f64,
+    pub frictionless_hz: Option<f64>,
+    /// Lowest and highest pressure on the piston side in the test without friction.
+    pub frictionless_bar: [f64; 2],
     /// From the eigenvalues of the linearised crane, friction switched off.
     pub linearised_hz: f64,
     /// From the eigenvalues with friction as it is at rest, where its slope makes it a stiff
@@ -52,6 +55,9 @@ pub struct Oscillation {
     /// Height of the tip \[m\].
     pub tip_y: Vec<f64>,
 }
+
+/// Drop of the tip without friction \[m\]: small enough for the oil's stiffness to stay put where it is stiff, as a linearisation demands.
+pub const SMALL_DROP: f64 = 0.2e-3;
 
 /// Duration of the oscillation test \[s\].
 const DURATION: f64 = 4.0;
@@ -151,6 +157,26 @@ fn upward_crossings(time: &[f64], values: &[f64], level: f64) -> Vec<f64> {
         .collect()
 }
 
+/// The same of the lowest mode alone: what oscillates at the second one, \[Hz\], is averaged over one of its periods, which leaves the
+/// crossings of the lowest where they are.
+///
+/// # Errors
+///
+/// As of [`frequency`].
+pub fn lowest_mode_frequency(
+    time: &[f64],
+    values: &[f64],
+    second: Option<f64>,
+) -> Result<f64, LabError> {
+    let period = time.windows(2).next().map_or(f64::INFINITY, |pair| pair[1] - pair[0]);
+    let half = second.map_or(0, |second| (0.5 / (second * period)).round() as usize);
+    let means: Vec<f64> = values
+        .windows(2 * half + 1)
+        .map(|window| window.iter().sum::<f64>() / window.len() as f64)
+        .collect();
+    frequency(time.get(half..half + means.len()).unwrap_or_default(), &means)
+}
+
 /// The lowest oscillatory mode of the locked crane at a stroke \[m\].
 ///
 /// # Errors
@@ -200,23 +226,26 @@ pub fn locked_modes(description: &Description, stroke: f64) -> Result<Vec<Shaped
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane cannot be simulated there or does not oscillate.
+/// [`LabError`] when the crane cannot be simulated there or its linearisation does not oscillate.
 pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
     let frictionless = without_friction(description)?;
     let drop = description.numbers.oscillation_drop;
-    // small enough for the oil's stiffness to stay put, as a linearisation demands
-    const SMALL_DROP: f64 = 0.2e-3;
-    let measured = |crane: &Description, drop: f64| {
-        let seen = oscillation(crane, stroke, drop)?;
-        frequency(&seen.time, &seen.tip_y)
-    };
     let modes = locked_modes(&frictionless, stroke)?;
     let mode = lowest(&modes)?;
+    let second = modes.get(1).map(|shaped| shaped.mode.frequency_hz);
+    let measured = |seen: &Oscillation| lowest_mode_frequency(&seen.time, &seen.tip_y, second).ok();
+    let with = oscillation(description, stroke, drop)?;
+    let without = oscillation(&frictionless, stroke, SMALL_DROP)?;
+    let pressures = || without.pressure_a.iter().map(|pressure| pressure * 1e-5);
     let index = paper::EIGEN_STROKE_MM.iter().position(|x| (x - stroke * 1e3).abs() < 1e-6);
     Ok(Row {
         stroke_mm: stroke * 1e3,
-        oscillation_hz: measured(description, drop)?,
-        frictionless_hz: measured(&frictionless, SMALL_DROP)?,
+        oscillation_hz: measured(&with),
+        frictionless_hz: measured(&without),
+        frictionless_bar: [
+            pressures().fold(f64::INFINITY, f64::min),
+            pressures().fold(f64::NEG_INFINITY, f64::max),
+        ],
         linearised_hz: mode.frequency_hz,
         linearised_with_friction_hz: locked_mode(description, stroke)?.frequency_hz,
         damping_ratio: mode.damping_ratio,
@@ -224,4 +253,41 @@ pub fn row(description: &Description, stroke: f64) -> Result<Row, LabError> {
         paper_simulated_hz: index.map(|i| paper::EIGEN_SIMULATED_HZ[i]),
         paper_measured_hz: index.map(|i| paper::EIGEN_MEASURED_HZ[i]),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A slow mode of 1 mm with a fast one of a fifth on it, which crosses the mean several times where the slow one does once.
+    #[test]
+    fn the_lowest_mode_is_found_beside_a_faster_one() {
+        use std::f64::consts::TAU;
+        let time: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
+        let slow = |t: f64| (TAU * 4.6 * t).sin() * (-0.3 * t).exp();
+        let values: Vec<f64> =
+            time.iter().map(|t| slow(*t) + 0.2 * (TAU * 76.0 * t + 0.3).sin()).collect();
+        assert!(frequency(&time, &values).unwrap() > 6.0);
+        let found = lowest_mode_frequency(&time, &values, Some(76.0)).unwrap();
+        assert!((found / 4.6 - 1.0).abs() < 5e-3, "{found} Hz");
+        // shorter than a period of the fast mode
+        assert!(lowest_mode_frequency(&time[..9], &values[..9], Some(76.0)).is_err());
+    }
+
+    /// Soft and stiff oil, light and heavy, and a load beyond the boom: always the linearised mode.
+    #[test]
+    fn the_oscillation_is_that_of_the_linearised_mode() {
+        for (set, stroke) in [
+            ("cylinder.piston_mm=100", 0.1),
+            ("payload.mass_kg=60", 0.1),
+            ("payload.mass_kg=60", 0.4),
+            ("payload.x_mm=9000", 0.25),
+        ] {
+            let mut crane = Description::uia_single_boom().unwrap();
+            crane.set(set).unwrap();
+            let row = row(&crane, stroke).unwrap();
+            let error = row.frictionless_hz.unwrap() / row.linearised_hz - 1.0;
+            assert!(error.abs() < 0.02, "{set}: {error}");
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 use crate::LabError;
 use crate::amended::amended;
+use crate::closed_loop::metrics::SustainedOscillation;
 use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::closed_loop::simulation::{Loop, Now};
 use crate::hindsight::{Log, fitted, overrides};
@@ -10,6 +11,7 @@ use crate::rehearsal::rehearsed;
 use crate::stand_in::StandIn;
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::AxisSignals;
+use hydroboom_control::supervision::oscillation_detector::OscillationState;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
 use hydroboom_virtual_crane::VirtualCrane;
@@ -98,6 +100,10 @@ pub struct Taught {
     pub course: String,
     /// RMS error in closed loop, in the cycle that taught; none where it could not be run.
     pub closed_loop_mm: Option<f64>,
+    /// Whether that loop came to rest where its reference rested: not in a sustained oscillation, and not where the cycle could not be run.
+    pub stable: bool,
+    /// That oscillation.
+    pub sustained_oscillation: Option<SustainedOscillation>,
     /// RMS error in open loop, commanded as the model was in a rehearsal, the model as it is described; none where it could not be run.
     pub before_mm: Option<f64>,
     /// The same with the model fitted to the cycle in hindsight, until it goes through it as the machine went.
@@ -147,6 +153,8 @@ fn cycle(
         crane: name.into(),
         course: course.name(),
         closed_loop_mm: None,
+        stable: false,
+        sustained_oscillation: None,
         before_mm: told_rms_mm(before, &mut at_rest(crane, course)?, course),
         in_hindsight_mm: None,
         amended_mm: None,
@@ -155,7 +163,10 @@ fn cycle(
         set_in_hindsight: Vec::new(),
     };
     if let Ok(Cycle { estimated, told, read, mut machine }) = Cycle::of(model, crane, course) {
-        taught.closed_loop_mm = rms_mm(Ok(errors_of_read(&read, machine.period(), course)));
+        let errors = errors_of_read(&read, machine.period(), course);
+        taught.sustained_oscillation = oscillation(&errors, machine.period(), course);
+        taught.stable = taught.sustained_oscillation.is_none();
+        taught.closed_loop_mm = rms_mm(Ok(errors));
         let log = Log { told: &told, read: &read };
         let fitted = fitted(&estimated, &log)?;
         taught.set_in_hindsight = overrides(model, &fitted);
@@ -173,6 +184,17 @@ fn cycle(
         taught.told_again_mm = rms_mm(errors_of_told(&told, &mut machine, course));
     }
     Ok(taught)
+}
+
+/// The largest sustained oscillation of tracking errors \[m\], one each period \[s\], while the reference rests.
+fn oscillation(errors: &[f64], period: f64, course: &dyn Course) -> Option<SustainedOscillation> {
+    let mut state = OscillationState::default();
+    let rests = |k: usize| course.reference(k as f64 * period).velocity == 0.0;
+    let each = errors
+        .iter()
+        .enumerate()
+        .filter_map(|(k, error)| SustainedOscillation::after(&mut state, *error, rests(k), period));
+    each.max_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))
 }
 
 /// Root of the mean square \[mm\]; a crane that cannot be steered so has no error to show.

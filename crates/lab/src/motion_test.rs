@@ -1,10 +1,11 @@
 //! Tests 1 to 3 of section 5.3: four strategies, two speeds, on a plant that may differ from the
 //! model.
 
-use crate::closed_loop::metrics::{Effort, Metrics};
+use crate::closed_loop::metrics::{Effort, Metrics, SustainedOscillation};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, motion_name};
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
+use crate::closed_loop::sustained_oscillation::sustained_oscillation;
 use crate::{LabError, paper};
 use hydroboom_control::reference::profile::OutAndBack;
 use hydroboom_control::strategy::Strategy;
@@ -27,6 +28,8 @@ pub struct Run {
     pub speed: f64,
     /// Every control period.
     pub samples: Vec<Sample>,
+    /// The sustained oscillation that the piston was in while its reference rested, and after the course's end where it may have begun there.
+    pub sustained_oscillation: Option<SustainedOscillation>,
 }
 
 impl Run {
@@ -35,6 +38,30 @@ impl Run {
         let mut metrics = Metrics::new();
         self.samples.iter().for_each(|sample| metrics.add(sample));
         metrics
+    }
+
+    /// Looks whether it is in sustained oscillation.
+    fn judge(
+        &mut self,
+        model: &Description,
+        plant: &Description,
+        course: &dyn Course,
+    ) -> Result<(), LabError> {
+        let (controller, metrics) = (self.strategy.into(), self.metrics());
+        self.sustained_oscillation =
+            sustained_oscillation(model, plant, controller, course, &metrics)?;
+        Ok(())
+    }
+
+    /// RMS and peak of the tracking error, or the sustained oscillation that they would tell of.
+    pub fn tracking(&self) -> String {
+        let metrics = self.metrics();
+        match self.sustained_oscillation {
+            None => {
+                format!("RMS {:.2} mm, peak {:.2} mm", metrics.rms() * 1e3, metrics.peak() * 1e3)
+            }
+            Some(oscillation) => format!("in sustained oscillation, {oscillation}"),
+        }
     }
 
     /// Root mean square of the tracking error over the whole motion, rests included \[m\].
@@ -60,6 +87,10 @@ pub struct Row {
     pub course: String,
     /// Its largest speed.
     pub speed_mm_s: f64,
+    /// Whether the piston came to rest where its reference rested: false in a sustained oscillation.
+    pub stable: bool,
+    /// That oscillation. Errors beside it tell of it, and not of how well a reference is followed.
+    pub sustained_oscillation: Option<SustainedOscillation>,
     /// RMS error here.
     pub rms_mm: f64,
     /// Peak error here.
@@ -85,6 +116,8 @@ impl Row {
             strategy: run.strategy,
             course: run.course.clone(),
             speed_mm_s,
+            stable: run.sustained_oscillation.is_none(),
+            sustained_oscillation: run.sustained_oscillation,
             rms_mm: metrics.rms() * 1e3,
             peak_mm: metrics.peak() * 1e3,
             effort: metrics.effort(),
@@ -92,6 +125,20 @@ impl Row {
             paper_peak_mm: printed.map(|p| p.1),
         }
     }
+}
+
+/// What is to be said of runs in sustained oscillation, a sentence each.
+pub fn oscillation_remarks(rows: &[Row]) -> Vec<String> {
+    let remark = |row: &Row| {
+        let oscillation = row.sustained_oscillation?;
+        Some(format!(
+            "{} on {} at {}: UNSTABLE, in sustained oscillation of {oscillation}; its errors are no tracking errors",
+            row.strategy.name(),
+            row.plant,
+            row.course.trim()
+        ))
+    };
+    rows.iter().filter_map(remark).collect()
 }
 
 /// Runs one strategy along a course: controllers every control period, cranes every simulation
@@ -114,7 +161,11 @@ pub fn run(
         samples.push(*sample);
         Ok(())
     })?;
-    Ok(Run { strategy, course: course.name(), speed: course.speed(), samples })
+    let (course_name, speed) = (course.name(), course.speed());
+    let mut run =
+        Run { strategy, course: course_name, speed, samples, sustained_oscillation: None };
+    run.judge(model, plant, course)?;
+    Ok(run)
 }
 
 /// All strategies along a course, side by side where the plant allows it.
@@ -133,12 +184,17 @@ pub fn run_all(
     let ends = simulate_cases(model, &cases, |lane, sample| samples[lane].push(*sample));
     ends.into_iter().collect::<Result<(), _>>()?;
     let mut samples = samples.into_iter();
-    Ok(Strategy::ALL.map(|strategy| Run {
+    let mut runs = Strategy::ALL.map(|strategy| Run {
         strategy,
         course: course.name(),
         speed: course.speed(),
         samples: samples.next().unwrap_or_default(),
-    }))
+        sustained_oscillation: None,
+    });
+    for run in &mut runs {
+        run.judge(model, plant, course)?;
+    }
+    Ok(runs)
 }
 
 fn count(model: &Description, course: &dyn Course) -> usize {

@@ -37,7 +37,7 @@ fn locked_cylinder_rings_at_the_published_frequency() {
 fn oscillation_and_linearisation_agree_without_friction() {
     for stroke in [0.1, 0.2, 0.4] {
         let row = eigenfrequency::row(&crane(), stroke).unwrap();
-        let error = row.frictionless_hz / row.linearised_hz - 1.0;
+        let error = row.frictionless_hz.unwrap() / row.linearised_hz - 1.0;
         assert!(error.abs() < 0.005, "{row:?}");
     }
 }

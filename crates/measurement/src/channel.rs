@@ -191,6 +191,12 @@ impl Measurement {
         }
     }
 
+    /// The same as [`Self::channel`], to be changed.
+    pub(crate) fn channel_mut(&mut self, name: &str) -> Option<&mut Channel> {
+        let found = std::ptr::from_ref(self.channel(name)?);
+        self.channels.iter_mut().find(|c| std::ptr::eq(std::ptr::from_ref(*c), found))
+    }
+
     /// A channel by its heading or name, where no other is called so; of several the second is `name#2`.
     pub fn channel(&self, name: &str) -> Option<&Channel> {
         match self.called(name).as_slice() {

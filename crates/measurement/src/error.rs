@@ -13,6 +13,12 @@ pub enum MeasurementError {
         /// What the system says.
         error: std::io::Error,
     },
+    /// It is a folder, a pipe or a device.
+    #[error("{file} is no regular file: a log is read more than once, so write it to a file first")]
+    NoFile {
+        /// Its path.
+        file: String,
+    },
     /// There is nothing, or not enough, in it.
     #[error("{file}: {found}; a log has a header and two rows of numbers at least")]
     Empty {
@@ -53,7 +59,7 @@ pub enum MeasurementError {
     },
     /// A signal that is needed has no column.
     #[error(
-        "no column for {missing}; the log has: {columns}. Name it in a mapping: [log.{key}] column = \"...\""
+        "no column for {missing}; the log has: {columns}{misfits}. Name it in a mapping: [log.{key}] column = \"...\""
     )]
     Missing {
         /// What is missing.
@@ -62,5 +68,7 @@ pub enum MeasurementError {
         key: &'static str,
         /// Columns that are there.
         columns: String,
+        /// Columns that are called so, and of another quantity.
+        misfits: String,
     },
 }

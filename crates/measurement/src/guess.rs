@@ -25,6 +25,8 @@ const OTHERS: [&str; 12] = [
 const MOST_NAMED: usize = 40;
 /// A name that is as likely is the signal's own.
 const OWN: f64 = 0.9;
+/// A column may be a signal too that is so likely beside the one that was taken.
+const RIVAL: f64 = 0.75;
 
 impl Mapping {
     /// What the columns are, as far as their names, units and sizes tell.
@@ -95,6 +97,28 @@ impl Mapping {
         found
     }
 
+    /// Columns that may be a signal too for which another one was guessed, where they differ and are taken for nothing else.
+    pub(crate) fn rivals(&self, log: &Measurement) -> Vec<(Signal, Vec<String>)> {
+        let taken: Vec<&Channel> =
+            self.entries.values().filter_map(|e| log.channel(&e.column)).collect();
+        let is_free = |c: &Channel| !taken.iter().any(|t| is_same(t, c));
+        let mut found = Vec::new();
+        for (signal, entry) in self.entries.iter().filter(|(_, e)| e.is_column_guessed) {
+            let least = RIVAL * log.channel(&entry.column).map_or(0.0, |c| likeness(*signal, c));
+            let others: Vec<String> = log
+                .channels
+                .iter()
+                .filter(|c| likeness(*signal, c) >= least.max(f64::MIN_POSITIVE) && is_free(c))
+                .take(MOST_NAMED)
+                .map(|c| format!("\"{}\"", log.address(c)))
+                .collect();
+            if !others.is_empty() {
+                found.push((*signal, others));
+            }
+        }
+        found
+    }
+
     /// Columns that are named as a signal, in a unit that is none of it.
     pub(crate) fn misfits(log: &Measurement) -> Vec<(Signal, &Channel)> {
         let mut found = Vec::new();
@@ -121,7 +145,7 @@ fn is_same(a: &Channel, b: &Channel) -> bool {
     let same = |a: &[f64], b: &[f64]| {
         a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
     };
-    std::ptr::eq(a, b) || (same(&a.time, &b.time) && same(&a.values, &b.values))
+    std::ptr::eq(a, b) || (same(&a.values, &b.values) && same(&a.time, &b.time))
 }
 
 /// The unit people use most.

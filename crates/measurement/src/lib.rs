@@ -8,7 +8,9 @@
 //! and told, not hidden by a resampling.
 
 mod channel;
+mod contradiction;
 mod csv_file;
+mod decompress;
 mod dimension;
 mod error;
 mod guess;
@@ -18,6 +20,7 @@ mod mapping_text;
 mod mat;
 pub mod mcap;
 mod mdf;
+mod outlier;
 #[cfg(feature = "parquet")]
 mod parquet_file;
 mod path;
@@ -31,6 +34,7 @@ mod suspicion;
 mod thinning;
 mod time_base;
 mod time_column;
+mod time_scale;
 mod time_unit;
 mod unit;
 mod unit_table;

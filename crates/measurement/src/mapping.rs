@@ -80,7 +80,10 @@ impl Entry {
             return Ok((unit, self.is_unit_guessed));
         }
         let heading = &channel.heading;
-        let state = format!("state it in a mapping: [log.{}] unit = \"...\"", signal.key());
+        let state = format!(
+            "state it in a mapping: [log.{}] column = {heading:?}, unit = \"...\"",
+            signal.key()
+        );
         if let Some(text) = &channel.unknown_unit {
             let error = match Unit::of_dimension(text, signal.dimension()) {
                 Err(error) => error.to_string(),
@@ -116,7 +119,23 @@ impl Mapping {
     ///
     /// [`MeasurementError::Mapping`] where it names a column that is not there, or the log states a unit that is unknown or of
     /// the wrong dimension.
-    pub fn completed(mut self, log: &Measurement) -> Result<Self, MeasurementError> {
+    pub fn completed(self, log: &Measurement) -> Result<Self, MeasurementError> {
+        let (mapping, refused) = self.completed_where_known(log)?;
+        match refused.into_iter().next() {
+            None => Ok(mapping),
+            Some(reason) => Err(MeasurementError::Mapping { file: log.name.clone(), reason }),
+        }
+    }
+
+    /// The same without the columns whose units are unknown or of the wrong dimension, and what is wrong with each of them.
+    ///
+    /// # Errors
+    ///
+    /// [`MeasurementError::Mapping`] where it names a column that is not there.
+    pub fn completed_where_known(
+        mut self,
+        log: &Measurement,
+    ) -> Result<(Self, Vec<String>), MeasurementError> {
         let mut taken: Vec<&Channel> = Vec::new();
         for (signal, entry) in &self.entries {
             taken.push(log.named(*signal, &entry.column)?);
@@ -127,19 +146,22 @@ impl Mapping {
                 self.entries.entry(signal).or_insert(entry);
             }
         }
-        for (signal, entry) in &mut self.entries {
-            let channel = log.named(*signal, &entry.column)?;
-            let (unit, is_guessed) = entry
-                .unit_of(*signal, channel)
-                .map_err(|reason| MeasurementError::Mapping { file: log.name.clone(), reason })?;
-            (entry.unit, entry.is_unit_guessed) = (Some(unit), is_guessed);
+        let mut refused = Vec::new();
+        for (signal, mut entry) in std::mem::take(&mut self.entries) {
+            match entry.unit_of(signal, log.named(signal, &entry.column)?) {
+                Ok((unit, is_guessed)) => {
+                    (entry.unit, entry.is_unit_guessed) = (Some(unit), is_guessed);
+                    self.entries.insert(signal, entry);
+                }
+                Err(reason) => refused.push(reason),
+            }
         }
         if let (None, None, Some(found)) = (&self.time.column, self.time.sample_time, &log.time) {
             let found = found.clone();
             self.time = TimeColumn { column: found.column, is_guessed: true, ..self.time };
             self.time.unit = self.time.unit.or(found.unit);
         }
-        Ok(self)
+        Ok((self, refused))
     }
 
     /// What is taken without being stated anywhere: units by the size of numbers. Sentences, each with what to write.
@@ -150,11 +172,12 @@ impl Mapping {
             // of a switch nobody states one
             if *signal != Signal::HoldingValve {
                 said.push(format!(
-                    "\"{}\" has no unit: {} is taken in {} by its size; [log.{}] unit = \"...\" in a mapping states it",
+                    "\"{}\" has no unit: {} is taken in {} by its size; [log.{}] column = {:?}, unit = \"...\" in a mapping states it",
                     entry.column,
                     signal.symbol(),
                     unit.name,
-                    signal.key()
+                    signal.key(),
+                    entry.column
                 ));
             }
         }
@@ -168,6 +191,15 @@ impl Mapping {
                     columns[0]
                 ));
             }
+        }
+        for (signal, others) in self.rivals(log) {
+            said.push(format!(
+                "{} may be {} too, and differs from \"{}\": [log.{}] column = \"...\" in a mapping says which",
+                others.join(", "),
+                signal.symbol(),
+                self.entries[&signal].column,
+                signal.key()
+            ));
         }
         for (signal, channel) in Self::misfits(log) {
             if !self.entries.contains_key(&signal)

@@ -12,6 +12,16 @@ use std::path::Path;
 /// How a Parquet file begins.
 const PARQUET: &[u8] = b"PAR1";
 
+/// How MAT files of level 5 to 7, and HDF5 files, begin.
+const MAT: [&[u8]; 2] = [b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"];
+/// How files begin that are often taken for logs, and what they are.
+const OTHERS: [(&[u8], &str); 4] = [
+    (b"\x1f\x8b", "packed by gzip: unpack it"),
+    (b"PK\x03\x04", "a spreadsheet or a ZIP archive: save the table as CSV"),
+    (b"\xd0\xcf\x11\xe0", "an old spreadsheet: save the table as CSV"),
+    (b"%PDF", "a PDF document"),
+];
+
 /// Reads a log: MCAP, MDF and Parquet by how they begin, MAT by its name, anything else as delimited text. `time` says
 /// how the time of its rows is found, where its names do not.
 ///
@@ -20,8 +30,16 @@ const PARQUET: &[u8] = b"PAR1";
 /// [`MeasurementError`] with the place of what cannot be used.
 pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
+    // a pipe cannot be read from its beginning again
+    if !std::fs::metadata(path).map_err(failed)?.is_file() {
+        return Err(MeasurementError::NoFile { file: path.display().to_string() });
+    }
     let mut begins = Vec::new();
-    File::open(path).and_then(|f| f.take(8).read_to_end(&mut begins)).map_err(failed)?;
+    File::open(path).and_then(|f| f.take(19).read_to_end(&mut begins)).map_err(failed)?;
+    if let Some((_, what)) = OTHERS.iter().find(|(b, _)| begins.starts_with(b)) {
+        let reason = format!("it is {what}; CSV, MAT, MDF 4, MCAP and Parquet files are read");
+        return Err(MeasurementError::Format { file: path.display().to_string(), reason });
+    }
     let counted = |format: &str| match time.and_then(|t| t.sample_time) {
         None => Ok(()),
         Some(_) => Err(MeasurementError::Mapping {
@@ -31,13 +49,14 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
             ),
         }),
     };
-    let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"));
+    let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"))
+        || MAT.iter().any(|b| begins.starts_with(b));
     match begins.as_slice() {
         // what follows may be damaged: that is for the reader to say
         begins if begins.starts_with(&mcap::MAGIC[..5]) => {
             counted("an MCAP file").and_then(|()| mcap::read(path, time))
         }
-        begins if mdf::BEGINS.iter().any(|b| b.as_slice() == begins) => {
+        begins if mdf::BEGINS.iter().any(|b| begins.starts_with(b.as_slice())) => {
             counted("an MDF file").and_then(|()| mdf::read(path, time))
         }
         begins if begins.starts_with(PARQUET) => {

@@ -98,9 +98,9 @@ impl Recording {
         self.columns.add_column();
     }
 
-    /// How many numbers are kept.
-    pub(crate) fn numbers(&self) -> usize {
-        self.columns.numbers()
+    /// How many numbers are kept with so many columns more.
+    pub(crate) fn numbers_with(&self, more: usize) -> usize {
+        self.columns.numbers_with(more)
     }
 
     /// Averages each two rows, and so those to come.

@@ -1,6 +1,6 @@
 //! The signals of a log, in SI units.
 
-use crate::channel::Measurement;
+use crate::channel::{Channel, Measurement};
 use crate::dimension::Dimension;
 use crate::error::MeasurementError;
 use crate::mapping::Mapping;
@@ -182,10 +182,18 @@ impl Signals {
     ///
     /// [`MeasurementError::Missing`] when there is none.
     pub fn need(&self, signal: Signal, log: &Measurement) -> Result<&Track, MeasurementError> {
-        self.get(signal).ok_or_else(|| MeasurementError::Missing {
-            missing: signal.symbol().into(),
-            key: signal.key(),
-            columns: log.headings(),
+        self.get(signal).ok_or_else(|| {
+            let misfits = Mapping::misfits(log).into_iter().filter(|(of, _)| *of == signal);
+            let misfit = |(_, channel): (Signal, &Channel)| {
+                let unit = channel.unit?;
+                Some(format!("; \"{}\" is {}", channel.heading, unit.dimension.words()))
+            };
+            MeasurementError::Missing {
+                missing: signal.symbol().into(),
+                key: signal.key(),
+                columns: log.headings(),
+                misfits: misfits.filter_map(misfit).collect(),
+            }
         })
     }
 

@@ -1,9 +1,11 @@
 //! What looks wrong with the size of signals.
 
 use crate::channel::{Channel, Measurement};
+use crate::contradiction::contradictions;
 use crate::dimension::Dimension;
 use crate::mapping::{Entry, Mapping};
 use crate::signal::Signal;
+use crate::signals::Signals;
 use crate::unit::Unit;
 use crate::unit_table::ATMOSPHERE;
 use std::fmt::Write;
@@ -65,7 +67,7 @@ fn absolute(signal: Signal, entry: &Entry, unit: &Unit, channel: &Channel) -> Op
 }
 
 impl Mapping {
-    /// What looks wrong with units and sizes, for a cylinder with a stroke \[m\] and a motor with a largest speed
+    /// What looks wrong with units and sizes, and what of several signals cannot be true together, for a cylinder with a stroke \[m\] and a motor with a largest speed
     /// \[rev/s\].
     pub fn suspicions(&self, log: &Measurement, stroke: f64, motor_speed: f64) -> Vec<Suspicion> {
         let mut found = Vec::new();
@@ -129,6 +131,9 @@ impl Mapping {
             }
             found.push(Suspicion { signal: *signal, text, is_unusable: true });
         }
+        // a mapping that cannot be used is refused where it is
+        let signals = Signals::of(log, self).unwrap_or_default();
+        found.extend(contradictions(&signals));
         found
     }
 }

@@ -77,9 +77,9 @@ impl Columns {
         self.counts.push(0);
     }
 
-    /// How many numbers are kept.
-    pub(crate) fn numbers(&self) -> usize {
-        self.rows() * self.columns.len()
+    /// How many numbers are kept with so many columns more.
+    pub(crate) fn numbers_with(&self, more: usize) -> usize {
+        self.rows() * (self.columns.len() + more)
     }
 
     /// Each two rows of a segment become one; the last of an odd number is left out.

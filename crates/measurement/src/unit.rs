@@ -23,12 +23,12 @@ pub struct Unit {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum UnitError {
     /// It is not known.
-    #[error("\"{text}\" is no known unit; the nearest is {nearest}")]
+    #[error("\"{text}\" is no known unit; {nearest}")]
     Unknown {
         /// What was read.
         text: String,
-        /// Name of the known unit that is written most alike.
-        nearest: &'static str,
+        /// The known unit that is written most alike, or all of the wanted dimension where none is.
+        nearest: String,
     },
     /// It measures something else.
     #[error("\"{text}\" is {}, not {}: one of {}", found.words(), wanted.words(), Unit::names(*wanted))]
@@ -184,8 +184,11 @@ fn excerpt(text: &str) -> String {
     text.trim().chars().take(40).collect()
 }
 
-/// Name of the unit that is written most like a text, of a dimension where one is wanted.
-fn nearest(text: &str, wanted: Option<Dimension>) -> &'static str {
+/// A unit that is written less alike is not meant.
+const ALIKE: f64 = 0.4;
+
+/// The unit that is written most like a text, of a dimension where one is wanted; the dimension's units where none is like it.
+fn nearest(text: &str, wanted: Option<Dimension>) -> String {
     let small = normal(&excerpt(stripped(text))).to_lowercase();
     let alike = |spelling: &str| strsim::normalized_damerau_levenshtein(&small, spelling);
     let of = |unit: &&Unit| {
@@ -194,7 +197,12 @@ fn nearest(text: &str, wanted: Option<Dimension>) -> &'static str {
     };
     let fitting = Unit::ALL.iter().filter(|u| wanted.is_none_or(|d| u.dimension == d));
     // the first of those that are as much alike, which is the usual one
-    fitting.rev().max_by(|a, b| of(a).total_cmp(&of(b))).map_or("", |unit| unit.name)
+    let best = fitting.rev().max_by(|a, b| of(a).total_cmp(&of(b)));
+    match (best.filter(|unit| of(unit) >= ALIKE), wanted) {
+        (Some(unit), _) => format!("the nearest is {}", unit.name),
+        (None, Some(dimension)) => format!("known are {}", Unit::names(dimension)),
+        (None, None) => "none that is known is written like it".into(),
+    }
 }
 
 #[cfg(test)]

@@ -185,7 +185,7 @@ fn damaged_mat_files() {
 fn damaged_mat_files_of_level_7_3() {
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mat/files");
     let read = |name: &str| std::fs::read(files.join(name)).unwrap();
-    survives("7_3.mat", &["arrays_7_3.mat", "scope_7_3.mat"].map(read), use_file);
+    survives("7_3.mat", &["arrays_7_3.mat", "scope_7_3.mat", "groups_7_3.mat"].map(read), use_file);
 }
 
 #[cfg(feature = "parquet")]
@@ -204,8 +204,16 @@ fn damaged_mdf_files() {
         .map(|name| std::fs::read(files.join(format!("{name}.mf4"))).unwrap())
         .collect();
     let mut file = mdf::File::new("UnFinMF ", "4.10");
-    let channel = file.channel(0, "stroke", "mm", [0, 1, 8, 16]);
-    let channel = file.channel(channel, "t", "s", [2, 4, 0, 64]);
+    let stroke = file.channel(0, "stroke", "mm", [0, 1, 8, 16]);
+    let channel = file.channel(stroke, "t", "s", [2, 4, 0, 64]);
+    // ranges that are converted each in its own way
+    let linear = [&[1, 0, 0, 0, 0, 0, 2, 0][..], &[0; 16], &[0; 8], &0.5_f64.to_le_bytes()];
+    let linear = file.block("##CC", &[0; 4], &linear.concat());
+    let ends = [0.0, 2.0, 5.0, 9.0_f64].map(f64::to_le_bytes).concat();
+    let ranges = [&[8, 0, 0, 0, 3, 0, 4, 0][..], &[0; 16], &ends].concat();
+    let ranges = file.block("##CC", &[0, 0, 0, 0, linear, linear, 0], &ranges);
+    let conversion = stroke as usize + 24 + 4 * 8;
+    file.bytes[conversion..conversion + 8].copy_from_slice(&ranges.to_le_bytes());
     let group = file.group(0, channel, [1, 20, 10], false);
     let record = |k: u8| [vec![1], f64::from(k).to_le_bytes().to_vec(), vec![k, k]].concat();
     let data: Vec<u8> = (0..20).flat_map(record).collect();

@@ -321,3 +321,59 @@ proptest::proptest! {
         let _ = read(&file("table.csv", rows.join("\n")), None);
     }
 }
+
+/// What is no log is named as what it is, and a MAT file is one by its content.
+#[test]
+fn files_are_known_by_how_they_begin() {
+    let at = |name: &str| PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    for (bytes, wanted) in [
+        (&b"\x1f\x8b\x08\0\0\0\0\0"[..], "packed by gzip: unpack it"),
+        (b"PK\x03\x04\x14\0\0\0", "save the table as CSV"),
+    ] {
+        std::fs::write(at("other.csv"), bytes).unwrap();
+        let said = read(&at("other.csv"), None).unwrap_err().to_string();
+        assert!(said.contains(wanted), "{said}");
+    }
+    let mut level_5 = b"MATLAB 5.0 MAT-file".to_vec();
+    level_5.resize(116, b' ');
+    std::fs::write(at("level_5.dat"), level_5).unwrap();
+    let said = read(&at("level_5.dat"), None).unwrap_err().to_string();
+    assert!(said.contains("MAT"), "{said}");
+    let said = read(&PathBuf::from("/dev/null"), None).unwrap_err().to_string();
+    assert!(said.contains("is no regular file"), "{said}");
+}
+
+#[test]
+fn a_second_head_in_another_order_ends_the_table_and_short_first_rows_are_counted() {
+    let rows = |swapped: bool| -> String {
+        let row = |k: u32| {
+            let [a, b] = if swapped { [70 + k, k] } else { [k, 70 + k] };
+            format!("{},{a},{b}\n", f64::from(k) * 0.01)
+        };
+        (0..50).map(row).collect()
+    };
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("heads.csv");
+    let text = format!(
+        "time_s,x_mm,p_A_bar\n0.0,1\n{}time_s,p_A_bar,x_mm\n{}",
+        rows(false).split_once('\n').unwrap().1,
+        rows(true)
+    );
+    std::fs::write(&path, text).unwrap();
+    let log = read(&path, None).unwrap();
+    let pressure = log.channel("p_A_bar").unwrap();
+    assert_eq!(pressure.values.len(), 50);
+    assert!(pressure.values[0].is_nan() && pressure.values[1..].iter().all(|p| *p >= 70.0));
+    let said = log.remarks.join("\n");
+    assert!(said.contains("line 52 is a head with the columns in another order"), "{said}");
+    assert!(said.contains("1 rows are shorter than the others, first line 2"), "{said}");
+}
+
+#[test]
+fn thousands_are_marked_as_the_decimals_of_the_same_table_show() {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("thousands.csv");
+    let rows: String = (0..50).map(|k| format!("0,{:03};2.25{};{k}\n", 10 * k, k % 10)).collect();
+    std::fs::write(&path, format!("time_s;n_rpm;p_A_bar\n{rows}")).unwrap();
+    let log = read(&path, None).unwrap();
+    assert_eq!(log.channel("n_rpm").unwrap().values[..3], [2250.0, 2251.0, 2252.0]);
+    assert_eq!(log.channels[0].time[1], 0.01);
+}

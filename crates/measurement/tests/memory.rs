@@ -81,6 +81,7 @@ fn long_logs_are_averaged_within_bounded_memory() {
         writer.finish().unwrap();
     });
     is_averaged(&mcap, rows);
+    late_fields();
     let csv = written(&format!("{rows}.csv"), |path| {
         let mut file = BufWriter::new(File::create(path).unwrap());
         let names: Vec<String> = (1..signals).map(|k| format!("b{k}")).collect();
@@ -97,6 +98,27 @@ fn long_logs_are_averaged_within_bounded_memory() {
         file.flush().unwrap();
     });
     is_averaged(&csv, rows);
+}
+
+/// Messages to which many fields come late.
+fn late_fields() {
+    let (rows, fields) = (1_000_000_u64, 100);
+    let path = written("late_fields.mcap", |path| {
+        let options = WriteOptions::new().compression(Some(Compression::Zstd));
+        let mut writer = options.create(BufWriter::new(File::create(path).unwrap())).unwrap();
+        let channel = writer.add_channel(0, "/crane", "json", &BTreeMap::new()).unwrap();
+        let late: String = (0..fields).map(|k| format!(",\"b{k}\":{k}")).collect();
+        for k in 0..=rows {
+            let (sequence, log_time) = (0, k * 1_000_000);
+            let header =
+                MessageHeader { channel_id: channel, sequence, log_time, publish_time: log_time };
+            let late = if k == rows { late.as_str() } else { "" };
+            let text = format!("{{\"a\":{k}{late}}}");
+            writer.write_to_known_channel(&header, text.as_bytes()).unwrap();
+        }
+        writer.finish().unwrap();
+    });
+    is_averaged(&path, rows as usize);
 }
 
 /// An MDF file, which is written from memory: of one length.

@@ -42,7 +42,10 @@ fn a_unit_that_is_unknown_or_of_something_else_is_an_error() {
     // it would be taken for p_A: nobody is told another unit than the one that stands there
     let text = said("");
     assert!(text.contains("\"barr\" is no known unit; the nearest is bar"), "{text}");
-    assert!(text.contains("[log.pressure_a] unit = "), "{text}");
+    // what it says is understood as it is written, on two lines
+    assert!(text.contains("[log.pressure_a] column = \"pressure_a [barr]\", unit = "), "{text}");
+    let stated = "[log.pressure_a]\ncolumn = \"pressure_a [barr]\"\nunit = \"bar\"\n";
+    assert!(mapped(&log, stated).is_ok());
     let known = "[log.pressure_a]\ncolumn = \"pressure_a\"\nunit = \"bar\"\n";
     let text = said(&format!("stroke = \"x\"\n{known}"));
     assert!(text.contains("\"bar\" is a pressure, not a length"), "{text}");

@@ -40,5 +40,5 @@ pub use circuit::{
 pub use crane::{Crane, CraneRates, CraneState, Input, Outputs};
 pub use equilibrium::{EquilibriumError, Start, ValveCraneState, ValveStart};
 pub use simulation::{Scheme, Simulation, SimulationError};
-pub use stepping::StepLimit;
+pub use stepping::{StepBound, StepLimit};
 pub use validity::{Invalid, Validity};

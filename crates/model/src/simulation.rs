@@ -1,7 +1,7 @@
 //! A crane in motion: parameters, state, scheme and clock, with every step checked.
 
 use crate::crane::{Crane, CraneState, Input};
-use crate::stepping::{Implicit, MOST_PARTS, StepLimit, published, runge_kutta_4};
+use crate::stepping::{Implicit, MOST_PARTS, StepBound, StepLimit, published, runge_kutta_4};
 use crate::validity::Invalid;
 use core::fmt;
 
@@ -42,10 +42,14 @@ pub enum SimulationError {
     },
     /// The step is far above the scheme's limit, or not a positive number.
     Step {
+        /// Time of the last good state \[s\].
+        time: f64,
         /// Step asked for \[s\].
         step: f64,
         /// Largest step without substeps \[s\].
         limit: f64,
+        /// Which limit it is.
+        bound: StepBound,
     },
 }
 
@@ -61,9 +65,9 @@ impl fmt::Display for SimulationError {
             Self::Input { time } => {
                 write!(f, "after t = {time:.6} s an input is not a finite number")
             }
-            Self::Step { step, limit } => write!(
+            Self::Step { time, step, limit, bound } => write!(
                 f,
-                "a step of {:.3} us is not possible: the scheme's limit for this boom is {:.3} us, \
+                "after t = {time:.6} s a step of {:.3} us is not possible: the scheme's limit {bound} is {:.3} us, \
                  and more than {MOST_SUBSTEPS} substeps are refused",
                 step * 1e6,
                 limit * 1e6
@@ -81,9 +85,17 @@ pub struct Simulation<const N: usize> {
     state: CraneState<f64, N>,
     stepper: Stepper,
     step: f64,
+    /// Substeps of each step, more where bristles of friction slide fast.
+    usual_substeps: u32,
+    /// The most that a step was divided into.
     substeps: u32,
     /// Steps taken; the time is a product, so that it does not drift over hours.
     count: u64,
+}
+
+/// Parts of a step that are no longer than a limit \[s\].
+fn parts(step: f64, limit: f64) -> f64 {
+    libm::ceil(step / limit * (1.0 - 1e-12)).max(1.0)
 }
 
 #[expect(clippy::large_enum_variant, reason = "one per simulation, never moved in the cycle")]
@@ -110,22 +122,25 @@ impl<const N: usize> Simulation<N> {
             .validity(&state)
             .check()
             .map_err(|reason| SimulationError::Invalid { time: 0.0, reason })?;
-        let limit = match scheme {
-            Scheme::Published => crane.step_limit(&state).smallest(),
-            // its region of stability reaches about twice as far
-            Scheme::RungeKutta4 => crane.step_limit(&state).smallest(),
-            Scheme::Implicit => f64::INFINITY,
+        let (limit, bound) = match scheme {
+            // the region of stability of Runge-Kutta reaches about twice as far
+            Scheme::Published | Scheme::RungeKutta4 => {
+                let limits = crane.step_limit(&state);
+                (limits.smallest(), limits.bound())
+            }
+            Scheme::Implicit => (f64::INFINITY, StepBound::Bending),
         };
-        let wanted = libm::ceil(step / limit * (1.0 - 1e-12)).max(1.0);
+        let wanted = parts(step, limit);
         if !(step > 0.0 && step.is_finite() && wanted <= MOST_SUBSTEPS) {
-            return Err(SimulationError::Step { step, limit });
+            return Err(SimulationError::Step { time: 0.0, step, limit, bound });
         }
         let stepper = match scheme {
             Scheme::Published => Stepper::Published,
             Scheme::Implicit => Stepper::Implicit(Implicit::new(&crane)),
             Scheme::RungeKutta4 => Stepper::RungeKutta4,
         };
-        Ok(Self { crane, state, stepper, step, substeps: wanted as u32, count: 0 })
+        let substeps = wanted as u32;
+        Ok(Self { crane, state, stepper, step, usual_substeps: substeps, substeps, count: 0 })
     }
 
     /// Moves on by `count` steps under a constant input.
@@ -139,24 +154,34 @@ impl<const N: usize> Simulation<N> {
             return Err(SimulationError::Input { time: self.time() });
         }
         let mut state = self.state;
-        let step = self.step / f64::from(self.substeps);
-        let substeps = u64::from(count) * u64::from(self.substeps);
+        let mut most_substeps = self.substeps;
         match &self.stepper {
             Stepper::Published => {
-                for _ in 0..substeps {
-                    published(&self.crane, &mut state, input, step);
+                for _ in 0..count {
+                    let substeps = self.substeps_from(&state)?;
+                    most_substeps = most_substeps.max(substeps);
+                    let step = self.step / f64::from(substeps);
+                    for _ in 0..substeps {
+                        published(&self.crane, &mut state, input, step);
+                    }
                 }
             }
             Stepper::Implicit(scheme) => {
-                for _ in 0..substeps {
+                let step = self.step / f64::from(self.usual_substeps);
+                for _ in 0..u64::from(count) * u64::from(self.usual_substeps) {
                     state = scheme
                         .settled(&self.crane, &state, input, step)
                         .ok_or(SimulationError::Unsettled { time: self.time() })?;
                 }
             }
             Stepper::RungeKutta4 => {
-                for _ in 0..substeps {
-                    runge_kutta_4(&self.crane, &mut state, input, step);
+                for _ in 0..count {
+                    let substeps = self.substeps_from(&state)?;
+                    most_substeps = most_substeps.max(substeps);
+                    let step = self.step / f64::from(substeps);
+                    for _ in 0..substeps {
+                        runge_kutta_4(&self.crane, &mut state, input, step);
+                    }
                 }
             }
         }
@@ -165,8 +190,24 @@ impl<const N: usize> Simulation<N> {
             .check()
             .map_err(|reason| SimulationError::Invalid { time: self.time(), reason })?;
         self.state = state;
+        self.substeps = most_substeps;
         self.count += u64::from(count);
         Ok(())
+    }
+
+    /// Substeps of the next step: more than usual where the bristles of friction slide fast.
+    #[inline(always)]
+    fn substeps_from(&self, state: &CraneState<f64, N>) -> Result<u32, SimulationError> {
+        let limit = self.crane.bristle_limit_at(state);
+        if self.step <= limit {
+            return Ok(self.usual_substeps);
+        }
+        let wanted = parts(self.step, limit);
+        if wanted > MOST_SUBSTEPS {
+            let (time, step) = (self.time(), self.step);
+            return Err(SimulationError::Step { time, step, limit, bound: StepBound::Bristle });
+        }
+        Ok(self.usual_substeps.max(wanted as u32))
     }
 
     /// Time since the start \[s\].
@@ -179,7 +220,7 @@ impl<const N: usize> Simulation<N> {
         self.step
     }
 
-    /// Substeps that each step is divided into to stay below the scheme's limit.
+    /// The most substeps that a step was divided into so far, to stay below the scheme's limit.
     pub fn substeps(&self) -> u32 {
         self.substeps
     }

@@ -16,7 +16,7 @@ use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::State;
 use hydroboom_files::{FileError, Output};
-use hydroboom_measurement::mcap::{self, Stop};
+use hydroboom_measurement::mcap::{self, Loss, Stop};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -42,8 +42,10 @@ pub enum LogError {
         /// What the library says.
         error: McapError,
     },
-    /// Some of it cannot be read.
-    #[error("{path}: {reason}")]
+    /// It is to be replayed, and some of it cannot be read.
+    #[error(
+        "{path} is damaged, and a replay needs every period ({reason}); `hydroboom log to-csv` reads what is left"
+    )]
     Damaged {
         /// Its path.
         path: String,
@@ -299,12 +301,11 @@ pub struct Row {
     pub strategy: Strategy,
 }
 
-/// Calls with every message of a log, in order. A log that was cut off is read up to where it was; one that is damaged in
-/// between, or has no message, is refused.
+/// Calls with every message of a log that can be read, in order, and says what was lost. A log that has no message is refused.
 fn messages(
     path: &Path,
     mut each: impl FnMut(Value) -> Result<(), String>,
-) -> Result<(), LogError> {
+) -> Result<Loss, LogError> {
     let name = path.display().to_string();
     let failed = |error| FileError::Read { path: path.into(), error };
     let foreign = |reason: String| LogError::Foreign { path: name.clone(), reason };
@@ -323,25 +324,33 @@ fn messages(
         Stop::File(error) => failed(error).into(),
         Stop::Format(reason) => foreign(reason),
     })?;
-    if loss.is_damage() {
-        return Err(LogError::Damaged { path: name, reason: loss.remarks().join("; ") });
-    }
     if count == 0 {
-        return Err(foreign("there is no control period in it".into()));
+        let lost = loss.remarks().iter().fold(String::new(), |said, r| format!("{said}; {r}"));
+        return Err(foreign(format!("there is no control period in it{lost}")));
     }
-    Ok(())
+    Ok(loss)
 }
 
-/// A log as a table: the header, then a row for each control period. A log that was cut off is read up
-/// to where it was.
+/// A log as a table.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    /// Names of the columns.
+    pub header: Vec<&'static str>,
+    /// A row for each control period that could be read.
+    pub rows: Vec<Vec<String>>,
+    /// What is lost, a sentence each: chunks that are damaged, an end that was cut off.
+    pub remarks: Vec<String>,
+}
+
+/// A log as a table, as far as it can be read.
 ///
 /// # Errors
 ///
-/// [`LogError`] when it cannot be read, or is none of ours.
-pub fn read(path: &Path) -> Result<(Vec<&'static str>, Vec<Vec<String>>), LogError> {
+/// [`LogError`] when it cannot be read, has no control period, or is none of ours.
+pub fn read(path: &Path) -> Result<Table, LogError> {
     let header: Vec<&str> = fields().into_iter().map(|(name, _)| name).collect();
     let mut rows = Vec::new();
-    messages(path, |value| {
+    let loss = messages(path, |value| {
         let cell = |name: &&str| match &value[*name] {
             Value::Null => String::new(),
             Value::String(text) => text.clone(),
@@ -350,21 +359,27 @@ pub fn read(path: &Path) -> Result<(Vec<&'static str>, Vec<Vec<String>>), LogErr
         rows.push(header.iter().map(cell).collect());
         Ok(())
     })?;
-    Ok((header, rows))
+    Ok(Table { header, rows, remarks: loss.remarks() })
 }
 
-/// A log's control periods, to be replayed.
+/// A log's control periods, to be replayed; of a log that was cut off those before.
 ///
 /// # Errors
 ///
 /// [`LogError`] when it cannot be read, is damaged, has no control period, or is none of ours.
 pub fn rows(path: &Path) -> Result<Vec<Row>, LogError> {
     let mut rows = Vec::new();
-    messages(path, |value| {
+    let loss = messages(path, |value| {
         rows.push(row(&value)?);
         Ok(())
     })?;
-    Ok(rows)
+    match loss.is_damage() {
+        false => Ok(rows),
+        true => {
+            let reason = loss.remarks().join("; ");
+            Err(LogError::Damaged { path: path.display().to_string(), reason })
+        }
+    }
 }
 
 fn row(value: &Value) -> Result<Row, String> {

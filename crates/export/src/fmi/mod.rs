@@ -8,12 +8,12 @@ pub use archive::{ArchiveError, System, archive, binary};
 
 use crate::block::{Block, ControlPeriod, Variable};
 use crate::c::{Precision, files};
-use crate::crane::SEGMENTS;
 use crate::error::ExportError;
 use crate::plan::Plan;
 use crate::statement::{entry, grouped};
+use crate::step_limit::longest_step;
 use bounds::Bounds;
-use hydroboom_description::{BuildError, Description};
+use hydroboom_description::Description;
 use std::fmt::Write;
 use unit_definition::base_unit;
 
@@ -124,24 +124,6 @@ fn escaped(text: &str) -> String {
         }
     }
     safe
-}
-
-/// The longest step \[s\] of the published scheme for a crane over its whole stroke, as `hydroboom check` shows it; a crane file's
-/// own step may make the pressures chatter by more than the tenth of a bar that this limit allows, but has to be stable.
-fn longest_step(crane: &Description) -> Result<f64, ExportError> {
-    let made = crane.crane::<SEGMENTS>()?;
-    let own = crane.numbers.simulation_period;
-    let (mut stable, mut longest) = (f64::INFINITY, f64::INFINITY);
-    for share in [0.0, 0.5, 1.0] {
-        let start = crane.start(share * crane.numbers.stroke);
-        let limit = made.step_limit(&made.at_rest(&start).map_err(BuildError::from)?);
-        stable = stable.min(limit.bending).min(limit.friction);
-        longest = longest.min(limit.smallest());
-    }
-    match own <= stable {
-        true => Ok(longest.max(own)),
-        false => Err(ExportError::Step { step_us: own * 1e6, limit_us: stable * 1e6 }),
-    }
 }
 
 /// A block of a crane as an FMU. With its [`slopes`](crate::slopes) the FMU has the rates of its states and gives directional

@@ -365,6 +365,7 @@ fn in_json(row: &Row, period: f64) -> serde_json::Value {
         "stop_mm": o.stopped_in * 1e3, "stop_bound_mm": b.stopped * 1e3,
         "rms_error_mm": o.rms * 1e3, "largest_error_mm": o.error * 1e3,
         "swing_mm": o.swing(period) * 1e3, "oscillates": o.oscillates(period),
+        "stable": !o.oscillates(period), "oscillation_amplitude_mm": o.oscillation[0] * 1e3, "oscillation_frequency_hz": o.oscillation[1],
         "off_mm": row.off * 1e3, "off_bound_mm": b.off * 1e3,
         "motor_rpm": o.motor_speed * 60.0, "motor_change_rpm_per_s": o.motor_slew * 60.0,
         "finite": !o.is_not_finite, "beyond": row.beyond,

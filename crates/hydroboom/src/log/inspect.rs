@@ -49,7 +49,7 @@ impl Inspect {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
-        let (log, mapping) = self.mapping.read(&self.log)?;
+        let (log, mapping, refused) = self.mapping.read_where_known(&self.log, &crane)?;
         let n = &crane.numbers;
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
         if let Some(path) = &self.mapping_out {
@@ -60,14 +60,15 @@ impl Inspect {
             let columns: Vec<Value> = columns.iter().map(Column::json).collect();
             let suspicions: Vec<&str> = suspicions.iter().map(|s| s.text.as_str()).collect();
             return output::json(&json!({
-                "log": self.log, "channels": columns, "remarks": log.remarks, "suspicions": suspicions,
+                "log": self.log, "channels": columns, "remarks": log.remarks, "refused": refused,
+                "suspicions": suspicions,
             }));
         }
         let mut said = format!("{}: {}", self.log.display(), overview(&columns));
         for line in segment_lines(&log.channels).into_iter().chain(gap_lines(&columns)) {
             said += &format!("\n{line}");
         }
-        said += &remarks(&log, &mapping, &suspicions);
+        said += &remarks(&log, &mapping, &refused, &suspicions);
         if let Some(path) = &self.mapping_out {
             said += &output::named("mapping", path);
         }
@@ -99,6 +100,14 @@ fn columns<'a>(log: &'a Measurement, mapping: &'a Mapping) -> Vec<Column<'a>> {
 impl Column<'_> {
     fn missing(&self) -> usize {
         self.range.map_or(self.channel.values.len(), |r| r.missing)
+    }
+
+    /// Smallest and largest value: as the mapping makes them where the column is taken for a signal, in the signal's unit.
+    fn shown(&self) -> Option<(f64, f64)> {
+        let range = self.range?;
+        let Some((_, e)) = self.signal else { return Some((range.low, range.high)) };
+        let [a, b] = [range.low, range.high].map(|v| e.sign * (e.scale * v + e.offset));
+        Some((a.min(b), a.max(b)))
     }
 
     fn json(&self) -> Value {
@@ -138,8 +147,8 @@ impl Column<'_> {
         vec![
             self.address.clone(),
             signal.unwrap_or_default(),
-            self.range.map_or("-".into(), |r| number(r.low)),
-            self.range.map_or("-".into(), |r| number(r.high)),
+            self.shown().map_or("-".into(), |(low, _)| number(low)),
+            self.shown().map_or("-".into(), |(_, high)| number(high)),
             self.range.map_or("all".into(), |r| r.missing.to_string()),
             of_base(&|b| format!("{:.3}", b.interval * 1e3)),
             of_base(&|b| format!("{:.3}", b.jitter * 1e3)),
@@ -225,16 +234,25 @@ fn gap_lines(columns: &[Column<'_>]) -> Vec<String> {
 }
 
 /// What had to be done to read the log, what looks suspicious, and which signals it lacks.
-fn remarks(log: &Measurement, mapping: &Mapping, suspicions: &[Suspicion]) -> String {
+fn remarks(
+    log: &Measurement,
+    mapping: &Mapping,
+    refused: &[String],
+    suspicions: &[Suspicion],
+) -> String {
     let mut said = String::new();
     for remark in &log.remarks {
         said += &format!("\nnote: {remark}");
+    }
+    for reason in refused {
+        said += &format!("\nnot usable: {reason}");
     }
     for suspicion in suspicions {
         said += &format!("\nsuspicious: {}", suspicion.text);
     }
     let missing: Vec<&str> = Signal::COMPARED
         .into_iter()
+        .chain([Signal::MotorSpeed])
         .filter(|signal| !mapping.entries.contains_key(signal))
         .map(Signal::symbol)
         .collect();

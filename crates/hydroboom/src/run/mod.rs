@@ -21,6 +21,7 @@ use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Setup};
 use hydroboom_description::Description;
 use hydroboom_design::limits;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
+use hydroboom_design::stability::stability_of;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, scenarios};
 use hydroboom_lab::paper;
 use hydroboom_realtime::control_task::{ControlTask, Fallback};
@@ -116,6 +117,15 @@ pub struct Run {
     json: bool,
 }
 
+/// Says before anything moves which loop will be unstable around the machine.
+fn warn_of_unstable(cranes: &Cranes, strategies: [Strategy; 2]) -> Result<()> {
+    let loops = stability_of(&strategies, &cranes.model, &cranes.machine).into_diagnostic()?;
+    for unstable in loops.iter().filter(|of| !of.stable) {
+        output::warn(&unstable.to_string());
+    }
+    Ok(())
+}
+
 /// What runs, and with what.
 type Cranes = MachineChoice;
 
@@ -134,6 +144,7 @@ impl Run {
             // a crane that has no such design is told so here, and not steered by the benchmark in silence
             scheduled_lqr_controller(&cranes.model).into_diagnostic()?;
         }
+        warn_of_unstable(&cranes, [strategy, then])?;
         let switch = Switch { first: strategy, then, at: 0.5 * wanted.path.duration() };
         let limits = self.limits(&cranes.model)?;
         let retained = self.retained(&cranes.model)?;

@@ -54,7 +54,11 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                     td { (r.course) }
                     td.text { (r.strategy) @if let Some(then) = r.then { ", then " (then) } }
                     td { (format!("{:.1}", r.begun_s)) }
-                    td { (format!("{:.3}", r.rms_mm)) } td { (format!("{:.3}", r.peak_mm)) }
+                    @if let Some(oscillation) = r.sustained_oscillation {
+                        td.unstable { "unstable: " (oscillation.to_string()) } td.unstable { "-" }
+                    } @else {
+                        td { (format!("{:.3}", r.rms_mm)) } td { (format!("{:.3}", r.peak_mm)) }
+                    }
                     td.text {
                         @if let Some(fault) = r.fault { strong { (fault) } } @else { "load held" }
                         @if let Some(cause) = r.fallback_cause { ", benchmark took over: " (cause) }

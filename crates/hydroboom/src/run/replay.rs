@@ -44,6 +44,10 @@ pub fn replay(model: &Description, path: &Path, as_json: bool) -> Result<()> {
             record.decision.state.name()
         );
     }
+    // the course behind the end is not known: the controller brings the piston to rest there
+    if rows.last().is_some_and(|row| row.state == State::Moving) {
+        said += "\nthe log ends while the piston moves: what differs in its last seconds may come of that";
+    }
     let code = |found: Option<&str>| found.filter(|c| !c.is_empty()).unwrap_or("none").to_string();
     said += &format!(
         "\nfault then: {}; now: {}",

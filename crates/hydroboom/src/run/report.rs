@@ -24,6 +24,18 @@ pub struct Report<'a> {
     pub real_time: Option<&'a RealTime>,
 }
 
+/// How a course ended.
+fn ended(r: &CourseResult) -> String {
+    let mut end = r.fault.unwrap_or("load held").to_string();
+    if let Some(cause) = r.fallback_cause {
+        end += &format!(", benchmark took over: {cause}");
+    }
+    if let Some(oscillation) = r.sustained_oscillation {
+        end += &format!(", sustained oscillation of {oscillation}");
+    }
+    end
+}
+
 /// More courses than these are not listed one by one.
 const LISTED: usize = 12;
 
@@ -40,6 +52,7 @@ impl Report<'_> {
         let last = self.results.last();
         json!({
             "courses": self.results, "rms_mm": last.map(|r| r.rms_mm), "peak_mm": last.map(|r| r.peak_mm),
+            "stable": last.map(|r| r.stable), "sustained_oscillation": last.and_then(|r| r.sustained_oscillation),
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| [s.rms_mm, s.peak_mm]),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
@@ -52,12 +65,10 @@ impl Report<'_> {
         let row = |name: &str, [rms, peak]: [f64; 2], ended: &str| {
             vec![name.to_string(), format!("{rms:.3}"), format!("{peak:.3}"), ended.to_string()]
         };
-        let ended = |r: &CourseResult| {
-            let end = r.fault.unwrap_or("load held");
-            match r.fallback_cause {
-                Some(cause) => format!("{end}, benchmark took over: {cause}"),
-                None => end.to_string(),
-            }
+        // the errors of a loop that oscillates tell of that, and of no tracking
+        let of_course = |name: &str, r: &CourseResult| match r.stable {
+            true => row(name, [r.rms_mm, r.peak_mm], &ended(r)),
+            false => vec![name.to_string(), "unstable".into(), "unstable".into(), ended(r)],
         };
         let mut rows = Vec::new();
         let skipped = self.results.len().saturating_sub(LISTED);
@@ -70,11 +81,10 @@ impl Report<'_> {
             }
             let then = r.then.map_or(String::new(), |then| format!(", then {then}"));
             let name = format!("{} with {}{then}", r.course, r.strategy);
-            rows.push(row(&name, [r.rms_mm, r.peak_mm], &ended(r)));
+            rows.push(of_course(&name, r));
         }
         if let Some(simulated) = self.simulated {
-            let values = [simulated.rms_mm, simulated.peak_mm];
-            rows.push(row("the first in simulated time", values, &ended(simulated)));
+            rows.push(of_course("the first in simulated time", simulated));
         }
         if let Some(paper) = self.paper {
             rows.push(row("paper, measured on its crane", paper, ""));

@@ -7,6 +7,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
+use hydroboom_lab::closed_loop::metrics::SustainedOscillation;
 use hydroboom_realtime::control_task::{Fallback, Record};
 use hydroboom_realtime::desk::{Desk, Generation};
 use hydroboom_realtime::failure::Failure;
@@ -36,6 +37,10 @@ pub struct CourseResult {
     pub rms_mm: f64,
     /// Largest tracking error.
     pub peak_mm: f64,
+    /// Whether the loop came to rest where its reference rested: false in a sustained oscillation.
+    pub stable: bool,
+    /// That oscillation, the largest that the supervisor found.
+    pub sustained_oscillation: Option<SustainedOscillation>,
     /// Code of the fault that ended it.
     pub fault: Option<&'static str>,
     /// Whether the benchmark had to take over.
@@ -83,6 +88,7 @@ struct Running {
     count: u32,
     peak: f64,
     fallback: Option<Fallback>,
+    oscillation: Option<SustainedOscillation>,
 }
 
 /// How often a course shall be run by itself.
@@ -292,6 +298,12 @@ impl Running {
         self.sum += error_mm * error_mm;
         self.count += 1;
         self.fallback = record.fallback.or(self.fallback);
+        if let Some([amplitude, frequency_hz]) = record.decision.oscillation {
+            let now = SustainedOscillation { amplitude_mm: amplitude * 1e3, frequency_hz };
+            let is_larger =
+                self.oscillation.is_none_or(|before| now.amplitude_mm > before.amplitude_mm);
+            self.oscillation = if is_larger { Some(now) } else { self.oscillation };
+        }
         if error_mm.abs() > self.peak.abs() {
             self.peak = error_mm;
         }
@@ -367,6 +379,7 @@ impl Watch {
             count: 0,
             peak: 0.0,
             fallback: None,
+            oscillation: None,
         });
     }
 
@@ -406,6 +419,8 @@ impl Watch {
             begun_s: running.begun,
             rms_mm: rms,
             peak_mm: running.peak,
+            stable: running.oscillation.is_none(),
+            sustained_oscillation: running.oscillation,
             fault: record.decision.cause.map(|cause| cause.code()),
             fallback: running.fallback.is_some(),
             fallback_cause: running.fallback.map(Fallback::name),

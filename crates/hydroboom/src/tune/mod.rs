@@ -170,7 +170,7 @@ impl Tune {
         path: &Path,
         notes: &mut Vec<String>,
     ) -> Result<Vec<Experiment>> {
-        let (log, mapping) = self.mapping.read(path)?;
+        let (log, mapping) = self.mapping.read(path, crane)?;
         let n = &crane.numbers;
         notes.extend(log.remarks.iter().map(|r| format!("{}: {r}", path.display())));
         let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);

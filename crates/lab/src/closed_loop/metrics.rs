@@ -3,6 +3,7 @@
 use crate::closed_loop::sample::Sample;
 use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, OscillationState};
 use serde::Serialize;
+use std::fmt;
 
 /// What is slower than this in the tip's deflection is no vibration \[s\]: the boom rings at some Hz.
 const SLOW: f64 = 0.5;
@@ -41,6 +42,36 @@ impl Effort {
         residual_vibration_mm: f64::NAN,
         motor_ripple_rpm: f64::NAN,
     };
+}
+
+/// A sustained oscillation of the piston about its reference at rest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct SustainedOscillation {
+    /// Amplitude, half of what lies between two turning points.
+    pub amplitude_mm: f64,
+    /// Frequency.
+    pub frequency_hz: f64,
+}
+
+impl SustainedOscillation {
+    /// The one that a control error \[m\] is in after a further period of `elapsed` \[s\], by the detector of a loop that positions a piston.
+    pub fn after(
+        state: &mut OscillationState<f64>,
+        error: f64,
+        rests: bool,
+        elapsed: f64,
+    ) -> Option<Self> {
+        let detector = OscillationDetector::POSITIONING;
+        let is_found = detector.update(state, error, rests, elapsed);
+        let [amplitude, frequency_hz] = detector.amplitude_and_frequency(state);
+        is_found.then_some(Self { amplitude_mm: 1e3 * amplitude, frequency_hz })
+    }
+}
+
+impl fmt::Display for SustainedOscillation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} mm at {:.2} Hz", self.amplitude_mm, self.frequency_hz)
+    }
 }
 
 /// Samples, and the sum of their squares about a mean \[rpm²\].
@@ -119,7 +150,8 @@ pub struct Metrics {
     count: u64,
     /// Detector of sustained oscillation, shown the piston itself.
     oscillation: OscillationState<f64>,
-    has_oscillated: bool,
+    /// The largest that was found.
+    found: Option<SustainedOscillation>,
     /// Time of the last sample \[s\].
     time: f64,
     effort: Effort,
@@ -158,7 +190,14 @@ impl Metrics {
         self.time = sample.time;
         if passed > 0.0 {
             let detector = OscillationDetector::POSITIONING;
-            self.has_oscillated |= detector.update(&mut self.oscillation, off, rests, passed);
+            if detector.update(&mut self.oscillation, off, rests, passed) {
+                let [amplitude, frequency] = detector.amplitude_and_frequency(&self.oscillation);
+                let now =
+                    SustainedOscillation { amplitude_mm: 1e3 * amplitude, frequency_hz: frequency };
+                let is_larger =
+                    self.found.is_none_or(|before| now.amplitude_mm > before.amplitude_mm);
+                self.found = if is_larger { Some(now) } else { self.found };
+            }
         }
     }
 
@@ -219,7 +258,12 @@ impl Metrics {
 
     /// Whether it was in a sustained oscillation while its reference rested, by the one detector there is.
     pub fn oscillates(&self) -> bool {
-        self.has_oscillated
+        self.found.is_some()
+    }
+
+    /// The largest sustained oscillation while the reference rested, by the one detector there is.
+    pub fn sustained_oscillation(&self) -> Option<SustainedOscillation> {
+        self.found
     }
 }
 
@@ -253,6 +297,9 @@ pub(crate) mod tests {
         let swing = |time: f64| 3e-3 * (12.0 * time).sin();
         let oscillates = |off: &dyn Fn(f64) -> f64| metrics(off).oscillates();
         assert!(oscillates(&swing));
+        let found = metrics(swing).sustained_oscillation().unwrap();
+        assert!((found.amplitude_mm - 3.0).abs() < 0.1, "{found}");
+        assert!((found.frequency_hz - 12.0 / std::f64::consts::TAU).abs() < 0.1, "{found}");
         assert!(!oscillates(&|time| swing(time) * (-0.5 * time).exp()));
         assert!(!oscillates(&|time| 0.1 * swing(time)));
         // friction has held it, and by now it is made good for, at 4 mm/s

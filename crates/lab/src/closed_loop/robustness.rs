@@ -2,10 +2,10 @@
 
 use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
-use crate::closed_loop::metrics::{Effort, Metrics};
+use crate::closed_loop::metrics::{Effort, Metrics, SustainedOscillation};
 use crate::closed_loop::scenario::{Course, CourseChoice, Load};
 use crate::closed_loop::simulation::simulate_closed_loop;
-use crate::closed_loop::sustained_oscillation::has_sustained_oscillation;
+use crate::closed_loop::sustained_oscillation::sustained_oscillation;
 use crate::eigenfrequency::locked_mode;
 use hydroboom_control::reference::input_shaper::ShapedTrajectory;
 use hydroboom_control::reference::profile::{OutAndBack, RampShape, SetPoint};
@@ -39,8 +39,12 @@ pub struct Outcome {
     /// What the course cost and left.
     #[serde(flatten)]
     pub effort: Effort,
-    /// Whether it swung on at the end, or could not be finished.
+    /// Whether it was in sustained oscillation at rest, or could not be finished.
     pub unstable: bool,
+    /// The contrary, as the other commands name it.
+    pub stable: bool,
+    /// That oscillation, where it could be finished.
+    pub sustained_oscillation: Option<SustainedOscillation>,
 }
 
 /// What is hard: delays, noise, friction, limits, loads that change in motion. Around a virtual crane, for which the controllers know the model only.
@@ -207,6 +211,17 @@ fn named<P: Trajectory + 'static>(path: P) -> Box<dyn Course> {
     Box::new(Named { name: "motion".into(), path })
 }
 
+impl Outcome {
+    /// What is to be said where it did not come to rest: nothing where it did.
+    pub fn verdict(&self) -> String {
+        match (self.stable, self.sustained_oscillation) {
+            (true, _) => String::new(),
+            (false, Some(oscillation)) => format!("unstable: {oscillation}"),
+            (false, None) => "unstable: cannot be finished".into(),
+        }
+    }
+}
+
 /// Runs trials under controllers that know the model only, on all cores; `progress` is told of each that is done.
 pub fn run(
     model: &Description,
@@ -232,7 +247,9 @@ fn one(model: &Description, trial: &Trial, controller: ControllerChoice) -> Outc
         metrics.add(sample);
         Ok(())
     });
-    let done = end.is_ok();
+    let oscillation =
+        end.and_then(|()| sustained_oscillation(model, &trial.crane, controller, course, &metrics));
+    let (done, stable) = (oscillation.is_ok(), matches!(oscillation, Ok(None)));
     Outcome {
         trial: trial.name.clone(),
         controller,
@@ -240,7 +257,8 @@ fn one(model: &Description, trial: &Trial, controller: ControllerChoice) -> Outc
         peak_mm: done.then(|| metrics.peak() * 1e3),
         true_rms_mm: done.then(|| metrics.true_rms() * 1e3),
         effort: metrics.effort(),
-        unstable: !done
-            || has_sustained_oscillation(model, &trial.crane, controller, course, &metrics),
+        unstable: !stable,
+        stable,
+        sustained_oscillation: oscillation.ok().flatten(),
     }
 }

@@ -1,7 +1,8 @@
 //! Sustained oscillation over a course, and after its end where it may have begun there.
 
+use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
-use crate::closed_loop::metrics::Metrics;
+use crate::closed_loop::metrics::{Metrics, SustainedOscillation};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, Load};
 use crate::closed_loop::simulation::simulate_closed_loop;
@@ -39,8 +40,32 @@ impl Course for WithRest<'_> {
     }
 }
 
-/// Whether a crane that followed a course with the given metrics was in a sustained oscillation while its reference
-/// rested. Where one may have begun as the course ends, the course is simulated once more and held for five seconds longer.
+/// The sustained oscillation that a crane, which followed a course with the given metrics, was in while its reference rested.
+/// Where one may have begun as the course ends, the course is simulated once more and held for five seconds longer.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane cannot be held so long: it leaves what the model holds for.
+pub fn sustained_oscillation(
+    model: &Description,
+    crane: &Description,
+    controller: ControllerChoice,
+    course: &dyn Course,
+    metrics: &Metrics,
+) -> Result<Option<SustainedOscillation>, LabError> {
+    if metrics.oscillates() || !metrics.may_oscillate() {
+        return Ok(metrics.sustained_oscillation());
+    }
+    let longer = WithRest(course);
+    let mut metrics = Metrics::new();
+    simulate_closed_loop(model, crane, controller, &longer, |sample: &Sample| {
+        metrics.add(sample);
+        Ok(())
+    })?;
+    Ok(metrics.sustained_oscillation())
+}
+
+/// Whether it was in one, or cannot be held.
 pub fn has_sustained_oscillation(
     model: &Description,
     crane: &Description,
@@ -48,19 +73,7 @@ pub fn has_sustained_oscillation(
     course: &dyn Course,
     metrics: &Metrics,
 ) -> bool {
-    if metrics.oscillates() {
-        return true;
-    }
-    if !metrics.may_oscillate() {
-        return false;
-    }
-    let longer = WithRest(course);
-    let mut metrics = Metrics::new();
-    let end = simulate_closed_loop(model, crane, controller, &longer, |sample: &Sample| {
-        metrics.add(sample);
-        Ok(())
-    });
-    end.is_err() || metrics.oscillates()
+    !matches!(sustained_oscillation(model, crane, controller, course, metrics), Ok(None))
 }
 
 #[cfg(test)]

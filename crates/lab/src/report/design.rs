@@ -8,6 +8,7 @@ use super::palette::colour_of;
 use crate::LabError;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_design::stability::LoopStability;
 use hydroboom_design::{DesignReport, LinearisedPlant, benchmark_loop, scheduled_lqr_loop};
 use maud::html;
 
@@ -52,14 +53,22 @@ pub fn design_page(crane: &Description, reports: &[DesignReport]) -> Result<Page
         (figure("Gain of the loop: errors are held back where it is above 1; the peak is the load on its oil.", &size))
         (figure("Phase of the loop: what it is above -180 deg where the gain crosses 1 is the phase margin.", &phase))
         h2 { "Margins" }
+        @for stability in LoopStability::of_reports(reports).iter().filter(|of| !of.stable) {
+            p.unstable { (stability.to_string()) }
+        }
         @for report in reports {
             h3 { (format!("{:.0} mm: load mode {:.2} Hz, damping ratio {:.4}", report.stroke_mm, report.load_mode.frequency_hz, report.load_mode.damping_ratio)) }
             div.wide { table {
                 thead { tr { th { "loop" } th { "phase margin [deg]" } th { "gain margin" } th { "modulus margin" } th { "at [Hz]" } th { "crossover [Hz]" } } }
                 tbody { @for (name, m) in [("benchmark", &report.benchmark), ("scheduled LQR", &report.scheduled_lqr)] { tr {
-                    td { (name) } td { (format!("{:.0}", m.phase_deg)) }
-                    td { @if m.gain.is_finite() { (format!("{:.1}", m.gain)) } @else { "none" } }
-                    td { (format!("{:.2}", m.modulus_margin)) } td { (format!("{:.2}", m.at_hz)) } td { (format!("{:.2}", m.crossover_hz)) }
+                    td { (name) }
+                    @if m.is_stable() {
+                        td { (format!("{:.0}", m.phase_deg)) }
+                        td { @if m.gain.is_finite() { (format!("{:.1}", m.gain)) } @else { "none" } }
+                        td { (format!("{:.2}", m.modulus_margin)) } td { (format!("{:.2}", m.at_hz)) } td { (format!("{:.2}", m.crossover_hz)) }
+                    } @else {
+                        td.unstable { "unstable" } td { "-" } td { "-" } td { "-" } td { "-" }
+                    }
                 } } }
             } }
         }

@@ -5,8 +5,8 @@ use super::origin::Origin;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 const STYLE: &str = "
-:root{--ink:#1c1f24;--paper:#fff;--grid:#d9dce1;--soft:#5c6470;--band:#f4f6f8}
-@media(prefers-color-scheme:dark){:root{--ink:#e6e8eb;--paper:#15181c;--grid:#3a4048;--soft:#a2a9b3;--band:#1e2329}}
+:root{--ink:#1c1f24;--paper:#fff;--grid:#d9dce1;--soft:#5c6470;--band:#f4f6f8;--alarm:#b3261e}
+@media(prefers-color-scheme:dark){:root{--ink:#e6e8eb;--paper:#15181c;--grid:#3a4048;--soft:#a2a9b3;--band:#1e2329;--alarm:#ff8a80}}
 *{box-sizing:border-box}
 body{margin:0 auto;max-width:60rem;padding:2rem 1rem 4rem;background:var(--paper);color:var(--ink);
 font:16px/1.5 system-ui,sans-serif}
@@ -25,7 +25,7 @@ tr:nth-child(even) td{background:var(--band)}
 footer{margin-top:3rem;color:var(--soft);font-size:.92rem}
 dl{display:grid;grid-template-columns:max-content 1fr;gap:.1em 1em}dd{margin:0;overflow-wrap:anywhere}
 td.text{text-align:left}figure{margin:.8em 0}figcaption{color:var(--soft);font-size:.92rem}
-.wide td:not(.text){white-space:nowrap}small,.soft{color:var(--soft)}code{font-size:.92em;overflow-wrap:anywhere}
+.wide td:not(.text){white-space:nowrap}small,.soft{color:var(--soft)}.unstable{color:var(--alarm);font-weight:600}code{font-size:.92em;overflow-wrap:anywhere}
 .pair{display:flex;flex-wrap:wrap;gap:0 1rem}.pair figure{flex:1 1 20rem;max-width:30rem}
 details{margin:.6em 0}summary{cursor:pointer}";
 

@@ -74,8 +74,8 @@ fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
                 td { (optional(row.paper_simulated_hz, 2)) }
                 td { (format!("{:.3}", row.linearised_hz)) }
                 td { (row.paper_simulated_hz.map_or(String::new(), |p| percent(row.linearised_hz / p - 1.0))) }
-                td { (format!("{:.3}", row.frictionless_hz)) }
-                td { (format!("{:.3}", row.oscillation_hz)) }
+                td { (optional(row.frictionless_hz, 3)) }
+                td { (optional(row.oscillation_hz, 3)) }
                 td { (optional(row.paper_measured_hz, 2)) }
                 @if let Some(hz) = study.virtual_eigenfrequency_hz { td { (format!("{:.3}", hz[k])) } }
             } } }
@@ -162,9 +162,11 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
             .iter()
             .find(|r| r.plant == plant && r.strategy == strategy && r.speed_mm_s == speed)
     };
-    let cell = |plant: &str, strategy, speed, of: fn(&Row) -> f64| {
-        optional(find(plant, strategy, speed).map(of), 3)
-    };
+    let cell =
+        |plant: &str, strategy, speed, of: fn(&Row) -> f64| match find(plant, strategy, speed) {
+            Some(row) => tracking::here(row, of(row)),
+            None => html! { td { "-" } },
+        };
     let paper = |strategy, speed, of: fn(&Row) -> Option<f64>| {
         optional(find(NOMINAL, strategy, speed).and_then(of), 2)
     };
@@ -194,9 +196,9 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
                 tbody { @for strategy in Strategy::ALL { tr {
                     td { (strategy.name()) }
                     td { (paper(strategy, *speed, |r| r.paper_rms_mm)) }
-                    @for plant in &plants { td { (cell(plant, strategy, *speed, |r| r.rms_mm)) } }
+                    @for plant in &plants { (cell(plant, strategy, *speed, |r| r.rms_mm)) }
                     td { (paper(strategy, *speed, |r| r.paper_peak_mm)) }
-                    @for plant in &plants { td { (cell(plant, strategy, *speed, |r| r.peak_mm)) } }
+                    @for plant in &plants { (cell(plant, strategy, *speed, |r| r.peak_mm)) }
                 } } }
             } }
         }
@@ -262,9 +264,9 @@ fn test_4(study: &Study) -> Markup {
             } }
             tbody { @for (row, benchmark) in &pairs { tr {
                 td { (row.plant) } td { (row.course) }
-                td { (three(benchmark.rms_mm)) } td { (three(row.rms_mm)) }
-                td { (format!("{:.0}", 100.0 * (1.0 - row.rms_mm / benchmark.rms_mm))) }
-                td { (three(benchmark.peak_mm)) } td { (three(row.peak_mm)) }
+                (tracking::here(benchmark, benchmark.rms_mm)) (tracking::here(row, row.rms_mm))
+                td { @if benchmark.stable && row.stable { (format!("{:.0}", 100.0 * (1.0 - row.rms_mm / benchmark.rms_mm))) } @else { "-" } }
+                (tracking::here(benchmark, benchmark.peak_mm)) (tracking::here(row, row.peak_mm))
                 td { (three(benchmark.effort.residual_vibration_mm)) } td { (three(row.effort.residual_vibration_mm)) }
                 td { (three(benchmark.effort.energy_kj)) } td { (three(row.effort.energy_kj)) }
             } } }

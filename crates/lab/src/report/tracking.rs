@@ -59,11 +59,7 @@ pub fn panels<'a>(
         let mut said = Vec::new();
         for run in strategies.into_iter().filter_map(&find) {
             let (name, colour) = (run.strategy.name(), colour_of(run.strategy));
-            said.push(format!(
-                "{name} RMS {:.2} mm, peak {:.2} mm",
-                run.rms() * 1e3,
-                run.peak() * 1e3
-            ));
+            said.push(format!("{name} {}", run.tracking()));
             let points = over_time(run, |s| s.signals.stroke * 1e3);
             positions.push(Series { name, points, colour });
             let points = over_time(run, |s| s.error() * 1e3);
@@ -153,6 +149,16 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     Ok(document(&format!("Motion tests: {}", tests.crane), &body))
 }
 
+/// A cell with an error of a run, or what stands in its place where the run oscillates.
+pub(super) fn here(row: &Row, mm: f64) -> Markup {
+    match row.sustained_oscillation {
+        None => html! { td { (format!("{mm:.3}")) } },
+        Some(oscillation) => {
+            html! { td.unstable { "unstable: " (oscillation.to_string()) } }
+        }
+    }
+}
+
 fn table(rows: &[Row]) -> Markup {
     let optional = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"));
     html! {
@@ -163,8 +169,8 @@ fn table(rows: &[Row]) -> Markup {
             } }
             tbody { @for r in rows { tr {
                 td { (r.strategy.name()) }
-                td { (optional(r.paper_rms_mm)) } td { (format!("{:.3}", r.rms_mm)) }
-                td { (optional(r.paper_peak_mm)) } td { (format!("{:.3}", r.peak_mm)) }
+                td { (optional(r.paper_rms_mm)) } (here(r, r.rms_mm))
+                td { (optional(r.paper_peak_mm)) } (here(r, r.peak_mm))
             } } }
         } }
     }

@@ -47,8 +47,8 @@ fn overview(trials: &[&str], outcomes: &[Outcome]) -> Markup {
     let cell = |trial: &str, controller: ControllerChoice, value: Drawn| {
         let of = outcomes.iter().find(|o| o.trial == trial && o.controller == controller);
         match of {
-            Some(o) if o.unstable => "swings on".to_string(),
-            of => millimetres(of.and_then(value)),
+            Some(o) if !o.stable => html! { td.unstable { (o.verdict()) } },
+            of => html! { td { (millimetres(of.and_then(value))) } },
         }
     };
     html! {
@@ -57,7 +57,7 @@ fn overview(trials: &[&str], outcomes: &[Outcome]) -> Markup {
             div.wide { table {
                 thead { tr { th { "trial" } @for c in &controllers { th { (c.name()) } } } }
                 tbody { @for trial in trials {
-                    tr { td { (trial) } @for c in &controllers { td { (cell(trial, *c, value)) } } }
+                    tr { td { (trial) } @for c in &controllers { (cell(trial, *c, value)) } }
                 } }
             } }
         }
@@ -71,13 +71,13 @@ type Drawn = fn(&Outcome) -> Option<f64>;
 const FIGURES: [(&str, &str, Drawn); 2] = [
     (
         "RMS tracking error [mm]",
-        "How closely the reference was followed; who swung on is left out.",
-        |o| o.rms_mm.filter(|_| !o.unstable),
+        "How closely the reference was followed; who was in sustained oscillation is left out.",
+        |o| o.rms_mm.filter(|_| o.stable),
     ),
     (
         "RMS of the tip's vibration at rest [mm]",
         "What was left of the tip's vibration while the reference rested.",
-        |o| (!o.unstable).then_some(o.effort.residual_vibration_mm),
+        |o| o.stable.then_some(o.effort.residual_vibration_mm),
     ),
 ];
 
@@ -110,10 +110,10 @@ fn table(rows: &[&Outcome]) -> Markup {
             } }
             tbody { @for o in rows {
                 tr {
-                    td { (o.controller.name()) } td { (millimetres(o.rms_mm)) } td { (millimetres(o.peak_mm)) }
+                    td { (o.controller.name()) } td { (millimetres(o.rms_mm.filter(|_| o.stable))) } td { (millimetres(o.peak_mm.filter(|_| o.stable))) }
                     td { (format!("{:.0}", o.effort.motor_speed_rpm)) } td { (format!("{:.1}", o.effort.motor_ripple_rpm)) }
                     td { (format!("{:.1}", o.effort.energy_kj)) } td { (format!("{:.1}", o.effort.tip_deflection_mm)) }
-                    td { (format!("{:.3}", o.effort.residual_vibration_mm)) } td { @if o.unstable { "swings on" } }
+                    td { (format!("{:.3}", o.effort.residual_vibration_mm)) } td.unstable { (o.verdict()) }
                 }
             } }
         } }

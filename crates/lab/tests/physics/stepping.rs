@@ -8,6 +8,7 @@ use hydroboom_model::Invalid;
 use hydroboom_model::Scheme;
 use hydroboom_model::Simulation;
 use hydroboom_model::SimulationError;
+use hydroboom_model::StepLimit;
 use hydroboom_model::stepping::Implicit;
 use hydroboom_model::stepping::published;
 use hydroboom_model::stepping::runge_kutta_4;
@@ -90,6 +91,38 @@ fn published_scheme_substeps_where_it_would_blow_up() {
         crane.lift(1e-3).unwrap();
         crane.advance(&Input { pump_speed: 5.0, holding_valve: 1.0 }, 4000).unwrap();
     }
+}
+
+/// Bristles so stiff that a step of 50 us overshoots them once the piston slides at 120 mm/s, and not at rest: forward Euler needs
+/// h < 2 g/(sigma_0 |v|), 36 us there. With substeps the force is that of the implicit scheme.
+#[test]
+fn stiff_bristles_take_substeps_while_the_piston_slides() {
+    let stiff = described(&["friction.law=lugre", "friction.bristle_stiffness_n_per_mm=3e5"]);
+    let start = stiff.start(0.2);
+    let mut published = plant(&stiff, &start, Scheme::Published, 50e-6).unwrap();
+    let mut implicit = plant(&stiff, &start, Scheme::Implicit, 500e-6).unwrap();
+    let usual = published.substeps();
+    let lift = Input { pump_speed: 41.0, holding_valve: 1.0 };
+    published.advance(&lift, 20_000).unwrap();
+    implicit.advance(&lift, 2_000).unwrap();
+    let [explicit, wanted] = [published.outputs(), implicit.outputs()];
+    assert!(explicit.velocity > 0.1, "{explicit:?}");
+    assert!((usual..=4).contains(&published.substeps()), "{}", published.substeps());
+    assert!(published.substeps() > usual);
+    let off = explicit.friction_force / wanted.friction_force - 1.0;
+    assert!(off.abs() < 0.02, "friction off by {off}");
+    assert!((explicit.stroke - wanted.stroke).abs() < 0.2e-3);
+    // the limit of a velocity, in closed form
+    let n = &stiff.numbers;
+    let g = n.coulomb + n.stiction * (-(0.12 / n.stribeck_velocity).powi(2)).exp();
+    let limit = StepLimit::of_bristles(&stiff.friction_law(), 0.12);
+    assert!((limit / (0.7 * 2.0 * g / (3e8 * 0.12)) - 1.0).abs() < 1e-9, "{limit}");
+    // bristles that no thousand substeps follow are refused, by name
+    let absurd = described(&["friction.law=lugre", "friction.bristle_stiffness_n_per_mm=1e9"]);
+    let refused = plant(&absurd, &absurd.start(0.2), Scheme::Published, 50e-6)
+        .map_err(|error| error.to_string())
+        .and_then(|mut crane| crane.advance(&lift, 20_000).map_err(|error| error.to_string()));
+    assert!(refused.unwrap_err().contains("limit of "));
 }
 
 #[test]

@@ -22,6 +22,67 @@ pub(super) struct Stamp {
     pub(super) seconds: Option<f64>,
 }
 
+/// How the numbers of a table are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Decimal {
+    /// Whether the decimal mark is a comma and not a point.
+    pub(super) is_comma: bool,
+    /// What the other mark is where groups of three digits stand behind it.
+    pub(super) other: OtherMark,
+}
+
+/// What a point is among decimal commas, and a comma among decimal points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum OtherMark {
+    /// A mark of thousands: numbers have shown which mark is the decimal one.
+    Thousands,
+    /// A decimal mark too: other numbers have it with fewer or more digits behind it.
+    Decimal,
+    /// Not known: `2.254` may be two or two thousand.
+    Unknown,
+}
+
+impl Decimal {
+    /// With this decimal mark, before anything is known of the other.
+    pub(super) const fn mark(is_comma: bool) -> Self {
+        Self { is_comma, other: OtherMark::Unknown }
+    }
+
+    /// With the same decimal mark, and what the texts of some cells show of the other.
+    pub(super) fn judged<'a>(self, texts: impl Iterator<Item = &'a str>) -> Self {
+        let (decimal, other) = if self.is_comma { (',', '.') } else { ('.', ',') };
+        let (mut is_shown, mut is_contradicted) = (false, false);
+        for text in texts {
+            let alone = |mark: char, without: char| {
+                text.contains(mark) && !text.contains(without) && !is_grouped(text, mark)
+            };
+            let is_number = |mark: char| text.replace(mark, ".").parse::<f64>().is_ok();
+            is_shown |= alone(decimal, other) && is_number(decimal);
+            is_contradicted |= alone(other, decimal) && is_number(other);
+        }
+        let other = match (is_contradicted, is_shown) {
+            (true, _) => OtherMark::Decimal,
+            (_, true) => OtherMark::Thousands,
+            _ => OtherMark::Unknown,
+        };
+        Self { other, ..self }
+    }
+}
+
+/// Whether a text is a whole number with a mark between groups of three digits: `2.254`, `-12.345.678`, and not `0.254`.
+fn is_grouped(text: &str, mark: char) -> bool {
+    let mut groups = text.trim_start_matches(['-', '+', '−']).split(mark);
+    let is_digits = |g: &str| !g.is_empty() && g.bytes().all(|b| b.is_ascii_digit());
+    let is_first = |g: &str| is_digits(g) && g.len() <= 3 && !g.starts_with('0');
+    let mut count = 0;
+    groups.next().is_some_and(is_first)
+        && groups.all(|g| {
+            count += 1;
+            is_digits(g) && g.len() == 3
+        })
+        && count > 0
+}
+
 /// Words that mean that nothing is there.
 const MISSING: [&str; 17] = [
     "nan",
@@ -50,14 +111,14 @@ const LONGEST: usize = 64;
 
 impl Cell {
     /// Reads a cell.
-    pub(super) fn read(text: &str, decimal_comma: bool) -> Self {
+    pub(super) fn read(text: &str, decimal: Decimal) -> Self {
         let text = text.trim().trim_matches('"').trim();
         if text.is_empty() {
             return Self::Missing;
         }
         let first = text.as_bytes()[0];
         // most cells are plain numbers
-        if !decimal_comma
+        if !decimal.is_comma
             && (first.is_ascii_digit() || first == b'-')
             && let Ok(value) = text.parse::<f64>()
         {
@@ -66,7 +127,7 @@ impl Cell {
         if text.len() > LONGEST {
             return Self::Text;
         }
-        if let Some(value) = number(text, decimal_comma) {
+        if let Some(value) = number(text, decimal) {
             return Self::finite(value);
         }
         let small = text.to_lowercase();
@@ -105,7 +166,7 @@ impl Cell {
 }
 
 /// A number as people write it: thousands apart, Fortran's exponent, a raised minus.
-fn number(text: &str, decimal_comma: bool) -> Option<f64> {
+fn number(text: &str, decimal: Decimal) -> Option<f64> {
     let has_digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit() || c == '.' || c == ',');
     if !text.contains(|c: char| c.is_ascii_digit())
         || (!has_digit(text.chars().next_back()) || text.ends_with(','))
@@ -113,9 +174,15 @@ fn number(text: &str, decimal_comma: bool) -> Option<f64> {
         return None;
     }
     let mut plain = String::with_capacity(text.len());
-    let thousands = match decimal_comma {
-        true if text.contains(',') => Some('.'),
-        false if text.contains('.') => Some(','),
+    let decimal_comma = decimal.is_comma;
+    let (mark, other) = if decimal_comma { (',', '.') } else { ('.', ',') };
+    let is_alone = text.contains(other) && !text.contains(mark);
+    let thousands = match (text.contains(mark), decimal.other) {
+        (true, _) => Some(other),
+        (_, OtherMark::Thousands) if is_alone && is_grouped(text, other) => Some(other),
+        (_, OtherMark::Unknown) if is_alone && decimal_comma && is_grouped(text, other) => {
+            return None;
+        }
         _ => None,
     };
     for c in text.chars() {
@@ -142,7 +209,7 @@ fn number(text: &str, decimal_comma: bool) -> Option<f64> {
 
 impl Stamp {
     /// A date (`2024-01-31`, `31.01.2024`, `1/31/2024`), a time of a day or a duration (`10:00:00,123`, `00:01:02.5 PM`), or both with a blank or a `T`
-    /// between; with a zone, which counts for nothing within a log.
+    /// between; with a zone (`Z`, `+01:00`), which is taken off a date with a time.
     fn read(text: &str) -> Option<Self> {
         let text = text.trim_end_matches(['Z', 'z']).trim();
         let (text, noon) = match text.to_ascii_uppercase() {
@@ -168,7 +235,7 @@ impl Stamp {
             None => None,
         };
         let seconds = match clock {
-            Some(text) => Some(clock_seconds(text)?),
+            Some(text) => Some(clock_seconds(text)? - day.map_or(0.0, |_| zone(text))),
             None => None,
         };
         let seconds = match (seconds, noon) {
@@ -201,6 +268,16 @@ fn clock_seconds(text: &str) -> Option<f64> {
     };
     (minutes < 60 && seconds < 61.0)
         .then(|| sign * (f64::from(hours) * 3600.0 + f64::from(minutes) * 60.0 + seconds))
+}
+
+/// Seconds by which the zone of `10:00:00+01:00`, `10:00:00-0330` or `10:00:00+01` is ahead of UTC; zero without one.
+fn zone(text: &str) -> f64 {
+    let Some(at) = text.rfind(['+', '-']).filter(|at| *at > 0) else { return 0.0 };
+    let digits: String = text[at + 1..].chars().filter(char::is_ascii_digit).collect();
+    let (hours, minutes) = digits.split_at(digits.len().min(2));
+    let of = |text: &str| text.parse::<u32>().map_or(0.0, f64::from);
+    let ahead = of(hours) * 3600.0 + of(minutes) * 60.0;
+    if text[at..].starts_with('-') { -ahead } else { ahead }
 }
 
 fn decimal(text: &str) -> Option<f64> {
@@ -262,13 +339,13 @@ mod tests {
             ("TRUE", false, 1.0),
             ("aus", true, 0.0),
         ] {
-            assert_eq!(Cell::read(text, comma), Cell::Number(value), "{text}");
+            assert_eq!(Cell::read(text, Decimal::mark(comma)), Cell::Number(value), "{text}");
         }
         for text in [
             "", " ", "NaN", "#N/A", "#NV", "#WERT!", "---", "-", "1.#QNAN", "-1.#IND", "1.#INF",
             "inf", "n/a", "?", "nan(ind)", "1e999",
         ] {
-            assert_eq!(Cell::read(text, false), Cell::Missing, "{text}");
+            assert_eq!(Cell::read(text, Decimal::mark(false)), Cell::Missing, "{text}");
         }
         for text in [
             "IDLE",
@@ -282,13 +359,31 @@ mod tests {
             "# note",
             "x".repeat(99).as_str(),
         ] {
-            assert_eq!(Cell::read(text, false), Cell::Text, "{text}");
+            assert_eq!(Cell::read(text, Decimal::mark(false)), Cell::Text, "{text}");
         }
     }
 
     #[test]
+    fn a_mark_of_thousands_is_none_of_decimals_where_other_numbers_show_which_is_which() {
+        let judged =
+            |is_comma: bool, texts: &[&str]| Decimal::mark(is_comma).judged(texts.iter().copied());
+        let german = judged(true, &["0,010", "103", "2.254"]);
+        assert_eq!(Cell::read("2.254", german), Cell::Number(2254.0));
+        assert_eq!(Cell::read("-1.002.254", german), Cell::Number(-1_002_254.0));
+        assert_eq!(Cell::read("0.254", german), Cell::Number(0.254));
+        let english = judged(false, &["0.01", "2,254"]);
+        assert_eq!(Cell::read("2,254", english), Cell::Number(2254.0));
+        // points that are decimal marks too
+        let mixed = judged(true, &["0,010", "12.5", "2.254"]);
+        assert_eq!(Cell::read("2.254", mixed), Cell::Number(2.254));
+        // nothing shows which
+        assert_eq!(Cell::read("2.254", judged(true, &["3,170", "2.254"])), Cell::Text);
+        assert_eq!(Cell::read("2,254", judged(false, &["3", "2,254"])), Cell::Text);
+    }
+
+    #[test]
     fn stamps_are_the_same_time_however_they_are_written() {
-        let seconds = |text: &str| match Cell::read(text, false) {
+        let seconds = |text: &str| match Cell::read(text, Decimal::mark(false)) {
             Cell::Stamp(Stamp { day, seconds }) => {
                 (day.unwrap_or(0) * 86_400) as f64 + seconds.unwrap_or(0.0)
             }
@@ -297,7 +392,9 @@ mod tests {
         // 31 January 2024, 10:00:00 is 1706695200 s after 1970
         for text in [
             "2024-01-31T10:00:00.25Z",
-            "2024-01-31 10:00:00.250+01:00",
+            "2024-01-31 11:00:00.250+01:00",
+            "2024-01-31T06:30:00,25-0330",
+            "2024-02-01T00:00:00.25+14",
             "31.01.2024 10:00:00,25",
             "1/31/2024 10:00:00.25 AM",
             "2024/01/31 10:00:00:250",
@@ -325,7 +422,7 @@ mod tests {
             "1:2:3:4:5",
             "99:éé",
         ] {
-            assert!(!matches!(Cell::read(text, false), Cell::Stamp(_)), "{text}");
+            assert!(!matches!(Cell::read(text, Decimal::mark(false)), Cell::Stamp(_)), "{text}");
         }
     }
 }

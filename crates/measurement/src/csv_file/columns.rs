@@ -74,8 +74,7 @@ fn without_sign(row: &[String]) -> &[String] {
 }
 
 fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
-    let is_number =
-        |text: &String| matches!(Cell::read(text, style.decimal_comma), Cell::Number(_));
+    let is_number = |text: &String| matches!(Cell::read(text, style.decimal), Cell::Number(_));
     let named =
         |row: &&[String]| row.iter().filter(|c| !bare(c).is_empty() && !is_number(c)).count();
     let is_heading = |row: &&[String]| {
@@ -114,7 +113,7 @@ fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
     let is_empty =
         |k: usize| style.sample.iter().all(|row| matches!(row.get(k), None | Some(Cell::Missing)));
     let step = steps.filter(|_| is_empty(0)).and_then(|row| row.get(1));
-    let step = step.map(|text| Cell::read(text, style.decimal_comma).number());
+    let step = step.map(|text| Cell::read(text, style.decimal).number());
     let step = step.filter(|step| *step > 0.0);
     (0..style.width)
         .map(|k| {
@@ -173,7 +172,7 @@ fn scope_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
             column.heading = "time".into();
             column.read = Heading::with_unit("time", "ms");
         } else if !has_times {
-            let sample = samples.and_then(|s| s.get(k)).map(|c| Cell::read(c, style.decimal_comma));
+            let sample = samples.and_then(|s| s.get(k)).map(|c| Cell::read(c, style.decimal));
             let interval = sample.map(|cell| cell.number() * 1e-3);
             column.interval = interval.filter(|interval| *interval > 0.0);
         }

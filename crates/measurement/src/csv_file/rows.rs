@@ -29,6 +29,8 @@ pub(super) struct Rows<'a> {
     timeless: Odd,
     bad: Odd,
     cut: Odd,
+    /// Line of a head with the columns in another order.
+    other_head: Option<u64>,
 }
 
 /// What is odd: how often, and where first.
@@ -73,6 +75,7 @@ impl<'a> Rows<'a> {
             timeless: Odd::default(),
             bad: Odd::default(),
             cut: Odd::default(),
+            other_head: None,
         }
     }
 
@@ -97,7 +100,7 @@ impl<'a> Rows<'a> {
                 self.row.push(Cell::Missing);
                 continue;
             }
-            let cell = Cell::read(self.cells.get(k), self.style.decimal_comma);
+            let cell = Cell::read(self.cells.get(k), self.style.decimal);
             let fits = !matches!(
                 (cell, column.kind),
                 (Cell::Text, _) | (Cell::Stamp(_), Kind::Number) | (Cell::Number(_), Kind::Stamp)
@@ -113,6 +116,11 @@ impl<'a> Rows<'a> {
         if texts > 0 && (numbers == 0 || texts > numbers) {
             let is_comment = line.trim_start().starts_with(['#', '%', '!', '*'])
                 || line.trim_start().starts_with("//");
+            if self.is_other_head() {
+                self.other_head = Some(number);
+                self.is_ended = true;
+                return;
+            }
             let odd = if is_comment { &mut self.comments } else { &mut self.words };
             return odd.add(number, line);
         }
@@ -147,9 +155,28 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// Whether the line is a head with the same columns in another order: what follows it would be read as the wrong signals.
+    fn is_other_head(&self) -> bool {
+        let names = || self.cells.iter().map(|text| text.trim().trim_matches('"').trim());
+        let headings = || self.columns.iter().map(|c| c.heading.as_str());
+        if self.cells.len() != self.columns.len() || names().eq(headings()) {
+            return false;
+        }
+        let (mut found, mut known): (Vec<&str>, Vec<&str>) =
+            (names().collect(), headings().collect());
+        found.sort_unstable();
+        known.sort_unstable();
+        found == known
+    }
+
     /// What was odd.
     pub(super) fn remarks(&self) -> Vec<String> {
         let mut said = Vec::new();
+        if let Some(line) = self.other_head {
+            said.push(format!(
+                "line {line} is a head with the columns in another order: it and what follows are left out"
+            ));
+        }
         let mut say = |odd: &Odd, what: &str, then: &str| {
             if odd.count > 0 {
                 let shown =

@@ -1,7 +1,7 @@
 //! How a table is written: what separates its cells, its decimal sign, where its numbers begin. Found from the first lines.
 
 use super::MOST_COLUMNS;
-use super::cell::Cell;
+use super::cell::{Cell, Decimal};
 use super::lines::{Cells, Separator};
 
 /// Rows of numbers that are looked at.
@@ -13,7 +13,7 @@ const MOST_CELLS: usize = 2_000_000;
 /// How a table is written.
 pub(super) struct Style {
     pub(super) separator: Separator,
-    pub(super) decimal_comma: bool,
+    pub(super) decimal: Decimal,
     /// Rows before the numbers.
     pub(super) head: Vec<Vec<String>>,
     /// How many of the first lines come before the numbers.
@@ -49,14 +49,14 @@ struct Reading {
 
 impl Reading {
     /// None where no row has two numbers beside each other.
-    fn new(lines: &[String], (separator, decimal_comma): (Separator, bool)) -> Option<Self> {
+    fn new(lines: &[String], (separator, decimal): (Separator, Decimal)) -> Option<Self> {
         let mut cells = Cells::default();
         let mut rows: Vec<Vec<Cell>> = Vec::new();
         let mut count = 0;
         for line in lines {
             cells.split(line, separator);
             let read = cells.iter().take(MOST_COLUMNS + 1);
-            rows.push(read.map(|text| Cell::read(text, decimal_comma)).collect());
+            rows.push(read.map(|text| Cell::read(text, decimal)).collect());
             count += cells.len();
             if count > MOST_CELLS {
                 break;
@@ -104,13 +104,16 @@ impl Reading {
     /// The first line of numbers: words stand in it where others have some, and nowhere else.
     fn first(&self) -> Option<usize> {
         let words = self.words();
-        self.rows.iter().position(|row| {
+        let first = self.rows.iter().position(|row| {
             let is_label = |(k, cell): (usize, &Cell)| {
                 matches!(cell, Cell::Text) && !words.get(k).copied().unwrap_or(true)
             };
             let is_whole = row.len() == self.width || data(row) * 10 >= self.usual * 6;
             is_whole && data(row) >= 2 && !row.iter().enumerate().any(is_label)
-        })
+        })?;
+        // rows of numbers that are too short belong to the table and not to its head
+        let is_short = |row: &&Vec<Cell>| data(row) >= 2 && texts(row) == 0;
+        Some(first - self.rows[..first].iter().rev().take_while(is_short).count())
     }
 }
 
@@ -122,20 +125,36 @@ fn texts(row: &[Cell]) -> usize {
     row.iter().filter(|cell| matches!(cell, Cell::Text)).count()
 }
 
+/// How numbers are written, for a separator and a decimal mark: the first rows show what the other mark is.
+fn judged(lines: &[String], separator: Separator, is_comma: bool) -> Decimal {
+    let mut cells = Cells::default();
+    let texts: Vec<String> = lines
+        .iter()
+        .take(SAMPLE)
+        .flat_map(|line| {
+            cells.split(line, separator);
+            let plain = |text: &str| text.trim().trim_matches('"').trim().to_string();
+            cells.iter().take(MOST_COLUMNS).map(plain).collect::<Vec<_>>()
+        })
+        .collect();
+    Decimal::mark(is_comma).judged(texts.iter().map(String::as_str))
+}
+
 impl Style {
     /// How the first lines of a table are written; none where no row has two numbers beside each other.
     pub(super) fn find(lines: &[String]) -> Option<Self> {
-        let mut best: Option<(f64, (Separator, bool), Reading)> = None;
-        for way in WAYS {
+        let mut best: Option<(f64, (Separator, Decimal), Reading)> = None;
+        for (separator, is_comma) in WAYS {
+            let way = (separator, judged(lines, separator, is_comma));
             let Some(reading) = Reading::new(lines, way) else { continue };
             // signs that separate leave no doubt; blanks and colons stand within heads of such tables, too
-            let is_doubtful = matches!(way.0, Separator::Blanks | Separator::Sign(b':'));
+            let is_doubtful = matches!(separator, Separator::Blanks | Separator::Sign(b':'));
             let score = if is_doubtful { 0.9 * reading.score } else { reading.score };
             if best.as_ref().is_none_or(|(most, ..)| score > *most) {
                 best = Some((score, way, reading));
             }
         }
-        let (_, (separator, decimal_comma), reading) = best?;
+        let (_, (separator, decimal), reading) = best?;
         let first = reading.first()?;
         let mut cells = Cells::default();
         let head = lines[..first].iter().filter(|line| !line.trim().is_empty()).map(|line| {
@@ -145,6 +164,6 @@ impl Style {
         let head = head.collect();
         let width = reading.width;
         let sample = reading.rows.into_iter().skip(first).take(SAMPLE).collect();
-        Some(Self { separator, decimal_comma, head, first, width, sample })
+        Some(Self { separator, decimal, head, first, width, sample })
     }
 }

@@ -1,13 +1,12 @@
 //! Variables of a MAT file, put beside the times that they belong to.
 
 use super::simulink::{numbered, numbered_from, recording, structure_with_time};
-use super::value::{Matrix, Value, Variable};
+use super::value::{Matrix, Room, Value, Variable};
 use crate::heading::Heading;
 use crate::path;
 use crate::sampled::{Column, Samples};
 
 /// What was found in a file.
-#[derive(Default)]
 pub(super) struct Arranged {
     pub(super) samples: Vec<Samples>,
     pub(super) remarks: Vec<String>,
@@ -15,6 +14,7 @@ pub(super) struct Arranged {
     pub(super) names: Vec<String>,
     /// Whether the time that was asked for by name is there.
     pub(super) has_wanted: bool,
+    room: Room,
 }
 
 /// A time with the path of its variable.
@@ -26,9 +26,16 @@ struct Time<'a> {
 
 /// Finds the times, and the signals that are as long. `wanted` is the name or path of the time, where it was given.
 pub(super) fn arrange(variables: &[Variable], wanted: Option<&str>) -> Arranged {
-    let mut arranged = Arranged::default();
+    let mut arranged = Arranged {
+        samples: Vec::new(),
+        remarks: Vec::new(),
+        names: Vec::new(),
+        has_wanted: false,
+        room: Room::new(),
+    };
     let entries = variables.iter().map(|v| (v.name.as_str(), &v.value)).collect();
     arranged.scope("", entries, &[], wanted);
+    arranged.remarks.extend(arranged.room.remark());
     arranged
 }
 
@@ -62,12 +69,11 @@ impl Arranged {
             }
         }
         self.has_wanted |= !times.is_empty();
+        let own = times.len();
         times.extend(around.iter().cloned());
         self.names.extend(matrices.iter().map(|(name, _)| path(name)));
-        let mut groups: Vec<Samples> = times
-            .iter()
-            .map(|t| Samples { time: Column::new(&t.path, t.values.to_vec()), columns: Vec::new() })
-            .collect();
+        let mut groups: Vec<Vec<Column>> = times.iter().map(|_| Vec::new()).collect();
+        let mut rivals: Vec<(usize, usize)> = Vec::new();
         let mut others = Vec::new();
         for (name, matrix) in matrices {
             // Time and Data only: the signal is the structure
@@ -75,18 +81,26 @@ impl Arranged {
                 true => prefix.to_string(),
                 false => path(name),
             };
-            let fitting = times.iter().position(|t| t.values.len() > 1).and_then(|_| {
-                times
-                    .iter()
-                    .enumerate()
-                    .find_map(|(k, t)| matrix.signals(t.values.len()).map(|signals| (k, signals)))
-            });
-            match fitting {
-                Some((k, signals)) => {
-                    groups[k].columns.extend(numbered(&heading, &path::heading(&heading), signals))
+            let fits = |k: &usize| {
+                let samples = times[*k].values.len();
+                samples > 1 && matrix.has_signals(samples)
+            };
+            let mut fitting = (0..times.len()).filter(fits);
+            let fitting = (fitting.next(), fitting.find(|k| *k < own));
+            if let (Some(taken), Some(rival)) = fitting
+                && times[taken].values != times[rival].values
+                && !rivals.contains(&(taken, rival))
+            {
+                rivals.push((taken, rival));
+            }
+            match fitting.0 {
+                Some(k) => {
+                    let signals = self.room.signals(matrix, times[k].values.len());
+                    let signals = signals.unwrap_or_default();
+                    groups[k].extend(numbered(&heading, &path::heading(&heading), signals));
                 }
                 None if times.is_empty() && wanted.is_none() => {
-                    match with_own_time(&heading, matrix) {
+                    match with_own_time(&heading, matrix, &mut self.room) {
                         Some(samples) => self.samples.push(samples),
                         None => others.push((heading, matrix)),
                     }
@@ -94,17 +108,29 @@ impl Arranged {
                 None => others.push((heading, matrix)),
             }
         }
-        self.samples.extend(groups.into_iter().filter(|g| !g.columns.is_empty()));
+        for (taken, rival) in rivals {
+            let (taken, rival) = (&times[taken].path, &times[rival].path);
+            self.remarks.push(format!(
+                "{taken} and {rival} are times of one length: signals of that length are taken with {taken}; [log.time] column = \"...\" in a mapping says which"
+            ));
+        }
+        for (time, columns) in times.iter().zip(groups).filter(|(_, columns)| !columns.is_empty()) {
+            let time = Column::new(&time.path, time.values.to_vec());
+            self.samples.push(Samples { time, columns });
+        }
         self.say_what_is_left_out(&others, &times);
         for (name, value) in entries {
             let path = path(name);
             match value {
                 Value::Structure(structure) => {
-                    if let Some(samples) = structure_with_time(&path, structure, &mut self.remarks)
+                    if let Some(samples) =
+                        structure_with_time(&path, structure, &mut self.room, &mut self.remarks)
                     {
                         self.samples
                             .extend([samples].into_iter().filter(|s| !s.columns.is_empty()));
-                    } else if let Some(all) = recording(&path, structure, &mut self.remarks) {
+                    } else if let Some(all) =
+                        recording(&path, structure, &mut self.room, &mut self.remarks)
+                    {
                         self.samples.extend(all.into_iter().filter(|s| !s.columns.is_empty()));
                     } else {
                         for k in 0..structure.count {
@@ -149,15 +175,20 @@ impl Arranged {
 }
 
 /// An array whose first row (To File) or first column is the time: it grows, and nothing else in the scope is a time.
-fn with_own_time(name: &str, matrix: &Matrix) -> Option<Samples> {
+fn with_own_time(name: &str, matrix: &Matrix, room: &mut Room) -> Option<Samples> {
     let (rows, columns) = matrix.shape();
     let samples = if columns >= rows { [columns, rows] } else { [rows, columns] };
     for samples in samples {
         let several = matrix.values.len() >= 2 * samples && samples > 2;
-        let Some(mut signals) = matrix.signals(samples).filter(|_| several) else { continue };
-        let time = signals.remove(0);
+        if !several || !matrix.has_signals(samples) {
+            continue;
+        }
+        let time = matrix.signal(0, samples);
         let grows = time.windows(2).all(|w| w[1] >= w[0]) && time.first() < time.last();
         if grows {
+            let mut signals = room.signals(matrix, samples)?;
+            // nothing is in it where there was no room
+            signals.drain(..signals.len().min(1));
             return Some(Samples {
                 time: Column::new(&format!("{name}_1"), time),
                 columns: numbered_from(2, name, &path::heading(name), signals),

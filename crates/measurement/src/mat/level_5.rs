@@ -27,10 +27,10 @@ pub(super) fn read(
     mut source: impl Read,
     remarks: &mut Vec<String>,
 ) -> Result<Vec<Variable>, Damage> {
-    let mut head = [0; 128];
-    source
-        .read_exact(&mut head)
-        .map_err(|_| "not read as a MAT file: cut off within its header of 128 bytes")?;
+    let head = bytes(&mut source, 128)?;
+    if head.len() < 128 {
+        return Err("not read as a MAT file: cut off within its header of 128 bytes".into());
+    }
     let order = match &head[126..128] {
         b"IM" => ByteOrder::Little,
         b"MI" => ByteOrder::Big,
@@ -43,20 +43,21 @@ pub(super) fn read(
     let mut variables: Vec<Variable> = Vec::new();
     let mut numbers_left = MOST_NUMBERS;
     loop {
-        let mut tag = [0; 8];
-        match source.read_exact(&mut tag) {
-            Ok(()) => {}
-            Err(_) if variables.is_empty() => {
-                return Err("not read as a MAT file: there is no variable in it".into());
-            }
-            Err(_) => return Ok(variables),
+        let tag = bytes(&mut source, 8)?;
+        if tag.is_empty() && variables.is_empty() {
+            return Err("not read as a MAT file: there is no variable in it".into());
+        }
+        if tag.is_empty() {
+            return Ok(variables);
+        }
+        if tag.len() < 8 {
+            return up_to_there(variables, "cut off", remarks);
         }
         let (kind, size) = (order.integer(&tag), u64::from(order.integer(&tag[4..])));
         if size > LARGEST_ELEMENT {
             return Err(too_large());
         }
-        let mut data = Vec::new();
-        source.by_ref().take(size).read_to_end(&mut data).map_err(|e| e.to_string())?;
+        let data = bytes(&mut source, size)?;
         let variable = if (data.len() as u64) < size {
             Err("cut off".into())
         } else {
@@ -77,20 +78,30 @@ pub(super) fn read(
             Ok(variable) if variable.name.is_empty() => {}
             Ok(variable) => variables.push(variable),
             Err(damage) if damage == too_large() => return Err(damage),
-            Err(damage) => match variables.last() {
-                None => {
-                    return Err(format!("not read as a MAT file: its first variable: {damage}"));
-                }
-                Some(last) => {
-                    remarks.push(format!(
-                        "cut off or damaged after {} ({damage}): it is read up to there",
-                        last.name
-                    ));
-                    return Ok(variables);
-                }
-            },
+            Err(damage) => return up_to_there(variables, &damage, remarks),
         }
     }
+}
+
+/// The variables before what is damaged.
+fn up_to_there(
+    variables: Vec<Variable>,
+    damage: &str,
+    remarks: &mut Vec<String>,
+) -> Result<Vec<Variable>, Damage> {
+    let Some(last) = variables.last() else {
+        return Err(format!("not read as a MAT file: its first variable: {damage}"));
+    };
+    remarks
+        .push(format!("cut off or damaged after {} ({damage}): it is read up to there", last.name));
+    Ok(variables)
+}
+
+/// Bytes of a file; fewer where it ends. No more memory is taken than the file has bytes.
+fn bytes(source: &mut impl Read, count: u64) -> Result<Vec<u8>, Damage> {
+    let mut read = Vec::new();
+    source.take(count).read_to_end(&mut read).map_err(|e| e.to_string())?;
+    Ok(read)
 }
 
 fn too_large() -> Damage {
@@ -269,4 +280,44 @@ fn storage(kind: u32) -> Option<Storage> {
         13 => Storage::Uint64,
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A file that cannot be read any more after some bytes.
+    struct Failing<'a>(&'a [u8]);
+
+    impl Read for Failing<'_> {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            match self.0.is_empty() {
+                true => Err(std::io::Error::other("the disk is gone")),
+                false => self.0.read(buffer),
+            }
+        }
+    }
+
+    #[test]
+    fn only_an_end_before_a_tag_is_one() {
+        let mut file = vec![b' '; 124];
+        file.extend([0x00, 0x01, b'I', b'M']);
+        // t = 1, as a matrix of doubles
+        let elements: [&[u8]; 4] = [
+            &[6, 0, 0, 0, 8, 0, 0, 0, 6, 0, 0, 0, 0, 0, 0, 0],
+            &[5, 0, 0, 0, 8, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0],
+            &[1, 0, 1, 0, b't', 0, 0, 0],
+            &[9, 0, 0, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xf0, 0x3f],
+        ];
+        file.extend([14, 0, 0, 0, 56, 0, 0, 0]);
+        file.extend(elements.concat());
+        let mut remarks = Vec::new();
+        assert_eq!(read(&file[..], &mut remarks).map(|v| v.len()), Ok(1));
+        assert!(remarks.is_empty());
+        let said = read(Failing(&file), &mut remarks).err();
+        assert_eq!(said.as_deref(), Some("the disk is gone"));
+        file.extend([14, 0, 0]);
+        assert_eq!(read(&file[..], &mut remarks).map(|v| v.len()), Ok(1));
+        assert!(remarks[0].contains("cut off or damaged after t (cut off)"), "{remarks:?}");
+    }
 }

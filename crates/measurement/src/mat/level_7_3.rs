@@ -16,6 +16,8 @@ const LARGEST_CHUNK: usize = 32 << 20;
 const DEEPEST: u32 = 16;
 /// Elements of arrays of structures, times their fields, at most.
 const MOST_REFERENCES: usize = 10_000;
+/// Objects in the group `#refs#`, at most: cells are there too.
+const MOST_REFERRED: usize = 50_000;
 /// What a value takes beside its numbers, in numbers.
 const COST: usize = 16;
 
@@ -35,7 +37,7 @@ pub(super) fn read(path: &Path, remarks: &mut Vec<String>) -> Result<Vec<Variabl
     let file = Hdf5File::open_with_options(path, options).map_err(damaged)?;
     let root = file.root_group().map_err(damaged)?;
     let mut reader =
-        Reader { referred: referred(&root), numbers_left: MOST_NUMBERS, references: 0 };
+        Reader { root: root.clone(), referred: None, numbers_left: MOST_NUMBERS, references: 0 };
     let (groups, datasets) = root.member_names().map_err(damaged)?;
     let mut variables = Vec::new();
     // in the file's order: by name
@@ -65,15 +67,25 @@ enum Referred {
     Group(Group),
 }
 
-fn referred(root: &Group) -> HashMap<u64, Referred> {
-    let members = root.group("#refs#").and_then(|refs| refs.members());
-    let (groups, datasets) = members.unwrap_or_default();
+/// Opens what references may lead to.
+fn referred(root: &Group) -> Result<HashMap<u64, Referred>, Damage> {
+    let refs = root.group("#refs#").map_err(words)?;
+    let (groups, datasets) = refs.member_names().map_err(words)?;
+    let count = groups.len() + datasets.len();
+    if count > MOST_REFERRED {
+        return Err(format!(
+            "#refs# has {count} objects; arrays of structures are read where it has {MOST_REFERRED} at most"
+        ));
+    }
+    let (groups, datasets) = refs.members().map_err(words)?;
     let datasets = datasets.into_iter().map(|d| (d.address(), Referred::Dataset(Box::new(d))));
-    groups.into_iter().map(|g| (g.address(), Referred::Group(g))).chain(datasets).collect()
+    Ok(groups.into_iter().map(|g| (g.address(), Referred::Group(g))).chain(datasets).collect())
 }
 
 struct Reader {
-    referred: HashMap<u64, Referred>,
+    root: Group,
+    /// What references lead to, once one was met.
+    referred: Option<HashMap<u64, Referred>>,
     numbers_left: usize,
     references: usize,
 }
@@ -93,6 +105,9 @@ impl Reader {
             return Err(format!("structures are nested more than {DEEPEST} deep"));
         }
         self.charge(0)?;
+        if let Some(what) = unread(group) {
+            return Ok(Value::Unread(what));
+        }
         let (groups, datasets) = group.members().map_err(words)?;
         let mut fields: Vec<(String, Vec<Value>)> = Vec::new();
         for inner in groups {
@@ -122,18 +137,21 @@ impl Reader {
         if self.references > MOST_REFERENCES {
             return Err(format!("more than {MOST_REFERENCES} elements of arrays of structures"));
         }
+        if self.referred.is_none() {
+            self.referred = Some(referred(&self.root)?);
+        }
         let mut values = Vec::new();
         for address in addresses {
             // taken out while it is read, so that nothing leads into itself
-            let value = match self.referred.remove(&address) {
+            let value = match self.referred.as_mut().and_then(|all| all.remove(&address)) {
                 Some(Referred::Dataset(dataset)) => {
                     let value = self.dataset(&dataset, depth + 1);
-                    self.referred.insert(address, Referred::Dataset(dataset));
+                    self.put_back(address, Referred::Dataset(dataset));
                     value?
                 }
                 Some(Referred::Group(group)) => {
                     let value = self.group(&group, depth + 1);
-                    self.referred.insert(address, Referred::Group(group));
+                    self.put_back(address, Referred::Group(group));
                     value?
                 }
                 None => Value::Unread("a reference that leads nowhere".into()),
@@ -141,6 +159,12 @@ impl Reader {
             values.push(value);
         }
         Ok(values)
+    }
+
+    fn put_back(&mut self, address: u64, referred: Referred) {
+        if let Some(all) = &mut self.referred {
+            all.insert(address, referred);
+        }
     }
 
     /// A matrix, or what stands in its place.
@@ -180,6 +204,20 @@ impl Reader {
             return Ok(Value::of_characters(dimensions.first().copied().unwrap_or(0), &characters));
         }
         Ok(Value::Numbers(Matrix { dimensions, values }))
+    }
+}
+
+/// What a group is that is no structure, in MATLAB's words.
+fn unread(group: &Group) -> Option<String> {
+    // rows, columns and numbers of a sparse matrix are beside each other
+    if group.attribute("MATLAB_sparse").is_ok() {
+        return Some("a sparse matrix".into());
+    }
+    let class = group.attribute("MATLAB_class").ok()?.read_string().ok()?;
+    match class.trim_end_matches('\0') {
+        "struct" => None,
+        "function_handle" => Some("a function".into()),
+        other => Some(format!("an object ({other})")),
     }
 }
 

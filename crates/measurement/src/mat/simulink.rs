@@ -1,7 +1,7 @@
 //! What Simulink and dSPACE write into MAT files: structures with time, arrays whose first row is the time, and
 //! ControlDesk's structures of X and Y.
 
-use super::value::{Matrix, Structure, Value};
+use super::value::{Matrix, Room, Structure, Value};
 use crate::heading::Heading;
 use crate::sampled::{Column, Samples};
 
@@ -9,6 +9,7 @@ use crate::sampled::{Column, Samples};
 pub(super) fn structure_with_time(
     name: &str,
     structure: &Structure,
+    room: &mut Room,
     remarks: &mut Vec<String>,
 ) -> Option<Samples> {
     let time = structure.field("time")?.numbers()?;
@@ -28,7 +29,7 @@ pub(super) fn structure_with_time(
         let label = label.map(|l| l.trim_matches(['<', '>'])).filter(|l| !l.is_empty());
         let label = label.unwrap_or(name);
         let values = signals.field_at(k, "values").and_then(Value::numbers);
-        match values.and_then(|v| v.signals(time.values.len())) {
+        match values.and_then(|v| room.signals(v, time.values.len())) {
             Some(all) => columns.extend(numbered(label, &Heading::parse(label), all)),
             None => remarks.push(format!(
                 "{name}.signals({}) ({label}) has other than {} samples and is left out",
@@ -66,6 +67,7 @@ pub(super) fn numbered_from(
 pub(super) fn recording(
     name: &str,
     structure: &Structure,
+    room: &mut Room,
     remarks: &mut Vec<String>,
 ) -> Option<Vec<Samples>> {
     let (x, y) = (structure.field("X")?.structure()?, structure.field("Y")?.structure()?);
@@ -89,7 +91,7 @@ pub(super) fn recording(
         let read = Heading::with_unit(block_of(&heading), text("Unit").unwrap_or(""));
         let raster = index.checked_sub(1).and_then(|i| rasters.get_mut(i));
         let signals = match (&raster, data(y, k)) {
-            (Some(raster), Some(data)) => data.signals(raster.time.len()),
+            (Some(raster), Some(data)) => room.signals(&data, raster.time.len()),
             _ => None,
         };
         let (Some(raster), Some(signals)) = (raster, signals) else {

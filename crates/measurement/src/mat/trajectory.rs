@@ -1,7 +1,7 @@
 //! Results of Dymola and OpenModelica: MAT files of level 4 whose matrices `name`, `dataInfo` and `data_2` say
 //! which column is which variable.
 
-use super::value::{MOST_NUMBERS, MOST_ROWS, Matrix, Value, Variable};
+use super::value::{MOST_NUMBERS, MOST_ROWS, Matrix, Room, Value, Variable};
 use crate::heading::Heading;
 use crate::sampled::{Column, Samples};
 
@@ -69,6 +69,7 @@ impl Trajectories<'_> {
         let time = Column::of("time", self.heading(0, "time"), values(0, 1.0));
         let (mut columns, mut constants, mut aliases) = (Vec::new(), 0, 0);
         let mut is_taken = vec![false; variables];
+        let mut room = Room::new();
         for (k, name) in self.names.iter().enumerate().skip(1) {
             let Some((matrix, place)) = self.place(k) else {
                 return Err(format!("dataInfo has no entry for {}", name.trim()));
@@ -90,6 +91,9 @@ impl Trajectories<'_> {
                 aliases += 1;
                 continue;
             }
+            if !room.takes(1) {
+                continue;
+            }
             let sign = if place < 0 { -1.0 } else { 1.0 };
             let values = values(variable - 1, sign);
             columns.push(Column::of(name.trim(), self.heading(k, name.trim()), values));
@@ -98,6 +102,7 @@ impl Trajectories<'_> {
         if constants > 0 {
             remarks.push(format!("{constants} parameters (data_1) are constant and are left out"));
         }
+        remarks.extend(room.remark());
         if aliases > 0 {
             remarks.push(format!(
                 "{aliases} further names of variables that are there already are left out"

@@ -3,6 +3,9 @@
 /// Numbers that are kept of a file at most: 160 MB.
 pub(super) const MOST_NUMBERS: usize = 20_000_000;
 
+/// Signals that are kept of a file at most.
+const MOST_SIGNALS: usize = 20_000;
+
 /// Rows of characters that are kept of a matrix at most; what has more is no text.
 pub(super) const MOST_ROWS: usize = 1_000_000;
 
@@ -49,23 +52,70 @@ impl Matrix {
         self.values.len() > 1 && self.dimensions.iter().filter(|d| **d != 1).count() == 1
     }
 
-    /// The signals in it that have as many samples as the time; none where no dimension is as long.
+    /// Whether it has signals of so many samples.
+    pub(super) fn has_signals(&self, samples: usize) -> bool {
+        let ends = [self.dimensions.first(), self.dimensions.last()];
+        samples > 0 && !self.values.is_empty() && ends.contains(&Some(&samples))
+    }
+
+    /// The signals in it that have as many samples as the time, where it has such.
     ///
     /// Samples run along the rows (N x k), or along the last dimension (k x N, and k x l x N of Simulink).
-    pub(super) fn signals(&self, samples: usize) -> Option<Vec<Vec<f64>>> {
-        let (rows, columns) = self.shape();
-        let last = self.dimensions.last().copied().unwrap_or(0);
-        if samples == 0 || self.values.is_empty() {
-            None
-        } else if rows == samples {
-            Some(self.values.chunks(samples).map(<[f64]>::to_vec).collect())
-        } else if last == samples {
-            let each = rows * columns / samples;
-            let signal = |k: usize| self.values.iter().skip(k).step_by(each).copied().collect();
-            Some((0..each).map(signal).collect())
-        } else {
-            None
+    fn signals(&self, samples: usize) -> Vec<Vec<f64>> {
+        let count = self.values.len().checked_div(samples).unwrap_or(0);
+        (0..count).map(|k| self.signal(k, samples)).collect()
+    }
+
+    /// One of them.
+    pub(super) fn signal(&self, k: usize, samples: usize) -> Vec<f64> {
+        if self.dimensions.first() == Some(&samples) {
+            return self.values.iter().skip(k * samples).take(samples).copied().collect();
         }
+        let count = self.values.len().checked_div(samples).unwrap_or(1);
+        self.values.iter().skip(k).step_by(count.max(1)).copied().collect()
+    }
+}
+
+/// Room for the signals of a file: each takes memory beside its numbers.
+pub(super) struct Room {
+    left: usize,
+    left_out: usize,
+}
+
+impl Room {
+    pub(super) fn new() -> Self {
+        Self { left: MOST_SIGNALS, left_out: 0 }
+    }
+
+    /// Whether there is room for so many signals more, which is taken then.
+    pub(super) fn takes(&mut self, count: usize) -> bool {
+        let is_room = count <= self.left;
+        match is_room {
+            true => self.left -= count,
+            false => self.left_out += count,
+        }
+        is_room
+    }
+
+    /// The signals of a matrix that have so many samples; none where no dimension is as long, and an empty list where there is no room.
+    pub(super) fn signals(&mut self, matrix: &Matrix, samples: usize) -> Option<Vec<Vec<f64>>> {
+        if !matrix.has_signals(samples) {
+            return None;
+        }
+        match self.takes(matrix.values.len() / samples) {
+            true => Some(matrix.signals(samples)),
+            false => Some(Vec::new()),
+        }
+    }
+
+    /// What is to be said of what there was no room for.
+    pub(super) fn remark(&self) -> Option<String> {
+        (self.left_out > 0).then(|| {
+            format!(
+                "it has more than {MOST_SIGNALS} signals: {} others are left out",
+                self.left_out
+            )
+        })
     }
 }
 
@@ -126,12 +176,13 @@ mod tests {
             dimensions: dimensions.to_vec(),
             values: (0..dimensions.iter().product()).map(|k: usize| k as f64).collect(),
         };
+        let signals = |dimensions: &[usize], samples| Room::new().signals(&of(dimensions), samples);
         // 3 x 2, by columns: 0 1 2, 3 4 5
-        assert_eq!(of(&[3, 2]).signals(3), Some(vec![vec![0.0, 1.0, 2.0], vec![3.0, 4.0, 5.0]]));
-        assert_eq!(of(&[2, 3]).signals(3), Some(vec![vec![0.0, 2.0, 4.0], vec![1.0, 3.0, 5.0]]));
-        assert_eq!(of(&[1, 2, 3]).signals(3), of(&[2, 3]).signals(3));
-        assert_eq!(of(&[2, 3]).signals(6), None);
-        assert_eq!(of(&[0, 3]).signals(3), None);
+        assert_eq!(signals(&[3, 2], 3), Some(vec![vec![0.0, 1.0, 2.0], vec![3.0, 4.0, 5.0]]));
+        assert_eq!(signals(&[2, 3], 3), Some(vec![vec![0.0, 2.0, 4.0], vec![1.0, 3.0, 5.0]]));
+        assert_eq!(signals(&[1, 2, 3], 3), signals(&[2, 3], 3));
+        assert_eq!(signals(&[2, 3], 6), None);
+        assert_eq!(signals(&[0, 3], 3), None);
         assert!(of(&[1, 1, 4]).is_vector() && !of(&[2, 4]).is_vector() && !of(&[1, 1]).is_vector());
     }
 }

@@ -1,27 +1,29 @@
 //! Messages as columns: a topic's numbers by their paths, within bounded memory over all topics.
 
+use super::clock::Clock;
 use super::container::Loss;
-use super::definition::Definition;
-use super::records::{Message, Schema, Topic};
-use super::{cdr, json};
+use super::records::{Message, Topic};
+use super::table::{self, Table};
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
 use crate::path;
-use crate::recording::Recording;
 use crate::sampled::Assembly;
 use crate::thinning::MOST;
 use crate::time_column::TimeColumn;
 use std::collections::{BTreeMap, HashMap};
+use std::rc::Rc;
 
 /// Columns over all topics, at most.
 const MOST_COLUMNS: usize = 4000;
-/// Times that are larger are counted from something far away, and are shown from the first one on \[s\].
-const FAR: i64 = 10_000_000;
 
 /// Columns of all topics.
 pub(super) struct Log<'a> {
     clock: Clock<'a>,
-    topics: BTreeMap<String, Table>,
+    tables: Vec<Table>,
+    /// Where the messages of each channel go, by its address: it is held, so that there is no other in its place.
+    by_channel: HashMap<*const Topic, (Rc<Topic>, Rc<Place>)>,
+    /// The same by what they are. Of one topic there may be channels whose messages are not alike.
+    by_kind: HashMap<Topic, Rc<Place>>,
     /// Messages that are not read, by topic and what they are.
     unread: BTreeMap<String, u64>,
     columns: usize,
@@ -29,69 +31,21 @@ pub(super) struct Log<'a> {
     has_more_columns: bool,
 }
 
-/// When messages were sampled.
-struct Clock<'a> {
-    /// The field that holds the time, where a mapping names one.
-    stated: Option<&'a TimeColumn>,
-    /// What times are counted from: zero, or the first one where it is far away; seconds and nanoseconds, so that no digit of
-    /// these is lost.
-    begin: Option<(i64, i64)>,
-}
-
-impl Clock<'_> {
-    /// The time of a message \[s\]; none where the field is not in it.
-    fn time(&mut self, log_time: u64, field: impl Fn(&str) -> Option<f64>) -> Option<f64> {
-        let (seconds, nanoseconds) = match self.stated.and_then(|s| Some((s, s.column.as_deref()?)))
-        {
-            None => ((log_time / 1_000_000_000) as i64, (log_time % 1_000_000_000) as i64),
-            Some((stated, column)) => {
-                // a stamp is a time in two parts
-                let stamp =
-                    field(&format!("{column}.sec")).zip(field(&format!("{column}.nanosec")));
-                match stamp {
-                    Some((seconds, nanoseconds)) => (seconds as i64, nanoseconds as i64),
-                    None => {
-                        let unit = stated.unit.or_else(|| path::heading(column).unit);
-                        let factor = unit.map_or(1.0, |u| u.factor);
-                        let time = (stated.scale * field(column)? + stated.offset) * factor;
-                        let whole = time.floor();
-                        (whole as i64, ((time - whole) * 1e9) as i64)
-                    }
-                }
-            }
-        };
-        let far = if seconds > FAR { (seconds, nanoseconds) } else { (0, 0) };
-        let begin = *self.begin.get_or_insert(far);
-        // in one division, so that a time is the number that its decimals are read as
-        let whole = i128::from(seconds.checked_sub(begin.0)?) * 1_000_000_000;
-        Some((whole + i128::from(nanoseconds.checked_sub(begin.1)?)) as f64 / 1e9)
-    }
-}
-
-/// Columns of a topic.
-struct Table {
-    /// Paths of the numbers; the first column is the time.
-    paths: Vec<String>,
-    places: HashMap<String, usize>,
-    data: Recording,
-    row: Vec<f64>,
-    encoding: Encoding,
-    count: u64,
-    damaged: u64,
-    reason: String,
-    timeless: u64,
-}
-
-enum Encoding {
-    Json,
-    Cdr(Definition),
+/// Where the messages of a channel go.
+enum Place {
+    /// A table, by its number.
+    Table(usize),
+    /// They are not read: which topic, and what they are.
+    Unread(String),
 }
 
 impl<'a> Log<'a> {
     pub(super) fn new(time: Option<&'a TimeColumn>) -> Self {
         Self {
-            clock: Clock { stated: time.filter(|t| t.column.is_some()), begin: None },
-            topics: BTreeMap::new(),
+            clock: Clock::new(time),
+            tables: Vec::new(),
+            by_channel: HashMap::new(),
+            by_kind: HashMap::new(),
             unread: BTreeMap::new(),
             columns: 0,
             messages: 0,
@@ -101,41 +55,69 @@ impl<'a> Log<'a> {
 
     /// Adds a message.
     pub(super) fn add(&mut self, message: &Message<'_>) {
-        if !self.topics.contains_key(&message.topic.name) {
-            match encoding(message.topic) {
-                Ok(encoding) => {
-                    self.topics.insert(message.topic.name.clone(), Table::new(encoding));
+        let at = match &*self.place(message.topic) {
+            Place::Table(at) => *at,
+            Place::Unread(what) => {
+                // what is counted is bounded by the file's channels
+                match self.unread.get_mut(what) {
+                    Some(count) => *count += 1,
+                    None => _ = self.unread.insert(what.clone(), 1),
                 }
-                Err(what) => {
-                    let key = format!("{} ({what})", message.topic.name);
-                    // what is counted is bounded by the file's channels
-                    *self.unread.entry(key).or_default() += 1;
-                    return;
-                }
+                return;
             }
-        }
-        let Some(table) = self.topics.get_mut(&message.topic.name) else { return };
+        };
         let room = MOST_COLUMNS - self.columns;
-        let before = table.paths.len();
-        self.has_more_columns |= !table.read(message.data, room);
-        self.columns += table.paths.len() - before;
-        table.keep(message.log_time, &mut self.clock);
+        let before = self.tables[at].paths.len();
+        self.has_more_columns |= !self.tables[at].read(message.data, room);
+        let new = self.tables[at].paths.len() - before;
+        if new > 0 {
+            self.columns += new;
+            self.thin(at, new);
+            (0..new).for_each(|_| self.tables[at].data.add_column());
+        }
+        self.tables[at].keep(message.log_time, &mut self.clock);
         self.messages += 1;
         // a few rows more do no harm
         if self.messages.is_multiple_of(64) {
-            self.thin();
+            self.thin(at, 0);
         }
     }
 
-    /// Averages the longest topic's rows while there are too many numbers.
-    fn thin(&mut self) {
-        let numbers = |topics: &BTreeMap<String, Table>| -> usize {
-            topics.values().map(|t| t.data.numbers()).sum()
+    /// Where the messages of a channel go.
+    fn place(&mut self, topic: &Rc<Topic>) -> Rc<Place> {
+        if let Some((_, place)) = self.by_channel.get(&Rc::as_ptr(topic)) {
+            return Rc::clone(place);
+        }
+        let Topic { name, encoding, schema } = &**topic;
+        // JSON is read without its schema
+        let schema = schema.clone().filter(|_| encoding != "json");
+        let kind = Topic { name: name.clone(), encoding: encoding.clone(), schema };
+        let tables = &mut self.tables;
+        let new = || match table::encoding(topic) {
+            Ok(encoding) => {
+                tables.push(Table::new(topic, encoding));
+                Rc::new(Place::Table(tables.len() - 1))
+            }
+            Err(what) => Rc::new(Place::Unread(format!("{name} ({what})"))),
         };
-        while numbers(&self.topics) > MOST {
-            let largest = self.topics.values_mut().max_by_key(|t| t.data.numbers());
-            let Some(largest) = largest else { return };
-            largest.data.halve();
+        let place = Rc::clone(self.by_kind.entry(kind).or_insert_with(new));
+        self.by_channel.insert(Rc::as_ptr(topic), (Rc::clone(topic), Rc::clone(&place)));
+        place
+    }
+
+    /// Averages the longest table's rows while there are too many numbers, or would be with new columns of one.
+    fn thin(&mut self, at: usize, new: usize) {
+        loop {
+            let with_new = |(k, table): (usize, &Table)| {
+                let numbers = table.data.numbers_with(if k == at { new } else { 0 });
+                (k, numbers)
+            };
+            let sizes = || self.tables.iter().enumerate().map(with_new);
+            if sizes().map(|(_, numbers)| numbers).sum::<usize>() <= MOST {
+                return;
+            }
+            let Some((largest, _)) = sizes().max_by_key(|(_, numbers)| *numbers) else { return };
+            self.tables[largest].data.halve();
         }
     }
 
@@ -144,7 +126,16 @@ impl<'a> Log<'a> {
     /// # Errors
     ///
     /// [`MeasurementError::Format`] when nothing in it can be used, with what is there.
-    pub(super) fn finish(self, file: &str, loss: &Loss) -> Result<Measurement, MeasurementError> {
+    pub(super) fn finish(
+        mut self,
+        file: &str,
+        loss: &Loss,
+    ) -> Result<Measurement, MeasurementError> {
+        self.tables.sort_by(|a, b| a.topic.cmp(&b.topic));
+        self.tables.iter_mut().for_each(|table| table.end(&mut self.clock));
+        if let Some(reason) = self.tables.iter_mut().find_map(|table| table.refused.take()) {
+            return Err(MeasurementError::Mapping { file: file.into(), reason });
+        }
         let mut remarks = loss.remarks();
         for (what, count) in &self.unread {
             remarks.push(format!("{count} messages on {what} are not read"));
@@ -154,17 +145,22 @@ impl<'a> Log<'a> {
                 .push(format!("it has more than {MOST_COLUMNS} numbers: the others are left out"));
         }
         let mut counts = BTreeMap::<String, usize>::new();
-        for path in self.topics.values().flat_map(|t| &t.paths) {
+        for path in self.tables.iter().flat_map(|t| &t.paths) {
             *counts.entry(path.clone()).or_default() += 1;
         }
-        for (topic, table) in &self.topics {
-            table.say(topic, &mut remarks);
+        for table in &self.tables {
+            let is_alone = self.tables.iter().filter(|t| t.topic == table.topic).count() == 1;
+            match is_alone {
+                true => table.say(&table.topic, &mut remarks),
+                false => table.say(&format!("{} ({})", table.topic, table.schema), &mut remarks),
+            }
         }
-        if self.clock.begin.is_some_and(|(seconds, _)| seconds > 0) {
+        if self.clock.is_far() {
             remarks.push("time is counted from the first message".into());
         }
         let mut assembly = Assembly::new(file, None, remarks);
-        for (topic, table) in self.topics {
+        for table in self.tables {
+            let topic = &table.topic;
             if table.data.count < 2 {
                 continue;
             }
@@ -194,115 +190,31 @@ impl<'a> Log<'a> {
     }
 }
 
-/// How a topic's messages are read.
-fn encoding(topic: &Topic) -> Result<Encoding, String> {
-    let schema = || topic.schema.as_deref();
-    let named =
-        |schema: &Schema| format!("{}, {} {}", topic.encoding, schema.encoding, schema.name);
-    match (topic.encoding.as_str(), schema()) {
-        ("json", _) => Ok(Encoding::Json),
-        ("cdr", Some(schema)) if schema.encoding == "ros2msg" => {
-            let text = String::from_utf8_lossy(&schema.data);
-            let definition = Definition::parse(&schema.name, &text);
-            definition.map(Encoding::Cdr).map_err(|why| format!("{}: {why}", named(schema)))
-        }
-        (_, Some(schema)) => {
-            Err(format!("{}; JSON, and CDR with ros2msg, are read", named(schema)))
-        }
-        (other, None) => {
-            Err(format!("{other} without a schema; JSON, and CDR with ros2msg, are read"))
-        }
-    }
-}
-
 /// Whether a path is of a header's stamp, which is no signal.
 fn is_stamp(path: &str) -> bool {
     path.ends_with("stamp.sec") || path.ends_with("stamp.nanosec")
 }
 
-impl Table {
-    fn new(encoding: Encoding) -> Self {
-        Self {
-            paths: Vec::new(),
-            places: HashMap::new(),
-            data: Recording::new(0, usize::MAX),
-            row: vec![f64::NAN],
-            encoding,
-            count: 0,
-            damaged: 0,
-            reason: String::new(),
-            timeless: 0,
-        }
-    }
+#[cfg(test)]
+mod tests {
+    use super::super::records::Schema;
+    use super::*;
 
-    /// Reads a message into the row; whether there was room for all its columns.
-    fn read(&mut self, data: &[u8], room: usize) -> bool {
-        self.row.fill(f64::NAN);
-        let Self { paths, places, data: columns, row, encoding, .. } = self;
-        let (mut room, mut has_room, mut next) = (room, true, 0);
-        let mut number = |path: &str, value: f64| {
-            // messages are alike: the next number is mostly the next column
-            let place = match paths.get(next).is_some_and(|p| p == path) {
-                true => next,
-                false => match places.get(path) {
-                    Some(place) => *place,
-                    None if room > 0 => {
-                        room -= 1;
-                        paths.push(path.into());
-                        places.insert(path.into(), paths.len() - 1);
-                        columns.add_column();
-                        row.push(f64::NAN);
-                        paths.len() - 1
-                    }
-                    None => {
-                        has_room = false;
-                        return;
-                    }
-                },
-            };
-            next = place + 1;
-            row[place + 1] = if value.is_finite() { value } else { f64::NAN };
+    #[test]
+    fn a_schema_is_parsed_once_whether_it_is_understood_or_not() {
+        let topic = |data: &str| {
+            let (name, encoding) = ("a/msg/B".into(), "ros2msg".into());
+            let schema = Rc::new(Schema { name, encoding, data: data.as_bytes().to_vec() });
+            Rc::new(Topic { name: "/a".into(), encoding: "cdr".into(), schema: Some(schema) })
         };
-        let read = match encoding {
-            Encoding::Json => json::numbers(data, &mut number),
-            Encoding::Cdr(definition) => cdr::numbers(definition, data, &mut number),
-        };
-        if let Err(reason) = read {
-            self.row.fill(f64::NAN);
-            if self.damaged == 0 {
-                self.reason = reason;
-            }
-            self.damaged += 1;
+        let mut log = Log::new(None);
+        let mut places = Vec::new();
+        for data in ["float64 x", "float64[x] y"] {
+            let place = log.place(&topic(data));
+            // of another channel that looks alike too
+            assert!((0..3).all(|_| Rc::ptr_eq(&log.place(&topic(data)), &place)), "{data}");
+            places.push(place);
         }
-        has_room
-    }
-
-    /// Keeps the row at a time, unless it is none.
-    fn keep(&mut self, log_time: u64, clock: &mut Clock<'_>) {
-        self.count += 1;
-        let there = |place: &usize| self.row.get(place + 1).copied();
-        let time = clock.time(log_time, |path| self.places.get(path).and_then(there));
-        let has_numbers = self.row.iter().any(|v| v.is_finite());
-        let Some(time) = time.filter(|t| t.is_finite() && has_numbers) else {
-            self.timeless += u64::from(has_numbers);
-            return;
-        };
-        self.row[0] = time;
-        self.data.push(self.count, &self.row);
-    }
-
-    fn say(&self, topic: &str, remarks: &mut Vec<String>) {
-        if self.damaged > 0 {
-            remarks.push(format!(
-                "{} messages on {topic} cannot be read and are left out ({})",
-                self.damaged, self.reason
-            ));
-        }
-        if self.timeless > 0 {
-            remarks.push(format!(
-                "{} messages on {topic} have no time and are left out",
-                self.timeless
-            ));
-        }
+        assert!(matches!((&*places[0], &*places[1]), (Place::Table(0), Place::Unread(_))));
     }
 }

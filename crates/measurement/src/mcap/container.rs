@@ -1,14 +1,20 @@
 //! Messages of an MCAP file, one after the other, within bounded memory; what is damaged is found and told.
 
 use super::records::{Chunk, Fields, MAGIC, Message, Schema, Topic, code};
+use crate::decompress::{self, Packing};
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::io::Read;
 use std::rc::Rc;
 
 /// Bytes of a record, and of a chunk when unpacked, at most.
 const LARGEST: u64 = 128 << 20;
-/// Channels and schemas of a file, at most.
+/// Channels of a file, and schemas, at most.
 const MOST_CHANNELS: usize = 10_000;
+/// Bytes of all channels' names and schemas, at most.
+const MOST_DESCRIPTIONS: usize = 64 << 20;
+/// Bytes that are skipped at once.
+const PART: u64 = 1 << 16;
 
 /// What could not be read of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -23,8 +29,10 @@ pub struct Loss {
     pub messages: u64,
     /// Why the rest of the file cannot be read, where it is damaged in between.
     pub rest: Option<String>,
-    /// What was wrong first.
-    pub reason: Option<String>,
+    /// What was wrong with the first damaged chunk.
+    pub chunk_reason: Option<String>,
+    /// What was wrong with the first damaged message.
+    pub message_reason: Option<String>,
 }
 
 /// Why a file is not read any further.
@@ -53,14 +61,15 @@ impl Loss {
         if self.is_cut_off {
             remarks.push("it was cut off: it is read up to there".into());
         }
-        let reason = self.reason.as_deref().unwrap_or("damaged");
         if self.chunks > 0 {
             let span = self.span.map_or(String::new(), |(from, to)| {
                 format!(", of {:.3} s", (to.saturating_sub(from)) as f64 * 1e-9)
             });
+            let reason = self.chunk_reason.as_deref().unwrap_or("damaged");
             remarks.push(format!("{} damaged chunks are left out{span} ({reason})", self.chunks));
         }
         if self.messages > 0 {
+            let reason = self.message_reason.as_deref().unwrap_or("damaged");
             remarks.push(format!("{} damaged messages are left out ({reason})", self.messages));
         }
         if let Some(rest) = &self.rest {
@@ -69,16 +78,20 @@ impl Loss {
         remarks
     }
 
-    fn chunk(&mut self, begin: u64, end: u64, reason: String) {
+    /// A chunk, from when to when it was logged as far as it says.
+    fn chunk(&mut self, span: Option<(u64, u64)>, reason: String) {
         self.chunks += 1;
-        let (from, to) = self.span.unwrap_or((begin, end));
-        self.span = Some((from.min(begin), to.max(end)));
-        self.reason.get_or_insert(reason);
+        // without messages it says zero
+        if let Some((begin, end)) = span.filter(|span| *span != (0, 0)) {
+            let (from, to) = self.span.unwrap_or((begin, end));
+            self.span = Some((from.min(begin), to.max(end)));
+        }
+        self.chunk_reason.get_or_insert(reason);
     }
 
     fn message(&mut self, reason: &str) {
         self.messages += 1;
-        self.reason.get_or_insert(reason.into());
+        self.message_reason.get_or_insert(reason.into());
     }
 }
 
@@ -100,6 +113,7 @@ pub fn messages(
         each,
         schemas: HashMap::new(),
         channels: HashMap::new(),
+        described: 0,
         loss: Loss::default(),
         unpacked: Vec::new(),
         has_unchecked: false,
@@ -116,10 +130,22 @@ pub fn messages(
             reader.loss.is_cut_off = true;
             break;
         }
-        if length > LARGEST {
-            let reason =
-                format!("a record of {} MB where {} MB are the most", length >> 20, LARGEST >> 20);
-            reader.loss.rest = Some(reason);
+        let is_large = length > LARGEST;
+        let too_large =
+            || format!("a record of {} MB where {} MB are the most", length >> 20, LARGEST >> 20);
+        if is_large && !code::is_unbounded(code) {
+            reader.loss.rest = Some(too_large());
+            break;
+        }
+        if code::is_unneeded(code) {
+            if source.skip(length)? == length {
+                continue;
+            }
+            match is_large {
+                // nobody writes that: its length is damaged
+                true => reader.loss.rest = Some(too_large()),
+                false => reader.loss.is_cut_off = true,
+            }
             break;
         }
         let record = source.bytes(length)?;
@@ -170,12 +196,26 @@ impl<R: Read> Hashed<R> {
         self.crc.update(&bytes);
         Ok(bytes)
     }
+
+    /// Goes on by some bytes, and no further than the file goes; how many they were.
+    fn skip(&mut self, count: u64) -> Result<u64, Stop> {
+        let mut skipped = 0;
+        while skipped < count {
+            match self.bytes((count - skipped).min(PART))?.len() as u64 {
+                0 => break,
+                part => skipped += part,
+            }
+        }
+        Ok(skipped)
+    }
 }
 
 struct Reader<F> {
     each: F,
     schemas: HashMap<u16, Rc<Schema>>,
     channels: HashMap<u16, Rc<Topic>>,
+    /// Bytes of all of these.
+    described: usize,
     loss: Loss,
     /// Records of the chunk that is read.
     unpacked: Vec<u8>,
@@ -191,7 +231,12 @@ impl<F: FnMut(&Message<'_>) -> Result<(), Stop>> Reader<F> {
                     self.loss.message("a schema that is too short");
                     return Ok(());
                 };
-                self.schemas.entry(id).or_insert_with(|| Rc::new(schema));
+                if let Entry::Vacant(place) = self.schemas.entry(id) {
+                    let Schema { name, encoding, data } = &schema;
+                    let size = name.len() + encoding.len() + data.len();
+                    place.insert(Rc::new(schema));
+                    self.describe(size)?;
+                }
             }
             code::CHANNEL => {
                 let Some((id, schema, name, encoding)) = Fields(data).channel() else {
@@ -199,10 +244,10 @@ impl<F: FnMut(&Message<'_>) -> Result<(), Stop>> Reader<F> {
                     return Ok(());
                 };
                 let schema = self.schemas.get(&schema).map(Rc::clone);
-                let topic = || Rc::new(Topic { name, encoding, schema });
-                self.channels.entry(id).or_insert_with(topic);
-                if self.channels.len() > MOST_CHANNELS {
-                    return Err(Stop::Format(format!("it has more than {MOST_CHANNELS} channels")));
+                if let Entry::Vacant(place) = self.channels.entry(id) {
+                    let size = name.len() + encoding.len();
+                    place.insert(Rc::new(Topic { name, encoding, schema }));
+                    self.describe(size)?;
                 }
             }
             code::MESSAGE => {
@@ -220,15 +265,29 @@ impl<F: FnMut(&Message<'_>) -> Result<(), Stop>> Reader<F> {
         Ok(())
     }
 
+    /// Counts a channel or schema of some bytes that is new.
+    fn describe(&mut self, size: usize) -> Result<(), Stop> {
+        self.described += size;
+        let many = |what| Err(Stop::Format(format!("it has more than {what}")));
+        match (self.channels.len(), self.schemas.len()) {
+            (channels, _) if channels > MOST_CHANNELS => many(format!("{MOST_CHANNELS} channels")),
+            (_, schemas) if schemas > MOST_CHANNELS => many(format!("{MOST_CHANNELS} schemas")),
+            _ if self.described > MOST_DESCRIPTIONS => {
+                many(format!("{} MB of schemas and names", MOST_DESCRIPTIONS >> 20))
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn chunk(&mut self, record: &[u8]) -> Result<(), Stop> {
         let Some(chunk) = Fields(record).chunk() else {
-            self.loss.chunk(0, 0, "the head of a chunk does not fit its size".into());
+            self.loss.chunk(None, "the head of a chunk does not fit its size".into());
             return Ok(());
         };
         if chunk.size > LARGEST {
             return Err(Stop::Format(format!(
                 "a chunk of {} MB (unpacked): chunks are read whole, up to {} MB; write it anew with smaller ones (mcap \
-                 convert --chunk-size 4000000)",
+                 compress --chunk-size 4000000 IN -o OUT)",
                 chunk.size >> 20,
                 LARGEST >> 20
             )));
@@ -249,7 +308,7 @@ impl<F: FnMut(&Message<'_>) -> Result<(), Stop>> Reader<F> {
                 }
             }
             Err(reason) if reason.starts_with(UNKNOWN) => return Err(Stop::Format(reason)),
-            Err(reason) => self.loss.chunk(chunk.begin, chunk.end, reason),
+            Err(reason) => self.loss.chunk(Some((chunk.begin, chunk.end)), reason),
         }
         self.unpacked = unpacked;
         Ok(())
@@ -260,25 +319,21 @@ const UNKNOWN: &str = "chunks packed with";
 
 /// Unpacks a chunk and compares its checksum.
 fn unpack(chunk: &Chunk<'_>, unpacked: &mut Vec<u8>) -> Result<(), String> {
-    let size = usize::try_from(chunk.size).map_err(|e| e.to_string())?;
-    unpacked.clear();
-    match chunk.compression {
-        "" => unpacked.extend(chunk.records),
-        "zstd" => {
-            // memory is taken as it is filled: a damaged size takes none
-            let mut decoder = zstd::stream::read::Decoder::with_buffer(chunk.records)
-                .map_err(|e| e.to_string())?;
-            decoder.window_log_max(27).map_err(|e| e.to_string())?;
-            decoder.take(chunk.size + 1).read_to_end(unpacked).map_err(|e| e.to_string())?;
-        }
-        "lz4" => {
-            let decoder = lz4_flex::frame::FrameDecoder::new(chunk.records);
-            decoder.take(chunk.size + 1).read_to_end(unpacked).map_err(|e| e.to_string())?;
-        }
+    let packing = match chunk.compression {
+        "" => None,
+        "zstd" => Some(Packing::Zstd),
+        "lz4" => Some(Packing::Lz4),
         other => return Err(format!("{UNKNOWN} \"{other}\" are not read: zstd and lz4 are")),
-    }
-    if unpacked.len() != size {
-        return Err(format!("unpacked it has not the {size} bytes that it says"));
+    };
+    match packing {
+        Some(packing) => decompress::unpack(packing, chunk.records, chunk.size, unpacked)?,
+        None if chunk.records.len() as u64 != chunk.size => {
+            return Err(format!("it has not the {} bytes that it says", chunk.size));
+        }
+        None => {
+            unpacked.clear();
+            unpacked.extend(chunk.records);
+        }
     }
     if chunk.crc != 0 && chunk.crc != crc32fast::hash(unpacked) {
         return Err("its checksum does not match".into());

@@ -1,15 +1,17 @@
 //! MCAP logs: those of `hydroboom run`, and others' with messages in JSON or ROS 2's CDR.
 //!
 //! ```text
-//! file -container, records-> messages -json, cdr (by definition)-> numbers with paths -columns-> channels
+//! file -container, records-> messages -json, cdr (by definition)-> numbers with paths -table (a topic's)-> columns-> channels
 //! ```
 
 mod cdr;
+mod clock;
 mod columns;
 mod container;
 mod definition;
 mod json;
 mod records;
+mod table;
 
 pub use container::{Loss, Stop, messages};
 pub(crate) use records::MAGIC;

@@ -13,10 +13,26 @@ pub(super) mod code {
     pub(in crate::mcap) const MESSAGE: u8 = 0x05;
     pub(in crate::mcap) const CHUNK: u8 = 0x06;
     pub(in crate::mcap) const DATA_END: u8 = 0x0f;
+    const ATTACHMENT: u8 = 0x09;
+    const METADATA: u8 = 0x0c;
+    /// Kinds that the format describes; from `PRIVATE` on they are their writers' own.
+    const KNOWN: std::ops::RangeInclusive<u8> = 0x01..=0x0f;
+    const PRIVATE: u8 = 0x80;
+
+    /// Whether a record is of no use for the messages.
+    pub(in crate::mcap) fn is_unneeded(code: u8) -> bool {
+        let is_known = KNOWN.contains(&code) || code >= PRIVATE;
+        is_known && !matches!(code, FOOTER | SCHEMA | CHANNEL | MESSAGE | CHUNK | DATA_END)
+    }
+
+    /// Whether a record of no use may be of any size: a file that is attached, say. An index that seems to be large is damaged.
+    pub(in crate::mcap) fn is_unbounded(code: u8) -> bool {
+        matches!(code, ATTACHMENT | METADATA) || code >= PRIVATE
+    }
 }
 
 /// What the messages of a channel look like.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, PartialEq, Eq, Hash)]
 pub struct Schema {
     /// Its name, such as `sensor_msgs/msg/JointState`.
     pub name: String,
@@ -27,7 +43,7 @@ pub struct Schema {
 }
 
 /// What messages belong to.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, PartialEq, Eq, Hash)]
 pub struct Topic {
     /// Its name.
     pub name: String,

@@ -8,6 +8,9 @@ const LARGEST: u64 = 16 << 20;
 /// Bytes of a text that are read.
 const LONGEST_TEXT: usize = 10_000;
 
+/// Links from conversions that are followed, at most: within each other they are many times as many as there are blocks.
+const MOST_CONVERSIONS: usize = 500_000;
+
 /// Why a file cannot be used: a sentence without its name.
 pub(super) type Damage = String;
 
@@ -33,12 +36,14 @@ pub(super) struct Blocks<R> {
     pub(super) size: u64,
     /// Blocks that may be met once: a list that leads into itself ends.
     visited: HashSet<u64>,
+    /// Links from conversions that were followed.
+    conversions: usize,
 }
 
 impl<R: Read + Seek> Blocks<R> {
     pub(super) fn new(mut source: R) -> std::io::Result<Self> {
         let size = source.seek(SeekFrom::End(0))?;
-        Ok(Self { source, size, visited: HashSet::new() })
+        Ok(Self { source, size, visited: HashSet::new(), conversions: 0 })
     }
 
     /// Bytes at a place; fewer where the file ends.
@@ -83,6 +88,21 @@ impl<R: Read + Seek> Blocks<R> {
             .ok_or_else(|| format!("the file ends within the block at byte {at}"))?;
         let links = links.chunks_exact(8).map(|l| number(l, 0, 8)).collect();
         Ok(Block { id: head.id, links, data: data.to_vec() })
+    }
+
+    /// Whether a link of a conversion leads to another one, and not to a text.
+    ///
+    /// # Errors
+    ///
+    /// What is damaged, and where a file has more of them than are followed.
+    pub(super) fn is_conversion(&mut self, at: u64) -> Result<bool, Damage> {
+        self.conversions += 1;
+        if self.conversions > MOST_CONVERSIONS {
+            return Err(format!(
+                "converted by parts, of which a file has {MOST_CONVERSIONS} at most"
+            ));
+        }
+        Ok(self.head(at)?.id == *b"##CC")
     }
 
     /// The same of a block that may be met once.

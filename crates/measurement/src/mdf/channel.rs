@@ -49,23 +49,19 @@ enum Raw {
 }
 
 /// Reads what a channel's block says, for records with so many bytes of data.
-///
-/// # Errors
-///
-/// What is damaged.
 pub(super) fn kind<R: Read + Seek>(
     file: &mut Blocks<R>,
     block: &Block,
     name: &str,
     record: usize,
-) -> Result<Kind, Damage> {
+) -> Kind {
     let (kind, master) = (block.number(0, 1), block.number(1, 1));
     match (kind, master) {
-        (2 | 3, 2) => return Ok(Kind::OtherMaster("an angle")),
-        (2 | 3, 3) => return Ok(Kind::OtherMaster("a distance")),
-        (2 | 3, 4) => return Ok(Kind::OtherMaster("an index")),
-        (1 | 5, _) => return Ok(Kind::Unread("of varying length".into())),
-        (4, _) => return Ok(Kind::Unread("another file".into())),
+        (2 | 3, 2) => return Kind::OtherMaster("an angle"),
+        (2 | 3, 3) => return Kind::OtherMaster("a distance"),
+        (2 | 3, 4) => return Kind::OtherMaster("an index"),
+        (1 | 5, _) => return Kind::Unread("of varying length".into()),
+        (4, _) => return Kind::Unread("another file".into()),
         _ => {}
     }
     let raw = match kind {
@@ -74,31 +70,41 @@ pub(super) fn kind<R: Read + Seek>(
     };
     let raw = match raw {
         Ok(raw) => raw,
-        Err(what) => return Ok(Kind::Unread(what)),
+        Err(what) => return Kind::Unread(what),
     };
-    let conversion = match Conversion::at(file, block.link(4)) {
+    let is_real = matches!(raw, Raw::Float { .. });
+    let conversion = match Conversion::at(file, block.link(4), is_real) {
         Ok(conversion) => conversion,
-        Err(what) => return Ok(Kind::Unread(what)),
+        Err(what) => return Kind::Unread(what),
     };
-    let mut unit = file.text(block.link(6))?;
-    if unit.trim().is_empty() && block.link(4) != 0 {
-        let conversion = file.block(block.link(4), &[b"##CC"])?;
-        unit = file.text(conversion.link(1))?;
-    }
     // measuring devices name themselves behind the signal: `pA\ETKC:1`
     let short = name.split('\\').next().unwrap_or(name);
-    let read = match unit.trim().is_empty() {
-        true => path::heading(short),
-        false => Heading::with_unit(short, &unit),
+    let read = match unit(file, block) {
+        Ok(unit) if unit.trim().is_empty() => path::heading(short),
+        Ok(unit) => Heading::with_unit(short, &unit),
+        // none is guessed where one is stated
+        Err(_) => {
+            Heading { unknown_unit: Some("a text that is damaged".into()), ..path::heading(short) }
+        }
     };
     let flags = block.number(12, 4);
     let invalid_bit = match flags & 3 {
         0 => None,
         2 => Some(block.number(16, 4)),
-        _ => return Ok(Kind::Unread("invalid throughout".into())),
+        _ => return Kind::Unread("invalid throughout".into()),
     };
     let field = Field { heading: name.into(), read, raw, conversion, invalid_bit };
-    Ok(if matches!(kind, 2 | 3) { Kind::Time(field) } else { Kind::Signal(field) })
+    if matches!(kind, 2 | 3) { Kind::Time(field) } else { Kind::Signal(field) }
+}
+
+/// The unit of a channel, or else of its conversion.
+fn unit<R: Read + Seek>(file: &mut Blocks<R>, block: &Block) -> Result<String, Damage> {
+    let unit = file.text(block.link(6))?;
+    if !unit.trim().is_empty() || block.link(4) == 0 {
+        return Ok(unit);
+    }
+    let conversion = file.block(block.link(4), &[b"##CC"])?;
+    file.text(conversion.link(1))
 }
 
 /// Where a number lies, or what is there in its place.

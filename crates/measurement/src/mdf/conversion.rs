@@ -25,25 +25,40 @@ pub(super) enum Conversion {
     Ranges {
         ranges: Vec<(f64, f64, f64)>,
         otherwise: f64,
+        /// Whether the raw numbers are real: the upper end of a range is in it for whole ones only.
+        is_real: bool,
     },
-    /// Ranges that mean a text (not available, an error): no number. The others are converted in turn.
-    Texts {
-        ranges: Vec<(f64, f64)>,
-        otherwise: Box<Conversion>,
+    /// Ranges of raw numbers that mean a text (not available, an error), which is no number, or are converted in turn; so is what is
+    /// in none of them.
+    Parts {
+        ranges: Vec<(f64, f64, Option<Conversion>)>,
+        otherwise: Option<Box<Conversion>>,
+        is_real: bool,
     },
 }
 
 impl Conversion {
-    /// The conversion at a link, with what it says of the unit.
+    /// The conversion at a link, of raw numbers that are real or whole.
     ///
     /// # Errors
     ///
     /// What it is, where it gives no numbers.
-    pub(super) fn at<R: Read + Seek>(file: &mut Blocks<R>, link: u64) -> Result<Self, Damage> {
-        Self::within(file, link, 0)
+    pub(super) fn at<R: Read + Seek>(
+        file: &mut Blocks<R>,
+        link: u64,
+        is_real: bool,
+    ) -> Result<Self, Damage> {
+        let conversion = Self::within(file, link, is_real, 0)?;
+        // states without numbers: the raw ones tell them apart
+        Ok(if conversion.gives_numbers() { conversion } else { Self::Same })
     }
 
-    fn within<R: Read + Seek>(file: &mut Blocks<R>, link: u64, depth: u32) -> Result<Self, Damage> {
+    fn within<R: Read + Seek>(
+        file: &mut Blocks<R>,
+        link: u64,
+        is_real: bool,
+        depth: u32,
+    ) -> Result<Self, Damage> {
         if link == 0 {
             return Ok(Self::Same);
         }
@@ -78,21 +93,24 @@ impl Conversion {
             }
             6 => {
                 let ranges = values(0, 3)?.iter().map(|v| (v[0], v[1], v[2])).collect();
-                Self::Ranges { ranges, otherwise: value(count.saturating_sub(1))? }
+                Self::Ranges { ranges, otherwise: value(count.saturating_sub(1))?, is_real }
             }
             7 | 8 => {
                 let step = if kind == 7 { 1 } else { 2 };
-                let ranges: Vec<(f64, f64)> =
-                    values(0, step)?.iter().map(|v| (v[0], v[step - 1])).collect();
-                // the last reference is for what is in no range
-                let otherwise = block.link(4 + ranges.len());
-                let is_text = otherwise == 0 || file.head(otherwise)?.id != *b"##CC";
-                if is_text {
-                    // states without numbers: the raw ones tell them apart
-                    return Ok(Self::Same);
-                }
-                let otherwise = Box::new(Self::within(file, otherwise, depth + 1)?);
-                Self::Texts { ranges, otherwise }
+                let ends = values(0, step)?;
+                // a text, another conversion, or nothing; the last one is for what is in no range
+                let mut part = |k: usize| -> Result<Option<Self>, Damage> {
+                    let link = block.link(4 + k);
+                    if link == 0 || !file.is_conversion(link)? {
+                        return Ok(None);
+                    }
+                    Self::within(file, link, is_real, depth + 1).map(Some)
+                };
+                let range = |(k, v): (usize, &Vec<f64>)| Ok((v[0], v[step - 1], part(k)?));
+                let ranges =
+                    ends.iter().enumerate().map(range).collect::<Result<Vec<_>, Damage>>()?;
+                let otherwise = part(ranges.len())?.map(Box::new);
+                Self::Parts { ranges, otherwise, is_real }
             }
             3 => return Err("converted by a formula".into()),
             9 | 10 => return Err("a text".into()),
@@ -125,19 +143,37 @@ impl Conversion {
                     (None, None) => f64::NAN,
                 }
             }
-            Self::Ranges { ranges, otherwise } => {
-                // of real numbers the upper end belongs to the next range
-                let within = ranges.iter().rfind(|(low, high, _)| (*low..=*high).contains(&raw));
-                within.map_or(*otherwise, |(_, _, value)| *value)
+            Self::Ranges { ranges, otherwise, is_real } => {
+                // an end that two ranges have is the next one's
+                let within =
+                    |(low, high, _): &&(f64, f64, f64)| is_within(raw, *low, *high, *is_real);
+                ranges.iter().rfind(within).map_or(*otherwise, |(_, _, value)| *value)
             }
-            Self::Texts { ranges, otherwise } => {
-                match ranges.iter().any(|(low, high)| (*low..=*high).contains(&raw)) {
-                    true => f64::NAN,
-                    false => otherwise.of(raw),
-                }
+            Self::Parts { ranges, otherwise, is_real } => {
+                let range =
+                    ranges.iter().rfind(|(low, high, _)| is_within(raw, *low, *high, *is_real));
+                let part = range.map_or(otherwise.as_deref(), |(_, _, part)| part.as_ref());
+                part.map_or(f64::NAN, |part| part.of(raw))
             }
         }
     }
+
+    /// Whether anything becomes a number by it.
+    fn gives_numbers(&self) -> bool {
+        match self {
+            Self::Parts { ranges, otherwise, .. } => {
+                let mut parts = ranges.iter().filter_map(|(_, _, part)| part.as_ref());
+                parts.any(Self::gives_numbers)
+                    || otherwise.as_deref().is_some_and(Self::gives_numbers)
+            }
+            _ => true,
+        }
+    }
+}
+
+/// Whether a raw number is in a range; its upper end is for whole numbers only, unless it is all of it.
+fn is_within(raw: f64, low: f64, high: f64, is_real: bool) -> bool {
+    raw >= low && (raw < high || raw == high && (!is_real || low == high))
 }
 
 #[cfg(test)]
@@ -153,11 +189,23 @@ mod tests {
         let table = |is_interpolated| Conversion::Table { pairs: pairs.clone(), is_interpolated };
         assert_eq!([-5.0, 5.0, 15.0, 99.0].map(|x| table(true).of(x)), [10.0, 15.0, 10.0, 0.0]);
         assert_eq!([4.0, 6.0, 10.0].map(|x| table(false).of(x)), [10.0, 20.0, 20.0]);
-        let ranges =
-            Conversion::Ranges { ranges: vec![(0.0, 2.0, 7.0), (2.0, 4.0, 8.0)], otherwise: -1.0 };
-        assert_eq!([1.0, 2.0, 5.0].map(|x| ranges.of(x)), [7.0, 8.0, -1.0]);
-        let linear = Box::new(Conversion::Linear(0.0, 0.1));
-        let texts = Conversion::Texts { ranges: vec![(255.0, 255.0)], otherwise: linear };
-        assert!(texts.of(255.0).is_nan() && (texts.of(30.0) - 3.0).abs() < 1e-12);
+        // the upper end of a range is in it for whole numbers, and for real ones in the next
+        let ranges = |is_real, upper| Conversion::Ranges {
+            ranges: vec![(0.0, upper, 7.0), (2.0, 4.0, 8.0)],
+            otherwise: -1.0,
+            is_real,
+        };
+        let inputs = [1.0, 2.0, 4.0, 5.0];
+        assert_eq!(inputs.map(|x| ranges(true, 2.0).of(x)), [7.0, 8.0, -1.0, -1.0]);
+        assert_eq!(inputs.map(|x| ranges(false, 1.0).of(x)), [7.0, 8.0, 8.0, -1.0]);
+        let linear = || Conversion::Linear(0.0, 0.125);
+        let parts = |otherwise| Conversion::Parts {
+            ranges: vec![(0.0, 64_255.0, Some(linear())), (64_256.0, 65_535.0, None)],
+            otherwise,
+            is_real: false,
+        };
+        assert_eq!(parts(None).of(8000.0), 1000.0);
+        assert!([64_256.0, 65_535.0, 70_000.0].iter().all(|x| parts(None).of(*x).is_nan()));
+        assert_eq!(parts(Some(Box::new(linear()))).of(80_000.0), 10_000.0);
     }
 }

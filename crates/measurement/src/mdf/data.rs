@@ -1,7 +1,7 @@
 //! The records of a data group, as they lie in one block or in a list of blocks, packed or not.
 
 use super::block::{Blocks, Damage, number};
-use flate2::read::ZlibDecoder;
+use crate::decompress::{self, Packing};
 use std::io::{Read, Seek};
 
 /// Bytes of a packed block when unpacked, at most. Writers use 4 MB.
@@ -24,6 +24,28 @@ pub(super) struct Parts {
     is_unfinished: bool,
 }
 
+/// Whether the data at a link are stored by columns, as MDF 4.2 allows it.
+///
+/// # Errors
+///
+/// What is damaged.
+pub(super) fn is_by_columns<R: Read + Seek>(
+    file: &mut Blocks<R>,
+    link: u64,
+) -> Result<bool, Damage> {
+    if link == 0 {
+        return Ok(false);
+    }
+    let id = match &file.head(link)?.id {
+        b"##HL" => match file.block(link, &[b"##HL"])?.link(0) {
+            0 => return Ok(false),
+            list => file.head(list)?.id,
+        },
+        other => *other,
+    };
+    Ok(matches!(&id, b"##LD" | b"##DV"))
+}
+
 impl Parts {
     /// The data at a link.
     ///
@@ -43,7 +65,6 @@ impl Parts {
             b"##HL" => parts.list = file.next(link, b"##HL")?.link(0),
             b"##DL" => parts.list = link,
             b"##DT" | b"##DZ" => parts.blocks.push(link),
-            b"##LD" | b"##DV" => return Err("data by columns (LD, DV) are not read".into()),
             other => {
                 return Err(format!("{} in place of data", String::from_utf8_lossy(other)));
             }
@@ -74,7 +95,7 @@ impl Parts {
             if let Some(block) = self.blocks.pop() {
                 file.visit(block)?;
                 let head = file.head(block)?;
-                let begin = block + 24 + 8 * head.links;
+                let begin = block.saturating_add(24 + 8 * head.links);
                 match &head.id {
                     b"##DT" => {
                         let size = head.length - 24 - 8 * head.links;
@@ -133,18 +154,14 @@ fn unpacked(block: &[u8]) -> Result<Vec<u8>, Damage> {
         return Err(too_large(size));
     }
     let data = data.get(..packed_size as usize).ok_or("the file ends within its data")?;
-    let mut whole = Vec::new();
-    let read = match way {
-        0 | 1 => ZlibDecoder::new(data).take(size + 1).read_to_end(&mut whole),
-        2 | 3 => zstd::stream::read::Decoder::with_buffer(data)
-            .and_then(|decoder| decoder.take(size + 1).read_to_end(&mut whole)),
-        4 | 5 => lz4_flex::frame::FrameDecoder::new(data).take(size + 1).read_to_end(&mut whole),
+    let packing = match way {
+        0 | 1 => Packing::Deflate,
+        2 | 3 => Packing::Zstd,
+        4 | 5 => Packing::Lz4,
         other => return Err(format!("a block is packed in way {other}, which is not read")),
     };
-    read.map_err(|e| format!("packed data: {e}"))?;
-    if whole.len() as u64 != size {
-        return Err(format!("a packed block has not the {size} bytes that it says"));
-    }
+    let mut whole = Vec::new();
+    decompress::unpack(packing, data, size, &mut whole)?;
     Ok(match way % 2 == 1 {
         true => untransposed(&whole, columns as usize),
         false => whole,

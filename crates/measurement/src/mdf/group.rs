@@ -2,10 +2,11 @@
 
 use super::block::{Blocks, Damage, number};
 use super::channel::{Field, Kind, kind};
-use super::data::Parts;
-use crate::dimension::Dimension;
+use super::data::{Parts, is_by_columns};
+use crate::heading::Heading;
 use crate::recording::Recording;
 use crate::time_column::TimeColumn;
+use crate::time_scale::TimeScale;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 
@@ -24,6 +25,8 @@ pub(super) struct Group {
     pub(super) fields: Vec<Field>,
     /// What its channels were sampled at, where that is no time.
     pub(super) other_master: Option<&'static str>,
+    /// The channel that a mapping names as the time, where it is not in it.
+    lacks: Option<String>,
     /// Channels that are no numbers: what they are, and how many.
     pub(super) unread: BTreeMap<String, u64>,
     id: u64,
@@ -33,10 +36,14 @@ pub(super) struct Group {
     is_text: bool,
     /// Records that it says to have.
     pub(super) cycles: u64,
+    /// Records that are to be expected: no more than a file of its size can have.
+    expected: u64,
     /// The time \[s\], then a column for each field.
     pub(super) recording: Recording,
-    /// What a number of the time is in seconds: a factor, and what is added.
-    pub(super) seconds: (f64, f64),
+    /// From the time's numbers to seconds.
+    scale: Option<TimeScale>,
+    /// Why its time is none.
+    pub(super) refused: Option<String>,
     /// Records without a time.
     timeless: u64,
     pub(super) read: u64,
@@ -86,6 +93,28 @@ impl DataGroup {
     ///
     /// What is damaged.
     pub(super) fn read<R: Read + Seek>(
+        &mut self,
+        file: &mut Blocks<R>,
+        is_unfinished: bool,
+    ) -> Result<(), Damage> {
+        let read = self.read_parts(file, is_unfinished);
+        self.groups.iter_mut().for_each(Group::finish);
+        read
+    }
+
+    /// Whether its records are stored by columns, which is not read.
+    ///
+    /// # Errors
+    ///
+    /// What is damaged.
+    pub(super) fn is_by_columns<R: Read + Seek>(
+        &self,
+        file: &mut Blocks<R>,
+    ) -> Result<bool, Damage> {
+        is_by_columns(file, self.data)
+    }
+
+    fn read_parts<R: Read + Seek>(
         &mut self,
         file: &mut Blocks<R>,
         is_unfinished: bool,
@@ -143,18 +172,22 @@ impl Group {
         let record = data + block.number(28, 4);
         let is_text = block.number(16, 2) & 1 == 1;
         let mut group = Self {
-            name: file.text(block.link(2))?,
+            // a name that is damaged is none
+            name: file.text(block.link(2)).unwrap_or_default(),
             time: None,
             fields: Vec::new(),
             other_master: None,
+            lacks: None,
             unread: BTreeMap::new(),
             id: block.number(0, 8),
             data: data as usize,
             record: record as usize,
             is_text,
             cycles: block.number(8, 8),
+            expected: 0,
             recording: Recording::new(0, usize::MAX),
-            seconds: (1.0, 0.0),
+            scale: None,
+            refused: None,
             timeless: 0,
             read: 0,
         };
@@ -175,23 +208,30 @@ impl Group {
         while at != 0 {
             let block = file.next(at, b"##CN")?;
             *count += 1;
-            if *count > MOST_CHANNELS || depth > DEEPEST {
+            if *count > MOST_CHANNELS {
                 return Err(format!("it has more than {MOST_CHANNELS} channels"));
             }
-            let name = file.text(block.link(2))?;
+            if depth > DEEPEST {
+                return Err(format!("channels are nested more than {DEEPEST} deep"));
+            }
+            at = block.link(0);
+            let Ok(name) = file.text(block.link(2)) else {
+                *self.unread.entry("their names are damaged".into()).or_default() += 1;
+                continue;
+            };
             let name = match prefix.is_empty() {
                 true => name,
                 false => format!("{prefix}.{name}"),
             };
-            at = block.link(0);
             let parts = block.link(1);
-            if parts != 0 && file.head(parts)?.id == *b"##CN" {
-                self.channels(file, parts, &name, count, depth + 1)?;
-                continue;
-            }
-            let found = match parts {
-                0 => kind(file, &block, &name, self.data)?,
-                _ => Kind::Unread("an array".into()),
+            let found = match file.head(parts) {
+                _ if parts == 0 => kind(file, &block, &name, self.data),
+                Ok(head) if head.id == *b"##CN" => {
+                    self.channels(file, parts, &name, count, depth + 1)?;
+                    continue;
+                }
+                Ok(_) => Kind::Unread("an array".into()),
+                Err(damage) => Kind::Unread(damage),
             };
             match found {
                 Kind::Time(field) if self.time.is_none() => self.time = Some(field),
@@ -208,30 +248,49 @@ impl Group {
         self.time.is_some() && !self.fields.is_empty() && !self.is_text
     }
 
-    /// How many numbers its records have, with their times.
+    /// How many numbers its records are to be expected to have, with their times.
     pub(super) fn numbers(&self) -> u64 {
-        self.cycles.saturating_mul(self.fields.len() as u64 + 1)
+        self.expected.saturating_mul(self.fields.len() as u64 + 1)
     }
 
-    /// Records that a file of some bytes can have, at most.
-    pub(super) fn most_cycles(&self, bytes: u64) -> u64 {
-        bytes.checked_div(self.record as u64).unwrap_or(0)
+    /// Expects no more records than some bytes can hold; of a recording that was interrupted, which counted none, as many.
+    pub(super) fn expect(&mut self, bytes: u64, is_unfinished: bool) {
+        let most = bytes.checked_div(self.record as u64).unwrap_or(0);
+        self.cycles = if is_unfinished { u64::MAX } else { self.cycles };
+        self.expected = self.cycles.min(most);
     }
 
-    /// Takes another channel for the time where a mapping names one, and finds what its numbers are in seconds: those of the format
-    /// are.
+    /// Takes another channel for the time where a mapping names one. What is stated of that is for groups that have it: the others have no time
+    /// then.
     pub(super) fn choose_time(&mut self, stated: Option<&TimeColumn>) {
         let wanted = stated.and_then(|s| s.column.as_deref());
-        let place = wanted.and_then(|w| self.fields.iter().position(|f| f.is_named(w)));
-        if let Some(place) = place {
-            let field = self.fields.remove(place);
-            self.fields.extend(self.time.replace(field));
+        let is_master = |w: &str| self.time.as_ref().is_some_and(|t| t.is_named(w));
+        let mut is_own = true;
+        if let Some(wanted) = wanted.filter(|w| !is_master(w)) {
+            is_own = false;
+            let place = self.fields.iter().position(|f| f.is_named(wanted));
+            let field = place.map(|place| self.fields.remove(place));
+            if field.is_none() {
+                self.lacks = Some(wanted.into());
+            }
+            self.fields.extend(std::mem::replace(&mut self.time, field));
         }
-        let own = self.time.as_ref().and_then(|t| t.read.unit);
-        let unit = stated.and_then(|s| s.unit).or(own);
-        let unit = unit.filter(|u| u.dimension == Dimension::Time).map_or(1.0, |u| u.factor);
-        let (scale, offset) = stated.map_or((1.0, 0.0), |s| (s.scale, s.offset));
-        self.seconds = (scale * unit, offset * unit);
+        // the format counts its times in seconds
+        let seconds = |read: &Heading| {
+            (is_own && read.unit.is_none() && read.unknown_unit.is_none()).then_some(1.0)
+        };
+        let scale = |t: &Field| TimeScale::new(&t.heading, &t.read, stated, seconds(&t.read));
+        self.scale = self.time.as_ref().map(scale);
+    }
+
+    /// The names of its channels.
+    pub(super) fn headings(&self) -> Vec<String> {
+        self.time.iter().chain(&self.fields).map(|f| f.heading.clone()).collect()
+    }
+
+    /// Whether it lacks the channel that a mapping names as the time.
+    pub(super) fn lacks_time(&self) -> bool {
+        self.lacks.is_some()
     }
 
     /// Says what of it is left out.
@@ -242,13 +301,22 @@ impl Group {
             (true, None) => "a group".into(),
         };
         if !self.fields.is_empty() && self.time.is_none() {
-            remarks.push(match self.other_master {
-                Some(what) => format!("{name} is sampled at {what}, not at times: it is left out"),
-                None => format!("{name} has no time: it is left out"),
+            remarks.push(match (&self.lacks, self.other_master) {
+                (Some(wanted), _) => {
+                    format!("{name} has no channel \"{wanted}\", the time: it is left out")
+                }
+                (_, Some(what)) => {
+                    format!("{name} is sampled at {what}, not at times: it is left out")
+                }
+                (None, None) => format!("{name} has no time: it is left out"),
             });
         }
         for (what, count) in &self.unread {
             remarks.push(format!("{count} channels of {name} are left out: {what}"));
+        }
+        remarks.extend(self.scale.as_ref().and_then(|s| s.remark.clone()));
+        if let Some(reason) = &self.refused {
+            remarks.push(format!("{name} is left out: {reason}"));
         }
         if self.timeless > 0 {
             remarks
@@ -263,11 +331,21 @@ impl Group {
         let Some(time) = self.time.as_ref().filter(|_| self.read < self.cycles) else { return };
         let of = |field: &Field| field.of(record, self.data, self.read);
         let mut row: Vec<f64> = std::iter::once(time).chain(&self.fields).map(of).collect();
-        row[0] = row[0] * self.seconds.0 + self.seconds.1;
         self.read += 1;
-        match row[0].is_finite() {
-            true => self.recording.push(self.read, &row),
-            false => self.timeless += 1,
+        if !row[0].is_finite() {
+            self.timeless += 1;
+            return;
         }
+        let (Some(scale), None) = (&mut self.scale, &self.refused) else { return };
+        let recording = &mut self.recording;
+        let kept = scale.push(self.read, &mut row, |line, row| recording.push(line, row));
+        self.refused = kept.err();
+    }
+
+    /// No more records come.
+    fn finish(&mut self) {
+        let (Some(scale), None) = (&mut self.scale, &self.refused) else { return };
+        let recording = &mut self.recording;
+        self.refused = scale.finish(|line, row| recording.push(line, row)).err();
     }
 }

@@ -43,19 +43,30 @@ pub(crate) fn read(
     let mut blocks = Blocks::new(BufReader::new(source)).map_err(failed)?;
     let mut remarks = Vec::new();
     let column = time.and_then(|t| t.column.as_deref());
-    let groups = groups(&mut blocks, time, &mut remarks)
-        .map_err(|reason| MeasurementError::Format { file: file.clone(), reason })?;
+    let format = |reason| MeasurementError::Format { file: file.clone(), reason };
+    let is_unfinished = is_unfinished(&mut blocks, &mut remarks).map_err(format)?;
+    let header = blocks.block(FIRST, &[b"##HD"]).map_err(format)?;
+    let mut all = DataGroup::all(&mut blocks, header.link(0)).map_err(format)?;
+    let named: Vec<String> = all.iter().flat_map(|d| &d.groups).flat_map(Group::headings).collect();
+    all.iter_mut().flat_map(|d| &mut d.groups).for_each(|g| g.choose_time(time));
+    let wrong = |reason| MeasurementError::Mapping { file: file.clone(), reason };
     if let Some(wanted) = column
-        && !groups.iter().any(|g| g.time.as_ref().is_some_and(|t| t.is_named(wanted)))
+        && all.iter().flat_map(|d| &d.groups).all(Group::lacks_time)
     {
-        let fields = groups.iter().flat_map(|g| g.time.iter().chain(&g.fields));
-        let all: Vec<&str> = fields.map(|f| f.heading.as_str()).collect();
-        let reason =
-            format!("the mapping names \"{wanted}\" as the time; channels are: {}", all.join(", "));
-        return Err(MeasurementError::Mapping { file, reason });
+        return Err(wrong(format!(
+            "the mapping names \"{wanted}\" as the time; channels are: {}",
+            named.join(", ")
+        )));
     }
+    read_records(&mut blocks, &mut all, is_unfinished, &mut remarks);
+    let groups: Vec<Group> = all.into_iter().flat_map(|d| d.groups).collect();
+    if let Some(reason) = groups.iter().find_map(|g| g.refused.clone()).filter(|_| column.is_some())
+    {
+        return Err(wrong(reason));
+    }
+    groups.iter().for_each(|g| g.say(is_unfinished, &mut remarks));
     let mut assembly = Assembly::new(&file, None, remarks);
-    for group in groups {
+    for group in groups.into_iter().filter(|g| g.is_wanted() && g.refused.is_none()) {
         let headings = group.fields.into_iter().map(|f| (f.heading, f.read)).collect();
         let unit = format!("record (of {})", group.name);
         assembly.add_recorded(headings, group.recording.finish(&file, &unit)?);
@@ -63,14 +74,16 @@ pub(crate) fn read(
     assembly.finish()
 }
 
-/// All groups with their records.
-fn groups<R: Read + Seek>(
+/// Whether the writer of a file was interrupted.
+///
+/// # Errors
+///
+/// Where it is of another version.
+fn is_unfinished<R: Read + Seek>(
     file: &mut Blocks<R>,
-    stated: Option<&TimeColumn>,
     remarks: &mut Vec<String>,
-) -> Result<Vec<Group>, Damage> {
+) -> Result<bool, Damage> {
     let head = file.bytes(0, FIRST)?;
-    let is_unfinished = head.starts_with(BEGINS[1]);
     let version =
         head.get(8..16).map_or(String::new(), |v| String::from_utf8_lossy(v).into_owned());
     if !version.starts_with('4') {
@@ -79,36 +92,45 @@ fn groups<R: Read + Seek>(
             version.trim_matches([' ', '\0'])
         ));
     }
+    let is_unfinished = head.starts_with(BEGINS[1]);
     if is_unfinished {
         remarks.push("its recording was interrupted: it is read as far as it goes".into());
     }
-    let header = file.block(FIRST, &[b"##HD"])?;
-    let mut all = DataGroup::all(file, header.link(0))?;
-    for group in all.iter_mut().flat_map(|d| &mut d.groups) {
-        group.choose_time(stated);
-        let most = group.most_cycles(file.size.saturating_mul(UNPACKED));
-        group.cycles = if is_unfinished { most } else { group.cycles.min(most) };
-    }
+    Ok(is_unfinished)
+}
+
+/// Reads the records of all groups, as far as they are sound.
+fn read_records<R: Read + Seek>(
+    file: &mut Blocks<R>,
+    all: &mut [DataGroup],
+    is_unfinished: bool,
+    remarks: &mut Vec<String>,
+) {
+    let bytes = file.size.saturating_mul(UNPACKED);
+    all.iter_mut().flat_map(|d| &mut d.groups).for_each(|g| g.expect(bytes, is_unfinished));
     let total = all.iter().flat_map(|d| &d.groups).filter(|g| g.is_wanted());
     let total = total.map(Group::numbers).fold(0, u64::saturating_add).max(1);
-    for data in &mut all {
+    for data in all {
+        // each group's part of all numbers
         for group in data.groups.iter_mut().filter(|g| g.is_wanted()) {
-            // each group's part of all numbers
-            let part = match total > MOST as u64 {
-                true => (MOST as f64 * group.numbers() as f64 / total as f64) as usize,
-                false => usize::MAX,
-            };
+            let part = (MOST as f64 * group.numbers() as f64 / total as f64) as usize;
             group.recording = Recording::new(group.fields.len(), part);
         }
-        if let Err(damage) = data.read(file, is_unfinished) {
-            remarks.push(format!("it is damaged, and read up to there: {damage}"));
+        match data.is_by_columns(file) {
+            Ok(true) => {
+                data.groups.clear();
+                remarks.push(
+                    "records that are stored by columns (LD or DV of MDF 4.2) are not supported and are left out; convert it to version 4.1, with asammdf say".into(),
+                );
+            }
+            Ok(false) => {
+                if let Err(damage) = data.read(file, is_unfinished) {
+                    remarks.push(format!("it is damaged, and read up to there: {damage}"));
+                }
+            }
+            Err(damage) => remarks.push(format!("it is damaged: {damage}")),
         }
     }
-    let groups: Vec<Group> = all.into_iter().flat_map(|d| d.groups).collect();
-    for group in &groups {
-        group.say(is_unfinished, remarks);
-    }
-    Ok(groups.into_iter().filter(Group::is_wanted).collect())
 }
 
 /// How many times its size a file can unpack to, as far as records are counted ahead.

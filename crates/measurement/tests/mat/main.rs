@@ -256,12 +256,8 @@ fn days_since_year_zero_are_recognised() {
 /// Level 7.3 is HDF5: made by `make_7_3.py`, as MATLAB lays it out.
 #[test]
 fn level_7_3_is_read_as_level_7_is() {
-    let recorded = |name: &str| {
-        let files = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mat/files");
-        read(&files.join(name), None).unwrap()
-    };
     let [t, x, p] = course();
-    let log = recorded("arrays_7_3.mat");
+    let log = read(&recorded("arrays_7_3.mat"), None).unwrap();
     assert_eq!(
         log.headings(),
         "pressures_bar_1, pressures_bar_2, single_bar, stroke_mm, log.oil_bar"
@@ -278,9 +274,60 @@ fn level_7_3_is_read_as_level_7_is() {
     for wanted in ["names is a cell array", "out is an object (timeseries)"] {
         assert!(log.remarks.iter().any(|r| r.contains(wanted)), "{:?}", log.remarks);
     }
-    let log = recorded("scope_7_3.mat");
+    let log = read(&recorded("scope_7_3.mat"), None).unwrap();
     assert_eq!(log.headings(), "stroke_mm, p_A [bar]");
     holds(&log);
+}
+
+/// A file of level 7.3 of the tests.
+fn recorded(name: &str) -> PathBuf {
+    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mat/files").join(name)
+}
+
+#[test]
+fn groups_of_level_7_3_that_are_no_structures_are_named() {
+    let log = read(&recorded("groups_7_3.mat"), None).unwrap();
+    assert_eq!(log.headings(), "stroke_mm");
+    for wanted in ["sparse is a sparse matrix", "handle is a function"] {
+        assert!(log.remarks.iter().any(|r| r.contains(wanted)), "{:?}", log.remarks);
+    }
+}
+
+#[test]
+fn why_references_cannot_be_followed_is_said() {
+    let mut bytes = std::fs::read(recorded("scope_7_3.mat")).unwrap();
+    // the name of the group that they lead into
+    let at = bytes.windows(6).position(|w| w == b"#refs#").unwrap();
+    bytes[at + 1..at + 5].copy_from_slice(b"lost");
+    let said = refused("lost_7_3.mat", &bytes);
+    assert!(said.contains("ScopeData cannot be read") && said.contains("#refs#"), "{said}");
+}
+
+#[test]
+fn two_times_of_one_length_are_told() {
+    let [t, x, _] = course();
+    let slow: Vec<f64> = t.iter().map(|t| 2.0 * t).collect();
+    let both = |second: &[f64]| {
+        log("rivals.mat", &file(&[row("t", &t), row("time", second), row("stroke_mm", &x)]))
+    };
+    let (two, same) = (both(&slow), both(&t));
+    let says = |log: &Measurement| log.remarks.iter().any(|r| r.contains("t and time are times"));
+    assert!(says(&two) && !says(&same), "{:?}, {:?}", two.remarks, same.remarks);
+    assert_eq!((two.channels.len(), two.channels[0].time[1]), (1, 0.01));
+}
+
+#[test]
+fn the_number_of_signals_is_bounded() {
+    // each two samples long: more memory than their numbers
+    let wide = doubles("p_bar", &[2, 100_000], &vec![1.0; 200_000]);
+    let whole = file(&[row("t", &[0.0, 1.0]), wide, row("stroke_mm", &[5.0, 6.0])]);
+    let log = log("wide.mat", &whole);
+    assert_eq!(log.headings(), "stroke_mm");
+    assert!(
+        log.remarks.iter().any(|r| r.contains("more than 20000 signals: 100000 others")),
+        "{:?}",
+        log.remarks
+    );
 }
 
 #[test]

@@ -79,6 +79,18 @@ def main():
         array(scope, "time", T[:, None])
         signals = [{"values": X[:, None], "label": "stroke_mm"}, {"values": P[:, None], "label": "p_A [bar]"}]
         structures(made, scope, "signals", signals)
+    with file(folder, "groups_7_3") as made:
+        array(made, "t", T[None, :])
+        array(made, "stroke_mm", X[None, :])
+        sparse = made.create_group("sparse")
+        sparse.attrs["MATLAB_class"] = np.bytes_("double")
+        sparse.attrs["MATLAB_sparse"] = np.uint64(50)
+        sparse.create_dataset("data", data=X)
+        sparse.create_dataset("ir", data=np.arange(50, dtype=np.uint64))
+        sparse.create_dataset("jc", data=np.array([0, 50], dtype=np.uint64))
+        handle = made.create_group("handle")
+        handle.attrs["MATLAB_class"] = np.bytes_("function_handle")
+        array(handle.create_group("function_handle"), "function", X[None, :])
     for path in folder.glob("*_7_3.mat"):
         finish(path)
 

@@ -7,7 +7,7 @@ mod written;
 use hydroboom_measurement::{Mapping, Measurement, Signal, Signals, TimeColumn, read};
 use std::io::Read;
 use std::path::PathBuf;
-use written::{Channel, channel_and_messages, file, json, one_chunk, options, record, ros2};
+use written::{Channel, channel_and_messages, file, json, one_chunk, options, record, ros2, text};
 
 /// A time of logging: 14 November 2023.
 const EPOCH: u64 = 1_700_000_000_000_000_000;
@@ -291,4 +291,124 @@ fn chunks_are_read_however_they_are_packed() {
     }
     let said = refused("brotli.mcap", &one_chunk("brotli", 10, 0, &[0; 10]));
     assert!(said.contains("brotli"), "{said}");
+}
+
+#[test]
+fn a_field_that_is_the_time_has_its_unit_by_its_name_or_its_numbers() {
+    let messages = course(200, |k| {
+        format!(
+            "{{\"timestamp\": {}, \"clock_us\": {}, \"x_mm\": {k}}}",
+            1_700_000_000_000 + 20 * k,
+            20_000 * k
+        )
+    });
+    let path = path("field.mcap", &file(options(), &[json("/crane")], &messages));
+    let named = |column: &str| TimeColumn { column: Some(column.into()), ..TimeColumn::default() };
+    for (column, said) in [("timestamp", "milliseconds since 1970"), ("clock_us", "")] {
+        let log = read(&path, Some(&named(column))).unwrap();
+        let time = &log.channel("x_mm").unwrap().time;
+        assert_eq!(time.len(), 200);
+        assert!((time[150] - 3.0).abs() < 1e-6, "{column}: {}", time[150]);
+        let is_said = log.remarks.iter().any(|r| r.contains("has no unit") && r.contains(said));
+        assert_eq!(is_said, !said.is_empty(), "{:?}", log.remarks);
+    }
+    let said = read(&path, Some(&named("x_mm"))).unwrap_err().to_string();
+    assert!(said.contains("mm is a length, not a time"), "{said}");
+    // few messages are judged too
+    let few = file(options(), &[json("/crane")], &messages[..3]);
+    std::fs::write(&path, few).unwrap();
+    let log = read(&path, Some(&named("timestamp"))).unwrap();
+    assert!((log.channel("x_mm").unwrap().time[2] - 0.04).abs() < 1e-6);
+}
+
+#[test]
+fn channels_of_one_topic_are_read_each_by_its_own_schema() {
+    let channels = [
+        ros2("/state", "crane_msgs/msg/Old", "float64 x"),
+        ros2("/state", "crane_msgs/msg/New", "float32 a\nfloat32 b"),
+        ros2("/state", "crane_msgs/msg/Odd", "Unknown x"),
+    ];
+    let mut messages = Vec::new();
+    for k in 0..20_u32 {
+        let time = EPOCH + u64::from(k) * PERIOD;
+        messages.push((0, time, Cdr::default().put(&f64::from(k).to_le_bytes()).message()));
+        let new = Cdr::default().put(&(k as f32).to_le_bytes()).put(&2.5_f32.to_le_bytes());
+        messages.push((1, time, new.message()));
+        messages.push((2, time, vec![0, 1, 0, 0]));
+    }
+    let log = log("schemas.mcap", &file(options(), &channels, &messages));
+    assert_eq!(log.headings(), "x, a, b");
+    assert_eq!((log.channels[0].values[7], log.channels[1].values[7]), (7.0, 7.0));
+    assert!(log.channels[2].values.iter().all(|b| *b == 2.5));
+    assert!(log.remarks.iter().any(|r| r.contains("20 messages on /state (crane_msgs/msg/Odd)")));
+}
+
+/// A file of records, the last one the checksum of all before.
+fn closed(records: &[Vec<u8>]) -> Vec<u8> {
+    let mut bytes = b"\x89MCAP0\r\n".to_vec();
+    records.iter().for_each(|record| bytes.extend(record));
+    let crc = crc32fast::hash(&bytes);
+    bytes.extend(record(15, &crc.to_le_bytes()));
+    bytes
+}
+
+#[test]
+fn a_large_attachment_is_passed_over() {
+    let messages = channel_and_messages("/crane", &[(0, "{\"x\": 1}")]);
+    let message = |text: &str| {
+        let times = PERIOD.to_le_bytes();
+        record(5, &[&[1, 0, 0, 0, 0, 0], &times[..], &times, text.as_bytes()].concat())
+    };
+    let attached = record(9, &vec![7; (128 << 20) + 1]);
+    let mut whole = closed(&[messages, attached, message("{\"x\": 2}")]);
+    let log = log("attached.mcap", &whole);
+    assert_eq!(log.channels[0].values, [1.0, 2.0]);
+    assert!(log.remarks.is_empty(), "{:?}", log.remarks);
+    // what is passed over is in the file's checksum
+    let at = whole.len() / 2;
+    whole[at] ^= 1;
+    assert!(refused("attached.mcap", &whole).contains("checksum"));
+    whole.truncate(at);
+    let said = refused("attached.mcap", &whole);
+    assert!(said.contains("a record of 128 MB where 128 MB are the most"), "{said}");
+    std::fs::remove_file(path("attached.mcap", &[])).unwrap();
+}
+
+#[test]
+fn descriptions_are_bounded() {
+    let schema = |id: u16, size: usize| {
+        let data = [(size as u32).to_le_bytes().to_vec(), vec![b'#'; size]].concat();
+        record(3, &[id.to_le_bytes().to_vec(), text("a/msg/B"), text("ros2msg"), data].concat())
+    };
+    let many: Vec<Vec<u8>> = (1..=10_001).map(|id| schema(id, 0)).collect();
+    let said = refused("schemas.mcap", &closed(&many));
+    assert!(said.contains("more than 10000 schemas"), "{said}");
+    let large: Vec<u8> = (1..=70).flat_map(|id| schema(id, 1 << 20)).collect();
+    let packed = zstd::encode_all(&large[..], 3).unwrap();
+    let said = refused("schemas.mcap", &one_chunk("zstd", large.len() as u64, 0, &packed));
+    assert!(said.contains("more than 64 MB of schemas"), "{said}");
+}
+
+#[test]
+fn each_loss_is_told_with_its_own_cause_and_time() {
+    let magic = 8;
+    let good = channel_and_messages("/crane", &[(0, "{\"x\": 1}"), (PERIOD, "{\"x\": 2}")]);
+    // a message of a channel that is not described
+    let mut stranger = good.clone();
+    stranger.extend(record(5, &[[9, 0].to_vec(), vec![0; 20], b"{}".to_vec()].concat()));
+    let chunk = |crc: u32, span: (u64, u64)| {
+        let mut file = one_chunk("", stranger.len() as u64, crc, &stranger);
+        file[magic + 9..magic + 17].copy_from_slice(&span.0.to_le_bytes());
+        file[magic + 17..magic + 25].copy_from_slice(&span.1.to_le_bytes());
+        file[magic..file.len() - 13].to_vec()
+    };
+    let damaged = [chunk(1, (0, 0)), chunk(1, (EPOCH, EPOCH + 1_000_000_000)), chunk(0, (0, 0))];
+    let log = log("losses.mcap", &closed(&damaged));
+    assert_eq!(log.channels[0].values, [1.0, 2.0]);
+    for wanted in [
+        "2 damaged chunks are left out, of 1.000 s (its checksum does not match)",
+        "1 damaged messages are left out (a channel that is not described)",
+    ] {
+        assert!(log.remarks.iter().any(|r| r == wanted), "{:?}", log.remarks);
+    }
 }

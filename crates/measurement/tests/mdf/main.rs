@@ -4,7 +4,7 @@
 
 mod written;
 
-use hydroboom_measurement::{Mapping, Measurement, Signal, Signals, TimeColumn, read};
+use hydroboom_measurement::{Mapping, Measurement, Signal, Signals, TimeColumn, Unit, read};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use written::File;
@@ -80,6 +80,11 @@ fn conversions_states_and_invalid_samples_are_those_of_asammdf() {
     }
 }
 
+#[test]
+fn ranges_and_values_that_are_converted_or_texts_are_those_of_asammdf() {
+    is_as_expected(&read(&recorded("parts.mf4"), None).unwrap(), "parts.csv");
+}
+
 /// Records of two groups and of texts lie among each other, each with the number of its group.
 fn unsorted(file: &mut File) -> (u64, u64) {
     let mut data = Vec::new();
@@ -142,8 +147,11 @@ fn a_recording_that_was_interrupted_is_read_as_far_as_it_goes() {
 #[test]
 fn another_channel_may_be_the_time() {
     let time = |column: &str| TimeColumn { column: Some(column.into()), ..TimeColumn::default() };
-    let log = read(&recorded("plain.mf4"), Some(&time("stroke"))).unwrap();
+    let stroke = TimeColumn { unit: Unit::from_text("s").ok(), ..time("stroke") };
+    let log = read(&recorded("plain.mf4"), Some(&stroke)).unwrap();
     assert_eq!(log.channel("p_A").unwrap().time[5], 55.0);
+    let said = read(&recorded("plain.mf4"), Some(&time("stroke"))).unwrap_err().to_string();
+    assert!(said.contains("mm is a length, not a time"), "{said}");
     let said = read(&recorded("plain.mf4"), Some(&time("nowhere"))).unwrap_err().to_string();
     assert!(said.contains("nowhere") && said.contains("motor_speed"), "{said}");
 }
@@ -204,4 +212,173 @@ fn a_packed_block_that_says_to_be_large_is_refused() {
     let data = file.block("##DZ", &[], &packed);
     let said = refused("bomb.mf4", &file.finish(group, data, 0));
     assert!(said.contains("a packed block of 3072 MB"), "{said}");
+}
+
+/// A link of a channel is changed: 4 to its conversion, 6 to its unit.
+fn link(file: &mut File, channel: u64, place: usize, to: u64) {
+    let at = channel as usize + 24 + 8 * place;
+    file.bytes[at..at + 8].copy_from_slice(&to.to_le_bytes());
+}
+
+/// A conversion: way, numbers, and where texts and other conversions stand.
+fn conversion(file: &mut File, way: u8, values: &[f64], references: &[u64]) -> u64 {
+    let mut data = vec![way, 0, 0, 0];
+    data.extend((references.len() as u16).to_le_bytes());
+    data.extend((values.len() as u16).to_le_bytes());
+    data.extend([0; 16]);
+    data.extend(values.iter().flat_map(|v| v.to_le_bytes()));
+    file.block("##CC", &[&[0; 4], references].concat(), &data)
+}
+
+/// Two groups: one with a clock of 16 bits beside its own time, one without.
+fn with_a_clock(unit: &str) -> Vec<u8> {
+    let mut file = File::new("MDF     ", "4.10");
+    let slow = file.channel(0, "p_A", "bar", [0, 0, 8, 8]);
+    let slow = file.channel(slow, "t", "s", [2, 4, 0, 64]);
+    let slow = file.group(0, slow, [2, 20, 9], false);
+    let fast = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
+    let fast = file.channel(fast, "clock", unit, [0, 0, 9, 16]);
+    let fast = file.channel(fast, "t", "s", [2, 4, 0, 64]);
+    let fast = file.group(slow, fast, [1, 20, 11], false);
+    let mut data = Vec::new();
+    for k in 0..20_u16 {
+        let time = f64::from(k).to_le_bytes();
+        data.extend([&[1], &time[..], &[k as u8], &(10 * k).to_le_bytes()].concat());
+        data.extend([&[2], &time[..], &[k as u8]].concat());
+    }
+    let data = file.block("##DT", &[], &data);
+    file.finish(fast, data, 1)
+}
+
+#[test]
+fn what_a_mapping_says_of_the_time_is_for_groups_that_have_it() {
+    let clock = TimeColumn { column: Some("clock".into()), ..TimeColumn::default() };
+    // by its unit, as the mapping says, and by its numbers
+    let milliseconds = TimeColumn { unit: Unit::from_text("ms").ok(), ..clock.clone() };
+    for (unit, time) in [("ms", &clock), ("", &milliseconds), ("", &clock)] {
+        let log = read(&path("clock.mf4", &with_a_clock(unit)), Some(time)).unwrap();
+        assert_eq!(log.headings(), "stroke, t");
+        assert!((log.channels[0].time[7] - 0.07).abs() < 1e-12, "{}", log.channels[0].time[7]);
+        let says = |what: &str| log.remarks.iter().any(|r| r.contains(what));
+        assert!(says("the group of p_A has no channel \"clock\""), "{:?}", log.remarks);
+        assert_eq!(says("taken as ms"), unit.is_empty() && time.unit.is_none());
+    }
+    let said =
+        read(&path("clock.mf4", &with_a_clock("bar")), Some(&clock)).unwrap_err().to_string();
+    assert!(said.contains("bar is a pressure, not a time"), "{said}");
+    // of the groups' own times a scale is for all
+    let scaled = TimeColumn { scale: 0.5, ..TimeColumn::default() };
+    let log = read(&path("clock.mf4", &with_a_clock("")), Some(&scaled)).unwrap();
+    assert!(log.channels.iter().all(|c| c.time[8] == 4.0) && log.channels.len() == 3);
+}
+
+#[test]
+fn ranges_are_converted_each_in_its_own_way() {
+    let mut file = File::new("MDF     ", "4.10");
+    let channel = file.channel(0, "p_A", "bar", [0, 0, 8, 16]);
+    let with_time = file.channel(channel, "t", "s", [2, 4, 0, 64]);
+    let linear = conversion(&mut file, 1, &[0.0, 0.125], &[]);
+    let error = file.text("error");
+    let ends = [0.0, 64_255.0, 64_256.0, 65_535.0];
+    let parts = conversion(&mut file, 8, &ends, &[linear, error, 0]);
+    link(&mut file, channel, 4, parts);
+    let group = file.group(0, with_time, [0, 4, 10], false);
+    let record =
+        |(k, raw): (u8, u16)| [&f64::from(k).to_le_bytes()[..], &raw.to_le_bytes()].concat();
+    let data: Vec<u8> = (0..).zip([8000, 64_255, 64_256, 65_535]).flat_map(record).collect();
+    let data = file.block("##DT", &[], &data);
+    let log = read(&path("parts.mf4", &file.finish(group, data, 0)), None).unwrap();
+    let values = &log.channels[0].values;
+    assert_eq!(values[..2], [1000.0, 8031.875]);
+    assert!(values[2].is_nan() && values[3].is_nan(), "{values:?}");
+}
+
+/// Three records of a position, in a file that may be changed: the channel of the position is told.
+fn three(change: impl FnOnce(&mut File, u64) -> Option<u64>) -> Vec<u8> {
+    let mut file = File::new("MDF     ", "4.10");
+    let stroke = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);
+    let channel = file.channel(stroke, "t", "s", [2, 4, 0, 64]);
+    let group = file.group(0, channel, [0, 3, 9], false);
+    let records: Vec<u8> =
+        (0..3_u8).flat_map(|k| [&f64::from(k).to_le_bytes()[..], &[k]].concat()).collect();
+    let data = file.block("##DT", &[], &records);
+    let data = change(&mut file, stroke).unwrap_or(data);
+    file.finish(group, data, 0)
+}
+
+#[test]
+fn what_is_wrong_with_one_part_costs_no_other() {
+    // a unit that cannot be read is none that may be guessed
+    let damaged = three(|file, stroke| {
+        link(file, stroke, 6, 7);
+        None
+    });
+    let log = read(&path("unit.mf4", &damaged), None).unwrap();
+    assert_eq!(log.channels[0].values, [0.0, 1.0, 2.0]);
+    assert!(log.channels[0].unknown_unit.is_some());
+    for (place, wanted) in [(2, "their names are damaged"), (1, "at byte 7 is no block")] {
+        let damaged = three(|file, stroke| {
+            link(file, stroke, place, 7);
+            let other = file.channel(0, "p_A", "bar", [0, 0, 8, 8]);
+            link(file, stroke, 0, other);
+            None
+        });
+        let log = read(&path("part.mf4", &damaged), None).unwrap();
+        assert_eq!(log.headings(), "p_A");
+        assert!(log.remarks.iter().any(|r| r.contains(wanted)), "{:?}", log.remarks);
+    }
+    let by_columns = three(|file, _| Some(file.block("##LD", &[0, 0], &[0; 16])));
+    let said = refused("columns.mf4", &by_columns);
+    assert!(said.contains("stored by columns") && !said.contains("damaged"), "{said}");
+    let nested = three(|file, stroke| {
+        let parts = |inner, _| {
+            let outer = file.channel(0, "a", "", [0, 0, 8, 8]);
+            link(file, outer, 1, inner);
+            outer
+        };
+        let parts = (0..9).fold(0, parts);
+        link(file, stroke, 1, parts);
+        None
+    });
+    let said = refused("nested.mf4", &nested);
+    assert!(said.contains("nested more than 8 deep"), "{said}");
+    // as many links as leave no room for the address of what follows them
+    let many = three(|file, _| {
+        let data = file.block("##DT", &[], &[0; 27]);
+        let at = data as usize;
+        file.bytes[at + 8..at + 16].copy_from_slice(&u64::MAX.to_le_bytes());
+        file.bytes[at + 16..at + 24].copy_from_slice(&((u64::MAX - 24) / 8).to_le_bytes());
+        Some(data)
+    });
+    assert!(refused("links.mf4", &many).contains("no signal"));
+}
+
+/// A time that is counted, and one byte that never changes: four million records are packed into some hundred bytes.
+#[test]
+fn records_that_pack_well_are_all_read() {
+    let count = 4_000_000_u64;
+    let mut file = File::new("MDF     ", "4.20");
+    let stroke = file.channel(0, "stroke", "mm", [0, 0, 0, 8]);
+    let time = file.channel(stroke, "t", "s", [3, 0, 0, 0]);
+    file.bytes[time as usize + 24 + 64 + 1] = 1;
+    let milliseconds = conversion(&mut file, 1, &[0.0, 1e-3], &[]);
+    link(&mut file, time, 4, milliseconds);
+    let group = file.group(0, time, [0, count, 1], false);
+    let records = zstd::encode_all(&vec![5; count as usize][..], 19).unwrap();
+    let mut packed = b"DT\x02\0\0\0\0\0".to_vec();
+    packed.extend([count, records.len() as u64].iter().flat_map(|n| n.to_le_bytes()));
+    packed.extend(records);
+    let data = file.block("##DZ", &[], &packed);
+    let bytes = file.finish(group, data, 0);
+    assert!(bytes.len() < 2000, "{}", bytes.len());
+    let log = read(&path("constant.mf4", &bytes), None).unwrap();
+    let stroke = log.channel("stroke").unwrap();
+    assert!(stroke.values.iter().all(|v| *v == 5.0));
+    let end = stroke.time[stroke.time.len() - 1];
+    assert!(
+        (end - 4000.0).abs() < 0.1,
+        "{end} s of {} values, {:?}",
+        stroke.values.len(),
+        log.remarks
+    );
 }

@@ -4,7 +4,7 @@
     python3 -m venv v && v/bin/pip install asammdf==8.8.28
     v/bin/python make.py files
 
-conversions.csv is of conversions.mf4, crane.csv of all others; a line for each sample: channel, unit, time in s, value (empty where it is
+conversions.csv is of conversions.mf4, parts.csv of parts.mf4, crane.csv of all others; a line for each sample: channel, unit, time in s, value (empty where it is
 invalid). The files are made anew only when what they shall show changes: they hold the time of writing.
 """
 
@@ -62,6 +62,26 @@ def conversions():
     return mdf
 
 
+def parts():
+    """Ranges and values of which some are converted and others are texts, as busses have them (not available, an error)."""
+    k = np.arange(60)
+    mdf = MDF(version="4.10")
+    error = {"lower_1": 64256, "upper_1": 65535, "text_1": "error"}
+    ranges = {"lower_0": 0, "upper_0": 64255, "text_0": {"a": 0.125, "b": 0.0}, **error}
+    # of real numbers, 10 is in the second range and 20 in none
+    real = {"lower_0": 0.0, "upper_0": 10.0, "text_0": "error", "lower_1": 10.0, "upper_1": 20.0, "text_1": {"a": 2.0, "b": 0.0}}
+    values = {"val_0": 0, "text_0": "closed", "val_1": 1, "text_1": {"a": 3.0, "b": 0.5}, "val_2": 255, "text_2": "error"}
+    mdf.append(
+        [
+            signal("ranges", (k * 1100).astype(np.uint16), "rpm", conversion=ranges),
+            signal("real", k * 0.5, "bar", conversion=real),
+            signal("values", (k % 3).astype(np.uint8), "mm", conversion=values),
+        ],
+        acq_name="all",
+    )
+    return mdf
+
+
 def read_back(path):
     """What asammdf reads: a line for each sample."""
     lines = []
@@ -101,6 +121,7 @@ def main():
         pieces.configure(write_fragment_size=100)
         assert expected == write(folder, name, pieces, compression)
     (folder / "conversions.csv").write_text(write(folder, "conversions", conversions(), 2))
+    (folder / "parts.csv").write_text(write(folder, "parts", parts(), 2))
 
 
 main()

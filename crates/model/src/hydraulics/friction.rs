@@ -21,6 +21,10 @@ pub trait FrictionLaw<T: Real> {
 
     /// Largest stiffness \[N/m\] and damping \[N·s/m\] of the contact, met near rest.
     fn steepest(&self) -> (T, T);
+
+    /// Rate \[1/s\] at which the bristle deflection settles while the piston slides at a velocity \[m/s\]: zero for laws without
+    /// memory.
+    fn bristle_rate(&self, velocity: T) -> T;
 }
 
 record! {
@@ -76,6 +80,10 @@ impl<T: Real> FrictionLaw<T> for Stribeck<T> {
     fn steepest(&self) -> (T, T) {
         (T::zero(), self.viscous + self.steepness * (self.coulomb + self.stiction))
     }
+
+    fn bristle_rate(&self, _velocity: T) -> T {
+        T::zero()
+    }
 }
 
 record! {
@@ -110,10 +118,18 @@ record! {
     }
 }
 
+impl<T: Real> LuGre<T> {
+    /// Force \[N\] at which bristles slide at a velocity \[m/s\], g(v).
+    #[inline(always)]
+    fn sliding_force(&self, v: T) -> T {
+        self.coulomb + self.stiction * (-(v * self.stribeck_slope).square()).exp()
+    }
+}
+
 impl<T: Real> FrictionLaw<T> for LuGre<T> {
     #[inline(always)]
     fn evaluate(&self, v: T, z: T) -> (T, T) {
-        let g = self.coulomb + self.stiction * (-(v * self.stribeck_slope).square()).exp();
+        let g = self.sliding_force(v);
         let z_rate = v - self.bristle_stiffness * v.abs() * z / g;
         let force = self.bristle_stiffness * z + self.bristle_damping * z_rate + self.viscous * v;
         (force, z_rate)
@@ -135,6 +151,10 @@ impl<T: Real> FrictionLaw<T> for LuGre<T> {
 
     fn steepest(&self) -> (T, T) {
         (self.bristle_stiffness, self.viscous + self.bristle_damping)
+    }
+
+    fn bristle_rate(&self, v: T) -> T {
+        self.bristle_stiffness * v.abs() / self.sliding_force(v)
     }
 }
 
@@ -181,6 +201,13 @@ impl<T: Real> FrictionLaw<T> for Friction<T> {
         match self {
             Self::Stribeck(law) => law.steepest(),
             Self::LuGre(law) => law.steepest(),
+        }
+    }
+
+    fn bristle_rate(&self, velocity: T) -> T {
+        match self {
+            Self::Stribeck(law) => law.bristle_rate(velocity),
+            Self::LuGre(law) => law.bristle_rate(velocity),
         }
     }
 }

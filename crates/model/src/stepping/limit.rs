@@ -1,8 +1,33 @@
 //! How large a step the published scheme can take.
 
 use crate::crane::{Crane, CraneState};
-use crate::hydraulics::FrictionLaw;
+use crate::hydraulics::{Friction, FrictionLaw};
+use core::fmt;
 use hydroboom_math::Real;
+
+/// What bounds a step of the published scheme.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepBound {
+    /// The fastest bending mode.
+    Bending,
+    /// Friction at rest.
+    Friction,
+    /// The bristles of friction while the piston slides.
+    Bristle,
+    /// Pressure chatter.
+    Chatter,
+}
+
+impl fmt::Display for StepBound {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Bending => "of its fastest bending mode",
+            Self::Friction => "of friction at rest",
+            Self::Bristle => "of friction's bristles, 2 g/(sigma_0 |v|) less a reserve (friction.bristle_stiffness_n_per_mm)",
+            Self::Chatter => "of pressure chatter across the load-holding valve",
+        })
+    }
+}
 
 /// The largest steps \[s\] at which the published scheme neither diverges nor chatters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,6 +36,8 @@ pub struct StepLimit {
     pub bending: f64,
     /// From friction at rest, the steepest damper.
     pub friction: f64,
+    /// From the bristles of friction that slide at the piston's velocity; infinite at rest, and for a law without memory.
+    pub bristle: f64,
     /// From the flow between pump and cylinder when it is near zero: above this step the pressure
     /// across an open load-holding valve chatters by more than [`CHATTER`](StepLimit::CHATTER).
     pub chatter: f64,
@@ -20,9 +47,28 @@ impl StepLimit {
     /// Amplitude of pressure chatter that is tolerated \[Pa\]: 0.1 bar.
     pub const CHATTER: f64 = 0.1e5;
 
+    /// The largest step \[s\] of forward Euler on the bristles of friction that slide at a piston velocity \[m/s\]. From
+    /// `z' = v − σ_0 |v| z/g` follows `h < 2 g/(σ_0 |v|)`, of which 0.7 are taken.
+    pub fn of_bristles(friction: &Friction<f64>, velocity: f64) -> f64 {
+        1.4 / friction.bristle_rate(velocity)
+    }
+
     /// The smallest of the limits \[s\].
     pub fn smallest(&self) -> f64 {
-        self.bending.min(self.friction).min(self.chatter)
+        self.bending.min(self.friction).min(self.bristle).min(self.chatter)
+    }
+
+    /// The smallest beyond which the scheme diverges \[s\], chatter left out, and whose it is.
+    pub fn stable(&self) -> (f64, StepBound) {
+        let all = [(self.friction, StepBound::Friction), (self.bristle, StepBound::Bristle)];
+        let bending = (self.bending, StepBound::Bending);
+        all.into_iter().fold(bending, |least, next| if next.0 < least.0 { next } else { least })
+    }
+
+    /// Which of them is the smallest.
+    pub fn bound(&self) -> StepBound {
+        let (stable, bound) = self.stable();
+        if self.chatter < stable { StepBound::Chatter } else { bound }
     }
 }
 
@@ -87,6 +133,25 @@ impl<const N: usize> Crane<f64, N> {
         };
         let chatter = chatter(self.circuit.volume_pump_a, volume_a)
             .min(chatter(self.circuit.volume_pump_b, volume_b));
-        StepLimit { bending, friction, chatter }
+        let velocity = cylinder.velocity(boom, &state.boom.angular_velocity);
+        StepLimit {
+            bending,
+            friction,
+            bristle: StepLimit::of_bristles(&self.friction, velocity),
+            chatter,
+        }
+    }
+
+    /// The same at the piston velocity of a state; infinite for a law without memory.
+    #[inline(always)]
+    pub(crate) fn bristle_limit_at(&self, state: &CraneState<f64, N>) -> f64 {
+        match self.friction {
+            Friction::Stribeck(_) => f64::INFINITY,
+            Friction::LuGre(_) => {
+                let cylinder = self.boom.cylinder_pose(&self.boom.pose(&state.boom.angle));
+                let velocity = cylinder.velocity(&self.boom, &state.boom.angular_velocity);
+                StepLimit::of_bristles(&self.friction, velocity)
+            }
+        }
     }
 }

@@ -14,7 +14,7 @@ mod runge_kutta;
 mod with_slopes;
 
 pub use implicit::{Implicit, MOST_PARTS, has_settled};
-pub use limit::StepLimit;
+pub use limit::{StepBound, StepLimit};
 pub use published::published;
 pub use runge_kutta::runge_kutta_4;
 pub use with_slopes::Underlying;

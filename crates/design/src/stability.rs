@@ -1,0 +1,185 @@
+//! Stability of the control loops over the stroke, before anything moves: by the argument principle around the linearised crane.
+
+use crate::design_report::{benchmark_loop, scheduled_lqr_loop_at};
+use crate::scheduled_lqr::{designed, known_delay};
+use crate::unstable_poles::unstable_poles;
+use crate::{DesignError, DesignReport, LinearisedPlant, Loop};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use serde::Serialize;
+use std::fmt;
+
+/// Piston positions at which loops are looked at, as shares of the stroke.
+pub const POSITIONS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
+
+/// Whether a controller's loop is stable at [`POSITIONS`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LoopStability {
+    /// The controller: `benchmark`, `benchmark on the simulated crane` or `scheduled LQR`.
+    pub controller: &'static str,
+    /// Whether no pole of the closed loop grows at any of the positions.
+    pub stable: bool,
+    /// Piston positions at which one does.
+    pub unstable_at_mm: Vec<f64>,
+    /// Most growing poles at one position.
+    pub unstable_poles: u32,
+}
+
+impl LoopStability {
+    /// From the growing poles at each piston position \[mm\].
+    fn of(controller: &'static str, poles: impl Iterator<Item = (f64, u32)>) -> Self {
+        let growing: Vec<(f64, u32)> = poles.filter(|(_, poles)| *poles > 0).collect();
+        Self {
+            controller,
+            stable: growing.is_empty(),
+            unstable_at_mm: growing.iter().map(|(mm, _)| *mm).collect(),
+            unstable_poles: growing.iter().map(|(_, poles)| *poles).max().unwrap_or(0),
+        }
+    }
+
+    /// Those of the benchmark and of the scheduled LQR in design reports.
+    pub fn of_reports(reports: &[DesignReport]) -> [Self; 2] {
+        let benchmark = reports.iter().map(|r| (r.stroke_mm, r.benchmark.unstable_poles));
+        let lqr = reports.iter().map(|r| (r.stroke_mm, r.scheduled_lqr.unstable_poles));
+        [Self::of(BENCHMARK, benchmark), Self::of(SCHEDULED_LQR, lqr)]
+    }
+}
+
+/// Names of the loops.
+const BENCHMARK: &str = "benchmark";
+const SIMULATED: &str = "benchmark on the simulated crane";
+const SCHEDULED_LQR: &str = "scheduled LQR";
+
+impl fmt::Display for LoopStability {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { controller, unstable_poles, .. } = self;
+        if self.stable {
+            return write!(f, "{controller}: the closed loop is stable over the stroke");
+        }
+        let at: Vec<String> = self.unstable_at_mm.iter().map(|mm| format!("{mm:.0}")).collect();
+        let poles = match unstable_poles {
+            1 => "1 pole".into(),
+            more => format!("up to {more} poles"),
+        };
+        write!(
+            f,
+            "{controller}: the closed loop is UNSTABLE at {} mm ({poles} in the right half plane, friction at sliding)",
+            at.join(", ")
+        )
+    }
+}
+
+/// Stability of the benchmark's loop with gains of the model, around a machine, or around the model itself with the drive and fieldbus that
+/// the controllers expect.
+///
+/// # Errors
+///
+/// [`DesignError`] when the crane cannot be linearised.
+pub fn benchmark_stability(
+    model: &Description,
+    machine: Option<&Description>,
+) -> Result<LoopStability, DesignError> {
+    let poles = poles(model, machine, |_| Ok(benchmark_loop(model)))?;
+    Ok(LoopStability::of(BENCHMARK, poles.into_iter()))
+}
+
+/// The same of the scheduled LQR, designed for the model, its payload weighed.
+///
+/// # Errors
+///
+/// [`DesignError`] when the crane cannot be linearised, or the regulator not be designed.
+pub fn scheduled_lqr_stability(
+    model: &Description,
+    machine: Option<&Description>,
+) -> Result<LoopStability, DesignError> {
+    let design = designed(model, known_delay(model) as usize)?;
+    let payload = machine.unwrap_or(model).numbers.payload;
+    let around = |stroke| Ok(scheduled_lqr_loop_at(model, &design, stroke, payload));
+    let poles = poles(model, machine, around)?;
+    Ok(LoopStability::of(SCHEDULED_LQR, poles.into_iter()))
+}
+
+/// Stability of all loops that strategies close: around the simulated crane, which has neither drive nor fieldbus, and around the machine. The
+/// scheduled LQR falls back on the benchmark.
+///
+/// # Errors
+///
+/// [`DesignError`] when a crane cannot be linearised, or the regulator not be designed.
+pub fn stability_of(
+    strategies: &[Strategy],
+    model: &Description,
+    machine: &Description,
+) -> Result<Vec<LoopStability>, DesignError> {
+    use Strategy::{
+        BenchmarkClosedLoop, ScheduledLqr, SimulationFeedforwardClosedLoop,
+        SimulationFeedforwardOpenLoop,
+    };
+    let has = |any: &[Strategy]| any.iter().any(|one| strategies.contains(one));
+    let mut loops = Vec::new();
+    if has(&[SimulationFeedforwardOpenLoop, SimulationFeedforwardClosedLoop]) {
+        let simulated = benchmark_stability(model, Some(&model.without_equipment()))?;
+        loops.push(LoopStability { controller: SIMULATED, ..simulated });
+    }
+    if has(&[BenchmarkClosedLoop, SimulationFeedforwardClosedLoop, ScheduledLqr]) {
+        loops.push(benchmark_stability(model, Some(machine))?);
+    }
+    if has(&[ScheduledLqr]) {
+        loops.push(scheduled_lqr_stability(model, Some(machine))?);
+    }
+    Ok(loops)
+}
+
+/// Piston position \[mm\] and growing poles there.
+fn poles(
+    model: &Description,
+    machine: Option<&Description>,
+    around: impl Fn(f64) -> Result<Loop, DesignError>,
+) -> Result<Vec<(f64, u32)>, DesignError> {
+    let one = |share: f64| {
+        let stroke = share * model.numbers.stroke;
+        let crane = LinearisedPlant::new(machine.unwrap_or(model), stroke)?;
+        let around = around(stroke)?;
+        let around = machine.map_or_else(|| around.clone(), |machine| around.clone().on(machine));
+        Ok((stroke * 1e3, unstable_poles(&crane, &around)?))
+    };
+    POSITIONS.into_iter().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_third_of_the_payload_makes_the_published_gains_unstable_and_leaves_the_regulator_stable() {
+        let paper = Description::uia_single_boom().unwrap();
+        let mut light = paper.clone();
+        light.set("payload.mass_kg=100").unwrap();
+        assert!(benchmark_stability(&paper, None).unwrap().stable);
+        assert!(scheduled_lqr_stability(&paper, None).unwrap().stable);
+        for unstable in [
+            benchmark_stability(&light, None).unwrap(),
+            // the machine has the light load, and the model does not know it
+            benchmark_stability(&paper, Some(&light)).unwrap(),
+        ] {
+            assert_eq!((unstable.stable, unstable.unstable_at_mm.len()), (false, 5));
+            assert!(unstable.to_string().contains("UNSTABLE at 25, 125, 250, 375, 475 mm"));
+        }
+        assert!(scheduled_lqr_stability(&light, None).unwrap().stable);
+    }
+
+    #[test]
+    fn a_strategy_is_judged_by_the_loops_that_it_closes() {
+        let paper = Description::uia_single_boom().unwrap();
+        let mut light = paper.clone();
+        light.set("payload.mass_kg=100").unwrap();
+        let unstable = |strategy| {
+            let loops = stability_of(&[strategy], &paper, &light).unwrap();
+            loops.iter().filter(|of| !of.stable).map(|of| of.controller).collect::<Vec<_>>()
+        };
+        assert!(unstable(Strategy::VelocityFeedforward).is_empty());
+        // the simulated crane has the model's load, and its loop does not see the machine
+        assert!(unstable(Strategy::SimulationFeedforwardOpenLoop).is_empty());
+        assert_eq!(unstable(Strategy::SimulationFeedforwardClosedLoop), [BENCHMARK]);
+        assert!(unstable(Strategy::BenchmarkClosedLoop).contains(&BENCHMARK));
+    }
+}

@@ -1,0 +1,126 @@
+//! What is said of loops: an unstable one is told so, and its numbers are no results.
+
+#[path = "support/command.rs"]
+mod command;
+
+use command::{folder, hydroboom, parsed, says};
+
+/// What it prints, as text; it has to succeed.
+fn said(arguments: &[&str]) -> String {
+    let output = hydroboom(arguments);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A third of the payload leaves the load on soft oil, and the paper's gains are too high for it.
+const LIGHT: [&str; 2] = ["--set", "payload.mass_kg=100"];
+
+#[test]
+fn design_tells_an_unstable_loop_in_place_of_its_margins() {
+    let text = said(&[&["design"], &LIGHT[..]].concat());
+    assert!(text.contains("benchmark: the closed loop is UNSTABLE at 25, 125, 250"), "{text}");
+    assert!(!text.contains("scheduled LQR: the closed loop is UNSTABLE"), "{text}");
+    let json = parsed(&[&["design", "--json"], &LIGHT[..]].concat());
+    assert_eq!(json["stable"], false);
+    let position = &json["positions"][2];
+    assert_eq!(position["benchmark"]["stable"], false);
+    assert!(position["benchmark"]["phase_deg"].is_null(), "{position}");
+    assert_eq!(position["scheduled_lqr"]["stable"], true);
+    let folder = folder("unstable-design");
+    said(&[&["design", "--out", folder.to_str().unwrap()], &LIGHT[..]].concat());
+    let page = std::fs::read_to_string(folder.join("design.html")).unwrap();
+    assert!(page.contains(r#"<td class="unstable">unstable</td>"#), "no cell says so");
+    // the paper's crane is stable, and nothing says otherwise
+    let text = said(&["design"]);
+    assert!(!text.to_lowercase().contains("unstable"), "{text}");
+    assert_eq!(parsed(&["design", "--json"])["stable"], true);
+}
+
+#[test]
+fn motion_prints_no_error_of_a_run_in_sustained_oscillation() {
+    let text = said(&[&["motion"], &LIGHT[..]].concat());
+    let row = |strategy: &str| text.lines().find(|line| line.starts_with(strategy)).unwrap();
+    assert_eq!(row("benchmark-closed-loop").matches("unstable").count(), 2, "{text}");
+    assert!(!row("scheduled-lqr").contains("unstable"), "{text}");
+    assert!(text.contains("UNSTABLE, in sustained oscillation of "), "{text}");
+    let json = parsed(&[&["motion", "--json"], &LIGHT[..]].concat());
+    let rows = json["motion"].as_array().unwrap();
+    let of = |strategy: &str| rows.iter().find(|row| row["strategy"] == strategy).unwrap();
+    let oscillation = &of("benchmark-closed-loop")["sustained_oscillation"];
+    assert_eq!(of("benchmark-closed-loop")["stable"], false);
+    assert!(oscillation["amplitude_mm"].as_f64() > Some(2.0), "{oscillation}");
+    let hz = oscillation["frequency_hz"].as_f64().unwrap();
+    assert!((0.2..5.0).contains(&hz), "{hz} Hz");
+    assert_eq!(of("scheduled-lqr")["stable"], true);
+}
+
+/// What it says on standard error; it has to succeed.
+fn warned(arguments: &[&str]) -> String {
+    let output = hydroboom(arguments);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    said
+}
+
+#[test]
+fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
+    let text = warned(&[&["check"], &LIGHT[..]].concat());
+    assert!(text.contains("soft range: its bulk modulus is "), "{text}");
+    assert!(text.contains("benchmark: the closed loop is UNSTABLE"), "{text}");
+    let json = parsed(&[&["check", "--json"], &LIGHT[..]].concat());
+    assert_eq!(json["stable"], false);
+    assert_eq!(json["warnings"].as_array().unwrap().len(), 2, "{json}");
+    let text = warned(&["check", "--set", "payload.x_mm=9000"]);
+    assert!(text.contains("beyond the boom: payload.x_mm = 9000, and boom.length_mm = 3600"));
+    assert!(!text.contains("soft range"), "{text}");
+    // the paper's crane has none of it
+    assert_eq!(warned(&["check"]), "");
+}
+
+#[test]
+fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
+    let json = parsed(&["linearise", "--stroke-mm", "250", "--json"]);
+    assert_eq!(json["in_dead_band"], true);
+    let remark = json["remark"].as_str().unwrap();
+    let offered: Vec<&str> = remark
+        .split("hydroboom ")
+        .nth(1)
+        .unwrap()
+        .split(',')
+        .next()
+        .unwrap()
+        .split_whitespace()
+        .collect();
+    let there = parsed(&[&offered[..], &["--json"]].concat());
+    assert_eq!(there["in_dead_band"], false, "{remark}");
+    // a load that is held is no dead band
+    assert_eq!(parsed(&["linearise", "--valve", "0", "--json"])["in_dead_band"], false);
+}
+
+#[test]
+fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
+    let json =
+        parsed(&["eigen", "--set", "cylinder.piston_mm=100", "--stroke-mm", "100,700", "--json"]);
+    let [row] = &json["eigenfrequency"].as_array().unwrap()[..] else { panic!("{json}") };
+    let of = |name: &str| row[name].as_f64().unwrap();
+    assert!((of("frictionless_hz") / of("linearised_hz") - 1.0).abs() < 0.02, "{row}");
+    assert_eq!(json["failed"][0]["stroke_mm"], 700.0);
+    let text = said(&["eigen", "--set", "payload.mass_kg=60"]);
+    assert!(text.contains("At 400 mm friction ends the oscillation"), "{text}");
+    assert!(text.contains("6.386"), "{text}");
+}
+
+#[test]
+fn stiff_bristles_take_substeps_or_are_refused() {
+    let stiff = ["--set", "friction.law=lugre", "--set", "friction.bristle_stiffness_n_per_mm=3e5"];
+    let run = ["simulate", "--speed-mm-s", "120", "--scheme", "published"];
+    assert!(said(&[&run[..], &stiff].concat()).contains("substeps per step: 3"));
+    let checked = parsed(&[&["check", "--json"], &stiff[..]].concat());
+    let limit = &checked["at_rest"][1]["step_limit_us"]["bristle"];
+    assert!((5.0..36.0).contains(&limit.as_f64().unwrap()), "{limit}");
+    let folder = folder("stiff-bristles");
+    for target in ["c", "st"] {
+        let arguments = ["export", target, "--out", folder.to_str().unwrap()];
+        says(&hydroboom(&[&arguments[..], &stiff].concat()), "2 g/(sigma_0 |v|)");
+    }
+}

@@ -1,0 +1,62 @@
+//! Samples that no sensor of the machine can have measured.
+
+use crate::channel::Measurement;
+use crate::dimension::Dimension;
+use crate::mapping::Mapping;
+use crate::signal::Signal;
+use std::ops::Range;
+
+/// Pressures that a gauge of a crane can show \[Pa\]: not below vacuum, and ten times what pumps of cranes deliver at most.
+const PRESSURES: Range<f64> = -1.2e5..4000e5;
+/// Positions that an encoder can show, in strokes of the cylinder: its own length too.
+const STROKES: Range<f64> = -5.0..10.0;
+/// Speeds that an encoder can show, in largest speeds of the motor.
+const SPEEDS: f64 = 5.0;
+/// Largest share of a signal's samples that are outliers: of more, unit or signal is another.
+const MOST: f64 = 0.01;
+
+impl Mapping {
+    /// Takes samples out of a log that no sensor can have measured (lost telegrams, as -9999 or 65535), for a cylinder with a stroke \[m\] and
+    /// a motor with a largest speed \[rev/s\]: they are missing from then on. Says how many there are of each signal, and where.
+    pub fn without_outliers(
+        &self,
+        log: &mut Measurement,
+        stroke: f64,
+        motor_speed: f64,
+    ) -> Vec<String> {
+        let mut said = Vec::new();
+        for (signal, entry) in &self.entries {
+            let (Some(unit), Some(channel)) = (entry.unit, log.channel_mut(&entry.column)) else {
+                continue;
+            };
+            let is_outlier = |number: &f64| {
+                let value = entry.si(&unit, *number);
+                number.is_finite() && !plausible(*signal, stroke, motor_speed).contains(&value)
+            };
+            let count = channel.values.iter().filter(|v| is_outlier(v)).count();
+            let Some(first) = channel.values.iter().position(is_outlier) else { continue };
+            if count as f64 > MOST * channel.values.len() as f64 {
+                continue;
+            }
+            said.push(format!(
+                "{count} samples of \"{}\" cannot be {}, the first {:?} at {:.3} s: they count as missing",
+                channel.heading,
+                signal.symbol(),
+                channel.values[first],
+                channel.time[first]
+            ));
+            channel.values.iter_mut().filter(|v| is_outlier(v)).for_each(|v| *v = f64::NAN);
+        }
+        said
+    }
+}
+
+/// What a sensor of a signal can show, in SI units.
+fn plausible(signal: Signal, stroke: f64, motor_speed: f64) -> Range<f64> {
+    match signal.dimension() {
+        Dimension::Pressure => PRESSURES,
+        Dimension::Length => STROKES.start * stroke..STROKES.end * stroke,
+        Dimension::Rotation => -SPEEDS * motor_speed..SPEEDS * motor_speed,
+        _ => f64::NEG_INFINITY..f64::INFINITY,
+    }
+}
