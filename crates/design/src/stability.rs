@@ -6,6 +6,7 @@ use crate::unstable_poles::unstable_poles;
 use crate::{Actuation, DesignError, DesignReport, LinearisedPlant, Loop};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_math::Real;
 use serde::Serialize;
 use std::fmt;
 
@@ -135,10 +136,13 @@ pub fn with_identified(model: &Description, crane: &Description) -> Description 
     let mut known = model.clone();
     let n = &mut known.numbers;
     let limits = (n.tuning.estimator_lowest_transition, n.tuning.estimator_highest_transition);
-    n.transition = crane.numbers.transition.clamp(limits.0, limits.1);
+    n.transition = Real::clamp(crane.numbers.transition, limits.0, limits.1);
     let drive = Actuation::of(crane).drive[0];
-    n.tuning.estimator_drive_lag =
-        drive.clamp(n.tuning.estimator_shortest_drive_lag, n.tuning.estimator_longest_drive_lag);
+    n.tuning.estimator_drive_lag = Real::clamp(
+        drive,
+        n.tuning.estimator_shortest_drive_lag,
+        n.tuning.estimator_longest_drive_lag,
+    );
     known
 }
 
