@@ -6,6 +6,7 @@ mod calibrate;
 mod check;
 mod crane_file;
 mod design;
+mod difference_text;
 mod doctor;
 mod eigen;
 mod energy;
@@ -40,6 +41,7 @@ mod tip;
 mod trials;
 mod tune;
 mod validate;
+mod verdict_text;
 mod virtual_crane;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
