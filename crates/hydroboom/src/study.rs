@@ -5,6 +5,7 @@ use crate::paths::{InputFile, OutputFolder};
 use crate::{eigen, energy, motion, output};
 use clap::Args;
 use hydroboom_description::Description;
+use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::study::{NOMINAL, OFF, VIRTUAL};
 use hydroboom_lab::{claims, report, study};
 use miette::{IntoDiagnostic, Result};
@@ -96,24 +97,20 @@ impl Study {
             output::table(&header, &differences)
         );
         said += &format!("\n\n{}", motion::table(&result.motion));
-        let pair = |[rms, peak]: [f64; 2]| format!("{rms:.3} / {peak:.3}");
         let damping: Vec<Vec<String>> = result
             .double_damping
             .iter()
-            .map(|d| {
-                vec![
-                    d.plant.clone(),
-                    d.course.clone(),
-                    pair(d.benchmark_mm),
-                    pair(d.damped_twice_mm),
-                    pair(d.damped_once_mm),
-                ]
+            .flat_map(|d| {
+                d.laws().map(|(law, error)| {
+                    let names = [d.plant.clone(), d.course.clone(), law.to_string()];
+                    names.into_iter().chain(error.cells().map(three)).collect()
+                })
             })
             .collect();
-        let header = ["plant", "course", "benchmark", "as published", "on p - p_sim"];
+        let mut header = vec!["plant", "course", "law"];
+        header.extend(TrackingError::HEADS);
         said += &format!(
-            "\n\nSimulation feedforward in closed loop damps twice, RMS / peak [mm]; last: pressure feedback on \
-             what differs from the simulation\n{}",
+            "\n\nSimulation feedforward in closed loop damps twice\n{}",
             output::table(&header, &damping)
         );
         output::text(&format!(

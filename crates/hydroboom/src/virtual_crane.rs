@@ -188,11 +188,10 @@ impl Virtual {
             return output::json(&value);
         }
         let mut said = format!("{}: {:.3} s", crane.name, summary.duration_s);
-        if let (Some(rms), Some(peak), Some(true_rms)) =
-            (summary.rms_mm, summary.peak_mm, summary.true_rms_mm)
-        {
+        let [rms, rms_measured, peak, peak_measured] = summary.error.cells();
+        if rms.is_finite() {
             said += &format!(
-                ", tracking error RMS {rms:.3} mm and peak {peak:.3} mm as measured, RMS {true_rms:.3} mm in truth"
+                ", tracking error RMS true {rms:.3} mm, measured {rms_measured:.3} mm, peak true {peak:.3} mm, measured {peak_measured:.3} mm"
             );
         }
         said += &format!(

@@ -82,7 +82,7 @@ fn a_new_crane_file_has_what_a_machine_has() {
             .as_array()
             .unwrap()
             .iter()
-            .map(|row| row["rms_mm"].clone())
+            .map(|row| row["rms_true_mm"].clone())
             .collect::<Vec<_>>()
     };
     assert_eq!(errors(&["--crane", path]), errors(&[]));
@@ -329,15 +329,28 @@ fn results_for_machines_have_the_promised_names() {
     let folder = folder("study");
     let study = parsed(&["study", "--json", "--out", folder.to_str().unwrap()]);
     keys(&study["eigenfrequency"][0], &row);
-    let row =
-        ["plant", "strategy", "speed_mm_s", "rms_mm", "peak_mm", "paper_rms_mm", "paper_peak_mm"];
+    let row = [
+        "plant",
+        "strategy",
+        "speed_mm_s",
+        "rms_true_mm",
+        "rms_measured_mm",
+        "peak_true_mm",
+        "peak_measured_mm",
+        "paper_rms_mm",
+        "paper_peak_mm",
+    ];
     keys(&study["motion"][0], &row);
+    for row in study["motion"].as_array().unwrap() {
+        let differs = row["rms_true_mm"] != row["rms_measured_mm"];
+        assert_eq!(differs, row["plant"] == "virtual", "{row}");
+    }
     keys(&study["energy"], &["audits", "numerical_damping"]);
     keys(&study["claims"][0], &["compares", "unit", "paper_stated", "paper_tables", "plants"]);
     keys(&study["claims"][6]["plants"][2], &["plant", "measured", "true", "worse_than_paper"]);
     let row = ["signal", "paper_rms", "virtual_rms", "off_model_rms", "virtual_peak"];
     keys(&study["differences"][0], &row);
-    keys(&study["double_damping"][1], &["plant", "benchmark_mm", "damped_once_mm"]);
+    keys(&study["double_damping"][1], &["plant", "benchmark", "damped_once"]);
     let report = std::fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(!report.contains("http://") || !report.contains("src=\"http"), "not self-contained");
     for claim in study["claims"].as_array().unwrap() {
@@ -527,8 +540,10 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let row = [
         "trial",
         "strategy",
-        "rms_mm",
-        "peak_mm",
+        "rms_true_mm",
+        "rms_measured_mm",
+        "peak_true_mm",
+        "peak_measured_mm",
         "motor_speed_rpm",
         "motor_ripple_rpm",
         "energy_kj",
@@ -541,7 +556,8 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     assert!(page.contains("S-curve") && page.contains("scheduled-lqr"), "{page}");
     // one row has who steers beside each other
     for both in made["trials"].as_array().unwrap().chunks(2) {
-        let errors = both.iter().map(|o| format!("<td>{:.3}</td>", o["rms_mm"].as_f64().unwrap()));
+        let errors =
+            both.iter().map(|o| format!("<td>{:.3}</td>", o["rms_true_mm"].as_f64().unwrap()));
         let row = format!(
             "<td>{}</td>{}",
             both[0]["trial"].as_str().unwrap(),

@@ -10,7 +10,7 @@
 //! ```
 
 use crate::LabError;
-use crate::closed_loop::metrics::Metrics;
+use crate::closed_loop::metrics::{Metrics, TrackingError};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulated_crane::SimulatedCrane;
@@ -30,12 +30,23 @@ pub struct DoubleDamping {
     /// Name of the course.
     pub course: String,
     /// The benchmark controller.
-    pub benchmark_mm: [f64; 2],
+    pub benchmark: TrackingError,
     /// Simulation feedforward in closed loop, as published: damped in the simulation and again on the
     /// plant.
-    pub damped_twice_mm: [f64; 2],
+    pub damped_twice: TrackingError,
     /// The same with the pressure feedback acting on p − p_sim: damped once.
-    pub damped_once_mm: [f64; 2],
+    pub damped_once: TrackingError,
+}
+
+impl DoubleDamping {
+    /// Each law with its error.
+    pub fn laws(&self) -> [(&'static str, TrackingError); 3] {
+        [
+            ("benchmark", self.benchmark),
+            ("published: damped twice", self.damped_twice),
+            ("pressure feedback on p - p_sim: damped once", self.damped_once),
+        ]
+    }
 }
 
 /// The three along a course: two from `runs` on the plant, where both have been run along it, and the
@@ -51,8 +62,8 @@ pub fn double_damping(
     course: &dyn Course,
     runs: &[Run],
 ) -> Result<DoubleDamping, LabError> {
-    let known = |strategy| -> Result<[f64; 2], LabError> {
-        let of = |run: &Run| [run.rms() * 1e3, run.peak() * 1e3];
+    let known = |strategy| -> Result<TrackingError, LabError> {
+        let of = |run: &Run| run.metrics().tracking_error();
         let name = course.name();
         match runs.iter().find(|run| run.strategy == strategy && run.course == name) {
             Some(run) => Ok(of(run)),
@@ -62,9 +73,9 @@ pub fn double_damping(
     Ok(DoubleDamping {
         plant: plant_name.into(),
         course: course.name(),
-        benchmark_mm: known(Strategy::BenchmarkClosedLoop)?,
-        damped_twice_mm: known(Strategy::SimulationFeedforwardClosedLoop)?,
-        damped_once_mm: damped_once(model, plant, course)?,
+        benchmark: known(Strategy::BenchmarkClosedLoop)?,
+        damped_twice: known(Strategy::SimulationFeedforwardClosedLoop)?,
+        damped_once: damped_once(model, plant, course)?,
     })
 }
 
@@ -72,7 +83,7 @@ fn damped_once(
     model: &Description,
     plant: &Description,
     course: &dyn Course,
-) -> Result<[f64; 2], LabError> {
+) -> Result<TrackingError, LabError> {
     let law = model.benchmark();
     let area_ratio = model.cylinder().area_ratio();
     let start = course.reference(0.0).position;
@@ -108,5 +119,5 @@ fn damped_once(
             crane.advance(&command).map_err(LabError::during("damped once"))?;
         }
     }
-    Ok([metrics.rms() * 1e3, metrics.peak() * 1e3])
+    Ok(metrics.tracking_error())
 }

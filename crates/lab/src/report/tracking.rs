@@ -6,6 +6,7 @@ use super::figure::{Axes, Figure, Series};
 use super::palette::{NEUTRAL, colour_of};
 use super::validation;
 use crate::LabError;
+use crate::closed_loop::metrics::TrackingError;
 use crate::closed_loop::sample::Sample;
 use crate::{motion_test::Row, motion_test::Run};
 use hydroboom_control::strategy::Strategy;
@@ -81,6 +82,9 @@ pub fn panels<'a>(
         }
     })
 }
+
+/// Said in place of a second column.
+pub const IDEAL_SENSORS: &str = "Sensors are ideal: the measured error is the true one.";
 
 /// What a page of motion tests shows.
 pub struct MotionTests<'a> {
@@ -161,17 +165,26 @@ pub(super) fn here(row: &Row, mm: f64) -> Markup {
 
 fn table(rows: &[Row]) -> Markup {
     let optional = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"));
+    let beside_paper = rows.iter().any(|row| row.paper_rms_mm.is_some());
+    let ideal = rows.iter().all(|row| row.error.is_measured_truly());
+    let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
     html! {
         div.wide { table {
             thead { tr {
-                th { "strategy" } th { "RMS, paper [mm]" } th { "RMS, here" }
-                th { "peak, paper [mm]" } th { "peak, here" }
+                th { "strategy" }
+                @if beside_paper { th { "RMS paper [mm]" } }
+                th { (rms_true) } @if !ideal { th { (rms_measured) } }
+                @if beside_paper { th { "peak paper [mm]" } }
+                th { (peak_true) } @if !ideal { th { (peak_measured) } }
             } }
             tbody { @for r in rows { tr {
                 td { (r.strategy.name()) }
-                td { (optional(r.paper_rms_mm)) } (here(r, r.rms_mm))
-                td { (optional(r.paper_peak_mm)) } (here(r, r.peak_mm))
+                @if beside_paper { td { (optional(r.paper_rms_mm)) } }
+                (here(r, r.error.rms_true_mm)) @if !ideal { (here(r, r.error.rms_measured_mm)) }
+                @if beside_paper { td { (optional(r.paper_peak_mm)) } }
+                (here(r, r.error.peak_true_mm)) @if !ideal { (here(r, r.error.peak_measured_mm)) }
             } } }
         } }
+        @if ideal { p.soft { (IDEAL_SENSORS) } }
     }
 }
