@@ -52,7 +52,7 @@ pub fn run(
         return output::json(&json!({
             "asked": count, "family": rows, "seed": seed, "variations": variations(is_widened),
             "strategies": strategies, "courses": names, "cranes": cranes,
-            "machine": choice.json(),
+            "plant": choice.json(),
         }));
     }
     output::text(&format!(
@@ -108,7 +108,7 @@ fn beside_the_benchmark(rows: &[Row]) -> String {
         "RMS measured",
         "less RMS true on [%]",
         "largest motor speed",
-        "energy",
+        "motor energy",
     ];
     let mut cells: Vec<Vec<String>> = others
         .iter()

@@ -10,7 +10,7 @@ use hydroboom_description::{Description, Difference};
 use hydroboom_design::stability::stability_of;
 use hydroboom_lab::calibrate::differences;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
-use hydroboom_lab::closed_loop::metrics::TrackingError;
+use hydroboom_lab::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
 use hydroboom_lab::motion_test::{Row, oscillation_remarks, run, run_all};
@@ -78,10 +78,11 @@ impl MotionTests {
         let (mut choice, mut name) = self.choice()?;
         if !self.plant_set.is_empty() {
             let mut plant = choice.machine.clone();
-            self.plant_set.iter().try_for_each(|assignment| plant.set(assignment))?;
+            plant.set_together(self.plant_set.iter().map(String::as_str))?;
             name = if choice.is_virtual() { format!("{name}, changed") } else { "changed".into() };
             choice = choice.with_machine(plant);
         }
+        let is_papers_crane = self.crane.is_papers_crane()?;
         let (model, plant) = (&choice.model, &choice.machine);
         let courses = match &self.scenario {
             Some(name) => vec![CourseChoice::Scenario(name.clone())],
@@ -115,7 +116,11 @@ impl MotionTests {
         }
         bar.finish_and_clear();
         let loops = stability_of(&Strategy::ALL, model, plant).into_diagnostic()?;
-        let rows: Vec<Row> = runs.iter().map(|run| Row::of(&name, run)).collect();
+        let rows: Vec<Row> = runs
+            .iter()
+            .map(|run| Row::of(&name, run))
+            .map(|row| if is_papers_crane { row } else { row.without_paper() })
+            .collect();
         // Table 6: the published model along the last course, the fast motion unless it is a scenario
         let velocity_feedforward =
             runs.iter().rfind(|run| run.strategy == Strategy::VelocityFeedforward);
@@ -145,6 +150,7 @@ impl MotionTests {
                 plant: &plant,
                 runs: &runs,
                 alongside: alongside.as_ref(),
+                is_papers_crane,
                 remark: choice.equality(),
             });
             output::page_in_folder(folder, "motion", &page.into_diagnostic()?, None);
@@ -155,7 +161,7 @@ impl MotionTests {
         }
         if self.json {
             return output::json(&json!({
-                "motion": rows, "plant_changes": effects, "differences": table_6, "machine": choice.json(),
+                "motion": rows, "plant_changes": effects, "differences": table_6, "plant": choice.json(),
                 "stable": loops.iter().all(|of| of.stable) && rows.iter().all(|row| row.stable),
                 "loops": loops,
             }));
@@ -397,15 +403,19 @@ pub fn table(rows: &[Row]) -> String {
         peak_true,
         peak_measured,
         "tip rings [mm]",
-        "energy [kJ]",
+        "motor energy [kJ]",
         "motor [rpm]",
     ];
     let remarks: String =
         oscillation_remarks(rows).iter().map(|remark| format!("\n{remark}")).collect();
+    let title = match beside_paper {
+        true => "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane.",
+        false => "Tracking error x - x_ref [mm].",
+    };
     format!(
-        "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane. The scheduled LQR is ours, and looks\n\
+        "{title} The scheduled LQR is ours, and looks\n\
          0.4 s along the path.\n\
-         Beside it the RMS of the tip's vibration at rest, the motor's work, and its largest speed.\n{}{sensors}{remarks}",
+         Beside it the RMS of the tip's vibration at rest, the motor energy and the largest motor speed.\n{MOTOR_ENERGY}\n{}{sensors}{remarks}",
         output::table(&kept(&header, left_out), &cells)
     )
 }

@@ -69,7 +69,7 @@ impl Trials {
             output::page_in_folder(folder, "trials", &page, None);
         }
         if self.json {
-            return output::json(&json!({ "trials": outcomes, "machine": choice.json() }));
+            return output::json(&json!({ "trials": outcomes, "plant": choice.json() }));
         }
         let rows: Vec<Vec<String>> = outcomes.iter().map(row).collect();
         let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;

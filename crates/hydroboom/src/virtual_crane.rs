@@ -116,9 +116,7 @@ impl Virtual {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
             None => Description::uia_single_boom()?,
         };
-        for assignment in &self.model_set {
-            model.set_within_range(assignment)?;
-        }
+        model.set_together_within_range(self.model_set.iter().map(String::as_str))?;
         if let Some(path) = &self.survey {
             let order = SurveyOrder {
                 loads: [0.0, model.numbers.payload],

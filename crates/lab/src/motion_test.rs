@@ -111,6 +111,12 @@ pub struct Row {
 }
 
 impl Row {
+    /// The same without the paper's figures: they belong to its own crane.
+    #[must_use]
+    pub fn without_paper(self) -> Self {
+        Self { paper_rms_mm: None, paper_peak_mm: None, ..self }
+    }
+
     /// The row of a run on the named plant.
     pub fn of(plant: &str, run: &Run) -> Self {
         let (speed_mm_s, metrics) = (run.speed * 1e3, run.metrics());

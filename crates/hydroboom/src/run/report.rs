@@ -67,7 +67,7 @@ impl Report<'_> {
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
             "simulated_time": self.simulated.map(|s| s.error),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
-            "machine": self.cranes.json(),
+            "plant": self.cranes.json(),
         })
     }
 

@@ -14,12 +14,17 @@ const WINDOW: f64 = 1.0;
 /// Time before a motion in which a controller that knows it ahead may begin with it \[s\].
 const AHEAD: f64 = 0.5;
 
+/// What motor energy is, where it stands in a table.
+pub const MOTOR_ENERGY: &str = "\
+Motor energy: the positive part of the motor's shaft power (torque times speed), integrated over the whole course, rests included; what flows back is not credited.";
+
 /// What a course cost and left, beside its tracking error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Effort {
     /// Largest motor speed.
     pub motor_speed_rpm: f64,
-    /// Work of the motor, what flows back not counted.
+    /// Motor energy: the positive part of the motor's shaft power, torque times speed, integrated over the whole course, rests included. What flows back
+    /// through the shaft is not credited.
     pub energy_kj: f64,
     /// Largest deflection of the tip.
     pub tip_deflection_mm: f64,

@@ -4,7 +4,7 @@ use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure, rows_as_csv};
 use super::palette::{colour_of_controller, paint};
 use super::pareto::{Pareto, ParetoPoint};
-use crate::closed_loop::metrics::TrackingError;
+use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::monte_carlo::{Percentiles, Row, variations};
 use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
@@ -48,6 +48,7 @@ pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows:
             (table(&of(course)))
             (beside_the_benchmark(&of(course)))
         }
+        p.soft { (MOTOR_ENERGY) }
         (explanation())
     };
     document(&format!("A family of virtual cranes: {crane}"), &body)
@@ -72,7 +73,7 @@ fn pareto(rows: &[&Row]) -> Markup {
             drawn("largest motor speed, times the benchmark's", |r| r.motor_speed_over_benchmark),
             "largest motor speed",
         ),
-        (drawn("energy, times the benchmark's", |r| r.energy_over_benchmark), "energy"),
+        (drawn("motor energy, times the benchmark's", |r| r.energy_over_benchmark), "motor energy"),
     ];
     html! {
         div.pair {
@@ -130,7 +131,7 @@ fn beside_the_benchmark(rows: &[&Row]) -> Markup {
         } }
         div.wide { table {
             thead { tr {
-                th { "strategy" } th { "largest motor speed" } th { "energy" }
+                th { "strategy" } th { "largest motor speed" } th { "motor energy" }
             } }
             tbody { @for r in &others {
                 tr {

@@ -97,6 +97,8 @@ pub struct MotionTests<'a> {
     /// The published model along the same course as the fastest velocity feedforward run, for
     /// figures 18 to 23.
     pub alongside: Option<&'a Run>,
+    /// Whether the crane is the paper's: its figures stand beside no other.
+    pub is_papers_crane: bool,
     /// What is to be said of the plant, if anything.
     pub remark: Option<&'a str>,
 }
@@ -117,8 +119,12 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
             tests.runs.iter().find(|run| run.strategy == strategy && run.course == course)
         };
         let reference = tests.runs.iter().find(|run| run.course == course);
-        let rows: Vec<Row> =
-            Strategy::ALL.into_iter().filter_map(of).map(|run| Row::of(tests.plant, run)).collect();
+        let rows: Vec<Row> = Strategy::ALL
+            .into_iter()
+            .filter_map(of)
+            .map(|run| Row::of(tests.plant, run))
+            .map(|row| if tests.is_papers_crane { row } else { row.without_paper() })
+            .collect();
         sections.push((course, table(&rows), panels(of, reference, tests.plant)?));
     }
     let compared = match tests.alongside {
@@ -136,7 +142,8 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     let body = html! {
         p.soft {
             "Simulated: the model steers, the " (tests.plant) " follows, and is seen through its sensors. "
-            "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement. "
+            @if tests.is_papers_crane { "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement. " }
+            @else { "Nothing here is a measurement. " }
             "The scheduled LQR looks 0.4 s along the path; the published strategies are told no more than where it is."
             @if let Some(remark) = tests.remark { " " strong { (remark) } "." }
         }

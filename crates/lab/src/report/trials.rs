@@ -5,7 +5,7 @@ use super::drawing_data::{Drawing, figure};
 use super::palette::colour_of_controller;
 use super::{Bar, Bars};
 use crate::closed_loop::controller_choice::ControllerChoice;
-use crate::closed_loop::metrics::TrackingError;
+use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::robustness::Outcome;
 use maud::{Markup, html};
 
@@ -25,6 +25,7 @@ pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> P
         }
         h2 { "All trials" }
         (overview(&names, outcomes))
+        p.soft { (MOTOR_ENERGY) }
         @for name in &names {
             @let of: Vec<&Outcome> = outcomes.iter().filter(|o| o.trial == *name).collect();
             h2 { (name) }
@@ -112,7 +113,7 @@ fn table(rows: &[&Outcome]) -> Markup {
         div.wide { table {
             thead { tr {
                 th { "strategy" } @for head in TrackingError::HEADS { th { (head) } } th { "motor peak [rpm]" } th { "motor ripple at rest [rpm]" }
-                th { "energy [kJ]" } th { "tip deflection [mm]" } th { "tip vibration at rest [mm]" } th { "" }
+                th { "motor energy [kJ]" } th { "tip deflection [mm]" } th { "tip vibration at rest [mm]" } th { "" }
             } }
             tbody { @for o in rows {
                 tr {
