@@ -6,8 +6,16 @@ use crate::parse::SEGMENT_LENGTHS;
 use crate::schema::KEYS;
 
 /// Sections that are no part of a machine: its controllers, its supervision, its tests.
-const AROUND: [&str; 7] =
-    ["controller", "estimator", "scheduled_lqr", "tip", "motion", "oscillation", "supervision"];
+const AROUND: [&str; 8] = [
+    "controller",
+    "benchmark_design",
+    "estimator",
+    "scheduled_lqr",
+    "tip",
+    "motion",
+    "oscillation",
+    "supervision",
+];
 
 /// One key with two values.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +35,12 @@ impl Difference {
     /// sensors, fieldbus, the virtual crane's time step and seed.
     pub fn is_of_equipment(&self) -> bool {
         self.key.split_once('.').is_some_and(|(section, _)| is_equipment(section))
+    }
+
+    /// Whether it is of the machine itself: not of what is around it, and not of its equipment.
+    pub fn is_of_machine(&self) -> bool {
+        let section = self.key.split_once('.').map_or("", |(section, _)| section);
+        !AROUND.contains(&section) && !is_equipment(section)
     }
 
     /// How much it matters, larger for more: as [`by_weight`] says, then by size.

@@ -72,6 +72,9 @@ fn mistaken_units(unit: &str) -> &'static [(&'static str, f64)] {
     }
 }
 
+/// Section of a file of overrides, which a crane file does not have.
+const OVERRIDES: &str = "set";
+
 /// What is wrong with a number for a key, if anything: message and help.
 fn number_problem(key: &Key, value: f64) -> Option<(String, String)> {
     if value.is_finite() && (key.low..=key.high).contains(&value) {
@@ -359,6 +362,11 @@ impl Description {
         if errors.is_empty() {
             for (section, body) in document.get_ref().iter() {
                 let section_name = section.get_ref();
+                if section_name == OVERRIDES {
+                    let message = "this file is a list of overrides, and no crane file".into();
+                    let help = "hydroboom motion --plant FILE applies it to the plant; elsewhere give its keys by --set section.key=value".into();
+                    return Err(DescriptionError::of(file, message, Some(help)));
+                }
                 match body.get_ref().as_table() {
                     Some(table) => {
                         for (key, value) in table.iter() {

@@ -19,6 +19,19 @@ pub enum DesignError {
     /// A reduced model that cannot be fitted.
     #[error("the reduced model cannot be fitted: {0}")]
     NoFit(String),
+    /// Gains that keep the margins do not exist.
+    #[error(
+        "no gains of the benchmark keep the largest sensitivity below {sensitivity_peak} for payloads of {low_kg:.0} to {high_kg:.0} kg over the stroke; a narrower \
+         range of payloads, or a larger benchmark_design.sensitivity_peak, may have some"
+    )]
+    NoGains {
+        /// Largest sensitivity that is allowed.
+        sensitivity_peak: f64,
+        /// Smallest payload.
+        low_kg: f64,
+        /// Largest payload.
+        high_kg: f64,
+    },
     /// A crane whose boom does not ring on its oil.
     #[error("at {stroke_mm:.0} mm the crane has no mode in which boom and oil ring: {reason}")]
     NoMode {

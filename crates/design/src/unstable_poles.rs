@@ -5,7 +5,7 @@ use nalgebra::Complex;
 use std::f64::consts::{PI, TAU};
 
 /// What grows more slowly is not counted \[1/s\].
-const SLOW: f64 = 0.25;
+pub(crate) const SLOW: f64 = 0.25;
 
 /// Highest frequency that is looked at \[Hz\], and points below it to begin with.
 const HIGHEST: f64 = 400.0;

@@ -178,6 +178,11 @@ fn beside(at: &Path) -> io::Result<NamedTempFile> {
     if prefix.len() > LONGEST_PREFIX {
         prefix = OsString::from("output.");
     }
+    let folder = folder_of(at);
+    if !folder.is_dir() {
+        let said = format!("there is no folder {}", folder.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, said));
+    }
     let file = tempfile::Builder::new()
         .prefix(&prefix)
         .suffix(".partial")

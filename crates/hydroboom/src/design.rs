@@ -1,8 +1,9 @@
 //! `hydroboom design`
 
+use crate::benchmark_gains;
 use crate::crane_file::CraneFile;
 use crate::output;
-use crate::paths::OutputFolder;
+use crate::paths::{OutputFile, OutputFolder};
 use clap::Args;
 use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_description::Description;
@@ -14,12 +15,16 @@ use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
+/// Smallest and largest payload \[kg\].
+type Payloads = [f64; 2];
+
 /// Loops of the benchmark and of the scheduled LQR before anything moves: natural frequency of the load, stability margins, Bode figures; observability of the estimator's states.
 #[derive(Args)]
 #[command(after_help = "Examples:
   hydroboom design --out design
   hydroboom design --set controller.proportional_per_s=6
   hydroboom design --observability
+  hydroboom design --benchmark --crane my-crane.toml --crane-out tuned.toml
   \
     hydroboom design --family 50")]
 pub struct Design {
@@ -34,6 +39,16 @@ pub struct Design {
     /// By how much each phase of the motion alone brings down the standard deviation of each state that the Kalman filter estimates.
     #[arg(long, conflicts_with_all = ["family", "out"])]
     observability: bool,
+    /// Find gains of the benchmark controller for this crane: K_p, K_i, k_f and tau with the largest sensitivity of the key
+    /// benchmark_design.sensitivity_peak, over the crane file's payload range and the stroke.
+    #[arg(long, conflicts_with_all = ["family", "observability", "out"])]
+    benchmark: bool,
+    /// With --benchmark: payloads that the gains are robust over, in place of the crane file's range.
+    #[arg(long, value_name = "LOW:HIGH", requires = "benchmark", value_parser = benchmark_gains::payloads)]
+    payload_kg: Option<Payloads>,
+    /// With --benchmark: write the crane file with these gains, and where they come from.
+    #[arg(long, value_name = "FILE", requires = "benchmark")]
+    crane_out: Option<OutputFile>,
     /// Write design.html into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<OutputFolder>,
@@ -46,6 +61,10 @@ impl Design {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
+        if self.benchmark {
+            let (payload, out) = (self.payload_kg, self.crane_out.as_ref());
+            return benchmark_gains::run(&self.crane, &crane, payload, out, self.json);
+        }
         if self.observability {
             return self.observability_of(&crane);
         }
@@ -74,7 +93,11 @@ impl Design {
         text += "\n\
             PM phase margin, GM gain margin, d modulus margin (smallest distance from -1), around a machine that is like the model, with the lags of drive and fieldbus.";
         for unstable in loops.iter().filter(|of| !of.stable) {
-            text += &format!("\n{unstable}; it has no margins there");
+            let remedy = match unstable.controller {
+                "benchmark" => "; `hydroboom design --benchmark` finds gains",
+                _ => "",
+            };
+            text += &format!("\n{unstable}; it has no margins there{remedy}");
         }
         if let Some(family) = &family {
             text += &format!("\n\n{}", over_family(family));

@@ -286,7 +286,7 @@ fn page(strategies: &[Strategy], faults: &[Fault], cases: &[Case]) -> Page {
         } }
         @let beyond: Vec<&Case> = cases.iter().filter(|c| !c.outcome.is_within_bounds()).collect();
         h2 { "Beyond their bounds: " (beyond.len()) }
-        (table(&beyond))
+        @if !beyond.is_empty() { (table(&beyond)) }
         h2 { "Every case" }
         (table(&cases.iter().collect::<Vec<_>>()))
     };

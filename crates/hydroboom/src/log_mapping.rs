@@ -17,13 +17,13 @@ pub struct LogMapping {
     #[arg(long, value_name = "FILE")]
     mapping: Option<InputFile>,
     /// Interval of the rows of a text file, where no column tells their time; takes precedence over a time column.
-    #[arg(long, value_name = "MS", value_parser = sample_time)]
+    #[arg(long, value_name = "MS", value_parser = sample_time, allow_negative_numbers = true)]
     sample_time_ms: Option<f64>,
 }
 
 fn sample_time(text: &str) -> std::result::Result<f64, String> {
     let interval = text.parse::<f64>().ok().filter(|ms| (1e-6..=1e9).contains(ms));
-    interval.ok_or_else(|| "an interval in ms, more than zero".into())
+    interval.ok_or_else(|| "it is an interval from 1e-6 to 1e9 ms".into())
 }
 
 impl LogMapping {

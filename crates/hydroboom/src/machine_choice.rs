@@ -3,6 +3,7 @@
 use crate::crane_file::{CraneFile, self_contained, text};
 use crate::{origin, output};
 use hydroboom_description::{Description, Difference, FilledIn, UIA_VIRTUAL, by_weight};
+use hydroboom_design::benchmark_design::Gains;
 use miette::Result;
 use serde_json::{Value, json};
 use std::ffi::OsString;
@@ -113,6 +114,12 @@ impl MachineChoice {
     pub fn with_machine(self, machine: Description) -> Self {
         let differences = by_weight(self.model.differences(&machine));
         Self { machine, differences, ..self }
+    }
+
+    /// The same with other gains of the benchmark.
+    pub fn with_benchmark_gains(self, gains: &Gains) -> Self {
+        let (model, machine) = (gains.put(&self.model), gains.put(&self.machine));
+        Self { model, ..self }.with_machine(machine)
     }
 
     /// Whether the machine is a virtual crane, with its equipment.

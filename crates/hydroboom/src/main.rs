@@ -2,6 +2,7 @@
 
 mod ablate;
 mod bench;
+mod benchmark_gains;
 mod calibrate;
 mod check;
 mod crane_file;

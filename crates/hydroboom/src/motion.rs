@@ -3,10 +3,11 @@
 use crate::crane_file::{CraneFile, text};
 use crate::machine_choice::{MachineChoice, Source};
 use crate::paths::{InputFile, OutputFolder};
-use crate::{family, output};
+use crate::{benchmark_gains, family, output};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, Difference};
+use hydroboom_design::benchmark_design::{Gains, payload_range};
 use hydroboom_design::stability::stability_of;
 use hydroboom_lab::calibrate::differences;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
@@ -57,6 +58,10 @@ pub struct MotionTests {
     /// Run a scenario in place of the motion at both speeds; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME")]
     scenario: Option<String>,
+    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains, and not tuned with
+    /// them, takes those of `hydroboom design --benchmark` otherwise.
+    #[arg(long)]
+    gains_as_given: bool,
     /// Override a key of the plant only; can be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     plant_set: Vec<String>,
@@ -83,11 +88,22 @@ impl MotionTests {
             choice = choice.with_machine(plant);
         }
         let is_papers_crane = self.crane.is_papers_crane()?;
-        let (model, plant) = (&choice.model, &choice.machine);
         let courses = match &self.scenario {
             Some(name) => vec![CourseChoice::Scenario(name.clone())],
-            None => [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion).to_vec(),
+            None => {
+                let n = &choice.model.numbers;
+                [n.slow, n.fast].map(CourseChoice::Motion).to_vec()
+            }
         };
+        let mut gains = None;
+        if !self.gains_as_given {
+            let payloads = self.payloads(&choice, &courses)?;
+            (choice, gains) = benchmark_gains::for_comparison(choice, payloads)?;
+        }
+        let (model, plant) = (&choice.model, &choice.machine);
+        if self.family.is_some() {
+            gains.iter().for_each(|remark| output::warn(remark));
+        }
         if let Some(count) = self.family {
             let out = self.out.as_deref();
             let controllers =
@@ -145,13 +161,21 @@ impl MotionTests {
                 Source::CraneFile => name.clone(),
                 Source::MachineFile | Source::Model => format!("plant \"{name}\""),
             };
+            let unstable = loops.iter().filter(|of| !of.stable).map(ToString::to_string);
+            let remarks: Vec<String> = choice
+                .equality()
+                .map(String::from)
+                .into_iter()
+                .chain(gains.clone())
+                .chain(unstable)
+                .collect();
             let page = report::motion_page(&report::MotionTests {
                 crane: &model.name,
                 plant: &plant,
                 runs: &runs,
                 alongside: alongside.as_ref(),
                 is_papers_crane,
-                remark: choice.equality(),
+                remark: (!remarks.is_empty()).then(|| remarks.join(". ")).as_deref(),
             });
             output::page_in_folder(folder, "motion", &page.into_diagnostic()?, None);
         }
@@ -163,7 +187,7 @@ impl MotionTests {
             return output::json(&json!({
                 "motion": rows, "plant_changes": effects, "differences": table_6, "plant": choice.json(),
                 "stable": loops.iter().all(|of| of.stable) && rows.iter().all(|row| row.stable),
-                "loops": loops,
+                "loops": loops, "benchmark_gains": Gains::of(model), "remark_on_gains": gains,
             }));
         }
         let mut said = String::new();
@@ -203,9 +227,27 @@ impl MotionTests {
         if let Some(equality) = choice.equality() {
             said += &format!("{}: {equality}\n", choice.name());
         }
+        if let Some(remark) = &gains {
+            said += &format!("{remark}\n");
+        }
         let unstable: String =
             loops.iter().filter(|of| !of.stable).map(|of| format!("\n{of}")).collect();
         output::text(&format!("{said}{}{unstable}", table(&rows)))
+    }
+
+    /// Payloads \[kg\] that hang in the comparison: of the model, of the plant, and on the way; in a family those of the crane file.
+    fn payloads(&self, choice: &MachineChoice, courses: &[CourseChoice]) -> Result<[f64; 2]> {
+        let (model, plant) = (&choice.model, &choice.machine);
+        let mut all = vec![model.numbers.payload, plant.numbers.payload];
+        if self.family.is_some() {
+            all.extend(payload_range(model));
+        }
+        for course in courses {
+            let course = course.of(plant).into_diagnostic()?;
+            all.extend(course.loads().iter().map(|load| load.mass));
+        }
+        let [least, most] = [f64::min, f64::max].map(|of| all.iter().copied().reduce(of));
+        Ok([least.unwrap_or(0.0), most.unwrap_or(0.0)])
     }
 
     /// What is run on, and its name in tables.

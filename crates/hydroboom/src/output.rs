@@ -191,7 +191,9 @@ fn without_commands(text: &str) -> String {
 pub fn escaped(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for letter in text.chars() {
-        match letter.is_control() && !matches!(letter, '\n' | '\t') {
+        // marks that turn the direction of writing around hide what stands there
+        let is_turning = matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        match is_turning || letter.is_control() && !matches!(letter, '\n' | '\t') {
             true => shown.extend(letter.escape_default()),
             false => shown.push(letter),
         }
@@ -245,6 +247,15 @@ pub fn optional(value: Option<f64>, digits: usize) -> String {
     value.map_or_else(|| "-".into(), |v| format!("{v:.digits$}"))
 }
 
+/// A number with four digits, very small and very large ones by their power of ten.
+pub fn short(value: f64) -> String {
+    let four: f64 = format!("{value:.3e}").parse().unwrap_or(value);
+    match four != 0.0 && !(1e-3..1e6).contains(&four.abs()) {
+        true => format!("{four:e}"),
+        false => four.to_string(),
+    }
+}
+
 /// A number with all its digits, small ones by their power of ten.
 pub fn number(value: f64) -> String {
     match value != 0.0 && value.abs() < 1e-3 {
@@ -259,6 +270,7 @@ mod tests {
 
     #[test]
     fn control_characters_are_shown_and_not_obeyed() {
+        assert_eq!(escaped("a\u{202e}b"), "a\\u{202e}b");
         assert_eq!(escaped("a\x1b[2Jb\r\u{9b}\tc\n"), "a\\u{1b}[2Jb\\r\\u{9b}\tc\n");
         // colours of our own messages stay
         assert_eq!(without_commands("\x1b[31mred\x1b[0m"), "\x1b[31mred\x1b[0m");

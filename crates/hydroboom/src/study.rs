@@ -119,9 +119,10 @@ impl Study {
             .double_damping
             .iter()
             .flat_map(|d| {
-                d.laws().map(|(law, error)| {
+                d.laws().map(|(law, error, stable)| {
                     let names = [d.plant.clone(), d.course.clone(), law.to_string()];
-                    names.into_iter().chain(error.cells().map(three)).collect()
+                    let cell = |mm| if stable { three(mm) } else { "unstable".into() };
+                    names.into_iter().chain(error.cells().map(cell)).collect()
                 })
             })
             .collect();

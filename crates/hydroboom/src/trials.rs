@@ -1,5 +1,6 @@
 //! `hydroboom trials`
 
+use crate::benchmark_gains;
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::output;
@@ -9,7 +10,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::baselines::Baseline;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
-use hydroboom_lab::closed_loop::robustness::{Outcome, robustness, run, shaping};
+use hydroboom_lab::closed_loop::robustness::{HEAVIEST, Outcome, robustness, run, shaping};
 use hydroboom_lab::report;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
@@ -38,6 +39,10 @@ pub struct Trials {
     /// Beside the benchmark and the scheduled LQR: the benchmark with numbers found anew, LQG, MPC.
     #[arg(long)]
     rivals: bool,
+    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains, and not tuned with
+    /// them, takes those of `hydroboom design --benchmark` otherwise.
+    #[arg(long)]
+    gains_as_given: bool,
     /// Write trials.html into this folder.
     #[arg(long, value_name = "DIR")]
     out: Option<OutputFolder>,
@@ -50,6 +55,13 @@ impl Trials {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let choice = MachineChoice::read(&self.crane, None)?;
+        // from the empty hook to the heaviest load of the trials
+        let payloads = [0.0, HEAVIEST * choice.machine.numbers.payload];
+        let (choice, gains) = match self.gains_as_given {
+            true => (choice, None),
+            false => benchmark_gains::for_comparison(choice, payloads)?,
+        };
+        gains.iter().for_each(|remark| output::warn(remark));
         let (model, crane) = (&choice.model, &choice.machine);
         let trials = match self.what {
             What::Robustness => robustness(model, crane),

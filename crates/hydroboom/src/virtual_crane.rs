@@ -187,7 +187,9 @@ impl Virtual {
         }
         let mut said = format!("{}: {:.3} s", crane.name, summary.duration_s);
         let [rms, rms_measured, peak, peak_measured] = summary.error.cells();
-        if rms.is_finite() {
+        if let Some(oscillation) = summary.sustained_oscillation {
+            said += &format!(", UNSTABLE, in sustained oscillation of {oscillation}");
+        } else if rms.is_finite() {
             said += &format!(
                 ", tracking error RMS true {rms:.3} mm, measured {rms_measured:.3} mm, peak true {peak:.3} mm, measured {peak_measured:.3} mm"
             );

@@ -48,7 +48,19 @@ fn what_a_language_cannot_say_is_refused_with_the_reason() {
     says(&hydroboom(&["export", "st", "--crane", &crane, "--out", &out]), "self-contained");
     assert!(!std::path::Path::new(&out).exists(), "something was written");
     std::fs::write(&out, "in the way").unwrap();
-    says(&hydroboom(&["export", "c", "--out", &out]), "cannot be written: File exists");
+    says(
+        &hydroboom(&["export", "c", "--out", &out]),
+        "is a file, and files are to be written into it",
+    );
+    // in single precision there is no test bench: that of an earlier export is told
+    std::fs::remove_file(&out).unwrap();
+    assert!(hydroboom(&["export", "st", "--out", &out]).status.success());
+    let output = hydroboom(&["export", "st", "--single", "--out", &out]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        said.contains("files of another export") && said.contains("PRG_TestBench.st"),
+        "{said}"
+    );
 }
 
 /// Scripts of earlier versions ask for it.

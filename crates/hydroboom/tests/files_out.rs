@@ -159,6 +159,7 @@ fn an_output_that_fails_costs_no_other() {
         assert!(!output.stdout.is_empty(), "{said}");
         let page = fs::read_to_string(&report).unwrap();
         assert!(page.ends_with("</html>"), "{said}");
+        fs::remove_dir_all(at("run-figures")).unwrap();
         assert!(fs::metadata(at("kept.json")).unwrap().len() > 100, "{said}");
         fs::remove_file(&report).unwrap();
     }

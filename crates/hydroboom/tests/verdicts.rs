@@ -38,12 +38,12 @@ fn design_tells_an_unstable_loop_in_place_of_its_margins() {
 
 #[test]
 fn motion_prints_no_error_of_a_run_in_sustained_oscillation() {
-    let text = said(&[&["motion"], &LIGHT[..]].concat());
+    let text = said(&[&["motion", "--gains-as-given"], &LIGHT[..]].concat());
     let row = |strategy: &str| text.lines().find(|line| line.starts_with(strategy)).unwrap();
     assert_eq!(row("benchmark-closed-loop").matches("unstable").count(), 2, "{text}");
     assert!(!row("scheduled-lqr").contains("unstable"), "{text}");
     assert!(text.contains("UNSTABLE, in sustained oscillation of "), "{text}");
-    let json = parsed(&[&["motion", "--json"], &LIGHT[..]].concat());
+    let json = parsed(&[&["motion", "--gains-as-given", "--json"], &LIGHT[..]].concat());
     let rows = json["motion"].as_array().unwrap();
     let of = |strategy: &str| rows.iter().find(|row| row["strategy"] == strategy).unwrap();
     let oscillation = &of("benchmark-closed-loop")["sustained_oscillation"];
@@ -122,5 +122,58 @@ fn stiff_bristles_take_substeps_or_are_refused() {
     for target in ["c", "st"] {
         let arguments = ["export", target, "--out", folder.to_str().unwrap()];
         says(&hydroboom(&[&arguments[..], &stiff].concat()), "2 g/(sigma_0 |v|)");
+    }
+}
+
+#[test]
+fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
+    let json = parsed(&[&["motion", "--json"], &LIGHT[..]].concat());
+    let remark = json["remark_on_gains"].as_str().unwrap();
+    assert!(remark.contains("the paper's gains are not tuned for this crane"), "{remark}");
+    assert_eq!(json["stable"], true, "{json}");
+    let rows = json["motion"].as_array().unwrap();
+    let rms = |strategy: &str| {
+        let of = rows.iter().filter(|row| row["strategy"] == strategy);
+        of.map(|row| row["rms_mm"].as_f64().unwrap()).collect::<Vec<_>>()
+    };
+    let pairs = rms("benchmark-closed-loop").into_iter().zip(rms("velocity-feedforward"));
+    pairs.for_each(|(tuned, without)| assert!(tuned < 0.5 * without, "{tuned} mm"));
+    // the paper's own crane keeps the paper's gains, whatever plant it is tried on
+    let json = parsed(&["motion", "--plant-set", "payload.mass_kg=330", "--json"]);
+    assert_eq!(json["benchmark_gains"]["proportional_per_s"], 4.5);
+    assert!(json["remark_on_gains"].is_null());
+}
+
+#[test]
+fn designed_gains_are_written_with_where_they_come_from() {
+    let folder = folder("designed-gains");
+    let [made, tuned] = ["crane.toml", "tuned.toml"].map(|name| folder.join(name));
+    let [made, tuned] = [&made, &tuned].map(|path| path.to_str().unwrap());
+    said(&["new", made]);
+    let arguments =
+        ["design", "--benchmark", "--crane", made, "--payload-kg", "80:150", "--crane-out", tuned];
+    let text = said(&arguments);
+    assert!(text.lines().any(|line| line.starts_with("crane file") && line.contains("unstable")));
+    let json =
+        parsed(&["design", "--benchmark", "--crane", tuned, "--payload-kg", "80:150", "--json"]);
+    let own = &json["own"]["worst"];
+    assert_eq!(own["stable"], true);
+    assert!(own["sensitivity_peak"].as_f64() < Some(1.72), "{own}");
+    let shown = parsed(&["show", "--crane", tuned, "--json"]);
+    let key = shown["keys"].as_array().unwrap().iter();
+    let key = key.clone().find(|key| key["key"] == "controller.integral_per_s2").unwrap();
+    assert_eq!(key["provenance"], "designed");
+    assert!(key["source"].as_str().unwrap().contains("payloads of 80 to 150 kg"), "{key}");
+}
+
+#[test]
+fn a_file_of_overrides_is_told_from_a_crane_file() {
+    for name in ["double-mass", "half-mass", "off-model", "other-lever"] {
+        let file = format!("{}/../../cranes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+        for command in ["check", "design", "eigen", "linearise"] {
+            let refused = hydroboom(&[command, "--crane", &file]);
+            says(&refused, "is a list of overrides, and no crane file");
+            assert!(String::from_utf8_lossy(&refused.stderr).lines().count() < 8);
+        }
     }
 }

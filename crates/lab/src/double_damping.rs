@@ -36,15 +36,18 @@ pub struct DoubleDamping {
     pub damped_twice: TrackingError,
     /// The same with the pressure feedback acting on p − p_sim: damped once.
     pub damped_once: TrackingError,
+    /// Whether each of the three, in this order, came to rest where its reference rested.
+    pub stable: [bool; 3],
 }
 
 impl DoubleDamping {
-    /// Each law with its error.
-    pub fn laws(&self) -> [(&'static str, TrackingError); 3] {
+    /// Each law with its error, and whether it came to rest: an error beside a sustained oscillation tells of that.
+    pub fn laws(&self) -> [(&'static str, TrackingError, bool); 3] {
+        let [benchmark, twice, once] = self.stable;
         [
-            ("benchmark", self.benchmark),
-            ("published: damped twice", self.damped_twice),
-            ("pressure feedback on p - p_sim: damped once", self.damped_once),
+            ("benchmark", self.benchmark, benchmark),
+            ("published: damped twice", self.damped_twice, twice),
+            ("pressure feedback on p - p_sim: damped once", self.damped_once, once),
         ]
     }
 }
@@ -62,20 +65,24 @@ pub fn double_damping(
     course: &dyn Course,
     runs: &[Run],
 ) -> Result<DoubleDamping, LabError> {
-    let known = |strategy| -> Result<TrackingError, LabError> {
-        let of = |run: &Run| run.metrics().tracking_error();
+    let known = |strategy| -> Result<(TrackingError, bool), LabError> {
+        let of = |run: &Run| (run.metrics().tracking_error(), run.sustained_oscillation.is_none());
         let name = course.name();
         match runs.iter().find(|run| run.strategy == strategy && run.course == name) {
             Some(run) => Ok(of(run)),
             None => Ok(of(&run(model, plant, strategy, course)?)),
         }
     };
+    let (benchmark, first) = known(Strategy::BenchmarkClosedLoop)?;
+    let (damped_twice, second) = known(Strategy::SimulationFeedforwardClosedLoop)?;
+    let (damped_once, third) = damped_once(model, plant, course)?;
     Ok(DoubleDamping {
         plant: plant_name.into(),
         course: course.name(),
-        benchmark: known(Strategy::BenchmarkClosedLoop)?,
-        damped_twice: known(Strategy::SimulationFeedforwardClosedLoop)?,
-        damped_once: damped_once(model, plant, course)?,
+        benchmark,
+        damped_twice,
+        damped_once,
+        stable: [first, second, third],
     })
 }
 
@@ -83,7 +90,7 @@ fn damped_once(
     model: &Description,
     plant: &Description,
     course: &dyn Course,
-) -> Result<TrackingError, LabError> {
+) -> Result<(TrackingError, bool), LabError> {
     let law = model.benchmark();
     let area_ratio = model.cylinder().area_ratio();
     let start = course.reference(0.0).position;
@@ -119,5 +126,5 @@ fn damped_once(
             crane.advance(&command).map_err(LabError::during("damped once"))?;
         }
     }
-    Ok(metrics.tracking_error())
+    Ok((metrics.tracking_error(), !metrics.oscillates()))
 }

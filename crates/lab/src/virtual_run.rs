@@ -1,7 +1,7 @@
 //! The virtual crane at work, logged as a real crane's data acquisition would.
 
 use crate::LabError;
-use crate::closed_loop::metrics::{Metrics, TrackingError};
+use crate::closed_loop::metrics::{Metrics, SustainedOscillation, TrackingError};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
@@ -78,6 +78,10 @@ pub struct Summary {
     /// Tracking error; no numbers for a recorded input.
     #[serde(flatten)]
     pub error: TrackingError,
+    /// Whether it came to rest where its reference rested; none for a recorded input.
+    pub stable: Option<bool>,
+    /// The sustained oscillation that it was in while its reference rested.
+    pub sustained_oscillation: Option<SustainedOscillation>,
     /// Piston position at the end, truly.
     pub stroke_mm: f64,
     /// Pressure on the piston side at the end, truly.
@@ -232,6 +236,8 @@ impl Summary {
 
     fn finish(&mut self, metrics: &Metrics) {
         self.error = metrics.tracking_error();
+        self.stable = Some(!metrics.oscillates());
+        self.sustained_oscillation = metrics.sustained_oscillation();
     }
 }
 

@@ -157,7 +157,7 @@ fn time(value: &toml::Value) -> Result<TimeColumn, String> {
             ("scale", Some(scale), _) if scale > 0.0 => time.scale = scale,
             ("scale", ..) => return Err(".scale is more than zero".into()),
             ("offset", Some(offset), _) => time.offset = offset,
-            _ => return Err(not_understood(key, TIME_KEYS)),
+            _ => return Err(not_understood(key, value, TIME_KEYS)),
         }
     }
     Ok(time)
@@ -191,13 +191,18 @@ fn entry(signal: Signal, value: &toml::Value) -> Result<Entry, String> {
             ("drift_ppm", ..) => {
                 return Err(format!(".drift_ppm is between -{MOST_DRIFT} and {MOST_DRIFT}"));
             }
-            _ => return Err(not_understood(key, KEYS)),
+            _ => return Err(not_understood(key, value, KEYS)),
         }
     }
     Ok(entry)
 }
 
-fn not_understood(key: &str, keys: &str) -> String {
+fn not_understood(key: &str, value: &toml::Value, keys: &str) -> String {
+    if keys.split(", ").any(|known| known == key) {
+        let value: String = value.to_string().chars().take(40).collect();
+        let wanted = if matches!(key, "column" | "unit") { "a text" } else { "a finite number" };
+        return format!(".{key} is {wanted}, not {value}");
+    }
     let key: String = key.chars().take(40).collect();
     format!(".{key} is not understood: {keys} are")
 }

@@ -1,6 +1,6 @@
 //! `hydroboom export c`
 
-use super::{File, written};
+use super::{File, warn_of_unstable, written};
 use crate::crane_file::CraneFile;
 use crate::paths::OutputFolder;
 use clap::Args;
@@ -39,6 +39,7 @@ impl C {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
+        warn_of_unstable(&crane)?;
         let model = crane_model(&crane).into_diagnostic()?;
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
         let benchmark = controller(&crane).into_diagnostic()?;

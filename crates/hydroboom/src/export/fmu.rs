@@ -1,6 +1,6 @@
 //! `hydroboom export fmu`
 
-use super::flops;
+use super::{flops, warn_of_unstable};
 use crate::crane_file::CraneFile;
 use crate::output;
 use crate::paths::OutputFile;
@@ -71,6 +71,7 @@ impl Fmu {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
+        warn_of_unstable(&crane)?;
         let (block, slopes) = match self.what {
             What::Controller => (controller(&crane).into_diagnostic()?, None),
             What::SimulationFeedforward => {

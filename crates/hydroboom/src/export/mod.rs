@@ -8,6 +8,8 @@ mod st;
 
 use crate::output;
 use clap::{Args, Subcommand};
+use hydroboom_description::Description;
+use hydroboom_design::stability::{benchmark_stability, scheduled_lqr_stability};
 use hydroboom_export::{Block, ExportError, Plan};
 use hydroboom_measurement::digest_of;
 use miette::{IntoDiagnostic, Result};
@@ -46,6 +48,18 @@ impl Export {
     }
 }
 
+/// Says which of the exported controllers is unstable around the crane that it is exported for.
+fn warn_of_unstable(crane: &Description) -> Result<()> {
+    let loops = [
+        benchmark_stability(crane, None).into_diagnostic()?,
+        scheduled_lqr_stability(crane, None).into_diagnostic()?,
+    ];
+    for unstable in loops.iter().filter(|of| !of.stable) {
+        output::warn(&unstable.to_string());
+    }
+    Ok(())
+}
+
 /// A file that is to be written.
 struct File {
     name: String,
@@ -57,6 +71,14 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
     output::folder(folder);
     for file in files {
         output::file(&folder.join(&file.name), file.content.as_bytes());
+    }
+    let others = others(folder, files);
+    if !others.is_empty() {
+        output::warn(&format!(
+            "{} holds files of another export, which do not belong to this one: {}",
+            folder.display(),
+            others.join(", ")
+        ));
     }
     let flops = flops(blocks).into_diagnostic()?;
     if in_json {
@@ -80,6 +102,20 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
     let costs: Vec<String> = flops.iter().map(|(name, flops)| format!("{name} {flops}")).collect();
     said += &format!("\nfloating-point operations a call: {}", costs.join(", "));
     output::text(&said)
+}
+
+/// Files of a folder that are none of these, and of the same kinds: what an earlier export left.
+fn others(folder: &Path, files: &[File]) -> Vec<String> {
+    let kind = |name: &str| Path::new(name).extension().map(|e| e.to_os_string());
+    let kinds: Vec<_> = files.iter().filter_map(|file| kind(&file.name)).collect();
+    let Ok(entries) = std::fs::read_dir(folder) else { return Vec::new() };
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut others: Vec<String> = names
+        .filter(|name| kind(name).is_some_and(|kind| kinds.contains(&kind)))
+        .filter(|name| !files.iter().any(|file| file.name == *name))
+        .collect();
+    others.sort_unstable();
+    others
 }
 
 /// Floating-point operations of each entry of some blocks.

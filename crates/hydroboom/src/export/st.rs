@@ -1,6 +1,6 @@
 //! `hydroboom export st`
 
-use super::{File, written};
+use super::{File, warn_of_unstable, written};
 use crate::crane_file::CraneFile;
 use crate::paths::OutputFolder;
 use clap::Args;
@@ -33,6 +33,7 @@ impl St {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
+        warn_of_unstable(&crane)?;
         let mut units = units(&crane).into_diagnostic()?;
         if self.single {
             units = in_single_precision(units).into_diagnostic()?;

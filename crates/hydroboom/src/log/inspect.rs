@@ -145,7 +145,7 @@ impl Column<'_> {
             self.base.as_ref().map_or_else(|| "-".into(), text)
         };
         vec![
-            self.address.clone(),
+            excerpt(&self.address),
             signal.unwrap_or_default(),
             self.shown().map_or("-".into(), |(low, _)| number(low)),
             self.shown().map_or("-".into(), |(_, high)| number(high)),
@@ -155,6 +155,18 @@ impl Column<'_> {
             of_base(&|b| b.gaps.len().to_string()),
             sparkline(&self.channel.values, 24),
         ]
+    }
+}
+
+/// Letters of a column's name that are shown in a table, at most.
+const MOST_LETTERS: usize = 60;
+
+/// A name as it stands in a table: on one line, and not longer than the table can bear.
+fn excerpt(name: &str) -> String {
+    let plain: String = name.chars().map(|c| if c.is_whitespace() { ' ' } else { c }).collect();
+    match plain.chars().count() <= MOST_LETTERS {
+        true => plain,
+        false => plain.chars().take(MOST_LETTERS).collect::<String>() + "...",
     }
 }
 

@@ -75,7 +75,7 @@ pub struct Run {
     #[arg(long)]
     auto: bool,
     /// Run it so often, one after the other, and say what drifted or grew.
-    #[arg(long, value_name = "COUNT", conflicts_with = "dashboard")]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "dashboard")]
     cycles: Option<u32>,
     /// With --cycles: reset faults, and go on with the next one.
     #[arg(long, requires = "cycles")]

@@ -55,11 +55,11 @@ pub fn estimation_page(
             (format!("{:.3}", found.noise[0] * 1e3)) " mm, load pressure " (format!("{:.3}", found.noise[1] * 1e-5)) " bar."
         }
         @for (name, svg) in &innovations {
-            (figure(&format!("Innovation of the {} with its band of two standard deviations.", readable(name)), svg))
+            (figure(&format!("Innovation of the {} (measured less predicted), and the band of two standard deviations that holds 95 % of it while filter and machine agree.", readable(name)), svg))
         }
         h2 { "Over time" }
         @for (name, svg) in &figures {
-            (figure(&format!("{}, with bounds.", capital(&readable(name))), svg))
+            (figure(&format!("{}: estimate, and the band of two standard deviations about it.", capital(&readable(name))), svg))
         }
         h2 { "How the log was used" }
         ul { @for note in notes.iter().chain(&found.remarks) { li { (capital(note)) "." } } }

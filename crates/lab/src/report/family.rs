@@ -38,7 +38,7 @@ pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows:
                 "RMS of the true tracking error: box from quarter to three quarters of the cranes with the median, \
                  line from 5 to 95 %, dot for the worst.",
                 &boxes("error [mm]", &of(course).iter().map(|r| (*r, r.rms_true_mm)).collect::<Vec<_>>())))
-            (figure("Magnitude of the true error's peak.",
+            (figure("Largest true error of each crane, by magnitude: box, line and dot as above.",
                 &boxes("error [mm]", &of(course).iter().map(|r| (*r, r.peak_true_mm)).collect::<Vec<_>>())))
             (figure(
                 "RMS of the true error over the benchmark's on the same crane, which is 1: left of it the strategy is better.",

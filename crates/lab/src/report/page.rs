@@ -299,9 +299,11 @@ fn damping(study: &Study) -> Markup {
             thead { tr {
                 th { "plant" } th { "course" } th { "law" } @for head in TrackingError::HEADS { th { (head) } }
             } }
-            tbody { @for row in &study.double_damping { @for (law, error) in row.laws() { tr {
+            tbody { @for row in &study.double_damping { @for (law, error, stable) in row.laws() { tr {
                 td { (row.plant) } td { (row.course) } td.text { (law) }
-                @for mm in error.cells() { td { (format!("{mm:.3}")) } }
+                @for mm in error.cells() {
+                    @if stable { td { (format!("{mm:.3}")) } } @else { td.unstable { "unstable" } }
+                }
             } } } }
         } }
     }

@@ -1,0 +1,162 @@
+//! Gains of the benchmark controller: `hydroboom design --benchmark`, and those that a comparison takes.
+
+use crate::crane_file::CraneFile;
+use crate::machine_choice::MachineChoice;
+use crate::output;
+use crate::paths::OutputFile;
+use hydroboom_description::Description;
+use hydroboom_design::benchmark_design::{
+    BenchmarkDesign, Gains, WorstMargins, benchmark_design, payload_range, worst_margins,
+};
+use hydroboom_lab::crane_file_text::{FoundValue, write_value};
+use miette::{IntoDiagnostic, Result, miette};
+use serde_json::json;
+use toml_edit::DocumentMut;
+
+/// Reads `LOW:HIGH`.
+pub fn payloads(text: &str) -> Result<[f64; 2], String> {
+    let read = || {
+        let (low, high) = text.split_once(':')?;
+        let pair = [low.trim().parse().ok()?, high.trim().parse().ok()?];
+        (0.0 <= pair[0] && pair[0] <= pair[1] && pair[1] <= 1e6).then_some(pair)
+    };
+    read().ok_or_else(|| format!("payloads are LOW:HIGH in kg, such as 0:370, not {text}"))
+}
+
+/// Finds gains for a crane, prints them beside its own, and writes them into a copy of its file.
+pub fn run(
+    crane: &CraneFile,
+    description: &Description,
+    payload: Option<[f64; 2]>,
+    out: Option<&OutputFile>,
+    as_json: bool,
+) -> Result<()> {
+    if crane.is_overridden() && out.is_some() {
+        return Err(miette!(
+            help = "write the values into the crane file first",
+            "--set is not written to --crane-out"
+        ));
+    }
+    let payload = payload.unwrap_or_else(|| payload_range(description));
+    let own = worst_margins(description, payload).into_diagnostic()?;
+    let design = benchmark_design(description, payload).into_diagnostic()?;
+    if let Some(path) = out {
+        let mut document: DocumentMut = crane.text()?.parse().into_diagnostic()?;
+        for (path, value) in design.gains.keys() {
+            let source = source(&design);
+            write_value(&mut document, FoundValue { path, value, provenance: "designed", source });
+        }
+        output::file(path, document.to_string().as_bytes());
+    }
+    if as_json {
+        return output::json(&json!({
+            "crane": description.name, "design": design,
+            "own": { "gains": Gains::of(description), "worst": own }, "written": out,
+        }));
+    }
+    let mut text = format!(
+        "{}: gains of the benchmark controller for payloads of {:.0} to {:.0} kg over the stroke\n{}",
+        description.name,
+        payload[0],
+        payload[1],
+        output::table(
+            &[
+                "",
+                "K_p [1/s]",
+                "K_i [1/s2]",
+                "k_f [m3/(s Pa)]",
+                "tau [s]",
+                "M_s",
+                "PM [deg]",
+                "GM",
+                "least at"
+            ],
+            &[
+                row("crane file", &Gains::of(description), &own),
+                row("designed", &design.gains, &design.worst)
+            ],
+        )
+    );
+    text += &format!(
+        "\nThe largest K_i with a sensitivity of M_s <= {} at all payloads and positions (Astrom, Panagopoulos, Hagglund 1998). M_s, PM and GM are the \
+         worst of all;\nat that payload and position M_s is largest. Fewer payloads allow higher gains: --payload-kg LOW:HIGH.",
+        design.sensitivity_peak
+    );
+    if let Some(path) = out {
+        text += &output::named("crane file", path);
+    }
+    output::text(&text)
+}
+
+fn row(name: &str, gains: &Gains, worst: &WorstMargins) -> Vec<String> {
+    let mut row = vec![name.to_string()];
+    row.extend(gains.keys().map(|(_, value)| output::short(value)));
+    row.extend(match worst.stable {
+        true => [
+            format!("{:.2}", worst.sensitivity_peak),
+            format!("{:.0}", worst.phase_deg),
+            if worst.gain.is_finite() { format!("{:.1}", worst.gain) } else { "-".into() },
+        ],
+        false => ["unstable".into(), "-".into(), "-".into()],
+    });
+    row.push(format!("{:.0} kg, {:.0} mm", worst.payload_kg, worst.stroke_mm));
+    row
+}
+
+/// What stands as the source of gains.
+fn source(design: &BenchmarkDesign) -> String {
+    format!(
+        "hydroboom design --benchmark: largest K_i with M_s <= {} for payloads of {:.0} to {:.0} kg over the stroke",
+        design.sensitivity_peak, design.payload_kg[0], design.payload_kg[1]
+    )
+}
+
+/// The benchmark's gains in a comparison with payloads \[kg\]: another crane than the paper's that still has the paper's gains, and is not tuned with
+/// them, takes designed ones. What is to be said of that, if anything.
+pub fn for_comparison(
+    choice: MachineChoice,
+    payload: [f64; 2],
+) -> Result<(MachineChoice, Option<String>)> {
+    let model = &choice.model;
+    let paper = Description::uia_single_boom()?;
+    let is_other = paper.differences(model).iter().any(|difference| difference.is_of_machine());
+    if !is_other {
+        return Ok((choice, None));
+    }
+    let own = worst_margins(model, payload).into_diagnostic()?;
+    let peak = model.numbers.benchmark_untuned_peak;
+    if own.stable && own.sensitivity_peak <= peak {
+        return Ok((choice, None));
+    }
+    let said = match own.stable {
+        true => format!("M_s = {:.1}, and gains count as tuned up to {peak}", own.sensitivity_peak),
+        false => "the loop is UNSTABLE".into(),
+    };
+    if Gains::of(model) != Gains::of(&paper) {
+        let remark = format!(
+            "the benchmark's gains of the crane file are not tuned for payloads of {:.0} to {:.0} kg: {said}; `hydroboom design --benchmark` finds some",
+            payload[0], payload[1]
+        );
+        return Ok((choice, Some(remark)));
+    }
+    match benchmark_design(model, payload) {
+        Ok(design) => {
+            let g = design.gains;
+            let remark = format!(
+                "the paper's gains are not tuned for this crane ({said}): the benchmark has K_p = {}, K_i = {}, k_f = {}, tau = {}, by `hydroboom design \
+                 --benchmark --payload-kg {:.0}:{:.0}`; --gains-as-given keeps the file's",
+                output::short(g.proportional_per_s),
+                output::short(g.integral_per_s2),
+                output::short(g.pressure_feedback_m3_per_spa),
+                output::short(g.high_pass_s),
+                payload[0],
+                payload[1]
+            );
+            Ok((choice.with_benchmark_gains(&g), Some(remark)))
+        }
+        Err(error) => Ok((
+            choice,
+            Some(format!("the benchmark is not tuned ({said}), and cannot be: {error}")),
+        )),
+    }
+}
