@@ -159,8 +159,10 @@ fn correlations_that_no_covariance_has_are_refused() {
     let message =
         crane.set("tip.bending_offset_correlation=0.9").unwrap_err().problems[0].message.clone();
     assert!(message.contains("-0.9, 0.9") && message.contains("tip.base_offset"), "{message}");
-    crane.set("tip.base_offset_correlation=-0.8").unwrap();
-    crane.set("tip.bending_offset_correlation=0.9").unwrap();
+    // what was refused is not kept
+    assert!(crane.set("tip.base_offset_correlation=-0.8").is_err());
+    let both = ["tip.base_offset_correlation=-0.8", "tip.bending_offset_correlation=0.9"];
+    crane.set_together(both).unwrap();
 }
 
 #[test]

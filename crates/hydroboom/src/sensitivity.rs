@@ -201,6 +201,12 @@ impl Found {
         KEYS[self.local[key].key.place].to_unit(self.ends[key][end])
     }
 
+    /// The same with five digits, for people.
+    fn end_text(&self, key: usize, end: usize) -> String {
+        let value = self.end(key, end);
+        output::number(format!("{value:.4e}").parse().unwrap_or(value))
+    }
+
     /// Keys in the order of the change that they make, the largest first.
     fn ranked(&self, output: usize) -> Vec<usize> {
         let mut list: Vec<usize> = (0..self.local.len()).collect();
@@ -231,9 +237,9 @@ fn said(found: &Found) -> String {
                 let there = |end| output::optional(found.at(key, end, k).map(|v| v / size), 4);
                 let mut row = vec![
                     found.local[key].key.path(),
-                    output::number(found.end(key, 0)),
+                    found.end_text(key, 0),
                     there(0),
-                    output::number(found.end(key, 1)),
+                    found.end_text(key, 1),
                     there(1),
                 ];
                 if output.has_slopes() {
@@ -321,7 +327,7 @@ fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
                 (found.local[key].key.path(), KEYS[found.local[key].key.place].unit);
             for end in [0, 1] {
                 if let Some(there) = found.at(key, end, k) {
-                    let name = format!("{path} {} {key_unit}", output::number(found.end(key, end)));
+                    let name = format!("{path} {} {key_unit}", found.end_text(key, end));
                     changes.push((name, (there - found.values[k]) / size, 1 - end));
                 }
             }

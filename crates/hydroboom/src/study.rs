@@ -100,8 +100,8 @@ impl Study {
             paper.map_or_else(String::new, |hz| format!(" (paper {which} {hz:.3})"))
         };
         said += &format!(
-            "\n\np_A oscillation, valve open [Hz]: nominal {:.3}{}",
-            result.pressure_oscillation_hz,
+            "\n\np_A oscillation, valve open [Hz]: nominal {}{}",
+            output::optional(result.pressure_oscillation_hz, 3),
             beside(result.paper_pressure_oscillation_hz, "simulated")
         );
         if let Some(hz) = result.virtual_pressure_oscillation_hz {

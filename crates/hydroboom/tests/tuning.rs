@@ -249,7 +249,7 @@ fn parameters_are_ranked_with_slopes_and_indices() {
     says(&hydroboom(&["sensitivity", "--outputs", "pitch"]), "eigenfrequency");
     // the scheduled LQR is re-run; an error is nowhere below zero, as a straight line from a minimum would be
     let short =
-        ["motion.end_mm=100", "motion.dwell_s=1", "motion.rest_s=0.5"].map(|set| ["--set", set]);
+        ["motion.end_mm=250", "motion.dwell_s=1", "motion.rest_s=0.5"].map(|set| ["--set", set]);
     let base =
         ["sensitivity", "--strategy", "scheduled-lqr", "--keys", "payload.mass_kg", "--json"];
     let found = parsed(&[&base[..], &short.concat()].concat());

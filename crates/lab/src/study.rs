@@ -77,7 +77,8 @@ pub struct Study {
     /// Tables 7 to 9, on all plants.
     pub motion: Vec<Row>,
     /// Frequency of the p_A oscillation with the valve open, not fitted.
-    pub pressure_oscillation_hz: f64,
+    /// None where the motion is too short to see two whole periods of it.
+    pub pressure_oscillation_hz: Option<f64>,
     /// The paper's simulated one; none beside another crane.
     pub paper_pressure_oscillation_hz: Option<f64>,
     /// That of the virtual crane.
@@ -125,7 +126,7 @@ struct VirtualResults {
     runs: Vec<Run>,
     /// The model along the slow and the fast motion.
     alongside: [Run; 2],
-    pressure_oscillation: f64,
+    pressure_oscillation: Option<f64>,
     damping: DoubleDamping,
 }
 
@@ -149,14 +150,14 @@ fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualRe
     let velocity_feedforward = runs
         .iter()
         .find(|run| run.strategy == Strategy::VelocityFeedforward && run.course == fast.name());
-    let oscillation = velocity_feedforward.map(|run| pressure_oscillation(&fast, run));
+    let oscillation = velocity_feedforward.and_then(|run| pressure_oscillation(&fast, run).ok());
     Ok(VirtualResults {
         eigenfrequency: locked_modes(crane)?,
         alongside: [
             run(model, model, Strategy::VelocityFeedforward, &slow)?,
             run(model, model, Strategy::VelocityFeedforward, &fast)?,
         ],
-        pressure_oscillation: oscillation.transpose()?.unwrap_or(f64::NAN),
+        pressure_oscillation: oscillation,
         damping: double_damping(model, VIRTUAL, crane, &fast, &runs)?,
         runs,
     })
@@ -235,7 +236,7 @@ pub fn study(
         double_damping.push(results.damping);
         alongside = Some(results.alongside);
         virtual_hz = Some(results.eigenfrequency);
-        virtual_oscillation = Some(results.pressure_oscillation);
+        virtual_oscillation = results.pressure_oscillation;
     }
     let beside_paper = |row: Row| if is_papers_crane { row } else { row.without_paper() };
     let motion = runs.iter().map(|(plant, run)| beside_paper(Row::of(plant, run))).collect();
@@ -247,7 +248,7 @@ pub fn study(
     let (Some((_, nominal)), Some((_, other))) = (fast(NOMINAL), fast(OFF)) else {
         return Err(LabError::NoOscillation("the fast motion was not run".into()));
     };
-    let pressure_oscillation_hz = pressure_oscillation(&description.motion(n.fast), nominal)?;
+    let pressure_oscillation_hz = pressure_oscillation(&description.motion(n.fast), nominal).ok();
     let differences = differences(seen, calibrate::differences(nominal, other), is_papers_crane);
     let model_hz = std::array::from_fn(|k| eigenfrequency[k].linearised_hz);
     let mut plants_hz = vec![(OFF, off_hz)];

@@ -160,3 +160,35 @@ fn trajectory(
     });
     (seen.collect(), seconds)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Those of README.md and docs/theory.md: largest errors of p_A \[bar\].
+    #[test]
+    fn errors_are_those_that_are_stated_with_their_conditions() {
+        let points = work_precision(&Description::uia_single_boom().unwrap()).unwrap();
+        for (excitation, scheme, step_us, stated) in [
+            (Excitation::Motion, "implicit", 500.0, 4.4e-4),
+            (Excitation::Motion, "implicit", 1000.0, 1.7e-3),
+            (Excitation::Motion, "implicit", 2000.0, 7e-3),
+            (Excitation::Motion, "published", 50.0, 0.14),
+            (Excitation::SpeedSteps, "implicit", 500.0, 0.43),
+            (Excitation::SpeedSteps, "implicit", 1000.0, 2.1),
+            (Excitation::SpeedSteps, "implicit", 2000.0, 1.4),
+            (Excitation::SpeedSteps, "published", 50.0, 0.54),
+        ] {
+            let is = |p: &&Point| {
+                p.excitation == excitation
+                    && p.scheme == scheme
+                    && (p.step_us - step_us).abs() < 1e-6
+            };
+            let bar = points.iter().find(is).unwrap().pressure_error_bar;
+            assert!(
+                (bar / stated - 1.0).abs() < 0.05,
+                "{excitation:?}, {scheme}, {step_us} us: {bar} bar"
+            );
+        }
+    }
+}

@@ -131,14 +131,15 @@ fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
             "is a stiff damper that all but locks the piston."
         }
         (ringing)
-        p {
-            "With the valve open, during the fast motion, p_A oscillates at "
-            strong { (format!("{:.3} Hz", study.pressure_oscillation_hz)) }
-            @if let Some(paper) = study.paper_pressure_oscillation_hz {
-                " (paper's simulation: " (format!("{paper:.3}")) " Hz, "
-                (percent(study.pressure_oscillation_hz / paper - 1.0)) "; nothing was fitted to it)"
-            }
-            "."
+        @match study.pressure_oscillation_hz {
+            Some(hz) => p {
+                "With the valve open, during the fast motion, p_A oscillates at " strong { (format!("{hz:.3} Hz")) }
+                @if let Some(paper) = study.paper_pressure_oscillation_hz {
+                    " (paper's simulation: " (format!("{paper:.3}")) " Hz, " (percent(hz / paper - 1.0)) "; nothing was fitted to it)"
+                }
+                "."
+            },
+            None => p { "The fast motion is too short to see two whole periods of p_A's oscillation with the valve open." },
         }
     })
 }
