@@ -83,6 +83,20 @@ impl Free {
         places.filter(|place| values[*place] > 0.0).map(|place| Self { place }).collect()
     }
 
+    /// Keys that a log tells something of, but which others stand in for: not moved unless asked for, and what is not known of them is open in
+    /// those that are.
+    pub(crate) fn stood_in_for(model: &Description) -> Vec<Self> {
+        const OTHERS: [&str; 3] = [
+            "boom.mass_kg",
+            "friction.bristle_damping_ns_per_m",
+            "friction.stribeck_velocity_mm_s",
+        ];
+        let values = model.numbers.to_array();
+        let places =
+            OTHERS.iter().filter_map(|path| KEYS.iter().position(|key| key.path() == *path));
+        places.filter(|place| values[*place] > 0.0).map(|place| Self { place }).collect()
+    }
+
     /// Its path.
     pub fn path(self) -> String {
         KEYS[self.place].path()

@@ -13,11 +13,13 @@ mod experiment;
 mod fit;
 mod free;
 mod hold_out;
+mod known;
 mod number;
 mod oscillation;
 mod prediction;
 mod remedy;
 mod ringing;
+mod structural_limit;
 mod tuning_fork;
 
 pub use advice::experiment_for;
@@ -26,10 +28,11 @@ pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
 pub use fit::{
     Allowed, Channel, Effect, Fit, Improvement, LIMIT, Nuisance, Profile, Progress, Task, Tuned,
-    fit, prior, profile,
+    fit, profile,
 };
 pub use free::Free;
 pub use hold_out::{Foretold, HeldOut, Stretch, held_out};
+pub use known::prior;
 pub use number::{Number, Stepper};
 pub use prediction::{Prediction, predict, sensitivities};
 pub use remedy::{Remedies, Remedy, remedies};

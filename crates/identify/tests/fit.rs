@@ -129,10 +129,10 @@ fn a_profile_is_the_parabola_of_the_interval_where_the_log_tells_much_and_open_w
     let found = fit(&task, &|_| true).unwrap();
     for t in &found.tuned[..2] {
         let profile = profile(&task, &found, t.key, &|_| true).unwrap();
-        let of = |v: f64| (v / t.value.1).ln() / (1.96 * t.from_logs);
+        let of = |v: f64| (v / t.value.1).ln() / (1.96 * t.others_exact);
         let [low, high] = profile.interval.map(Option::unwrap);
-        assert!((of(low) + 1.0).abs() < 0.3, "{}: {low}, {t:?}", t.key.path());
-        assert!((of(high) - 1.0).abs() < 0.3, "{}: {high}, {t:?}", t.key.path());
+        assert!((of(low) + 1.0).abs() < 0.25, "{}: {low}, {t:?}", t.key.path());
+        assert!((of(high) - 1.0).abs() < 0.25, "{}: {high}, {t:?}", t.key.path());
     }
     let damping = profile(&task, &found, free[3], &|_| true).unwrap();
     assert_eq!(damping.interval, [None; 2], "{damping:?}");

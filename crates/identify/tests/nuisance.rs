@@ -65,12 +65,13 @@ fn a_transmitter_of_absolute_pressure_is_off_by_an_atmosphere_and_the_payload_is
     assert_eq!(holds_truth(&found), [true; 3]);
     let offset = channel(&found, "pressure_a.offset_bar");
     let (low, high) = offset.interval();
-    assert!(offset.is_off() && (low..=high).contains(&(ATMOSPHERE * 1e-5)), "{offset:?}");
+    assert!((low..=high).contains(&(ATMOSPHERE * 1e-5)) && offset.value > 0.5, "{offset:?}");
     // weight and offset of the pressure that carries it are told apart only by the lever arms over the stroke
     let (key, correlation) = offset.partner.as_ref().unwrap();
-    assert!(key == "payload.mass_kg" && *correlation < -0.9, "{offset:?}");
+    assert!(key == "payload.mass_kg" && correlation.abs() > 0.9, "{offset:?}");
+    // and so its interval is wide: with the offset at zero it was 312.05 kg within 0.25
     let payload = &found.tuned[0];
-    assert_eq!(payload.partner.as_ref().unwrap().0, "pressure_a.offset_bar");
+    assert!(payload.deviation > 0.01, "{payload:?}");
 }
 
 #[test]
@@ -86,5 +87,5 @@ fn a_position_that_reads_too_much_moves_the_start_with_it() {
     assert_eq!(holds_truth(&found), [true; 3]);
     let offset = channel(&found, "stroke.offset_mm");
     let (low, high) = offset.interval();
-    assert!(offset.is_off() && (low..=high).contains(&3.0), "{offset:?}");
+    assert!((low..=high).contains(&3.0) && (offset.value - 3.0).abs() < 0.5, "{offset:?}");
 }

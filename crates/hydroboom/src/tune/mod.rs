@@ -305,9 +305,10 @@ impl Tune {
         for t in &found.tuned {
             let key = &KEYS[t.key.place];
             let (low, high) = t.interval();
-            let how = match t.is_determined {
-                true => format!("95 %: {:.4e} to {:.4e}", key.to_unit(low), key.to_unit(high)),
-                false => "the logs do not determine it".into(),
+            let how = match (t.is_determined, t.biased) {
+                (_, Some(reason)) => format!("of an equivalent model: {reason}"),
+                (true, _) => format!("95 %: {:.4e} to {:.4e}", key.to_unit(low), key.to_unit(high)),
+                (false, _) => "the logs do not determine it".into(),
             };
             let tuned = FoundValue {
                 path: &key.path(),
@@ -339,7 +340,7 @@ impl Tune {
                         true => format!("{:.2}", t.from_logs * 100.0),
                         false => "nothing".into(),
                     },
-                    if t.is_determined { "yes" } else { "NO" }.into(),
+                    verdict(t).into(),
                     t.partner.as_ref().map_or(String::new(), |(k, c)| format!("{k} ({c:+.2})")),
                 ]
             })
@@ -380,8 +381,11 @@ impl Tune {
         if !profiles.is_empty() {
             said += &format!("\n\n{}\n", profiles::said(profiles));
         }
-        let open: Vec<Free> =
-            found.tuned.iter().filter(|t| !t.is_determined).map(|t| t.key).collect();
+        for (t, reason) in found.tuned.iter().filter_map(|t| Some((t, t.biased?))) {
+            said += &format!("\n{} is biased, of an equivalent model: {reason}", t.key.path());
+        }
+        let open = found.tuned.iter().filter(|t| !t.is_determined && t.biased.is_none());
+        let open: Vec<Free> = open.map(|t| t.key).collect();
         if !open.is_empty() {
             said += "\nthe logs do not determine these: what was known of them decides. What would tell:";
         }
@@ -460,6 +464,15 @@ fn improvement(of: &Improvement) -> serde_json::Value {
     json!({ "log": of.log, "rms": signals.collect::<Vec<_>>() })
 }
 
+/// Whether the logs determine a key, in a word.
+fn verdict(t: &Tuned) -> &'static str {
+    match (t.biased, t.is_determined) {
+        (Some(_), _) => "BIASED",
+        (None, true) => "yes",
+        (None, false) => "NO",
+    }
+}
+
 /// A number with five digits that count.
 struct Shown(f64);
 
@@ -487,7 +500,8 @@ fn in_json(t: &Tuned) -> serde_json::Value {
         "key": key.path(), "before": key.to_unit(t.value.0), "after": key.to_unit(t.value.1),
         "interval_95": [key.to_unit(low), key.to_unit(high)], "known_to_percent": t.prior * 100.0,
         "logs_say_to_percent": t.from_logs.is_finite().then_some(t.from_logs * 100.0),
-        "determined": t.is_determined,
+        "others_exact_percent": t.others_exact.is_finite().then_some(t.others_exact * 100.0),
+        "determined": t.is_determined, "biased": t.biased,
         "partner": t.partner.as_ref().map(|(k, _)| k), "correlation": t.partner.as_ref().map(|(_, c)| c),
     })
 }

@@ -1,6 +1,6 @@
 //! The report of a tuning.
 
-use super::{Outcome, Shown, channels, profiles};
+use super::{Outcome, Shown, channels, profiles, verdict};
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::{COMPARED, Fit, Tuned, experiment_for};
 use hydroboom_lab::LabError;
@@ -45,7 +45,8 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
             figures.push(figure(&caption, &svg));
         }
     }
-    let open: Vec<&Tuned> = found.tuned.iter().filter(|t| !t.is_determined).collect();
+    let open: Vec<&Tuned> =
+        found.tuned.iter().filter(|t| !t.is_determined && t.biased.is_none()).collect();
     let body = html! {
         p.soft {
             (found.tuned.len()) " keys of \"" (crane.name) "\" moved until the model shows what the logs do; "
@@ -59,8 +60,8 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
         h2 { "The keys" }
         (keys(found))
         p.soft {
-            "The interval holds the true value in nineteen cases of twenty, if the model is the true one but for its numbers. Known to: what "
-            "the provenance of the key stands for. Logs say to: what the logs alone add to that."
+            "The interval is of the sandwich covariance: what is left counts as it is correlated, in time and between channels, and keys that are not free as "
+            "well as they are known. Known to: what the provenance and range of the key stand for. Logs say to: what the logs alone add to that."
         }
         @if !found.channels.is_empty() {
             h2 { "Delay and offset of each channel" }
@@ -69,6 +70,9 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
                 thead { tr { th { "log" } @for name in channels::HEADER { th { (name) } } } }
                 tbody { @for c in &found.channels { tr { td { (c.log) } @for cell in channels::row(c) { td { (cell) } } } } }
             } }
+        }
+        @for (t, reason) in found.tuned.iter().filter_map(|t| Some((t, t.biased?))) {
+            p { code { (t.key.path()) } " is biased, of an equivalent model: " (reason) "." }
         }
         @if !open.is_empty() {
             h2 { "What the logs do not determine, and what would" }
@@ -112,7 +116,7 @@ fn keys(found: &Fit) -> Markup {
                 @for v in [t.value.0, t.value.1, low, high] { td { (Shown(key.to_unit(v)).to_string()) } }
                 td { (format!("{:.1}", t.prior * 100.0)) }
                 td { @if t.from_logs.is_finite() { (format!("{:.2}", t.from_logs * 100.0)) } @else { "nothing" } }
-                td { @if t.is_determined { "yes" } @else { b { "no" } } }
+                td { @if t.is_determined { "yes" } @else { b { (verdict(t)) } } }
             }
         } }
     } } }

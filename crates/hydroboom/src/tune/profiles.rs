@@ -117,10 +117,10 @@ pub fn drawn(profile: &Profile, found: &Fit) -> std::result::Result<Markup, LabE
     let mut lines = vec![("profile", points.clone())];
     // what the intervals of the table suppose
     let tuned = found.tuned.iter().find(|t| t.key == profile.key);
-    if let Some(tuned) = tuned.filter(|t| t.from_logs.is_finite()) {
+    if let Some(tuned) = tuned.filter(|t| t.others_exact.is_finite()) {
         let middle = key.to_unit(tuned.value.1);
         let at = |k: i32| ends[0] + (ends[1] - ends[0]) * f64::from(k) / 40.0;
-        let rise = |v: f64| ((v / middle).ln() / tuned.from_logs).powi(2);
+        let rise = |v: f64| ((v / middle).ln() / tuned.others_exact).powi(2);
         let highest = points.iter().map(|p| p.1).fold(1.5 * LIMIT, f64::max);
         let parabola = (0..=40).map(|k| (at(k), rise(at(k)))).filter(|p| p.1 <= highest).collect();
         lines.push(("parabola of the table's interval", parabola));

@@ -1,20 +1,51 @@
 //! How sure the logs make it.
+//!
+//! What is left between log and model is neither white nor independent from channel to channel: it is mostly what the model cannot show. The
+//! inverse of the curvature, which supposes white noise, is then far too small. The covariance is the sandwich
+//! `D [Σ_i Σ_j G_iᵀ R(i − j) G_j] D` with `D = (JᵀWJ)⁻¹`, `G = WJ` and `R` the sample autocorrelation of what is left, over all lags and between all
+//! channels: Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, J. Guid. Control Dyn. 20(1), 1997,
+//! 74-80. Where only white noise is left it is `D`.
+//!
+//! Keys that stay where they are, are not exact either. The covariance is that of the problem in which they are free too, within what is known of them,
+//! and one step of Gauss and Newton in that problem says what freeing them would change: what holding them may have cost is added as its square.
 
+use super::Task;
 use super::layout::Layout;
 use super::residual::{Deviations, Slopes, residuals};
 use crate::error::IdentifyError;
-use crate::experiment::COMPARED;
+use crate::experiment::{COMPARED, Experiment};
+use crate::free::Free;
+use crate::prediction::Prediction;
 use nalgebra::{DMatrix, DVector};
+use realfft::num_complex::Complex;
+use realfft::{RealFftPlanner, RealToComplex};
+use std::sync::Arc;
 
-/// Autocorrelations of what is left are taken into account up to this lag \[s\].
-const MEMORY: f64 = 1.0;
-
-/// Information of the logs on ln θ: Jᵀ W J, and what its sum's scatter is, Jᵀ W R W J, with R the autocovariance of what is
-/// left; both are equal where only white noise is left.
+/// Information of the logs on ln θ: its curvature Jᵀ W J, and how what is left makes its slope scatter.
 #[derive(Clone, Debug)]
 pub(super) struct Information {
     curvature: DMatrix<f64>,
     scatter: DMatrix<f64>,
+    /// Jᵀ W (log − model) along keys that stay, zero along what was moved: there the sum is least.
+    slope: DVector<f64>,
+    /// How many numbers were moved: the first ones; keys that stay come after them.
+    moved: usize,
+}
+
+/// Keys that a log tells something of, and which stay where they are.
+pub(super) struct Considered {
+    pub(super) keys: Vec<Free>,
+    /// What they are known to: deviations of ln θ.
+    pub(super) deviation: Vec<f64>,
+}
+
+impl Considered {
+    pub(super) fn of(task: &Task<'_>) -> Self {
+        let all = Free::usual(task.model).into_iter().chain(Free::stood_in_for(task.model));
+        let keys: Vec<Free> = all.filter(|key| !task.free.contains(key)).collect();
+        let deviation = keys.iter().map(|key| key.known_to(task.model)).collect();
+        Self { keys, deviation }
+    }
 }
 
 impl Layout<'_> {
@@ -23,57 +54,129 @@ impl Layout<'_> {
         at: &[f64],
         deviations: &[Deviations],
         kept: &mut [Option<Slopes>],
+        held: &[Free],
     ) -> Result<Information, IdentifyError> {
-        let size = self.size();
+        let (moved, size) = (self.size(), self.size() + held.len());
         let logs: Vec<usize> = (0..self.experiments.len()).collect();
-        let all = self.all_slopes(at, &logs, kept)?;
+        let mut all = self.all_slopes(at, &logs, kept)?;
         let mut curvature = DMatrix::zeros(size, size);
         let mut scatter = DMatrix::zeros(size, size);
-        for ((experiment, deviation), (prediction, slopes)) in
-            self.experiments.iter().zip(deviations).zip(&all)
-        {
-            let lags = (MEMORY / experiment.interval()) as usize;
-            let own = slopes.len();
-            let add = |whole: &mut DMatrix<f64>, part: &DMatrix<f64>| {
-                for i in 0..own {
-                    for j in 0..own {
-                        whole[(slopes[i].0, slopes[j].0)] += part[(i, j)];
-                    }
+        let mut slope = DVector::zeros(size);
+        let logs = self.experiments.iter().zip(deviations).zip(&mut all).enumerate();
+        for (log, ((experiment, deviation), (prediction, slopes))) in logs {
+            let of_held = self.slopes_along(at, log, held)?;
+            slopes.extend(of_held.into_iter().map(|(k, slope)| (moved + k, slope)));
+            let left = Left::new(experiment, deviation, prediction, slopes);
+            let (own, its_scatter, its_slope) = (left.curvature(), left.scatter(), left.slope());
+            for (i, (row, _)) in slopes.iter().enumerate() {
+                slope[*row] += if *row < moved { 0.0 } else { its_slope[i] };
+                for (j, (column, _)) in slopes.iter().enumerate() {
+                    curvature[(*row, *column)] += own[(i, j)];
+                    scatter[(*row, *column)] += its_scatter[(i, j)];
                 }
-            };
-            for signal in 0..COMPARED.len() {
-                let errors = residuals(experiment, prediction, signal);
-                if errors.is_empty() {
-                    continue;
-                }
-                let weight = 1.0 / (deviation[signal] * deviation[signal]);
-                // scores: what each sample says, as a row
-                let jacobian =
-                    DMatrix::from_fn(errors.len(), own, |k, j| slopes[j].1[errors[k].0][signal]);
-                add(&mut curvature, &(jacobian.transpose() * &jacobian * weight));
-                let scores = DMatrix::from_fn(errors.len(), own, |k, j| {
-                    jacobian[(k, j)] * errors[k].1 * weight
-                });
-                let mut sum = scores.transpose() * &scores;
-                for lag in 1..=lags.min(errors.len() / 4) {
-                    // Bartlett's weights keep the sum positive
-                    let share = 1.0 - lag as f64 / (lags + 1) as f64;
-                    let rows = errors.len() - lag;
-                    let product = scores.rows(0, rows).transpose() * scores.rows(lag, rows);
-                    sum += (&product + product.transpose()) * share;
-                }
-                add(&mut scatter, &sum);
             }
         }
-        Ok(Information { curvature, scatter })
+        Ok(Information { curvature, scatter, slope, moved })
     }
+}
+
+/// What is left of a log, and its slopes, each in deviations; zero where nothing was measured.
+struct Left {
+    /// Samples in which something was measured.
+    count: usize,
+    /// What is left, for each channel.
+    errors: Vec<Vec<f64>>,
+    /// Slopes along what is moved, for each channel.
+    slopes: Vec<DMatrix<f64>>,
+}
+
+impl Left {
+    fn new(
+        experiment: &Experiment,
+        deviation: &Deviations,
+        prediction: &Prediction,
+        slopes: &Slopes,
+    ) -> Self {
+        let length = experiment.samples.len();
+        let mut left = Self { count: 0, errors: Vec::new(), slopes: Vec::new() };
+        for (signal, sigma) in deviation.iter().enumerate().take(COMPARED.len()) {
+            let mut errors = vec![0.0; length];
+            let mut along = DMatrix::zeros(length, slopes.len());
+            let measured = residuals(experiment, prediction, signal);
+            left.count = left.count.max(measured.len());
+            for (sample, e) in measured {
+                errors[sample] = e / sigma;
+                for (j, (_, slope)) in slopes.iter().enumerate() {
+                    along[(sample, j)] = slope[sample][signal] / sigma;
+                }
+            }
+            left.errors.push(errors);
+            left.slopes.push(along);
+        }
+        left
+    }
+
+    fn curvature(&self) -> DMatrix<f64> {
+        let size = self.slopes.first().map_or(0, DMatrix::ncols);
+        self.slopes.iter().fold(DMatrix::zeros(size, size), |sum, j| sum + j.tr_mul(j))
+    }
+
+    fn slope(&self) -> DVector<f64> {
+        let size = self.slopes.first().map_or(0, DMatrix::ncols);
+        let pairs = self.slopes.iter().zip(&self.errors);
+        pairs.fold(DVector::zeros(size), |sum, (j, errors)| {
+            sum + j.tr_mul(&DVector::from_column_slice(errors))
+        })
+    }
+
+    /// `Σ_i Σ_j G_iᵀ R(i − j) G_j`: with `c_k = Σ_i G_iᵀ v_{i+k}`, what is left moved along the log by k samples, it is
+    /// `Σ_k c_k c_kᵀ / N`, and by Parseval's theorem a sum over frequencies.
+    fn scatter(&self) -> DMatrix<f64> {
+        let length = self.errors.first().map_or(0, Vec::len);
+        let size = self.slopes.first().map_or(0, DMatrix::ncols);
+        let padded = (2 * length).next_power_of_two().max(2);
+        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(padded);
+        let mut moved = vec![vec![Complex::new(0.0, 0.0); padded / 2 + 1]; size];
+        for (errors, slopes) in self.errors.iter().zip(&self.slopes) {
+            let Some(errors) = spectrum(&transform, errors.iter()) else { continue };
+            for (j, moved) in moved.iter_mut().enumerate() {
+                let Some(slope) = spectrum(&transform, slopes.column(j).iter()) else { continue };
+                for ((sum, e), s) in moved.iter_mut().zip(&errors).zip(&slope) {
+                    *sum += e * s.conj();
+                }
+            }
+        }
+        let scale = 1.0 / (self.count.max(1) as f64 * padded as f64);
+        let of = |i: usize, j: usize| {
+            let terms = moved[i].iter().zip(&moved[j]).enumerate();
+            // all but the first and the last frequency stand for two
+            let weight = |f: usize| if f == 0 || f == padded / 2 { 1.0 } else { 2.0 };
+            scale * terms.map(|(f, (a, b))| weight(f) * (a * b.conj()).re).sum::<f64>()
+        };
+        DMatrix::from_fn(size, size, |i, j| if i <= j { of(i, j) } else { of(j, i) })
+    }
+}
+
+/// The spectrum of a course, zeros behind it; none of one that is zero throughout.
+fn spectrum<'a>(
+    transform: &Arc<dyn RealToComplex<f64>>,
+    course: impl Iterator<Item = &'a f64>,
+) -> Option<Vec<Complex<f64>>> {
+    let mut padded = transform.make_input_vec();
+    padded.iter_mut().zip(course).for_each(|(to, from)| *to = *from);
+    if padded.iter().all(|v| *v == 0.0) {
+        return None;
+    }
+    let mut found = transform.make_output_vec();
+    transform.process(&mut padded, &mut found).ok()?;
+    Some(found)
 }
 
 /// How sure it is what was moved.
 #[derive(Clone, Debug)]
 pub(super) struct Certainty {
     information: Information,
-    /// What was known: 1/s² of each.
+    /// What was known of all, keys that stay after what was moved: 1/s² of each.
     known: Vec<f64>,
     /// With what was known.
     whole: Covariance,
@@ -84,8 +187,12 @@ pub(super) struct Certainty {
 struct Covariance {
     /// (A + P)⁻¹ (S + P) (A + P)⁻¹: what the logs scatter and what was known, through the curvature of both.
     real: DMatrix<f64>,
-    /// (A + P)⁻¹: the same if what is left were white noise.
+    /// The same of what was moved alone, keys that stay exact.
+    exact: DMatrix<f64>,
+    /// (A + P)⁻¹ of what was moved: the same if what is left were white noise, too.
     white: DMatrix<f64>,
+    /// What freeing keys that stay would change.
+    step: DVector<f64>,
 }
 
 /// What the logs alone say of one key, the others as well known as they were.
@@ -93,7 +200,9 @@ struct Covariance {
 pub(super) struct Alone {
     /// Deviation of ln θ; infinite where they say nothing.
     pub(super) deviation: f64,
-    /// The same if what is left were white noise.
+    /// The same with keys that stay exact.
+    pub(super) exact: f64,
+    /// The same if what is left were white noise, too.
     pub(super) white: f64,
 }
 
@@ -101,20 +210,30 @@ impl Information {
     /// None where neither logs nor what was known fix all that was moved.
     fn covariance(&self, known: &[f64]) -> Option<Covariance> {
         let prior = DMatrix::from_diagonal(&DVector::from_column_slice(known));
-        let white = (&self.curvature + &prior).cholesky()?.inverse();
-        let real = &white * (&self.scatter + &prior) * &white;
-        Some(Covariance { real, white })
+        let whole = &self.curvature + &prior;
+        let size = (self.moved, self.moved);
+        let white = whole.view((0, 0), size).into_owned().cholesky()?.inverse();
+        let scatter = &self.scatter + &prior;
+        let exact = &white * scatter.view((0, 0), size) * &white;
+        let inverse = whole.cholesky()?.inverse();
+        let real = &inverse * scatter * &inverse;
+        Some(Covariance { real, exact, white, step: inverse * &self.slope })
     }
 }
 
 impl Certainty {
-    /// From the logs' information, and the deviations of what was known.
-    pub(super) fn new(information: Information, known: &[f64]) -> Self {
-        let known: Vec<f64> = known.iter().map(|s| 1.0 / (s * s)).collect();
-        let size = known.len();
-        let nothing =
-            || Covariance { real: DMatrix::zeros(size, size), white: DMatrix::zeros(size, size) };
-        let whole = information.covariance(&known).unwrap_or_else(nothing);
+    /// From the logs' information, and the deviations of what was known, keys that stay after what was moved.
+    pub(super) fn new(information: Information, known: impl Iterator<Item = f64>) -> Self {
+        let known: Vec<f64> = known.map(|s| 1.0 / (s * s)).collect();
+        let zeros = |size: usize| DMatrix::zeros(size, size);
+        let nothing = || Covariance {
+            real: zeros(known.len()),
+            exact: zeros(information.moved),
+            white: zeros(information.moved),
+            step: DVector::zeros(known.len()),
+        };
+        let mut whole = information.covariance(&known).unwrap_or_else(nothing);
+        whole.real += &whole.step * whole.step.transpose();
         Self { information, known, whole }
     }
 
@@ -139,17 +258,75 @@ impl Certainty {
         // as good as nothing: a matrix that is singular for this key alone has an inverse still
         known[place] *= 1e-9;
         let of = |of: &DMatrix<f64>| of[(place, place)].max(0.0).sqrt();
-        let found = self.information.covariance(&known);
-        let found = found.map(|c| Alone { deviation: of(&c.real), white: of(&c.white) });
+        let found = self.information.covariance(&known).map(|c| Alone {
+            deviation: of(&c.real).hypot(self.whole.step[place]),
+            exact: of(&c.exact),
+            white: of(&c.white),
+        });
         // less than a thousandth of what was known is nothing
         let least = 1e3 / self.known[place].sqrt();
         let found = found.filter(|alone| alone.white < least);
-        found.unwrap_or(Alone { deviation: f64::INFINITY, white: f64::INFINITY })
+        let nothing = f64::INFINITY;
+        found.unwrap_or(Alone { deviation: nothing, exact: nothing, white: nothing })
     }
 
     /// How all the others go along when one is moved by one.
     pub(super) fn along(&self, place: usize) -> Vec<f64> {
         let own = self.whole.white[(place, place)].max(1e-300);
         self.whole.white.column(place).iter().map(|c| c / own).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// White noise, or each sample a share of the last one.
+    fn noise(count: usize, share: f64, seed: u64) -> Vec<f64> {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut last = 0.0;
+        let mut next = || {
+            // the sum of twelve uniform numbers is normal enough
+            let mut uniform = || {
+                state ^= state << 13;
+                state ^= state >> 7;
+                state ^= state << 17;
+                (state >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            let white = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+            last = share * last + white * (1.0 - share * share).sqrt();
+            last
+        };
+        (0..count).map(|_| next()).collect()
+    }
+
+    /// One channel, and a slope that is one throughout: what is found is a mean.
+    fn of_mean(channels: Vec<Vec<f64>>) -> f64 {
+        let count = channels[0].len();
+        let slopes = channels.iter().map(|_| DMatrix::from_element(count, 1, 1.0)).collect();
+        let left = Left { count, errors: channels, slopes };
+        left.scatter()[(0, 0)] / left.curvature()[(0, 0)]
+    }
+
+    fn average(of: impl Fn(u64) -> f64) -> f64 {
+        (1..=40).map(of).sum::<f64>() / 40.0
+    }
+
+    #[test]
+    fn white_noise_scatters_as_the_curvature_says_and_correlated_noise_more() {
+        let white = average(|seed| of_mean(vec![noise(4000, 0.0, seed)]));
+        assert!((white - 1.0).abs() < 0.15, "{white}");
+        // the variance of the mean of an autoregressive course is (1 + a)/(1 - a) times that of a white one
+        let coloured = average(|seed| of_mean(vec![noise(4000, 0.9, seed)]));
+        assert!((coloured / 19.0 - 1.0).abs() < 0.2, "{coloured}");
+    }
+
+    #[test]
+    fn two_channels_that_are_off_together_tell_as_much_as_one() {
+        let alike = average(|seed| of_mean(vec![noise(4000, 0.0, seed); 2]));
+        assert!((alike - 2.0).abs() < 0.3, "{alike}");
+        let apart =
+            average(|seed| of_mean(vec![noise(4000, 0.0, seed), noise(4000, 0.0, 900 + seed)]));
+        assert!((apart - 1.0).abs() < 0.15, "{apart}");
     }
 }

@@ -181,7 +181,25 @@ impl Layout<'_> {
         Ok((self.shown(at, log, prediction), placed))
     }
 
-    /// The same of several logs at once. What is kept of their starts grows by those that were not known yet.
+    /// Slopes of a log's channels along keys that are not moved.
+    pub(super) fn slopes_along(
+        &self,
+        at: &[f64],
+        log: usize,
+        keys: &[Free],
+    ) -> Result<Slopes, IdentifyError> {
+        let experiment = &self.experiments[log];
+        let along: Vec<Direction> = keys.iter().map(|key| Direction::Key(*key)).collect();
+        let (_, mut slopes) =
+            slopes_from(&self.moved(at), experiment, &self.offsets(at, log), &along)?;
+        let ([delays, _], interval) = (self.channels(at, log), experiment.interval());
+        for slope in &mut slopes {
+            all_delayed(slope, &delays, interval);
+        }
+        Ok(slopes.into_iter().enumerate().collect())
+    }
+
+    /// Predictions and slopes of several logs at once. What is kept of their starts grows by those that were not known yet.
     pub(super) fn all_slopes(
         &self,
         at: &[f64],

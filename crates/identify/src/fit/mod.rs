@@ -23,13 +23,14 @@ use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
 use crate::prediction::Prediction;
+use crate::structural_limit::limit_of;
 use crate::tuning_fork::TuningFork;
-use certainty::Certainty;
+use certainty::{Certainty, Considered};
 use hydroboom_description::Description;
 use layout::{Layout, PER_LOG};
 use nalgebra::DVector;
 use pitch::Pitch;
-use residual::{Deviations, deviations, residuals};
+use residual::{Deviations, Leaves, deviations, has_lack_of_fit, residuals};
 use samples::Samples;
 use search::{Ends, Known, Search};
 use watch::Watch;
@@ -45,10 +46,14 @@ pub struct Tuned {
     pub prior: f64,
     /// Deviation of ln θ now, what was known included.
     pub deviation: f64,
-    /// Deviation of ln θ from the logs alone, with the other keys as well known as they were; infinite where the logs
+    /// Deviation of ln θ from the logs alone, with the other keys as well known as they were, free or not; infinite where the logs
     /// say nothing.
     pub from_logs: f64,
-    /// Whether the logs say more of it than was known.
+    /// The same if all keys that are not free were exact.
+    pub others_exact: f64,
+    /// What the model leaves out that is found in it instead, where the logs show that the model is not the true one: then it is biased.
+    pub biased: Option<&'static str>,
+    /// Whether the logs say more of it than was known, and it is not biased.
     pub is_determined: bool,
     /// What it is traded against most, a key or a channel's delay or offset, and the correlation with it.
     pub partner: Option<(String, f64)>,
@@ -146,18 +151,6 @@ struct End {
     certainty: Certainty,
 }
 
-/// Deviation of ln θ that a provenance stands for.
-pub fn prior(provenance: &str) -> f64 {
-    match provenance {
-        "measured" => 0.02,
-        // much of what papers and data sheets print was fitted by somebody, or holds for another specimen
-        "printed" | "derived" | "data sheet" => 0.1,
-        "calibrated" | "tuned" => 0.2,
-        // an estimate may be wrong by half
-        _ => 0.5,
-    }
-}
-
 /// What is asked of a search.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
@@ -188,11 +181,9 @@ impl<'a> Task<'a> {
 
     /// What is known of the keys, and of each log's starts and channels.
     fn known(&self) -> Known {
-        let origins: Vec<&str> =
-            self.model.entries().map(|(_, _, o)| o.provenance.as_str()).collect();
         let mut mean: Vec<f64> = self.free.iter().map(|key| key.value(self.model).ln()).collect();
         let mut deviation: Vec<f64> =
-            self.free.iter().map(|key| prior(origins[key.place])).collect();
+            self.free.iter().map(|key| key.known_to(self.model)).collect();
         let of_logs = PER_LOG * self.experiments.len();
         mean.extend(std::iter::repeat_n(0.0, of_logs));
         deviation.extend(std::iter::repeat_n(1.0, of_logs));
@@ -235,7 +226,8 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         let ends = Ends { sum: 1e-4, place: 1e-4, patience: 3 };
         at = search.searched(task.generations).minimised(ends).0.at;
     }
-    let mut held_against = deviations(task.experiments, &layout.predictions(at.as_slice())?);
+    let there = layout.predictions(at.as_slice())?;
+    let mut held_against = deviations(task.experiments, &there, Leaves::Unknown);
     let (mut has_converged, mut kept) = (false, Vec::new());
     // the first round in longer steps; the second with what the first left as deviations. Neither may end early: a
     // ringing log has flat valleys
@@ -250,17 +242,20 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         if watch.borrow().is_stopped() {
             return Err(IdentifyError::Stopped);
         }
-        held_against = deviations(task.experiments, &task.layout().predictions(at.as_slice())?);
+        let there = task.layout().predictions(at.as_slice())?;
+        held_against = deviations(task.experiments, &there, Leaves::AsNow);
     }
     let after = layout.predictions(at.as_slice())?;
-    let information = layout.information(at.as_slice(), &held_against, &mut kept)?;
-    let certainty = Certainty::new(information, &known.deviation);
+    let held = Considered::of(task);
+    let information = layout.information(at.as_slice(), &held_against, &mut kept, &held.keys)?;
+    let certainty =
+        Certainty::new(information, known.deviation.iter().chain(&held.deviation).copied());
     let improvements = task.experiments.iter().zip(before.iter().zip(&after));
     let improvements = improvements.map(|(e, (before, after))| Improvement::new(e, before, after));
     let evaluations = watch.borrow().runs();
     Ok(Fit {
         description: layout.moved(at.as_slice()),
-        tuned: tuned(&layout, &known, at.as_slice(), &certainty),
+        tuned: tuned(&layout, &known, at.as_slice(), &certainty, &held, &after),
         channels: channels(&layout, at.as_slice(), &certainty),
         correlation: certainty.correlation(task.free.len()),
         improvements: improvements.collect(),
@@ -272,21 +267,38 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
 }
 
 /// What is to be said of each key.
-fn tuned(layout: &Layout<'_>, known: &Known, at: &[f64], certainty: &Certainty) -> Vec<Tuned> {
+fn tuned(
+    layout: &Layout<'_>,
+    known: &Known,
+    at: &[f64],
+    certainty: &Certainty,
+    considered: &Considered,
+    after: &[Prediction],
+) -> Vec<Tuned> {
+    let mut pairs = layout.experiments.iter().zip(after);
+    let shows_more = pairs.any(|(experiment, shown)| has_lack_of_fit(experiment, shown));
     let nuisances = (0..layout.experiments.len()).flat_map(|log| layout.nuisances(log));
     let keys = layout.free.iter().map(|key| key.path()).enumerate();
-    let all: Vec<(usize, String)> =
-        keys.chain(nuisances.map(|(place, nuisance)| (place, nuisance.path()))).collect();
+    let held = considered.keys.iter().enumerate();
+    let all: Vec<(usize, String)> = keys
+        .chain(nuisances.map(|(place, nuisance)| (place, nuisance.path())))
+        .chain(held.map(|(k, key)| (layout.size() + k, format!("{}, not free", key.path()))))
+        .collect();
     let of = |(k, key): (usize, &Free)| {
         let (prior, deviation) = (known.deviation[k], certainty.deviation(k));
-        let from_logs = certainty.alone(k).deviation;
+        let alone = certainty.alone(k);
+        let from_logs = alone.deviation;
+        let limit = limit_of(*key, &layout.model.numbers);
+        let biased = limit.filter(|_| shows_more);
         Tuned {
             key: *key,
             value: (known.mean[k].exp(), at[k].exp()),
             prior,
             deviation,
             from_logs,
-            is_determined: from_logs < prior,
+            others_exact: alone.exact,
+            biased,
+            is_determined: from_logs < prior && biased.is_none(),
             partner: partner(k, &all, certainty),
         }
     };

@@ -21,7 +21,7 @@ pub struct Profile {
     /// The key.
     pub key: Free,
     /// Values of the key, growing, in SI units, each with the rise of the sum there with all else at its best: in squared
-    /// deviations, with what is left as correlated as it is. What was known of the key itself does not count.
+    /// deviations, with what is left as correlated as it is. What was known of the key itself does not count, and keys that are not free stay.
     pub points: Vec<(f64, f64)>,
     /// Where the rise passes [`LIMIT`], in SI units: from here to there the logs do not contradict the key. None where they
     /// do not as far as was looked: three deviations of what was known of it, three times as far as the parabola of the search's
@@ -54,15 +54,15 @@ pub fn profile(
     let known = task.known().deviation[place];
     let alone = certainty.alone(place);
     // samples that are alike tell less than as many that are not
-    let inflation = match alone.deviation.is_finite() {
-        true => (alone.deviation / alone.white).powi(2).max(1.0),
+    let inflation = match alone.exact.is_finite() {
+        true => (alone.exact / alone.white).powi(2).max(1.0),
         false => 1.0,
     };
     let along = DVector::from_vec(certainty.along(place));
     let (low, high) = key.bounds();
     let (low, high) = (low.max(1e-300).ln(), high.ln());
     // half the way to where a parabola would be at the limit, and no farther than what was known
-    let expected = LIMIT.sqrt() * alone.deviation;
+    let expected = LIMIT.sqrt() * alone.exact;
     let step = (0.5 * expected).min(known);
     let held = Held { task, longer: &task.coarse(), deviations, place, go_on };
 

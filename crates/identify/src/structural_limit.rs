@@ -1,0 +1,70 @@
+//! What the model leaves out, and the keys that it is found in instead: such a key is that of an equivalent model, not of the machine.
+
+use crate::free::Free;
+use hydroboom_description::schema::Numbers;
+
+/// A stated limit of keys.
+struct StructuralLimit {
+    /// Paths, or how they begin.
+    keys: &'static [&'static str],
+    /// Whether a model leaves it out.
+    is_left_out: fn(&Numbers<f64>) -> bool,
+    /// What the model leaves out.
+    reason: &'static str,
+}
+
+/// All of them.
+const LIMITS: [StructuralLimit; 6] = [
+    StructuralLimit {
+        keys: &["boom.youngs_modulus_gpa", "boom.second_moment_cm4"],
+        is_left_out: |n| n.base_stiffness <= 0.0,
+        reason: "only its product with the second moment of area shows, and what base, pins and cylinder mounts give is taken for the boom's",
+    },
+    StructuralLimit {
+        keys: &["boom.damping_ratio", "link_2.joint_damping_ratio", "link_3.joint_damping_ratio"],
+        is_left_out: |_| true,
+        reason: "friction in pins and base is taken for the boom's damping",
+    },
+    StructuralLimit {
+        keys: &["friction.bristle_stiffness_n_per_mm"],
+        is_left_out: |n| n.base_stiffness <= 0.0,
+        reason: "what base, pins and cylinder mounts give is taken for the seals'",
+    },
+    StructuralLimit {
+        keys: &["friction.viscous_ns_per_m"],
+        is_left_out: |_| true,
+        reason: "drag of oil in lines and valves beyond what the model has is taken for friction",
+    },
+    StructuralLimit {
+        keys: &["pump.flow_gain", "pump.internal_leakage", "pump.case_leakage"],
+        is_left_out: |n| n.slip_at_rest <= 0.0 && n.slip_per_speed <= 0.0,
+        reason: "slip in proportion to pressure, and what of it grows with speed, is taken for delivery and leakage",
+    },
+    StructuralLimit {
+        keys: &["oil.transition_bar"],
+        is_left_out: |_| true,
+        reason: "air comes out of the oil and dissolves again within seconds: the pressure at which it stiffens is no single number",
+    },
+];
+
+/// What a model leaves out that is found in a key instead; none where nothing is known of it.
+pub(crate) fn limit_of(key: Free, numbers: &Numbers<f64>) -> Option<&'static str> {
+    let path = key.path();
+    let is_of = |limit: &&StructuralLimit| {
+        (limit.is_left_out)(numbers) && limit.keys.iter().any(|begins| path.starts_with(begins))
+    };
+    LIMITS.iter().find(is_of).map(|limit| limit.reason)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_description::schema::KEYS;
+
+    #[test]
+    fn every_limit_is_of_keys_that_there_are() {
+        for begins in LIMITS.iter().flat_map(|limit| limit.keys) {
+            assert!(KEYS.iter().any(|key| key.path().starts_with(begins)), "{begins}");
+        }
+    }
+}
