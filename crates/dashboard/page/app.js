@@ -110,13 +110,18 @@ function cell(text, className) {
   return made;
 }
 
+// in the order of the table's columns; a machine in another process tells no true ones
+function errors(result) {
+  return [result.rms_true_mm, result.rms_measured_mm, result.peak_true_mm, result.peak_measured_mm];
+}
+
 function news(all) {
   if (all.results.length) {
     $("results").replaceChildren(...all.results.slice().reverse().map((result) => {
       const row = document.createElement("tr");
       const strategy = result.then ? `${result.strategy}, then ${result.then}` : result.strategy;
       const ended = (result.fault ?? "load held") + (result.fallback ? ", benchmark took over" : "");
-      row.append(cell(result.course), cell(strategy), cell(result.rms_mm.toFixed(3)), cell(result.peak_mm.toFixed(3)), cell(ended));
+      row.append(cell(result.course), cell(strategy), ...errors(result).map((mm) => cell(mm === null ? "-" : mm.toFixed(3))), cell(ended));
       return row;
     }));
   }

@@ -133,7 +133,7 @@ impl Dashboard {
         self.feed().say(text);
     }
 
-    /// Shows what a course came to: an object with course, strategy, rms_mm, peak_mm and fault.
+    /// Shows what a course came to: an object with course, strategy, rms_true_mm, rms_measured_mm, peak_true_mm, peak_measured_mm and fault.
     pub fn result(&mut self, result: &Value) {
         self.feed().result(result);
     }

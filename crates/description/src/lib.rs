@@ -195,8 +195,10 @@ impl Description {
             .ok_or_else(|| wrong("no [set] table".into()))?;
         let mut changed = self.clone();
         let mut overrides = Vec::new();
+        let assignments: Vec<String> =
+            set.iter().map(|(key, value)| format!("{key}={value}")).collect();
+        changed.set_together(assignments.iter().map(String::as_str))?;
         for (key, value) in set {
-            changed.set(&format!("{key}={value}"))?;
             overrides.push(match value.as_float() {
                 Some(small) if small != 0.0 && small.abs() < 1e-3 => format!("{key} = {small:e}"),
                 _ => format!("{key} = {value}"),

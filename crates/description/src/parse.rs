@@ -398,6 +398,39 @@ impl Description {
     ///
     /// [`DescriptionError`] when the key is unknown, the value impossible, or the machine with it.
     pub fn set(&mut self, assignment: &str) -> Result<(), DescriptionError> {
+        self.set_together([assignment])
+    }
+
+    /// Overrides keys together: what has to be possible is the machine with all of them, in whatever order they are given. Choices and segments are set before
+    /// the numbers that belong to them; of a key that is given twice the last counts.
+    ///
+    /// # Errors
+    ///
+    /// As of [`set`](Self::set); nothing is overridden then.
+    pub fn set_together<'a>(
+        &mut self,
+        assignments: impl IntoIterator<Item = &'a str>,
+    ) -> Result<(), DescriptionError> {
+        let is_number = |assignment: &&str| {
+            let path = assignment.split_once('=').map_or("", |(path, _)| path.trim());
+            KEYS.iter().any(|key| key.path() == path)
+        };
+        let all: Vec<&str> = assignments.into_iter().collect();
+        let (numbers, structure): (Vec<&str>, Vec<&str>) = all.iter().partition(|a| is_number(a));
+        let mut changed = self.clone();
+        for assignment in structure.into_iter().chain(numbers) {
+            changed.assign(assignment)?;
+        }
+        if let Some((_, message, help)) = changed.impossible() {
+            let named: Vec<String> = all.iter().map(|a| format!("--set {}", quoted(a))).collect();
+            return Err(DescriptionError::of(&named.join(" "), message, Some(help)));
+        }
+        *self = changed;
+        Ok(())
+    }
+
+    /// Overrides one key of a machine that is judged later.
+    fn assign(&mut self, assignment: &str) -> Result<(), DescriptionError> {
         let wrong = |message: String, help: String| {
             DescriptionError::of(&format!("--set {}", quoted(assignment)), message, Some(help))
         };
@@ -460,10 +493,7 @@ impl Description {
         } else {
             return Err(wrong(format!("unknown key `{}`", quoted(path)), suggestion(path)));
         }
-        match self.impossible() {
-            Some((_, message, help)) => Err(wrong(message, help)),
-            None => Ok(()),
-        }
+        Ok(())
     }
 }
 

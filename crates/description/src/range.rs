@@ -86,16 +86,35 @@ impl Description {
     ///
     /// [`DescriptionError`] as of [`set`](Self::set), and when the value is outside the file's range.
     pub fn set_within_range(&mut self, assignment: &str) -> Result<(), DescriptionError> {
+        self.set_together_within_range([assignment])
+    }
+
+    /// Overrides keys together as [`set_together`](Self::set_together) does, each within the crane file's range of it.
+    ///
+    /// # Errors
+    ///
+    /// As of [`set_within_range`](Self::set_within_range); nothing is overridden then.
+    pub fn set_together_within_range<'a>(
+        &mut self,
+        assignments: impl IntoIterator<Item = &'a str>,
+    ) -> Result<(), DescriptionError> {
+        let all: Vec<&str> = assignments.into_iter().collect();
+        all.iter().try_for_each(|assignment| self.is_within_range(assignment))?;
+        self.set_together(all)
+    }
+
+    /// Whether the crane file's range has the value, if it has one.
+    fn is_within_range(&self, assignment: &str) -> Result<(), DescriptionError> {
         let parts = assignment.split_once('=');
         let wanted = parts.and_then(|(path, text)| {
             let index = KEYS.iter().position(|key| key.path() == path.trim())?;
             let value = text.trim().trim_matches('"').parse::<f64>().ok()?;
             Some((index, value, self.file_ranges[index]?))
         });
-        let Some((index, value, [low, high])) = wanted else { return self.set(assignment) };
+        let Some((index, value, [low, high])) = wanted else { return Ok(()) };
         let key = &KEYS[index];
         if (low..=high).contains(&key.to_si(value)) {
-            return self.set(assignment);
+            return Ok(());
         }
         let (path, unit) = (key.path(), key.unit);
         let [low, high] = [low, high].map(|bound| key.to_unit(bound));

@@ -159,6 +159,25 @@ fn correlations_that_no_covariance_has_are_refused() {
     let message =
         crane.set("tip.bending_offset_correlation=0.9").unwrap_err().problems[0].message.clone();
     assert!(message.contains("-0.9, 0.9") && message.contains("tip.base_offset"), "{message}");
-    crane.set("tip.base_offset_correlation=-0.8").unwrap();
-    crane.set("tip.bending_offset_correlation=0.9").unwrap();
+    // what was refused is not kept
+    assert!(crane.set("tip.base_offset_correlation=-0.8").is_err());
+    let both = ["tip.base_offset_correlation=-0.8", "tip.bending_offset_correlation=0.9"];
+    crane.set_together(both).unwrap();
+}
+
+#[test]
+fn overrides_that_are_possible_together_are_accepted_in_any_order() {
+    let crane = Description::uia_single_boom().unwrap();
+    let thick = ["cylinder.rod_mm=70", "cylinder.piston_mm=100"];
+    assert!(crane.clone().set(thick[0]).is_err());
+    for order in [[0, 1], [1, 0]] {
+        let mut both = crane.clone();
+        both.set_together_within_range(order.map(|k| thick[k])).unwrap();
+        assert_eq!((both.numbers.rod, both.numbers.piston), (0.07, 0.1));
+    }
+    // nothing of what is impossible together is kept
+    let mut kept = crane.clone();
+    let error = kept.set_together(["payload.mass_kg=200", thick[0]]).unwrap_err().to_string();
+    assert!(error.contains("payload.mass_kg=200") && error.contains("rod_mm=70"), "{error}");
+    assert_eq!(kept.digest(), crane.digest());
 }

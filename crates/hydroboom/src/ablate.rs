@@ -57,7 +57,7 @@ impl Ablate {
         if self.json {
             return output::json(&json!({
                 "ablation": rows, "cranes": self.family, "seed": self.seed,
-                "machine": choice.json(),
+                "plant": choice.json(),
             }));
         }
         let done = rows.len() / courses.len().max(1);

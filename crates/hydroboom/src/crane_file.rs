@@ -16,7 +16,8 @@ pub struct CraneFile {
     /// Crane file; an embedded one when not given: the paper's crane, or the virtual one.
     #[arg(long, value_name = "FILE")]
     crane: Option<InputFile>,
-    /// Override a key, e.g. --set boom.segments=10, within its range where the file states one; can be repeated.
+    /// Override a key, e.g. --set boom.segments=10, within its range where the file states one; can be repeated,
+    /// and all are applied together.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 }
@@ -95,9 +96,7 @@ impl CraneFile {
                 description
             }
         };
-        for assignment in &self.set {
-            description.set_within_range(assignment)?;
-        }
+        description.set_together_within_range(self.set.iter().map(String::as_str))?;
         for warning in description.warnings() {
             output::warn(&warning.to_string());
         }

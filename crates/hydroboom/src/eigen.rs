@@ -9,7 +9,7 @@ use hydroboom_lab::{eigenfrequency, paper};
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// Eigenfrequencies with the load held: oscillation test and linearised crane, beside Table 5.
+/// Eigenfrequencies with the load held: oscillation test and linearised crane; the paper's crane beside Table 5.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom eigen --stroke-mm 100,200,400 --set boom.segments=10")]
 pub struct Eigen {
@@ -39,6 +39,9 @@ impl Eigen {
             && let Some((_, error)) = failed.pop()
         {
             return Err(error).into_diagnostic();
+        }
+        if !self.crane.is_papers_crane()? {
+            rows = rows.into_iter().map(eigenfrequency::Row::without_paper).collect();
         }
         if self.json {
             let failed: Vec<_> = failed
@@ -144,8 +147,10 @@ pub fn table(rows: &[eigenfrequency::Row]) -> String {
         "osc. with friction",
         "lin. with friction",
     ];
+    let is_beside_paper = rows.iter().any(|row| row.paper_simulated_hz.is_some());
+    let title = if is_beside_paper { "Table 5: eigenfrequencies" } else { "Eigenfrequencies" };
     format!(
-        "Table 5: eigenfrequencies [Hz], load held; friction off unless said\n{}",
-        output::table(&header, &cells)
+        "{title} [Hz], load held; friction off unless said\n{}",
+        output::table_beside_paper(&header, &cells)
     )
 }

@@ -3,14 +3,14 @@
 use crate::number;
 use crate::{crane_file::CraneFile, output};
 use clap::Args;
-use hydroboom_lab::energy_audit::{Audit, audit};
+use hydroboom_lab::energy_audit::{Audit, PUMP_WORK, audit};
 use hydroboom_lab::numerical_damping::{NumericalDamping, numerical_damping};
 use hydroboom_lab::study::IMPLICIT_STEP;
 use hydroboom_model::Scheme;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
 
-/// Audit the energy of a fast motion cycle, change = work - losses + mass defects; and say what
+/// Audit the energy of a fast motion cycle, change = pump work - losses + mass defects; and say what
 /// damping the time steps add of their own.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom energy --step-us 500,250")]
@@ -63,13 +63,13 @@ pub fn table(audits: &[Audit]) -> String {
     let header = [
         "step [us]",
         "change [J]",
-        "work [J]",
+        "pump work [J]",
         "losses [J]",
         "defects [J]",
         "exchanged [J]",
         "residual/exchanged",
     ];
-    format!("Energy over one fast cycle\n{}", output::table(&header, &rows))
+    format!("Energy over one fast cycle\n{}\n{PUMP_WORK}", output::table(&header, &rows))
 }
 
 /// Damping and order of the schemes as a table.

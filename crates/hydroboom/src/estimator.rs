@@ -74,7 +74,7 @@ impl Estimator {
         if self.json {
             return output::json(&json!({
                 "asked": self.family, "seed": self.seed, "from": self.from,
-                "strategy": self.strategy.name(), "consistency": found, "machine": choice.json(),
+                "strategy": self.strategy.name(), "consistency": found, "plant": choice.json(),
             }));
         }
         let done = of_asked(found.cranes.len(), self.family as usize);

@@ -5,6 +5,7 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::closed_loop::monte_carlo::{Row, family, members, rows, variations};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::report;
@@ -51,7 +52,7 @@ pub fn run(
         return output::json(&json!({
             "asked": count, "family": rows, "seed": seed, "variations": variations(is_widened),
             "strategies": strategies, "courses": names, "cranes": cranes,
-            "machine": choice.json(),
+            "plant": choice.json(),
         }));
     }
     output::text(&format!(
@@ -71,21 +72,24 @@ fn table(rows: &[Row]) -> String {
             vec![
                 r.controller.name().into(),
                 r.course.clone(),
-                r.rms_mm.text(2),
-                r.peak_mm.text(2),
-                r.true_rms_mm.text(3),
+                r.rms_true_mm.text(3),
+                r.rms_measured_mm.text(3),
+                r.peak_true_mm.text(2),
+                r.peak_measured_mm.text(2),
                 r.motor_ripple_rpm.text(1),
                 format!("{:.1}", r.unstable_percent),
             ]
         })
         .collect();
+    let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
     output::table(
         &[
             "strategy",
             "course",
-            "RMS [mm]",
-            "peak [mm]",
-            "true RMS [mm]",
+            rms_true,
+            rms_measured,
+            peak_true,
+            peak_measured,
             "motor ripple at rest [rpm]",
             "unstable [%]",
         ],
@@ -100,11 +104,11 @@ fn beside_the_benchmark(rows: &[Row]) -> String {
     let mut header = vec![
         "strategy",
         "course",
-        "RMS",
-        "true RMS",
-        "less RMS on [%]",
+        "RMS true",
+        "RMS measured",
+        "less RMS true on [%]",
         "largest motor speed",
-        "energy",
+        "motor energy",
     ];
     let mut cells: Vec<Vec<String>> = others
         .iter()
@@ -112,18 +116,18 @@ fn beside_the_benchmark(rows: &[Row]) -> String {
             vec![
                 r.controller.name().into(),
                 r.course.clone(),
-                r.rms_over_benchmark.text(2),
-                r.true_rms_over_benchmark.text(3),
+                r.rms_true_over_benchmark.text(3),
+                r.rms_measured_over_benchmark.text(3),
                 format!("{:.0}", r.better_percent),
                 r.motor_speed_over_benchmark.text(3),
                 r.energy_over_benchmark.text(3),
             ]
         })
         .collect();
-    if others.iter().any(|r| r.rms_over_reoptimised_benchmark.is_some()) {
-        header.push("RMS over the re-optimised");
+    if others.iter().any(|r| r.rms_true_over_reoptimised_benchmark.is_some()) {
+        header.push("RMS true over the re-optimised");
         for (row, cells) in others.iter().zip(&mut cells) {
-            let over = row.rms_over_reoptimised_benchmark;
+            let over = row.rms_true_over_reoptimised_benchmark;
             cells.push(over.map_or_else(|| "-".into(), |s| s.text(2)));
         }
     }

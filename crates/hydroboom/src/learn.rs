@@ -66,7 +66,7 @@ impl Learn {
         }
         if self.json {
             return output::json(
-                &json!({ "asked": asked, "learned": all, "machine": choice.json() }),
+                &json!({ "asked": asked, "learned": all, "plant": choice.json() }),
             );
         }
         let rows: Vec<Vec<String>> = all

@@ -31,7 +31,7 @@ impl Source {
         match self {
             Self::Embedded => "embedded",
             Self::CraneFile => "crane file",
-            Self::MachineFile => "machine file",
+            Self::MachineFile => "plant file",
             Self::Model => "model",
         }
     }
@@ -87,6 +87,12 @@ impl MachineChoice {
         };
         let differences = by_weight(model.differences(&machine));
         let choice = Self { model, machine, source, filled_in, differences, arguments };
+        if crane.is_overridden() && source != Source::CraneFile {
+            output::note(&format!(
+                "--set is of the model only: the plant \"{}\" keeps the values of its own file",
+                choice.name()
+            ));
+        }
         choice.notes().iter().for_each(|note| output::note(note));
         Ok(choice)
     }
@@ -163,7 +169,7 @@ impl MachineChoice {
         let differences = self
             .differences
             .iter()
-            .map(|d| json!({ "key": d.key, "model": d.here, "machine": d.there, "unit": d.unit }));
+            .map(|d| json!({ "key": d.key, "model": d.here, "plant": d.there, "unit": d.unit }));
         json!({
             "name": self.name(), "from": self.source.name(), "digest": self.machine.digest(),
             "equals_model": self.equality().is_some(), "remark": self.equality(),
@@ -177,14 +183,14 @@ impl MachineChoice {
         if !self.filled_in.is_empty() {
             let keys: Vec<String> = self.filled_in.iter().map(FilledIn::to_string).collect();
             notes.push(format!(
-                "the machine is the {}. Typical values stand in for what its file leaves out:\n  {}",
+                "the plant is the {}. Typical values stand in for what its file leaves out:\n  {}",
                 self.name(),
                 keys.join("\n  ")
             ));
         }
         if self.source == Source::MachineFile && !self.differences.is_empty() {
             notes.push(format!(
-                "the machine \"{}\" differs from the model \"{}\" in\n  {}",
+                "the plant \"{}\" differs from the model \"{}\" in\n  {}",
                 self.name(),
                 self.model.name,
                 shortened(&self.differences).join("\n  ")

@@ -33,6 +33,7 @@ mod paths;
 mod processor;
 mod run;
 mod scenarios;
+mod scheduled_lqr_sensitivity;
 mod sensitivity;
 mod show;
 mod simulate;

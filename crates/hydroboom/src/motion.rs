@@ -11,9 +11,11 @@ use hydroboom_design::benchmark_design::{Gains, payload_range};
 use hydroboom_design::stability::stability_of;
 use hydroboom_lab::calibrate::differences;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
 use hydroboom_lab::motion_test::{Row, oscillation_remarks, run, run_all};
+use hydroboom_lab::report::IDEAL_SENSORS;
 use hydroboom_lab::study::NOMINAL;
 use hydroboom_lab::{LabError, paper, report};
 use indicatif::ProgressBar;
@@ -81,10 +83,11 @@ impl MotionTests {
         let (mut choice, mut name) = self.choice()?;
         if !self.plant_set.is_empty() {
             let mut plant = choice.machine.clone();
-            self.plant_set.iter().try_for_each(|assignment| plant.set(assignment))?;
+            plant.set_together(self.plant_set.iter().map(String::as_str))?;
             name = if choice.is_virtual() { format!("{name}, changed") } else { "changed".into() };
             choice = choice.with_machine(plant);
         }
+        let is_papers_crane = self.crane.is_papers_crane()?;
         let courses = match &self.scenario {
             Some(name) => vec![CourseChoice::Scenario(name.clone())],
             None => {
@@ -129,7 +132,11 @@ impl MotionTests {
         }
         bar.finish_and_clear();
         let loops = stability_of(&Strategy::ALL, model, plant).into_diagnostic()?;
-        let rows: Vec<Row> = runs.iter().map(|run| Row::of(&name, run)).collect();
+        let rows: Vec<Row> = runs
+            .iter()
+            .map(|run| Row::of(&name, run))
+            .map(|row| if is_papers_crane { row } else { row.without_paper() })
+            .collect();
         // Table 6: the published model along the last course, the fast motion unless it is a scenario
         let velocity_feedforward =
             runs.iter().rfind(|run| run.strategy == Strategy::VelocityFeedforward);
@@ -167,6 +174,7 @@ impl MotionTests {
                 plant: &plant,
                 runs: &runs,
                 alongside: alongside.as_ref(),
+                is_papers_crane,
                 remark: (!remarks.is_empty()).then(|| remarks.join(". ")).as_deref(),
             });
             output::page_in_folder(folder, "motion", &page.into_diagnostic()?, None);
@@ -177,7 +185,7 @@ impl MotionTests {
         }
         if self.json {
             return output::json(&json!({
-                "motion": rows, "plant_changes": effects, "differences": table_6, "machine": choice.json(),
+                "motion": rows, "plant_changes": effects, "differences": table_6, "plant": choice.json(),
                 "stable": rows.iter().all(|row| row.stable),
                 "loops": loops, "benchmark_gains": Gains::of(model), "remark_on_gains": gains,
             }));
@@ -190,7 +198,7 @@ impl MotionTests {
             said = format!(
                 "The plant is the virtual crane. It differs from the model in {count} keys \
                  (hydroboom show --crane cranes/uia-virtual.toml)\n\
-                 Table 6: crane less published model, both under velocity feedforward along {}; \
+                 Table 6: crane less published model as measured, both under velocity feedforward along {}; \
                  the paper measured a real crane\n{}\n\n",
                 velocity_feedforward.map_or("", |run| &run.course),
                 output::table(&header, &cells)
@@ -203,7 +211,7 @@ impl MotionTests {
                 "model",
                 "plant",
                 "unit",
-                "velocity-FF RMS [mm]",
+                "velocity-FF RMS true [mm]",
                 "p_A RMS [bar]",
                 "eigenfrequency [Hz]",
             ];
@@ -225,7 +233,7 @@ impl MotionTests {
         let mut unstable: String =
             loops.iter().filter(|of| !of.stable).map(|of| format!("\n{of}")).collect();
         if !unstable.is_empty() && rows.iter().all(|row| row.stable) {
-            unstable += "\nNo run above is in sustained oscillation: friction, limits or what the estimator learns keep it small here.";
+            unstable += "\nNo run above is in sustained oscillation.";
         }
         output::text(&format!("{said}{}{unstable}", table(&rows)))
     }
@@ -317,7 +325,7 @@ struct Effect {
     plant: String,
     unit: String,
     /// Tracking error under velocity feedforward, of the model and of the changed plant.
-    velocity_feedforward_rms_mm: [f64; 2],
+    velocity_feedforward_rms_true_mm: [f64; 2],
     /// RMS difference of p_A between both.
     pressure_a_rms_bar: f64,
     /// Locked-valve eigenfrequency without friction at mid-stroke, of both.
@@ -326,7 +334,7 @@ struct Effect {
 
 impl Effect {
     fn cells(&self) -> Vec<String> {
-        let [rms, changed_rms] = self.velocity_feedforward_rms_mm;
+        let [rms, changed_rms] = self.velocity_feedforward_rms_true_mm;
         let [f, changed_f] = self.eigenfrequency_hz;
         vec![
             self.key.clone(),
@@ -359,7 +367,8 @@ fn effect(model: &Description, difference: &Difference) -> Result<Effect, LabErr
         model: difference.here.clone(),
         plant: difference.there.clone(),
         unit: difference.unit.into(),
-        velocity_feedforward_rms_mm: [before.rms() * 1e3, after.rms() * 1e3],
+        velocity_feedforward_rms_true_mm: [&before, &after]
+            .map(|run| run.metrics().true_rms() * 1e3),
         pressure_a_rms_bar: (square / before.samples.len().max(1) as f64).sqrt() * 1e-5,
         eigenfrequency_hz: [frequency(model)?, frequency(&plant)?],
     })
@@ -381,43 +390,126 @@ fn here(row: &Row, mm: f64) -> String {
     if row.stable { format!("{mm:.3}") } else { "unstable".into() }
 }
 
+/// All but the columns that are left out.
+fn kept<T: Clone>(row: &[T], left_out: &[usize]) -> Vec<T> {
+    let kept = row.iter().enumerate().filter(|(column, _)| !left_out.contains(column));
+    kept.map(|(_, cell)| cell.clone()).collect()
+}
+
 /// Tables 7 to 9, "paper | here", and what is to be said of runs that oscillate.
 pub fn table(rows: &[Row]) -> String {
+    let is_ideal = |row: &Row| row.error.is_measured_truly();
+    let (ideal, mixed) = (rows.iter().all(is_ideal), rows.iter().any(is_ideal));
+    let beside_paper = rows.iter().any(|row| row.paper_rms_mm.is_some());
+    // columns in which nothing would stand that is not said otherwise
+    let left_out: &[usize] = match (ideal, beside_paper) {
+        (true, true) => &[5, 8],
+        (true, false) => &[3, 5, 6, 8],
+        (false, true) => &[],
+        (false, false) => &[3, 6],
+    };
+    let sensors = match (ideal, mixed) {
+        (true, _) => format!("\n{IDEAL_SENSORS}"),
+        (false, true) => "\n=: sensors are ideal there, the measured error is the true one.".into(),
+        (false, false) => String::new(),
+    };
+    let measured = |row: &Row, mm: f64| if is_ideal(row) { "=".into() } else { here(row, mm) };
     let cells: Vec<Vec<String>> = rows
         .iter()
         .map(|r| {
-            vec![
-                r.strategy.name().into(),
-                r.plant.clone(),
-                r.course.clone(),
-                output::optional(r.paper_rms_mm, 2),
-                here(r, r.rms_mm),
-                output::optional(r.paper_peak_mm, 2),
-                here(r, r.peak_mm),
-                format!("{:.3}", r.effort.residual_vibration_mm),
-                format!("{:.2}", r.effort.energy_kj),
-                format!("{:.0}", r.effort.motor_speed_rpm),
-            ]
+            kept(
+                &[
+                    r.strategy.name().into(),
+                    r.plant.clone(),
+                    r.course.clone(),
+                    output::optional(r.paper_rms_mm, 2),
+                    here(r, r.error.rms_true_mm),
+                    measured(r, r.error.rms_measured_mm),
+                    output::optional(r.paper_peak_mm, 2),
+                    here(r, r.error.peak_true_mm),
+                    measured(r, r.error.peak_measured_mm),
+                    format!("{:.3}", r.effort.residual_vibration_mm),
+                    format!("{:.2}", r.effort.energy_kj),
+                    format!("{:.0}", r.effort.motor_speed_rpm),
+                ],
+                left_out,
+            )
         })
         .collect();
+    let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
     let header = [
         "strategy",
         "plant",
         "course",
-        "RMS paper",
-        "RMS here",
-        "peak paper",
-        "peak here",
+        "RMS paper [mm]",
+        rms_true,
+        rms_measured,
+        "peak paper [mm]",
+        peak_true,
+        peak_measured,
         "tip rings [mm]",
-        "energy [kJ]",
+        "motor energy [kJ]",
         "motor [rpm]",
     ];
     let remarks: String =
         oscillation_remarks(rows).iter().map(|remark| format!("\n{remark}")).collect();
+    let title = match beside_paper {
+        true => "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane.",
+        false => "Tracking error x - x_ref [mm].",
+    };
     format!(
-        "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane. The scheduled LQR is ours, and looks\n\
+        "{title} The scheduled LQR is ours, and looks\n\
          0.4 s along the path.\n\
-         Beside it the RMS of the tip's vibration at rest, the motor's work, and its largest speed.\n{}{remarks}",
-        output::table(&header, &cells)
+         Beside it the RMS of the tip's vibration at rest, the motor energy and the largest motor speed.\n{MOTOR_ENERGY}\n{}{sensors}{remarks}",
+        output::table(&kept(&header, left_out), &cells)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_lab::closed_loop::metrics::Effort;
+
+    fn row(rms_measured_mm: f64, paper_rms_mm: Option<f64>) -> Row {
+        let error = TrackingError {
+            rms_true_mm: 0.5,
+            rms_measured_mm,
+            peak_true_mm: 1.5,
+            peak_measured_mm: 1.5,
+        };
+        Row {
+            plant: NOMINAL.into(),
+            strategy: Strategy::BenchmarkClosedLoop,
+            course: "120 mm/s".into(),
+            speed_mm_s: 120.0,
+            stable: true,
+            sustained_oscillation: None,
+            error,
+            effort: Effort::default(),
+            paper_rms_mm,
+            paper_peak_mm: paper_rms_mm,
+        }
+    }
+
+    #[test]
+    fn a_measured_error_that_is_the_true_one_is_said_once() {
+        let ideal = table(&[row(0.5, Some(0.42))]);
+        assert!(ideal.contains("RMS true [mm]") && !ideal.contains("measured [mm]"), "{ideal}");
+        assert!(ideal.contains(IDEAL_SENSORS), "{ideal}");
+        let mixed = table(&[row(0.5, Some(0.42)), row(0.625, Some(0.42))]);
+        assert!(mixed.contains("RMS measured [mm]") && mixed.contains("0.625"), "{mixed}");
+        assert_eq!(
+            (mixed.matches("0.500").count(), mixed.matches("=:").count()),
+            (2, 1),
+            "{mixed}"
+        );
+    }
+
+    #[test]
+    fn columns_of_the_paper_are_left_out_where_it_has_no_number() {
+        let other = table(&[row(0.5, None)]);
+        assert!(!other.contains("RMS paper") && !other.contains("peak paper"), "{other}");
+        let header = other.lines().find(|line| line.starts_with("strategy")).unwrap();
+        assert!(header.contains("peak true [mm]"), "{header}");
+    }
 }

@@ -201,6 +201,17 @@ pub fn escaped(text: &str) -> String {
     shown
 }
 
+/// A table without the paper's columns where the paper has nothing: beside another crane than its own.
+pub fn table_beside_paper(header: &[&str], rows: &[Vec<String>]) -> String {
+    let is_kept = |column: &usize| {
+        !header[*column].contains("paper") || rows.iter().any(|row| row[*column] != "-")
+    };
+    let columns: Vec<usize> = (0..header.len()).filter(is_kept).collect();
+    let header: Vec<&str> = columns.iter().map(|column| header[*column]).collect();
+    let kept = |row: &Vec<String>| columns.iter().map(|column| row[*column].clone()).collect();
+    table(&header, &rows.iter().map(kept).collect::<Vec<_>>())
+}
+
 /// A table with aligned columns: numbers to the right, the first column and words to the left.
 pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {

@@ -5,6 +5,7 @@ use crate::output;
 use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_description::Description;
+use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, Scenario, scenarios};
 use hydroboom_lab::virtual_run::strategies;
 use indicatif::ProgressBar;
@@ -58,15 +59,25 @@ impl Scenarios {
             .map(|(strategy, s)| {
                 vec![
                     strategy.name().into(),
-                    output::optional(s.rms_mm, 3),
-                    output::optional(s.peak_mm, 3),
+                    format!("{:.3}", s.error.rms_true_mm),
+                    format!("{:.3}", s.error.rms_measured_mm),
+                    format!("{:.3}", s.error.peak_true_mm),
+                    format!("{:.3}", s.error.peak_measured_mm),
                     format!("{:.1}", s.torque_nm),
                     format!("{:.1}", s.oil_c),
                 ]
             })
             .collect();
-        let header =
-            ["strategy", "RMS [mm]", "peak [mm]", "motor torque [N m]", "oil at the end [C]"];
+        let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
+        let header = [
+            "strategy",
+            rms_true,
+            rms_measured,
+            peak_true,
+            peak_measured,
+            "motor torque [N m]",
+            "oil at the end [C]",
+        ];
         output::text(&format!("{name} on \"{}\"\n{}", crane.name, output::table(&header, &rows)))
     }
 }

@@ -5,24 +5,28 @@ use crate::interruptible::Interruptible;
 use crate::number;
 use crate::output;
 use crate::paths::OutputFile;
+use crate::scheduled_lqr_sensitivity as scheduled_lqr;
 use clap::Args;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::Free;
 use hydroboom_lab::LabError;
 use hydroboom_lab::report::{Bar, Bars, Page, document, figure};
-use hydroboom_sensitivity::{Case, Index, Local, Output, Sobol, Study, local, sobol};
+use hydroboom_sensitivity::{
+    Case, Index, Local, Output, Sobol, Study, at_ends, end_values, local, sobol,
+};
 use indicatif::{ProgressBar, ProgressStyle};
 use maud::html;
 use miette::{IntoDiagnostic, Result, miette};
 use serde_json::json;
 
-/// Rank a crane's parameters by their effect on tracking errors, pressures and the eigenfrequency: locally by exact
-/// slopes, and globally by Sobol indices.
+/// Rank a crane's parameters by their effect on tracking errors, pressures and the eigenfrequency: the machine is re-run with each at both ends of what is
+/// known of it; exact slopes; and globally Sobol indices.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom sensitivity\n  hydroboom sensitivity --outputs eigenfrequency,tracking-benchmark-closed-loop \
-    --rows 256 --report sensitivity.html\n  hydroboom sensitivity --keys payload.mass_kg,pump.flow_gain --speed-mm-s 25"
+    --rows 256 --report sensitivity.html\n  hydroboom sensitivity --keys payload.mass_kg,pump.flow_gain --speed-mm-s 25\n  hydroboom sensitivity --strategy scheduled-lqr"
 )]
 pub struct Sensitivity {
     #[command(flatten)]
@@ -30,6 +34,9 @@ pub struct Sensitivity {
     /// Outputs, with commas between them: eigenfrequency, tracking-STRATEGY, pressure-STRATEGY; all when not given.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     outputs: Vec<String>,
+    /// Tracking error and p_A of these strategies, with commas between them, in place of --outputs. The scheduled LQR is re-run, and has no slopes and indices.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', conflicts_with = "outputs")]
+    strategy: Vec<Strategy>,
     /// Keys that vary, with commas between them; those that logs usually tell something of when not given.
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     keys: Vec<String>,
@@ -53,8 +60,16 @@ pub struct Sensitivity {
 /// What came of it.
 struct Found {
     case: Case,
+    /// Those of the case, then those that are re-run only.
+    outputs: Vec<Output>,
+    /// Outputs of the machine as described \[SI\].
     values: Vec<f64>,
+    /// Slopes; none of outputs that are re-run only.
     local: Vec<Local>,
+    /// Values of each key at both ends, less and more \[SI\].
+    ends: Vec<[f64; 2]>,
+    /// All outputs there.
+    at_ends: Vec<[Option<Vec<f64>>; 2]>,
     /// Indices by output, and rows that were simulated whole.
     global: Option<(Vec<Sobol>, usize)>,
 }
@@ -63,21 +78,48 @@ impl Sensitivity {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read()?;
-        let case =
-            Case::new(&crane, number::speed_of_motion(&crane, self.speed_mm_s)?, &self.chosen()?)
-                .into_diagnostic()?;
+        let speed = number::speed_of_motion(&crane, self.speed_mm_s)?;
+        let (mut outputs, rerun): (Vec<Output>, Vec<Output>) =
+            self.chosen()?.into_iter().partition(|output| output.has_slopes());
+        let case = Case::new(&crane, speed, &outputs).into_diagnostic()?;
         let free = self.free(&crane)?;
         let bar = ProgressBar::new(free.len().div_ceil(4) as u64).with_style(
             ProgressStyle::with_template("{bar:40} {pos} of {len} slopes, {eta} left")
                 .into_diagnostic()?,
         );
-        let (values, slopes) = local(&case, &free, &|| bar.inc(1)).into_diagnostic()?;
+        let (mut values, slopes) = local(&case, &free, &|| bar.inc(1)).into_diagnostic()?;
         bar.finish_and_clear();
+        let ends: Vec<(Free, [f64; 2])> =
+            slopes.iter().map(|l| (l.key, end_values(&crane, l.key, l.known))).collect();
+        let bar = ProgressBar::new(ends.len() as u64);
+        let mut at_ends = at_ends(&case, &ends, &|| bar.inc(1));
+        bar.finish_and_clear();
+        if !rerun.is_empty() {
+            let own = scheduled_lqr::rerun(&crane, &crane.numbers, speed).into_diagnostic()?;
+            let others = scheduled_lqr::at_ends(&crane, &ends, speed);
+            let of = |both: [f64; 2]| {
+                rerun
+                    .iter()
+                    .map(move |output| both[usize::from(matches!(output, Output::Pressure(_)))])
+            };
+            values.extend(of(own));
+            for (known, found) in at_ends.iter_mut().zip(others) {
+                for (known, found) in known.iter_mut().zip(found) {
+                    // a machine that one of them cannot lead has no outputs at all
+                    *known = known.take().zip(found).map(|(mut all, both)| {
+                        all.extend(of(both));
+                        all
+                    });
+                }
+            }
+            outputs.extend(rerun.iter().copied());
+        }
+        let ends = ends.into_iter().map(|(_, values)| values).collect();
         let global = match self.rows {
             0 => None,
             rows => Some(self.global(&case, &free, rows)?),
         };
-        let found = Found { case, values, local: slopes, global };
+        let found = Found { case, outputs, values, local: slopes, ends, at_ends, global };
         if let Some(path) = &self.report {
             let seed = (self.rows > 0).then_some(self.seed);
             output::page(path, &page(&crane, &found).into_diagnostic()?, seed);
@@ -96,11 +138,17 @@ impl Sensitivity {
 
     fn chosen(&self) -> Result<Vec<Output>> {
         if self.outputs.is_empty() {
-            return Ok(Output::ALL.to_vec());
+            return Ok(match self.strategy.as_slice() {
+                [] => Output::ALL.into_iter().chain(Output::OF_SCHEDULED_LQR).collect(),
+                some => {
+                    some.iter().flat_map(|s| [Output::Tracking(*s), Output::Pressure(*s)]).collect()
+                }
+            });
         }
         let named = self.outputs.iter().map(|name| {
             Output::from_name(name.trim()).ok_or_else(|| {
-                let all: Vec<String> = Output::ALL.iter().map(|o| o.name()).collect();
+                let all = Output::ALL.into_iter().chain(Output::OF_SCHEDULED_LQR);
+                let all: Vec<String> = all.map(Output::name).collect();
                 miette!(help = format!("one of: {}", all.join(", ")), "no output \"{name}\"")
             })
         });
@@ -130,49 +178,97 @@ impl Sensitivity {
     }
 }
 
-/// Keys in the order of their effect on an output, the largest first.
-fn ranked(found: &Found, output: usize) -> Vec<&Local> {
-    let mut list: Vec<&Local> = found.local.iter().collect();
-    list.sort_by(|a, b| b.effect(output).abs().total_cmp(&a.effect(output).abs()));
-    list
+impl Found {
+    /// An output with a key at one of its ends (0: less, 1: more) \[SI\].
+    fn at(&self, key: usize, end: usize, output: usize) -> Option<f64> {
+        self.at_ends[key][end].as_ref().map(|outputs| outputs[output])
+    }
+
+    /// The largest change of an output that a key makes at its ends \[SI\].
+    fn change(&self, key: usize, output: usize) -> f64 {
+        let change =
+            |end| self.at(key, end, output).map_or(0.0, |v| (v - self.values[output]).abs());
+        change(0).max(change(1))
+    }
+
+    /// Slope of an output in per cent for a per cent of a key; none of an output without slopes.
+    fn slope(&self, key: usize, output: usize) -> Option<f64> {
+        self.local[key].slopes.get(output).map(|slope| slope / self.values[output])
+    }
+
+    /// A key's value at one of its ends, in its unit.
+    fn end(&self, key: usize, end: usize) -> f64 {
+        KEYS[self.local[key].key.place].to_unit(self.ends[key][end])
+    }
+
+    /// The same with five digits, for people.
+    fn end_text(&self, key: usize, end: usize) -> String {
+        let value = self.end(key, end);
+        output::number(format!("{value:.4e}").parse().unwrap_or(value))
+    }
+
+    /// Keys in the order of the change that they make, the largest first.
+    fn ranked(&self, output: usize) -> Vec<usize> {
+        let mut list: Vec<usize> = (0..self.local.len()).collect();
+        list.sort_by(|a, b| self.change(*b, output).total_cmp(&self.change(*a, output)));
+        list
+    }
+
+    /// Indices of an output, where there are any.
+    fn indices(&self, output: usize) -> Option<&Sobol> {
+        self.global.as_ref().and_then(|(indices, _)| indices.get(output))
+    }
 }
+
+/// What the columns mean.
+const ENDS: &str = "less, more: the ends of what is known of the key, by its provenance, and the output of the machine re-run there (-: there is no such \
+    machine, or it cannot follow).\n% per %: exact slope at the described machine. The ten keys of the largest change";
 
 fn said(found: &Found) -> String {
     let mut said = String::new();
-    for (k, output) in found.case.outputs.iter().enumerate() {
+    for (k, output) in found.outputs.iter().enumerate() {
         let (unit, size) = output.unit();
         said += &format!("{}: {:.4} {unit}\n", output.title(), found.values[k] / size);
-        let rows: Vec<Vec<String>> = ranked(found, k)
+        let rows: Vec<Vec<String>> = found
+            .ranked(k)
             .into_iter()
             .take(10)
-            .map(|l| {
+            .map(|key| {
+                let there = |end| output::optional(found.at(key, end, k).map(|v| v / size), 4);
                 let mut row = vec![
-                    l.key.path(),
-                    format!("{:+.3}", l.slopes[k] / found.values[k]),
-                    format!("{:.0}", l.known * 100.0),
-                    format!("{:+.4}", l.effect(k) / size),
+                    found.local[key].key.path(),
+                    found.end_text(key, 0),
+                    there(0),
+                    found.end_text(key, 1),
+                    there(1),
                 ];
-                if let Some((indices, _)) = &found.global {
-                    let place = found.local.iter().position(|other| other == l).unwrap_or(0);
-                    row.push(shown(&indices[k].first[place]));
-                    row.push(shown(&indices[k].total[place]));
+                if output.has_slopes() {
+                    row.push(
+                        found.slope(key, k).map_or("-".into(), |slope| format!("{slope:+.3}")),
+                    );
+                }
+                if let Some(indices) = found.indices(k) {
+                    row.push(shown(&indices.first[key]));
+                    row.push(shown(&indices.total[key]));
                 }
                 row
             })
             .collect();
-        let effect = format!("effect [{unit}]");
-        let mut header = vec!["key", "% per %", "known to [%]", effect.as_str()];
-        if found.global.is_some() {
+        let there = format!("{unit} there");
+        let mut header = vec!["key", "less", there.as_str(), "more", there.as_str()];
+        if output.has_slopes() {
+            header.push("% per %");
+        }
+        if found.indices(k).is_some() {
             header.extend(["Sobol first (95 %)", "total (95 %)"]);
         }
         said += &output::table(&header, &rows);
         said += "\n\n";
     }
-    said +=
-        "effect: of an error as large as what is known of the key, to first order; the ten largest";
+    said += ENDS;
     if let Some((indices, rows)) = &found.global {
         said += &format!("\n{rows} rows of the global study were simulated whole; there");
-        for (output, sobol) in found.case.outputs.iter().zip(indices) {
+        for (output, sobol) in found.outputs.iter().zip(indices) {
             let (unit, size) = output.unit();
             said += &format!(
                 "\n  {}: {:.3} {unit}, scattering by {:.3}",
@@ -191,15 +287,19 @@ fn shown(index: &Index) -> String {
 
 fn in_json(crane: &Description, found: &Found) -> serde_json::Value {
     let index = |i: &Index| json!({ "value": i.value, "low": i.low, "high": i.high });
-    let outputs = found.case.outputs.iter().enumerate().map(|(k, output)| {
+    let outputs = found.outputs.iter().enumerate().map(|(k, output)| {
         let (unit, size) = output.unit();
+        let sobol = found.indices(k);
         let keys = found.local.iter().enumerate().map(|(place, l)| {
-            let sobol = found.global.as_ref().map(|(indices, _)| &indices[k]);
+            let end = |end| {
+                let output = found.at(place, end, k).map(|v| v / size);
+                json!({ "value": found.end(place, end), "output": output })
+            };
             json!({
                 "key": l.key.path(), "unit": KEYS[l.key.place].unit,
                 "value": KEYS[l.key.place].to_unit(l.key.value(crane)),
-                "percent_per_percent": l.slopes[k] / found.values[k], "known_to_percent": l.known * 100.0,
-                "effect": l.effect(k) / size,
+                "percent_per_percent": found.slope(place, k), "known_to_percent": l.known * 100.0,
+                "less": end(0), "more": end(1),
                 "sobol_first": sobol.map(|s| index(&s.first[place])),
                 "sobol_total": sobol.map(|s| index(&s.total[place])),
             })
@@ -207,8 +307,7 @@ fn in_json(crane: &Description, found: &Found) -> serde_json::Value {
         json!({
             "output": output.name(), "unit": unit, "value": found.values[k] / size,
             "keys": keys.collect::<Vec<_>>(),
-            "mean": found.global.as_ref().map(|(s, _)| s[k].mean / size),
-            "deviation": found.global.as_ref().map(|(s, _)| s[k].deviation / size),
+            "mean": sobol.map(|s| s.mean / size), "deviation": sobol.map(|s| s.deviation / size),
         })
     });
     json!({
@@ -219,25 +318,38 @@ fn in_json(crane: &Description, found: &Found) -> serde_json::Value {
 
 fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
     let mut figures = Vec::new();
-    for (k, output) in found.case.outputs.iter().enumerate() {
+    for (k, output) in found.outputs.iter().enumerate() {
         let (unit, size) = output.unit();
-        let ranked = ranked(found, k);
-        let names: Vec<String> = ranked.iter().map(|l| l.key.path()).collect();
-        let bars = ranked.iter().zip(&names).take(12).map(|(l, name)| {
-            let effect = l.effect(k) / size;
-            Bar { name, from: -effect, to: effect, colour: 0, bounds: None }
+        // a bar for each end: near a minimum both are on one side
+        let mut changes = Vec::new();
+        for key in found.ranked(k).into_iter().take(10) {
+            let (path, key_unit) =
+                (found.local[key].key.path(), KEYS[found.local[key].key.place].unit);
+            for end in [0, 1] {
+                if let Some(there) = found.at(key, end, k) {
+                    let name = format!("{path} {} {key_unit}", found.end_text(key, end));
+                    changes.push((name, (there - found.values[k]) / size, 1 - end));
+                }
+            }
+        }
+        let bars = changes.iter().map(|(name, change, colour)| Bar {
+            name,
+            from: 0.0,
+            to: *change,
+            colour: *colour,
+            bounds: None,
         });
-        let x = format!("effect on the {} [{unit}]", output.title());
+        let x = format!("change of the {} [{unit}]", output.title());
         let tornado = Bars { x: &x, bars: bars.collect() }.drawn()?;
-        let sobol = match &found.global {
-            Some((indices, _)) => {
+        let sobol = match found.indices(k) {
+            Some(indices) => {
                 let mut order: Vec<usize> = (0..found.local.len()).collect();
-                let total = |place: usize| indices[k].total[place].value;
+                let total = |place: usize| indices.total[place].value;
                 order.sort_by(|a, b| total(*b).total_cmp(&total(*a)));
                 let names: Vec<String> =
                     order.iter().map(|place| found.local[*place].key.path()).collect();
                 let bars = order.iter().zip(&names).take(12).map(|(place, name)| {
-                    let i = indices[k].total[*place];
+                    let i = indices.total[*place];
                     Bar { name, from: 0.0, to: i.value, colour: 0, bounds: Some((i.low, i.high)) }
                 });
                 let x = "total Sobol index, share of the variance [-]";
@@ -255,8 +367,8 @@ fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
         @for (k, output, tornado, sobol) in &figures {
             h2 { (output.title()) ": " (format!("{:.3} {}", found.values[*k] / output.unit().1, output.unit().0)) }
             (figure(
-                "By how much the output changes, to first order, when the key is more (the end with the dot) or less by what its provenance \
-                 leaves open. Exact slopes.",
+                "By how much the output changes with the machine re-run at both ends of what is known of a key, by its provenance. The ten keys of the \
+                 largest change.",
                 tornado,
             ))
             @if let Some(svg) = sobol {
@@ -270,7 +382,7 @@ fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
         @if let Some((indices, rows)) = &found.global {
             h2 { "Sobol indices in numbers" }
             p.soft { (rows) " rows; every key even in its logarithm, with the deviation its provenance stands for." }
-            @for (output, sobol) in found.case.outputs.iter().zip(indices) {
+            @for (output, sobol) in found.outputs.iter().zip(indices) {
                 h3 {
                     (output.title()) ": " (format!("{:.3} {}", sobol.mean / output.unit().1, output.unit().0)) " in the mean, deviation "
                     (format!("{:.3}", sobol.deviation / output.unit().1))

@@ -5,6 +5,7 @@ use crate::paths::{InputFile, OutputFolder};
 use crate::{eigen, energy, motion, output};
 use clap::Args;
 use hydroboom_description::Description;
+use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::study::{NOMINAL, OFF, VIRTUAL};
 use hydroboom_lab::{claims, report, study};
 use miette::{IntoDiagnostic, Result};
@@ -44,6 +45,11 @@ impl Study {
             None if self.crane.is_embedded() => Some(Description::uia_virtual()?),
             None => None,
         };
+        if self.crane.is_overridden() && stand_in.is_some() {
+            output::note(
+                "--set is of the model, the nominal and the off-model plant: the virtual crane keeps the values of its own file",
+            );
+        }
         let is_papers_crane = self.crane.is_papers_crane()?;
         let result = study::study(&description, stand_in.as_ref(), is_papers_crane, &said)
             .into_diagnostic()?;
@@ -65,50 +71,65 @@ impl Study {
             .map(|d| {
                 vec![
                     format!("{} [{}]", d.signal, d.unit),
-                    three(d.paper_rms),
+                    output::optional(d.paper_rms, 3),
                     output::optional(d.virtual_rms, 3),
                     three(d.off_model_rms),
-                    three(d.paper_peak),
+                    output::optional(d.paper_peak, 3),
                     output::optional(d.virtual_peak, 3),
                     three(d.off_model_peak),
                 ]
             })
             .collect();
-        let header =
-            ["signal", "RMS paper", "virtual", "off-model", "peak paper", "virtual", "off-model"];
+        let header = [
+            "signal",
+            "RMS paper",
+            "RMS virtual",
+            "RMS off-model",
+            "peak paper",
+            "peak virtual",
+            "peak off-model",
+        ];
         let mut said =
             format!("{}\n\n{}", claims_table(&result), eigen::table(&result.eigenfrequency));
         if let Some(hz) = result.virtual_eigenfrequency_hz {
             let hz = hz.map(three).join(", ");
-            said += &format!("\nvirtual crane, beside \"paper measured\": {hz}");
+            let beside = if result.is_papers_crane { ", beside \"paper measured\"" } else { "" };
+            said += &format!("\nvirtual crane{beside}: {hz}");
+        }
+        let beside = |paper: Option<f64>, which: &str| {
+            paper.map_or_else(String::new, |hz| format!(" (paper {which} {hz:.3})"))
+        };
+        said += &format!(
+            "\n\np_A oscillation, valve open [Hz]: nominal {}{}",
+            output::optional(result.pressure_oscillation_hz, 3),
+            beside(result.paper_pressure_oscillation_hz, "simulated")
+        );
+        if let Some(hz) = result.virtual_pressure_oscillation_hz {
+            let paper = beside(result.paper_measured_pressure_oscillation_hz, "measured");
+            said += &format!(", virtual crane {hz:.3}{paper}");
         }
         said += &format!(
-            "\n\np_A oscillation, valve open [Hz]: paper simulated {:.3}, here {:.3}; paper measured {:.3}, \
-             virtual crane {}",
-            result.paper_pressure_oscillation_hz,
-            result.pressure_oscillation_hz,
-            result.paper_measured_pressure_oscillation_hz,
-            output::optional(result.virtual_pressure_oscillation_hz, 3),
-        );
-        said += &format!(
-            "\n\nTable 6: plant less published model, at the fast speed; the paper's plant is its real \
-             crane\n{}",
-            output::table(&header, &differences)
+            "\n\n{} less model as measured, at the fast speed under velocity feedforward{}\n{}",
+            if result.is_papers_crane { "Table 6: plant" } else { "Plant" },
+            if result.is_papers_crane { "; the paper's plant is its real crane" } else { "" },
+            output::table_beside_paper(&header, &differences)
         );
         said += &format!("\n\n{}", motion::table(&result.motion));
         let damping: Vec<Vec<String>> = result
             .double_damping
             .iter()
-            .map(|d| {
-                let mut row = vec![d.plant.clone(), d.course.clone()];
-                row.extend(d.cells());
-                row
+            .flat_map(|d| {
+                d.laws().map(|(law, error, stable)| {
+                    let names = [d.plant.clone(), d.course.clone(), law.to_string()];
+                    let cell = |mm| if stable { three(mm) } else { "unstable".into() };
+                    names.into_iter().chain(error.cells().map(cell)).collect()
+                })
             })
             .collect();
-        let header = ["plant", "course", "benchmark", "as published", "on p - p_sim"];
+        let mut header = vec!["plant", "course", "law"];
+        header.extend(TrackingError::HEADS);
         said += &format!(
-            "\n\nSimulation feedforward in closed loop damps twice, RMS / peak [mm]; last: pressure feedback on \
-             what differs from the simulation\n{}",
+            "\n\nSimulation feedforward in closed loop damps twice\n{}",
             output::table(&header, &damping)
         );
         output::text(&format!(
@@ -151,9 +172,7 @@ fn claims_table(study: &study::Study) -> String {
         "worse than the paper on",
     ];
     let is_shown = |column: &usize| match header[*column] {
-        "paper states" | "its tables" | "worse than the paper on" => {
-            study.eigenfrequency_accuracy_percent.is_some()
-        }
+        "paper states" | "its tables" | "worse than the paper on" => study.is_papers_crane,
         "virtual measured" | "virtual true" => study.virtual_eigenfrequency_hz.is_some(),
         _ => true,
     };
@@ -161,12 +180,21 @@ fn claims_table(study: &study::Study) -> String {
     let header: Vec<&str> = columns.iter().map(|k| header[*k]).collect();
     let rows: Vec<Vec<String>> =
         shown.iter().map(|row| columns.iter().map(|k| row[*k].clone()).collect()).collect();
+    let on_paper = match study.is_papers_crane {
+        true => format!("\n{}", claims::REMARK_ON_PAPER),
+        false => String::new(),
+    };
     let against = study.eigenfrequency_accuracy_percent.map_or_else(String::new, |percent| {
         format!("\nAgainst the eigenfrequencies that the paper measured, our model's mean accuracy is {percent:.1} %.")
     });
     format!(
-        "The paper's headline claims; nominal and off-model plant have ideal sensors, measured and true is the same there\n{}\n{}{against}",
+        "{}; nominal and off-model plant have ideal sensors, measured and true is the same there\n{}\n{}{against}",
+        if study.is_papers_crane {
+            "The paper's headline claims"
+        } else {
+            "What the paper's headline claims are of, on this crane"
+        },
         output::table(&header, &rows),
-        claims::REMARK.replace(". ", ".\n"),
+        claims::REMARK.replace(". ", ".\n") + &on_paper,
     )
 }

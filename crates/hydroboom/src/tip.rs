@@ -187,7 +187,7 @@ impl Tip {
             return output::json(&json!({
                 "asked": count, "seed": self.seed, "from": self.from, "widened": self.widened,
                 "survey_noise_mm": self.survey_noise_mm, "course": along,
-                "strategy": self.strategy.name(), "tip": found, "machine": choice.json(),
+                "strategy": self.strategy.name(), "tip": found, "plant": choice.json(),
             }));
         }
         output::text(&format!(

@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::baselines::Baseline;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
+use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::closed_loop::robustness::{HEAVIEST, Outcome, robustness, run, shaping};
 use hydroboom_lab::report;
 use indicatif::ProgressBar;
@@ -80,15 +81,17 @@ impl Trials {
             output::page_in_folder(folder, "trials", &page, None);
         }
         if self.json {
-            return output::json(&json!({ "trials": outcomes, "machine": choice.json() }));
+            return output::json(&json!({ "trials": outcomes, "plant": choice.json() }));
         }
         let rows: Vec<Vec<String>> = outcomes.iter().map(row).collect();
+        let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
         let header = [
             "trial",
             "strategy",
-            "RMS [mm]",
-            "peak [mm]",
-            "true RMS [mm]",
+            rms_true,
+            rms_measured,
+            peak_true,
+            peak_measured,
             "motor peak [rpm]",
             "ripple at rest [rpm]",
             "tip deflection [mm]",
@@ -106,12 +109,14 @@ impl Trials {
 }
 
 fn row(o: &Outcome) -> Vec<String> {
+    let error = |mm: f64| output::optional(Some(mm).filter(|mm| o.stable && mm.is_finite()), 3);
     vec![
         o.trial.clone(),
         o.controller.name().into(),
-        output::optional(o.rms_mm.filter(|_| o.stable), 3),
-        output::optional(o.peak_mm.filter(|_| o.stable), 2),
-        output::optional(o.true_rms_mm.filter(|_| o.stable), 3),
+        error(o.error.rms_true_mm),
+        error(o.error.rms_measured_mm),
+        error(o.error.peak_true_mm),
+        error(o.error.peak_measured_mm),
         format!("{:.0}", o.effort.motor_speed_rpm),
         format!("{:.1}", o.effort.motor_ripple_rpm),
         format!("{:.1}", o.effort.tip_deflection_mm),

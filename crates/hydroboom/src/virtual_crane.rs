@@ -116,9 +116,7 @@ impl Virtual {
             Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
             None => Description::uia_single_boom()?,
         };
-        for assignment in &self.model_set {
-            model.set_within_range(assignment)?;
-        }
+        model.set_together_within_range(self.model_set.iter().map(String::as_str))?;
         if let Some(path) = &self.survey {
             let order = SurveyOrder {
                 loads: [0.0, model.numbers.payload],
@@ -188,13 +186,12 @@ impl Virtual {
             return output::json(&value);
         }
         let mut said = format!("{}: {:.3} s", crane.name, summary.duration_s);
+        let [rms, rms_measured, peak, peak_measured] = summary.error.cells();
         if let Some(oscillation) = summary.sustained_oscillation {
             said += &format!(", UNSTABLE, in sustained oscillation of {oscillation}");
-        } else if let (Some(rms), Some(peak), Some(true_rms)) =
-            (summary.rms_mm, summary.peak_mm, summary.true_rms_mm)
-        {
+        } else if rms.is_finite() {
             said += &format!(
-                ", tracking error RMS {rms:.3} mm and peak {peak:.3} mm as measured, RMS {true_rms:.3} mm in truth"
+                ", tracking error RMS true {rms:.3} mm, measured {rms_measured:.3} mm, peak true {peak:.3} mm, measured {peak_measured:.3} mm"
             );
         }
         said += &format!(

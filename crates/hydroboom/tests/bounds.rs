@@ -156,7 +156,7 @@ fn retained_parameters_end_no_control_task() {
             assert!(!said.contains("panicked"), "{key} = {value}: {said}");
             if output.status.success() {
                 let result: Value = serde_json::from_slice(&output.stdout).unwrap();
-                let rms = result["rms_mm"].as_f64().unwrap();
+                let rms = result["rms_measured_mm"].as_f64().unwrap();
                 assert!(result["fault"].is_null() && rms < 20.0, "{key} = {value}: {rms} {said}");
             } else {
                 assert!(

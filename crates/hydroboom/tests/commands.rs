@@ -77,12 +77,12 @@ fn a_new_crane_file_has_what_a_machine_has() {
     let errors = |crane: &[&str]| {
         let base = ["motion", "--scenario", "small-moves", "--json"];
         let motion = parsed(&[&base, crane].concat());
-        assert_eq!(motion["machine"]["equals_model"], true);
+        assert_eq!(motion["plant"]["equals_model"], true);
         motion["motion"]
             .as_array()
             .unwrap()
             .iter()
-            .map(|row| row["rms_mm"].clone())
+            .map(|row| row["rms_true_mm"].clone())
             .collect::<Vec<_>>()
     };
     assert_eq!(errors(&["--crane", path]), errors(&[]));
@@ -120,7 +120,7 @@ fn a_crane_file_that_is_named_is_the_machine() {
         let said = String::from_utf8_lossy(&output.stderr).to_string();
         assert!(said.contains("drive.bandwidth_hz = 97.725 Hz"), "{arguments:?}: {said}");
         let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        let machine = &value["machine"];
+        let machine = &value["plant"];
         assert_eq!(machine["name"], "virtual crane of short", "{arguments:?}");
         assert_eq!(machine["from"], "crane file");
         assert_eq!(machine["equals_model"], true);
@@ -157,6 +157,62 @@ fn a_crane_file_that_is_named_is_the_machine() {
 }
 
 #[test]
+fn the_papers_figures_stand_beside_its_own_crane_only() {
+    let folder = folder("paperless");
+    let crane = short_crane(&folder);
+    let out = folder.join("study");
+    let said = |arguments: &[&str]| {
+        let output = hydroboom(arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).to_string()
+    };
+    let study = ["study", "--out", out.to_str().unwrap()];
+    let eigen = ["eigen", "--stroke-mm", "200"];
+    for command in [&study[..], &eigen, &["motion", "--scenario", "small-moves"], &["motion"]] {
+        let other = said(&[command, &["--crane", &crane]].concat());
+        for of_paper in ["RMS paper", "paper states", "paper simulated", "paper measured", "Table"]
+        {
+            assert!(!other.contains(of_paper), "{command:?}: {other}");
+        }
+    }
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    for of_paper in
+        ["paper, simulated", "RMS paper", "paper states", "Table 5: ", "Table 6: ", "Tables 7"]
+    {
+        assert!(!page.contains(of_paper), "{of_paper}");
+    }
+    // a file with the paper's values is its crane
+    let own = said(&[&eigen[..], &["--crane", "../../cranes/uia-single-boom.toml"]].concat());
+    assert!(own.contains("paper simulated") && own.contains("3.16"), "{own}");
+}
+
+#[test]
+fn overrides_are_applied_together_and_to_the_model_alone_where_the_plant_is_another() {
+    let alone = ["check", "--set", "cylinder.rod_mm=70"];
+    assert!(!hydroboom(&alone).status.success());
+    for order in [
+        ["cylinder.rod_mm=70", "cylinder.piston_mm=100"],
+        ["cylinder.piston_mm=100", "cylinder.rod_mm=70"],
+    ] {
+        let [first, second] = order;
+        let both = hydroboom(&["check", "--set", first, "--set", second]);
+        assert!(both.status.success(), "{}", String::from_utf8_lossy(&both.stderr));
+    }
+    let motion = [
+        "motion",
+        "--plant",
+        "virtual",
+        "--scenario",
+        "small-moves",
+        "--set",
+        "payload.mass_kg=300",
+    ];
+    let said = hydroboom(&motion);
+    let note = "--set is of the model only: the plant \"UiA single boom, virtual\" keeps";
+    assert!(String::from_utf8_lossy(&said.stderr).contains(note), "{said:?}");
+}
+
+#[test]
 fn a_machine_of_its_own_is_named_with_what_differs_most() {
     let folder = folder("machine");
     let crane = short_crane(&folder);
@@ -164,13 +220,12 @@ fn a_machine_of_its_own_is_named_with_what_differs_most() {
     let heavy = folder.join("heavy.toml");
     std::fs::write(&heavy, text.replace("value = 307.0,", "value = 330.0,")).unwrap();
     let base = ["run", "--simulated-time", "--crane", &crane];
-    let output =
-        hydroboom(&[&base[..], &["--machine", heavy.to_str().unwrap(), "--json"]].concat());
+    let output = hydroboom(&[&base[..], &["--plant", heavy.to_str().unwrap(), "--json"]].concat());
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(said.contains("payload.mass_kg: 307 in the model, 330 here"), "{said}");
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(value["machine"]["equals_model"], false);
-    assert_eq!(value["machine"]["differences"].as_array().unwrap().len(), 1);
+    assert_eq!(value["plant"]["equals_model"], false);
+    assert_eq!(value["plant"]["differences"].as_array().unwrap().len(), 1);
     let other = hydroboom(&[&base[..], &["--machine", "../../cranes/uia-virtual.toml"]].concat());
     let said = String::from_utf8_lossy(&other.stderr);
     assert!(said.contains("more: --json lists them"), "{said}");
@@ -178,9 +233,9 @@ fn a_machine_of_its_own_is_named_with_what_differs_most() {
     says(&lift, "valve-controlled");
     // without a crane file it is the paper's virtual crane, and nothing is filled in
     let usual = parsed(&["run", "--simulated-time", "--json"]);
-    assert_eq!(usual["machine"]["from"], "embedded");
-    assert_eq!(usual["machine"]["name"], "UiA single boom, virtual");
-    assert!(usual["machine"]["filled_in"].as_array().unwrap().is_empty());
+    assert_eq!(usual["plant"]["from"], "embedded");
+    assert_eq!(usual["plant"]["name"], "UiA single boom, virtual");
+    assert!(usual["plant"]["filled_in"].as_array().unwrap().is_empty());
 }
 
 #[test]
@@ -329,15 +384,28 @@ fn results_for_machines_have_the_promised_names() {
     let folder = folder("study");
     let study = parsed(&["study", "--json", "--out", folder.to_str().unwrap()]);
     keys(&study["eigenfrequency"][0], &row);
-    let row =
-        ["plant", "strategy", "speed_mm_s", "rms_mm", "peak_mm", "paper_rms_mm", "paper_peak_mm"];
+    let row = [
+        "plant",
+        "strategy",
+        "speed_mm_s",
+        "rms_true_mm",
+        "rms_measured_mm",
+        "peak_true_mm",
+        "peak_measured_mm",
+        "paper_rms_mm",
+        "paper_peak_mm",
+    ];
     keys(&study["motion"][0], &row);
+    for row in study["motion"].as_array().unwrap() {
+        let differs = row["rms_true_mm"] != row["rms_measured_mm"];
+        assert_eq!(differs, row["plant"] == "virtual", "{row}");
+    }
     keys(&study["energy"], &["audits", "numerical_damping"]);
     keys(&study["claims"][0], &["compares", "unit", "paper_stated", "paper_tables", "plants"]);
     keys(&study["claims"][6]["plants"][2], &["plant", "measured", "true", "worse_than_paper"]);
     let row = ["signal", "paper_rms", "virtual_rms", "off_model_rms", "virtual_peak"];
     keys(&study["differences"][0], &row);
-    keys(&study["double_damping"][1], &["plant", "benchmark_mm", "damped_once_mm"]);
+    keys(&study["double_damping"][1], &["plant", "benchmark", "damped_once"]);
     let report = std::fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(!report.contains("http://") || !report.contains("src=\"http"), "not self-contained");
     for claim in study["claims"].as_array().unwrap() {
@@ -527,8 +595,10 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let row = [
         "trial",
         "strategy",
-        "rms_mm",
-        "peak_mm",
+        "rms_true_mm",
+        "rms_measured_mm",
+        "peak_true_mm",
+        "peak_measured_mm",
         "motor_speed_rpm",
         "motor_ripple_rpm",
         "energy_kj",
@@ -541,7 +611,8 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     assert!(page.contains("S-curve") && page.contains("scheduled-lqr"), "{page}");
     // one row has who steers beside each other
     for both in made["trials"].as_array().unwrap().chunks(2) {
-        let errors = both.iter().map(|o| format!("<td>{:.3}</td>", o["rms_mm"].as_f64().unwrap()));
+        let errors =
+            both.iter().map(|o| format!("<td>{:.3}</td>", o["rms_true_mm"].as_f64().unwrap()));
         let row = format!(
             "<td>{}</td>{}",
             both[0]["trial"].as_str().unwrap(),

@@ -135,7 +135,7 @@ fn a_loop_of_two_fmus_is_as_good_as_the_motion_test_says() {
         let rows = rows["motion"].as_array().unwrap();
         let of =
             |row: &&serde_json::Value| row["strategy"] == strategy && row["speed_mm_s"] == 120.0;
-        rows.iter().find(of).unwrap()["rms_mm"].as_f64().unwrap()
+        rows.iter().find(of).unwrap()["rms_measured_mm"].as_f64().unwrap()
     };
     let pairs = [
         ("controller", "benchmark-closed-loop"),

@@ -251,7 +251,7 @@ fn parameters_are_ranked_with_slopes_and_indices() {
     let output = &found["outputs"][0];
     keys(
         &output["keys"][0],
-        &["key", "percent_per_percent", "effect", "sobol_first", "sobol_total"],
+        &["key", "percent_per_percent", "less", "more", "sobol_first", "sobol_total"],
     );
     let total = |k: usize| output["keys"][k]["sobol_total"]["value"].as_f64().unwrap();
     // two keys that act nearly alone: their totals come to the whole, within what 24 rows tell
@@ -259,6 +259,21 @@ fn parameters_are_ranked_with_slopes_and_indices() {
     let page = std::fs::read_to_string(report).unwrap();
     assert!(page.matches("<svg").count() == 2 && page.contains("Sobol"));
     says(&hydroboom(&["sensitivity", "--outputs", "pitch"]), "eigenfrequency");
+    // the scheduled LQR is re-run; an error is nowhere below zero, as a straight line from a minimum would be
+    let short =
+        ["motion.end_mm=250", "motion.dwell_s=1", "motion.rest_s=0.5"].map(|set| ["--set", set]);
+    let base =
+        ["sensitivity", "--strategy", "scheduled-lqr", "--keys", "payload.mass_kg", "--json"];
+    let found = parsed(&[&base[..], &short.concat()].concat());
+    let [tracking, pressure] = &found["outputs"].as_array().unwrap()[..] else { panic!("{found}") };
+    assert_eq!(tracking["output"], "tracking-scheduled-lqr");
+    assert_eq!(pressure["unit"], "bar");
+    let key = &tracking["keys"][0];
+    assert!(key["percent_per_percent"].is_null(), "{found}");
+    for end in ["less", "more"] {
+        let there = key[end]["output"].as_f64().unwrap();
+        assert!(there > 0.0 && there != tracking["value"].as_f64().unwrap(), "{found}");
+    }
     says(&hydroboom(&["sensitivity", "--keys", "boom.young"]), "boom.youngs_modulus_gpa");
     says(&hydroboom(&["sensitivity", "--speed-mm-s", "900"]), "[motion]");
 }

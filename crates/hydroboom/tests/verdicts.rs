@@ -134,7 +134,7 @@ fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
     let rows = json["motion"].as_array().unwrap();
     let rms = |strategy: &str| {
         let of = rows.iter().filter(|row| row["strategy"] == strategy);
-        of.map(|row| row["rms_mm"].as_f64().unwrap()).collect::<Vec<_>>()
+        of.map(|row| row["rms_true_mm"].as_f64().unwrap()).collect::<Vec<_>>()
     };
     let pairs = rms("benchmark-closed-loop").into_iter().zip(rms("velocity-feedforward"));
     pairs.for_each(|(tuned, without)| assert!(tuned < 0.5 * without, "{tuned} mm"));

@@ -66,11 +66,11 @@ fn main() -> Result<(), LabError> {
     let loss = |by: &DVector<f64>| {
         let tried = changed(baseline, by.as_slice());
         let Ok(outcomes) = run(ControllerChoice::Baseline(tried)) else { return UNSTABLE.ln() };
-        let of = |(own, other): (&Outcome, &Outcome)| match own.rms_mm.is_nan()
+        let of = |(own, other): (&Outcome, &Outcome)| match own.error.rms_measured_mm.is_nan()
             || (own.unstable && !other.unstable)
         {
             true => UNSTABLE.ln(),
-            false => (own.rms_mm / other.rms_mm).ln(),
+            false => (own.error.rms_measured_mm / other.error.rms_measured_mm).ln(),
         };
         let sum: f64 = outcomes.iter().zip(&benchmark).map(of).sum();
         let mean = sum / benchmark.len() as f64;

@@ -217,7 +217,10 @@ fn closed_loop(shown: &Shown<'_>, k: usize) -> Claim {
 /// What has to be known to read the table.
 pub const REMARK: &str = "\
 Our eigenfrequencies are those of the linearised cranes without friction. The nominal plant equals the model, and so has no deviation from it. \
-The paper does not say at which speed 1.2 % holds. A negative reduction is an increase.";
+A negative reduction is an increase.";
+
+/// What more has to be known where the paper's figures stand beside.
+pub const REMARK_ON_PAPER: &str = "The paper does not say at which speed its 1.2 % holds.";
 
 #[cfg(test)]
 mod tests {

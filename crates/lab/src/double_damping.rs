@@ -10,7 +10,7 @@
 //! ```
 
 use crate::LabError;
-use crate::closed_loop::metrics::Metrics;
+use crate::closed_loop::metrics::{Metrics, TrackingError};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulated_crane::SimulatedCrane;
@@ -30,24 +30,25 @@ pub struct DoubleDamping {
     /// Name of the course.
     pub course: String,
     /// The benchmark controller.
-    pub benchmark_mm: [f64; 2],
+    pub benchmark: TrackingError,
     /// Simulation feedforward in closed loop, as published: damped in the simulation and again on the
     /// plant.
-    pub damped_twice_mm: [f64; 2],
+    pub damped_twice: TrackingError,
     /// The same with the pressure feedback acting on p − p_sim: damped once.
-    pub damped_once_mm: [f64; 2],
+    pub damped_once: TrackingError,
     /// Whether each of the three, in this order, came to rest where its reference rested.
     pub stable: [bool; 3],
 }
 
 impl DoubleDamping {
-    /// RMS and peak of each of the three, or that it is unstable.
-    pub fn cells(&self) -> [String; 3] {
-        let errors = [self.benchmark_mm, self.damped_twice_mm, self.damped_once_mm];
-        std::array::from_fn(|k| match self.stable[k] {
-            true => format!("{:.3} / {:.3}", errors[k][0], errors[k][1]),
-            false => "unstable".into(),
-        })
+    /// Each law with its error, and whether it came to rest: an error beside a sustained oscillation tells of that.
+    pub fn laws(&self) -> [(&'static str, TrackingError, bool); 3] {
+        let [benchmark, twice, once] = self.stable;
+        [
+            ("benchmark", self.benchmark, benchmark),
+            ("published: damped twice", self.damped_twice, twice),
+            ("pressure feedback on p - p_sim: damped once", self.damped_once, once),
+        ]
     }
 }
 
@@ -64,25 +65,24 @@ pub fn double_damping(
     course: &dyn Course,
     runs: &[Run],
 ) -> Result<DoubleDamping, LabError> {
-    let known = |strategy| -> Result<([f64; 2], bool), LabError> {
-        let of =
-            |run: &Run| ([run.rms() * 1e3, run.peak() * 1e3], run.sustained_oscillation.is_none());
+    let known = |strategy| -> Result<(TrackingError, bool), LabError> {
+        let of = |run: &Run| (run.metrics().tracking_error(), run.sustained_oscillation.is_none());
         let name = course.name();
         match runs.iter().find(|run| run.strategy == strategy && run.course == name) {
             Some(run) => Ok(of(run)),
             None => Ok(of(&run(model, plant, strategy, course)?)),
         }
     };
-    let (benchmark_mm, benchmark) = known(Strategy::BenchmarkClosedLoop)?;
-    let (damped_twice_mm, twice) = known(Strategy::SimulationFeedforwardClosedLoop)?;
-    let (damped_once_mm, once) = damped_once(model, plant, course)?;
+    let (benchmark, first) = known(Strategy::BenchmarkClosedLoop)?;
+    let (damped_twice, second) = known(Strategy::SimulationFeedforwardClosedLoop)?;
+    let (damped_once, third) = damped_once(model, plant, course)?;
     Ok(DoubleDamping {
         plant: plant_name.into(),
         course: course.name(),
-        benchmark_mm,
-        damped_twice_mm,
-        damped_once_mm,
-        stable: [benchmark, twice, once],
+        benchmark,
+        damped_twice,
+        damped_once,
+        stable: [first, second, third],
     })
 }
 
@@ -90,7 +90,7 @@ fn damped_once(
     model: &Description,
     plant: &Description,
     course: &dyn Course,
-) -> Result<([f64; 2], bool), LabError> {
+) -> Result<(TrackingError, bool), LabError> {
     let law = model.benchmark();
     let area_ratio = model.cylinder().area_ratio();
     let start = course.reference(0.0).position;
@@ -126,5 +126,5 @@ fn damped_once(
             crane.advance(&command).map_err(LabError::during("damped once"))?;
         }
     }
-    Ok(([metrics.rms() * 1e3, metrics.peak() * 1e3], !metrics.oscillates()))
+    Ok((metrics.tracking_error(), !metrics.oscillates()))
 }

@@ -33,6 +33,14 @@ pub struct Row {
     pub paper_measured_hz: Option<f64>,
 }
 
+impl Row {
+    /// The same without the paper's figures: they belong to its own crane.
+    #[must_use]
+    pub fn without_paper(self) -> Self {
+        Self { paper_simulated_hz: None, paper_measured_hz: None, ..self }
+    }
+}
+
 /// A mode and how the crane swings in it.
 #[derive(Clone, Debug, Serialize)]
 pub struct ShapedMode {

@@ -6,6 +6,11 @@ use hydroboom_model::energy::{Energy, Power};
 use hydroboom_model::{Input, Scheme};
 use serde::Serialize;
 
+/// What pump work is, where it stands in a table.
+pub const PUMP_WORK: &str = "\
+Pump work: the power of the pump on the oil (flow times pressure at both ports), integrated over the cycle with its sign: what the oil gives back is taken off. \
+Exchanged: the same power's magnitude, integrated.";
+
 /// The balance so far, at one time of the cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct Balance {
@@ -13,7 +18,7 @@ pub struct Balance {
     pub time: f64,
     /// Energy gained since the start, by form \[J\].
     pub gained: Energy<f64>,
-    /// Work of the pump so far \[J\].
+    /// Net work of the pump on the oil so far \[J\].
     pub work: f64,
     /// Losses so far \[J\].
     pub losses: f64,
@@ -28,7 +33,7 @@ pub struct Audit {
     pub step_us: f64,
     /// Energy at the end less energy at the start.
     pub change_j: f64,
-    /// Work of the pump.
+    /// Net work of the pump on the oil.
     pub work_j: f64,
     /// All losses.
     pub losses_j: f64,

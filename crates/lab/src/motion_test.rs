@@ -1,7 +1,7 @@
 //! Tests 1 to 3 of section 5.3: four strategies, two speeds, on a plant that may differ from the
 //! model.
 
-use crate::closed_loop::metrics::{Effort, Metrics, SustainedOscillation};
+use crate::closed_loop::metrics::{Effort, Metrics, SustainedOscillation, TrackingError};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, motion_name};
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
@@ -58,18 +58,25 @@ impl Run {
         let metrics = self.metrics();
         match self.sustained_oscillation {
             None => {
-                format!("RMS {:.2} mm, peak {:.2} mm", metrics.rms() * 1e3, metrics.peak() * 1e3)
+                let error = metrics.tracking_error();
+                let [rms, rms_measured, peak, peak_measured] = error.cells();
+                match error.is_measured_truly() {
+                    true => format!("RMS {rms:.2} mm, peak {peak:.2} mm"),
+                    false => format!(
+                        "RMS true {rms:.2} mm, measured {rms_measured:.2} mm, peak true {peak:.2} mm, measured {peak_measured:.2} mm"
+                    ),
+                }
             }
             Some(oscillation) => format!("in sustained oscillation, {oscillation}"),
         }
     }
 
-    /// Root mean square of the tracking error over the whole motion, rests included \[m\].
+    /// Root mean square of the measured tracking error over the whole motion, rests included \[m\].
     pub fn rms(&self) -> f64 {
         self.metrics().rms()
     }
 
-    /// The error of largest magnitude, with its sign \[m\].
+    /// The measured error of largest magnitude, with its sign \[m\].
     pub fn peak(&self) -> f64 {
         self.metrics().peak()
     }
@@ -91,10 +98,9 @@ pub struct Row {
     pub stable: bool,
     /// That oscillation. Errors beside it tell of it, and not of how well a reference is followed.
     pub sustained_oscillation: Option<SustainedOscillation>,
-    /// RMS error here.
-    pub rms_mm: f64,
-    /// Peak error here.
-    pub peak_mm: f64,
+    /// Tracking error here.
+    #[serde(flatten)]
+    pub error: TrackingError,
     /// What the course cost and left.
     #[serde(flatten)]
     pub effort: Effort,
@@ -105,6 +111,12 @@ pub struct Row {
 }
 
 impl Row {
+    /// The same without the paper's figures: they belong to its own crane.
+    #[must_use]
+    pub fn without_paper(self) -> Self {
+        Self { paper_rms_mm: None, paper_peak_mm: None, ..self }
+    }
+
     /// The row of a run on the named plant.
     pub fn of(plant: &str, run: &Run) -> Self {
         let (speed_mm_s, metrics) = (run.speed * 1e3, run.metrics());
@@ -118,8 +130,7 @@ impl Row {
             speed_mm_s,
             stable: run.sustained_oscillation.is_none(),
             sustained_oscillation: run.sustained_oscillation,
-            rms_mm: metrics.rms() * 1e3,
-            peak_mm: metrics.peak() * 1e3,
+            error: metrics.tracking_error(),
             effort: metrics.effort(),
             paper_rms_mm: printed.map(|p| p.0),
             paper_peak_mm: printed.map(|p| p.1),

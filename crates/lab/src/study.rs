@@ -44,10 +44,10 @@ pub struct Difference {
     pub off_model_rms: f64,
     /// Peak difference of the off-model plant.
     pub off_model_peak: f64,
-    /// The paper's, between the real crane and its simulation.
-    pub paper_rms: f64,
+    /// The paper's, between the real crane and its simulation; none beside another crane.
+    pub paper_rms: Option<f64>,
     /// The paper's.
-    pub paper_peak: f64,
+    pub paper_peak: Option<f64>,
 }
 
 /// Does the energy add up, and what do the time steps take from it?
@@ -64,6 +64,8 @@ pub struct EnergyResults {
 pub struct Study {
     /// Name of the crane.
     pub crane: String,
+    /// Whether it is the paper's: the paper's figures stand beside no other.
+    pub is_papers_crane: bool,
     /// The paper's headline claims.
     pub claims: Vec<Claim>,
     /// Mean accuracy of our model's eigenfrequencies against those that the paper measured \[%\]; none for another crane.
@@ -75,13 +77,14 @@ pub struct Study {
     /// Tables 7 to 9, on all plants.
     pub motion: Vec<Row>,
     /// Frequency of the p_A oscillation with the valve open, not fitted.
-    pub pressure_oscillation_hz: f64,
-    /// The paper's simulated one.
-    pub paper_pressure_oscillation_hz: f64,
+    /// None where the motion is too short to see two whole periods of it.
+    pub pressure_oscillation_hz: Option<f64>,
+    /// The paper's simulated one; none beside another crane.
+    pub paper_pressure_oscillation_hz: Option<f64>,
     /// That of the virtual crane.
     pub virtual_pressure_oscillation_hz: Option<f64>,
     /// The paper's measured one.
-    pub paper_measured_pressure_oscillation_hz: f64,
+    pub paper_measured_pressure_oscillation_hz: Option<f64>,
     /// Table 6.
     pub differences: Vec<Difference>,
     /// What the second damping costs, on the nominal plant and on the virtual crane.
@@ -123,7 +126,7 @@ struct VirtualResults {
     runs: Vec<Run>,
     /// The model along the slow and the fast motion.
     alongside: [Run; 2],
-    pressure_oscillation: f64,
+    pressure_oscillation: Option<f64>,
     damping: DoubleDamping,
 }
 
@@ -147,14 +150,14 @@ fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualRe
     let velocity_feedforward = runs
         .iter()
         .find(|run| run.strategy == Strategy::VelocityFeedforward && run.course == fast.name());
-    let oscillation = velocity_feedforward.map(|run| pressure_oscillation(&fast, run));
+    let oscillation = velocity_feedforward.and_then(|run| pressure_oscillation(&fast, run).ok());
     Ok(VirtualResults {
         eigenfrequency: locked_modes(crane)?,
         alongside: [
             run(model, model, Strategy::VelocityFeedforward, &slow)?,
             run(model, model, Strategy::VelocityFeedforward, &fast)?,
         ],
-        pressure_oscillation: oscillation.transpose()?.unwrap_or(f64::NAN),
+        pressure_oscillation: oscillation,
         damping: double_damping(model, VIRTUAL, crane, &fast, &runs)?,
         runs,
     })
@@ -185,7 +188,8 @@ pub fn study(
             progress("virtual crane");
             let mut rows = Vec::new();
             for stroke_mm in paper::EIGEN_STROKE_MM {
-                rows.push(eigenfrequency::row(description, stroke_mm * 1e-3)?);
+                let row = eigenfrequency::row(description, stroke_mm * 1e-3)?;
+                rows.push(if is_papers_crane { row } else { row.without_paper() });
             }
             let oscillation = eigenfrequency::oscillation(description, 0.2, n.oscillation_drop)?;
             let off_hz = locked_modes(&off)?;
@@ -232,9 +236,10 @@ pub fn study(
         double_damping.push(results.damping);
         alongside = Some(results.alongside);
         virtual_hz = Some(results.eigenfrequency);
-        virtual_oscillation = Some(results.pressure_oscillation);
+        virtual_oscillation = results.pressure_oscillation;
     }
-    let motion = runs.iter().map(|(plant, run)| Row::of(plant, run)).collect();
+    let beside_paper = |row: Row| if is_papers_crane { row } else { row.without_paper() };
+    let motion = runs.iter().map(|(plant, run)| beside_paper(Row::of(plant, run))).collect();
     let fast = |plant: &str| {
         runs.iter().find(|(name, run)| {
             name == plant && run.strategy == Strategy::VelocityFeedforward && run.speed == n.fast
@@ -243,8 +248,8 @@ pub fn study(
     let (Some((_, nominal)), Some((_, other))) = (fast(NOMINAL), fast(OFF)) else {
         return Err(LabError::NoOscillation("the fast motion was not run".into()));
     };
-    let pressure_oscillation_hz = pressure_oscillation(&description.motion(n.fast), nominal)?;
-    let differences = differences(seen, calibrate::differences(nominal, other));
+    let pressure_oscillation_hz = pressure_oscillation(&description.motion(n.fast), nominal).ok();
+    let differences = differences(seen, calibrate::differences(nominal, other), is_papers_crane);
     let model_hz = std::array::from_fn(|k| eigenfrequency[k].linearised_hz);
     let mut plants_hz = vec![(OFF, off_hz)];
     plants_hz.extend(virtual_hz.map(|hz| (VIRTUAL, hz)));
@@ -261,15 +266,17 @@ pub fn study(
     let accuracy = claims::accuracy_percent(&model_hz, &paper::EIGEN_MEASURED_HZ);
     Ok(Study {
         crane: description.name.clone(),
+        is_papers_crane,
         claims,
         eigenfrequency_accuracy_percent: is_papers_crane.then_some(accuracy),
         eigenfrequency,
         virtual_eigenfrequency_hz: virtual_hz,
         motion,
         pressure_oscillation_hz,
-        paper_pressure_oscillation_hz: paper::PRESSURE_OSCILLATION_HZ,
+        paper_pressure_oscillation_hz: is_papers_crane.then_some(paper::PRESSURE_OSCILLATION_HZ),
         virtual_pressure_oscillation_hz: virtual_oscillation,
-        paper_measured_pressure_oscillation_hz: paper::PRESSURE_OSCILLATION_MEASURED_HZ,
+        paper_measured_pressure_oscillation_hz: is_papers_crane
+            .then_some(paper::PRESSURE_OSCILLATION_MEASURED_HZ),
         differences,
         double_damping,
         energy,
@@ -285,6 +292,7 @@ pub fn study(
 fn differences(
     virtual_crane: Option<[(f64, f64); 6]>,
     off_model: [(f64, f64); 6],
+    is_papers_crane: bool,
 ) -> Vec<Difference> {
     let table = paper::TABLE_6.iter().zip(off_model).enumerate();
     table
@@ -295,8 +303,8 @@ fn differences(
             virtual_peak: virtual_crane.map(|seen| seen[k].1),
             off_model_rms: off_rms,
             off_model_peak: off_peak,
-            paper_rms: *paper_rms,
-            paper_peak: *paper_peak,
+            paper_rms: is_papers_crane.then_some(*paper_rms),
+            paper_peak: is_papers_crane.then_some(*paper_peak),
         })
         .collect()
 }

@@ -1,7 +1,7 @@
 //! The virtual crane at work, logged as a real crane's data acquisition would.
 
 use crate::LabError;
-use crate::closed_loop::metrics::{Metrics, SustainedOscillation};
+use crate::closed_loop::metrics::{Metrics, SustainedOscillation, TrackingError};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
@@ -75,12 +75,9 @@ pub struct LogOrder<'a> {
 pub struct Summary {
     /// Duration.
     pub duration_s: f64,
-    /// RMS tracking error as read; none for a recorded input.
-    pub rms_mm: Option<f64>,
-    /// Peak tracking error as read.
-    pub peak_mm: Option<f64>,
-    /// RMS tracking error of the true piston.
-    pub true_rms_mm: Option<f64>,
+    /// Tracking error; no numbers for a recorded input.
+    #[serde(flatten)]
+    pub error: TrackingError,
     /// Whether it came to rest where its reference rested; none for a recorded input.
     pub stable: Option<bool>,
     /// The sustained oscillation that it was in while its reference rested.
@@ -238,9 +235,7 @@ impl Summary {
     }
 
     fn finish(&mut self, metrics: &Metrics) {
-        self.rms_mm = Some(metrics.rms() * 1e3);
-        self.peak_mm = Some(metrics.peak() * 1e3);
-        self.true_rms_mm = Some(metrics.true_rms() * 1e3);
+        self.error = metrics.tracking_error();
         self.stable = Some(!metrics.oscillates());
         self.sustained_oscillation = metrics.sustained_oscillation();
     }

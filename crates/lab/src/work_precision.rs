@@ -8,9 +8,34 @@ use hydroboom_model::{Crane, CraneState, Input, Scheme};
 use serde::Serialize;
 use std::time::Instant;
 
+/// What drives the motor in a trial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Excitation {
+    /// The first two seconds of the fast motion, whose velocity is ramped.
+    Motion,
+    /// The motor's speed steps between rest and that of the fast motion, out and back: nothing is ramped, and no drive lags.
+    SpeedSteps,
+}
+
+impl Excitation {
+    /// Both of them.
+    pub const ALL: [Self; 2] = [Self::Motion, Self::SpeedSteps];
+
+    /// What it is, in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Motion => "fast motion, ramped",
+            Self::SpeedSteps => "steps of the motor's speed",
+        }
+    }
+}
+
 /// One scheme at one step.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
+    /// What drives the motor.
+    pub excitation: Excitation,
     /// The scheme.
     pub scheme: String,
     /// Its step.
@@ -29,6 +54,9 @@ const DURATION: f64 = 2.0;
 /// step.
 const INTERVAL: f64 = 2e-3;
 
+/// Speed of the motor over that of the fast motion in each quarter of the trial with steps.
+const STEPS: [f64; 4] = [0.0, 1.0, -1.0, 0.0];
+
 /// Runs the schemes without substeps, so that their own limits show.
 ///
 /// # Errors
@@ -40,15 +68,37 @@ pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError>
     let motion = three.motion(three.numbers.fast);
     let start = crane.at_rest(&three.start(motion.start)).map_err(BuildError::from)?;
     let controller = three.benchmark();
-    let inputs: Vec<Input<f64>> = (0..(DURATION / INTERVAL) as usize)
-        .map(|k| {
-            let reference = motion.reference(motion.rest + k as f64 * INTERVAL);
-            let pump_speed = controller.velocity_feedforward(&reference);
-            Input { pump_speed, holding_valve: 1.0 }
-        })
-        .collect();
+    let cruise = motion.reference(motion.rest + motion.ramp + INTERVAL);
+    let mut points = Vec::new();
+    for excitation in Excitation::ALL {
+        let count = (DURATION / INTERVAL) as usize;
+        let inputs: Vec<Input<f64>> = (0..count)
+            .map(|k| {
+                let pump_speed = match excitation {
+                    Excitation::Motion => {
+                        let reference = motion.reference(motion.rest + k as f64 * INTERVAL);
+                        controller.velocity_feedforward(&reference)
+                    }
+                    Excitation::SpeedSteps => {
+                        STEPS[4 * k / count] * controller.velocity_feedforward(&cruise)
+                    }
+                };
+                Input { pump_speed, holding_valve: 1.0 }
+            })
+            .collect();
+        points.extend(trials(&crane, &start, &inputs, excitation));
+    }
+    Ok(points)
+}
 
-    let (reference, _) = trajectory(&crane, &start, &inputs, Scheme::RungeKutta4, 1e-6);
+/// All schemes at all steps under one course of inputs.
+fn trials(
+    crane: &Crane<f64, 3>,
+    start: &CraneState<f64, 3>,
+    inputs: &[Input<f64>],
+    excitation: Excitation,
+) -> Vec<Point> {
+    let (reference, _) = trajectory(crane, start, inputs, Scheme::RungeKutta4, 1e-6);
     let trials: [(Scheme, &[f64]); 3] = [
         (Scheme::Published, &[5e-6, 10e-6, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1000e-6]),
         (Scheme::Implicit, &[20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1000e-6, 2000e-6]),
@@ -57,7 +107,7 @@ pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError>
     let mut points = Vec::new();
     for (scheme, steps) in trials {
         for &step in steps {
-            let (seen, seconds) = trajectory(&crane, &start, &inputs, scheme, step);
+            let (seen, seconds) = trajectory(crane, start, inputs, scheme, step);
             let worst = |of: fn(&(f64, f64)) -> f64| {
                 let errors = seen.iter().zip(&reference).map(|(a, b)| (of(a) - of(b)).abs());
                 errors.fold(
@@ -66,6 +116,7 @@ pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError>
                 )
             };
             points.push(Point {
+                excitation,
                 scheme: scheme_name(scheme).into(),
                 step_us: step * 1e6,
                 stroke_error_mm: worst(|p| p.0) * 1e3,
@@ -74,7 +125,7 @@ pub fn work_precision(description: &Description) -> Result<Vec<Point>, LabError>
             });
         }
     }
-    Ok(points)
+    points
 }
 
 /// Piston position \[m\] and pressure \[Pa\] after every interval, and the time it took \[s\].
@@ -108,4 +159,36 @@ fn trajectory(
         (outputs.stroke, outputs.pressure_a)
     });
     (seen.collect(), seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Those of README.md and docs/theory.md: largest errors of p_A \[bar\].
+    #[test]
+    fn errors_are_those_that_are_stated_with_their_conditions() {
+        let points = work_precision(&Description::uia_single_boom().unwrap()).unwrap();
+        for (excitation, scheme, step_us, stated) in [
+            (Excitation::Motion, "implicit", 500.0, 4.4e-4),
+            (Excitation::Motion, "implicit", 1000.0, 1.7e-3),
+            (Excitation::Motion, "implicit", 2000.0, 7e-3),
+            (Excitation::Motion, "published", 50.0, 0.14),
+            (Excitation::SpeedSteps, "implicit", 500.0, 0.43),
+            (Excitation::SpeedSteps, "implicit", 1000.0, 2.1),
+            (Excitation::SpeedSteps, "implicit", 2000.0, 1.4),
+            (Excitation::SpeedSteps, "published", 50.0, 0.54),
+        ] {
+            let is = |p: &&Point| {
+                p.excitation == excitation
+                    && p.scheme == scheme
+                    && (p.step_us - step_us).abs() < 1e-6
+            };
+            let bar = points.iter().find(is).unwrap().pressure_error_bar;
+            assert!(
+                (bar / stated - 1.0).abs() < 0.05,
+                "{excitation:?}, {scheme}, {step_us} us: {bar} bar"
+            );
+        }
+    }
 }

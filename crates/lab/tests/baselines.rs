@@ -16,7 +16,10 @@ fn baselines_are_better_than_the_published_benchmark() {
     let mut controllers = vec![ControllerChoice::from(Strategy::BenchmarkClosedLoop)];
     controllers.extend(Baseline::ALL.map(ControllerChoice::Baseline));
     let outcomes = run(&model, &fast, &controllers, &|| ());
-    let errors: Vec<f64> = outcomes.iter().filter_map(|o| o.rms_mm).collect();
+    let errors: Vec<f64> = outcomes
+        .iter()
+        .filter_map(|o| Some(o.error.rms_measured_mm).filter(|mm| mm.is_finite()))
+        .collect();
     assert_eq!(errors.len(), controllers.len());
     for (outcome, error) in outcomes.iter().zip(&errors).skip(1) {
         assert!(*error < errors[0] && !outcome.unstable, "{outcome:?}");

@@ -17,8 +17,8 @@ fn velocity_feedforward_errs_as_published() {
         let done =
             run(&crane, &crane, Strategy::VelocityFeedforward, &crane.motion(speed)).unwrap();
         let row = Row::of("nominal", &done);
-        let rms = row.rms_mm / row.paper_rms_mm.unwrap() - 1.0;
-        let peak = row.peak_mm / row.paper_peak_mm.unwrap() - 1.0;
+        let rms = row.error.rms_measured_mm / row.paper_rms_mm.unwrap() - 1.0;
+        let peak = row.error.peak_measured_mm / row.paper_peak_mm.unwrap() - 1.0;
         assert!(rms.abs() < 0.15 && peak.abs() < 0.15, "{row:?}");
     }
 }

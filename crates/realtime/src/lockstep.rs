@@ -284,8 +284,10 @@ pub fn run(
         }
         count = count.wrapping_add(1);
         operator.listen(desk);
+        let truth = lockstep.truth();
         let record = lockstep.disturbed_period(&mut operator, desk.strategy(), &mut watched)?;
         watched.trouble.pass();
+        attendant.see_truth(&truth);
         attendant.see(&record);
         rested = match ending.has_come(&operator, desk, &record.decision) {
             true => rested + 1,

@@ -16,6 +16,7 @@ use hydroboom_control::supervision::supervisor::Decision;
 use hydroboom_description::Description;
 use hydroboom_math::Real;
 use hydroboom_plant::PlantError;
+use hydroboom_virtual_crane::Truth;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -60,6 +61,9 @@ pub enum Order {
 pub trait Attendant {
     /// Shown every record, in order.
     fn see(&mut self, record: &Record);
+    /// Shown, before the record of a period, what is true of the machine in it. Only in simulated time: a machine in another process tells no more than its
+    /// sensors.
+    fn see_truth(&mut self, _truth: &Truth) {}
     /// Asked now and then: what is to be handed over.
     fn orders(&mut self) -> Vec<Order>;
     /// Told of a real-time task that failed. After the control task has, the session can only be ended.

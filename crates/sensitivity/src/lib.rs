@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! Case (crane, outputs) -> outputs over any number -> local: exact slopes, by dual numbers
+//!                                                 |-> ends: re-run at both ends of what is known of a key
 //!                                                 \-> global: Sobol indices, by many runs
 //! ```
 //!
@@ -10,6 +11,7 @@
 
 mod case;
 mod closed_loop;
+mod ends;
 mod error;
 mod global;
 mod local;
@@ -17,6 +19,7 @@ mod output;
 mod ringing;
 
 pub use case::Case;
+pub use ends::{at_ends, end_values, with_value};
 pub use error::SensitivityError;
 pub use global::{Index, Sobol, Study, sobol};
 pub use local::{Local, local};

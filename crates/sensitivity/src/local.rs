@@ -21,13 +21,6 @@ pub struct Local {
     pub slopes: Vec<f64>,
 }
 
-impl Local {
-    /// By how much an output changes when the key is off by what is known of it, to first order \[SI\].
-    pub fn effect(&self, output: usize) -> f64 {
-        self.slopes[output] * self.known
-    }
-}
-
 /// The outputs of the machine as described, and how they change with each key. `progress` is told the share that is
 /// done.
 ///

@@ -14,7 +14,7 @@ pub enum Output {
 }
 
 impl Output {
-    /// All of them.
+    /// Those of the published strategies and the eigenfrequency: all that can be differentiated.
     pub const ALL: [Self; 9] = [
         Self::Tracking(Strategy::ALL[0]),
         Self::Tracking(Strategy::ALL[1]),
@@ -36,15 +36,24 @@ impl Output {
         }
     }
 
+    /// Those of the scheduled LQR, whose estimator is not written over dual numbers: the machine can be re-run, and has no slopes.
+    pub const OF_SCHEDULED_LQR: [Self; 2] =
+        [Self::Tracking(Strategy::ScheduledLqr), Self::Pressure(Strategy::ScheduledLqr)];
+
+    /// Whether it can be differentiated.
+    pub fn has_slopes(self) -> bool {
+        Self::ALL.contains(&self)
+    }
+
     /// The output of this name.
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|output| output.name() == name)
+        Self::ALL.into_iter().chain(Self::OF_SCHEDULED_LQR).find(|output| output.name() == name)
     }
 
     /// What it is, for people.
     pub fn title(self) -> String {
         match self {
-            Self::Tracking(strategy) => format!("RMS tracking error, {}", strategy.name()),
+            Self::Tracking(strategy) => format!("RMS true tracking error, {}", strategy.name()),
             Self::Pressure(strategy) => format!("swing of p_A (RMS), {}", strategy.name()),
             Self::Eigenfrequency => "eigenfrequency with the load held".into(),
         }

@@ -92,7 +92,7 @@ impl ClosedLoop {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let MachineChoice { model, mut machine, .. } = MachineChoice::read(&self.crane, None)?;
-        self.plant_set.iter().try_for_each(|assignment| machine.set(assignment))?;
+        machine.set_together(self.plant_set.iter().map(String::as_str))?;
         let folder = std::env::temp_dir().join(format!("hydroboom-loop-{}", std::process::id()));
         let folder_of =
             |path: &OutputFile| path.parent().map(Path::to_path_buf).unwrap_or_default();

@@ -55,9 +55,9 @@ use watch::{CourseResult, Courses, Plan, Switch, Wanted, Watch};
 pub struct Run {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the virtual crane that plays the machine; when not given, that of the crane file (typical
+    /// Crane file of the plant, which plays the machine; when not given, that of the crane file (typical
     /// drive, valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long = "plant", visible_alias = "machine", value_name = "FILE")]
     machine: Option<InputFile>,
     /// How the motor's speed is found.
     #[arg(long, value_parser = strategies(), default_value = "simulation-feedforward-closed-loop")]
@@ -374,7 +374,9 @@ impl Run {
             cranes,
             results,
             simulated: simulated.filter(|_| real_time.is_some()),
-            paper: self.paper(cranes, results),
+            paper: self
+                .paper(cranes, results)
+                .filter(|_| self.crane.is_papers_crane().unwrap_or(false)),
             synchronised: watch.session().synchronised_in_all(),
             real_time,
         };

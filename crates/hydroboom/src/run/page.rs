@@ -1,8 +1,10 @@
 //! What a run came to, as a page.
 
+use super::report::{SENSORS_ONLY, known};
 use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use hydroboom_lab::LabError;
+use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::report::{Axes, Figure, Page, Series, document, figure};
 use hydroboom_realtime::control_task::Record;
 use hydroboom_realtime::executive::RealTime;
@@ -46,8 +48,8 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
         h2 { "Tracking error x - x_ref" }
         div.wide { table {
             thead { tr {
-                th { "course" } th { "strategy" } th { "begun [s]" } th { "RMS [mm]" }
-                th { "peak [mm]" } th { "ended" }
+                th { "course" } th { "strategy" } th { "begun [s]" }
+                @for head in TrackingError::HEADS { th { (head) } } th { "ended" }
             } }
             tbody {
                 @for r in list { tr {
@@ -55,9 +57,9 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                     td.text { (r.strategy) @if let Some(then) = r.then { ", then " (then) } }
                     td { (format!("{:.1}", r.begun_s)) }
                     @if let Some(oscillation) = r.sustained_oscillation {
-                        td.unstable { "unstable: " (oscillation.to_string()) } td.unstable { "-" }
+                        td.unstable { "unstable: " (oscillation.to_string()) } @for _ in 1..4 { td.unstable { "-" } }
                     } @else {
-                        td { (format!("{:.3}", r.rms_mm)) } td { (format!("{:.3}", r.peak_mm)) }
+                        @for mm in r.error.cells() { td { (known(mm)) } }
                     }
                     td.text {
                         @if let Some(fault) = r.fault { strong { (fault) } } @else { "load held" }
@@ -66,10 +68,11 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                 } }
                 @if let Some([rms, peak]) = paper { tr {
                     td { "paper, measured on its crane" } td { } td { }
-                    td { (format!("{rms:.3}")) } td { (format!("{peak:.3}")) } td { }
+                    td { "-" } td { (known(rms)) } td { "-" } td { (known(peak)) } td { }
                 } }
             }
         } }
+        @if list.iter().any(|r| r.error.rms_true_mm.is_nan()) { p.soft { (SENSORS_ONLY) } }
     }
 }
 

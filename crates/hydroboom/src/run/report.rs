@@ -4,6 +4,7 @@ use super::watch::CourseResult;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use hydroboom_description::Description;
+use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_realtime::executive::RealTime;
 use hydroboom_realtime::timing::Timing;
 use serde_json::{Value, json};
@@ -36,6 +37,14 @@ fn ended(r: &CourseResult) -> String {
     end
 }
 
+/// Said of a machine in another process.
+pub const SENSORS_ONLY: &str = "The machine is another process, of which sensors tell alone: its true errors are not known here.";
+
+/// An error; a dash where it is not known.
+pub fn known(mm: f64) -> String {
+    if mm.is_finite() { format!("{mm:.3}") } else { "-".into() }
+}
+
 /// More courses than these are not listed one by one.
 const LISTED: usize = 12;
 
@@ -51,31 +60,40 @@ impl Report<'_> {
         });
         let last = self.results.last();
         json!({
-            "courses": self.results, "rms_mm": last.map(|r| r.rms_mm), "peak_mm": last.map(|r| r.peak_mm),
+            "courses": self.results, "rms_true_mm": last.map(|r| r.error.rms_true_mm),
+            "rms_measured_mm": last.map(|r| r.error.rms_measured_mm), "peak_true_mm": last.map(|r| r.error.peak_true_mm),
+            "peak_measured_mm": last.map(|r| r.error.peak_measured_mm),
             "stable": last.map(|r| r.stable), "sustained_oscillation": last.and_then(|r| r.sustained_oscillation),
             "fault": last.and_then(|r| r.fault), "paper": self.paper,
-            "simulated_time": self.simulated.map(|s| [s.rms_mm, s.peak_mm]),
+            "simulated_time": self.simulated.map(|s| s.error),
             "synchronised": self.synchronised, "timing": timing, "processor": processor(),
-            "machine": self.cranes.json(),
+            "plant": self.cranes.json(),
         })
     }
 
     /// For people.
     pub fn text(&self) -> String {
-        let row = |name: &str, [rms, peak]: [f64; 2], ended: &str| {
-            vec![name.to_string(), format!("{rms:.3}"), format!("{peak:.3}"), ended.to_string()]
+        let row = |name: &str, error: TrackingError, ended: &str| {
+            let errors = error.cells().map(known);
+            let names = std::iter::once(name.to_string());
+            names.chain(errors).chain([ended.to_string()]).collect::<Vec<String>>()
         };
         // the errors of a loop that oscillates tell of that, and of no tracking
         let of_course = |name: &str, r: &CourseResult| match r.stable {
-            true => row(name, [r.rms_mm, r.peak_mm], &ended(r)),
-            false => vec![name.to_string(), "unstable".into(), "unstable".into(), ended(r)],
+            true => row(name, r.error, &ended(r)),
+            false => {
+                let errors = vec!["unstable".to_string(); 4];
+                [vec![name.to_string()], errors, vec![ended(r)]].concat()
+            }
         };
         let mut rows = Vec::new();
         let skipped = self.results.len().saturating_sub(LISTED);
         for (k, r) in self.results.iter().enumerate() {
             if skipped > 0 && (LISTED / 2..LISTED / 2 + skipped).contains(&k) {
                 if k == LISTED / 2 {
-                    rows.push(vec![format!("... {skipped} more"), "".into(), "".into(), "".into()]);
+                    rows.push(
+                        [vec![format!("... {skipped} more")], vec![String::new(); 5]].concat(),
+                    );
                 }
                 continue;
             }
@@ -86,15 +104,21 @@ impl Report<'_> {
         if let Some(simulated) = self.simulated {
             rows.push(of_course("the first in simulated time", simulated));
         }
-        if let Some(paper) = self.paper {
+        if let Some([rms_measured_mm, peak_measured_mm]) = self.paper {
+            let paper =
+                TrackingError { rms_measured_mm, peak_measured_mm, ..TrackingError::UNFINISHED };
             rows.push(row("paper, measured on its crane", paper, ""));
         }
-        let header = ["course", "RMS [mm]", "peak [mm]", "ended"];
+        let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
+        let header = ["course", rms_true, rms_measured, peak_true, peak_measured, "ended"];
         let mut said = format!(
             "Tracking error x - x_ref on \"{}\"\n{}",
             self.cranes.name(),
             output::table(&header, &rows)
         );
+        if self.real_time.is_some() {
+            said += &format!("\n{SENSORS_ONLY}");
+        }
         if let Some(equality) = self.cranes.equality() {
             said += &format!("\n{equality}");
         }
@@ -117,18 +141,19 @@ impl Report<'_> {
         if whole.len() < 3 {
             return None;
         }
-        let rms =
-            |of: fn(f64, f64) -> f64, from: f64| whole.iter().map(|r| r.rms_mm).fold(from, of);
+        let rms = |of: fn(f64, f64) -> f64, from: f64| {
+            whole.iter().map(|r| r.error.rms_measured_mm).fold(from, of)
+        };
         let memory = first.memory_mb.zip(last.memory_mb);
         let memory = memory.map_or(String::new(), |(a, b)| format!("; memory {a:.1} to {b:.1} MB"));
         let faults = self.results.len() - whole.len();
         Some(format!(
-            "{} courses whole, {faults} ended by a fault: RMS {:.3} to {:.3} mm, the first {:.3}, the last {:.3}{memory}",
+            "{} courses whole, {faults} ended by a fault: RMS measured {:.3} to {:.3} mm, the first {:.3}, the last {:.3}{memory}",
             whole.len(),
             rms(f64::min, f64::INFINITY),
             rms(f64::max, 0.0),
-            first.rms_mm,
-            last.rms_mm,
+            first.error.rms_measured_mm,
+            last.error.rms_measured_mm,
         ))
     }
 }

@@ -7,7 +7,7 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
-use hydroboom_lab::closed_loop::metrics::SustainedOscillation;
+use hydroboom_lab::closed_loop::metrics::{SustainedOscillation, TrackingError};
 use hydroboom_realtime::control_task::{Fallback, Record};
 use hydroboom_realtime::desk::{Desk, Generation};
 use hydroboom_realtime::failure::Failure;
@@ -15,6 +15,7 @@ use hydroboom_realtime::log::{LogError, LogWriter};
 use hydroboom_realtime::readiness::start_waits_for;
 use hydroboom_realtime::session::{Attendant, Hung, Order, Session};
 use hydroboom_realtime::trouble::Tampering;
+use hydroboom_virtual_crane::Truth;
 use miette::{IntoDiagnostic, Result};
 use serde::Serialize;
 use serde_json::json;
@@ -33,10 +34,9 @@ pub struct CourseResult {
     pub then: Option<&'static str>,
     /// When it began.
     pub begun_s: f64,
-    /// RMS tracking error.
-    pub rms_mm: f64,
-    /// Largest tracking error.
-    pub peak_mm: f64,
+    /// Tracking error, the way to the course's beginning left out; no true one of a machine in another process.
+    #[serde(flatten)]
+    pub error: TrackingError,
     /// Whether the loop came to rest where its reference rested: false in a sustained oscillation.
     pub stable: bool,
     /// That oscillation, the largest that the supervisor found.
@@ -84,9 +84,8 @@ struct Running {
     strategy: Strategy,
     then: Strategy,
     begun: f64,
-    sum: f64,
-    count: u32,
-    peak: f64,
+    measured: Errors,
+    truth: Errors,
     fallback: Option<Fallback>,
     oscillation: Option<SustainedOscillation>,
 }
@@ -131,6 +130,8 @@ pub struct Watch {
     start: Option<Start>,
     /// Since when a start is asked for that has not been taken up \[s\].
     asked: Option<f64>,
+    /// Where the piston is in the period to come \[m\], where that is known.
+    truth: Option<f64>,
     dashboard: Option<(Dashboard, Courses)>,
     /// Whether somebody has let the plan begin.
     started: Arc<AtomicBool>,
@@ -177,6 +178,7 @@ impl Watch {
             orders: Vec::new(),
             start: None,
             asked: None,
+            truth: None,
             dashboard: None,
             started: Arc::new(AtomicBool::new(false)),
         }
@@ -256,8 +258,12 @@ impl Attendant for Watch {
         if record.decision.releasing && self.running.is_none() {
             self.begin(record);
         }
+        let truth = self.truth.take();
         if let (Some(running), Some(error)) = (&mut self.running, record.error()) {
             running.add(record, error * 1e3);
+            if let Some(stroke) = truth {
+                running.truth.add((stroke - record.reference.position) * 1e3);
+            }
         }
         if self.running.is_some() && self.records.len() < MOST_RECORDS {
             self.records.push(*record);
@@ -269,6 +275,10 @@ impl Attendant for Watch {
         if let Some((dashboard, _)) = &mut self.dashboard {
             dashboard.see(record);
         }
+    }
+
+    fn see_truth(&mut self, truth: &Truth) {
+        self.truth = Some(truth.outputs.stroke);
     }
 
     fn orders(&mut self) -> Vec<Order> {
@@ -291,12 +301,11 @@ impl Attendant for Watch {
 
 impl Running {
     fn add(&mut self, record: &Record, error_mm: f64) {
-        if self.count == 0 {
+        if self.measured.count == 0 {
             self.strategy = record.strategy;
         }
         self.then = record.strategy;
-        self.sum += error_mm * error_mm;
-        self.count += 1;
+        self.measured.add(error_mm);
         self.fallback = record.fallback.or(self.fallback);
         if let Some([amplitude, frequency_hz]) = record.decision.oscillation {
             let now = SustainedOscillation { amplitude_mm: amplitude * 1e3, frequency_hz };
@@ -304,9 +313,31 @@ impl Running {
                 self.oscillation.is_none_or(|before| now.amplitude_mm > before.amplitude_mm);
             self.oscillation = if is_larger { Some(now) } else { self.oscillation };
         }
-        if error_mm.abs() > self.peak.abs() {
-            self.peak = error_mm;
+    }
+}
+
+/// Errors along a course.
+#[derive(Clone, Copy, Debug, Default)]
+struct Errors {
+    /// Sum of squares \[mm²\].
+    sum: f64,
+    count: u32,
+    /// That of largest magnitude \[mm\].
+    peak: f64,
+}
+
+impl Errors {
+    fn add(&mut self, mm: f64) {
+        self.sum += mm * mm;
+        self.count += 1;
+        if mm.abs() > self.peak.abs() {
+            self.peak = mm;
         }
+    }
+
+    /// RMS and peak \[mm\]; none where there was none of them.
+    fn rms_and_peak(&self) -> Option<[f64; 2]> {
+        (self.count > 0).then(|| [(self.sum / f64::from(self.count)).sqrt(), self.peak])
     }
 }
 
@@ -375,9 +406,8 @@ impl Watch {
             strategy: record.strategy,
             then: record.strategy,
             begun: record.time,
-            sum: 0.0,
-            count: 0,
-            peak: 0.0,
+            measured: Errors::default(),
+            truth: Errors::default(),
             fallback: None,
             oscillation: None,
         });
@@ -411,14 +441,15 @@ impl Watch {
     }
 
     fn end(&mut self, running: &Running, record: &Record) {
-        let rms = (running.sum / f64::from(running.count.max(1))).sqrt();
+        let [rms_measured_mm, peak_measured_mm] =
+            running.measured.rms_and_peak().unwrap_or_default();
+        let [rms_true_mm, peak_true_mm] = running.truth.rms_and_peak().unwrap_or([f64::NAN; 2]);
         let result = CourseResult {
             course: self.wanted.name.clone(),
             strategy: running.strategy.name(),
             then: (running.then != running.strategy).then(|| running.then.name()),
             begun_s: running.begun,
-            rms_mm: rms,
-            peak_mm: running.peak,
+            error: TrackingError { rms_true_mm, rms_measured_mm, peak_true_mm, peak_measured_mm },
             stable: running.oscillation.is_none(),
             sustained_oscillation: running.oscillation,
             fault: record.decision.cause.map(|cause| cause.code()),

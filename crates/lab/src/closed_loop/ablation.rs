@@ -140,8 +140,11 @@ pub fn ablation(
         }
         for (c, course) in courses.iter().enumerate() {
             let pairs = || whole.iter().zip(&done).map(move |((_, a), (_, b))| (a[0][c], b[0][c]));
-            let ratios =
-                || pairs().map(|(a, b)| b.true_rms_mm / a.true_rms_mm).filter(|r| r.is_finite());
+            let ratios = || {
+                pairs()
+                    .map(|(a, b)| b.error.rms_true_mm / a.error.rms_true_mm)
+                    .filter(|r| r.is_finite())
+            };
             let logs: f64 = ratios().map(f64::ln).sum();
             rows.push(Row {
                 mechanism: mechanism.name,

@@ -14,12 +14,17 @@ const WINDOW: f64 = 1.0;
 /// Time before a motion in which a controller that knows it ahead may begin with it \[s\].
 const AHEAD: f64 = 0.5;
 
+/// What motor energy is, where it stands in a table.
+pub const MOTOR_ENERGY: &str = "\
+Motor energy: the positive part of the motor's shaft power (torque times speed), integrated over the whole course, rests included; what flows back is not credited.";
+
 /// What a course cost and left, beside its tracking error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Effort {
     /// Largest motor speed.
     pub motor_speed_rpm: f64,
-    /// Work of the motor, what flows back not counted.
+    /// Motor energy: the positive part of the motor's shaft power, torque times speed, integrated over the whole course, rests included. What flows back
+    /// through the shaft is not credited.
     pub energy_kj: f64,
     /// Largest deflection of the tip.
     pub tip_deflection_mm: f64,
@@ -71,6 +76,51 @@ impl SustainedOscillation {
 impl fmt::Display for SustainedOscillation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:.1} mm at {:.2} Hz", self.amplitude_mm, self.frequency_hz)
+    }
+}
+
+/// Tracking errors x − x_ref of a course, rests included: of the piston itself, and as its sensor reads it, noise and delay of the fieldbus included.
+///
+/// Where sensors and fieldbus are ideal, both are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TrackingError {
+    /// Root mean square of the piston's.
+    pub rms_true_mm: f64,
+    /// Root mean square as measured.
+    pub rms_measured_mm: f64,
+    /// The piston's of largest magnitude, with its sign.
+    pub peak_true_mm: f64,
+    /// The measured one of largest magnitude, with its sign.
+    pub peak_measured_mm: f64,
+}
+
+impl TrackingError {
+    /// Heads of columns for the four errors, in the order of [`cells`](Self::cells).
+    pub const HEADS: [&'static str; 4] =
+        ["RMS true [mm]", "RMS measured [mm]", "peak true [mm]", "peak measured [mm]"];
+
+    /// That of a course that was not finished: no numbers.
+    pub const UNFINISHED: Self = Self {
+        rms_true_mm: f64::NAN,
+        rms_measured_mm: f64::NAN,
+        peak_true_mm: f64::NAN,
+        peak_measured_mm: f64::NAN,
+    };
+
+    /// All four \[mm\], in the order of [`HEADS`](Self::HEADS).
+    pub fn cells(&self) -> [f64; 4] {
+        [self.rms_true_mm, self.rms_measured_mm, self.peak_true_mm, self.peak_measured_mm]
+    }
+
+    /// Whether the measured error is the true one.
+    pub fn is_measured_truly(&self) -> bool {
+        self.rms_true_mm == self.rms_measured_mm && self.peak_true_mm == self.peak_measured_mm
+    }
+}
+
+impl Default for TrackingError {
+    fn default() -> Self {
+        Self::UNFINISHED
     }
 }
 
@@ -227,6 +277,16 @@ impl Metrics {
             residual_vibration_mm: 1e3 * vibration,
             motor_ripple_rpm: self.ripple.deviation(),
             ..self.effort
+        }
+    }
+
+    /// RMS and peak of the tracking error, true and measured.
+    pub fn tracking_error(&self) -> TrackingError {
+        TrackingError {
+            rms_true_mm: self.true_rms() * 1e3,
+            rms_measured_mm: self.rms() * 1e3,
+            peak_true_mm: self.true_peak() * 1e3,
+            peak_measured_mm: self.peak() * 1e3,
         }
     }
 

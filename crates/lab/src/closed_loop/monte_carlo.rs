@@ -3,7 +3,7 @@
 use crate::LabError;
 use crate::baselines::Baseline;
 use crate::closed_loop::controller_choice::ControllerChoice;
-use crate::closed_loop::metrics::{Effort, Metrics};
+use crate::closed_loop::metrics::{Effort, Metrics, TrackingError};
 use crate::closed_loop::scenario::CourseChoice;
 use crate::closed_loop::simulation::{Case, WIDTH, simulate_side_by_side};
 use crate::closed_loop::sustained_oscillation::has_sustained_oscillation;
@@ -187,14 +187,9 @@ pub fn worn(crane: &Description) -> Result<Description, LabError> {
 /// What one crane did under one strategy along one course.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Outcome {
-    /// RMS tracking error as measured.
-    pub rms_mm: f64,
-    /// Peak tracking error as measured, with its sign.
-    pub peak_mm: f64,
-    /// RMS tracking error of the true piston.
-    pub true_rms_mm: f64,
-    /// Peak tracking error of the true piston, with its sign.
-    pub true_peak_mm: f64,
+    /// Tracking error.
+    #[serde(flatten)]
+    pub error: TrackingError,
     /// What the course cost and left.
     #[serde(flatten)]
     pub effort: Effort,
@@ -273,10 +268,7 @@ fn together(
     let ends = simulate_side_by_side(model, &cases, |lane, sample| scores[lane].add(sample));
     Ok(std::array::from_fn(|lane| match &ends[lane] {
         Ok(()) => Outcome {
-            rms_mm: scores[lane].rms() * 1e3,
-            peak_mm: scores[lane].peak() * 1e3,
-            true_rms_mm: scores[lane].true_rms() * 1e3,
-            true_peak_mm: scores[lane].true_peak() * 1e3,
+            error: scores[lane].tracking_error(),
             effort: scores[lane].effort(),
             unstable: has_sustained_oscillation(
                 model,
@@ -286,14 +278,9 @@ fn together(
                 &scores[lane],
             ),
         },
-        Err(_) => Outcome {
-            rms_mm: f64::NAN,
-            peak_mm: f64::NAN,
-            true_rms_mm: f64::NAN,
-            true_peak_mm: f64::NAN,
-            effort: Effort::UNFINISHED,
-            unstable: true,
-        },
+        Err(_) => {
+            Outcome { error: TrackingError::UNFINISHED, effort: Effort::UNFINISHED, unstable: true }
+        }
     }))
 }
 
@@ -346,22 +333,24 @@ pub struct Row {
     pub controller: ControllerChoice,
     /// The course.
     pub course: String,
-    /// RMS tracking error as measured.
-    pub rms_mm: Percentiles,
-    /// Magnitude of the peak tracking error as measured.
-    pub peak_mm: Percentiles,
     /// RMS tracking error of the true piston.
-    pub true_rms_mm: Percentiles,
+    pub rms_true_mm: Percentiles,
+    /// RMS tracking error as measured.
+    pub rms_measured_mm: Percentiles,
+    /// Magnitude of the peak tracking error of the true piston.
+    pub peak_true_mm: Percentiles,
+    /// Magnitude of the peak tracking error as measured.
+    pub peak_measured_mm: Percentiles,
     /// Share of cranes on which it is unstable.
     pub unstable_percent: f64,
-    /// Its RMS over the benchmark's on the same crane: below 1 where it is better.
-    pub rms_over_benchmark: Percentiles,
-    /// The same of the true piston.
-    pub true_rms_over_benchmark: Percentiles,
-    /// Its RMS over that of the re-optimised benchmark on the same crane, where that is one of the controllers.
-    pub rms_over_reoptimised_benchmark: Option<Percentiles>,
-    /// Its peak over the benchmark's on the same crane.
-    pub peak_over_benchmark: Percentiles,
+    /// Its RMS over the benchmark's on the same crane, of the true piston: below 1 where it is better.
+    pub rms_true_over_benchmark: Percentiles,
+    /// The same as measured.
+    pub rms_measured_over_benchmark: Percentiles,
+    /// Its true RMS over that of the re-optimised benchmark on the same crane, where that is one of the controllers.
+    pub rms_true_over_reoptimised_benchmark: Option<Percentiles>,
+    /// Its true peak over the benchmark's on the same crane.
+    pub peak_true_over_benchmark: Percentiles,
     /// Its energy over the benchmark's on the same crane.
     pub energy_over_benchmark: Percentiles,
     /// Its largest motor speed over the benchmark's on the same crane.
@@ -370,7 +359,7 @@ pub struct Row {
     pub vibration_over_benchmark: Percentiles,
     /// Its motor ripple at rest.
     pub motor_ripple_rpm: Percentiles,
-    /// Share of cranes on which its RMS is smaller.
+    /// Share of cranes on which its true RMS is smaller.
     pub better_percent: f64,
 }
 
@@ -403,20 +392,23 @@ pub fn rows(
             rows.push(Row {
                 controller: *controller,
                 course: course.clone(),
-                rms_mm: spread(&|o| o.rms_mm),
-                peak_mm: spread(&|o| o.peak_mm.abs()),
-                true_rms_mm: spread(&|o| o.true_rms_mm),
-                true_rms_over_benchmark: over(&|o| o.true_rms_mm),
+                rms_true_mm: spread(&|o| o.error.rms_true_mm),
+                rms_measured_mm: spread(&|o| o.error.rms_measured_mm),
+                peak_true_mm: spread(&|o| o.error.peak_true_mm.abs()),
+                peak_measured_mm: spread(&|o| o.error.peak_measured_mm.abs()),
+                rms_true_over_benchmark: over(&|o| o.error.rms_true_mm),
                 unstable_percent: share(&|o| o[s][c].unstable),
-                rms_over_benchmark: over(&|o| o.rms_mm),
-                rms_over_reoptimised_benchmark: reoptimised
-                    .map(|other| over_that_of(other, &|o| o.rms_mm)),
-                peak_over_benchmark: over(&|o| o.peak_mm.abs()),
+                rms_measured_over_benchmark: over(&|o| o.error.rms_measured_mm),
+                rms_true_over_reoptimised_benchmark: reoptimised
+                    .map(|other| over_that_of(other, &|o| o.error.rms_true_mm)),
+                peak_true_over_benchmark: over(&|o| o.error.peak_true_mm.abs()),
                 energy_over_benchmark: over(&|o| o.effort.energy_kj),
                 motor_speed_over_benchmark: over(&|o| o.effort.motor_speed_rpm),
                 vibration_over_benchmark: over(&|o| o.effort.residual_vibration_mm),
                 motor_ripple_rpm: spread(&|o| o.effort.motor_ripple_rpm),
-                better_percent: share(&|o| o[s][c].rms_mm < o[benchmark][c].rms_mm),
+                better_percent: share(&|o| {
+                    o[s][c].error.rms_true_mm < o[benchmark][c].error.rms_true_mm
+                }),
             });
         }
     }
@@ -508,10 +500,12 @@ mod tests {
         let controllers =
             [Strategy::BenchmarkClosedLoop.into(), Strategy::ScheduledLqr.into(), reoptimised];
         let outcome = |rms_mm| Outcome {
-            rms_mm,
-            true_rms_mm: rms_mm,
-            true_peak_mm: 0.0,
-            peak_mm: rms_mm,
+            error: TrackingError {
+                rms_true_mm: rms_mm,
+                rms_measured_mm: rms_mm,
+                peak_true_mm: rms_mm,
+                peak_measured_mm: rms_mm,
+            },
             effort: Effort::default(),
             unstable: false,
         };
@@ -529,8 +523,11 @@ mod tests {
         for (row, (over, over_reoptimised)) in
             rows.iter().zip([(1.0, 2.0), (0.125, 0.25), (0.5, 1.0)])
         {
-            assert_eq!((row.rms_over_benchmark.p5, row.rms_over_benchmark.worst), (over, over));
-            let spread = row.rms_over_reoptimised_benchmark.unwrap();
+            assert_eq!(
+                (row.rms_true_over_benchmark.p5, row.rms_true_over_benchmark.worst),
+                (over, over)
+            );
+            let spread = row.rms_true_over_reoptimised_benchmark.unwrap();
             assert_eq!((spread.p5, spread.worst), (over_reoptimised, over_reoptimised));
         }
     }

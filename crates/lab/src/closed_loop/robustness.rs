@@ -2,7 +2,7 @@
 
 use crate::LabError;
 use crate::closed_loop::controller_choice::ControllerChoice;
-use crate::closed_loop::metrics::{Effort, Metrics, SustainedOscillation};
+use crate::closed_loop::metrics::{Effort, Metrics, SustainedOscillation, TrackingError};
 use crate::closed_loop::scenario::{Course, CourseChoice, Load};
 use crate::closed_loop::simulation::simulate_closed_loop;
 use crate::closed_loop::sustained_oscillation::sustained_oscillation;
@@ -33,12 +33,9 @@ pub struct Outcome {
     /// The controller.
     #[serde(rename = "strategy")]
     pub controller: ControllerChoice,
-    /// RMS tracking error as measured; none where it could not be finished.
-    pub rms_mm: Option<f64>,
-    /// Peak tracking error as measured, with its sign.
-    pub peak_mm: Option<f64>,
-    /// RMS tracking error of the true piston.
-    pub true_rms_mm: Option<f64>,
+    /// Tracking error; no numbers where it could not be finished.
+    #[serde(flatten)]
+    pub error: TrackingError,
     /// What the course cost and left.
     #[serde(flatten)]
     pub effort: Effort,
@@ -256,9 +253,7 @@ fn one(model: &Description, trial: &Trial, controller: ControllerChoice) -> Outc
     Outcome {
         trial: trial.name.clone(),
         controller,
-        rms_mm: done.then(|| metrics.rms() * 1e3),
-        peak_mm: done.then(|| metrics.peak() * 1e3),
-        true_rms_mm: done.then(|| metrics.true_rms() * 1e3),
+        error: if done { metrics.tracking_error() } else { TrackingError::UNFINISHED },
         effort: metrics.effort(),
         unstable: !stable,
         stable,

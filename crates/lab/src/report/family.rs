@@ -4,6 +4,7 @@ use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure, rows_as_csv};
 use super::palette::{colour_of_controller, paint};
 use super::pareto::{Pareto, ParetoPoint};
+use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::monte_carlo::{Percentiles, Row, variations};
 use hydroboom_control::strategy::Strategy;
 use maud::{Markup, html};
@@ -34,19 +35,20 @@ pub fn family_page(crane: &str, count: usize, seed: u64, is_widened: bool, rows:
         @for course in &courses {
             h2 { (course) }
             (figure(
-                "RMS tracking error: box from quarter to three quarters of the cranes with the median, \
+                "RMS of the true tracking error: box from quarter to three quarters of the cranes with the median, \
                  line from 5 to 95 %, dot for the worst.",
-                &boxes("error [mm]", &of(course).iter().map(|r| (*r, r.rms_mm)).collect::<Vec<_>>())))
-            (figure("Largest error of each crane, by magnitude: box, line and dot as above.",
-                &boxes("error [mm]", &of(course).iter().map(|r| (*r, r.peak_mm)).collect::<Vec<_>>())))
+                &boxes("error [mm]", &of(course).iter().map(|r| (*r, r.rms_true_mm)).collect::<Vec<_>>())))
+            (figure("Largest true error of each crane, by magnitude: box, line and dot as above.",
+                &boxes("error [mm]", &of(course).iter().map(|r| (*r, r.peak_true_mm)).collect::<Vec<_>>())))
             (figure(
-                "RMS error over the benchmark's on the same crane, which is 1: left of it the strategy is better.",
+                "RMS of the true error over the benchmark's on the same crane, which is 1: left of it the strategy is better.",
                 &boxes("times the benchmark's", &of(course).iter()
-                    .map(|r| (*r, r.rms_over_benchmark)).collect::<Vec<_>>())))
+                    .map(|r| (*r, r.rms_true_over_benchmark)).collect::<Vec<_>>())))
             (pareto(&of(course)))
             (table(&of(course)))
             (beside_the_benchmark(&of(course)))
         }
+        p.soft { (MOTOR_ENERGY) }
         (explanation())
     };
     document(&format!("A family of virtual cranes: {crane}"), &body)
@@ -61,7 +63,7 @@ fn pareto(rows: &[&Row]) -> Markup {
                 name: name(row),
                 colour: colour_of_controller(row.controller),
                 effort: of(row),
-                error: row.true_rms_over_benchmark,
+                error: row.rms_true_over_benchmark,
             })
             .collect();
         Pareto { effort, error: "true RMS error, times the benchmark's", marks }.drawn().ok()
@@ -71,7 +73,7 @@ fn pareto(rows: &[&Row]) -> Markup {
             drawn("largest motor speed, times the benchmark's", |r| r.motor_speed_over_benchmark),
             "largest motor speed",
         ),
-        (drawn("energy, times the benchmark's", |r| r.energy_over_benchmark), "energy"),
+        (drawn("motor energy, times the benchmark's", |r| r.energy_over_benchmark), "motor energy"),
     ];
     html! {
         div.pair {
@@ -95,12 +97,11 @@ fn table(rows: &[&Row]) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "strategy" } th { "RMS [mm]: median (5 .. 95 %), worst" }
-                th { "peak [mm]: median (5 .. 95 %), worst" } th { "motor ripple at rest [rpm]: median (5 .. 95 %), worst" } th { "unstable [%]" }
+                th { "strategy" } @for head in TrackingError::HEADS { th { (head) ": median (5 .. 95 %), worst" } } th { "motor ripple at rest [rpm]: median (5 .. 95 %), worst" } th { "unstable [%]" }
             } }
             tbody { @for r in rows {
                 tr {
-                    td { (name(r)) } td { (r.rms_mm.text(2)) } td { (r.peak_mm.text(2)) }
+                    td { (name(r)) } @for spread in [r.rms_true_mm, r.rms_measured_mm, r.peak_true_mm, r.peak_measured_mm] { td { (spread.text(3)) } }
                     td { (r.motor_ripple_rpm.text(1)) } td { (format!("{:.1}", r.unstable_percent)) }
                 }
             } }
@@ -110,27 +111,27 @@ fn table(rows: &[&Row]) -> Markup {
 
 /// What each has over the benchmark on the same crane: error, then largest motor speed and energy.
 fn beside_the_benchmark(rows: &[&Row]) -> Markup {
-    let reoptimised = rows.iter().any(|r| r.rms_over_reoptimised_benchmark.is_some());
+    let reoptimised = rows.iter().any(|r| r.rms_true_over_reoptimised_benchmark.is_some());
     let others: Vec<&&Row> =
         rows.iter().filter(|r| r.controller != Strategy::BenchmarkClosedLoop.into()).collect();
     html! {
         p { "Over the benchmark's on the same crane, median (5 .. 95 %), most:" }
         div.wide { table {
             thead { tr {
-                th { "strategy" } th { "RMS" } th { "less RMS on [% of the cranes]" }
-                @if reoptimised { th { "RMS over the re-optimised benchmark's" } }
+                th { "strategy" } th { "RMS true" } th { "RMS measured" } th { "less RMS true on [% of the cranes]" }
+                @if reoptimised { th { "RMS true over the re-optimised benchmark's" } }
             } }
             tbody { @for r in &others {
                 tr {
-                    td { (name(r)) } td { (r.rms_over_benchmark.text(2)) }
+                    td { (name(r)) } td { (r.rms_true_over_benchmark.text(3)) } td { (r.rms_measured_over_benchmark.text(3)) }
                     td { (format!("{:.0}", r.better_percent)) }
-                    @if reoptimised { td { (r.rms_over_reoptimised_benchmark.map_or("-".into(), |s| s.text(2))) } }
+                    @if reoptimised { td { (r.rms_true_over_reoptimised_benchmark.map_or("-".into(), |s| s.text(2))) } }
                 }
             } }
         } }
         div.wide { table {
             thead { tr {
-                th { "strategy" } th { "largest motor speed" } th { "energy" }
+                th { "strategy" } th { "largest motor speed" } th { "motor energy" }
             } }
             tbody { @for r in &others {
                 tr {

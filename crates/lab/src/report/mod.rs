@@ -31,5 +31,5 @@ pub use origin::Origin;
 pub use page::page;
 pub use palette::{NEUTRAL, colour_of};
 pub use tip::tip_page;
-pub use tracking::{MotionTests, motion_page};
+pub use tracking::{IDEAL_SENSORS, MotionTests, motion_page};
 pub use trials::trials_page;

@@ -7,10 +7,12 @@ use super::figure::{Axes, Figure, Series};
 use super::tracking::{self, over_time};
 use super::validation;
 use crate::LabError;
-use crate::claims::REMARK;
+use crate::claims::{REMARK, REMARK_ON_PAPER};
+use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::sample::Sample;
-use crate::energy_audit::Balance;
+use crate::energy_audit::{Balance, PUMP_WORK};
 use crate::study::{NOMINAL, OFF, Study, VIRTUAL};
+use crate::work_precision::{Excitation, Point};
 use crate::{motion_test::Row, motion_test::Run};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
@@ -25,7 +27,9 @@ use maud::{Markup, html};
 pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> {
     let body = html! {
                 p.soft {
-                    "Everything below is simulated. \"Paper\" is Hagen et al., Actuators 2025, 14(2):80; "
+                    "Everything below is simulated. "
+                    @if !study.is_papers_crane { "The paper's figures are of its own crane, and are left out beside this one. " }
+                    "\"Paper\" is Hagen et al., Actuators 2025, 14(2):80; "
                     "its tracking errors were measured on a real crane, of which no log is public. "
                     "\"Nominal\" is a plant equal to the model, which flatters every strategy that uses the "
                     "model; \"off-model\" is a plant that differs from it in a few parameters, by guesses; the "
@@ -52,13 +56,13 @@ pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> 
 
 /// The paper's headline claims.
 fn claims(study: &Study) -> Markup {
-    let beside_paper = study.eigenfrequency_accuracy_percent.is_some();
+    let beside_paper = study.is_papers_crane;
     let beside_virtual = study.virtual_eigenfrequency_hz.is_some();
     html! {
-        h2 { "The paper's headline claims" }
+        h2 { @if beside_paper { "The paper's headline claims" } @else { "What the paper's headline claims are of, on this crane" } }
         p.soft {
             "Each figure is computed from the runs below. Nominal and off-model plant have ideal sensors: measured and true is the same there. "
-            (REMARK)
+            (REMARK) @if beside_paper { " " (REMARK_ON_PAPER) }
         }
         div.wide { table {
             thead { tr {
@@ -87,6 +91,7 @@ fn claims(study: &Study) -> Markup {
 }
 
 fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
+    let beside_paper = study.is_papers_crane;
     let ringing = match &study.oscillation {
         Some(seen) => {
             let shown = seen.time.iter().zip(&seen.pressure_a).map(|(t, p)| (*t, p * 1e-5));
@@ -99,39 +104,42 @@ fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
         None => html! {},
     };
     Ok(html! {
-        h2 { "Table 5: eigenfrequencies, load-holding valve closed" }
+        h2 { @if beside_paper { "Table 5: e" } @else { "E" } "igenfrequencies, load-holding valve closed" }
         div.wide { table {
             thead { tr {
-                th { "x_cyl [mm]" } th { "paper, simulated [Hz]" } th { "here, linearised [Hz]" }
-                th { "difference" } th { "here, oscillation without friction [Hz]" }
-                th { "here, with friction [Hz]" } th { "paper, measured [Hz]" }
+                th { "x_cyl [mm]" } @if beside_paper { th { "paper, simulated [Hz]" } } th { "here, linearised [Hz]" }
+                @if beside_paper { th { "difference" } } th { "here, oscillation without friction [Hz]" }
+                th { "here, with friction [Hz]" } @if beside_paper { th { "paper, measured [Hz]" } }
                 @if study.virtual_eigenfrequency_hz.is_some() { th { "virtual crane [Hz]" } }
             } }
             tbody { @for (k, row) in study.eigenfrequency.iter().enumerate() { tr {
                 td { (format!("{:.0}", row.stroke_mm)) }
-                td { (optional(row.paper_simulated_hz, 2)) }
+                @if beside_paper { td { (optional(row.paper_simulated_hz, 2)) } }
                 td { (format!("{:.3}", row.linearised_hz)) }
-                td { (row.paper_simulated_hz.map_or(String::new(), |p| percent(row.linearised_hz / p - 1.0))) }
+                @if beside_paper { td { (row.paper_simulated_hz.map_or(String::new(), |p| percent(row.linearised_hz / p - 1.0))) } }
                 td { (optional(row.frictionless_hz, 3)) }
                 td { (optional(row.oscillation_hz, 3)) }
-                td { (optional(row.paper_measured_hz, 2)) }
+                @if beside_paper { td { (optional(row.paper_measured_hz, 2)) } }
                 @if let Some(hz) = study.virtual_eigenfrequency_hz { td { (format!("{:.3}", hz[k])) } }
             } } }
         } }
         p.soft {
             "Compared without friction, at a drop of 0.2 mm at the tip, with the trapped rod-side pressure of "
-            "the crane file. The boom's stiffness is calibrated to the paper's simulated values. With friction "
+            "the crane file. " @if beside_paper { "The boom's stiffness is calibrated to the paper's simulated values. " } "With friction "
             "the drop is the crane file's; the frequency then differs, because friction dissipates within a few "
             "periods while the oil's stiffness changes with the large pressure swing, and near rest the smoothed friction "
             "is a stiff damper that all but locks the piston."
         }
         (ringing)
-        p {
-            "With the valve open, during the fast motion, p_A oscillates at "
-            strong { (format!("{:.3} Hz", study.pressure_oscillation_hz)) }
-            " (paper's simulation: " (format!("{:.3}", study.paper_pressure_oscillation_hz)) " Hz, "
-            (percent(study.pressure_oscillation_hz / study.paper_pressure_oscillation_hz - 1.0))
-            "; nothing was fitted to it)."
+        @match study.pressure_oscillation_hz {
+            Some(hz) => p {
+                "With the valve open, during the fast motion, p_A oscillates at " strong { (format!("{hz:.3} Hz")) }
+                @if let Some(paper) = study.paper_pressure_oscillation_hz {
+                    " (paper's simulation: " (format!("{paper:.3}")) " Hz, " (percent(hz / paper - 1.0)) "; nothing was fitted to it)"
+                }
+                "."
+            },
+            None => p { "The fast motion is too short to see two whole periods of p_A's oscillation with the valve open." },
         }
     })
 }
@@ -139,30 +147,39 @@ fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
 fn differences(study: &Study) -> Markup {
     let three = |v: f64| format!("{v:.3}");
     let some = |v: Option<f64>| optional(v, 3);
+    let (beside_paper, beside_virtual) =
+        (study.is_papers_crane, study.virtual_eigenfrequency_hz.is_some());
     html! {
-        h2 { "Table 6: plant less model at the fast speed" }
+        h2 { @if beside_paper { "Table 6: p" } @else { "P" } "lant less model at the fast speed" }
         p.soft {
-            "Paper: the real crane less its simulation. Here: virtual crane, and off-model plant, less the "
-            "published model, all under velocity feedforward. The virtual crane was calibrated to the paper's "
-            "RMS values and not to its peaks. The off-model plant: " (study.off_model.join(", ")) "."
+            @if beside_paper { "Paper: the real crane less its simulation. " }
+            "Here: virtual crane, and off-model plant, less the "
+            "model, all under velocity feedforward, as measured. "
+            @if beside_paper { "The virtual crane was calibrated to the paper's RMS values and not to its peaks. " }
+            "The off-model plant: " (study.off_model.join(", ")) "."
         }
         div.wide { table {
             thead { tr {
-                th { "signal" } th { "RMS, paper" } th { "virtual crane" } th { "off-model" }
-                th { "peak, paper" } th { "virtual crane" } th { "off-model" }
+                th { "signal" } @if beside_paper { th { "RMS, paper" } }
+                @if beside_virtual { th { "RMS, virtual crane" } } th { "RMS, off-model" }
+                @if beside_paper { th { "peak, paper" } }
+                @if beside_virtual { th { "peak, virtual crane" } } th { "peak, off-model" }
             } }
             tbody { @for row in &study.differences { tr {
                 td { (row.signal) " [" (row.unit) "]" }
-                td { (three(row.paper_rms)) } td { (some(row.virtual_rms)) }
+                @if beside_paper { td { (some(row.paper_rms)) } } @if beside_virtual { td { (some(row.virtual_rms)) } }
                 td { (three(row.off_model_rms)) }
-                td { (three(row.paper_peak)) } td { (some(row.virtual_peak)) }
+                @if beside_paper { td { (some(row.paper_peak)) } } @if beside_virtual { td { (some(row.virtual_peak)) } }
                 td { (three(row.off_model_peak)) }
             } } }
         } }
         @if let Some(hz) = study.virtual_pressure_oscillation_hz {
             p {
-                "The virtual crane's p_A rings at " strong { (format!("{hz:.3} Hz")) } " (measured: "
-                (format!("{:.3}", study.paper_measured_pressure_oscillation_hz)) " Hz)."
+                "The virtual crane's p_A rings at " strong { (format!("{hz:.3} Hz")) }
+                @if let Some(paper) = study.paper_measured_pressure_oscillation_hz {
+                    " (measured on the paper's crane: " (format!("{paper:.3}")) " Hz)"
+                }
+                "."
             }
         }
     }
@@ -182,6 +199,9 @@ fn validation(study: &Study) -> Result<Markup, LabError> {
         (panels)
     })
 }
+
+/// Both errors of a row.
+type RmsAndPeak = [fn(&Row) -> f64; 2];
 
 fn tracking(study: &Study) -> Result<Markup, LabError> {
     let speeds: Vec<f64> = {
@@ -215,28 +235,44 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
         VIRTUAL => "virtual crane".into(),
         other => format!("{other} plant"),
     };
+    let mut columns: Vec<(&str, &str, RmsAndPeak)> = Vec::new();
+    for plant in &plants {
+        columns.push((plant, "true", [|r| r.error.rms_true_mm, |r| r.error.peak_true_mm]));
+        let mut rows = study.motion.iter().filter(|row| row.plant == *plant);
+        if !rows.all(|row| row.error.is_measured_truly()) {
+            let measured: RmsAndPeak = [|r| r.error.rms_measured_mm, |r| r.error.peak_measured_mm];
+            columns.push((plant, "measured", measured));
+        }
+    }
+    let beside_paper = study.is_papers_crane;
     let panels = tracking::panels(drawn, drawn(Strategy::VelocityFeedforward), &title)?;
     Ok(html! {
-        h2 { "Tables 7 to 9: tracking errors" }
+        h2 { @if beside_paper { "Tables 7 to 9: t" } @else { "T" } "racking errors" }
         p.soft {
-            "RMS over the whole motion, the rest before and after included (2 s; on the virtual crane "
-            "calibrated, for the paper does not state its window), and the error of largest magnitude, "
-            "x - x_ref. The paper's values were measured on the real crane."
+            "RMS over the whole motion, the rest before and after included" @if beside_paper {
+                " (2 s; on the virtual crane calibrated, for the paper does not state its window)"
+            }
+            ", and the error of largest magnitude, x - x_ref. "
+            @if beside_paper { "The paper's values were measured on the real crane. " }
+            "Measured errors have the sensor's noise and the fieldbus's delay in them, "
+            "true ones are the piston's. Where there is one column for a plant, its sensors are ideal, and both are the same."
         }
         @for speed in &speeds {
             h3 { (format!("{speed:.0} mm/s")) }
             div.wide { table {
                 thead { tr {
                     th { "strategy" }
-                    th { "RMS, paper [mm]" } @for plant in &plants { th { (plant) } }
-                    th { "peak, paper [mm]" } @for plant in &plants { th { (plant) } }
+                    @if beside_paper { th { "RMS paper [mm]" } }
+                    @for (plant, name, _) in &columns { th { (format!("RMS {name} [mm], {plant}")) } }
+                    @if beside_paper { th { "peak paper [mm]" } }
+                    @for (plant, name, _) in &columns { th { (format!("peak {name} [mm], {plant}")) } }
                 } }
                 tbody { @for strategy in Strategy::ALL { tr {
                     td { (strategy.name()) }
-                    td { (paper(strategy, *speed, |r| r.paper_rms_mm)) }
-                    @for plant in &plants { (cell(plant, strategy, *speed, |r| r.rms_mm)) }
-                    td { (paper(strategy, *speed, |r| r.paper_peak_mm)) }
-                    @for plant in &plants { (cell(plant, strategy, *speed, |r| r.peak_mm)) }
+                    @if beside_paper { td { (paper(strategy, *speed, |r| r.paper_rms_mm)) } }
+                    @for (plant, _, [rms, _]) in &columns { (cell(plant, strategy, *speed, *rms)) }
+                    @if beside_paper { td { (paper(strategy, *speed, |r| r.paper_peak_mm)) } }
+                    @for (plant, _, [_, peak]) in &columns { (cell(plant, strategy, *speed, *peak)) }
                 } } }
             } }
         }
@@ -262,15 +298,14 @@ fn damping(study: &Study) -> Markup {
         }
         div.wide { table {
             thead { tr {
-                th { "RMS / peak [mm]" } th { "course" } th { "benchmark" }
-                th { "published: damped twice" } th { "pressure differences: damped once" }
+                th { "plant" } th { "course" } th { "law" } @for head in TrackingError::HEADS { th { (head) } }
             } }
-            tbody { @for row in &study.double_damping { tr {
-                td { (row.plant) } td { (row.course) }
-                @for (cell, stable) in row.cells().iter().zip(row.stable) {
-                    @if stable { td { (cell) } } @else { td.unstable { (cell) } }
+            tbody { @for row in &study.double_damping { @for (law, error, stable) in row.laws() { tr {
+                td { (row.plant) } td { (row.course) } td.text { (law) }
+                @for mm in error.cells() {
+                    @if stable { td { (format!("{mm:.3}")) } } @else { td.unstable { "unstable" } }
                 }
-            } } }
+            } } } }
         } }
     }
 }
@@ -296,20 +331,21 @@ fn test_4(study: &Study) -> Markup {
         }
         div.wide { table {
             thead { tr {
-                th { "plant" } th { "course" } th { "RMS [mm]: benchmark" } th { "scheduled LQR" } th { "less by [%]" }
-                th { "peak [mm]: benchmark" } th { "scheduled LQR" }
-                th { "residual vibration of the tip [mm]: benchmark" } th { "scheduled LQR" }
-                th { "energy [kJ]: benchmark" } th { "scheduled LQR" }
+                th { "plant" } th { "course" } th { "strategy" } @for head in TrackingError::HEADS { th { (head) } }
+                th { "RMS true below the benchmark's [%]" } th { "residual vibration of the tip [mm]" } th { "motor energy [kJ]" }
             } }
-            tbody { @for (row, benchmark) in &pairs { tr {
-                td { (row.plant) } td { (row.course) }
-                (tracking::here(benchmark, benchmark.rms_mm)) (tracking::here(row, row.rms_mm))
-                td { @if benchmark.stable && row.stable { (format!("{:.0}", 100.0 * (1.0 - row.rms_mm / benchmark.rms_mm))) } @else { "-" } }
-                (tracking::here(benchmark, benchmark.peak_mm)) (tracking::here(row, row.peak_mm))
-                td { (three(benchmark.effort.residual_vibration_mm)) } td { (three(row.effort.residual_vibration_mm)) }
-                td { (three(benchmark.effort.energy_kj)) } td { (three(row.effort.energy_kj)) }
-            } } }
+            tbody { @for (ours, benchmark) in &pairs { @for row in [*ours, benchmark] { tr {
+                td { (row.plant) } td { (row.course) } td { (row.strategy.name()) }
+                @for mm in row.error.cells() { (tracking::here(row, mm)) }
+                td {
+                    @if row.strategy == benchmark.strategy || !benchmark.stable || !row.stable { "-" } @else {
+                        (format!("{:.0}", 100.0 * (1.0 - row.error.rms_true_mm / benchmark.error.rms_true_mm)))
+                    }
+                }
+                td { (three(row.effort.residual_vibration_mm)) } td { (three(row.effort.energy_kj)) }
+            } } } }
         } }
+        p.soft { (MOTOR_ENERGY) }
     }
 }
 
@@ -343,7 +379,7 @@ fn energy(study: &Study) -> Result<Markup, LabError> {
             let over =
                 |of: fn(&Balance) -> f64| audit.trace.iter().map(|b| (b.time, of(b))).collect();
             let series = Series::list([
-                ("pump's work", over(|b| b.work)),
+                ("pump work, net", over(|b| b.work)),
                 ("losses", over(|b| b.losses)),
                 ("stored, gained", over(|b| b.gained.total())),
                 ("of it gravitational", over(|b| b.gained.gravitational)),
@@ -351,7 +387,7 @@ fn energy(study: &Study) -> Result<Markup, LabError> {
             let y = "energy since the start [J]";
             let svg = Figure { x: "time [s]", y, series, axes: Axes::Linear }.drawn()?;
             figure(
-                "Energy over the fast cycle: what is stored is the pump's work less the losses.",
+                "Energy over the fast cycle: what is stored is the net pump work less the losses.",
                 &svg,
             )
         }
@@ -361,13 +397,13 @@ fn energy(study: &Study) -> Result<Markup, LabError> {
         h2 { "Energy" }
         (drawn)
         p.soft {
-            "One fast cycle under velocity feedforward: change of stored energy against the pump's work, all "
-            "losses, and the mass defects of equations that conserve volume and not mass. "
+            "One fast cycle under velocity feedforward: change of stored energy against the net pump work, all "
+            "losses, and the mass defects of equations that conserve volume and not mass. " (PUMP_WORK) " "
             "The residual is the implicit scheme's own error and shrinks with its step."
         }
         div.wide { table {
             thead { tr {
-                th { "step [us]" } th { "change [J]" } th { "work [J]" } th { "losses [J]" }
+                th { "step [us]" } th { "change [J]" } th { "pump work [J]" } th { "losses [J]" }
                 th { "defects [J]" } th { "exchanged [J]" } th { "residual / exchanged" }
             } }
             tbody { @for a in &study.energy.audits { tr {
@@ -399,10 +435,23 @@ fn energy(study: &Study) -> Result<Markup, LabError> {
     })
 }
 
+/// Error of a scheme at a step under an excitation \[bar\].
+fn error_at(study: &Study, excitation: Excitation, like: &Point) -> String {
+    let is = |p: &&Point| {
+        p.excitation == excitation && p.scheme == like.scheme && p.step_us == like.step_us
+    };
+    match study.work_precision.iter().find(is).map(|p| p.pressure_error_bar) {
+        Some(bar) if bar.is_finite() => format!("{bar:.2e}"),
+        Some(_) => "diverges".into(),
+        None => "-".into(),
+    }
+}
+
 fn precision(study: &Study) -> Result<Markup, LabError> {
-    let series = |x: fn(&crate::work_precision::Point) -> f64| -> Vec<Series<'_>> {
+    let of_motion = |p: &&Point| p.excitation == Excitation::Motion;
+    let series = |x: fn(&Point) -> f64| -> Vec<Series<'_>> {
         let of = |name: &str| {
-            let points = study.work_precision.iter().filter(|p| p.scheme == name);
+            let points = study.work_precision.iter().filter(of_motion).filter(|p| p.scheme == name);
             points.map(|p| (x(p), p.pressure_error_bar)).collect()
         };
         Series::list(["published", "implicit", "runge-kutta-4"].map(|name| (name, of(name))))
@@ -420,8 +469,18 @@ fn precision(study: &Study) -> Result<Markup, LabError> {
         h2 { "Work and precision" }
         p.soft {
             "The first two seconds of the fast motion against Runge-Kutta steps of 1 us, without substeps. "
-            "Points that diverged are left out."
+            "Points that diverged are left out. An error is that of these conditions: where the motor's speed steps, it is larger."
         }
+        div.wide { table {
+            thead { tr {
+                th { "scheme" } th { "step [us]" }
+                @for excitation in Excitation::ALL { th { "largest error of p_A [bar], " (excitation.name()) } }
+            } }
+            tbody { @for p in study.work_precision.iter().filter(of_motion).filter(|p| p.step_us >= 20.0) { tr {
+                td { (p.scheme) } td { (format!("{:.0}", p.step_us)) }
+                @for excitation in Excitation::ALL { td { (error_at(study, excitation, p)) } }
+            } } }
+        } }
         (figure("Largest error of p_A over the step size: a line twice as steep is an order more.", &steps.drawn()?))
         (figure("The same over computing time: lower left is better.", &times.drawn()?))
     })

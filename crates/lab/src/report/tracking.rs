@@ -6,6 +6,7 @@ use super::figure::{Axes, Figure, Series};
 use super::palette::{NEUTRAL, colour_of};
 use super::validation;
 use crate::LabError;
+use crate::closed_loop::metrics::TrackingError;
 use crate::closed_loop::sample::Sample;
 use crate::{motion_test::Row, motion_test::Run};
 use hydroboom_control::strategy::Strategy;
@@ -82,6 +83,9 @@ pub fn panels<'a>(
     })
 }
 
+/// Said in place of a second column.
+pub const IDEAL_SENSORS: &str = "Sensors are ideal: the measured error is the true one.";
+
 /// What a page of motion tests shows.
 pub struct MotionTests<'a> {
     /// Name of the model.
@@ -93,6 +97,8 @@ pub struct MotionTests<'a> {
     /// The published model along the same course as the fastest velocity feedforward run, for
     /// figures 18 to 23.
     pub alongside: Option<&'a Run>,
+    /// Whether the crane is the paper's: its figures stand beside no other.
+    pub is_papers_crane: bool,
     /// What is to be said of the plant, if anything.
     pub remark: Option<&'a str>,
 }
@@ -113,8 +119,12 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
             tests.runs.iter().find(|run| run.strategy == strategy && run.course == course)
         };
         let reference = tests.runs.iter().find(|run| run.course == course);
-        let rows: Vec<Row> =
-            Strategy::ALL.into_iter().filter_map(of).map(|run| Row::of(tests.plant, run)).collect();
+        let rows: Vec<Row> = Strategy::ALL
+            .into_iter()
+            .filter_map(of)
+            .map(|run| Row::of(tests.plant, run))
+            .map(|row| if tests.is_papers_crane { row } else { row.without_paper() })
+            .collect();
         sections.push((course, table(&rows), panels(of, reference, tests.plant)?));
     }
     let compared = match tests.alongside {
@@ -132,7 +142,8 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     let body = html! {
         p.soft {
             "Simulated: the model steers, the " (tests.plant) " follows, and is seen through its sensors. "
-            "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement. "
+            @if tests.is_papers_crane { "\"Paper\" is what Hagen et al. measured on their real crane; nothing here is a measurement. " }
+            @else { "Nothing here is a measurement. " }
             "The scheduled LQR looks 0.4 s along the path; the published strategies are told no more than where it is."
             @if let Some(remark) = tests.remark { " " strong { (remark) } "." }
         }
@@ -161,17 +172,26 @@ pub(super) fn here(row: &Row, mm: f64) -> Markup {
 
 fn table(rows: &[Row]) -> Markup {
     let optional = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"));
+    let beside_paper = rows.iter().any(|row| row.paper_rms_mm.is_some());
+    let ideal = rows.iter().all(|row| row.error.is_measured_truly());
+    let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
     html! {
         div.wide { table {
             thead { tr {
-                th { "strategy" } th { "RMS, paper [mm]" } th { "RMS, here" }
-                th { "peak, paper [mm]" } th { "peak, here" }
+                th { "strategy" }
+                @if beside_paper { th { "RMS paper [mm]" } }
+                th { (rms_true) } @if !ideal { th { (rms_measured) } }
+                @if beside_paper { th { "peak paper [mm]" } }
+                th { (peak_true) } @if !ideal { th { (peak_measured) } }
             } }
             tbody { @for r in rows { tr {
                 td { (r.strategy.name()) }
-                td { (optional(r.paper_rms_mm)) } (here(r, r.rms_mm))
-                td { (optional(r.paper_peak_mm)) } (here(r, r.peak_mm))
+                @if beside_paper { td { (optional(r.paper_rms_mm)) } }
+                (here(r, r.error.rms_true_mm)) @if !ideal { (here(r, r.error.rms_measured_mm)) }
+                @if beside_paper { td { (optional(r.paper_peak_mm)) } }
+                (here(r, r.error.peak_true_mm)) @if !ideal { (here(r, r.error.peak_measured_mm)) }
             } } }
         } }
+        @if ideal { p.soft { (IDEAL_SENSORS) } }
     }
 }

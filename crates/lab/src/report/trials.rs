@@ -5,6 +5,7 @@ use super::drawing_data::{Drawing, figure};
 use super::palette::colour_of_controller;
 use super::{Bar, Bars};
 use crate::closed_loop::controller_choice::ControllerChoice;
+use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::robustness::Outcome;
 use maud::{Markup, html};
 
@@ -24,6 +25,7 @@ pub fn trials_page(crane: &str, remark: Option<&str>, outcomes: &[Outcome]) -> P
         }
         h2 { "All trials" }
         (overview(&names, outcomes))
+        p.soft { (MOTOR_ENERGY) }
         @for name in &names {
             @let of: Vec<&Outcome> = outcomes.iter().filter(|o| o.trial == *name).collect();
             h2 { (name) }
@@ -67,12 +69,17 @@ fn overview(trials: &[&str], outcomes: &[Outcome]) -> Markup {
 /// A number that may be drawn.
 type Drawn = fn(&Outcome) -> Option<f64>;
 
+/// An error; none where the loop oscillates or could not be finished.
+fn error(outcome: &Outcome, mm: f64) -> Option<f64> {
+    (outcome.stable && mm.is_finite()).then_some(mm)
+}
+
 /// What is drawn of each trial: axis, caption, number.
 const FIGURES: [(&str, &str, Drawn); 2] = [
     (
-        "RMS tracking error [mm]",
+        "RMS true [mm]",
         "How closely the reference was followed; who was in sustained oscillation is left out.",
-        |o| o.rms_mm.filter(|_| o.stable),
+        |o| error(o, o.error.rms_true_mm),
     ),
     (
         "RMS of the tip's vibration at rest [mm]",
@@ -105,12 +112,12 @@ fn table(rows: &[&Outcome]) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "strategy" } th { "RMS [mm]" } th { "peak [mm]" } th { "motor peak [rpm]" } th { "motor ripple at rest [rpm]" }
-                th { "energy [kJ]" } th { "tip deflection [mm]" } th { "tip vibration at rest [mm]" } th { "" }
+                th { "strategy" } @for head in TrackingError::HEADS { th { (head) } } th { "motor peak [rpm]" } th { "motor ripple at rest [rpm]" }
+                th { "motor energy [kJ]" } th { "tip deflection [mm]" } th { "tip vibration at rest [mm]" } th { "" }
             } }
             tbody { @for o in rows {
                 tr {
-                    td { (o.controller.name()) } td { (millimetres(o.rms_mm.filter(|_| o.stable))) } td { (millimetres(o.peak_mm.filter(|_| o.stable))) }
+                    td { (o.controller.name()) } @for mm in o.error.cells() { td { (millimetres(error(o, mm))) } }
                     td { (format!("{:.0}", o.effort.motor_speed_rpm)) } td { (format!("{:.1}", o.effort.motor_ripple_rpm)) }
                     td { (format!("{:.1}", o.effort.energy_kj)) } td { (format!("{:.1}", o.effort.tip_deflection_mm)) }
                     td { (format!("{:.3}", o.effort.residual_vibration_mm)) } td.unstable { (o.verdict()) }
