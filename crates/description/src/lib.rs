@@ -26,6 +26,7 @@ mod equipment_defaults;
 mod error;
 mod excerpt;
 mod parse;
+mod placeholder;
 mod range;
 pub mod schema;
 mod spread;
@@ -34,6 +35,7 @@ pub use build::BuildError;
 pub use difference::{Difference, by_weight};
 pub use equipment_defaults::FilledIn;
 pub use error::{DescriptionError, Problem};
+pub use placeholder::as_placeholders;
 pub use range::{RangeSource, Ranges, ValueRange};
 pub use schema::{Choices, Key, Numbers, Tuning};
 
@@ -42,7 +44,7 @@ pub use schema::{Choices, Key, Numbers, Tuning};
 pub struct Origin {
     /// `printed`, `derived`, `data sheet`, `estimate`, `calibrated`, `tuned`, `measured`, or
     /// `given` where the file does not say, `set` where the command line did, `absent` for an effect
-    /// that the file leaves out, `typical` where [`Description::virtual_crane`] filled it in.
+    /// that the file leaves out, `placeholder` where `hydroboom new` filled it in and nobody has touched it, `typical` where [`Description::virtual_crane`] filled it in.
     pub provenance: String,
     /// Table, section, data sheet or reasoning behind it.
     pub source: String,

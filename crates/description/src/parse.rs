@@ -2,6 +2,7 @@
 
 use crate::error::{DescriptionError, Problem};
 use crate::excerpt::{Excerpt, excerpt, quoted};
+use crate::placeholder::{PLACEHOLDER, is_touched};
 use crate::schema::{Choices, KEYS, Key, LINKS, Numbers, StructureChoice};
 use crate::{Description, Origin};
 use hydroboom_model::MAX_SEGMENTS;
@@ -260,7 +261,12 @@ impl Reading<'_> {
                 "write { value = ..., provenance = \"...\", source = \"...\" }".into(),
             );
         }
-        let (provenance, source) = (text("provenance"), text("source"));
+        let (mut provenance, mut source) = (text("provenance"), text("source"));
+        if provenance == PLACEHOLDER
+            && is_touched(inner.and_then(|value| number(value.get_ref())), &source)
+        {
+            (provenance, source) = ("given".into(), String::new());
+        }
         Stated { value: inner, provenance, source, range: table.get("range") }
     }
 

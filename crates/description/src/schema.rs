@@ -301,6 +301,7 @@ motion_and_equipment {
     tip_payload_memory: "tip" "payload_memory_s" ["s" = 1.0] 0.01..=1e5 or 20.0, "Time constant of the payload's mean for the tip: about a cycle, in which friction changes its sign";
     benchmark_sensitivity_peak: "benchmark_design" "sensitivity_peak" ["-" = 1.0] 1.1..=3.0 or 1.7, "Largest sensitivity M_s that `hydroboom design --benchmark` allows: 1.2 to 2.0 are usual; gain margin of 2.4 and phase margin of 34 degrees at least";
     benchmark_untuned_peak: "benchmark_design" "untuned_peak" ["-" = 1.0] 1.2..=10.0 or 2.0, "Largest sensitivity from which gains count as not tuned for a crane, and designed ones take their place in comparisons";
+    benchmark_largest_droop: "benchmark_design" "largest_droop_mm_per_bar" ["mm/bar" = MM / BAR] 0.01..=1000.0 or 1.0, "Largest droop of the piston by pressure feedback, k_f tau/A_p for a bar of load pressure that lasts; 1.5 with the paper's gains; by motions of odd cranes, of which more costs tracking";
     benchmark_longest_high_pass: "benchmark_design" "longest_high_pass_s" ["s" = 1.0] 0.01..=100.0 or 2.0, "Longest time constant of its high-pass: what is slower, pressure feedback lets the piston sag under a load that moves";
     tip_remainder: "tip" "remainder_mm" ["mm" = MM] 0.0..=1000.0 or 0.2, "Standard deviation, across the boom, of what these numbers leave out: the boom's modes, shape of the load; estimate, by virtual cranes";
 

@@ -8,7 +8,8 @@
 //! K_i is the reciprocal of the integrated error after a step of leakage or load; M_s is the largest sensitivity, the reciprocal of the modulus
 //! margin. It bounds both classical margins: gain margin ≥ M_s/(M_s − 1), phase margin ≥ 2 arcsin(1/(2 M_s)). Source: K. J. Åström,
 //! H. Panagopoulos, T. Hägglund, Design of PI controllers based on non-convex optimization, Automatica 34(5), 1998,
-//! doi:10.1016/S0005-1098(98)00011-9. Pressure feedback and its high-pass are found in the same search: K_i is the largest over all four.
+//! doi:10.1016/S0005-1098(98)00011-9. Pressure feedback and its high-pass are found in the same search: K_i is the largest over all four. Pressure feedback
+//! lets the piston droop by k_f τ/A_p under a load pressure that lasts, until the integral makes it good; that is limited, for it costs tracking.
 
 use crate::design_report::benchmark_loop;
 use crate::stability::POSITIONS;
@@ -278,6 +279,8 @@ struct Search<'a> {
     /// Angular frequency of the slowest load mode \[rad/s\].
     slowest: f64,
     longest_high_pass: f64,
+    /// Largest volume that pressure feedback gives up for a lasting Pascal, k_f τ \[m³/Pa\].
+    largest_droop: f64,
 }
 
 /// Steps of the first grid: of the pressure feedback, of the high-pass, of the proportional gain.
@@ -309,8 +312,10 @@ impl<'a> Search<'a> {
                 unit = unit.min(1.0 / peak.pressure.norm());
             }
         }
-        let longest_high_pass = description.numbers.benchmark_longest_high_pass;
-        Ok(Self { cases, distance, unit, slowest, longest_high_pass })
+        let n = &description.numbers;
+        let longest_high_pass = n.benchmark_longest_high_pass;
+        let largest_droop = n.benchmark_largest_droop * description.cylinder().piston_area;
+        Ok(Self { cases, distance, unit, slowest, longest_high_pass, largest_droop })
     }
 
     fn keeps(&self, gains: &Gains) -> bool {
@@ -322,6 +327,9 @@ impl<'a> Search<'a> {
     fn integral(&self, gains: &Gains) -> Option<Gains> {
         let with = |integral_per_s2: f64| Gains { integral_per_s2, ..*gains };
         let damped = Gains { proportional_per_s: 0.0, ..with(0.0) };
+        if gains.pressure_feedback_m3_per_spa * gains.high_pass_s > self.largest_droop {
+            return None;
+        }
         if !(self.keeps(&damped) && self.keeps(&with(0.0))) {
             return None;
         }

@@ -3,9 +3,10 @@
 use crate::design_report::{benchmark_loop, scheduled_lqr_loop_at};
 use crate::scheduled_lqr::{designed, known_delay};
 use crate::unstable_poles::unstable_poles;
-use crate::{DesignError, DesignReport, LinearisedPlant, Loop};
+use crate::{Actuation, DesignError, DesignReport, LinearisedPlant, Loop};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_math::Real;
 use serde::Serialize;
 use std::fmt;
 
@@ -63,7 +64,7 @@ impl fmt::Display for LoopStability {
         };
         write!(
             f,
-            "{controller}: the closed loop is UNSTABLE at {} mm ({poles} in the right half plane, friction at sliding)",
+            "{controller}: the closed loop is UNSTABLE at {} mm ({poles} in the right half plane, linearised at rest with sliding friction)",
             at.join(", ")
         )
     }
@@ -83,7 +84,7 @@ pub fn benchmark_stability(
     Ok(LoopStability::of(BENCHMARK, poles.into_iter()))
 }
 
-/// The same of the scheduled LQR, designed for the model, its payload weighed.
+/// The same of the scheduled LQR, designed for the model, its payload weighed, and oil and drive of the machine identified.
 ///
 /// # Errors
 ///
@@ -92,9 +93,10 @@ pub fn scheduled_lqr_stability(
     model: &Description,
     machine: Option<&Description>,
 ) -> Result<LoopStability, DesignError> {
-    let design = designed(model, known_delay(model) as usize)?;
+    let known = machine.map_or_else(|| model.clone(), |machine| with_identified(model, machine));
+    let design = designed(&known, known_delay(&known) as usize)?;
     let payload = machine.unwrap_or(model).numbers.payload;
-    let around = |stroke| Ok(scheduled_lqr_loop_at(model, &design, stroke, payload));
+    let around = |stroke| Ok(scheduled_lqr_loop_at(&known, &design, stroke, payload));
     let poles = poles(model, machine, around)?;
     Ok(LoopStability::of(SCHEDULED_LQR, poles.into_iter()))
 }
@@ -127,6 +129,21 @@ pub fn stability_of(
         loops.push(scheduled_lqr_stability(model, Some(machine))?);
     }
     Ok(loops)
+}
+
+/// What a controller of a model knows that has identified a crane's oil and drive.
+pub fn with_identified(model: &Description, crane: &Description) -> Description {
+    let mut known = model.clone();
+    let n = &mut known.numbers;
+    let limits = (n.tuning.estimator_lowest_transition, n.tuning.estimator_highest_transition);
+    n.transition = Real::clamp(crane.numbers.transition, limits.0, limits.1);
+    let drive = Actuation::of(crane).drive[0];
+    n.tuning.estimator_drive_lag = Real::clamp(
+        drive,
+        n.tuning.estimator_shortest_drive_lag,
+        n.tuning.estimator_longest_drive_lag,
+    );
+    known
 }
 
 /// Piston position \[mm\] and growing poles there.

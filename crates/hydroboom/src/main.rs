@@ -7,6 +7,7 @@ mod calibrate;
 mod check;
 mod crane_file;
 mod design;
+mod difference_text;
 mod doctor;
 mod eigen;
 mod energy;
@@ -42,6 +43,7 @@ mod tip;
 mod trials;
 mod tune;
 mod validate;
+mod verdict_text;
 mod virtual_crane;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};

@@ -4,7 +4,7 @@ use crate::output;
 use crate::paths::OutputFile;
 use clap::Args;
 use clap::ValueEnum;
-use hydroboom_description::{Description, PATU_LIFT, UIA_SINGLE_BOOM};
+use hydroboom_description::{Description, PATU_LIFT, UIA_SINGLE_BOOM, as_placeholders};
 use miette::Result;
 
 /// What the crane file is to describe.
@@ -60,9 +60,10 @@ impl New {
             Circuit::SelfContained => {
                 let crane = Description::uia_single_boom()?;
                 let (equipment, supervision) = (crane.equipment_text(), crane.supervision_text());
-                format!("{UIA_SINGLE_BOOM}\n{EQUIPMENT}{equipment}\n{SUPERVISION}{supervision}")
+                let filled_in = as_placeholders(UIA_SINGLE_BOOM, "the paper's crane");
+                format!("{filled_in}\n{EQUIPMENT}{equipment}\n{SUPERVISION}{supervision}")
             }
-            Circuit::ValveControlled => PATU_LIFT.into(),
+            Circuit::ValveControlled => as_placeholders(PATU_LIFT, "a PATU forestry crane"),
         };
         output::file(&self.file, text.as_bytes());
         let name = self.file.display().to_string();

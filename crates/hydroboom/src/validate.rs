@@ -4,11 +4,13 @@ use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
+use crate::{difference_text, verdict_text};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_identify::{
-    COMPARED, Difference, Experiment, Prediction, Remedy, Ringing, differences, remedies,
+    COMPARED, Difference, Experiment, Judgement, Prediction, Remedy, Ringing, differences,
+    remedies, verdict,
 };
 use hydroboom_lab::LabError;
 use hydroboom_lab::paper;
@@ -55,6 +57,7 @@ struct Part {
     experiment: Experiment,
     prediction: Prediction,
     findings: Vec<Finding>,
+    verdict: Vec<Judgement>,
 }
 
 impl Validate {
@@ -82,7 +85,8 @@ impl Validate {
         for part in &parts {
             let rows: Vec<Vec<String>> = part.findings.iter().map(row).collect();
             said += &format!(
-                "{}: {:.1} s beside \"{}\", log less model\n{}\n",
+                "{}\n\n{}: {:.1} s beside \"{}\", log less model\n{}\n",
+                verdict_text::said(&part.verdict),
                 part.experiment.name,
                 part.experiment.duration(),
                 crane.name,
@@ -107,6 +111,7 @@ impl Validate {
         let of = |part: &Part| {
             json!({
                 "begin_s": part.experiment.begin, "duration_s": part.experiment.duration(),
+                "verdict": verdict_text::in_json(&part.verdict),
                 "signals": part.findings.iter().map(in_json).collect::<Vec<_>>(),
             })
         };
@@ -126,16 +131,18 @@ impl Validate {
 /// Compares a segment of a log with the model.
 fn part(crane: &Description, experiment: Experiment) -> Result<Part> {
     let (prediction, would) = remedies(crane, &experiment).into_diagnostic()?;
-    let findings = differences(&experiment, &prediction)
+    let found = differences(&experiment, &prediction);
+    let verdict = verdict(&found);
+    let findings = found
         .into_iter()
         .map(|difference| {
             let of = would.iter().find(|(signal, _)| *signal == difference.signal);
             let remedies = of.map_or_else(Vec::new, |(_, list)| list.clone());
-            let said = words(&difference, &remedies);
+            let said = difference_text::said(&difference, &remedies);
             Finding { difference, remedies, said }
         })
         .collect();
-    Ok(Part { experiment, prediction, findings })
+    Ok(Part { experiment, prediction, findings, verdict })
 }
 
 const HEADER: [&str; 10] = [
@@ -184,85 +191,18 @@ fn in_json(finding: &Finding) -> Value {
         "correlation": d.correlation, "delay_ms": d.delay.map(|s| s * 1e3),
         "delay_halves_ms": d.delay_halves.map(|h| h.map(|s| s * 1e3)),
         "drift_ppm": d.drift.map(|drift| drift * 1e6), "noise": d.noise / size,
+        "parts": d.parts.map(|p| json!({
+            "offset": { "value": p.offset.value / size, "share": p.offset.share },
+            "drift_per_s": { "value": p.drift.value / size, "share": p.drift.share },
+            "scale_percent": { "value": p.scale.value * 100.0, "share": p.scale.share },
+            "delay_ms": { "value": p.delay.value * 1e3, "share": p.delay.share },
+        })),
         "ringing": rings(d.ringing), "model_ringing": rings(d.model_ringing), "coloured": d.coloured,
         "said": finding.said,
         "remedies": finding.remedies.iter().map(|r| json!({
             "key": r.path, "change_percent": r.change * 100.0, "rms": r.rms.1 / size,
         })).collect::<Vec<_>>(),
     })
-}
-
-/// What looks wrong with a signal, and what would move it.
-fn words(d: &Difference, remedies: &[Remedy]) -> String {
-    let (unit, size) = d.signal.shown();
-    let mut parts: Vec<String> = Vec::new();
-    if d.coloured < 0.1 || (d.rms < 1.2 * d.noise && d.coloured < 0.3) {
-        return format!("{}: nothing is left but what its sensor scatters.", d.signal.symbol());
-    }
-    if d.bias.abs() > 0.8 * d.rms {
-        parts.push(format!("is off by {:+.2} {unit}, and little else", d.bias / size));
-    }
-    // more is explained by a delay that grows than by any that stays
-    let drifts = d.rms_without_drift.zip(d.rms_without_delay);
-    let drifts = drifts.is_some_and(|(drift, delay)| drift < 0.5 * d.rms.min(delay));
-    if let (true, Some([first, second]), Some(drift)) = (drifts, d.delay_halves, d.drift) {
-        parts.push(format!(
-            "comes {:.1} ms late in the first half and {:.1} ms in the second, which is most of it: a clock that drifts \
-             (drift_ppm = {:.0} in the mapping)",
-            first * 1e3,
-            second * 1e3,
-            drift * 1e6
-        ));
-    }
-    // a piston that follows late, out and back alike, is a late sensor; one that lags is the crane's
-    if let (false, Some(delay), Some(without)) = (drifts, d.delay, d.rms_without_delay)
-        && delay.abs() > 3e-3
-        && without < 0.5 * d.rms
-    {
-        let way = if delay > 0.0 { "late" } else { "early" };
-        parts.push(format!(
-            "comes {:.1} ms {way}, which is most of it: a delay of sensor or fieldbus (delay_ms in the mapping)",
-            delay.abs() * 1e3
-        ));
-    }
-    if let (Some(log), Some(model)) = (d.ringing, d.model_ringing) {
-        let share = log.frequency / model.frequency - 1.0;
-        // so far off it is not the same mode
-        if !(-0.5..1.0).contains(&share) {
-            parts.push(format!(
-                "rings at {:.2} Hz, where the model's boom rings at {:.2} Hz: something else that vibrates, or a reading that ripples",
-                log.frequency, model.frequency
-            ));
-        } else if share.abs() > 0.03 {
-            let how = if share > 0.0 { "stiffer, or lighter," } else { "softer, or heavier," };
-            parts.push(format!(
-                "rings at {:.2} Hz, the model at {:.2} Hz: the crane is {how} than the model",
-                log.frequency, model.frequency
-            ));
-        }
-        if let (Some(a), Some(b)) = (log.damping, model.damping)
-            && share.abs() < 0.5
-            && (a - b).abs() > 0.3 * b.abs().max(0.01)
-        {
-            let how = if a > b { "more" } else { "less" };
-            parts.push(format!("is damped {how} ({a:.3}) than the model ({b:.3})"));
-        }
-    }
-    if parts.is_empty() {
-        parts.push(format!("differs by {:.2} {unit} RMS", d.rms / size));
-    }
-    let mut said = format!("{}: {}.", d.signal.symbol(), parts.join("; "));
-    let list: Vec<String> = remedies
-        .iter()
-        .map(|r| format!("{} {:+.1} % ({:.2} {unit})", r.path, r.change * 100.0, r.rms.1 / size))
-        .collect();
-    said += &match list.is_empty() {
-        true => " No single key would take a twentieth of it away.".to_string(),
-        false => {
-            format!(" What would move it most, each on its own (RMS then): {}.", list.join(", "))
-        }
-    };
-    said
 }
 
 /// Number of the paper's figure of a signal.
@@ -327,6 +267,7 @@ fn page(
         }
     };
     let body = html! {
+        @for part in parts { p { b { (verdict_text::said(&part.verdict)) } (of_segment(parts, &part.experiment)) } }
         p.soft {
             "The log " code { (asked.log.display()) } " beside \"" (crane.name) "\""
             @for Part { experiment, .. } in parts { ", from " (format!("{:.3}", experiment.begin)) " s on for " (format!("{:.1}", experiment.duration())) " s" } ". The model is driven by " (driven_by) ". All differences are log less model."
@@ -335,7 +276,7 @@ fn page(
         h2 { "What looks wrong, and what would move it" }
         @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
         p.soft {
-            "What would move a signal is found by exact slopes along each key, one straight step of at most a half more or a third less: "
+            "What would move a signal is found by exact slopes along each key and tried by running the model with that key changed: "
             "a hint where to look, no result. " code { "hydroboom show" } " lists where each value comes from."
         }
         h2 { "In numbers" @if is_published { ", beside Table 6" } }

@@ -30,7 +30,15 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
         &before["signals"][0],
         &["rms", "peak", "bias", "fit_percent", "delay_ms", "said", "remedies"],
     );
+    let aspects = before["verdict"].as_array().unwrap();
+    let named: Vec<&str> = aspects.iter().map(|a| a["aspect"].as_str().unwrap()).collect();
+    assert_eq!(&named[..2], ["position", "pressures"]);
+    for aspect in aspects {
+        let (found, limit) = (aspect["found"].as_f64().unwrap(), aspect["limit"].as_f64().unwrap());
+        assert_eq!(aspect["right"], found.abs() <= limit, "{aspect}");
+    }
     let page = std::fs::read_to_string(&report).unwrap();
+    assert!(page.find("right for").unwrap() < page.find("What looks wrong").unwrap());
     assert!(page.contains("What looks wrong") && page.matches("<svg").count() == 12);
     let found = parsed(&[
         "tune",
@@ -190,6 +198,10 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
     assert!(page.matches("<svg").count() >= 6);
 
     says(&hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", "7:6"]), "FROM:TO");
+    for (asked, said) in [("50:60", "outside the logs"), ("0:60", "leaves nothing")] {
+        let asked = hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", asked]);
+        says(&asked, said);
+    }
     let journal = path("search.json");
     std::fs::write(&journal, "{\"search\":\"another\",\"at\":[]}").unwrap();
     let other = ["tune", "--log", &log, "--free", "pump.flow_gain", "--journal", &journal];

@@ -1,6 +1,7 @@
 //! Model and log side by side, in numbers.
 
 use crate::experiment::{COMPARED, Experiment};
+use crate::explained::{Explained, explained};
 use crate::prediction::Prediction;
 use crate::ringing::{Ringing, ringing};
 use hydroboom_measurement::Signal;
@@ -39,6 +40,12 @@ pub struct Difference {
     /// Share of the difference's autocorrelations, up to a second, that are larger than white noise would have them:
     /// 0.05 if nothing is left to be explained.
     pub coloured: f64,
+    /// What it is made of: offset, drift, scale, delay.
+    pub parts: Option<Explained>,
+    /// From the log's smallest value to its largest.
+    pub span: f64,
+    /// The log's largest size.
+    pub largest: f64,
     /// Error of the sensor, as its samples scatter from one to the next.
     pub noise: f64,
 }
@@ -136,6 +143,10 @@ fn difference(
         ringing: rings(&log),
         model_ringing: rings(&model),
         coloured: coloured(&errors, bias, interval),
+        parts: explained(&log, &model, interval),
+        span: log.iter().copied().fold(f64::NEG_INFINITY, f64::max)
+            - log.iter().copied().fold(f64::INFINITY, f64::min),
+        largest: log.iter().fold(0.0, |most, v| v.abs().max(most)),
         noise: noise(&log),
     }
 }

@@ -86,7 +86,8 @@ impl Free {
     /// Keys that a log tells something of, but which others stand in for: not moved unless asked for, and what is not known of them is open in
     /// those that are.
     pub(crate) fn stood_in_for(model: &Description) -> Vec<Self> {
-        const OTHERS: [&str; 3] = [
+        const OTHERS: [&str; 4] = [
+            "payload.x_mm",
             "boom.mass_kg",
             "friction.bristle_damping_ns_per_m",
             "friction.stribeck_velocity_mm_s",

@@ -10,6 +10,7 @@ mod differences;
 mod drive;
 mod error;
 mod experiment;
+mod explained;
 mod fit;
 mod free;
 mod hold_out;
@@ -21,11 +22,13 @@ mod remedy;
 mod ringing;
 mod structural_limit;
 mod tuning_fork;
+mod verdict;
 
 pub use advice::experiment_for;
 pub use differences::{Difference, Differences, differences};
 pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
+pub use explained::{Explained, Part, explained};
 pub use fit::{
     Allowed, Channel, Effect, Fit, Improvement, LIMIT, Nuisance, Profile, Progress, Task, Tuned,
     fit, profile,
@@ -37,3 +40,4 @@ pub use number::{Number, Stepper};
 pub use prediction::{Prediction, predict, sensitivities};
 pub use remedy::{Remedies, Remedy, remedies};
 pub use ringing::{Ringing, ringing};
+pub use verdict::{Aspect, Judgement, LIMITS, Limits, verdict};

@@ -3,31 +3,39 @@
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
-use crate::prediction::{Prediction, sensitivities};
+use crate::prediction::{Prediction, predict, sensitivities};
 use hydroboom_description::Description;
+use hydroboom_description::schema::Numbers;
 use hydroboom_measurement::Signal;
+use rayon::prelude::*;
 
-/// A change of one key, and what it would do to a signal.
+/// A change of one key, and what it does to a signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remedy {
     /// The key.
     pub path: String,
-    /// Share by which it would be changed: 0.1 is a tenth more.
+    /// Share by which it is changed: 0.1 is a tenth more, 2 is three times as much.
     pub change: f64,
-    /// RMS difference of the signal before and after \[SI\], to first order.
+    /// RMS difference of the signal before and after \[SI\], as the model shows it.
     pub rms: (f64, f64),
 }
 
 /// Remedies of each signal that was measured.
 pub type Remedies = Vec<(Signal, Vec<Remedy>)>;
 
-/// No key is changed by more than this factor: to first order more means nothing.
-const MOST: f64 = 1.5;
+/// No key is changed by more than this factor.
+const MOST: f64 = 10.0;
 /// A remedy takes away at least this share of the difference.
 const WORTHWHILE: f64 = 0.05;
+/// So many keys are looked at for a signal.
+const LOOKED_AT: usize = 4;
+/// And told.
+const TOLD: usize = 3;
+/// How far along the straight step the model is run: a key far off moves a signal by no straight line.
+const TRIED: [f64; 5] = [0.4, 0.7, 1.0, 1.5, 2.2];
 
-/// For each compared signal that was measured, the keys that would take most of its difference away, each on its own;
-/// exact slopes, one straight step.
+/// For each compared signal that was measured, the keys that would take most of its difference away, each on its own: found by
+/// exact slopes, and tried by running the model with the key changed.
 ///
 /// # Errors
 ///
@@ -50,30 +58,46 @@ pub fn remedies(
         if errors.len() < 20 {
             continue;
         }
-        let rms = |change: f64, slope: &Prediction| {
-            let sum: f64 = errors.iter().map(|(i, e)| (e - change * slope[*i][k]).powi(2)).sum();
-            (sum / errors.len() as f64).sqrt()
-        };
-        let mut list: Vec<Remedy> = free
+        let count = errors.len() as f64;
+        let before = (errors.iter().map(|(_, e)| e * e).sum::<f64>() / count).sqrt();
+        // share of the power that the straight step takes away, and the step
+        let mut straight: Vec<(f64, f64, Free)> = free
             .iter()
             .zip(&slopes)
             .filter_map(|(key, slope)| {
                 let (along, square) = errors.iter().fold((0.0, 0.0), |(a, s), (i, e)| {
                     (a + e * slope[*i][k], s + slope[*i][k].powi(2))
                 });
-                let change = (along / square).clamp(-MOST.ln(), MOST.ln());
-                let after = rms(change, slope);
-                let before = rms(0.0, slope);
-                let is_worthwhile = square > 0.0 && after < (1.0 - WORTHWHILE) * before;
-                is_worthwhile.then(|| Remedy {
-                    path: key.path(),
-                    change: change.exp() - 1.0,
-                    rms: (before, after),
-                })
+                let step = along / square;
+                (square > 0.0 && step.is_finite()).then_some((along * step, step, *key))
             })
             .collect();
+        straight.sort_by(|a, b| b.0.total_cmp(&a.0));
+        straight.truncate(LOOKED_AT);
+        let tried = |(_, step, key): &(f64, f64, Free)| {
+            let runs = TRIED.par_iter().filter_map(|share| {
+                let value = key.value(model);
+                let (low, high) = key.bounds();
+                let most = MOST.ln();
+                let changed = (value * (share * step).clamp(-most, most).exp()).clamp(low, high);
+                let mut numbers = model.numbers.to_array();
+                numbers[key.place] = changed;
+                let mut there = model.clone();
+                there.numbers = Numbers::from_array(numbers);
+                let shown = predict(&there, experiment).ok()?;
+                let left = |(i, _): &(usize, f64)| {
+                    experiment.samples[*i].values[k].map_or(0.0, |v| (v - shown[*i][k]).powi(2))
+                };
+                let rms = (errors.iter().map(left).sum::<f64>() / count).sqrt();
+                Some((rms, changed / value - 1.0))
+            });
+            let best = runs.min_by(|a, b| a.0.total_cmp(&b.0));
+            let (after, change) = best.filter(|(rms, _)| *rms < (1.0 - WORTHWHILE) * before)?;
+            Some(Remedy { path: key.path(), change, rms: (before, after) })
+        };
+        let mut list: Vec<Remedy> = straight.par_iter().filter_map(tried).collect();
         list.sort_by(|a, b| a.rms.1.total_cmp(&b.rms.1));
-        list.truncate(3);
+        list.truncate(TOLD);
         found.push((signal, list));
     }
     Ok((prediction, found))

@@ -2,7 +2,8 @@
 
 use crate::output;
 use clap::Args;
-use hydroboom_identify::{HeldOut, Stretch};
+use hydroboom_identify::{Experiment, HeldOut, Stretch};
+use miette::{Result, miette};
 use serde_json::{Value, json};
 
 /// The options that keep parts of the logs from the search.
@@ -17,7 +18,55 @@ pub struct HoldOut {
     pub in_turn: bool,
 }
 
-fn stretch(text: &str) -> Result<Stretch, String> {
+/// A stretch has at least so many samples of a log, and as many are left beside it.
+const LEAST: usize = 10;
+
+impl HoldOut {
+    /// Whether each stretch is within a log, and something is left to be tuned to.
+    pub fn checked(&self, logs: &[Experiment]) -> Result<()> {
+        let times = |log: &Experiment| {
+            let measured = log.samples.iter().filter(|s| s.values.iter().any(Option::is_some));
+            let begin = log.begin;
+            measured.map(move |s| begin + s.time).collect::<Vec<f64>>()
+        };
+        let all: Vec<Vec<f64>> = logs.iter().map(times).collect();
+        let spans = || {
+            let of = logs.iter().zip(&all).filter_map(|(log, times)| {
+                Some(format!("{}: {:.3} to {:.3} s", log.name, times.first()?, times.last()?))
+            });
+            of.collect::<Vec<_>>().join("; ")
+        };
+        let is_in = |s: &Stretch, t: &f64| (s.from..s.to).contains(t);
+        for s in &self.hold_out {
+            let held = all.iter().map(|times| times.iter().filter(|t| is_in(s, t)).count()).max();
+            if held.is_none_or(|held| held < LEAST) {
+                return Err(miette!(
+                    help = format!("a stretch with at least {LEAST} samples of a log: {}", spans()),
+                    "--hold-out {}:{} is outside the logs",
+                    s.from,
+                    s.to
+                ));
+            }
+        }
+        // held out in turn, each search sees the other stretches
+        let sets: Vec<&[Stretch]> = match self.in_turn {
+            true => self.hold_out.chunks(1).collect(),
+            false => vec![&self.hold_out],
+        };
+        for held in sets {
+            let is_left = |t: &&f64| !held.iter().any(|s| is_in(s, t));
+            if all.iter().flatten().filter(is_left).count() < LEAST {
+                return Err(miette!(
+                    help = format!("hold out less of {}", spans()),
+                    "--hold-out leaves nothing of the logs to be tuned to"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn stretch(text: &str) -> std::result::Result<Stretch, String> {
     let read = |part: &str| part.trim().parse::<f64>().ok().filter(|v| v.is_finite());
     let pair = text.split_once(':').and_then(|(from, to)| Some((read(from)?, read(to)?)));
     match pair {

@@ -10,6 +10,7 @@ use crate::crane_file::CraneFile;
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
+use crate::verdict_text;
 use channels::Fixed;
 use clap::Args;
 use held::HoldOut;
@@ -17,8 +18,8 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::Stretch;
 use hydroboom_identify::{
-    COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Nuisance, Profile, Task,
-    Tuned, experiment_for, fit, held_out, predict,
+    COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Judgement, Nuisance,
+    Profile, Task, Tuned, differences, experiment_for, fit, held_out, predict, verdict,
 };
 use hydroboom_lab::crane_file_text::{FoundValue, write_value};
 use hydroboom_measurement::{Signals, digest, digest_of};
@@ -110,6 +111,7 @@ impl Tune {
         }
         let tests = self.test_log.iter().map(|path| self.experiments(&crane, path, &mut notes));
         let tests = tests.collect::<Result<Vec<Vec<Experiment>>>>()?.concat();
+        self.hold_out.checked(&experiments)?;
         let stop = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&stop);
         ctrlc::set_handler(move || told.store(true, Ordering::Relaxed)).into_diagnostic()?;
@@ -280,6 +282,9 @@ impl Tune {
                 "crane": crane.name, "logs": self.log, "sha256": digests, "notes": notes,
                 "runs": found.evaluations, "converged": found.has_converged,
                 "keys": found.tuned.iter().map(in_json).collect::<Vec<_>>(),
+                "verdicts": outcome.judged().map(|(log, judged)| json!({
+                    "log": log, "aspects": verdict_text::in_json(&judged),
+                })).collect::<Vec<_>>(),
                 "channels": channels::in_json(&found.channels), "correlation": found.correlation, "profiles": profiles::in_json(profiles),
                 "differences": found.improvements.iter().map(improvement).collect::<Vec<_>>(),
             }))?,
@@ -340,11 +345,15 @@ impl Tune {
                         true => format!("{:.2}", t.from_logs * 100.0),
                         false => "nothing".into(),
                     },
-                    verdict(t).into(),
+                    determination(t).into(),
                     t.partner.as_ref().map_or(String::new(), |(k, c)| format!("{k} ({c:+.2})")),
                 ]
             })
             .collect();
+        let mut said = String::new();
+        for (log, judged) in outcome.judged() {
+            said += &format!("{log}: {}\n", verdict_text::said(&judged));
+        }
         let header = [
             "key",
             "before",
@@ -355,8 +364,8 @@ impl Tune {
             "determined",
             "traded most against",
         ];
-        let mut said = format!(
-            "{} keys moved, {} runs of the model{}\n{}\n",
+        said += &format!(
+            "\n{} keys moved, {} runs of the model{}\n{}\n",
             found.tuned.len(),
             found.evaluations,
             if found.has_converged { "" } else { "; the search did not end by itself" },
@@ -424,6 +433,14 @@ struct Outcome<'a> {
     notes: Vec<String>,
 }
 
+impl Outcome<'_> {
+    /// What the tuned model is right for, log by log.
+    fn judged(&self) -> impl Iterator<Item = (&str, Vec<Judgement>)> {
+        let pairs = self.experiments.iter().zip(&self.found.predictions.1);
+        pairs.map(|(e, shown)| (e.name.as_str(), verdict(&differences(e, shown))))
+    }
+}
+
 /// What the model came to on a stretch that it did not see, in each log that has it.
 fn judged<'a>(
     experiments: &'a [Experiment],
@@ -465,7 +482,7 @@ fn improvement(of: &Improvement) -> serde_json::Value {
 }
 
 /// Whether the logs determine a key, in a word.
-fn verdict(t: &Tuned) -> &'static str {
+fn determination(t: &Tuned) -> &'static str {
     match (t.biased, t.is_determined) {
         (Some(_), _) => "BIASED",
         (None, true) => "yes",

@@ -1,6 +1,7 @@
 //! The report of a tuning.
 
-use super::{Outcome, Shown, channels, profiles, verdict};
+use super::{Outcome, Shown, channels, determination, profiles};
+use crate::verdict_text;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::{COMPARED, Fit, Tuned, experiment_for};
 use hydroboom_lab::LabError;
@@ -48,6 +49,7 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
     let open: Vec<&Tuned> =
         found.tuned.iter().filter(|t| !t.is_determined && t.biased.is_none()).collect();
     let body = html! {
+        @for (log, judged) in outcome.judged() { p { b { (verdict_text::said(&judged)) } " " code { (log) } } }
         p.soft {
             (found.tuned.len()) " keys of \"" (crane.name) "\" moved until the model shows what the logs do; "
             (found.evaluations) " runs of the model."
@@ -116,7 +118,7 @@ fn keys(found: &Fit) -> Markup {
                 @for v in [t.value.0, t.value.1, low, high] { td { (Shown(key.to_unit(v)).to_string()) } }
                 td { (format!("{:.1}", t.prior * 100.0)) }
                 td { @if t.from_logs.is_finite() { (format!("{:.2}", t.from_logs * 100.0)) } @else { "nothing" } }
-                td { @if t.is_determined { "yes" } @else { b { (verdict(t)) } } }
+                td { @if t.is_determined { "yes" } @else { b { (determination(t)) } } }
             }
         } }
     } } }

@@ -32,6 +32,9 @@ pub(super) struct Information {
     moved: usize,
 }
 
+/// What a length that stays is known to at worst.
+const LENGTH: f64 = 0.03;
+
 /// Keys that a log tells something of, and which stay where they are.
 pub(super) struct Considered {
     pub(super) keys: Vec<Free>,
@@ -43,7 +46,9 @@ impl Considered {
     pub(super) fn of(task: &Task<'_>) -> Self {
         let all = Free::usual(task.model).into_iter().chain(Free::stood_in_for(task.model));
         let keys: Vec<Free> = all.filter(|key| !task.free.contains(key)).collect();
-        let deviation = keys.iter().map(|key| key.known_to(task.model)).collect();
+        // a length is off a drawing or a tape: known better than a provenance of all kinds of numbers says
+        let most = |key: &Free| if key.path().ends_with("_mm") { LENGTH } else { f64::INFINITY };
+        let deviation = keys.iter().map(|key| key.known_to(task.model).min(most(key))).collect();
         Self { keys, deviation }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::layout::Layout;
 use super::watch::Watch;
-use crate::prediction::Prediction;
+use crate::prediction::{Prediction, STARTS};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DMatrix, DVector, Dyn, storage::Owned};
 use std::cell::{Cell, RefCell};
@@ -72,10 +72,12 @@ impl<'a, 'w, S: Sum> Search<'a, 'w, S> {
 
     /// The search at its end, and whether nothing more was to be gained.
     pub(super) fn minimised(self, ends: Ends) -> (Self, bool) {
+        // the method counts runs for each number that is moved; channels are as good as linear and cost none
+        let (keys, all) = (self.layout.free.len() + STARTS, self.at.len());
         let method = LevenbergMarquardt::new()
             .with_ftol(ends.sum)
             .with_xtol(ends.place)
-            .with_patience(ends.patience);
+            .with_patience((ends.patience * keys).div_ceil(all).clamp(1, ends.patience));
         let (mut search, report) = method.minimize(self);
         // the last place that was looked at may be one that the search turned back from
         if let Some(best) = search.watch.borrow().best() {

@@ -4,8 +4,9 @@ use crate::LabError;
 use crate::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::{designed, known_delay};
+use hydroboom_design::stability::with_identified;
 use hydroboom_design::{
-    Actuation, LinearisedPlant, Loop, Margins, benchmark_loop, margins, scheduled_lqr_loop_at,
+    LinearisedPlant, Loop, Margins, benchmark_loop, margins, scheduled_lqr_loop_at,
 };
 use rayon::prelude::*;
 use serde::Serialize;
@@ -122,18 +123,6 @@ pub fn family_margins(
             FamilyMargins::of(name, of).ok_or_else(none)
         })
         .collect()
-}
-
-/// What a controller knows that has identified the crane's oil and drive.
-fn with_identified(model: &Description, crane: &Description) -> Description {
-    let mut known = model.clone();
-    let n = &mut known.numbers;
-    let limits = (n.tuning.estimator_lowest_transition, n.tuning.estimator_highest_transition);
-    n.transition = crane.numbers.transition.clamp(limits.0, limits.1);
-    let drive = Actuation::of(crane).drive[0];
-    n.tuning.estimator_drive_lag =
-        drive.clamp(n.tuning.estimator_shortest_drive_lag, n.tuning.estimator_longest_drive_lag);
-    known
 }
 
 #[cfg(test)]

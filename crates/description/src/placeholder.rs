@@ -1,0 +1,57 @@
+//! What a new crane file was filled in with: of another machine, until somebody touches it.
+
+/// Provenance of a value that `hydroboom new` filled in.
+pub(crate) const PLACEHOLDER: &str = "placeholder";
+
+/// A crane file's text with every number that says where it is from marked as a placeholder of `whose` machine. The number is repeated in
+/// the source, so that one that was edited is known by it.
+pub fn as_placeholders(text: &str, whose: &str) -> String {
+    let lines = text.lines().map(|line| marked(line, whose).unwrap_or_else(|| line.to_string()));
+    lines.map(|line| line + "\n").collect()
+}
+
+/// A line with a number and its provenance, marked; none where it has not both.
+fn marked(line: &str, whose: &str) -> Option<String> {
+    let (_, value) = line.split_once("{ value = ")?;
+    let number = value.split([',', ' ', '}']).next()?;
+    number.parse::<f64>().ok()?;
+    let (before, after) = line.split_once("provenance = \"")?;
+    let (_, after) = after.split_once('"')?;
+    let rest = match after.split_once("source = \"") {
+        Some((between, source)) => format!("{between}source = \"{number} of {whose}: {source}"),
+        None => format!(", source = \"{number} of {whose}\"{after}"),
+    };
+    Some(format!("{before}provenance = \"{PLACEHOLDER}\"{rest}"))
+}
+
+/// Whether a placeholder's value is another than it was filled in with.
+pub(crate) fn is_touched(value: Option<f64>, source: &str) -> bool {
+    let filled_in = source.split_whitespace().next().and_then(|number| number.parse::<f64>().ok());
+    value.is_some() && value != filled_in
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Description, UIA_SINGLE_BOOM};
+
+    #[test]
+    fn what_was_filled_in_is_a_placeholder_until_it_is_touched() {
+        let text = as_placeholders(UIA_SINGLE_BOOM, "the paper's crane");
+        let provenance = |text: &str| {
+            let crane = Description::parse("new.toml", text).unwrap();
+            let found = crane.entries().find(|(key, _, _)| key.path() == "payload.mass_kg");
+            found.map(|(_, _, origin)| origin.provenance.clone()).unwrap()
+        };
+        assert_eq!(provenance(&text), PLACEHOLDER);
+        let edited = text.replace("{ value = 307.0,", "{ value = 250.0,");
+        assert_ne!(edited, text);
+        // and nothing of the paper's provenance is left
+        assert_eq!(provenance(&edited), "given");
+        let original = Description::uia_single_boom().unwrap();
+        let crane = Description::parse("new.toml", &text).unwrap();
+        assert_eq!(crane.numbers, original.numbers);
+        let printed = crane.entries().filter(|(_, _, origin)| origin.provenance == "printed");
+        assert_eq!(printed.count(), 0);
+    }
+}

@@ -1,0 +1,61 @@
+//! Whether a model is right for a log, in words and for machines.
+
+use hydroboom_identify::{Aspect, Judgement};
+use serde_json::{Value, json};
+
+fn name(aspect: Aspect) -> &'static str {
+    match aspect {
+        Aspect::Position => "position",
+        Aspect::Pressures => "pressures",
+        Aspect::Frequency => "frequency",
+        Aspect::Damping => "damping",
+    }
+}
+
+fn number(j: &Judgement) -> String {
+    match j.aspect {
+        Aspect::Position | Aspect::Pressures => {
+            let (unit, size) = j.signal.shown();
+            let (found, limit) = (j.found / size, j.limit / size);
+            format!("{} {found:.2} {unit} RMS, limit {limit:.2}", j.signal.symbol())
+        }
+        Aspect::Frequency | Aspect::Damping => {
+            let (found, limit) = (j.found * 100.0, j.limit * 100.0);
+            format!("{} {found:+.1} %, limit {limit:.1}", j.signal.symbol())
+        }
+    }
+}
+
+/// One sentence: what the model is right for, and what not.
+pub fn said(judgements: &[Judgement]) -> String {
+    let of = |is_right: bool| {
+        let all = judgements.iter().filter(|j| j.is_right() == is_right);
+        all.map(|j| format!("{} ({})", name(j.aspect), number(j))).collect::<Vec<_>>().join(", ")
+    };
+    let untold = [Aspect::Position, Aspect::Pressures, Aspect::Frequency, Aspect::Damping];
+    let untold = untold.into_iter().filter(|a| judgements.iter().all(|j| j.aspect != *a));
+    let untold: Vec<&str> = untold.map(name).collect();
+    let (right, wrong) = (of(true), of(false));
+    let mut parts = Vec::new();
+    if !wrong.is_empty() {
+        parts.push(format!("NOT right for {wrong}"));
+    }
+    if !right.is_empty() {
+        parts.push(format!("right for {right}"));
+    }
+    if !untold.is_empty() {
+        parts.push(format!("the log does not tell {}", untold.join(" and ")));
+    }
+    format!("The model is {}.", parts.join("; ")).replace("is the log", "is not judged: the log")
+}
+
+/// For machines.
+pub fn in_json(judgements: &[Judgement]) -> Vec<Value> {
+    let of = |j: &Judgement| {
+        json!({
+            "aspect": name(j.aspect), "right": j.is_right(), "signal": j.signal.key(),
+            "found": j.found, "limit": j.limit,
+        })
+    };
+    judgements.iter().map(of).collect()
+}

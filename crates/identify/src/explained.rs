@@ -1,0 +1,112 @@
+//! What a difference is made of: offset, drift, scale and delay, told apart by regression.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Parts of a difference, log less model, found together by least squares.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Explained {
+    /// Offset in the middle of the log \[SI\].
+    pub offset: Part,
+    /// What it grows by in a second \[SI/s\].
+    pub drift: Part,
+    /// Share by which the log swings more than the model.
+    pub scale: Part,
+    /// How much later the log is \[s\], to first order.
+    pub delay: Part,
+}
+
+/// One part of a difference.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// Its size.
+    pub value: f64,
+    /// Share of the difference's power that is left without it and not with it, the other parts being there: what only it explains.
+    pub share: f64,
+}
+
+/// The parts of a log less a model, samples `interval` apart \[s\]; none where there are too few samples.
+pub fn explained(log: &[f64], model: &[f64], interval: f64) -> Option<Explained> {
+    let count = log.len().min(model.len());
+    if count < 20 {
+        return None;
+    }
+    let mean = model.iter().sum::<f64>() / count as f64;
+    let middle = 0.5 * (count - 1) as f64;
+    let slope = |k: usize| {
+        let (a, b) = (k.saturating_sub(1), (k + 1).min(count - 1));
+        (model[b] - model[a]) / ((b - a) as f64 * interval)
+    };
+    let along = DMatrix::from_fn(count, 4, |k, part| match part {
+        0 => 1.0,
+        1 => (k as f64 - middle) * interval,
+        2 => model[k] - mean,
+        _ => -slope(k),
+    });
+    let errors = DVector::from_fn(count, |k, _| log[k] - model[k]);
+    let power = errors.norm_squared();
+    if power <= 0.0 {
+        return None;
+    }
+    let fitted = |parts: &[usize]| {
+        let columns = along.select_columns(parts);
+        let sizes: Vec<f64> = columns.column_iter().map(|c| c.norm().max(1e-300)).collect();
+        let scaled = DMatrix::from_fn(count, parts.len(), |k, j| columns[(k, j)] / sizes[j]);
+        // a part that does not move, or goes with another, counts as none
+        let normal = scaled.tr_mul(&scaled);
+        let inverse = normal.svd(true, true).pseudo_inverse(1e-6).ok()?;
+        let found = inverse * scaled.tr_mul(&errors);
+        let left = (&errors - scaled * &found).norm_squared();
+        Some((found.iter().zip(&sizes).map(|(v, s)| v / s).collect::<Vec<f64>>(), left))
+    };
+    let (values, left) = fitted(&[0, 1, 2, 3])?;
+    let part = |k: usize| {
+        let others: Vec<usize> = (0..4).filter(|other| *other != k).collect();
+        let (_, without) = fitted(&others)?;
+        Some(Part { value: values[k], share: ((without - left) / power).max(0.0) })
+    };
+    Some(Explained { offset: part(0)?, drift: part(1)?, scale: part(2)?, delay: part(3)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INTERVAL: f64 = 5e-3;
+
+    /// Ten seconds of a model that moves slowly and rings.
+    fn model(time: f64) -> f64 {
+        70.0 + 4.0 * (0.9 * time).sin() + (14.0 * time).sin()
+    }
+
+    fn parts(log: impl Fn(f64) -> f64) -> Explained {
+        let times = || (0..2000).map(|k| f64::from(k) * INTERVAL);
+        let shown: Vec<f64> = times().map(model).collect();
+        explained(&times().map(log).collect::<Vec<f64>>(), &shown, INTERVAL).unwrap()
+    }
+
+    /// The one part that explains a difference, where the others explain nothing of it.
+    fn only(found: Explained, which: usize) -> f64 {
+        let all = [found.offset, found.drift, found.scale, found.delay];
+        for (k, part) in all.iter().enumerate() {
+            assert_eq!(part.share > 0.3, k == which, "{found:?}");
+        }
+        all[which].value
+    }
+
+    #[test]
+    fn offset_drift_scale_and_delay_are_told_apart() {
+        assert!((only(parts(|t| model(t) + 0.7), 0) - 0.7).abs() < 1e-6);
+        assert!((only(parts(|t| model(t) + 0.2 * (t - 5.0)), 1) - 0.2).abs() < 1e-3);
+        let mean = 70.0 + 4.0 * (1.0 - 9.0_f64.cos()) / 9.0;
+        assert!((only(parts(|t| mean + 1.1 * (model(t) - mean)), 2) - 0.1).abs() < 1e-3);
+        assert!((only(parts(|t| model(t - 4e-3)), 3) - 4e-3).abs() < 2e-4);
+    }
+
+    #[test]
+    fn another_oscillation_is_none_of_them() {
+        let found = parts(|t| model(t) + 0.5 * (25.0 * t).sin());
+        for part in [found.offset, found.drift, found.scale, found.delay] {
+            assert!(part.share < 0.1, "{found:?}");
+        }
+    }
+}

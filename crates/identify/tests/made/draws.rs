@@ -1,0 +1,128 @@
+//! Draws of virtual cranes, the plant with its equipment, which have what the model leaves out: a motion of each, the model tuned to it, and how often the
+//! intervals hold the truth.
+
+#![expect(clippy::unwrap_used, reason = "what cannot set up has failed")]
+
+use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use hydroboom_identify::{Experiment, Free, Task, Window, fit};
+use hydroboom_lab::closed_loop::monte_carlo::widened;
+use hydroboom_lab::virtual_run::{self, Contents, LogOrder, virtual_run};
+use hydroboom_measurement::{Mapping, Signals, read};
+
+/// What is moved.
+pub const KEYS: [&str; 8] = [
+    "payload.mass_kg",
+    "friction.coulomb_n",
+    "friction.viscous_ns_per_m",
+    "friction.bristle_stiffness_n_per_mm",
+    "boom.youngs_modulus_gpa",
+    "pump.flow_gain",
+    "pump.internal_leakage_m3_s_sqrtpa",
+    "oil.transition_bar",
+];
+
+/// What became of one key over all draws.
+#[derive(Clone, Default)]
+pub struct Row {
+    /// Draws in which it is called determined, and of those the intervals that hold the truth.
+    pub determined: [u32; 2],
+    /// Draws in which it is called not determined.
+    pub open: [u32; 2],
+    /// Draws in which it is called biased.
+    pub biased: [u32; 2],
+    /// Why it is biased.
+    pub reason: &'static str,
+    /// Sum of deviations of ln θ.
+    pub deviations: f64,
+}
+
+/// Draws of a seed, a row for each of [`KEYS`].
+pub fn coverage(seed: u64, draws: std::ops::Range<u64>) -> Vec<Row> {
+    let mut model = Description::uia_single_boom().unwrap();
+    model.set("friction.law=lugre").unwrap();
+    let nominal = Description::uia_virtual().unwrap();
+    let free: Vec<Free> = KEYS.iter().map(|path| Free::from_path(path).unwrap()).collect();
+    let mut rows = vec![Row::default(); KEYS.len()];
+    for k in draws {
+        let mut crane = widened(&nominal, seed, k).unwrap().crane;
+        crane.numbers.payload = model.numbers.payload * (0.1 * normal(seed, k)).exp();
+        let course = crane.motion(crane.numbers.fast);
+        let course = virtual_run::Task::Course(&course, Strategy::VelocityFeedforward);
+        let experiments = [logged(&model, &crane, &course)];
+        let task = Task {
+            model: &model,
+            experiments: &experiments,
+            free: &free,
+            fixed: &[],
+            resume: None,
+            generations: 0,
+        };
+        let found = fit(&task, &|_| true).unwrap();
+        let truth = as_of_model(&crane, &model);
+        for (row, t) in rows.iter_mut().zip(&found.tuned) {
+            let (low, high) = t.interval();
+            let truth = t.key.value(&truth);
+            row.deviations += t.deviation;
+            row.reason = t.biased.unwrap_or(row.reason);
+            let told = match (t.biased, t.is_determined) {
+                (Some(_), _) => &mut row.biased,
+                (None, true) => &mut row.determined,
+                (None, false) => &mut row.open,
+            };
+            told[0] += 1;
+            told[1] += u32::from((low..=high).contains(&truth));
+            eprintln!(
+                "{k} {}: {:+.2} deviations of {:.4}; prior {:.2}, found {:.4e}, truth {truth:.4e}{}",
+                t.key.path(),
+                (t.value.1 / truth).ln() / t.deviation,
+                t.deviation,
+                t.prior,
+                t.value.1,
+                t.partner
+                    .as_ref()
+                    .map_or(String::new(), |(key, c)| format!(", traded against {key} ({c:+.2})"))
+            );
+        }
+        eprintln!("{k} {} runs, {:?}", found.evaluations, found.improvements[0].rms);
+    }
+    rows
+}
+
+/// What the model's keys are of a crane: at the temperature of its oil, and of those that show only as a product with one that stays, with that as the
+/// model has it.
+fn as_of_model(crane: &Description, model: &Description) -> Description {
+    let mut there = crane.clone();
+    let n = &mut there.numbers;
+    n.youngs_modulus *= n.second_moment / model.numbers.second_moment;
+    n.flow_gain *= n.displacement / model.numbers.displacement;
+    let apart = n.oil_temperature - n.reference_temperature;
+    n.viscous *= (-n.viscosity_slope * apart).exp();
+    n.transition = (n.transition + n.air_slope * apart).max(0.0);
+    there
+}
+
+/// A number of the normal distribution, within two deviations.
+fn normal(seed: u64, number: u64) -> f64 {
+    let mut state = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15)) | 1;
+    let mut uniform = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    uniform();
+    let sum: f64 = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+    sum.clamp(-2.0, 2.0)
+}
+
+fn logged(model: &Description, crane: &Description, task: &virtual_run::Task<'_>) -> Experiment {
+    let path = std::env::temp_dir().join(format!("interval-coverage-{}.csv", std::process::id()));
+    let order =
+        LogOrder { path: &path, contents: Contents::Readings, estimates: false, interval: 5e-3 };
+    virtual_run(model, crane, task, &[order], |_| {}).unwrap();
+    let log = read(&path, None).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let signals = Signals::of(&log, &Mapping::default().completed(&log).unwrap()).unwrap();
+    Experiment::new(model, &log, &signals, Window::default()).unwrap()
+}
