@@ -233,7 +233,7 @@ impl MotionTests {
         let mut unstable: String =
             loops.iter().filter(|of| !of.stable).map(|of| format!("\n{of}")).collect();
         if !unstable.is_empty() && rows.iter().all(|row| row.stable) {
-            unstable += "\nNo run above is in sustained oscillation: friction, limits or what the estimator learns keep it small here.";
+            unstable += "\nNo run above is in sustained oscillation.";
         }
         output::text(&format!("{said}{}{unstable}", table(&rows)))
     }

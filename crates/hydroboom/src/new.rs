@@ -6,6 +6,7 @@ use clap::Args;
 use clap::ValueEnum;
 use hydroboom_description::{Description, PATU_LIFT, UIA_SINGLE_BOOM, as_placeholders};
 use miette::Result;
+use std::path::Path;
 
 /// What the crane file is to describe.
 #[derive(Clone, Copy, ValueEnum)]
@@ -46,6 +47,18 @@ pub struct New {
     json: bool,
 }
 
+/// How the benchmark gets gains of the crane that is described; it has the paper's.
+fn gains_hint(circuit: Circuit, name: &str) -> String {
+    match circuit {
+        Circuit::SelfContained => format!(
+            "\nIts benchmark has the paper's gains; those for your crane: hydroboom design --benchmark --crane {name} --crane-out {}",
+            Path::new(name).with_extension("gains.toml").display()
+        ),
+        // no controller is designed for it
+        Circuit::ValveControlled => String::new(),
+    }
+}
+
 impl New {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
@@ -70,7 +83,8 @@ impl New {
         match self.json {
             true => output::json(&serde_json::json!({ "written": name })),
             false => output::text(&format!(
-                "wrote {name}; edit it, then: hydroboom check --crane {name}"
+                "wrote {name}; edit it, then: hydroboom check --crane {name}{}",
+                gains_hint(self.circuit, &name)
             )),
         }
     }
