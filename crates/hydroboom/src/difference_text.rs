@@ -1,6 +1,6 @@
 //! What a difference of log and model looks like, and what would move it, in words.
 
-use hydroboom_identify::{Difference, Remedy};
+use hydroboom_identify::{Difference, Remedy, Ringing};
 
 /// An offset, a drift or a scale is told where it alone explains this share of a difference's power.
 const TOLD: f64 = 0.3;
@@ -58,7 +58,9 @@ pub fn said(d: &Difference, remedies: &[Remedy]) -> String {
             delay.abs() * 1e3
         ));
     }
-    if let (Some(log), Some(model)) = (d.ringing, d.model_ringing) {
+    // an oscillation whose fading cannot be told has no frequency that could be relied on either
+    let rings = |r: Option<Ringing>| r.filter(|r| r.damping.is_some());
+    if let (Some(log), Some(model)) = (rings(d.ringing), rings(d.model_ringing)) {
         let share = log.frequency / model.frequency - 1.0;
         // so far off it is not the same mode
         if !(-0.5..1.0).contains(&share) {

@@ -14,7 +14,7 @@ struct StructuralLimit {
 }
 
 /// All of them.
-const LIMITS: [StructuralLimit; 6] = [
+const LIMITS: [StructuralLimit; 7] = [
     StructuralLimit {
         keys: &["boom.youngs_modulus_gpa", "boom.second_moment_cm4"],
         is_left_out: |n| n.base_stiffness <= 0.0,
@@ -29,6 +29,11 @@ const LIMITS: [StructuralLimit; 6] = [
         keys: &["friction.bristle_stiffness_n_per_mm"],
         is_left_out: |n| n.base_stiffness <= 0.0,
         reason: "what base, pins and cylinder mounts give is taken for the seals'",
+    },
+    StructuralLimit {
+        keys: &["friction.coulomb_n", "friction.stiction_n"],
+        is_left_out: |_| true,
+        reason: "hysteresis elsewhere (play of base and pins, air that comes out of the oil and dissolves) is taken for friction",
     },
     StructuralLimit {
         keys: &["friction.viscous_ns_per_m"],

@@ -1,6 +1,7 @@
 //! Is the model right? Position, pressures, frequency and damping of a log, each against a stated limit.
 
 use crate::differences::{Difference, Differences};
+use crate::ringing::Ringing;
 use hydroboom_measurement::Signal;
 
 /// What a model is right or wrong for.
@@ -85,14 +86,16 @@ pub fn verdict(found: &Differences) -> Vec<Judgement> {
         found: d.rms,
         limit: (LIMITS.pressure * d.largest).max(LIMITS.least_pressure),
     });
-    // what rings loudest above its sensor's scatter is the boom
-    let loudness = |d: &&Difference| {
-        d.ringing.filter(|r| r.damping.is_some()).map_or(0.0, |r| r.amplitude / d.noise.max(1e-300))
+    // what rings loudest above its sensor's scatter is the boom; an oscillation whose fading cannot be told has no frequency to be relied on
+    let pairs = found.iter().filter_map(|d| {
+        let [log, model] = [d.ringing, d.model_ringing].map(|r| r.filter(|r| r.damping.is_some()));
+        Some((d, log?, model?))
+    });
+    let loudness = |(d, log, _): &(&Difference, Ringing, Ringing)| {
+        log.amplitude / d.noise.max(f64::MIN_POSITIVE)
     };
-    let rings = found.iter().filter(|d| d.ringing.is_some() && d.model_ringing.is_some());
-    let boom =
-        rings.filter(|d| loudness(d) > 0.0).max_by(|a, b| loudness(a).total_cmp(&loudness(b)));
-    let pair = boom.and_then(|d| Some((d.signal, d.ringing?, d.model_ringing?)));
+    let boom = pairs.max_by(|a, b| loudness(a).total_cmp(&loudness(b)));
+    let pair = boom.map(|(d, log, model)| (d.signal, log, model));
     let frequency = pair.map(|(signal, log, model)| Judgement {
         aspect: Aspect::Frequency,
         signal,
@@ -107,4 +110,65 @@ pub fn verdict(found: &Differences) -> Vec<Judgement> {
     });
     let all = [worst(position.collect()), worst(pressures.collect()), frequency, damping];
     all.into_iter().flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn difference(signal: Signal, rms: f64, rings: [Option<Ringing>; 2]) -> Difference {
+        Difference {
+            signal,
+            count: 1000,
+            rms,
+            peak: rms,
+            bias: 0.0,
+            correlation: None,
+            fit: None,
+            delay: None,
+            rms_without_delay: None,
+            delay_halves: None,
+            drift: None,
+            rms_without_drift: None,
+            ringing: rings[0],
+            model_ringing: rings[1],
+            coloured: 0.0,
+            parts: None,
+            span: if signal == Signal::Stroke { 0.4 } else { 10e5 },
+            largest: if signal == Signal::Stroke { 0.5 } else { 80e5 },
+            noise: 1.0,
+        }
+    }
+
+    fn ringing(frequency: f64, damping: Option<f64>) -> Option<Ringing> {
+        Some(Ringing { frequency, damping, amplitude: 1e5 })
+    }
+
+    #[test]
+    fn each_aspect_is_judged_by_its_worst_signal_and_what_is_not_told_by_none() {
+        let silent = [None; 2];
+        let found = vec![
+            difference(Signal::Stroke, 2e-3, silent),
+            difference(
+                Signal::PressureA,
+                1.0e5,
+                [ringing(3.0, Some(0.02)), ringing(3.15, Some(0.03))],
+            ),
+            difference(Signal::PressureB, 3.0e5, silent),
+        ];
+        let judged = verdict(&found);
+        let told: Vec<(Aspect, Signal, bool)> =
+            judged.iter().map(|j| (j.aspect, j.signal, j.is_right())).collect();
+        // 2 mm of 400 mm; 3 bar of 80; 5 % of the frequency; a damping of 0.03 for 0.02, which is half more
+        let expected = [
+            (Aspect::Position, Signal::Stroke, true),
+            (Aspect::Pressures, Signal::PressureB, false),
+            (Aspect::Frequency, Signal::PressureA, false),
+            (Aspect::Damping, Signal::PressureA, false),
+        ];
+        assert_eq!(told, expected);
+        let unsure = [ringing(3.0, None), ringing(3.15, Some(0.03))];
+        let judged = verdict(&vec![difference(Signal::PressureA, 1.0e5, unsure)]);
+        assert_eq!(judged.len(), 1, "{judged:?}");
+    }
 }

@@ -68,7 +68,7 @@ fn a_transmitter_of_absolute_pressure_is_off_by_an_atmosphere_and_the_payload_is
     assert!((low..=high).contains(&(ATMOSPHERE * 1e-5)) && offset.value > 0.5, "{offset:?}");
     // weight and offset of the pressure that carries it are told apart only by the lever arms over the stroke
     let (key, correlation) = offset.partner.as_ref().unwrap();
-    assert!(key == "payload.mass_kg" && correlation.abs() > 0.9, "{offset:?}");
+    assert!(key == "payload.mass_kg" && *correlation < -0.3, "{offset:?}");
     // and so its interval is wide: with the offset at zero it was 312.05 kg within 0.25
     let payload = &found.tuned[0];
     assert!(payload.deviation > 0.01, "{payload:?}");

@@ -11,7 +11,8 @@
 
 use super::Task;
 use super::layout::Layout;
-use super::residual::{Deviations, Slopes, residuals};
+use super::residual::{Deviations, Slopes, huber, residuals};
+use super::search::Known;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
@@ -26,7 +27,7 @@ use std::sync::Arc;
 pub(super) struct Information {
     curvature: DMatrix<f64>,
     scatter: DMatrix<f64>,
-    /// Jᵀ W (log − model) along keys that stay, zero along what was moved: there the sum is least.
+    /// Jᵀ W (log − model), less what draws back to what was known.
     slope: DVector<f64>,
     /// How many numbers were moved: the first ones; keys that stay come after them.
     moved: usize,
@@ -59,6 +60,7 @@ impl Layout<'_> {
         at: &[f64],
         deviations: &[Deviations],
         kept: &mut [Option<Slopes>],
+        known: &Known,
         held: &[Free],
     ) -> Result<Information, IdentifyError> {
         let (moved, size) = (self.size(), self.size() + held.len());
@@ -74,12 +76,15 @@ impl Layout<'_> {
             let left = Left::new(experiment, deviation, prediction, slopes);
             let (own, its_scatter, its_slope) = (left.curvature(), left.scatter(), left.slope());
             for (i, (row, _)) in slopes.iter().enumerate() {
-                slope[*row] += if *row < moved { 0.0 } else { its_slope[i] };
+                slope[*row] += its_slope[i];
                 for (j, (column, _)) in slopes.iter().enumerate() {
                     curvature[(*row, *column)] += own[(i, j)];
                     scatter[(*row, *column)] += its_scatter[(i, j)];
                 }
             }
+        }
+        for (k, ((z, mean), s)) in at.iter().zip(&known.mean).zip(&known.deviation).enumerate() {
+            slope[k] -= (z - mean) / (s * s);
         }
         Ok(Information { curvature, scatter, slope, moved })
     }
@@ -130,7 +135,9 @@ impl Left {
         let size = self.slopes.first().map_or(0, DMatrix::ncols);
         let pairs = self.slopes.iter().zip(&self.errors);
         pairs.fold(DVector::zeros(size), |sum, (j, errors)| {
-            sum + j.tr_mul(&DVector::from_column_slice(errors))
+            // as the search weighs what is far out
+            let drawn_in = errors.iter().map(|e| huber(*e).0 * huber(*e).1);
+            sum + j.tr_mul(&DVector::from_iterator(errors.len(), drawn_in))
         })
     }
 
@@ -238,6 +245,11 @@ impl Certainty {
             step: DVector::zeros(known.len()),
         };
         let mut whole = information.covariance(&known).unwrap_or_else(nothing);
+        // a straight step says no more than that all that was known is open
+        for (step, known) in whole.step.iter_mut().zip(&known) {
+            let most = 1.0 / known.sqrt();
+            *step = step.max(-most).min(most);
+        }
         whole.real += &whole.step * whole.step.transpose();
         Self { information, known, whole }
     }

@@ -247,7 +247,8 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     }
     let after = layout.predictions(at.as_slice())?;
     let held = Considered::of(task);
-    let information = layout.information(at.as_slice(), &held_against, &mut kept, &held.keys)?;
+    let information =
+        layout.information(at.as_slice(), &held_against, &mut kept, &known, &held.keys)?;
     let certainty =
         Certainty::new(information, known.deviation.iter().chain(&held.deviation).copied());
     let improvements = task.experiments.iter().zip(before.iter().zip(&after));
