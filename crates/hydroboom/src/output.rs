@@ -220,7 +220,7 @@ pub fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     };
     let widths: Vec<usize> = (0..header.len()).map(width).collect();
     let is_number = |cell: &String| {
-        cell.is_empty() || cell.starts_with(|c: char| c.is_ascii_digit() || "+-".contains(c))
+        cell.is_empty() || cell.starts_with(|c: char| c.is_ascii_digit() || "+-=".contains(c))
     };
     let to_the_left: Vec<bool> = (0..header.len())
         .map(|column| column == 0 || !rows.iter().filter_map(|row| row.get(column)).all(is_number))
