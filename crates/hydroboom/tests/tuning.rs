@@ -202,6 +202,8 @@ fn stretches_and_logs_are_kept_from_a_search_and_it_goes_on_where_it_was() {
         let asked = hydroboom(&["tune", "--log", &log, "--free", "auto", "--hold-out", asked]);
         says(&asked, said);
     }
+    let twice = "pump.flow_gain,pump.flow_gain";
+    says(&hydroboom(&["tune", "--log", &log, "--free", twice]), "names pump.flow_gain twice");
     let journal = path("search.json");
     std::fs::write(&journal, "{\"search\":\"another\",\"at\":[]}").unwrap();
     let other = ["tune", "--log", &log, "--free", "pump.flow_gain", "--journal", &journal];

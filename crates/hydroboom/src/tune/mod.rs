@@ -97,6 +97,10 @@ impl Tune {
                 .map(|path| Free::from_path(path.trim()).into_diagnostic())
                 .collect::<Result<Vec<Free>>>()?,
         };
+        if let Some((k, twice)) = free.iter().enumerate().find(|(k, key)| free[..*k].contains(key))
+        {
+            miette::bail!("--free names {} twice (as its {}. key)", twice.path(), k + 1);
+        }
         if let Some(zero) = free.iter().find(|key| key.value(&crane) <= 0.0) {
             miette::bail!("{} is zero: keys are moved by shares of their value", zero.path());
         }
@@ -194,7 +198,10 @@ impl Tune {
             let out = self.out.as_ref()?;
             let mut name = out.as_os_str().to_owned();
             name.push(".journal");
-            Some(PathBuf::from(name))
+            // where no file can be written the search goes on without one, and the end says what is missing
+            Some(PathBuf::from(name)).filter(|path| {
+                path.parent().is_none_or(|at| at.as_os_str().is_empty() || at.is_dir())
+            })
         };
         let Some(path) = self.journal.as_deref().map(Path::to_path_buf).or_else(beside) else {
             return Ok(None);
