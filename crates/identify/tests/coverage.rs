@@ -5,10 +5,8 @@ mod draws;
 
 use draws::{KEYS, coverage};
 
-/// What is called neither open nor biased is where it is said to be. Ten draws; a hundred by hand, in the example `interval_coverage`
-/// (`cargo test --release -p hydroboom-identify --test coverage -- --ignored`).
+/// What is called neither open nor biased is where it is said to be. Ten draws; a hundred by hand, in the example `interval_coverage`.
 #[test]
-#[ignore = "minutes: a motion of ten virtual cranes, and a search for each"]
 fn intervals_on_virtual_cranes_hold_the_truth_or_the_key_is_called_biased() {
     let rows = coverage(2029, 0..10);
     let mut told = 0;

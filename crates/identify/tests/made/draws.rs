@@ -9,6 +9,7 @@ use hydroboom_identify::{Experiment, Free, Task, Window, fit};
 use hydroboom_lab::closed_loop::monte_carlo::widened;
 use hydroboom_lab::virtual_run::{self, Contents, LogOrder, virtual_run};
 use hydroboom_measurement::{Mapping, Signals, read};
+use rayon::prelude::*;
 
 /// What is moved.
 pub const KEYS: [&str; 8] = [
@@ -39,54 +40,73 @@ pub struct Row {
 
 /// Draws of a seed, a row for each of [`KEYS`].
 pub fn coverage(seed: u64, draws: std::ops::Range<u64>) -> Vec<Row> {
-    let mut model = Description::uia_single_boom().unwrap();
-    model.set("friction.law=lugre").unwrap();
-    let nominal = Description::uia_virtual().unwrap();
-    let free: Vec<Free> = KEYS.iter().map(|path| Free::from_path(path).unwrap()).collect();
+    let drawn: Vec<[Outcome; KEYS.len()]> = draws.into_par_iter().map(|k| draw(seed, k)).collect();
     let mut rows = vec![Row::default(); KEYS.len()];
-    for k in draws {
-        let mut crane = widened(&nominal, seed, k).unwrap().crane;
-        crane.numbers.payload = model.numbers.payload * (0.1 * normal(seed, k)).exp();
-        let course = crane.motion(crane.numbers.fast);
-        let course = virtual_run::Task::Course(&course, Strategy::VelocityFeedforward);
-        let experiments = [logged(&model, &crane, &course)];
-        let task = Task {
-            model: &model,
-            experiments: &experiments,
-            free: &free,
-            fixed: &[],
-            resume: None,
-            generations: 0,
-        };
-        let found = fit(&task, &|_| true).unwrap();
-        let truth = as_of_model(&crane, &model);
-        for (row, t) in rows.iter_mut().zip(&found.tuned) {
-            let (low, high) = t.interval();
-            let truth = t.key.value(&truth);
-            row.deviations += t.deviation;
-            row.reason = t.biased.unwrap_or(row.reason);
-            let told = match (t.biased, t.is_determined) {
+    for outcomes in drawn {
+        for (row, outcome) in rows.iter_mut().zip(outcomes) {
+            row.deviations += outcome.deviation;
+            row.reason = outcome.biased.unwrap_or(row.reason);
+            let told = match (outcome.biased, outcome.is_determined) {
                 (Some(_), _) => &mut row.biased,
                 (None, true) => &mut row.determined,
                 (None, false) => &mut row.open,
             };
             told[0] += 1;
-            told[1] += u32::from((low..=high).contains(&truth));
-            eprintln!(
-                "{k} {}: {:+.2} deviations of {:.4}; prior {:.2}, found {:.4e}, truth {truth:.4e}{}",
-                t.key.path(),
-                (t.value.1 / truth).ln() / t.deviation,
-                t.deviation,
-                t.prior,
-                t.value.1,
-                t.partner
-                    .as_ref()
-                    .map_or(String::new(), |(key, c)| format!(", traded against {key} ({c:+.2})"))
-            );
+            told[1] += u32::from(outcome.holds);
         }
-        eprintln!("{k} {} runs, {:?}", found.evaluations, found.improvements[0].rms);
     }
     rows
+}
+
+/// What became of one key in one draw.
+#[derive(Clone, Copy)]
+struct Outcome {
+    deviation: f64,
+    biased: Option<&'static str>,
+    is_determined: bool,
+    /// Whether the interval holds the truth.
+    holds: bool,
+}
+
+/// One crane of a seed: its motion, the model tuned to it, and each key beside its truth.
+fn draw(seed: u64, k: u64) -> [Outcome; KEYS.len()] {
+    let mut model = Description::uia_single_boom().unwrap();
+    model.set("friction.law=lugre").unwrap();
+    let nominal = Description::uia_virtual().unwrap();
+    let free: Vec<Free> = KEYS.iter().map(|path| Free::from_path(path).unwrap()).collect();
+    let mut crane = widened(&nominal, seed, k).unwrap().crane;
+    crane.numbers.payload = model.numbers.payload * (0.1 * normal(seed, k)).exp();
+    let course = crane.motion(crane.numbers.fast);
+    let course = virtual_run::Task::Course(&course, Strategy::VelocityFeedforward);
+    let experiments = [logged(&model, &crane, &course, k)];
+    let task = Task {
+        model: &model,
+        experiments: &experiments,
+        free: &free,
+        fixed: &[],
+        resume: None,
+        generations: 0,
+    };
+    let found = fit(&task, &|_| true).unwrap();
+    let truth = as_of_model(&crane, &model);
+    std::array::from_fn(|key| {
+        let t = &found.tuned[key];
+        let (low, high) = t.interval();
+        let truth = t.key.value(&truth);
+        eprintln!(
+            "{k} {}: {:+.2} deviations of {:.4}; found {:.4e}, truth {truth:.4e}",
+            t.key.path(),
+            (t.value.1 / truth).ln() / t.deviation,
+            t.deviation,
+            t.value.1,
+        );
+        Outcome {
+            deviation: t.deviation,
+            biased: t.biased,
+            is_determined: t.is_determined,
+            holds: (low..=high).contains(&truth),
+        }
+    })
 }
 
 /// What the model's keys are of a crane: at the temperature of its oil, and of those that show only as a product with one that stays, with that as the
@@ -116,8 +136,14 @@ fn normal(seed: u64, number: u64) -> f64 {
     sum.clamp(-2.0, 2.0)
 }
 
-fn logged(model: &Description, crane: &Description, task: &virtual_run::Task<'_>) -> Experiment {
-    let path = std::env::temp_dir().join(format!("interval-coverage-{}.csv", std::process::id()));
+fn logged(
+    model: &Description,
+    crane: &Description,
+    task: &virtual_run::Task<'_>,
+    k: u64,
+) -> Experiment {
+    let name = format!("interval-coverage-{}-{k}.csv", std::process::id());
+    let path = std::env::temp_dir().join(name);
     let order =
         LogOrder { path: &path, contents: Contents::Readings, estimates: false, interval: 5e-3 };
     virtual_run(model, crane, task, &[order], |_| {}).unwrap();
