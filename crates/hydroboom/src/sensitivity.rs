@@ -339,7 +339,7 @@ fn page(crane: &Description, found: &Found) -> Result<Page, LabError> {
             colour: *colour,
             bounds: None,
         });
-        let x = format!("change of the {} [{unit}]", output.title());
+        let x = format!("change [{unit}]");
         let tornado = Bars { x: &x, bars: bars.collect() }.drawn()?;
         let sobol = match found.indices(k) {
             Some(indices) => {
