@@ -157,14 +157,8 @@ impl<const N: usize> Simulation<N> {
         let mut most_substeps = self.substeps;
         match &self.stepper {
             Stepper::Published => {
-                for _ in 0..count {
-                    let substeps = self.substeps_from(&state)?;
-                    most_substeps = most_substeps.max(substeps);
-                    let step = self.step / f64::from(substeps);
-                    for _ in 0..substeps {
-                        published(&self.crane, &mut state, input, step);
-                    }
-                }
+                let step = |state: &mut _, step| published(&self.crane, state, input, step);
+                most_substeps = self.substepped(&mut state, count, step)?;
             }
             Stepper::Implicit(scheme) => {
                 let step = self.step / f64::from(self.usual_substeps);
@@ -175,14 +169,8 @@ impl<const N: usize> Simulation<N> {
                 }
             }
             Stepper::RungeKutta4 => {
-                for _ in 0..count {
-                    let substeps = self.substeps_from(&state)?;
-                    most_substeps = most_substeps.max(substeps);
-                    let step = self.step / f64::from(substeps);
-                    for _ in 0..substeps {
-                        runge_kutta_4(&self.crane, &mut state, input, step);
-                    }
-                }
+                let step = |state: &mut _, step| runge_kutta_4(&self.crane, state, input, step);
+                most_substeps = self.substepped(&mut state, count, step)?;
             }
         }
         self.crane
@@ -193,6 +181,26 @@ impl<const N: usize> Simulation<N> {
         self.substeps = most_substeps;
         self.count += u64::from(count);
         Ok(())
+    }
+
+    /// Moves a state on by `count` steps of an explicit scheme, each divided as its limits ask for; the most substeps of a step.
+    #[inline(always)]
+    fn substepped(
+        &self,
+        state: &mut CraneState<f64, N>,
+        count: u32,
+        scheme: impl Fn(&mut CraneState<f64, N>, f64),
+    ) -> Result<u32, SimulationError> {
+        let mut most = self.substeps;
+        for _ in 0..count {
+            let substeps = self.substeps_from(state)?;
+            most = most.max(substeps);
+            let step = self.step / f64::from(substeps);
+            for _ in 0..substeps {
+                scheme(state, step);
+            }
+        }
+        Ok(most)
     }
 
     /// Substeps of the next step: more than usual where the bristles of friction slide fast.
