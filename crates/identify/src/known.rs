@@ -1,6 +1,7 @@
 //! How well a key is known before any log was seen.
 
 use crate::free::Free;
+use hydroboom_description::schema::KEYS;
 use hydroboom_description::{Description, RangeSource};
 
 /// Deviation of ln θ that a provenance stands for.
@@ -15,7 +16,16 @@ pub fn prior(provenance: &str) -> f64 {
     }
 }
 
+/// What a length that is not moved is known to at worst: off a drawing or a tape it is known better than a provenance says, which is of all kinds of numbers.
+const LENGTH: f64 = 0.03;
+
 impl Free {
+    /// How well it is known of a model while it is not moved: deviation of ln θ, as [`Self::known_to`], and of a length 3 % at most.
+    pub fn held_to(self, model: &Description) -> f64 {
+        let is_length = KEYS.get(self.place).is_some_and(|key| matches!(key.unit, "mm" | "m"));
+        self.known_to(model).min(if is_length { LENGTH } else { f64::INFINITY })
+    }
+
     /// How well it is known of a model: deviation of ln θ, by its provenance, and at least as far as its range goes: what load, oil and
     /// wear may make of it by the time a log is recorded. What was measured is as it was measured. A value that somebody gave without
     /// saying where it is from is known to its default spread where it has one.

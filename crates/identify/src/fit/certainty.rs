@@ -33,9 +33,6 @@ pub(super) struct Information {
     moved: usize,
 }
 
-/// What a length that stays is known to at worst.
-const LENGTH: f64 = 0.03;
-
 /// Keys that a log tells something of, and which stay where they are.
 pub(super) struct Considered {
     pub(super) keys: Vec<Free>,
@@ -47,9 +44,7 @@ impl Considered {
     pub(super) fn of(task: &Task<'_>) -> Self {
         let all = Free::usual(task.model).into_iter().chain(Free::stood_in_for(task.model));
         let keys: Vec<Free> = all.filter(|key| !task.free.contains(key)).collect();
-        // a length is off a drawing or a tape: known better than a provenance of all kinds of numbers says
-        let most = |key: &Free| if key.path().ends_with("_mm") { LENGTH } else { f64::INFINITY };
-        let deviation = keys.iter().map(|key| key.known_to(task.model).min(most(key))).collect();
+        let deviation = keys.iter().map(|key| key.held_to(task.model)).collect();
         Self { keys, deviation }
     }
 }
@@ -237,11 +232,12 @@ impl Certainty {
     /// From the logs' information, and the deviations of what was known, keys that stay after what was moved.
     pub(super) fn new(information: Information, known: impl Iterator<Item = f64>) -> Self {
         let known: Vec<f64> = known.map(|s| 1.0 / (s * s)).collect();
-        let zeros = |size: usize| DMatrix::zeros(size, size);
+        // where no covariance can be computed nothing is known, and not everything
+        let open = |size: usize| DMatrix::from_diagonal_element(size, size, f64::INFINITY);
         let nothing = || Covariance {
-            real: zeros(known.len()),
-            exact: zeros(information.moved),
-            white: zeros(information.moved),
+            real: open(known.len()),
+            exact: open(information.moved),
+            white: open(information.moved),
             step: DVector::zeros(known.len()),
         };
         let mut whole = information.covariance(&known).unwrap_or_else(nothing);
@@ -266,6 +262,9 @@ impl Certainty {
 
     /// Correlation of two.
     pub(super) fn correlation_of(&self, i: usize, j: usize) -> f64 {
+        if i == j {
+            return 1.0;
+        }
         self.whole.real[(i, j)] / (self.deviation(i) * self.deviation(j)).max(1e-300)
     }
 
