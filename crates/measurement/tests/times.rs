@@ -184,6 +184,9 @@ fn a_sample_time_counts_rows_of_text_files_only() {
     let counted = TimeColumn { sample_time: Some(0.01), ..TimeColumn::default() };
     let said = read(&path, Some(&counted)).unwrap_err().to_string();
     assert!(said.contains("counts rows of text files; in an MCAP file name the time"), "{said}");
+    let nameless = TimeColumn { scale: 2.0, ..TimeColumn::default() };
+    let said = read(&path, Some(&nameless)).unwrap_err().to_string();
+    assert!(said.contains("name the column that is meant"), "{said}");
 }
 
 #[test]

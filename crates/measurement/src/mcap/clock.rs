@@ -5,8 +5,8 @@ use crate::recording::Recording;
 use crate::time_column::TimeColumn;
 use crate::time_scale::TimeScale;
 
-/// Times that are larger are counted from something far away, and are shown from the first one on \[s\].
-const FAR: i64 = 10_000_000;
+/// [`crate::time_unit::FAR`] in whole seconds.
+const FAR: i64 = crate::time_unit::FAR as i64;
 
 /// What all messages' times are counted from.
 pub(super) struct Clock<'a> {
@@ -65,8 +65,9 @@ impl<'a> Clock<'a> {
     pub(super) fn time(&mut self, seconds: i64, nanoseconds: i64) -> Option<f64> {
         let far = if seconds.saturating_abs() > FAR { (seconds, nanoseconds) } else { (0, 0) };
         let begin = *self.begin.get_or_insert(far);
-        let whole = seconds.checked_sub(begin.0)? as f64;
-        Some(whole + nanoseconds.checked_sub(begin.1)? as f64 / 1e9)
+        // in one division, so that a time is the number that its decimals are read as
+        let whole = i128::from(seconds.checked_sub(begin.0)?) * 1_000_000_000;
+        Some((whole + i128::from(nanoseconds.checked_sub(begin.1)?)) as f64 / 1e9)
     }
 
     /// Records a row, whose first number is a time in seconds.
