@@ -196,6 +196,11 @@ fn ros_2_messages_are_read_by_their_schemas() {
     let time = TimeColumn { column: Some("header.stamp".into()), ..TimeColumn::default() };
     let stamped = read(&path, Some(&time)).unwrap();
     assert_eq!(stamped.channel("position[boom]").unwrap().time[7], 0.14);
+    let scaled = TimeColumn { scale: 2.0, offset: 3.0, ..time };
+    let scaled = read(&path, Some(&scaled)).unwrap();
+    let scaled = scaled.channel("position[boom]").unwrap().time[7];
+    // stamps are since 1970 and shown from the first one: the offset is taken off with it
+    assert!((scaled - 0.28).abs() < 1e-6, "{scaled}");
     assert!(stamped.channel("/pressure_a_bar").is_none());
     assert!(stamped.remarks.iter().any(|r| r.contains("have no time")), "{:?}", stamped.remarks);
 }
