@@ -410,6 +410,9 @@ mod tests {
         let paper = Description::uia_single_boom().unwrap();
         let own = worst_margins(&paper, [307.0; 2]).unwrap();
         assert!(own.stable && (1.6..1.9).contains(&own.sensitivity_peak), "{own:?}");
+        // which are unstable with an empty hook
+        let light = worst_margins(&paper, [0.0, 370.0]).unwrap();
+        assert!(!light.stable && light.sensitivity_peak.is_infinite(), "{light:?}");
         let design = benchmark_design(&paper, [307.0; 2]).unwrap();
         let (found, printed) = (design.gains, Gains::of(&paper));
         let ratio = found.proportional_per_s / printed.proportional_per_s;

@@ -345,4 +345,42 @@ mod tests {
             average(|seed| of_mean(vec![noise(4000, 0.0, seed), noise(4000, 0.0, 900 + seed)]));
         assert!((apart - 1.0).abs() < 0.15, "{apart}");
     }
+
+    /// The sum over frequencies is the sum over lags that is written above, done directly here.
+    #[test]
+    fn the_scatter_is_the_sum_over_all_lags() {
+        let count = 30;
+        let errors = vec![noise(count, 0.7, 3), noise(count, 0.2, 4)];
+        let column = |seed| noise(count, 0.5, seed);
+        let slope =
+            |seed| DMatrix::from_columns(&[column(seed), column(seed + 1)].map(DVector::from_vec));
+        let left = Left { count, errors, slopes: vec![slope(5), slope(7)] };
+        let mut expected = DMatrix::zeros(2, 2);
+        for lag in 1 - count as i64..count as i64 {
+            let mut moved = DVector::zeros(2);
+            for (errors, slopes) in left.errors.iter().zip(&left.slopes) {
+                for i in 0..count {
+                    let at = usize::try_from(i as i64 + lag).ok().and_then(|at| errors.get(at));
+                    moved += slopes.row(i).transpose() * at.copied().unwrap_or(0.0);
+                }
+            }
+            expected += &moved * moved.transpose() / count as f64;
+        }
+        let found = left.scatter();
+        assert!((&found - &expected).norm() < 1e-9 * expected.norm(), "{found} for {expected}");
+    }
+
+    #[test]
+    fn nothing_is_certain_where_there_is_no_covariance() {
+        let information = Information {
+            curvature: DMatrix::from_element(1, 1, f64::NAN),
+            scatter: DMatrix::zeros(1, 1),
+            slope: DVector::zeros(1),
+            moved: 1,
+        };
+        let certainty = Certainty::new(information, [0.1].into_iter());
+        assert_eq!(certainty.deviation(0), f64::INFINITY);
+        assert_eq!(certainty.alone(0).deviation, f64::INFINITY);
+        assert_eq!(certainty.correlation(1), [[1.0]]);
+    }
 }
