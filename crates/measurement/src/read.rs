@@ -50,17 +50,11 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
         }),
     };
     // their own times have a unit, so that another one is of a column that has to be named
-    let nameless = |format: &str| match time {
-        Some(t)
-            if t.column.is_none() && (t.unit.is_some() || t.scale != 1.0 || t.offset != 0.0) =>
-        {
-            Err(MeasurementError::Mapping {
-                file: path.display().to_string(),
-                reason: format!(
-                    "[log.time] states a unit, scale or offset and no column: the time of {format} has a unit of its own; name the column that is meant"
-                ),
-            })
-        }
+    let nameless = |times: &str, stated: fn(&TimeColumn) -> bool| match time {
+        Some(t) if t.column.is_none() && stated(t) => Err(MeasurementError::Mapping {
+            file: path.display().to_string(),
+            reason: format!("[log.time] has no column, and {times}: name the column that is meant"),
+        }),
         _ => Ok(()),
     };
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"))
@@ -68,11 +62,20 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
     match begins.as_slice() {
         // what follows may be damaged: that is for the reader to say
         begins if begins.starts_with(&mcap::MAGIC[..5]) => counted("an MCAP file")
-            .and_then(|()| nameless("an MCAP file"))
+            .and_then(|()| {
+                nameless(
+                    "its unit, scale or offset is not for MCAP's times, which are nanoseconds",
+                    |t| t.unit.is_some() || t.scale != 1.0 || t.offset != 0.0,
+                )
+            })
             .and_then(|()| mcap::read(path, time)),
         begins if mdf::BEGINS.iter().any(|b| begins.starts_with(b.as_slice())) => {
             counted("an MDF file")
-                .and_then(|()| nameless("an MDF file"))
+                .and_then(|()| {
+                    nameless("its unit is not for MDF's times, which are seconds", |t| {
+                        t.unit.is_some()
+                    })
+                })
                 .and_then(|()| mdf::read(path, time))
         }
         begins if begins.starts_with(PARQUET) => {
