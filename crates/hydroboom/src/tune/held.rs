@@ -1,8 +1,10 @@
 //! The options that keep parts of the logs from the search, and what comes of them.
 
+use super::in_json as key_in_json;
 use crate::output;
 use clap::Args;
-use hydroboom_identify::{Experiment, HeldOut, Stretch};
+use hydroboom_description::schema::KEYS;
+use hydroboom_identify::{Experiment, Fit, HeldOut, Stretch, Tuned};
 use miette::{Result, miette};
 use serde_json::{Value, json};
 
@@ -66,6 +68,65 @@ impl HoldOut {
     }
 }
 
+/// What one of several searches found that held out one stretch after the other.
+pub struct InTurn {
+    /// The stretch that it did not see.
+    pub stretch: Stretch,
+    /// The keys.
+    pub tuned: Vec<Tuned>,
+    /// Correlations of the keys.
+    pub correlation: Vec<Vec<f64>>,
+}
+
+impl InTurn {
+    /// What a search found without a stretch.
+    pub fn new(stretch: Stretch, found: &Fit) -> Self {
+        Self { stretch, tuned: found.tuned.clone(), correlation: found.correlation.clone() }
+    }
+
+    /// For machines.
+    pub fn in_json(&self) -> Value {
+        json!({
+            "from_s": self.stretch.from, "to_s": self.stretch.to,
+            "keys": self.tuned.iter().map(key_in_json).collect::<Vec<_>>(), "correlation": self.correlation,
+        })
+    }
+}
+
+/// Head of the table of what each search found: the key, then a column for each stretch that was held out.
+pub fn keys_header(searches: &[InTurn]) -> Vec<String> {
+    let without = |s: &InTurn| format!("without {} to {} s", s.stretch.from, s.stretch.to);
+    std::iter::once("key".into()).chain(searches.iter().map(without)).collect()
+}
+
+/// Its rows: values with half their 95 % interval in percent.
+pub fn keys_rows(searches: &[InTurn]) -> Vec<Vec<String>> {
+    let Some(first) = searches.first() else { return Vec::new() };
+    let row = |(k, t): (usize, &Tuned)| {
+        let key = &KEYS[t.key.place];
+        let cell = |s: &InTurn| {
+            let t = &s.tuned[k];
+            let percent = 100.0 * (t.interval().1 / t.value.1 - 1.0);
+            format!("{:.4} (+-{percent:.1} %)", super::Shown(key.to_unit(t.value.1)))
+        };
+        std::iter::once(key.path()).chain(searches.iter().map(cell)).collect()
+    };
+    first.tuned.iter().enumerate().map(row).collect()
+}
+
+/// Keys of which two searches found values whose 95 % intervals have nothing in common.
+pub fn contradicting(searches: &[InTurn]) -> Vec<String> {
+    let Some(first) = searches.first() else { return Vec::new() };
+    let is_apart = |k: usize| {
+        let intervals = || searches.iter().map(|s| s.tuned[k].interval());
+        let highest_low = intervals().map(|i| i.0).fold(f64::NEG_INFINITY, f64::max);
+        let lowest_high = intervals().map(|i| i.1).fold(f64::INFINITY, f64::min);
+        highest_low > lowest_high
+    };
+    let apart = first.tuned.iter().enumerate().filter(|(k, _)| is_apart(*k));
+    apart.map(|(_, t)| t.key.path()).collect()
+}
+
 fn stretch(text: &str) -> std::result::Result<Stretch, String> {
     let read = |part: &str| part.trim().parse::<f64>().ok().filter(|v| v.is_finite());
     let pair = text.split_once(':').and_then(|(from, to)| Some((read(from)?, read(to)?)));
@@ -111,6 +172,20 @@ pub fn said(held: &[HeldOut]) -> String {
     }
     said
 }
+
+/// What each of several searches found, and which keys they contradict each other about.
+pub fn keys_said(searches: &[InTurn]) -> String {
+    let header = keys_header(searches);
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let mut said = output::table(&header, &keys_rows(searches));
+    for key in contradicting(searches) {
+        said += &format!("\n{key}: {APART}");
+    }
+    said
+}
+
+/// What is said of a key that is found elsewhere as soon as other parts of a log are seen.
+pub const APART: &str = "intervals of two of these searches have nothing in common: what the model leaves out is found in it";
 
 /// The same for machines.
 pub fn in_json(held: &[HeldOut]) -> Vec<Value> {

@@ -13,7 +13,7 @@ use crate::paths::{InputFile, OutputFile};
 use crate::verdict_text;
 use channels::Fixed;
 use clap::Args;
-use held::HoldOut;
+use held::{HoldOut, InTurn};
 use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::Stretch;
@@ -122,7 +122,7 @@ impl Tune {
 
         let fixed = self.fixed.all();
         let asked = Asked { crane: &crane, free: &free, fixed: &fixed };
-        let mut held = Vec::new();
+        let (mut held, mut in_turn) = (Vec::new(), Vec::new());
         if self.hold_out.in_turn {
             for stretch in &self.hold_out.hold_out {
                 let rest: Vec<Experiment> =
@@ -130,6 +130,7 @@ impl Tune {
                 let what = format!("without {} to {} s: ", stretch.from, stretch.to);
                 let found = self.search(asked, &rest, &stop, None, &what)?;
                 held.extend(judged(&experiments, &found, *stretch));
+                in_turn.push(InTurn::new(*stretch, &found));
             }
         }
         let rest: Vec<Experiment> = match self.hold_out.in_turn {
@@ -155,6 +156,7 @@ impl Tune {
             experiments,
             found,
             held,
+            in_turn,
             profiles,
             tests,
             digests,
@@ -285,7 +287,8 @@ impl Tune {
         }
         match self.json {
             true => output::json(&json!({
-                "held_out": held::in_json(held), "tests": tests.iter().map(improvement).collect::<Vec<_>>(),
+                "held_out": held::in_json(held),
+                "in_turn": outcome.in_turn.iter().map(InTurn::in_json).collect::<Vec<_>>(), "tests": tests.iter().map(improvement).collect::<Vec<_>>(),
                 "crane": crane.name, "logs": self.log, "sha256": digests, "notes": notes,
                 "runs": found.evaluations, "converged": found.has_converged,
                 "keys": found.tuned.iter().map(in_json).collect::<Vec<_>>(),
@@ -394,6 +397,9 @@ impl Tune {
         if !held.is_empty() {
             said += &format!("\n\n{}\n", held::said(held));
         }
+        if !outcome.in_turn.is_empty() {
+            said += &format!("\n{}\n", held::keys_said(&outcome.in_turn));
+        }
         if !profiles.is_empty() {
             said += &format!("\n\n{}\n", profiles::said(profiles));
         }
@@ -432,6 +438,8 @@ struct Outcome<'a> {
     experiments: Vec<Experiment>,
     found: Fit,
     held: Vec<HeldOut>,
+    /// What the searches found that held out one stretch after the other.
+    in_turn: Vec<InTurn>,
     profiles: Vec<Profile>,
     tests: Vec<Improvement>,
     digests: Vec<String>,

@@ -1,5 +1,6 @@
 //! The report of a tuning.
 
+use super::held::{self, InTurn};
 use super::{Outcome, Shown, channels, determination, profiles};
 use crate::verdict_text;
 use hydroboom_description::schema::KEYS;
@@ -95,6 +96,10 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
             h2 { "What was kept from the search" }
             (foretold(outcome))
         }
+        @if !outcome.in_turn.is_empty() {
+            h2 { "What each search found" }
+            (keys_in_turn(&outcome.in_turn))
+        }
         h2 { "Which keys are traded against which" }
         (correlations(found))
         h2 { "Log and model" }
@@ -181,6 +186,18 @@ fn foretold(outcome: &Outcome<'_>) -> Markup {
                 }
             } } }
         } }
+    }
+}
+
+/// What the searches found that held out one stretch after the other.
+fn keys_in_turn(searches: &[InTurn]) -> Markup {
+    html! {
+        p.soft { "Each column is a search that did not see the stretch in its head; behind each value half its 95 % interval." }
+        div.wide { table {
+            thead { tr { @for name in held::keys_header(searches) { th { (name) } } } }
+            tbody { @for row in held::keys_rows(searches) { tr { @for cell in row { td { (cell) } } } } }
+        } }
+        @for key in held::contradicting(searches) { p { code { (key) } ": " (held::APART) "." } }
     }
 }
 
