@@ -709,7 +709,9 @@ fn measured_logs_are_estimated_or_refused_with_a_reason() {
     assert_eq!(said["consistent"], true, "{said}");
     let payload = &said["at_end"]["payload_kg"];
     let of = |name: &str| payload[name].as_f64().unwrap();
-    assert!((of("estimated") - 180.0).abs() < 2.0 * of("deviation"), "{payload}");
+    // what is printed counts as known to 10 % everywhere, and so do the links that it hangs on
+    let apart = of("deviation").hypot(0.1 * 180.0);
+    assert!((of("estimated") - 180.0).abs() < 2.0 * apart, "{payload}");
     // its position ripples by 0.4 mm
     assert!(said["findings"].to_string().contains("noise of the position: 0."), "{said}");
 }

@@ -212,3 +212,36 @@ pub fn in_json(held: &[HeldOut]) -> Vec<Value> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hydroboom_identify::Free;
+
+    #[test]
+    fn searches_contradict_each_other_where_their_intervals_have_nothing_in_common() {
+        let found = |value: f64, deviation: f64| Tuned {
+            key: Free::from_path("payload.mass_kg").unwrap(),
+            value: (200.0, value),
+            prior: 0.5,
+            deviation,
+            from_logs: deviation,
+            others_exact: deviation,
+            biased: None,
+            is_determined: true,
+            partner: None,
+        };
+        let without = |from: f64, tuned: Tuned| InTurn {
+            stretch: Stretch { from, to: 18.0 },
+            tuned: vec![tuned],
+            correlation: vec![vec![1.0]],
+        };
+        // 5 % are 1.96 deviations of 2.55 %
+        let near = [without(10.0, found(200.0, 0.0255)), without(14.0, found(215.0, 0.0255))];
+        assert!(contradicting(&near).is_empty());
+        assert!(keys_rows(&near)[0][1].ends_with("(+-5.1 %)"), "{:?}", keys_rows(&near));
+        let apart = [without(10.0, found(200.0, 0.0255)), without(14.0, found(225.0, 0.0255))];
+        assert_eq!(contradicting(&apart), ["payload.mass_kg"]);
+        assert!(keys_said(&apart).contains("nothing in common"));
+    }
+}

@@ -134,8 +134,13 @@ fn a_spool_answers_a_step_as_a_second_order_lag() {
 
 #[test]
 fn air_shut_in_on_the_rod_side_follows_its_gas_law() {
-    let (crane, mut state) =
-        lift(&["valve.leakage_l_min_per_bar=0", "valve.b_to_tank_m3_s_sqrtpa=1e-12"], 0.1);
+    let shut = [
+        "valve.leakage_l_min_per_bar=0",
+        "valve.b_to_tank_m3_s_sqrtpa=1e-12",
+        // as much as the rod side holds
+        "trapped_air.rod_side_l=3.6",
+    ];
+    let (crane, mut state) = lift(&shut, 0.1);
     let c = &crane.circuit;
     let scheme = Implicit::new(&crane);
     // what is not air is oil, of which nothing comes or goes
