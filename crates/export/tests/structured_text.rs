@@ -392,7 +392,16 @@ fn twincat_and_plcopen_files_are_well_formed_and_hold_the_same_text() {
             body.descendants().filter_map(|n| n.is_text().then(|| n.text()).flatten()).collect();
         assert_eq!(body.trim(), unit.statements(Form::Standard).trim());
         let declared = pou.descendants().filter(|n| n.tag_name().name() == "variable").count();
-        assert_eq!(declared, unit.variables.len());
+        let results = unit.variables.iter().filter(|v| v.section == Section::Result);
+        let returned = pou.descendants().filter(|n| n.tag_name().name() == "returnType").count();
+        let is_function = usize::from(unit.kind == Kind::Function);
+        assert_eq!((returned, results.count()), (is_function, is_function));
+        assert_eq!(declared, unit.variables.len() - returned);
+        let passed = pou.descendants().filter(|n| n.tag_name().name() == "inOutVars");
+        let passed: usize =
+            passed.map(|n| n.children().filter(roxmltree::Node::is_element).count()).sum();
+        let of_unit = unit.variables.iter().filter(|v| v.section == Section::InOut);
+        assert_eq!(passed, of_unit.count());
     }
 }
 
@@ -590,7 +599,9 @@ fn plain_text_keeps_to_the_standard() {
     let all = units(&Description::uia_single_boom().unwrap()).unwrap();
     let types = ["BOOL", "LREAL", "DINT"];
     for (k, unit) in all.iter().enumerate() {
-        let mut names: Vec<String> = unit.variables.iter().map(|v| v.name.to_uppercase()).collect();
+        // a function's result has the function's name
+        let variables = unit.variables.iter().filter(|v| v.section != Section::Result);
+        let mut names: Vec<String> = variables.map(|v| v.name.to_uppercase()).collect();
         names.extend(
             unit.tasks.iter().flat_map(|t| [t.name.to_uppercase(), t.instance().to_uppercase()]),
         );
