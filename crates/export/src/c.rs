@@ -564,11 +564,10 @@ fn printed(
         declared(&entry.name, &arguments.join(", "), &meaning, &body);
     }
     if !repeated.is_empty() {
-        let _ = write!(
-            source,
-            "\n/* {} */\n",
-            broken(Function::EXPLAINED, WIDTH).replace("\n    ", "\n   ")
-        );
+        let said =
+            format!("   Repeated parts: loops call them for their rows. {}", Function::EXPLAINED);
+        let said = broken(&said, WIDTH).replace("\n    ", "\n");
+        let _ = write!(source, "\n/* {} */\n", said.trim_start());
     }
     *source += &repeated;
     *source += &definitions;

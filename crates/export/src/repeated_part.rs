@@ -174,8 +174,8 @@ impl Body {
 pub(crate) struct RepeatedPart {
     /// The loop whose body stands for all.
     pub(crate) loop_number: u32,
-    /// How many loops repeat it.
-    pub(crate) loops: usize,
+    /// Rows of each loop that repeats it.
+    pub(crate) rows: Vec<u32>,
     /// What it takes of its surroundings, as the nodes of that loop's body. A constant that is the same in all loops is
     /// not among them.
     pub(crate) taken: Vec<Node>,
@@ -257,7 +257,8 @@ impl RepeatedParts {
         };
         let taken = columns.iter().map(|column| column[first]).collect();
         let part = self.parts.len();
-        self.parts.push(RepeatedPart { loop_number: same[first].0, loops: same.len(), taken });
+        let rows = same.iter().map(|(number, _)| graph.repetition(*number).count).collect();
+        self.parts.push(RepeatedPart { loop_number: same[first].0, rows, taken });
         for (k, (number, _)) in same.iter().enumerate() {
             let given = columns.iter().map(|column| column[k]).collect();
             self.of_loop.insert(*number, (part, given));

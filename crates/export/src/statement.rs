@@ -198,6 +198,12 @@ pub(crate) struct Parameter {
 /// A repeated part: what is done for one row of a loop.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Function {
+    /// The source file that it was recorded from, as a name.
+    pub(crate) origin: String,
+    /// Its number among those from there, from 1 on.
+    pub(crate) number: usize,
+    /// For how many rows loops call it.
+    pub(crate) rows: Vec<u32>,
     /// What it takes.
     pub(crate) parameters: Vec<Parameter>,
     /// What has a name of what it takes in an array: the entry, and what it is.
@@ -266,10 +272,26 @@ pub(crate) fn grouped<'a>(
 }
 
 impl Function {
+    /// Whether another one differs in no more than where it is from.
+    pub(crate) fn does_the_same_as(&self, other: &Self) -> bool {
+        let of = |f: &Self| (f.parameters.clone(), f.body.clone(), f.results.clone());
+        of(self) == of(other)
+    }
+
+    /// What it is, in a sentence.
+    pub(crate) fn explained(&self) -> String {
+        let rows: Vec<String> = self.rows.iter().map(u32::to_string).collect();
+        format!(
+            "Part of the {}, for each of {} rows.",
+            self.origin.replace('_', " "),
+            rows.join(" or ")
+        )
+    }
+
     /// What the names of its parameters and results say.
-    pub(crate) const EXPLAINED: &str = "Repeated parts. A loop calls one for each of its rows, and gives it: row, the row's number; x, the \
-        row's entries of tables; a, what the row before carried on; b, numbers from around the loop; is, conditions; r, tables. It \
-        returns n, what is carried on, and m, the row's entries of the tables that the loop makes.";
+    pub(crate) const EXPLAINED: &str = "Given are row, the row's number; x, its entries of tables; a, what the row before carried on; b, numbers \
+        from around the loop; is, conditions; r, tables. Results are n, what is carried on, and m, the row's entries of tables that the \
+        loop makes.";
 }
 
 /// A line broken where it is longer than a width, at spaces, the rest drawn in.

@@ -294,7 +294,7 @@ impl Writing<'_, '_, '_> {
         let mut numbers: Vec<usize> =
             taken.clone().filter(|(_, node)| is_number(**node)).map(|(place, _)| place).collect();
         // entries of one array come with the array: other loops might give other arrays
-        if of.loops == 1 {
+        if of.rows.len() == 1 {
             numbers = self.arrays_of(&of.taken, given, numbers, &mut names, &mut head);
         }
         if numbers.len() > MOST_ONE_BY_ONE {
@@ -311,7 +311,7 @@ impl Writing<'_, '_, '_> {
         } else {
             for place in numbers {
                 let node = of.taken[place];
-                let name = match self.known(node).filter(|_| of.loops == 1) {
+                let name = match self.known(node).filter(|_| of.rows.len() == 1) {
                     Some(known) => names.free(&known),
                     None => names.numbered("b"),
                 };
@@ -350,9 +350,16 @@ impl Writing<'_, '_, '_> {
         };
         inner.write_all();
         let results = inner.results(of.loop_number);
-        let function = Function { parameters, legend, body: inner.said, results };
+        let body = inner.said;
+        let origin = graph.repetition(of.loop_number).origin.clone();
+        let functions = &*self.shared.functions;
+        let number = 1 + functions.iter().filter(|other| other.origin == origin).count();
+        let mut rows = of.rows;
+        rows.sort_unstable();
+        rows.dedup();
+        let function = Function { origin, number, rows, parameters, legend, body, results };
         let functions = &mut *self.shared.functions;
-        let known = functions.iter().position(|other| *other == function);
+        let known = functions.iter().position(|other| other.does_the_same_as(&function));
         let place = known.unwrap_or_else(|| {
             functions.push(function);
             functions.len() - 1

@@ -127,12 +127,13 @@ impl Lines<'_> {
     }
 
     fn name(&self, function: usize) -> String {
-        format!("{}_row_{}", self.prefix, function + 1)
+        let Function { origin, number, .. } = &self.functions[function];
+        format!("{}_{origin}_{number}", self.prefix)
     }
 
     /// A function of those that can be called.
     pub(super) fn function(&self, place: usize) -> String {
-        let Function { parameters, legend, body, results } = &self.functions[place];
+        let Function { parameters, legend, body, results, .. } = &self.functions[place];
         let real = self.real;
         let mut taken: Vec<String> = Vec::new();
         for parameter in parameters {
@@ -157,13 +158,12 @@ impl Lines<'_> {
                 "void"
             }
         };
-        let legend: Vec<String> = legend.iter().map(|said| comment(said)).collect();
-        let head = match legend.is_empty() {
-            true => String::new(),
-            false => format!("/* {} */\n", legend.join("\n   ")),
-        };
+        let mut said = comment(&self.functions[place].explained());
+        for entry in legend {
+            said += &format!("\n   {}", comment(entry));
+        }
         let signature = format!("static {result} {}({})", self.name(place), listed(&taken));
-        format!("\n{head}{}\n{{\n{body}}}\n", broken(&signature, WIDTH))
+        format!("\n/* {said} */\n{}\n{{\n{body}}}\n", broken(&signature, WIDTH))
     }
 
     /// All functions from a place on.

@@ -7,7 +7,7 @@
 
 use super::lines::{Lines, array, kind_name};
 use super::unit::{Declared, Kind, Section, Unit};
-use super::{StructuredText, line, literal};
+use super::{StructuredText, camel, line, literal};
 use crate::name::comment;
 use crate::statement::{Dialect, Function, Statement, Taken};
 use std::collections::BTreeSet;
@@ -37,7 +37,8 @@ impl Calls<'_> {
     /// Name of a repeated part's unit.
     pub(super) fn name(&self, place: usize) -> String {
         let kind = if self.is_function(place) { "F" } else { "FB" };
-        format!("{kind}_{}Row{}", self.block, place + 1)
+        let Function { origin, number, .. } = &self.functions[place];
+        format!("{kind}_{}{}{number}", self.block, camel(origin))
     }
 
     /// Name of the unit that interpolates in a table of so many entries.
@@ -45,7 +46,7 @@ impl Calls<'_> {
         format!("FB_{}Interpolation{length}", self.block)
     }
 
-    /// Name of an instance of a function block.
+    /// Name of an instance of a function block: that of its type without the block's.
     pub(super) fn instance(&self, kind: &str) -> String {
         format!(
             "fb{}",
@@ -98,7 +99,7 @@ impl Calls<'_> {
     }
 
     fn unit(&self, place: usize) -> Unit {
-        let Function { parameters, legend, body, results } = &self.functions[place];
+        let Function { parameters, legend, body, results, .. } = &self.functions[place];
         let name = self.name(place);
         let is_function = self.is_function(place);
         let mut names = StructuredText.names();
@@ -130,10 +131,11 @@ impl Calls<'_> {
         }
         variables.extend(lines.declared(&text));
         let said: Vec<String> = legend.iter().map(|said| comment(said)).collect();
+        let explained = comment(&self.functions[place].explained());
         Unit {
             kind: if is_function { Kind::Function } else { Kind::FunctionBlock },
             name,
-            comment: [vec![Function::EXPLAINED.to_string()], said].concat().join(" "),
+            comment: [vec![explained, Function::EXPLAINED.to_string()], said].concat().join(" "),
             variables,
             body: text,
             tasks: Vec::new(),
