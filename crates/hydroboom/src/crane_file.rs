@@ -28,11 +28,14 @@ impl CraneFile {
         self.crane.is_none()
     }
 
-    /// Whether the crane file is the paper's, embedded or with its values; overrides are not looked at. The paper's figures stand beside no other crane.
+    /// Whether the crane is the paper's, overrides applied. The paper's figures stand beside no other.
     pub fn is_papers_crane(&self) -> Result<bool> {
-        let Some(path) = &self.crane else { return Ok(true) };
-        let file = Description::parse(&path.display().to_string(), &text(path)?)?;
-        Ok(paper::is_its_crane(&file))
+        let mut crane = match &self.crane {
+            Some(path) => Description::parse(&path.display().to_string(), &text(path)?)?,
+            None => Description::uia_single_boom()?,
+        };
+        crane.set_together_within_range(self.set.iter().map(String::as_str))?;
+        Ok(paper::is_its_crane(&crane))
     }
 
     /// The crane file that is named, if one is.
@@ -109,7 +112,7 @@ pub fn self_contained(description: Description) -> Result<Description> {
     match description.choices.circuit {
         CircuitChoice::SelfContained => Ok(description),
         CircuitChoice::ValveControlled => Err(miette!(
-            help = "check, show, validate and tune know valve-controlled cranes",
+            help = "check, show, log inspect, estimate, validate and tune take valve-controlled cranes",
             "this command is for self-contained cranes, and circuit.type of \"{}\" is valve-controlled",
             description.name
         )),

@@ -14,7 +14,7 @@ use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
-use hydroboom_lab::motion_test::{Row, oscillation_remarks, run, run_all};
+use hydroboom_lab::motion_test::{Row, instability_remarks, run, run_all};
 use hydroboom_lab::report::IDEAL_SENSORS;
 use hydroboom_lab::study::NOMINAL;
 use hydroboom_lab::{LabError, paper, report};
@@ -385,9 +385,18 @@ pub fn write_log(folder: &Path, plant: &str, run: &hydroboom_lab::motion_test::R
     output::written(&path, hydroboom_lab::run_log::write_run(run, &path));
 }
 
-/// An error of a run; none where the run oscillates.
+/// An error of a run; none where the run oscillates or stopped.
 fn here(row: &Row, mm: f64) -> String {
-    if row.stable { format!("{mm:.3}") } else { "unstable".into() }
+    match (&row.stopped, row.stable) {
+        (Some(_), _) => "stopped".into(),
+        (None, true) => format!("{mm:.3}"),
+        (None, false) => "unstable".into(),
+    }
+}
+
+/// What a run cost or left; nothing where it stopped.
+fn spent(value: f64, digits: usize) -> String {
+    output::optional(value.is_finite().then_some(value), digits)
 }
 
 /// All but the columns that are left out.
@@ -398,7 +407,7 @@ fn kept<T: Clone>(row: &[T], left_out: &[usize]) -> Vec<T> {
 
 /// Tables 7 to 9, "paper | here", and what is to be said of runs that oscillate.
 pub fn table(rows: &[Row]) -> String {
-    let is_ideal = |row: &Row| row.error.is_measured_truly();
+    let is_ideal = |row: &Row| row.stopped.is_some() || row.error.is_measured_truly();
     let (ideal, mixed) = (rows.iter().all(is_ideal), rows.iter().any(is_ideal));
     let beside_paper = rows.iter().any(|row| row.paper_rms_mm.is_some());
     // columns in which nothing would stand that is not said otherwise
@@ -413,7 +422,9 @@ pub fn table(rows: &[Row]) -> String {
         (false, true) => "\n=: sensors are ideal there, the measured error is the true one.".into(),
         (false, false) => String::new(),
     };
-    let measured = |row: &Row, mm: f64| if is_ideal(row) { "=".into() } else { here(row, mm) };
+    let measured = |row: &Row, mm: f64| {
+        if row.stopped.is_none() && is_ideal(row) { "=".into() } else { here(row, mm) }
+    };
     let cells: Vec<Vec<String>> = rows
         .iter()
         .map(|r| {
@@ -428,9 +439,9 @@ pub fn table(rows: &[Row]) -> String {
                     output::optional(r.paper_peak_mm, 2),
                     here(r, r.error.peak_true_mm),
                     measured(r, r.error.peak_measured_mm),
-                    format!("{:.3}", r.effort.residual_vibration_mm),
-                    format!("{:.2}", r.effort.energy_kj),
-                    format!("{:.0}", r.effort.motor_speed_rpm),
+                    spent(r.effort.residual_vibration_mm, 3),
+                    spent(r.effort.energy_kj, 2),
+                    spent(r.effort.motor_speed_rpm, 0),
                 ],
                 left_out,
             )
@@ -452,7 +463,7 @@ pub fn table(rows: &[Row]) -> String {
         "motor [rpm]",
     ];
     let remarks: String =
-        oscillation_remarks(rows).iter().map(|remark| format!("\n{remark}")).collect();
+        instability_remarks(rows).iter().map(|remark| format!("\n{remark}")).collect();
     let title = match beside_paper {
         true => "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane.",
         false => "Tracking error x - x_ref [mm].",
@@ -483,6 +494,7 @@ mod tests {
             course: "120 mm/s".into(),
             speed_mm_s: 120.0,
             stable: true,
+            stopped: None,
             sustained_oscillation: None,
             error,
             effort: Effort::default(),

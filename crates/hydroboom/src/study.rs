@@ -1,8 +1,9 @@
 //! `hydroboom study`
 
 use crate::crane_file::{CraneFile, text};
+use crate::machine_choice::MachineChoice;
 use crate::paths::{InputFile, OutputFolder};
-use crate::{eigen, energy, motion, output};
+use crate::{benchmark_gains, eigen, energy, motion, output};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
@@ -17,10 +18,13 @@ use std::time::Instant;
 pub struct Study {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of a virtual crane that stands in for the real one; the embedded one where no
-    /// --crane is given, else none.
+    /// Crane file of a virtual crane that stands in for the real one; the embedded one for the paper's crane, else none.
     #[arg(long, value_name = "FILE")]
     virtual_crane: Option<InputFile>,
+    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains, and not tuned with
+    /// them, takes those of `hydroboom design --benchmark` otherwise.
+    #[arg(long)]
+    gains_as_given: bool,
     /// Folder for report.html, and for its figures as SVG and CSV.
     #[arg(long, value_name = "DIR", default_value = "study")]
     out: OutputFolder,
@@ -37,22 +41,36 @@ impl Study {
     pub fn run(self) -> Result<()> {
         let clock = Instant::now();
         // the plant of the published experiments is the model: drive and sensors of the file are a machine's
-        let description = self.crane.read()?.without_equipment();
+        let mut description = self.crane.read()?.without_equipment();
         let said =
             |done: &str| output::note(&format!("{:5.1} s  {done}", clock.elapsed().as_secs_f64()));
+        let is_papers_crane = self.crane.is_papers_crane()?;
         let stand_in = match &self.virtual_crane {
             Some(path) => Some(Description::parse(&path.display().to_string(), &text(path)?)?),
-            None if self.crane.is_embedded() => Some(Description::uia_virtual()?),
+            None if self.crane.is_embedded() && is_papers_crane => {
+                Some(Description::uia_virtual()?)
+            }
             None => None,
         };
-        if self.crane.is_overridden() && stand_in.is_some() {
+        if self.crane.is_embedded() && !is_papers_crane && stand_in.is_none() {
+            output::note(
+                "with these values it is another crane than the paper's: the paper's figures, and the virtual crane that stands in for its crane, are left out",
+            );
+        } else if self.crane.is_overridden() && stand_in.is_some() {
             output::note(
                 "--set is of the model, the nominal and the off-model plant: the virtual crane keeps the values of its own file",
             );
         }
-        let is_papers_crane = self.crane.is_papers_crane()?;
-        let result = study::study(&description, stand_in.as_ref(), is_papers_crane, &said)
+        let mut gains = None;
+        if !self.gains_as_given {
+            let payload = [description.numbers.payload; 2];
+            let choice = MachineChoice::model_itself(&description);
+            let (choice, remark) = benchmark_gains::for_comparison(choice, payload)?;
+            (description, gains) = (choice.model, remark);
+        }
+        let mut result = study::study(&description, stand_in.as_ref(), is_papers_crane, &said)
             .into_diagnostic()?;
+        result.remark_on_gains = gains;
         let page = report::page(&description, &result).into_diagnostic()?;
         let path = output::page_in_folder(&self.out, "report", &page, None);
         if let Some(folder) = &self.log {
@@ -89,6 +107,7 @@ impl Study {
             "peak virtual",
             "peak off-model",
         ];
+        let (header, differences) = without_virtual(&result, &header, differences);
         let mut said =
             format!("{}\n\n{}", claims_table(&result), eigen::table(&result.eigenfrequency));
         if let Some(hz) = result.virtual_eigenfrequency_hz {
@@ -115,14 +134,20 @@ impl Study {
             output::table_beside_paper(&header, &differences)
         );
         said += &format!("\n\n{}", motion::table(&result.motion));
+        for remark in result.unstable_loops().iter().chain(&result.remark_on_gains) {
+            said += &format!("\n{remark}");
+        }
         let damping: Vec<Vec<String>> = result
             .double_damping
             .iter()
             .flat_map(|d| {
-                d.laws().map(|(law, error, stable)| {
+                d.laws().map(|(law, found)| {
                     let names = [d.plant.clone(), d.course.clone(), law.to_string()];
-                    let cell = |mm| if stable { three(mm) } else { "unstable".into() };
-                    names.into_iter().chain(error.cells().map(cell)).collect()
+                    let cells = match found {
+                        Ok(error) => error.cells().map(three),
+                        Err(word) => [(); 4].map(|()| word.into()),
+                    };
+                    names.into_iter().chain(cells).collect()
                 })
             })
             .collect();
@@ -139,6 +164,19 @@ impl Study {
             clock.elapsed().as_secs_f64()
         ))
     }
+}
+
+/// A table without the virtual crane's columns, where there is none.
+fn without_virtual<'a>(
+    study: &study::Study,
+    header: &[&'a str],
+    rows: Vec<Vec<String>>,
+) -> (Vec<&'a str>, Vec<Vec<String>>) {
+    let is_shown =
+        |head: &str| study.virtual_eigenfrequency_hz.is_some() || !head.contains("virtual");
+    let shown: Vec<usize> = (0..header.len()).filter(|k| is_shown(header[*k])).collect();
+    let rows = rows.into_iter().map(|row| shown.iter().map(|k| row[*k].clone()).collect());
+    (shown.iter().map(|k| header[*k]).collect(), rows.collect())
 }
 
 /// The paper's headline claims, "paper | here".

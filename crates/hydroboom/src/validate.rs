@@ -253,15 +253,15 @@ fn page(
         let difference = Figure { x, y: &y, series, axes: Axes::Linear }.drawn()?;
         figures.push((signal, of_segment(parts, experiment), both, difference));
     }
-    // the paper measured a self-contained crane: its numbers say nothing beside another
-    let is_published = crane.choices.circuit == CircuitChoice::SelfContained;
+    // the paper's numbers say nothing beside another crane
+    let is_published = paper::is_its_crane(crane);
     let paper_row = |signal: Signal| paper::TABLE_6.iter().find(|row| row.0 == signal.symbol());
-    let driven_by = match is_published {
-        true => {
+    let driven_by = match crane.choices.circuit {
+        CircuitChoice::SelfContained => {
             "the log's motor speed and valve, and starts at rest where the log's piston is, with the log's pressures but for the one that \
                  carries the load"
         }
-        false => {
+        CircuitChoice::ValveControlled => {
             "the log's valve command, supply and tank pressure, and starts at rest where the log's piston is, with the log's pressures, as \
                   far as friction can hold what they do not carry"
         }

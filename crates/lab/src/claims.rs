@@ -83,7 +83,7 @@ pub struct Shown<'a> {
     pub alongside: Option<[&'a Run; 2]>,
 }
 
-/// The claims, in the order of the paper's conclusions; a figure whose run is missing or in sustained oscillation is left out.
+/// The claims, in the order of the paper's conclusions; a figure whose run is missing, in sustained oscillation or stopped is left out.
 pub fn claims(shown: &Shown<'_>) -> Vec<Claim> {
     let mut claims = vec![eigenfrequency(shown)];
     claims.extend([0, 1].map(|k| position(shown, k)));
@@ -154,7 +154,8 @@ fn position(shown: &Shown<'_>, k: usize) -> Claim {
     let model = shown.run(NOMINAL, Strategy::VelocityFeedforward, k);
     for (plant, model) in [(OFF, model), (VIRTUAL, shown.alongside.map(|runs| runs[k]))] {
         let run = shown.run(plant, Strategy::VelocityFeedforward, k);
-        if let (Some(model), Some(run)) = (model, run) {
+        let whole = |run: &&Run| run.stopped.is_none();
+        if let (Some(model), Some(run)) = (model.filter(whole), run.filter(whole)) {
             let values: [fn(&Sample) -> f64; 2] =
                 [|s| s.signals.stroke, |s| s.truth.outputs.stroke];
             claim
@@ -170,8 +171,8 @@ fn less_by(shown: &Shown<'_>, claim: &mut Claim, [strategy, other]: [Strategy; 2
         if let (Some(run), Some(other)) =
             (shown.run(plant, strategy, k), shown.run(plant, other, k))
         {
-            // errors of a loop in sustained oscillation tell of that
-            if run.sustained_oscillation.is_some() || other.sustained_oscillation.is_some() {
+            // errors of a loop in sustained oscillation tell of that, those of a run that stopped of nothing
+            if !run.is_stable() || !other.is_stable() {
                 continue;
             }
             let (own, other) = (run.metrics(), other.metrics());

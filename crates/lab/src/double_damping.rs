@@ -14,7 +14,7 @@ use crate::closed_loop::metrics::{Metrics, TrackingError};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulated_crane::SimulatedCrane;
-use crate::{motion_test::Run, motion_test::run};
+use crate::{motion_test::Run, motion_test::attempted};
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::feedback::benchmark::BenchmarkInput;
 use hydroboom_control::strategy::Strategy;
@@ -38,19 +38,29 @@ pub struct DoubleDamping {
     pub damped_once: TrackingError,
     /// Whether each of the three, in this order, came to rest where its reference rested.
     pub stable: [bool; 3],
+    /// Why the simulation of each stopped before the course's end; no numbers stand beside it.
+    pub stopped: [Option<String>; 3],
 }
 
 impl DoubleDamping {
-    /// Each law with its error, and whether it came to rest: an error beside a sustained oscillation tells of that.
-    pub fn laws(&self) -> [(&'static str, TrackingError, bool); 3] {
-        let [benchmark, twice, once] = self.stable;
-        [
-            ("benchmark", self.benchmark, benchmark),
-            ("published: damped twice", self.damped_twice, twice),
-            ("pressure feedback on p - p_sim: damped once", self.damped_once, once),
-        ]
+    /// Each law with its error, or what stands in its place: an error beside a sustained oscillation tells of that.
+    pub fn laws(&self) -> [(&'static str, Result<TrackingError, &'static str>); 3] {
+        let names =
+            ["benchmark", "published: damped twice", "pressure feedback on p - p_sim: damped once"];
+        let errors = [self.benchmark, self.damped_twice, self.damped_once];
+        std::array::from_fn(|k| {
+            let found = match (&self.stopped[k], self.stable[k]) {
+                (Some(_), _) => Err("stopped"),
+                (None, false) => Err("unstable"),
+                (None, true) => Ok(errors[k]),
+            };
+            (names[k], found)
+        })
     }
 }
+
+/// What came of a law: its error, whether it came to rest, and why it stopped.
+type Came = (TrackingError, bool, Option<String>);
 
 /// The three along a course: two from `runs` on the plant, where both have been run along it, and the
 /// one that damps once. `plant_name` is for the table.
@@ -65,24 +75,37 @@ pub fn double_damping(
     course: &dyn Course,
     runs: &[Run],
 ) -> Result<DoubleDamping, LabError> {
-    let known = |strategy| -> Result<(TrackingError, bool), LabError> {
-        let of = |run: &Run| (run.metrics().tracking_error(), run.sustained_oscillation.is_none());
+    let known = |strategy| -> Result<Came, LabError> {
+        let of = |run: &Run| {
+            let error = match run.stopped {
+                None => run.metrics().tracking_error(),
+                Some(_) => TrackingError::UNFINISHED,
+            };
+            (error, run.is_stable(), run.stopped.clone())
+        };
         let name = course.name();
         match runs.iter().find(|run| run.strategy == strategy && run.course == name) {
             Some(run) => Ok(of(run)),
-            None => Ok(of(&run(model, plant, strategy, course)?)),
+            None => Ok(of(&attempted(model, plant, strategy, course)?)),
         }
     };
-    let (benchmark, first) = known(Strategy::BenchmarkClosedLoop)?;
-    let (damped_twice, second) = known(Strategy::SimulationFeedforwardClosedLoop)?;
-    let (damped_once, third) = damped_once(model, plant, course)?;
+    let first = known(Strategy::BenchmarkClosedLoop)?;
+    let second = known(Strategy::SimulationFeedforwardClosedLoop)?;
+    let third = match damped_once(model, plant, course) {
+        Ok((error, stable)) => (error, stable, None),
+        Err(LabError::Simulation { error, .. }) => {
+            (TrackingError::UNFINISHED, false, Some(error.to_string()))
+        }
+        Err(other) => return Err(other),
+    };
     Ok(DoubleDamping {
         plant: plant_name.into(),
         course: course.name(),
-        benchmark,
-        damped_twice,
-        damped_once,
-        stable: [first, second, third],
+        benchmark: first.0,
+        damped_twice: second.0,
+        damped_once: third.0,
+        stable: [first.1, second.1, third.1],
+        stopped: [first.2, second.2, third.2],
     })
 }
 

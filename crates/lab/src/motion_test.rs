@@ -5,7 +5,7 @@ use crate::closed_loop::metrics::{Effort, Metrics, SustainedOscillation, Trackin
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::{Course, motion_name};
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
-use crate::closed_loop::sustained_oscillation::sustained_oscillation;
+use crate::closed_loop::sustained_oscillation::sustained_oscillation as sustained_oscillation_of;
 use crate::{LabError, paper};
 use hydroboom_control::reference::profile::OutAndBack;
 use hydroboom_control::strategy::Strategy;
@@ -30,9 +30,39 @@ pub struct Run {
     pub samples: Vec<Sample>,
     /// The sustained oscillation that the piston was in while its reference rested, and after the course's end where it may have begun there.
     pub sustained_oscillation: Option<SustainedOscillation>,
+    /// Why the simulation stopped before the course's end, or in the rest after it; none where it came to its end. Samples go as far as it went.
+    pub stopped: Option<String>,
 }
 
 impl Run {
+    /// That of a strategy along a course, whose samples ended as they did: a simulation that left what the model holds for is a run that stopped.
+    fn ended(
+        model: &Description,
+        plant: &Description,
+        (strategy, course): (Strategy, &dyn Course),
+        samples: Vec<Sample>,
+        end: Result<(), LabError>,
+    ) -> Result<Self, LabError> {
+        let (name, speed) = (course.name(), course.speed());
+        let (sustained_oscillation, stopped) = (None, None);
+        let mut run =
+            Self { strategy, course: name, speed, samples, sustained_oscillation, stopped };
+        let judged = end.and_then(|()| {
+            sustained_oscillation_of(model, plant, strategy.into(), course, &run.metrics())
+        });
+        match judged {
+            Ok(found) => run.sustained_oscillation = found,
+            Err(LabError::Simulation { error, .. }) => run.stopped = Some(error.to_string()),
+            Err(other) => return Err(other),
+        }
+        Ok(run)
+    }
+
+    /// Whether its reference was followed to the end, and the piston came to rest where the reference rested: only then its errors are tracking errors.
+    pub fn is_stable(&self) -> bool {
+        self.sustained_oscillation.is_none() && self.stopped.is_none()
+    }
+
     /// How well the course was followed.
     pub fn metrics(&self) -> Metrics {
         let mut metrics = Metrics::new();
@@ -40,22 +70,12 @@ impl Run {
         metrics
     }
 
-    /// Looks whether it is in sustained oscillation.
-    fn judge(
-        &mut self,
-        model: &Description,
-        plant: &Description,
-        course: &dyn Course,
-    ) -> Result<(), LabError> {
-        let (controller, metrics) = (self.strategy.into(), self.metrics());
-        self.sustained_oscillation =
-            sustained_oscillation(model, plant, controller, course, &metrics)?;
-        Ok(())
-    }
-
     /// RMS and peak of the tracking error, or the sustained oscillation that they would tell of.
     pub fn tracking(&self) -> String {
         let metrics = self.metrics();
+        if let Some(reason) = &self.stopped {
+            return format!("stopped: {reason}");
+        }
         match self.sustained_oscillation {
             None => {
                 let error = metrics.tracking_error();
@@ -94,8 +114,10 @@ pub struct Row {
     pub course: String,
     /// Its largest speed.
     pub speed_mm_s: f64,
-    /// Whether the piston came to rest where its reference rested: false in a sustained oscillation.
+    /// Whether the piston came to rest where its reference rested: false in a sustained oscillation, and where the simulation stopped.
     pub stable: bool,
+    /// Why the simulation stopped before the course's end; no numbers stand beside it.
+    pub stopped: Option<String>,
     /// That oscillation. Errors beside it tell of it, and not of how well a reference is followed.
     pub sustained_oscillation: Option<SustainedOscillation>,
     /// Tracking error here.
@@ -123,31 +145,38 @@ impl Row {
         let column = paper::SPEEDS_MM_S.iter().position(|v| run.course == motion_name(*v));
         let printed = column.zip(paper::tracking_mm(run.strategy));
         let printed = printed.map(|(c, (rms, peak))| (rms[c], peak[c]));
+        let (error, effort) = match run.stopped {
+            None => (metrics.tracking_error(), metrics.effort()),
+            Some(_) => (TrackingError::UNFINISHED, Effort::UNFINISHED),
+        };
         Self {
             plant: plant.into(),
             strategy: run.strategy,
             course: run.course.clone(),
             speed_mm_s,
-            stable: run.sustained_oscillation.is_none(),
+            stable: run.is_stable(),
+            stopped: run.stopped.clone(),
             sustained_oscillation: run.sustained_oscillation,
-            error: metrics.tracking_error(),
-            effort: metrics.effort(),
+            error,
+            effort,
             paper_rms_mm: printed.map(|p| p.0),
             paper_peak_mm: printed.map(|p| p.1),
         }
     }
 }
 
-/// What is to be said of runs in sustained oscillation, a sentence each.
-pub fn oscillation_remarks(rows: &[Row]) -> Vec<String> {
+/// What is to be said of runs in sustained oscillation, and of those that stopped, a sentence each.
+pub fn instability_remarks(rows: &[Row]) -> Vec<String> {
     let remark = |row: &Row| {
-        let oscillation = row.sustained_oscillation?;
-        Some(format!(
-            "{} on {} at {}: UNSTABLE, in sustained oscillation of {oscillation}; its errors are no tracking errors",
-            row.strategy.name(),
-            row.plant,
-            row.course.trim()
-        ))
+        let what = match (&row.stopped, row.sustained_oscillation) {
+            (Some(reason), _) => format!("STOPPED: {reason}; it has no errors"),
+            (None, Some(oscillation)) => format!(
+                "UNSTABLE, in sustained oscillation of {oscillation}; its errors are no tracking errors"
+            ),
+            (None, None) => return None,
+        };
+        let (strategy, plant, course) = (row.strategy.name(), &row.plant, row.course.trim());
+        Some(format!("{strategy} on {plant} at {course}: {what}"))
     };
     rows.iter().filter_map(remark).collect()
 }
@@ -172,18 +201,38 @@ pub fn run(
         samples.push(*sample);
         Ok(())
     })?;
-    let (course_name, speed) = (course.name(), course.speed());
-    let mut run =
-        Run { strategy, course: course_name, speed, samples, sustained_oscillation: None };
-    run.judge(model, plant, course)?;
+    let (name, speed) = (course.name(), course.speed());
+    let (sustained_oscillation, stopped) = (None, None);
+    let mut run = Run { strategy, course: name, speed, samples, sustained_oscillation, stopped };
+    run.sustained_oscillation =
+        sustained_oscillation_of(model, plant, strategy.into(), course, &run.metrics())?;
     Ok(run)
 }
 
-/// All strategies along a course, side by side where the plant allows it.
+/// The same of a crane that may leave what the model holds for: that ends the run there, and it is [`stopped`](Run::stopped).
 ///
 /// # Errors
 ///
-/// As of [`run`].
+/// [`LabError`] when either crane cannot be built.
+pub fn attempted(
+    model: &Description,
+    plant: &Description,
+    strategy: Strategy,
+    course: &dyn Course,
+) -> Result<Run, LabError> {
+    let mut samples = Vec::with_capacity(count(model, course));
+    let end = simulate_closed_loop(model, plant, strategy, course, |sample| {
+        samples.push(*sample);
+        Ok(())
+    });
+    Run::ended(model, plant, (strategy, course), samples, end)
+}
+
+/// All strategies along a course, side by side where the plant allows it; those that stop, too.
+///
+/// # Errors
+///
+/// As of [`attempted`].
 pub fn run_all(
     model: &Description,
     plant: &Description,
@@ -193,19 +242,13 @@ pub fn run_all(
         Strategy::ALL.map(|strategy| Case { crane: plant, controller: strategy.into(), course });
     let mut samples = cases.map(|_| Vec::with_capacity(count(model, course)));
     let ends = simulate_cases(model, &cases, |lane, sample| samples[lane].push(*sample));
-    ends.into_iter().collect::<Result<(), _>>()?;
-    let mut samples = samples.into_iter();
-    let mut runs = Strategy::ALL.map(|strategy| Run {
-        strategy,
-        course: course.name(),
-        speed: course.speed(),
-        samples: samples.next().unwrap_or_default(),
-        sustained_oscillation: None,
-    });
-    for run in &mut runs {
-        run.judge(model, plant, course)?;
-    }
-    Ok(runs)
+    let all = Strategy::ALL.into_iter().zip(samples).zip(ends);
+    let runs = all
+        .map(|((strategy, samples), end)| {
+            Run::ended(model, plant, (strategy, course), samples, end)
+        })
+        .collect::<Result<Vec<Run>, LabError>>()?;
+    runs.try_into().map_err(|_| LabError::NoOscillation("a strategy was not run".into()))
 }
 
 fn count(model: &Description, course: &dyn Course) -> usize {

@@ -1,7 +1,7 @@
 //! The paper's printed results, for "paper | here" (doi:10.3390/act14020080). Errors are x − x_ref.
 
 use hydroboom_control::strategy::Strategy;
-use hydroboom_description::{Description, Difference};
+use hydroboom_description::{Description, Difference, RangeSource};
 
 /// Table 5: strokes \[mm\].
 pub const EIGEN_STROKE_MM: [f64; 3] = [100.0, 200.0, 400.0];
@@ -56,8 +56,57 @@ pub const STATED_OPEN_LOOP_PERCENT: f64 = 83.0;
 /// Conclusions: reduction of the RMS tracking error in closed loop at both speeds \[%\].
 pub const STATED_CLOSED_LOOP_PERCENT: [f64; 2] = [16.0, 12.0];
 
-/// Whether a crane is the paper's: its file has the paper's values, drive, valve, sensors and fieldbus aside.
+/// Choices of method, and not of the machine: how the boom is divided, and which of the paper's two friction laws is simulated.
+const METHODS: [&str; 2] = ["boom.segment_lengths_mm", "friction.law"];
+
+/// Whether a crane is the paper's, whose figures stand beside no other: what the paper prints is as printed, and what it does not print is as in the
+/// embedded file or within the range that stands there. Controllers, motions and equipment may be others.
 pub fn is_its_crane(crane: &Description) -> bool {
-    Description::uia_single_boom()
-        .is_ok_and(|own| own.differences(crane).iter().all(Difference::is_of_equipment))
+    let Ok(own) = Description::uia_single_boom() else { return false };
+    let is_possible = |difference: &Difference| {
+        let entry = own.own_ranges().find(|(key, ..)| key.path() == difference.key);
+        let is_printed = own.own_entries().any(|(key, _, origin)| {
+            key.path() == difference.key
+                && ["printed", "derived"].contains(&origin.provenance.as_str())
+        });
+        let value: Option<f64> = difference.there.parse().ok();
+        entry.zip(value).is_some_and(|((_, [low, high], source), value)| {
+            !is_printed && source == RangeSource::File && (low..=high).contains(&value)
+        })
+    };
+    own.differences(crane).iter().all(|difference| {
+        !difference.is_of_machine()
+            || METHODS.contains(&difference.key.as_str())
+            || is_possible(difference)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_crane_with_other_printed_values_is_not_the_papers() {
+        let is_its = |set: &[&str]| {
+            let mut crane = Description::uia_single_boom().unwrap();
+            crane.set_together(set.iter().copied()).unwrap();
+            is_its_crane(&crane)
+        };
+        assert!(is_its(&[]));
+        // controllers, methods, and what the paper does not print
+        for own in [
+            "controller.proportional_per_s=6",
+            "boom.segments=10",
+            "friction.law=lugre",
+            "friction.viscous_ns_per_m=4000",
+            "motion.fast_mm_s=100",
+        ] {
+            assert!(is_its(&[own]), "{own}");
+        }
+        for other in ["payload.mass_kg=60", "cylinder.piston_mm=100", "payload.x_mm=9000"] {
+            assert!(!is_its(&[other]), "{other}");
+        }
+        assert!(!is_its_crane(&Description::uia_virtual().unwrap()));
+        assert!(!is_its_crane(&Description::patu_lift().unwrap()));
+    }
 }

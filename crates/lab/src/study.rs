@@ -8,11 +8,12 @@ use crate::numerical_damping::{NumericalDamping, numerical_damping};
 use crate::work_precision::{Point, work_precision};
 use crate::{LabError, calibrate, eigenfrequency, paper};
 use crate::{
-    motion_test::Row, motion_test::Run, motion_test::pressure_oscillation, motion_test::run,
+    motion_test::Row, motion_test::Run, motion_test::attempted, motion_test::pressure_oscillation,
     motion_test::run_all,
 };
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, OFF_MODEL};
+use hydroboom_design::stability::{LoopStability, stability_of};
 use hydroboom_model::Scheme;
 use serde::Serialize;
 use std::thread;
@@ -59,6 +60,15 @@ pub struct EnergyResults {
     pub numerical_damping: Vec<NumericalDamping>,
 }
 
+/// Stability of the loops that strategies close around a plant, linearised.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlantLoops {
+    /// Name of the plant.
+    pub plant: &'static str,
+    /// Its loops.
+    pub loops: Vec<LoopStability>,
+}
+
 /// All results of the study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Study {
@@ -76,6 +86,12 @@ pub struct Study {
     pub virtual_eigenfrequency_hz: Option<[f64; 3]>,
     /// Tables 7 to 9, on all plants.
     pub motion: Vec<Row>,
+    /// Whether all loops are stable, linearised, and no run was in sustained oscillation or stopped.
+    pub stable: bool,
+    /// Loops around each plant.
+    pub loops: Vec<PlantLoops>,
+    /// What is to be said of the benchmark's gains, if anything.
+    pub remark_on_gains: Option<String>,
     /// Frequency of the p_A oscillation with the valve open, not fitted.
     /// None where the motion is too short to see two whole periods of it.
     pub pressure_oscillation_hz: Option<f64>,
@@ -85,7 +101,7 @@ pub struct Study {
     pub virtual_pressure_oscillation_hz: Option<f64>,
     /// The paper's measured one.
     pub paper_measured_pressure_oscillation_hz: Option<f64>,
-    /// Table 6.
+    /// Table 6; empty where a run that it compares stopped.
     pub differences: Vec<Difference>,
     /// What the second damping costs, on the nominal plant and on the virtual crane.
     pub double_damping: Vec<DoubleDamping>,
@@ -107,6 +123,15 @@ pub struct Study {
 }
 
 impl Study {
+    /// What is to be said of loops that are unstable, a sentence each.
+    pub fn unstable_loops(&self) -> Vec<String> {
+        let unstable = |of: &PlantLoops| {
+            let each = of.loops.iter().filter(|one| !one.stable);
+            each.map(|one| format!("{}, {one}", of.plant)).collect::<Vec<_>>()
+        };
+        self.loops.iter().flat_map(unstable).collect()
+    }
+
     /// The run of a strategy at a speed \[mm/s\] on a plant.
     pub fn run(&self, plant: &str, strategy: Strategy, speed_mm_s: f64) -> Option<&Run> {
         self.runs
@@ -154,8 +179,8 @@ fn virtual_results(model: &Description, crane: &Description) -> Result<VirtualRe
     Ok(VirtualResults {
         eigenfrequency: locked_modes(crane)?,
         alongside: [
-            run(model, model, Strategy::VelocityFeedforward, &slow)?,
-            run(model, model, Strategy::VelocityFeedforward, &fast)?,
+            attempted(model, model, Strategy::VelocityFeedforward, &slow)?,
+            attempted(model, model, Strategy::VelocityFeedforward, &fast)?,
         ],
         pressure_oscillation: oscillation,
         damping: double_damping(model, VIRTUAL, crane, &fast, &runs)?,
@@ -176,7 +201,7 @@ pub fn study(
     is_papers_crane: bool,
     progress: &(dyn Fn(&str) + Sync),
 ) -> Result<Study, LabError> {
-    let (off, off_model) = description.overridden("cranes/off-model.toml", OFF_MODEL)?;
+    let (off, off_model) = off_model(description)?;
     let n = &description.numbers;
     // two workers: the motion tests, and everything else
     let (runs, rest) = thread::scope(|scope| {
@@ -231,7 +256,7 @@ pub fn study(
         let [_, fast] = &results.alongside;
         let is_fast =
             |run: &&Run| run.strategy == Strategy::VelocityFeedforward && run.course == fast.course;
-        seen = results.runs.iter().find(is_fast).map(|run| calibrate::differences(fast, run));
+        seen = results.runs.iter().find(is_fast).and_then(|run| differences_of(fast, run));
         runs.extend(results.runs.into_iter().map(|run| (VIRTUAL.to_string(), run)));
         double_damping.push(results.damping);
         alongside = Some(results.alongside);
@@ -239,7 +264,8 @@ pub fn study(
         virtual_oscillation = results.pressure_oscillation;
     }
     let beside_paper = |row: Row| if is_papers_crane { row } else { row.without_paper() };
-    let motion = runs.iter().map(|(plant, run)| beside_paper(Row::of(plant, run))).collect();
+    let motion: Vec<Row> =
+        runs.iter().map(|(plant, run)| beside_paper(Row::of(plant, run))).collect();
     let fast = |plant: &str| {
         runs.iter().find(|(name, run)| {
             name == plant && run.strategy == Strategy::VelocityFeedforward && run.speed == n.fast
@@ -249,7 +275,18 @@ pub fn study(
         return Err(LabError::NoOscillation("the fast motion was not run".into()));
     };
     let pressure_oscillation_hz = pressure_oscillation(&description.motion(n.fast), nominal).ok();
-    let differences = differences(seen, calibrate::differences(nominal, other), is_papers_crane);
+    let differences = match differences_of(nominal, other) {
+        Some(off_model) => differences(seen, off_model, is_papers_crane),
+        None => Vec::new(),
+    };
+    let mut loops = Vec::new();
+    let plants = [(NOMINAL, Some(description)), (OFF, Some(&off)), (VIRTUAL, virtual_crane)];
+    for (plant, machine) in plants {
+        if let Some(machine) = machine {
+            let loops_of = stability_of(&Strategy::ALL, description, machine)?;
+            loops.push(PlantLoops { plant, loops: loops_of });
+        }
+    }
     let model_hz = std::array::from_fn(|k| eigenfrequency[k].linearised_hz);
     let mut plants_hz = vec![(OFF, off_hz)];
     plants_hz.extend(virtual_hz.map(|hz| (VIRTUAL, hz)));
@@ -271,7 +308,11 @@ pub fn study(
         eigenfrequency_accuracy_percent: is_papers_crane.then_some(accuracy),
         eigenfrequency,
         virtual_eigenfrequency_hz: virtual_hz,
+        stable: motion.iter().all(|row| row.stable)
+            && loops.iter().flat_map(|of| &of.loops).all(|one| one.stable),
         motion,
+        loops,
+        remark_on_gains: None,
         pressure_oscillation_hz,
         paper_pressure_oscillation_hz: is_papers_crane.then_some(paper::PRESSURE_OSCILLATION_HZ),
         virtual_pressure_oscillation_hz: virtual_oscillation,
@@ -286,6 +327,36 @@ pub fn study(
         alongside: alongside.map(|[_, fast]| fast),
         oscillation: Some(oscillation),
     })
+}
+
+/// A crane that differs from the model as the off-model plant does from the paper's crane: by the same shares; and how, as overrides.
+fn off_model(model: &Description) -> Result<(Description, Vec<String>), LabError> {
+    let own = Description::uia_single_boom()?;
+    let (off, _) = own.overridden("cranes/off-model.toml", OFF_MODEL)?;
+    let mut overrides = Vec::new();
+    for changed in own.differences(&off) {
+        let entry = model.own_entries().find(|(key, ..)| key.path() == changed.key);
+        let shares = (changed.there.parse::<f64>(), changed.here.parse::<f64>());
+        if let (Some((key, value, _)), (Ok(there), Ok(here))) = (entry, shares) {
+            // free of rounding noise
+            overrides.push(format!("{}={}", key.path(), short(value * there / here)));
+        }
+    }
+    let mut plant = model.clone();
+    plant.set_together(overrides.iter().map(String::as_str))?;
+    Ok((plant, overrides.iter().map(|assignment| assignment.replace('=', " = ")).collect()))
+}
+
+/// A value to eleven digits, very small ones with an exponent.
+fn short(value: f64) -> String {
+    let value: f64 = format!("{value:.10e}").parse().unwrap_or(value);
+    if value != 0.0 && value.abs() < 1e-3 { format!("{value:e}") } else { value.to_string() }
+}
+
+/// Table 6 of two runs that came to their end.
+fn differences_of(model: &Run, plant: &Run) -> Option<[(f64, f64); 6]> {
+    let whole = model.stopped.is_none() && plant.stopped.is_none();
+    whole.then(|| calibrate::differences(model, plant))
 }
 
 /// Table 6.
@@ -307,4 +378,20 @@ fn differences(
             paper_peak: is_papers_crane.then_some(*paper_peak),
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_off_model_plant_differs_by_the_same_shares_from_any_crane() {
+        let own = Description::uia_single_boom().unwrap();
+        let (off, _) = own.overridden("cranes/off-model.toml", OFF_MODEL).unwrap();
+        assert!(off.differences(&off_model(&own).unwrap().0).is_empty());
+        let mut light = own.clone();
+        light.set("payload.mass_kg=60").unwrap();
+        let payload = off_model(&light).unwrap().0.numbers.payload;
+        assert!((payload / (60.0 * 316.0 / 307.0) - 1.0).abs() < 1e-9, "{payload} kg");
+    }
 }

@@ -13,7 +13,7 @@ use crate::closed_loop::sample::Sample;
 use crate::energy_audit::{Balance, PUMP_WORK};
 use crate::study::{NOMINAL, OFF, Study, VIRTUAL};
 use crate::work_precision::{Excitation, Point};
-use crate::{motion_test::Row, motion_test::Run};
+use crate::{motion_test::Row, motion_test::Run, motion_test::instability_remarks};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_math::Real;
@@ -29,12 +29,16 @@ pub fn page(description: &Description, study: &Study) -> Result<Page, LabError> 
                 p.soft {
                     "Everything below is simulated. "
                     @if !study.is_papers_crane { "The paper's figures are of its own crane, and are left out beside this one. " }
-                    "\"Paper\" is Hagen et al., Actuators 2025, 14(2):80; "
-                    "its tracking errors were measured on a real crane, of which no log is public. "
+                    @if study.is_papers_crane {
+                        "\"Paper\" is Hagen et al., Actuators 2025, 14(2):80; "
+                        "its tracking errors were measured on a real crane, of which no log is public. "
+                    }
                     "\"Nominal\" is a plant equal to the model, which flatters every strategy that uses the "
-                    "model; \"off-model\" is a plant that differs from it in a few parameters, by guesses; the "
-                    "\"virtual crane\" stands in for the real one, with what the model leaves out, calibrated to "
-                    "what the paper measured. Neither is a measurement."
+                    "model; \"off-model\" is a plant that differs from it in a few parameters, by guesses"
+                    @if study.virtual_eigenfrequency_hz.is_some() {
+                        "; the \"virtual crane\" stands in for a real one, with what the model leaves out"
+                    }
+                    ". Neither is a measurement."
                 }
                 (figure("The crane to scale, at both ends of the motion. Dots are the joints between segments.",
                     &drawing::crane(description)?))
@@ -153,9 +157,9 @@ fn differences(study: &Study) -> Markup {
         h2 { @if beside_paper { "Table 6: p" } @else { "P" } "lant less model at the fast speed" }
         p.soft {
             @if beside_paper { "Paper: the real crane less its simulation. " }
-            "Here: virtual crane, and off-model plant, less the "
+            "Here: " @if beside_virtual { "virtual crane, and " } "off-model plant, less the "
             "model, all under velocity feedforward, as measured. "
-            @if beside_paper { "The virtual crane was calibrated to the paper's RMS values and not to its peaks. " }
+            @if beside_paper && beside_virtual { "The embedded virtual crane was calibrated to the paper's RMS values and not to its peaks. " }
             "The off-model plant: " (study.off_model.join(", ")) "."
         }
         div.wide { table {
@@ -239,7 +243,7 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
     for plant in &plants {
         columns.push((plant, "true", [|r| r.error.rms_true_mm, |r| r.error.peak_true_mm]));
         let mut rows = study.motion.iter().filter(|row| row.plant == *plant);
-        if !rows.all(|row| row.error.is_measured_truly()) {
+        if !rows.all(|row| row.stopped.is_some() || row.error.is_measured_truly()) {
             let measured: RmsAndPeak = [|r| r.error.rms_measured_mm, |r| r.error.peak_measured_mm];
             columns.push((plant, "measured", measured));
         }
@@ -276,9 +280,13 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
                 } } }
             } }
         }
+        @for remark in instability_remarks(&study.motion).iter().chain(&study.unstable_loops()) {
+            p { strong { (remark) } "." }
+        }
+        @if let Some(remark) = &study.remark_on_gains { p { strong { (remark) } "." } }
         p {
-            "On the nominal plant the open-loop simulation feedforward repeats the benchmark's closed loop "
-            "exactly, because plant and simulation are the same: that column says nothing about a real crane. "
+            "On the nominal plant the open-loop simulation feedforward repeats the benchmark's closed loop, "
+            "because plant and simulation are the same: that column says nothing about a real crane. "
             "On the others its error grows to what the model does not know of their pump."
         }
         (panels)
@@ -300,10 +308,11 @@ fn damping(study: &Study) -> Markup {
             thead { tr {
                 th { "plant" } th { "course" } th { "law" } @for head in TrackingError::HEADS { th { (head) } }
             } }
-            tbody { @for row in &study.double_damping { @for (law, error, stable) in row.laws() { tr {
+            tbody { @for row in &study.double_damping { @for (law, found) in row.laws() { tr {
                 td { (row.plant) } td { (row.course) } td.text { (law) }
-                @for mm in error.cells() {
-                    @if stable { td { (format!("{mm:.3}")) } } @else { td.unstable { "unstable" } }
+                @match found {
+                    Ok(error) => @for mm in error.cells() { td { (format!("{mm:.3}")) } },
+                    Err(word) => @for _ in TrackingError::HEADS { td.unstable { (word) } },
                 }
             } } } }
         } }
@@ -320,7 +329,6 @@ fn test_4(study: &Study) -> Markup {
     let ours = study.motion.iter().filter(|row| row.strategy == Strategy::ScheduledLqr);
     let pairs: Vec<(&Row, Row)> =
         ours.filter_map(|row| Some((row, of(row, Strategy::BenchmarkClosedLoop)?))).collect();
-    let three = |v: f64| format!("{v:.3}");
     html! {
         h2 { "Test 4: scheduled LQR" }
         p {
@@ -342,7 +350,9 @@ fn test_4(study: &Study) -> Markup {
                         (format!("{:.0}", 100.0 * (1.0 - row.error.rms_true_mm / benchmark.error.rms_true_mm)))
                     }
                 }
-                td { (three(row.effort.residual_vibration_mm)) } td { (three(row.effort.energy_kj)) }
+                @for value in [row.effort.residual_vibration_mm, row.effort.energy_kj] {
+                    td { (optional(value.is_finite().then_some(value), 3)) }
+                }
             } } } }
         } }
         p.soft { (MOTOR_ENERGY) }

@@ -160,11 +160,12 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
     Ok(document(&format!("Motion tests: {}", tests.crane), &body))
 }
 
-/// A cell with an error of a run, or what stands in its place where the run oscillates.
+/// A cell with an error of a run, or what stands in its place where the run oscillates or stopped.
 pub(super) fn here(row: &Row, mm: f64) -> Markup {
-    match row.sustained_oscillation {
-        None => html! { td { (format!("{mm:.3}")) } },
-        Some(oscillation) => {
+    match (&row.stopped, row.sustained_oscillation) {
+        (Some(reason), _) => html! { td.unstable { "stopped: " (reason) } },
+        (None, None) => html! { td { (format!("{mm:.3}")) } },
+        (None, Some(oscillation)) => {
             html! { td.unstable { "unstable: " (oscillation.to_string()) } }
         }
     }
@@ -173,7 +174,7 @@ pub(super) fn here(row: &Row, mm: f64) -> Markup {
 fn table(rows: &[Row]) -> Markup {
     let optional = |v: Option<f64>| v.map_or_else(|| "-".into(), |v| format!("{v:.2}"));
     let beside_paper = rows.iter().any(|row| row.paper_rms_mm.is_some());
-    let ideal = rows.iter().all(|row| row.error.is_measured_truly());
+    let ideal = rows.iter().all(|row| row.stopped.is_some() || row.error.is_measured_truly());
     let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
     html! {
         div.wide { table {
