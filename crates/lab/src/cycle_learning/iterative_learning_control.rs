@@ -24,6 +24,7 @@ use hydroboom_description::Description;
 use hydroboom_design::DesignError;
 use hydroboom_design::operating_points::rod_side_term;
 use hydroboom_design::reduced_model_fit::reduced_model;
+use hydroboom_design::scheduled_lqr::known_delay;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 use serde::Serialize;
 
@@ -78,6 +79,8 @@ pub(crate) struct IterativeLearning {
     interval: f64,
     /// Control period \[s\].
     period: f64,
+    /// Known delay of readings, by the fieldbus \[s\]: they are compared with the reference of that time before.
+    reading_delay: f64,
     /// Largest motor speed \[rev/s\].
     fastest: f64,
     /// G \[m/(rev/s)\]: errors by parameters.
@@ -112,7 +115,10 @@ impl IterativeLearning {
         })?;
         let n = &model.numbers;
         let (period, fastest) = (n.control_period, n.motor_speed);
-        Ok(Self { settings, interval, period, fastest, response, learned, normal })
+        let reading_delay = f64::from(known_delay(model)) * period;
+        let law =
+            Self { settings, interval, period, reading_delay, fastest, response, learned, normal };
+        Ok(law)
     }
 
     /// Before the first cycle: nothing is corrected.
@@ -154,7 +160,10 @@ impl IterativeLearning {
         let error: Vec<f64> = readings
             .iter()
             .enumerate()
-            .map(|(k, at)| at.stroke - course.reference(k as f64 * self.period).position)
+            .map(|(k, at)| {
+                let time = (k as f64 * self.period - self.reading_delay).max(0.0);
+                at.stroke - course.reference(time).position
+            })
             .collect();
         let around = (self.settings.average / self.period).round() as usize;
         DVector::from_fn(self.response.nrows(), |row, _| {
@@ -411,11 +420,7 @@ mod tests {
         for _ in 0..4 {
             let corrected = learning.corrected(&commands, &correction);
             let record = surrogate(&machine(), &course).run(&corrected).unwrap();
-            let period = record.period;
-            let error = |(k, at): (usize, &AxisSignals<f64>)| {
-                at.stroke - course.reference(k as f64 * period).position
-            };
-            errors.push(rms(record.readings.iter().enumerate().map(error)));
+            errors.push(rms(learning.error(&record.readings, &course).iter().copied()));
             correction = learning.learn(&correction, &record.readings, &course);
         }
         assert!(errors[0] > 2e-3 && errors[3] < 0.05 * errors[0], "{errors:?}");
