@@ -248,7 +248,7 @@ fn cycle_report(
     let learning = IterativeLearning::new(&identified, course, periods, settings)?;
     let convergence = learning.convergence(&identified, course, periods)?;
     if convergence.is_ensured() {
-        for start in [Start::Rest(crane), Start::AsLeft(machine.clone())] {
+        for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {
             report.learn(&learning, &record, course, start)?;
         }
     } else {
@@ -338,7 +338,7 @@ enum Start<'a> {
     /// A crane of this description at rest where the course begins.
     Rest(&'a Description),
     /// The state that the cycle before has left.
-    AsLeft(VirtualCrane),
+    AsLeft(Box<VirtualCrane>),
 }
 
 impl Start<'_> {

@@ -203,11 +203,10 @@ impl IterativeLearning {
                 let there = response(&other, course, periods, self.interval)?;
                 let radius = self.radius(&there);
                 // a radius that is not a number is no convergence
-                if !(radius <= found.worst) {
-                    let shown = other.numbers.payload;
+                if radius.is_nan() || radius > found.worst {
                     found.worst = radius;
                     found.worst_at = match path {
-                        "payload.mass_kg" => format!("{path}={shown:.0}"),
+                        "payload.mass_kg" => format!("{path}={:.0}", other.numbers.payload),
                         _ => format!("{path}={:.1}", other.numbers.transition * 1e-5),
                     };
                 }
@@ -344,7 +343,6 @@ impl Linear {
 mod tests {
     use super::super::surrogate::Surrogate;
     use super::*;
-    use hydroboom_control::reference::trajectory::Trajectory as _;
 
     fn course() -> impl Course {
         let model = Description::uia_single_boom().unwrap();

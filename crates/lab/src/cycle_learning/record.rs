@@ -31,27 +31,20 @@ impl Record {
     pub(crate) fn log(&self) -> (Measurement, Signals) {
         let time: Vec<f64> = (0..self.readings.len()).map(|k| k as f64 * self.period).collect();
         let mut signals = Signals::default();
-        let of_readings: [(Signal, fn(&AxisSignals<f64>) -> f64); 7] = [
-            (Signal::Stroke, |r| r.stroke),
-            (Signal::PressurePumpA, |r| r.pressure_pump_a),
-            (Signal::PressureA, |r| r.pressure_a),
-            (Signal::PressureB, |r| r.pressure_b),
-            (Signal::PressurePumpB, |r| r.pressure_pump_b),
-            (Signal::PressureAccumulator, |r| r.pressure_accumulator),
-            (Signal::MotorSpeed, |r| r.motor_speed),
-        ];
-        for (signal, of) in of_readings {
-            let values: Vec<f64> = self.readings.iter().map(of).collect();
+        let mut add = |signal: Signal, values: Vec<f64>| {
             signals.insert(signal, Track::new(&time, &values));
-        }
-        let of_commands: [(Signal, fn(&AxisCommand<f64>) -> f64); 2] = [
-            (Signal::MotorCommand, |c| c.motor_speed),
-            (Signal::HoldingValve, |c| c.holding_valve),
-        ];
-        for (signal, of) in of_commands {
-            let values: Vec<f64> = self.commands.iter().map(of).collect();
-            signals.insert(signal, Track::new(&time, &values));
-        }
+        };
+        let read = |of: fn(&AxisSignals<f64>) -> f64| self.readings.iter().map(of).collect();
+        add(Signal::Stroke, read(|r| r.stroke));
+        add(Signal::PressurePumpA, read(|r| r.pressure_pump_a));
+        add(Signal::PressureA, read(|r| r.pressure_a));
+        add(Signal::PressureB, read(|r| r.pressure_b));
+        add(Signal::PressurePumpB, read(|r| r.pressure_pump_b));
+        add(Signal::PressureAccumulator, read(|r| r.pressure_accumulator));
+        add(Signal::MotorSpeed, read(|r| r.motor_speed));
+        let commanded = |of: fn(&AxisCommand<f64>) -> f64| self.commands.iter().map(of).collect();
+        add(Signal::MotorCommand, commanded(|c| c.motor_speed));
+        add(Signal::HoldingValve, commanded(|c| c.holding_valve));
         let name = "cycle".into();
         (Measurement { name, channels: Vec::new(), remarks: Vec::new(), time: None }, signals)
     }
