@@ -10,11 +10,11 @@ use hydroboom_description::{Description, RangeSource};
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
-use hydroboom_lab::learning::{Taught, taught};
+use hydroboom_lab::learning::{Rms, Taught, taught};
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 
-/// What one cycle under the scheduled LQR tells of a virtual crane, and what open loop is worth with it: the machine is commanded what a model was commanded in a
+/// What one cycle under the scheduled LQR tells of a virtual crane, and what open loop is worth with it: the plant is commanded what a model was commanded in a
 /// rehearsal under the scheduled LQR, and not looked at. From the rest that the cycle began from, by the model as described, and by a model fitted to the
 /// whole cycle in hindsight; the cycle's own commands amended by its errors; and, straight on from where the cycle ended, the rehearsal, and the very commands of
 /// the cycle, which tell what a perfect model would come to that does not know in what state the cycle left the oil.
@@ -26,7 +26,7 @@ use serde_json::json;
 pub struct Learn {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the machine; when not given, the virtual crane: that of the crane file (typical drive,
+    /// Crane file of the plant; when not given, the virtual crane: that of the crane file (typical drive,
     /// valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE", conflicts_with = "family")]
     plant: Option<InputFile>,
@@ -65,38 +65,12 @@ impl Learn {
             bail!("none of {asked} cycles had been run when it was interrupted");
         }
         if self.json {
-            return output::json(
-                &json!({ "asked": asked, "learned": all, "plant": choice.json() }),
-            );
+            return output::json(&json!({
+                "asked": asked, "learned": all, "stable": all.iter().all(|t| t.stable), "plant": choice.json(),
+            }));
         }
-        let rows: Vec<Vec<String>> = all
-            .iter()
-            .map(|t| {
-                vec![
-                    t.crane.clone(),
-                    t.course.clone(),
-                    match t.sustained_oscillation {
-                        None => output::optional(t.closed_loop_mm, 2),
-                        Some(oscillation) => format!("unstable: {oscillation}"),
-                    },
-                    output::optional(t.before_mm, 2),
-                    output::optional(t.in_hindsight_mm, 2),
-                    output::optional(t.amended_mm, 2),
-                    output::optional(t.straight_on_mm, 2),
-                    output::optional(t.told_again_mm, 2),
-                ]
-            })
-            .collect();
-        let header = [
-            "crane",
-            "course",
-            "closed loop [mm]",
-            "open loop before [mm]",
-            "in hindsight [mm]",
-            "cycle amended [mm]",
-            "straight on [mm]",
-            "told again [mm]",
-        ];
+        let rows: Vec<Vec<String>> = all.iter().flat_map(rows).collect();
+        let header = ["crane", "course", "how it was led", "RMS true [mm]", "RMS measured [mm]"];
         output::text(&format!(
             "{}{}{}{}",
             output::table(&header, &rows),
@@ -105,6 +79,35 @@ impl Learn {
             choice.equality().map_or(String::new(), |equality| format!("\n\n{equality}"))
         ))
     }
+}
+
+/// A way in which a machine was led: its name, and what came of it.
+type Way = (&'static str, fn(&Taught) -> Option<Rms>);
+
+/// Each way in which a course was run.
+const WAYS: [Way; 6] = [
+    ("closed loop", |t| t.closed_loop),
+    ("open loop, model as described", |t| t.before),
+    ("open loop, model in hindsight", |t| t.in_hindsight),
+    ("the cycle's commands amended", |t| t.amended),
+    ("straight on, model in hindsight", |t| t.straight_on),
+    ("straight on, the cycle's commands", |t| t.told_again),
+];
+
+/// A row for each way.
+fn rows(t: &Taught) -> Vec<Vec<String>> {
+    let row = |(k, (name, of)): (usize, &Way)| {
+        let errors = match t.sustained_oscillation.filter(|_| k == 0) {
+            Some(oscillation) => [format!("unstable: {oscillation}"), "unstable".into()],
+            None => {
+                let rms = of(t);
+                [rms.map(|rms| rms.rms_true_mm), rms.map(|rms| rms.rms_measured_mm)]
+                    .map(|mm| output::optional(mm, 2))
+            }
+        };
+        [vec![t.crane.clone(), t.course.clone(), name.to_string()], errors.to_vec()].concat()
+    };
+    WAYS.iter().enumerate().map(row).collect()
 }
 
 /// The overrides of each cycle, in lines that a shell takes; of many cycles where they are to be had.
@@ -158,18 +161,15 @@ fn summed_up(all: &[Taught], asked: usize) -> String {
             false => format!("\n\n{} cycles", of_asked(all.len(), asked)),
         };
     }
-    let sum = |of: fn(&Taught) -> Option<f64>| {
-        let errors: Vec<f64> = all.iter().filter_map(of).collect();
-        let below = errors.iter().filter(|mm| **mm < 1.0).count();
-        format!("{:.2} mm, below 1 mm on {below}", Percentiles::of(errors.into_iter()).median)
+    let sum = |of: fn(&Taught) -> Option<Rms>| {
+        let of_each =
+            |error: fn(Rms) -> f64| all.iter().filter_map(of).map(error).collect::<Vec<f64>>();
+        let [truth, measured] =
+            [of_each(|rms| rms.rms_true_mm), of_each(|rms| rms.rms_measured_mm)];
+        let below = truth.iter().filter(|mm| **mm < 1.0).count();
+        let [truth, measured] = [truth, measured].map(|all| Percentiles::of(all).median);
+        format!("RMS true {truth:.2} mm (below 1 mm on {below}), measured {measured:.2} mm")
     };
-    format!(
-        "\n\nin the median of {}: {} before, {} in hindsight, {} told the cycle amended, {} straight on from where the cycle ended, {} told its own motor speed again there",
-        of_asked(all.len(), asked),
-        sum(|t| t.before_mm),
-        sum(|t| t.in_hindsight_mm),
-        sum(|t| t.amended_mm),
-        sum(|t| t.straight_on_mm),
-        sum(|t| t.told_again_mm),
-    )
+    let ways = WAYS[1..].iter().map(|(name, of)| format!("\n  {name}: {}", sum(*of)));
+    format!("\n\nin the median of {}:{}", of_asked(all.len(), asked), ways.collect::<String>())
 }

@@ -625,15 +625,17 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     let row = [
         "crane",
         "course",
-        "closed_loop_mm",
-        "before_mm",
-        "in_hindsight_mm",
-        "amended_mm",
-        "straight_on_mm",
-        "told_again_mm",
+        "closed_loop",
+        "before",
+        "in_hindsight",
+        "amended",
+        "straight_on",
+        "told_again",
         "set_in_hindsight",
     ];
     keys(&learned["learned"][0], &row);
+    keys(&learned["learned"][0]["closed_loop"], &["rms_true_mm", "rms_measured_mm"]);
+    assert_eq!(learned["stable"], true, "{learned}");
     // what was fitted is what any command takes
     let set = learned["learned"][0]["set_in_hindsight"].as_array().unwrap();
     let mut arguments = vec!["show", "--json"];

@@ -21,7 +21,7 @@ fn a_cycle_tells_what_open_loop_lacks() {
     let crane = member(&Description::uia_virtual().unwrap(), 7, 10).unwrap().crane;
     let found = cycle(crane);
     let [before, hindsight, amended] =
-        [found.before_mm, found.in_hindsight_mm, found.amended_mm].map(Option::unwrap);
+        [found.before, found.in_hindsight, found.amended].map(|rms| rms.unwrap().rms_measured_mm);
     assert!(hindsight < 1.0 && hindsight < 0.2 * before, "{before} mm, then {hindsight} mm");
     assert!(amended < 1.0, "{amended} mm");
 }
@@ -41,7 +41,7 @@ fn a_cycle_tells_how_late_a_slow_drive_is() {
     let lag = fitted.numbers.tuning.estimator_drive_lag;
     assert!((lag - late).abs() < 0.1 * late, "{lag} s for {late} s");
     let lag_mm = n.fast * (late - model.numbers.tuning.estimator_drive_lag) * 1e3;
-    let rehearsed = found.in_hindsight_mm.unwrap();
+    let rehearsed = found.in_hindsight.unwrap().rms_measured_mm;
     assert!(rehearsed < 0.25 * lag_mm, "{rehearsed} mm, of {lag_mm} mm that are late");
 }
 
@@ -50,7 +50,8 @@ fn a_cycle_tells_how_late_a_slow_drive_is() {
 #[test]
 fn what_comes_again_depends_on_how_soft_the_oil_is_where_it_rests() {
     let nominal = Description::uia_virtual().unwrap();
-    let [soft, stiff] = [16, 20]
-        .map(|number| cycle(member(&nominal, 1, number).unwrap().crane).told_again_mm.unwrap());
+    let [soft, stiff] = [16, 20].map(|number| {
+        cycle(member(&nominal, 1, number).unwrap().crane).told_again.unwrap().rms_measured_mm
+    });
     assert!(stiff < 0.5 && soft > 5.0, "{stiff} mm, {soft} mm");
 }
