@@ -29,7 +29,7 @@ use serde_json::json;
 pub struct Learn {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the machine; when not given, the virtual crane: that of the crane file (typical drive,
+    /// Crane file of the plant; when not given, the virtual crane: that of the crane file (typical drive,
     /// valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE", conflicts_with = "family")]
     plant: Option<InputFile>,
@@ -69,9 +69,10 @@ impl Learn {
             bail!("none of {asked} cycles had been run when it was interrupted");
         }
         if self.json {
-            return output::json(
-                &json!({ "asked": asked, "learned": all, "plant": choice.json() }),
-            );
+            let stable = all.iter().all(|report| report.stable);
+            return output::json(&json!({
+                "asked": asked, "learned": all, "stable": stable, "plant": choice.json(),
+            }));
         }
         let interrupted = match all.len() == asked {
             true => String::new(),
@@ -162,8 +163,7 @@ fn medians(all: &[CycleReport]) -> String {
     let rows = found.into_iter().map(|([name, begins], [true_ones, measured])| {
         let below = true_ones.iter().filter(|mm| **mm < 1.0).count();
         let count = true_ones.len();
-        let [truly, as_measured] =
-            [true_ones, measured].map(|all| Percentiles::of(all.into_iter()).median);
+        let [truly, as_measured] = [true_ones, measured].map(|all| Percentiles::of(all).median);
         let share = format!("{below} of {count}");
         vec![name, begins, format!("{truly:.3}"), format!("{as_measured:.3}"), share]
     });

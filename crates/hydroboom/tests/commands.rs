@@ -626,6 +626,7 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     keys(first, &["crane", "course", "stable", "methods", "convergence", "identified", "remarks"]);
     let method = ["method", "cycles", "reset", "rms_true_mm", "rms_measured_mm"];
     keys(&first["methods"][0], &method);
+    assert_eq!(learned["stable"], true, "{learned}");
     // the closed loop, four of feedforward, the replay, and learning after 1, 3 and 10 cycles from rest and without reset
     assert_eq!(first["methods"].as_array().unwrap().len(), 12);
     // what was identified is what any command takes
