@@ -301,8 +301,9 @@ pub fn prefixed_files(
         env!("CARGO_PKG_VERSION"),
         helpers(precision, own)
     );
+    let mut names = Names::new(&RESERVED);
     for block in blocks {
-        functions.extend(printed(block, precision, own, &mut header, &mut source)?);
+        functions.extend(printed(block, precision, own, &mut names, [&mut header, &mut source])?);
     }
     header += &format!("\n#ifdef __cplusplus\n}}\n#endif\n\n#endif /* {guard} */\n");
     Ok(Files { header, source, functions })
@@ -329,13 +330,13 @@ fn structure(to: &mut String, own: &str, what: &str, name: &str, fields: &[&Vari
     let _ = writeln!(to, "}} {name};");
 }
 
-/// Adds a block; the names of its functions.
+/// Adds a block to header and source; the names of its functions. `inner` are names within the source.
 fn printed(
     block: &Block,
     precision: Precision,
     own: &str,
-    header: &mut String,
-    source: &mut String,
+    inner: &mut Names,
+    [header, source]: [&mut String; 2],
 ) -> Result<Vec<String>, ExportError> {
     let plan = Plan::of(block)?;
     let graph = &*block.graph;
@@ -368,7 +369,9 @@ fn printed(
     };
     let mut functions = Vec::new();
     let (said, results) = statements(&from, &dialect, &mut names, &mut functions);
-    let lines = Lines { real: &real, prefix: &prefix, functions: &functions };
+    let mut called = Vec::new();
+    name(&functions, own, inner, &mut called);
+    let lines = Lines { real: &real, functions: &functions, names: &called };
     let mut preparing = lines.statements(&said);
     let mut repeated = lines.functions(0);
     let mut fields = Names::new(&RESERVED);
@@ -510,7 +513,8 @@ fn printed(
         let first = functions.len();
         let mut names = Names::new(&RESERVED);
         let (said, results) = statements(&from, &dialect, &mut names, &mut functions);
-        let lines = Lines { real: &real, prefix: &prefix, functions: &functions };
+        name(&functions, own, inner, &mut called);
+        let lines = Lines { real: &real, functions: &functions, names: &called };
         repeated += &lines.functions(first);
         let mut body = lines.statements(&said);
         let moves = entry.results.iter().any(|(target, _)| matches!(target, Target::State(_)));
@@ -574,6 +578,14 @@ fn printed(
     Ok(declarations)
 }
 
+/// Names the functions that have none yet. Without the name of their block: they are seen in this source only, and longer names than
+/// 63 characters are not told apart by every compiler.
+fn name(functions: &[Function], own: &str, inner: &mut Names, names: &mut Vec<String>) {
+    for Function { origin, number, .. } in &functions[names.len()..] {
+        names.push(inner.free(&format!("{own}{origin}_{number}")));
+    }
+}
+
 /// Arrays among the members of a structure, as they can be passed: name and length.
 fn arrays<'a>(
     structure: &'a str,
@@ -608,7 +620,7 @@ fn function(
     };
     let (dialect, mut functions) = (C(Precision::Double), Vec::new());
     let (said, results) = statements(&from, &dialect, &mut dialect.names(), &mut functions);
-    let lines = Lines { real: &format!("{own}real"), prefix: name, functions: &functions };
+    let lines = Lines { real: &format!("{own}real"), functions: &functions, names: &[] };
     let body = lines.statements(&said);
     match results.as_slice() {
         [one] => format!(

@@ -250,11 +250,11 @@ fn a_repeated_part_is_printed_once_as_a_function() {
     let source = files(std::slice::from_ref(&block), "made", Precision::Double).unwrap().source;
     let defined: Vec<&str> = source
         .lines()
-        .filter(|line| line.starts_with("static") && line.contains("hb_made_repeats_"))
+        .filter(|line| line.starts_with("static") && line.contains("hb_repeats_"))
         .collect();
     assert_eq!(defined.len(), 3, "{source}");
     let calls = |name: &str| source.matches(&format!("{name}(")).count() - 1;
-    let mut all: Vec<usize> = (1..=3).map(|k| calls(&format!("hb_made_repeats_{k}"))).collect();
+    let mut all: Vec<usize> = (1..=3).map(|k| calls(&format!("hb_repeats_{k}"))).collect();
     all.sort_unstable();
     assert_eq!(all, [1, 1, 5], "{source}");
 

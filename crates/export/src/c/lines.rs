@@ -25,10 +25,10 @@ pub(super) fn each(depth: usize, count: usize, what: &str) -> String {
 pub(super) struct Lines<'a> {
     /// Name of the number that everything is computed with.
     pub(super) real: &'a str,
-    /// What the names of the functions begin with.
-    pub(super) prefix: &'a str,
     /// What can be called.
     pub(super) functions: &'a [Function],
+    /// Names of that.
+    pub(super) names: &'a [String],
 }
 
 impl Lines<'_> {
@@ -121,14 +121,9 @@ impl Lines<'_> {
                 String::new()
             }
         };
-        let name = self.name(*function);
+        let name = &self.names[*function];
         let said = format!("{result}{name}({});", listed(&arguments));
         text + &inner_line(&said, 2) + &line("}")
-    }
-
-    fn name(&self, function: usize) -> String {
-        let Function { origin, number, .. } = &self.functions[function];
-        format!("{}_{origin}_{number}", self.prefix)
     }
 
     /// A function of those that can be called.
@@ -162,7 +157,7 @@ impl Lines<'_> {
         for entry in legend {
             said += &format!("\n   {}", comment(entry));
         }
-        let signature = format!("static {result} {}({})", self.name(place), listed(&taken));
+        let signature = format!("static {result} {}({})", self.names[place], listed(&taken));
         format!("\n/* {said} */\n{}\n{{\n{body}}}\n", broken(&signature, WIDTH))
     }
 

@@ -3,6 +3,7 @@
 
 mod program;
 mod translation;
+mod used;
 
 use iecst::{Pou, VarBlockKind, parse_pou};
 use program::{Instruction, Memory, Place, run};

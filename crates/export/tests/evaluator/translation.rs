@@ -3,12 +3,12 @@
 
 use super::program::Place::{self, Integer, Number, Truth};
 use super::program::{Instruction, NUMBER, Operation, run};
+use super::used::Used;
 use super::{Instance, Unit};
 use iecst::{
     BinaryOp, Expr, ExprKind, FunctionArg, Pou, PouKind, Stmt, StmtKind, TypeKind, UnaryOp,
     VarBlockKind, VarDecl,
 };
-use std::collections::HashSet;
 
 /// Makes an instance of another unit, if there is one of that name.
 type Instances<'a> = &'a mut dyn FnMut(&str) -> Option<Instance>;
@@ -356,55 +356,6 @@ impl Unit {
         let (Number(to) | Integer(to) | Truth(to)) = place else { panic!("{place:?}") };
         self.instructions.push(Instruction::Result(to, operation));
         place
-    }
-}
-
-/// What statements use of other units, in capitals.
-#[derive(Default)]
-struct Used {
-    /// Variables that are passed as they are to a function block.
-    arguments: HashSet<String>,
-    /// Functions.
-    functions: HashSet<String>,
-}
-
-impl Used {
-    fn by(&mut self, statements: &[Stmt]) {
-        for statement in statements {
-            match &statement.kind {
-                StmtKind::Assignment { value, .. } => self.within(value),
-                StmtKind::If { condition, then_body, .. } => {
-                    self.within(condition);
-                    self.by(then_body);
-                }
-                StmtKind::For { body, .. } => self.by(body),
-                StmtKind::Call { args, .. } => {
-                    for value in args.iter().filter_map(|a| a.value.as_ref()) {
-                        if let ExprKind::Ident(name) = &value.kind {
-                            self.arguments.insert(name.to_ascii_uppercase());
-                        }
-                        self.within(value);
-                    }
-                }
-                _ => {}
-            }
-        }
-    }
-
-    fn within(&mut self, e: &Expr) {
-        match &e.kind {
-            ExprKind::Paren(inner) | ExprKind::UnaryOp { expr: inner, .. } => self.within(inner),
-            ExprKind::BinaryOp { left, right, .. } => {
-                self.within(left);
-                self.within(right);
-            }
-            ExprKind::ArrayIndex { indices, .. } => indices.iter().for_each(|i| self.within(i)),
-            ExprKind::FunctionCall { name, args } => {
-                self.functions.insert(name.to_ascii_uppercase());
-                args.iter().filter_map(|a| a.value.as_ref()).for_each(|value| self.within(value));
-            }
-            _ => {}
-        }
     }
 }
 
