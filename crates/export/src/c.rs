@@ -6,17 +6,20 @@
 //! changes the speed and no bit; where a library's `fma` rounds twice (newlib's does), `-DHB_SOFT_FMA` puts one in its place that
 //! does not.
 
+mod lines;
+
 use crate::block::{Block, Target, Variable};
 use crate::error::ExportError;
 use crate::expression::{Expression, record};
-use crate::graph::{Graph, Node, Op};
+use crate::graph::{Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
 use crate::statement::{
-    Carried, Dialect, Loop, Precedence, Run, Source, Statement, Text, arithmetic, broken, call,
-    clear_infix, grouped, runs, statements,
+    Dialect, Function, Precedence, Run, Text, arithmetic, broken, call, clear_infix, grouped, runs,
 };
+use crate::writing::{Source, statements};
 use hydroboom_math::elementary;
+use lines::{Lines, each, line};
 use std::collections::HashMap;
 use std::fmt::Write;
 
@@ -139,6 +142,18 @@ const WIDTH: usize = 110;
 struct C(Precision);
 
 impl Dialect for C {
+    fn names(&self) -> Names {
+        Names::new(&RESERVED)
+    }
+
+    fn has_parts(&self) -> bool {
+        true
+    }
+
+    fn part(&self, array: &str, first: usize) -> String {
+        format!("&{array}[{first}]")
+    }
+
     fn constant(&self, value: f64) -> Text {
         let text = match value {
             v if v.is_nan() => "HB_NAN".into(),
@@ -286,8 +301,9 @@ pub fn prefixed_files(
         env!("CARGO_PKG_VERSION"),
         helpers(precision, own)
     );
+    let mut names = Names::new(&RESERVED);
     for block in blocks {
-        functions.extend(printed(block, precision, own, &mut header, &mut source)?);
+        functions.extend(printed(block, precision, own, &mut names, [&mut header, &mut source])?);
     }
     header += &format!("\n#ifdef __cplusplus\n}}\n#endif\n\n#endif /* {guard} */\n");
     Ok(Files { header, source, functions })
@@ -314,18 +330,19 @@ fn structure(to: &mut String, own: &str, what: &str, name: &str, fields: &[&Vari
     let _ = writeln!(to, "}} {name};");
 }
 
-/// Adds a block; the names of its functions.
+/// Adds a block to header and source; the names of its functions. `inner` are names within the source.
 fn printed(
     block: &Block,
     precision: Precision,
     own: &str,
-    header: &mut String,
-    source: &mut String,
+    inner: &mut Names,
+    [header, source]: [&mut String; 2],
 ) -> Result<Vec<String>, ExportError> {
     let plan = Plan::of(block)?;
     let graph = &*block.graph;
     let dialect = C(precision);
     let prefix = format!("{own}{}", block.name);
+    let real = format!("{own}real");
     let parameters: Vec<&(Variable, Node)> =
         plan.parameters.iter().map(|k| &block.parameters[*k]).collect();
     let _ = writeln!(header, "\n/* ---- {} ---- */", comment(&block.meaning));
@@ -347,9 +364,16 @@ fn printed(
         order: &plan.preparing,
         results: &plan.prepared,
         given: &given,
+        arrays: &HashMap::new(),
         labels: &block.labels,
     };
-    let (said, results) = statements(&from, &dialect, &mut names);
+    let mut functions = Vec::new();
+    let (said, results) = statements(&from, &dialect, &mut names, &mut functions);
+    let mut called = Vec::new();
+    name(&functions, own, inner, &mut called);
+    let lines = Lines { real: &real, functions: &functions, names: &called };
+    let mut preparing = lines.statements(&said);
+    let mut repeated = lines.functions(0);
     let mut fields = Names::new(&RESERVED);
     let kept: Vec<(Node, Variable)> = plan
         .prepared
@@ -414,14 +438,16 @@ fn printed(
         &block.outputs.iter().collect::<Vec<_>>(),
     );
 
-    let mut functions = Vec::new();
+    let mut declarations = Vec::new();
+    let mut definitions = String::new();
     let mut declared = |name: &str, arguments: &str, what: &str, body: &str| {
         let name = format!("{prefix}_{name}");
         let signature = format!("void {name}({arguments})");
-        functions.push(name);
+        declarations.push(name);
         let _ = write!(header, "\n/* {what} */\n{signature};\n");
-        let _ = write!(source, "\n/* {what} */\n{signature}\n{{\n{body}}}\n");
+        let _ = write!(definitions, "\n/* {what} */\n{signature}\n{{\n{body}}}\n");
     };
+    let arrays: HashMap<String, usize> = arrays("u", &inputs).chain(arrays("s", &states)).collect();
     let values = |vs: &mut dyn Iterator<Item = &Variable>, to: &str| -> String {
         let vs: Vec<&Variable> = vs.collect();
         let mut all = String::new();
@@ -448,15 +474,14 @@ fn printed(
             "Fills in what the crane file says.",
             &values(&mut parameters.iter().map(|(v, _)| v), "p"),
         );
-        let mut body = lines(&said, graph, own, 1);
         for ((_, v), text) in kept.iter().zip(&results) {
-            body += &line(&format!("c->{} = {};", v.name, text.text));
+            preparing += &line(&format!("c->{} = {};", v.name, text.text));
         }
         declared(
             "prepare",
             &format!("const {prefix}_parameters *p, {prefix}_prepared *c"),
             "Works out what follows from the parameters: once, and after each change of one.",
-            &body,
+            &preparing,
         );
     }
     if !states.is_empty() {
@@ -477,9 +502,21 @@ fn printed(
         block.states.iter().for_each(|(v, node)| give(*node, format!("s->{}", v.name)));
         kept.iter().for_each(|(node, v)| give(*node, format!("c->{}", v.name)));
         let wanted: Vec<Node> = entry.results.iter().map(|(_, node)| *node).collect();
-        let from = Source { graph, order, results: &wanted, given: &given, labels: &block.labels };
-        let (said, results) = statements(&from, &dialect, &mut Names::new(&RESERVED));
-        let mut body = lines(&said, graph, own, 1);
+        let from = Source {
+            graph,
+            order,
+            results: &wanted,
+            given: &given,
+            arrays: &arrays,
+            labels: &block.labels,
+        };
+        let first = functions.len();
+        let mut names = Names::new(&RESERVED);
+        let (said, results) = statements(&from, &dialect, &mut names, &mut functions);
+        name(&functions, own, inner, &mut called);
+        let lines = Lines { real: &real, functions: &functions, names: &called };
+        repeated += &lines.functions(first);
+        let mut body = lines.statements(&said);
         let moves = entry.results.iter().any(|(target, _)| matches!(target, Target::State(_)));
         // all states move at once: none is changed before the last is known
         let mut last = String::new();
@@ -508,7 +545,7 @@ fn printed(
             if filled.len() == 1 && filled.iter().all(stays) {
                 continue;
             }
-            body += &filled_table(&format!("next_{table}"), &filled, own, 1);
+            body += &lines.table(&format!("next_{table}"), &filled);
             last += &each(1, range.len(), &format!("{kept}[i] = next_{table}[i];"));
         }
         body += &last;
@@ -530,111 +567,32 @@ fn printed(
         let meaning = meaning[..1].to_uppercase() + &meaning[1..] + ".";
         declared(&entry.name, &arguments.join(", "), &meaning, &body);
     }
-    Ok(functions)
+    if !repeated.is_empty() {
+        let said =
+            format!("   Repeated parts: loops call them for their rows. {}", Function::EXPLAINED);
+        let said = broken(&said, WIDTH).replace("\n    ", "\n");
+        let _ = write!(source, "\n/* {} */\n", said.trim_start());
+    }
+    *source += &repeated;
+    *source += &definitions;
+    Ok(declarations)
 }
 
-fn line(text: &str) -> String {
-    broken(&format!("    {text}"), WIDTH) + "\n"
+/// Names the functions that have none yet. Without the name of their block: they are seen in this source only, and longer names than
+/// 63 characters are not told apart by every compiler.
+fn name(functions: &[Function], own: &str, inner: &mut Names, names: &mut Vec<String>) {
+    for Function { origin, number, .. } in &functions[names.len()..] {
+        names.push(inner.free(&format!("{own}{origin}_{number}")));
+    }
 }
 
-/// A line at a depth.
-fn inner_line(text: &str, depth: usize) -> String {
-    broken(&format!("{}{text}", "    ".repeat(depth)), WIDTH) + "\n"
-}
-
-/// Something for each entry `i` of a table.
-fn each(depth: usize, count: usize, what: &str) -> String {
-    inner_line(&format!("for (int i = 0; i < {count}; i++) {{"), depth)
-        + &inner_line(what, depth + 1)
-        + &inner_line("}", depth)
-}
-
-/// A table that is filled.
-fn filled_table(name: &str, filled: &[Run], own: &str, depth: usize) -> String {
-    let count: usize = filled.iter().map(Run::count).sum();
-    let one = |run: &Run| match run {
-        Run::One(text) => Some(text.clone()),
-        Run::Copied { .. } => None,
-    };
-    if let Some(all) = filled.iter().map(one).collect::<Option<Vec<_>>>() {
-        let said = format!("const {own}real {name}[{count}] = {{ {} }};", all.join(", "));
-        return inner_line(&said, depth);
-    }
-    let mut text = inner_line(&format!("{own}real {name}[{count}];"), depth);
-    let mut place = 0;
-    for run in filled {
-        text += &match run {
-            Run::One(value) => inner_line(&format!("{name}[{place}] = {value};"), depth),
-            Run::Copied { table, first, count } => {
-                let [to, from] = [place, *first].map(|k| match k {
-                    0 => "i".to_string(),
-                    k => format!("i + {k}"),
-                });
-                each(depth, *count, &format!("{name}[{to}] = {table}[{from}];"))
-            }
-        };
-        place += run.count();
-    }
-    text
-}
-
-fn lines(said: &[Statement], graph: &Graph, own: &str, depth: usize) -> String {
-    let mut all = String::new();
-    let real = format!("{own}real");
-    for statement in said {
-        all += &match statement {
-            Statement::Value { node, name, text, comment: why } => {
-                let why =
-                    why.as_ref().map(|why| inner_line(&format!("/* {} */", comment(why)), depth));
-                let op = graph.op(*node);
-                let kind = match op {
-                    Op::SinCos(_) => "hb_turn",
-                    op if op.is_condition() => "int",
-                    _ => &real,
-                };
-                why.unwrap_or_default()
-                    + &inner_line(&format!("const {kind} {name} = {text};"), depth)
-            }
-            Statement::Table { name, filled } => filled_table(name, filled, own, depth),
-            Statement::Interpolation { name, table, first, length, place } => {
-                let table = if *first == 0 { table.clone() } else { format!("&{table}[{first}]") };
-                let said =
-                    format!("const {real} {name} = hb_interpolated({table}, {length}, {place});");
-                inner_line(&said, depth)
-            }
-            Statement::Loop(of) => repeated(of, graph, own, depth),
-        };
-    }
-    all
-}
-
-fn repeated(of: &Loop, graph: &Graph, own: &str, depth: usize) -> String {
-    let Loop { counter, count, condition, carried, made, body } = of;
-    let mut text = String::new();
-    for Carried { names: [name, _], begin, .. } in carried {
-        text += &inner_line(&format!("{own}real {name} = {begin};"), depth);
-    }
-    let zero = if condition.is_some() { " = { 0 }" } else { "" };
-    for (name, _) in made {
-        text += &inner_line(&format!("{own}real {name}[{count}]{zero};"), depth);
-    }
-    let rows = match condition {
-        Some(condition) => format!("({condition} ? {count} : 0)"),
-        None => count.to_string(),
-    };
-    let head = format!("for (int {counter} = 0; {counter} < {rows}; {counter}++) {{");
-    text += &inner_line(&head, depth);
-    text += &lines(body, graph, own, depth + 1);
-    for Carried { names: [_, next], next: value, .. } in carried {
-        text += &inner_line(&format!("const {own}real {next} = {value};"), depth + 1);
-    }
-    for (name, entry) in made {
-        text += &inner_line(&format!("{name}[{counter}] = {entry};"), depth + 1);
-    }
-    for Carried { names: [name, next], .. } in carried {
-        text += &inner_line(&format!("{name} = {next};"), depth + 1);
-    }
-    text + &inner_line("}", depth)
+/// Arrays among the members of a structure, as they can be passed: name and length.
+fn arrays<'a>(
+    structure: &'a str,
+    members: &'a [Variable],
+) -> impl Iterator<Item = (String, usize)> + 'a {
+    let all = grouped(members.iter().map(|v| v.name.as_str())).into_iter();
+    all.filter_map(move |(array, range)| Some((format!("{structure}->{}", array?), range.len())))
 }
 
 /// A function of one number, as recorded.
@@ -657,10 +615,13 @@ fn function(
         order: &order,
         results: &results,
         given: &given,
+        arrays: &HashMap::new(),
         labels: &HashMap::new(),
     };
-    let (said, results) = statements(&from, &C(Precision::Double), &mut Names::new(&RESERVED));
-    let body = lines(&said, &graph, own, 1);
+    let (dialect, mut functions) = (C(Precision::Double), Vec::new());
+    let (said, results) = statements(&from, &dialect, &mut dialect.names(), &mut functions);
+    let lines = Lines { real: &format!("{own}real"), functions: &functions, names: &[] };
+    let body = lines.statements(&said);
     match results.as_slice() {
         [one] => format!(
             "\nstatic double {name}(double {argument})\n{{\n{body}{}}}\n",

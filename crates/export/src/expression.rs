@@ -1,11 +1,15 @@
 //! The number that records what is done to it.
 
 use crate::graph::{Graph, Node, Op};
+use crate::name::plain;
 use hydroboom_math::Real;
 use hydroboom_math::elementary::Binary;
 use std::array::from_fn;
 use std::cell::RefCell;
+use std::ffi::OsStr;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+use std::panic::Location;
+use std::path::Path;
 
 thread_local! {
     /// What this thread records. Numbers are small and copied freely, so the graph cannot be in them.
@@ -122,20 +126,22 @@ impl Real for Expression {
         let table = GRAPH.with_borrow_mut(|graph| graph.tabled(entries));
         Self(push(Op::Interpolate(table, place.0)))
     }
+    #[track_caller]
     fn repeat<const R: usize, const N: usize, const W: usize, const K: usize>(
         rows: &[[Self; R]; K],
         carried: [Self; N],
         body: impl FnMut(Self, &[Self; R], [Self; N]) -> ([Self; N], [Self; W]),
     ) -> ([Self; N], [[Self; W]; K]) {
-        repeated(None, rows, carried, body)
+        repeated(Location::caller(), None, rows, carried, body)
     }
+    #[track_caller]
     fn repeat_where<const R: usize, const N: usize, const W: usize, const K: usize>(
         mask: Condition,
         rows: &[[Self; R]; K],
         carried: [Self; N],
         body: impl FnMut(Self, &[Self; R], [Self; N]) -> ([Self; N], [Self; W]),
     ) -> ([Self; N], [[Self; W]; K]) {
-        repeated(Some(mask), rows, carried, body)
+        repeated(Location::caller(), Some(mask), rows, carried, body)
     }
     fn sin_cos(self) -> (Self, Self) {
         let pair = push(Op::SinCos(self.0));
@@ -146,8 +152,18 @@ impl Real for Expression {
 /// Most operations, all rows together, for which what is repeated is written out row by row, and no loop is recorded.
 pub const MAX_UNROLLED_OPERATIONS: usize = 100;
 
+/// A source file as a name: what is recorded from it belongs to what it is named after.
+fn origin(at: &Location<'_>) -> String {
+    let path = Path::new(at.file());
+    let file = path.file_stem();
+    let folder = path.parent().and_then(Path::file_name);
+    let name = if file.is_some_and(|file| file == "mod") { folder } else { file };
+    plain(&name.map(OsStr::to_string_lossy).unwrap_or_default())
+}
+
 /// Records what is repeated: as a loop, or row by row where that is short.
 fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
+    at: &Location<'_>,
     mask: Option<Condition>,
     rows: &[[Expression; R]; K],
     carried: [Expression; N],
@@ -160,8 +176,8 @@ fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
     let columns = (0..R).map(|r| rows.iter().map(|row| row[r].0).collect()).collect();
     let begin = carried.map(|number| number.0).to_vec();
     let condition = mask.map(|mask| mask.0);
-    let (number, row, read, carry) =
-        GRAPH.with_borrow_mut(|graph| graph.begin_loop(K as u32, condition, columns, begin));
+    let (number, row, read, carry) = GRAPH
+        .with_borrow_mut(|graph| graph.begin_loop(origin(at), K as u32, condition, columns, begin));
     let (next, made) =
         body(Expression(row), &from_fn(|k| Expression(read[k])), from_fn(|k| Expression(carry[k])));
     let [next, made] = [&next[..], &made[..]].map(|of| of.iter().map(|n| n.0).collect());

@@ -83,6 +83,8 @@ pub enum Op {
 /// A loop over the rows of some tables.
 #[derive(Clone, Debug)]
 pub struct Repetition {
+    /// The source file that it was recorded from, as a name.
+    pub origin: String,
     /// Rows.
     pub count: u32,
     /// Condition without which nothing is done.
@@ -304,6 +306,7 @@ impl Graph {
     /// A column of one and the same number is that number.
     pub(crate) fn begin_loop(
         &mut self,
+        origin: String,
         count: u32,
         condition: Option<Node>,
         columns: Vec<Vec<Node>>,
@@ -313,7 +316,7 @@ impl Graph {
         let carried = begin.len() as u32;
         let within = self.open.replace(number);
         let (next, made, read) = (Vec::new(), Vec::new(), Vec::new());
-        self.loops.push(Repetition { count, condition, within, read, begin, next, made });
+        self.loops.push(Repetition { origin, count, condition, within, read, begin, next, made });
         let row = self.added(Op::Row(number));
         let mut entries = Vec::new();
         for column in columns {

@@ -20,11 +20,13 @@ mod given;
 mod graph;
 mod name;
 mod plan;
+mod repeated_part;
 mod simulating;
 mod slopes;
 mod statement;
 mod step_limit;
 pub mod structured_text;
+mod writing;
 
 pub use block::{Block, ControlPeriod, Entry, Target, Variable};
 pub use controller::{controller, scheduled_lqr_controller, simulation_feedforward_controller};

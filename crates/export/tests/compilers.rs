@@ -55,7 +55,8 @@ fn matiec_takes_every_function_block_and_the_whole() {
     compiled("iec2c", |file| {
         let out = file.with_extension("matiec");
         std::fs::create_dir_all(&out).unwrap();
-        let mut all = vec!["-T".into(), out.display().to_string()];
+        // arrays of the same length are of one type, without a name of that
+        let mut all = vec!["-l".into(), "-T".into(), out.display().to_string()];
         if let Ok(library) = std::env::var("MATIEC_INCLUDE_PATH") {
             all.extend(["-I".into(), library]);
         }

@@ -1,7 +1,17 @@
-//! Loops and tables as recorded, in C beside the Rust that they were recorded from.
+//! Loops and tables as recorded, in C and Structured Text beside the Rust that they were recorded from: what is repeated is a function.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+#[allow(dead_code, reason = "other tests use more of it")]
+mod evaluator;
+
+use evaluator::Library;
+use hydroboom_description::Description;
 use hydroboom_export::c::{Precision, files};
-use hydroboom_export::{Block, Count, Entry, Expression, Plan, Target, Variable, record};
+use hydroboom_export::structured_text::{Unit, block_units};
+use hydroboom_export::{
+    Block, Count, Entry, Expression, Plan, Target, Variable, record, scheduled_lqr_controller,
+};
 use hydroboom_math::Real;
 use std::collections::HashMap;
 use std::io::Write;
@@ -45,18 +55,32 @@ fn filtered<T: Real>(line: &[T; LENGTH], input: [T; 2]) -> ([T; LENGTH], [T; 3])
             ([next], [next - carried])
         });
     let made = rows.iter().fold(T::zero(), |sum, [entry]| sum + *entry);
-    (next, [found + made, most, least + sum - short])
+    // more numbers from around the loop than a function takes one by one, and several entries of one array
+    let around: [T; 10] = std::array::from_fn(|k| x * T::lit(0.1 * k as f64) + place);
+    let ([many], _) = T::repeat(&weights, [short], |_, [w], [sum]| {
+        let own = around.iter().fold(sum, |sum, a| sum.mul_add(*w, *a));
+        let of_line = line.iter().step_by(5).fold(own, |sum, entry| sum.mul_add(*w, *entry));
+        ([of_line.tanh()], [])
+    });
+    (next, [found + made + many, most, least + sum - short])
 }
 
 fn variable(name: &str) -> Variable {
     Variable { name: name.into(), unit: "1".into(), meaning: "Number".into(), initial: 0.0 }
 }
 
+/// What a block does.
+type Step = fn(&[Expression; LENGTH], [Expression; 2]) -> ([Expression; LENGTH], [Expression; 3]);
+
 fn block() -> Block {
+    recorded(filtered)
+}
+
+fn recorded(step: Step) -> Block {
     let (graph, mut block) = record(|| {
         let line: [Expression; LENGTH] = std::array::from_fn(|_| Expression::input());
         let input = [Expression::input(), Expression::input()];
-        let (next, out) = filtered(&line, input);
+        let (next, out) = step(&line, input);
         let states = next.iter().enumerate().map(|(k, e)| (Target::State(k), e.node()));
         let outputs = out.iter().enumerate().map(|(k, e)| (Target::Output(k), e.node()));
         Block {
@@ -111,10 +135,10 @@ fn loops_and_tables_in_c_are_those_in_rust_to_the_last_bit() {
     let made = files(&[block()], "made", Precision::Double).unwrap();
     // a delay line is moved on by a loop, not entry by entry
     assert!(!made.source.contains("next_5"), "{}", made.source);
-    // tanh, the table's loop and the one within it: what is short has none
+    // tanh, the table's loop and the one within it, many numbers: what is short has none
     let loops =
         made.source.matches("for (int i").count() - made.source.matches("for (int i =").count();
-    assert_eq!(loops, 3, "{}", made.source);
+    assert_eq!(loops, 4, "{}", made.source);
     std::fs::write(folder.join("made.h"), made.header).unwrap();
     std::fs::write(folder.join("made.c"), made.source).unwrap();
     std::fs::write(folder.join("main.c"), MAIN).unwrap();
@@ -171,5 +195,148 @@ fn a_loop_counts_for_each_of_its_rows() {
     let plan = Plan::of(&block).unwrap();
     let count = Count::of(&block.graph, &plan.entries[0]);
     // a hyperbolic tangent a row; a sine before all loops
-    assert_eq!(count.functions, LENGTH + 1, "{count:?}");
+    // and one a row in the last loop
+    assert_eq!(count.functions, 2 * LENGTH + 1, "{count:?}");
+}
+
+/// Within what two multiplications that are rounded apart differ by.
+#[test]
+fn loops_and_tables_in_structured_text_are_those_in_rust() {
+    let texts: Vec<String> = block_units(&block()).unwrap().iter().map(Unit::text).collect();
+    let mut plc = Library::parse(texts.iter().map(String::as_str)).instance("FB_Made");
+    let mut line = [0.0; LENGTH];
+    for k in 0..500_u32 {
+        let t = f64::from(k);
+        let (x, place) = (40.0 * (0.37 * t).sin() + 20.0, 8.0 * (0.11 * t).cos() + 5.0);
+        let (next, out) = filtered(&line, [x, place]);
+        line = next;
+        plc.call(&[("x", x), ("place", place)]);
+        for (found, wanted) in plc.shown().iter().zip(out) {
+            assert!(
+                (found - wanted).abs() <= 1e-12 * wanted.abs().max(1e3),
+                "{k}: {found}, {wanted}"
+            );
+        }
+    }
+}
+
+/// The same sum over a table five times: from constants, from an input, and twice in each row of another loop; and another sum.
+fn sums(
+    line: &[Expression; LENGTH],
+    [x, place]: [Expression; 2],
+) -> ([Expression; LENGTH], [Expression; 3]) {
+    let lit = <Expression as Real>::lit;
+    let rows = line.map(|value| [value]);
+    let sum = |from: Expression| {
+        let ([sum], _) = Expression::repeat(&rows, [lit(0.0)], |_, [value], [sum]| {
+            let at = (*value).mul_add(x, from);
+            ([sum + at.tanh() + Expression::interpolate(line, at) * lit(0.5)], [])
+        });
+        sum
+    };
+    let ([all], _) = Expression::repeat(&rows, [x], |k, [value], [all]| {
+        ([all + sum(k * *value) + sum(*value - place)], [])
+    });
+    let ([other], _) = Expression::repeat(&rows, [x], |_, [value], [other]| {
+        ([((other - *value).tanh() * place - *value).tanh()], [])
+    });
+    (*line, [sum(lit(0.001)) + sum(lit(0.002)), sum(place) + other, all])
+}
+
+/// However often it is called, and whether with a constant or a number from around it.
+#[test]
+fn a_repeated_part_is_printed_once_as_a_function() {
+    let block = recorded(sums);
+    let source = files(std::slice::from_ref(&block), "made", Precision::Double).unwrap().source;
+    let defined: Vec<&str> = source
+        .lines()
+        .filter(|line| line.starts_with("static") && line.contains("hb_repeats_"))
+        .collect();
+    assert_eq!(defined.len(), 3, "{source}");
+    let calls = |name: &str| source.matches(&format!("{name}(")).count() - 1;
+    let mut all: Vec<usize> = (1..=3).map(|k| calls(&format!("hb_repeats_{k}"))).collect();
+    all.sort_unstable();
+    assert_eq!(all, [1, 1, 5], "{source}");
+
+    let units = block_units(&block).unwrap();
+    let texts: Vec<String> = units.iter().map(Unit::text).collect();
+    let looked_up = texts.iter().filter(|text| text.contains("entries[i]")).count();
+    assert_eq!((units.len(), looked_up), (5, 1), "{texts:?}");
+    let repeated =
+        texts.iter().filter(|text| text.contains(" x1 ") && text.contains("EXP(")).count();
+    assert_eq!(repeated, 2, "{texts:?}");
+    // a unit stands behind those that it calls, under names that begin with the block's
+    for (k, unit) in units.iter().enumerate() {
+        assert!(unit.name.contains("_Made"), "{}", unit.name);
+        let text = unit.text();
+        let calls = |other: &&Unit| {
+            [format!(": {};", other.name), format!("{}(", other.name)]
+                .iter()
+                .any(|said| text.contains(said))
+        };
+        let called = units.iter().filter(calls);
+        for other in called {
+            let place = units.iter().position(|unit| unit == other).unwrap();
+            assert!(place < k, "{} calls {}", unit.name, other.name);
+        }
+    }
+}
+
+/// Lines of a loop's body that are neither a copied entry nor the call of a function and its results.
+fn in_place_in_c(source: &str) -> Vec<&str> {
+    let name = |line: &str| line.split('(').next()?.rsplit(' ').next().map(str::to_string);
+    let functions: Vec<String> =
+        source.lines().filter(|line| line.starts_with("static")).filter_map(name).collect();
+    let mut lines = source.lines();
+    let mut found = Vec::new();
+    while let Some(line) = lines.next() {
+        if !line.trim_start().starts_with("for (") {
+            continue;
+        }
+        let copies = line.contains("(int i = 0");
+        let body: Vec<&str> = lines.by_ref().take_while(|line| line.trim() != "}").collect();
+        let statements = body.iter().filter(|line| line.trim_end().ends_with(';')).count();
+        let text = body.concat();
+        let is_copied = copies && !text.contains('(') && !text.contains('*');
+        let is_call = |name: &String| {
+            let call = format!("{name}(");
+            text.trim_start().starts_with(&call) || text.contains(&format!(" = {call}"))
+        };
+        if statements != 1 || !(is_copied || functions.iter().any(is_call)) {
+            found.extend(body);
+        }
+    }
+    found
+}
+
+fn in_place_in_text(body: &str) -> Vec<&str> {
+    let mut found = Vec::new();
+    for inner in body.split("FOR ").skip(1).filter_map(|rest| rest.split_once(" DO\n")) {
+        let (head, rest) = inner;
+        let Some((body, _)) = rest.split_once("END_FOR;") else { continue };
+        for statement in body.split(';').map(str::trim).filter(|statement| !statement.is_empty()) {
+            let is_copied = head.starts_with("iEntry") && !statement.contains('(');
+            let is_call = statement.starts_with("fb") || statement.contains(":= F_");
+            let is_result = statement.contains(":= fb") && !statement.contains('(');
+            if !(is_copied || is_call || is_result) {
+                found.push(statement);
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn no_body_of_a_loop_stands_in_place() {
+    let crane = Description::uia_single_boom().unwrap();
+    for block in [block(), recorded(sums), scheduled_lqr_controller(&crane).unwrap()] {
+        for precision in [Precision::Double, Precision::Single] {
+            let source = files(std::slice::from_ref(&block), "made", precision).unwrap().source;
+            assert!(source.contains(" Repeated parts: "), "nothing is repeated");
+            assert_eq!(in_place_in_c(&source), [""; 0]);
+        }
+        for unit in block_units(&block).unwrap() {
+            assert_eq!(in_place_in_text(&unit.body), [""; 0], "{}", unit.name);
+        }
+    }
 }

@@ -392,7 +392,16 @@ fn twincat_and_plcopen_files_are_well_formed_and_hold_the_same_text() {
             body.descendants().filter_map(|n| n.is_text().then(|| n.text()).flatten()).collect();
         assert_eq!(body.trim(), unit.statements(Form::Standard).trim());
         let declared = pou.descendants().filter(|n| n.tag_name().name() == "variable").count();
-        assert_eq!(declared, unit.variables.len());
+        let results = unit.variables.iter().filter(|v| v.section == Section::Result);
+        let returned = pou.descendants().filter(|n| n.tag_name().name() == "returnType").count();
+        let is_function = usize::from(unit.kind == Kind::Function);
+        assert_eq!((returned, results.count()), (is_function, is_function));
+        assert_eq!(declared, unit.variables.len() - returned);
+        let passed = pou.descendants().filter(|n| n.tag_name().name() == "inOutVars");
+        let passed: usize =
+            passed.map(|n| n.children().filter(roxmltree::Node::is_element).count()).sum();
+        let of_unit = unit.variables.iter().filter(|v| v.section == Section::InOut);
+        assert_eq!(passed, of_unit.count());
     }
 }
 
@@ -559,6 +568,57 @@ fn the_evaluator_computes_as_the_standard_says() {
     assert_eq!((before.value("x"), before.count("n"), block.count("n")), (0.0, 0, 3));
 }
 
+/// A function and a function block that takes an array, for the evaluator.
+const CALLED: [&str; 2] = [
+    "FUNCTION F_Twice : LREAL VAR_INPUT u : LREAL; END_VAR VAR calls : DINT; END_VAR \
+     calls := calls + 1; F_Twice := u * 2.0 * DINT_TO_LREAL(calls); END_FUNCTION",
+    "FUNCTION_BLOCK FB_Add VAR_INPUT u : LREAL; k : DINT; END_VAR VAR_IN_OUT into : ARRAY[0..2] OF LREAL; END_VAR \
+     VAR_OUTPUT sum : LREAL; END_VAR VAR calls : DINT; END_VAR \
+     calls := calls + 1; into[k] := into[k] + u; sum := into[0] + into[1] + into[2] + 100.0 * DINT_TO_LREAL(calls); END_FUNCTION_BLOCK",
+];
+
+fn calling(declarations: &str, statements: &str) -> Instance {
+    let text = few(declarations, statements);
+    Library::parse(CALLED.into_iter().chain([text.as_str()])).instance("FB_Few")
+}
+
+/// A function begins anew in each call, a function block remembers; an array that it is given is the caller's.
+#[test]
+fn the_evaluator_calls_as_the_standard_says() {
+    let declared = "x : LREAL; y : LREAL; fb : FB_Add; a : ARRAY[0..2] OF LREAL; other : ARRAY[0..2] OF LREAL; k : DINT;";
+    let statements = "FOR k := 0 TO 2 DO a[k] := 1.0; other[k] := 5.0; END_FOR; \
+        fb(u := F_Twice(u := 3.0) + F_Twice(u := 0.5), k := 1, into := a); x := fb.sum + a[1]; \
+        FOR k := 0 TO 1 DO fb(u := 1.0, k := k, into := other); END_FOR; y := fb.sum - other[0] + a[0];";
+    let mut block = calling(declared, statements);
+    block.run();
+    assert_eq!(
+        (block.value("x"), block.value("y")),
+        (10.0 + 100.0 + 8.0, 17.0 + 300.0 - 6.0 + 1.0)
+    );
+}
+
+#[test]
+fn the_evaluator_refuses_calls_that_the_standard_does() {
+    let declared = "x : LREAL; fb : FB_Add; a : ARRAY[0..2] OF LREAL; short : ARRAY[0..1] OF LREAL; END_VAR \
+        VAR_INPUT given : ARRAY[0..2] OF LREAL;";
+    let wrong = [
+        ("fb(u := x, k := 0);", "each VAR_IN_OUT is given"),
+        ("fb(u := x, into := short);", "types of short "),
+        ("fb(u := x, into := given);", "given is an input"),
+        ("fb(u := x, into := x);", "x is no array"),
+        ("fb(u := x, into := a, sum := x);", "sum of fb is not given"),
+        ("fb(u := x, into := a, calls := 1);", "calls of fb is not given"),
+        ("x := F_Twice();", "each input is given"),
+        ("x := F_Missing(u := x);", "F_Missing"),
+        ("a[0] := F_Twice(u := TRUE);", "types of u "),
+    ];
+    for (statement, said) in wrong {
+        let panic = std::panic::catch_unwind(|| calling(declared, statement)).expect_err(statement);
+        let message = panic.downcast_ref::<String>().unwrap();
+        assert!(message.contains(said), "{statement}: {message}");
+    }
+}
+
 /// Names and numbers of a text, without its comments.
 fn words(text: &str) -> Vec<String> {
     let mut code = String::new();
@@ -590,7 +650,9 @@ fn plain_text_keeps_to_the_standard() {
     let all = units(&Description::uia_single_boom().unwrap()).unwrap();
     let types = ["BOOL", "LREAL", "DINT"];
     for (k, unit) in all.iter().enumerate() {
-        let mut names: Vec<String> = unit.variables.iter().map(|v| v.name.to_uppercase()).collect();
+        // a function's result has the function's name
+        let variables = unit.variables.iter().filter(|v| v.section != Section::Result);
+        let mut names: Vec<String> = variables.map(|v| v.name.to_uppercase()).collect();
         names.extend(
             unit.tasks.iter().flat_map(|t| [t.name.to_uppercase(), t.instance().to_uppercase()]),
         );

@@ -10,23 +10,26 @@ use hydroboom_description::{Description, RangeSource};
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
-use hydroboom_lab::learning::{Taught, taught};
+use hydroboom_lab::cycle_learning::experiment::{
+    CycleReport, Method, MethodError, learning_experiment,
+};
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 
-/// What one cycle under the scheduled LQR tells of a virtual crane, and what open loop is worth with it: the machine is commanded what a model was commanded in a
-/// rehearsal under the scheduled LQR, and not looked at. From the rest that the cycle began from, by the model as described, and by a model fitted to the
-/// whole cycle in hindsight; the cycle's own commands amended by its errors; and, straight on from where the cycle ended, the rehearsal, and the very commands of
-/// the cycle, which tell what a perfect model would come to that does not know in what state the cycle left the oil.
+/// Identify a virtual crane from one closed-loop cycle, and compare what feedforward and iterative learning control make of it.
+///
+/// The cycle runs under the scheduled LQR. Then the machine is commanded without feedback: by the model as described, with the estimates of the
+/// state estimator, by the model identified from the cycle, and by the cycle's own commands, corrected by iterative learning control; from the rest
+/// that the cycle began from, and without a reset, from the oil's state that the cycle has left.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  hydroboom learn --member 134\n  \
-    What is known in hindsight is printed as overrides: hydroboom motion --set payload.mass_kg=... keeps it."
+    What is identified is printed as overrides: hydroboom motion --set payload.mass_kg=... takes it."
 )]
 pub struct Learn {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the machine; when not given, the virtual crane: that of the crane file (typical drive,
+    /// Crane file of the plant; when not given, the virtual crane: that of the crane file (typical drive,
     /// valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE", conflicts_with = "family")]
     plant: Option<InputFile>,
@@ -59,82 +62,128 @@ impl Learn {
         let courses = [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion);
         let asked = cranes.len() * courses.len();
         let work = Interruptible::new(asked as u64, "cycles")?;
-        let all = taught(model, &cranes, &courses, &|| work.one_more()).into_diagnostic()?;
+        let all =
+            learning_experiment(model, &cranes, &courses, &|| work.one_more()).into_diagnostic()?;
         drop(work);
         if all.is_empty() {
             bail!("none of {asked} cycles had been run when it was interrupted");
         }
         if self.json {
-            return output::json(
-                &json!({ "asked": asked, "learned": all, "plant": choice.json() }),
-            );
+            let stable = all.iter().all(|report| report.stable);
+            return output::json(&json!({
+                "asked": asked, "learned": all, "stable": stable, "plant": choice.json(),
+            }));
         }
-        let rows: Vec<Vec<String>> = all
-            .iter()
-            .map(|t| {
-                vec![
-                    t.crane.clone(),
-                    t.course.clone(),
-                    match t.sustained_oscillation {
-                        None => output::optional(t.closed_loop_mm, 2),
-                        Some(oscillation) => format!("unstable: {oscillation}"),
-                    },
-                    output::optional(t.before_mm, 2),
-                    output::optional(t.in_hindsight_mm, 2),
-                    output::optional(t.amended_mm, 2),
-                    output::optional(t.straight_on_mm, 2),
-                    output::optional(t.told_again_mm, 2),
-                ]
-            })
-            .collect();
-        let header = [
-            "crane",
-            "course",
-            "closed loop [mm]",
-            "open loop before [mm]",
-            "in hindsight [mm]",
-            "cycle amended [mm]",
-            "straight on [mm]",
-            "told again [mm]",
-        ];
-        output::text(&format!(
-            "{}{}{}{}",
-            output::table(&header, &rows),
-            summed_up(&all, asked),
-            known_in_hindsight(&all, model),
-            choice.equality().map_or(String::new(), |equality| format!("\n\n{equality}"))
-        ))
+        let interrupted = match all.len() == asked {
+            true => String::new(),
+            false => format!("\n\n{} cycles", of_asked(all.len(), asked)),
+        };
+        let told = match all.len() > MOST_SHOWN {
+            true => medians(&all),
+            false => {
+                all.iter().map(|report| of_one(report, model)).collect::<Vec<_>>().join("\n\n")
+            }
+        };
+        let equality = choice.equality().map_or(String::new(), |said| format!("\n\n{said}"));
+        output::text(&format!("{told}{interrupted}{equality}"))
     }
 }
 
-/// The overrides of each cycle, in lines that a shell takes; of many cycles where they are to be had.
-fn known_in_hindsight(all: &[Taught], model: &Description) -> String {
-    if all.len() > 4 {
-        return "\n\nwhat is known of each in hindsight: set_in_hindsight in --json".into();
+/// Of more cycles the medians are shown.
+const MOST_SHOWN: usize = 4;
+
+/// Heads of what is told of each method.
+const HEADS: [&str; 4] = ["motor speed by", "begins", "RMS true [mm]", "RMS measured [mm]"];
+
+fn named(of: &MethodError) -> [String; 2] {
+    let name = match of.cycles {
+        None => of.method.name().into(),
+        Some(1) => format!("{}, 1 cycle", of.method.name()),
+        Some(cycles) => format!("{}, {cycles} cycles", of.method.name()),
+    };
+    [name, if of.reset { "at rest" } else { "without reset" }.into()]
+}
+
+/// What a cycle tells of a machine.
+fn of_one(report: &CycleReport, model: &Description) -> String {
+    let rows = report.methods.iter().map(|of| {
+        let [name, begins] = named(of);
+        match (&report.sustained_oscillation, of.method) {
+            (Some(oscillation), Method::ClosedLoop) => {
+                vec![name, begins, "unstable".into(), oscillation.to_string()]
+            }
+            _ => vec![
+                name,
+                begins,
+                output::optional(of.rms_true_mm, 3),
+                output::optional(of.rms_measured_mm, 3),
+            ],
+        }
+    });
+    let mut said = format!("{}, {}\n", report.crane, report.course.trim());
+    said += &output::table(&HEADS, &rows.collect::<Vec<_>>());
+    if let Some(convergence) = &report.convergence {
+        said += &format!(
+            "\n\nlearning: spectral radius {:.3} per cycle on the identified model, {:.3} at {} (below 1 it converges)",
+            convergence.model, convergence.worst, convergence.worst_at
+        );
     }
-    let of_one = |t: &Taught| {
-        let options: Vec<String> = t
-            .set_in_hindsight
-            .iter()
-            .map(|key_and_value| format!("--set {key_and_value}"))
-            .collect();
-        let lines: Vec<String> = options.chunks(3).map(|three| three.join(" ")).collect();
-        let mut said = format!(
-            "\n\nof {} at {} known in hindsight, as overrides of the model for any command:\n  {}",
-            t.crane,
-            t.course.trim(),
+    report.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
+    let options: Vec<String> =
+        report.identified.iter().map(|assignment| format!("--set {assignment}")).collect();
+    let lines: Vec<String> = options.chunks(3).map(|three| three.join(" ")).collect();
+    if !lines.is_empty() {
+        said += &format!(
+            "\n\nidentified, as overrides of the model for any command:\n  {}",
             lines.join(" \\\n  ")
         );
-        let beyond = beyond_range(model, &t.set_in_hindsight);
-        if !beyond.is_empty() {
-            said += &format!(
-                "\noutside the crane file's range, to be widened there first: {}",
-                beyond.join(", ")
-            );
-        }
-        said
+    }
+    let beyond = beyond_range(model, &report.identified);
+    if !beyond.is_empty() {
+        said += &format!(
+            "\noutside the crane file's range, to be widened there first: {}",
+            beyond.join(", ")
+        );
+    }
+    said
+}
+
+/// Medians over many cycles.
+fn medians(all: &[CycleReport]) -> String {
+    let mut found: Vec<([String; 2], [Vec<f64>; 2])> = Vec::new();
+    for of in all.iter().flat_map(|report| &report.methods) {
+        let name = named(of);
+        let place = found.iter().position(|(other, _)| *other == name).unwrap_or_else(|| {
+            found.push((name, [Vec::new(), Vec::new()]));
+            found.len() - 1
+        });
+        found[place].1[0].extend(of.rms_true_mm);
+        found[place].1[1].extend(of.rms_measured_mm);
+    }
+    let rows = found.into_iter().map(|([name, begins], [true_ones, measured])| {
+        let below = true_ones.iter().filter(|mm| **mm < 1.0).count();
+        let count = true_ones.len();
+        let [truly, as_measured] = [true_ones, measured].map(|all| Percentiles::of(all).median);
+        let share = format!("{below} of {count}");
+        vec![name, begins, format!("{truly:.3}"), format!("{as_measured:.3}"), share]
+    });
+    let [by, begins, ..] = HEADS;
+    let heads = [by, begins, "median RMS true [mm]", "median RMS measured [mm]", "true below 1 mm"];
+    let table = output::table(&heads, &rows.collect::<Vec<_>>());
+    let unstable = all.iter().filter(|report| !report.stable).count();
+    let of = match unstable {
+        0 => String::new(),
+        count => format!("; {count} closed loops are unstable"),
     };
-    all.iter().map(of_one).collect()
+    let remarks = all.iter().map(|report| report.remarks.len()).sum::<usize>();
+    let more = match remarks {
+        0 => String::new(),
+        count => format!("; {count} remarks: \"remarks\" in --json"),
+    };
+    format!(
+        "{} cycles{of}{more}\n{table}\n\nwhat is identified of each: \"identified\" in --json",
+        all.len()
+    )
 }
 
 /// Keys whose override is outside the crane file's range.
@@ -148,28 +197,4 @@ fn beyond_range<'a>(model: &Description, set: &'a [String]) -> Vec<&'a str> {
     };
     let pairs = set.iter().filter_map(|assignment| assignment.split_once('='));
     pairs.filter(|(path, text)| is_beyond(path, text)).map(|(path, _)| path).collect()
-}
-
-/// What a family comes to.
-fn summed_up(all: &[Taught], asked: usize) -> String {
-    if all.len() < 8 {
-        return match all.len() == asked {
-            true => String::new(),
-            false => format!("\n\n{} cycles", of_asked(all.len(), asked)),
-        };
-    }
-    let sum = |of: fn(&Taught) -> Option<f64>| {
-        let errors: Vec<f64> = all.iter().filter_map(of).collect();
-        let below = errors.iter().filter(|mm| **mm < 1.0).count();
-        format!("{:.2} mm, below 1 mm on {below}", Percentiles::of(errors.into_iter()).median)
-    };
-    format!(
-        "\n\nin the median of {}: {} before, {} in hindsight, {} told the cycle amended, {} straight on from where the cycle ended, {} told its own motor speed again there",
-        of_asked(all.len(), asked),
-        sum(|t| t.before_mm),
-        sum(|t| t.in_hindsight_mm),
-        sum(|t| t.amended_mm),
-        sum(|t| t.straight_on_mm),
-        sum(|t| t.told_again_mm),
-    )
 }

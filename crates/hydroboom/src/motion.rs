@@ -186,7 +186,7 @@ impl MotionTests {
         if self.json {
             return output::json(&json!({
                 "motion": rows, "plant_changes": effects, "differences": table_6, "plant": choice.json(),
-                "stable": rows.iter().all(|row| row.stable),
+                "stable": rows.iter().all(|row| row.stable) && loops.iter().all(|one| one.stable),
                 "loops": loops, "benchmark_gains": Gains::of(model), "remark_on_gains": gains,
             }));
         }
@@ -233,7 +233,7 @@ impl MotionTests {
         let mut unstable: String =
             loops.iter().filter(|of| !of.stable).map(|of| format!("\n{of}")).collect();
         if !unstable.is_empty() && rows.iter().all(|row| row.stable) {
-            unstable += "\nNo run above is in sustained oscillation.";
+            unstable += "\nNo run above was in sustained oscillation while its reference rested, where friction may hold the piston: look at the motor's speed in motion (--log).";
         }
         output::text(&format!("{said}{}{unstable}", table(&rows)))
     }

@@ -256,6 +256,21 @@ pub fn short(value: f64) -> String {
     }
 }
 
+/// A number with three digits that count, at most six behind the point; zero as it is.
+pub fn three_digits(value: f64) -> String {
+    let size = value.abs();
+    match size.is_finite() && size >= 1e-6 {
+        true => format!("{value:.*}", (2 - size.log10().floor() as i32).clamp(0, 6) as usize),
+        false => {
+            if size.is_finite() {
+                "0".into()
+            } else {
+                "-".into()
+            }
+        }
+    }
+}
+
 /// A number with all its digits, small ones by their power of ten.
 pub fn number(value: f64) -> String {
     match value != 0.0 && value.abs() < 1e-3 {

@@ -18,9 +18,9 @@ use std::time::Instant;
 pub struct Study {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of a virtual crane that stands in for the real one; the embedded one for the paper's crane, else none.
-    #[arg(long, value_name = "FILE")]
-    virtual_crane: Option<InputFile>,
+    /// Crane file of a further plant, a virtual crane that stands in for the real one; the embedded one for the paper's crane, else none.
+    #[arg(long, value_name = "FILE", visible_alias = "virtual-crane")]
+    plant: Option<InputFile>,
     /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains, and not tuned with
     /// them, takes those of `hydroboom design --benchmark` otherwise.
     #[arg(long)]
@@ -45,7 +45,7 @@ impl Study {
         let said =
             |done: &str| output::note(&format!("{:5.1} s  {done}", clock.elapsed().as_secs_f64()));
         let is_papers_crane = self.crane.is_papers_crane()?;
-        let stand_in = match &self.virtual_crane {
+        let stand_in = match &self.plant {
             Some(path) => Some(Description::parse(&path.display().to_string(), &text(path)?)?),
             None if self.crane.is_embedded() && is_papers_crane => {
                 Some(Description::uia_virtual()?)

@@ -9,8 +9,8 @@ use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_identify::{
-    COMPARED, Difference, Experiment, Judgement, Prediction, Remedy, Ringing, differences,
-    remedies, verdict,
+    Aspect, COMPARED, Difference, Experiment, Judgement, Prediction, Remedy, Ringing, complaints,
+    differences, remedies, verdict,
 };
 use hydroboom_lab::LabError;
 use hydroboom_lab::paper;
@@ -92,6 +92,9 @@ impl Validate {
                 crane.name,
                 output::table(&HEADER, &rows)
             );
+            if rows.iter().any(|row| row[RINGS].contains('(')) {
+                said += &format!("{SPECTRUM}\n");
+            }
             for finding in &part.findings {
                 said += &format!("\n{}", finding.said);
             }
@@ -129,16 +132,18 @@ impl Validate {
 }
 
 /// Compares a segment of a log with the model.
-fn part(crane: &Description, experiment: Experiment) -> Result<Part> {
+fn part(crane: &Description, mut experiment: Experiment) -> Result<Part> {
     let (prediction, would) = remedies(crane, &experiment).into_diagnostic()?;
     let found = differences(&experiment, &prediction);
-    let verdict = verdict(&found);
+    let (verdict, complaints) = (verdict(&found), complaints(&found));
+    let pressures = prediction.iter().flat_map(|row| row.iter().skip(1).copied());
+    experiment.remarks.extend(difference_text::beyond(pressures.fold(0.0, f64::max)));
     let findings = found
         .into_iter()
         .map(|difference| {
             let of = would.iter().find(|(signal, _)| *signal == difference.signal);
             let remedies = of.map_or_else(Vec::new, |(_, list)| list.clone());
-            let said = difference_text::said(&difference, &remedies);
+            let said = difference_text::said(&difference, &complaints, &remedies);
             Finding { difference, remedies, said }
         })
         .collect();
@@ -158,11 +163,24 @@ const HEADER: [&str; 10] = [
     "coloured",
 ];
 
+/// Place of the frequencies among the columns.
+const RINGS: usize = 7;
+/// Said of frequencies in brackets.
+const SPECTRUM: &str = "(...): a peak of the spectrum alone, to which no oscillation that fades could be fitted; nothing is judged by it.";
+
 fn row(finding: &Finding) -> Vec<String> {
     let d = &finding.difference;
     let (unit, size) = d.signal.shown();
     let pair = |of: &dyn Fn(&Ringing) -> Option<f64>, digits: usize| {
-        let text = |r: Option<Ringing>| output::optional(r.as_ref().and_then(of), digits);
+        let text = |r: Option<Ringing>| {
+            let text = output::optional(r.as_ref().and_then(of), digits);
+            // a peak of the spectrum alone
+            if r.is_some_and(|r| r.damping.is_none()) && text != "-" {
+                format!("({text})")
+            } else {
+                text
+            }
+        };
         format!("{}, {}", text(d.ringing), text(d.model_ringing))
     };
     vec![
@@ -182,6 +200,11 @@ fn row(finding: &Finding) -> Vec<String> {
 fn in_json(finding: &Finding) -> Value {
     let d = &finding.difference;
     let (unit, size) = d.signal.shown();
+    // frequencies and damping ratios stay as they are
+    let in_unit = |r: &Remedy| match r.aspect {
+        Aspect::Position | Aspect::Pressures => size,
+        Aspect::Frequency | Aspect::Damping => 1.0,
+    };
     let rings = |r: Option<Ringing>| {
         r.map(|r| json!({ "frequency_hz": r.frequency, "damping": r.damping }))
     };
@@ -198,9 +221,10 @@ fn in_json(finding: &Finding) -> Value {
             "delay_ms": { "value": p.delay.value * 1e3, "share": p.delay.share },
         })),
         "ringing": rings(d.ringing), "model_ringing": rings(d.model_ringing), "coloured": d.coloured,
-        "said": finding.said,
+        "judged": d.unresolved.is_none(), "said": finding.said,
         "remedies": finding.remedies.iter().map(|r| json!({
-            "key": r.path, "change_percent": r.change * 100.0, "rms": r.rms.1 / size,
+            "key": r.path, "change_percent": r.change * 100.0, "of": verdict_text::name(r.aspect),
+            "at_limit": r.at_limit, "before": r.found.0 / in_unit(r), "after": r.found.1 / in_unit(r),
         })).collect::<Vec<_>>(),
     })
 }
@@ -276,7 +300,7 @@ fn page(
         h2 { "What looks wrong, and what would move it" }
         @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
         p.soft {
-            "What would move a signal is found by exact slopes along each key and tried by running the model with that key changed: "
+            "What would move what is beyond its limit is found by exact slopes along each key and tried by running the model with that key changed: "
             "a hint where to look, no result. " code { "hydroboom show" } " lists where each value comes from."
         }
         h2 { "In numbers" @if is_published { ", beside Table 6" } }
@@ -295,6 +319,7 @@ fn page(
         p.soft {
             "Fit: 100 % less the share of the log's own spread that the model misses. Coloured: share of the difference's autocorrelations, up to a "
             "second, that white noise would not have; 0.05 if nothing is left to be explained."
+            @if findings().any(|(_, finding)| row(finding)[RINGS].contains('(')) { " " (SPECTRUM) }
             @if is_published { " The paper's numbers are of its own crane at 120 mm/s." }
         }
         @for (signal, segment, both, difference) in &figures {

@@ -1,9 +1,11 @@
 //! Whether a model is right for a log, in words and for machines.
 
+use crate::output::three_digits;
 use hydroboom_identify::{Aspect, Judgement};
 use serde_json::{Value, json};
 
-fn name(aspect: Aspect) -> &'static str {
+/// Name of an aspect.
+pub fn name(aspect: Aspect) -> &'static str {
     match aspect {
         Aspect::Position => "position",
         Aspect::Pressures => "pressures",
@@ -17,11 +19,16 @@ fn number(j: &Judgement) -> String {
         Aspect::Position | Aspect::Pressures => {
             let (unit, size) = j.signal.shown();
             let (found, limit) = (j.found / size, j.limit / size);
-            format!("{} {found:.2} {unit} RMS, limit {limit:.2}", j.signal.symbol())
+            format!(
+                "{} {} {unit} RMS, limit {}",
+                j.signal.symbol(),
+                three_digits(found),
+                three_digits(limit)
+            )
         }
         Aspect::Frequency | Aspect::Damping => {
             let (found, limit) = (j.found * 100.0, j.limit * 100.0);
-            format!("{} {found:+.1} %, limit {limit:.1}", j.signal.symbol())
+            format!("{} {found:+.1} %, limit {limit:.1} %", j.signal.symbol())
         }
     }
 }
@@ -34,7 +41,7 @@ pub fn said(judgements: &[Judgement]) -> String {
     };
     let untold = [Aspect::Position, Aspect::Pressures, Aspect::Frequency, Aspect::Damping];
     let untold = untold.into_iter().filter(|a| judgements.iter().all(|j| j.aspect != *a));
-    let untold: Vec<&str> = untold.map(name).collect();
+    let mut untold: Vec<&str> = untold.map(name).collect();
     let (right, wrong) = (of(true), of(false));
     let mut parts = Vec::new();
     if !wrong.is_empty() {
@@ -44,7 +51,10 @@ pub fn said(judgements: &[Judgement]) -> String {
         parts.push(format!("right for {right}"));
     }
     if !untold.is_empty() {
-        parts.push(format!("the log does not tell {}", untold.join(" and ")));
+        let last = untold.pop().unwrap_or_default();
+        let others = untold.join(", ");
+        let and = if others.is_empty() { "" } else { " and " };
+        parts.push(format!("the log does not tell {others}{and}{last}"));
     }
     format!("The model is {}.", parts.join("; ")).replace("is the log", "is not judged: the log")
 }

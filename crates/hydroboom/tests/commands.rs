@@ -622,20 +622,15 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     }
     // two fast motions say as much as a slow one and a fast one
     let learned = parsed(&["learn", "--json", "--set", "motion.slow_mm_s=100"]);
-    let row = [
-        "crane",
-        "course",
-        "closed_loop_mm",
-        "before_mm",
-        "in_hindsight_mm",
-        "amended_mm",
-        "straight_on_mm",
-        "told_again_mm",
-        "set_in_hindsight",
-    ];
-    keys(&learned["learned"][0], &row);
-    // what was fitted is what any command takes
-    let set = learned["learned"][0]["set_in_hindsight"].as_array().unwrap();
+    let first = &learned["learned"][0];
+    keys(first, &["crane", "course", "stable", "methods", "convergence", "identified", "remarks"]);
+    let method = ["method", "cycles", "reset", "rms_true_mm", "rms_measured_mm"];
+    keys(&first["methods"][0], &method);
+    assert_eq!(learned["stable"], true, "{learned}");
+    // the closed loop, four of feedforward, the replay, and learning after 1, 3 and 10 cycles from rest and without reset
+    assert_eq!(first["methods"].as_array().unwrap().len(), 12);
+    // what was identified is what any command takes
+    let set = first["identified"].as_array().unwrap();
     let mut arguments = vec!["show", "--json"];
     set.iter().for_each(|assignment| arguments.extend(["--set", assignment.as_str().unwrap()]));
     assert!(!set.is_empty() && hydroboom(&arguments).status.success(), "{arguments:?}");

@@ -3,7 +3,7 @@
 #[path = "support/command.rs"]
 mod command;
 
-use command::{hydroboom, parsed};
+use command::{files, hydroboom, parsed};
 
 /// What it prints, as text; it has to succeed.
 fn said(arguments: &[&str]) -> String {
@@ -49,4 +49,148 @@ fn a_run_that_stops_is_a_row_that_says_so_and_the_rest_stands() {
         assert!(!stopped || row["stable"] == false, "{row}");
     }
     assert!(rows.iter().any(|row| !row["stopped"].is_null()));
+}
+
+/// Cranes that every reading is of, as overrides: those of `cranes/`, and odd ones.
+const CRANES: [&[&str]; 8] = [
+    &[],
+    &["payload.mass_kg=155"],
+    &[
+        "payload.mass_kg=620",
+        "supervision.pressure_bar=300",
+        "drive.max_torque_nm=60",
+        "drive.inertia_kgm2=0.009",
+        "controller.proportional_per_s=3",
+        "controller.integral_per_s2=6",
+    ],
+    &[
+        "geometry.mount_x_mm=700",
+        "cylinder.piston_mm=80",
+        "cylinder.rod_mm=45",
+        "pump.displacement_cm3=16",
+        "payload.mass_kg=400",
+    ],
+    &["friction.coulomb_n=715", "boom.youngs_modulus_gpa=208.9", "payload.mass_kg=316"],
+    &["payload.mass_kg=60"],
+    &["cylinder.piston_mm=100"],
+    &["payload.x_mm=9000"],
+];
+
+/// Words and numbers of `design` and `eigen` agree: unstable or not, and the two ways to a frequency.
+#[test]
+fn words_agree_with_numbers_on_every_crane() {
+    // the paper's crane without ranges, which the other cranes leave
+    let file = files("every-crane")("crane.toml");
+    assert!(hydroboom(&["new", &file]).status.success());
+    let text = std::fs::read_to_string(&file).unwrap();
+    let without_range = |line: &str| match line.split_once("range = [") {
+        Some((before, rest)) => {
+            format!("{before}{}", rest.split_once("], ").map_or("", |(_, after)| after))
+        }
+        None => line.into(),
+    };
+    let lines: Vec<String> = text.lines().map(without_range).collect();
+    std::fs::write(&file, lines.join("\n")).unwrap();
+    for crane in CRANES {
+        let set: Vec<&str> = crane.iter().flat_map(|set| ["--set", set]).collect();
+        let of = |command: &[&'static str]| [command, &["--crane", &file], &set].concat();
+        let json = parsed(&of(&["design", "--json"]));
+        let positions = json["positions"].as_array().unwrap();
+        let stable = |loop_of: &str| {
+            positions.iter().all(|at| {
+                let margins = &at[loop_of];
+                let is_stable = margins["unstable_poles"] == 0;
+                assert_eq!(margins["stable"], is_stable, "{crane:?}: {margins}");
+                // no margins beside a loop that has none
+                assert_eq!(margins["phase_deg"].is_null() && !is_stable, !is_stable, "{margins}");
+                is_stable
+            })
+        };
+        let both = [stable("benchmark"), stable("scheduled_lqr")];
+        assert_eq!(json["stable"], both[0] && both[1], "{crane:?}");
+        let text = said(&of(&["design"]));
+        for (name, is_stable) in ["benchmark", "scheduled LQR"].into_iter().zip(both) {
+            let told = text.contains(&format!("{name}: the closed loop is UNSTABLE"));
+            assert_eq!(told, !is_stable, "{crane:?}: {text}");
+        }
+        let eigen = parsed(&of(&["eigen", "--stroke-mm", "200", "--json"]));
+        let row = &eigen["eigenfrequency"][0];
+        let apart =
+            row["frictionless_hz"].as_f64().unwrap() / row["linearised_hz"].as_f64().unwrap() - 1.0;
+        // soft oil stiffens within the drop: 8 % with a piston of 100 mm, which is said with the pressures
+        assert!(apart.abs() < 0.1, "{crane:?}: {row}");
+        let told = said(&of(&["eigen", "--stroke-mm", "200"]));
+        let largest = format!("they differ by {:.1} % at most", 100.0 * apart.abs());
+        assert!(told.contains(&largest), "{largest}: {told}");
+        assert_eq!(told.contains("At 200 mm the drop of"), apart.abs() > 0.005, "{told}");
+        for text in [text, told] {
+            assert!(!text.contains("NaN") && !text.contains(" inf"), "{crane:?}: {text}");
+        }
+    }
+}
+
+/// In JSON of commands that close a loop: a benchmark whose gains are too high for a load on soft oil.
+#[test]
+fn every_loop_that_is_unstable_has_a_flag_that_says_so() {
+    let path = files("flags");
+    let (crane, light) = (path("crane.toml"), path("light.toml"));
+    assert!(hydroboom(&["new", &crane]).status.success());
+    let text = std::fs::read_to_string(&crane).unwrap();
+    let light_text: Vec<String> = text
+        .lines()
+        .map(|line| match line.starts_with("mass_kg") && line.contains("value = 307.0") {
+            true => line.replace("value = 307.0", "value = 100.0"),
+            false => line.into(),
+        })
+        .collect();
+    std::fs::write(&light, light_text.join("\n")).unwrap();
+    let benchmark = ["--strategy", "benchmark-closed-loop"];
+    let of = |command: &[&str]| parsed(&[command, &benchmark].concat());
+    let found = of(&["virtual", "--json", "--set", "payload.mass_kg=60"]);
+    assert_eq!(found["stable"], false, "{found}");
+    assert!(found["sustained_oscillation"]["amplitude_mm"].as_f64() > Some(2.0), "{found}");
+    assert_eq!(of(&["virtual", "--json"])["stable"], true);
+    // the piston swings up to its stop, and the supervisor ends the course: it has no errors
+    let found = of(&["run", "--simulated-time", "--json", "--crane", &light]);
+    assert_eq!((&found["stable"], found["fault"].is_null()), (&false.into(), false), "{found}");
+    assert!(found["rms_true_mm"].is_null() && found["rms_measured_mm"].is_null(), "{found}");
+    assert_eq!(of(&["run", "--simulated-time", "--json"])["stable"], true);
+    let only = |name: &str| {
+        parsed(&["export", "closed-loop", "--json", "--target", "rust", "--only", name])["rows"][0]
+            .clone()
+    };
+    let row = only("0 kg moved from 350 mm");
+    assert_eq!((&row["stable"], &row["oscillates"]), (&false.into(), &true.into()), "{row}");
+    assert!(row["oscillation_amplitude_mm"].as_f64() > Some(2.0), "{row}");
+    assert_eq!(only("200 kg moved from 350 mm")["stable"], true);
+}
+
+/// A sample a second shows no oscillation at 2 Hz, and not what the motor did in between: nothing is right or wrong by it.
+#[test]
+fn samples_that_are_too_far_apart_judge_nothing() {
+    let path = files("far-apart");
+    let (log, thin) = (path("log.csv"), path("thin.csv"));
+    let simulate = ["simulate", "--speed-mm-s", "120", "--log", &log];
+    assert!(hydroboom(&simulate).status.success());
+    let text = std::fs::read_to_string(&log).unwrap();
+    let mut lines = text.lines();
+    let head = lines.next();
+    let kept: Vec<&str> = head.into_iter().chain(lines.step_by(100)).collect();
+    std::fs::write(&thin, kept.join("\n")).unwrap();
+    let found = parsed(&["validate", "--log", &thin, "--json"]);
+    assert_eq!(found["verdict"].as_array().unwrap().len(), 0, "{found}");
+    for signal in found["signals"].as_array().unwrap() {
+        assert_eq!(signal["judged"], false, "{signal}");
+        assert!(signal["ringing"].is_null(), "{signal}");
+        let said = signal["said"].as_str().unwrap();
+        assert!(said.contains("samples are 1000 ms apart"), "{said}");
+        assert_eq!(signal["remedies"].as_array().unwrap().len(), 0, "{signal}");
+    }
+    // every hundredth second they are told, and the model is right for its own log
+    let found = parsed(&["validate", "--log", &log, "--json"]);
+    let verdict = found["verdict"].as_array().unwrap();
+    assert_eq!(verdict.len(), 4, "{found}");
+    assert!(verdict.iter().all(|aspect| aspect["right"] == true), "{found}");
+    let words = said(&["validate", "--log", &log]);
+    assert_eq!(words.matches("That is within its limit.").count(), 6, "{words}");
 }

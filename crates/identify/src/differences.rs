@@ -48,6 +48,34 @@ pub struct Difference {
     pub largest: f64,
     /// Error of the sensor, as its samples scatter from one to the next.
     pub noise: f64,
+    /// Where the log's samples are too far apart to judge the model by them.
+    pub unresolved: Option<Unresolved>,
+}
+
+/// Samples of a log that are too far apart for how the model oscillates: of the signal, or of what drives the model, whose course from sample to sample is not known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unresolved {
+    /// From one sample to the next \[s\].
+    pub interval: f64,
+    /// Frequency at which the model oscillates \[Hz\].
+    pub frequency: f64,
+}
+
+impl Difference {
+    /// Whether most of it is gone once the log is moved by a delay that grows: a clock that drifts.
+    pub fn is_of_clock(&self) -> bool {
+        let drifts = self.rms_without_drift.zip(self.rms_without_delay);
+        drifts.is_some_and(|(drift, delay)| drift < 0.5 * self.rms.min(delay))
+    }
+
+    /// Whether most of it is gone once the log is moved by its delay, and that is longer than steps and samples make it.
+    ///
+    /// A piston that follows late, out and back alike, is a late sensor; one that lags is the crane's.
+    pub fn is_late(&self) -> bool {
+        let moved = self.delay.zip(self.rms_without_delay);
+        !self.is_of_clock()
+            && moved.is_some_and(|(delay, without)| delay.abs() > 3e-3 && without < 0.5 * self.rms)
+    }
 }
 
 /// All signals that were measured.
@@ -55,6 +83,8 @@ pub type Differences = Vec<Difference>;
 
 /// Delays up to this are looked for \[s\].
 const LONGEST_DELAY: f64 = 0.1;
+/// An oscillation is told by so many samples in a period, and more.
+const PER_PERIOD: f64 = 4.0;
 /// Autocorrelations are looked at up to this lag \[s\].
 const LAGS: f64 = 1.0;
 
@@ -62,7 +92,8 @@ const LAGS: f64 = 1.0;
 pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differences {
     let interval = experiment.interval();
     let is_free = free(experiment, interval);
-    COMPARED
+    let (apart, driven) = experiment.apart;
+    let mut found: Vec<(f64, Difference)> = COMPARED
         .iter()
         .enumerate()
         .filter_map(|(k, signal)| {
@@ -71,9 +102,27 @@ pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differen
                 .enumerate()
                 .filter_map(|(i, (sample, model))| Some((i, sample.values[k]?, model[k])))
                 .collect();
-            (both.len() > 20).then(|| difference(*signal, &both, interval, &is_free))
+            (both.len() > 20)
+                .then(|| (apart[k].max(driven), difference(*signal, &both, interval, &is_free)))
         })
-        .collect()
+        .collect();
+    let model = oscillation_of(found.iter().filter_map(|(_, d)| d.model_ringing));
+    for (interval, difference) in &mut found {
+        let is_told = |frequency: f64| *interval * frequency <= 1.0 / PER_PERIOD;
+        difference.ringing = difference.ringing.filter(|r| is_told(r.frequency));
+        if let Some(frequency) = model.filter(|frequency| !is_told(*frequency)) {
+            difference.unresolved = Some(Unresolved { interval: *interval, frequency });
+            difference.ringing = None;
+        }
+    }
+    found.into_iter().map(|(_, difference)| difference).collect()
+}
+
+/// The fastest oscillation of several signals \[Hz\], of those whose fading is told where there are such.
+fn oscillation_of(ringing: impl Iterator<Item = Ringing>) -> Option<f64> {
+    let (told, others): (Vec<Ringing>, Vec<Ringing>) = ringing.partition(|r| r.damping.is_some());
+    let of = if told.is_empty() { others } else { told };
+    of.into_iter().map(|r| r.frequency).reduce(f64::max)
 }
 
 /// Whether nothing drives an oscillation at each sample.
@@ -148,6 +197,7 @@ fn difference(
             - log.iter().copied().fold(f64::INFINITY, f64::min),
         largest: log.iter().fold(0.0, |most, v| v.abs().max(most)),
         noise: noise(&log),
+        unresolved: None,
     }
 }
 

@@ -50,6 +50,8 @@ pub struct Experiment {
     pub(crate) filters: [f64; COMPARED.len()],
     /// What the model starts from, as far as it was measured.
     pub(crate) beginning: [Option<f64>; STARTS],
+    /// From one of the log's samples to the next, of each compared signal and then of what drives the model; zero where that is held throughout \[s\].
+    pub(crate) apart: ([f64; COMPARED.len()], f64),
     /// What is to be said of it.
     pub remarks: Vec<String>,
 }
@@ -165,9 +167,14 @@ impl Experiment {
             }
             CircuitChoice::ValveControlled => [stroke, piston_side, rod_side, None, None, None],
         };
+        let driven = match is_held(&drive) {
+            true => 0.0,
+            false => signals.get(driving).map_or(0.0, Track::interval),
+        };
         Ok(Self {
             name: log.name.clone(),
             begin,
+            apart: (tracks.map(|track| track.map_or(0.0, Track::interval)), driven),
             drive,
             period,
             every,

@@ -25,7 +25,7 @@ mod tuning_fork;
 mod verdict;
 
 pub use advice::experiment_for;
-pub use differences::{Difference, Differences, differences};
+pub use differences::{Difference, Differences, Unresolved, differences};
 pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
 pub use explained::{Explained, Part, explained};
@@ -40,4 +40,4 @@ pub use number::{Number, Stepper};
 pub use prediction::{Prediction, predict, sensitivities};
 pub use remedy::{Remedies, Remedy, remedies};
 pub use ringing::{Ringing, ringing};
-pub use verdict::{Aspect, Judgement, LIMITS, Limits, verdict};
+pub use verdict::{Aspect, Judgement, LIMITS, Limits, complaints, verdict};

@@ -221,6 +221,7 @@ mod tests {
             samples,
             filters: [0.0; COMPARED.len()],
             beginning: [None; STARTS],
+            apart: ([5e-3; COMPARED.len()], 5e-3),
             remarks: Vec::new(),
         }
     }

@@ -1,7 +1,6 @@
 //! Is the model right? Position, pressures, frequency and damping of a log, each against a stated limit.
 
 use crate::differences::{Difference, Differences};
-use crate::ringing::Ringing;
 use hydroboom_measurement::Signal;
 
 /// What a model is right or wrong for.
@@ -68,53 +67,60 @@ impl Judgement {
     }
 }
 
+/// Position or a pressure against its limit.
+fn of_size(d: &Difference) -> Judgement {
+    let (aspect, limit) = match d.signal {
+        Signal::Stroke => (Aspect::Position, (LIMITS.position * d.span).max(LIMITS.least_position)),
+        _ => (Aspect::Pressures, (LIMITS.pressure * d.largest).max(LIMITS.least_pressure)),
+    };
+    Judgement { aspect, signal: d.signal, found: d.rms, limit }
+}
+
+/// Frequency and damping of a signal against their limits, where both are told; the model over the log.
+pub(crate) fn of_ringing(d: &Difference) -> Option<[Judgement; 2]> {
+    let [log, model] = [d.ringing, d.model_ringing];
+    let (log, model) = (log?, model?);
+    let (signal, own, shown) = (d.signal, log.damping?, model.damping?);
+    let found = model.frequency / log.frequency - 1.0;
+    let frequency = Judgement { aspect: Aspect::Frequency, signal, found, limit: LIMITS.frequency };
+    let limit = LIMITS.damping.max(LIMITS.least_damping / own.abs().max(1e-9));
+    let found = (shown - own) / own.abs().max(1e-9);
+    Some([frequency, Judgement { aspect: Aspect::Damping, signal, found, limit }])
+}
+
+/// All that is wrong, signal by signal: beyond its limit, and told by the log.
+pub fn complaints(found: &Differences) -> Vec<Judgement> {
+    let told = found.iter().filter(|d| d.unresolved.is_none());
+    let boom = boom(found).and_then(of_ringing).into_iter().flatten();
+    told.map(of_size).chain(boom).filter(|j| !j.is_right()).collect()
+}
+
+/// What rings loudest above its sensor's scatter is the boom; an oscillation whose fading cannot be told has no frequency to be relied on.
+fn boom(found: &Differences) -> Option<&Difference> {
+    let loudness = |d: &&Difference| {
+        d.ringing.map_or(0.0, |log| log.amplitude / d.noise.max(f64::MIN_POSITIVE))
+    };
+    let told = found.iter().filter(|d| d.unresolved.is_none() && of_ringing(d).is_some());
+    told.max_by(|a, b| loudness(a).total_cmp(&loudness(b)))
+}
+
 /// What a model is right for, of what the log tells; the signal that is worst decides.
 pub fn verdict(found: &Differences) -> Vec<Judgement> {
     let worst = |of: Vec<Judgement>| {
         let share = |j: &Judgement| j.found.abs() / j.limit;
         of.into_iter().max_by(|a, b| share(a).total_cmp(&share(b)))
     };
-    let position = found.iter().filter(|d| d.signal == Signal::Stroke).map(|d| Judgement {
-        aspect: Aspect::Position,
-        signal: d.signal,
-        found: d.rms,
-        limit: (LIMITS.position * d.span).max(LIMITS.least_position),
-    });
-    let pressures = found.iter().filter(|d| d.signal != Signal::Stroke).map(|d| Judgement {
-        aspect: Aspect::Pressures,
-        signal: d.signal,
-        found: d.rms,
-        limit: (LIMITS.pressure * d.largest).max(LIMITS.least_pressure),
-    });
-    // what rings loudest above its sensor's scatter is the boom; an oscillation whose fading cannot be told has no frequency to be relied on
-    let pairs = found.iter().filter_map(|d| {
-        let [log, model] = [d.ringing, d.model_ringing].map(|r| r.filter(|r| r.damping.is_some()));
-        Some((d, log?, model?))
-    });
-    let loudness = |(d, log, _): &(&Difference, Ringing, Ringing)| {
-        log.amplitude / d.noise.max(f64::MIN_POSITIVE)
-    };
-    let boom = pairs.max_by(|a, b| loudness(a).total_cmp(&loudness(b)));
-    let pair = boom.map(|(d, log, model)| (d.signal, log, model));
-    let frequency = pair.map(|(signal, log, model)| Judgement {
-        aspect: Aspect::Frequency,
-        signal,
-        found: model.frequency / log.frequency - 1.0,
-        limit: LIMITS.frequency,
-    });
-    let damping = pair.and_then(|(signal, log, model)| {
-        let (log, model) = (log.damping?, model.damping?);
-        let limit = LIMITS.damping.max(LIMITS.least_damping / log.abs().max(1e-9));
-        let found = (model - log) / log.abs().max(1e-9);
-        Some(Judgement { aspect: Aspect::Damping, signal, found, limit })
-    });
-    let all = [worst(position.collect()), worst(pressures.collect()), frequency, damping];
-    all.into_iter().flatten().collect()
+    let told = || found.iter().filter(|d| d.unresolved.is_none());
+    let of = |aspect: Aspect| worst(told().map(of_size).filter(|j| j.aspect == aspect).collect());
+    let ringing = boom(found).and_then(of_ringing).into_iter().flatten();
+    let sizes = [of(Aspect::Position), of(Aspect::Pressures)];
+    sizes.into_iter().flatten().chain(ringing).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ringing::Ringing;
 
     fn difference(signal: Signal, rms: f64, rings: [Option<Ringing>; 2]) -> Difference {
         Difference {
@@ -137,6 +143,7 @@ mod tests {
             span: if signal == Signal::Stroke { 0.4 } else { 10e5 },
             largest: if signal == Signal::Stroke { 0.5 } else { 80e5 },
             noise: 1.0,
+            unresolved: None,
         }
     }
 

@@ -5,7 +5,9 @@
 mod made;
 
 use hydroboom_description::Description;
-use hydroboom_identify::{Channel, Fit, Free, Nuisance, Task, fit};
+use hydroboom_identify::{
+    Channel, Fit, Free, Nuisance, Prediction, Task, differences, fit, predict,
+};
 use hydroboom_measurement::Signal;
 use made::commanded;
 
@@ -51,6 +53,12 @@ fn a_position_that_is_late_moves_its_delay_and_no_key() {
         // the model's inputs hold for a period, so the log is late by a part of one too
         let delay = channel(&found, "stroke.delay_ms");
         assert!((delay.value - late * 1e3).abs() < 0.5 && delay.is_off(), "{delay:?}");
+        // another log of the same machine is late by the same
+        let other = commanded(&found.description, &channels, 9);
+        let rms = |shown: &Prediction| differences(&other, shown)[0].rms;
+        let seen = rms(&found.on_another_log(&other).unwrap());
+        let plain = rms(&predict(&found.description, &other).unwrap());
+        assert!(seen < 0.5 * plain, "{seen} m for {plain}");
         let without = tuned(&channels, &Nuisance::named("stroke.delay").unwrap());
         assert!(without.channels.iter().all(|c| c.nuisance.path() != "stroke.delay_ms"));
         let left = |found: &Fit| found.improvements[0].rms[0].unwrap().1;

@@ -4,9 +4,9 @@ mod made;
 
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
-use hydroboom_identify::{Free, differences, predict, remedies, sensitivities};
+use hydroboom_identify::{Aspect, Free, complaints, differences, predict, remedies, sensitivities};
 use hydroboom_measurement::Signal;
-use made::{log_of, with};
+use made::{commanded, log_of, with};
 
 #[test]
 fn a_log_made_by_the_model_is_predicted_to_its_rounding() {
@@ -70,11 +70,60 @@ fn what_is_wrong_with_a_model_is_among_the_remedies() {
         [("payload.mass_kg", Signal::PressureA), ("pump.flow_gain", Signal::Stroke)]
     {
         let wrong = with(&truth, key, 0.95);
-        let experiment = log_of(&truth, 0.0, 1);
+        let experiment = commanded(&truth, &POSITION_AND_PRESSURE, 1);
         let (_, found) = remedies(&wrong, &experiment).unwrap();
         let (_, list) = found.iter().find(|(of, _)| *of == signal).unwrap();
         let remedy =
             list.iter().find(|r| r.path == key).unwrap_or_else(|| panic!("{key}: {list:?}"));
         assert!((remedy.change - (1.0 / 0.95 - 1.0)).abs() < 0.02, "{remedy:?}");
     }
+}
+
+/// What is recorded, neither late nor off.
+const POSITION_AND_PRESSURE: [(Signal, f64, f64); 2] =
+    [(Signal::Stroke, 0.0, 0.0), (Signal::PressureA, 0.0, 0.0)];
+
+/// A boom that is a fifth softer than the crane's: what is complained of is the frequency, too.
+#[test]
+fn a_frequency_that_is_off_names_keys_that_move_the_frequency() {
+    let truth = Description::uia_single_boom().unwrap();
+    let wrong = with(&truth, "boom.youngs_modulus_gpa", 0.8);
+    let experiment = commanded(&truth, &POSITION_AND_PRESSURE, 1);
+    let (prediction, found) = remedies(&wrong, &experiment).unwrap();
+    let of_frequency: Vec<_> = found
+        .iter()
+        .flat_map(|(_, list)| list)
+        .filter(|remedy| remedy.aspect == Aspect::Frequency)
+        .collect();
+    let all = differences(&experiment, &prediction);
+    assert!(complaints(&all).iter().any(|j| j.aspect == Aspect::Frequency), "{all:?}");
+    let log = all.iter().find(|d| d.signal == Signal::PressureA).unwrap().ringing.unwrap();
+    assert!(!of_frequency.is_empty());
+    for remedy in of_frequency {
+        let (before, after) = remedy.found;
+        assert!(
+            (after - log.frequency).abs() < 0.3 * (before - log.frequency).abs(),
+            "{remedy:?} for {} Hz",
+            log.frequency
+        );
+    }
+}
+
+/// What is far off is found as far off as it is: not at the end of the straight step.
+#[test]
+fn a_load_that_is_a_third_is_found_a_third() {
+    let model = Description::uia_single_boom().unwrap();
+    let light = with(&model, "payload.mass_kg", 0.3);
+    let experiment = commanded(&light, &POSITION_AND_PRESSURE, 1);
+    let (_, found) = remedies(&model, &experiment).unwrap();
+    let (_, list) = found.iter().find(|(of, _)| *of == Signal::PressureA).unwrap();
+    let payload = list.iter().find(|r| r.path == "payload.mass_kg").unwrap();
+    assert!((payload.change + 0.7).abs() < 0.1, "{list:?}");
+}
+
+/// What is within its limit asks for no key.
+#[test]
+fn a_model_beside_its_own_log_has_no_remedies() {
+    let model = Description::uia_single_boom().unwrap();
+    assert!(remedies(&model, &log_of(&model, 0.0, 1)).unwrap().1.is_empty());
 }

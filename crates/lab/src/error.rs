@@ -62,6 +62,9 @@ pub enum LabError {
     /// A controller cannot be designed, or the crane not be linearised.
     #[error(transparent)]
     Design(#[from] DesignError),
+    /// A model cannot be identified.
+    #[error(transparent)]
+    Identify(#[from] hydroboom_identify::IdentifyError),
     /// A file cannot be written or read.
     #[error("{path}: {error}")]
     File {

@@ -3,35 +3,29 @@
 //! Everything here works on a [`Description`](hydroboom_description::Description) and hides the
 //! number of segments behind a [`Plant`].
 
-mod amended;
 pub mod baselines;
 pub mod benchmark;
 pub mod calibrate;
 pub mod claims;
 pub mod closed_loop;
 pub mod crane_file_text;
+pub mod cycle_learning;
 pub mod dataset;
 pub mod double_damping;
 pub mod eigenfrequency;
 pub mod energy_audit;
 mod error;
-mod hindsight;
 mod interruptible;
-mod late_motor;
-pub mod learning;
 pub mod log;
 pub mod log_estimation;
 pub mod log_verdict;
 pub mod mat_file;
 pub mod motion_test;
-mod motor_as_read;
 pub mod numerical_damping;
 pub mod paper;
-mod rehearsal;
 pub mod report;
 pub mod run_log;
 pub mod simulate;
-mod stand_in;
 pub mod study;
 pub mod virtual_estimates;
 pub mod virtual_run;

@@ -58,9 +58,11 @@ pub const STATED_CLOSED_LOOP_PERCENT: [f64; 2] = [16.0, 12.0];
 
 /// Choices of method, and not of the machine: how the boom is divided, and which of the paper's two friction laws is simulated.
 const METHODS: [&str; 2] = ["boom.segment_lengths_mm", "friction.law"];
+/// Speeds of the motion, by which the paper's errors are found.
+const SPEEDS: [&str; 2] = ["motion.slow_mm_s", "motion.fast_mm_s"];
 
 /// Whether a crane is the paper's, whose figures stand beside no other: what the paper prints is as printed, and what it does not print is as in the
-/// embedded file or within the range that stands there. Controllers, motions and equipment may be others.
+/// embedded file or within the range that stands there. So is its motion but for the speeds, beside which its errors stand. Controllers and equipment may be others.
 pub fn is_its_crane(crane: &Description) -> bool {
     let Ok(own) = Description::uia_single_boom() else { return false };
     let is_possible = |difference: &Difference| {
@@ -75,7 +77,9 @@ pub fn is_its_crane(crane: &Description) -> bool {
         })
     };
     own.differences(crane).iter().all(|difference| {
-        !difference.is_of_machine()
+        let is_of_motion =
+            difference.key.starts_with("motion.") && !SPEEDS.contains(&difference.key.as_str());
+        !(difference.is_of_machine() || is_of_motion)
             || METHODS.contains(&difference.key.as_str())
             || is_possible(difference)
     })
@@ -103,7 +107,12 @@ mod tests {
         ] {
             assert!(is_its(&[own]), "{own}");
         }
-        for other in ["payload.mass_kg=60", "cylinder.piston_mm=100", "payload.x_mm=9000"] {
+        for other in [
+            "payload.mass_kg=60",
+            "cylinder.piston_mm=100",
+            "payload.x_mm=9000",
+            "motion.end_mm=300",
+        ] {
             assert!(!is_its(&[other]), "{other}");
         }
         assert!(!is_its_crane(&Description::uia_virtual().unwrap()));

@@ -93,7 +93,7 @@ pub struct Study {
     /// What is to be said of the benchmark's gains, if anything.
     pub remark_on_gains: Option<String>,
     /// Frequency of the p_A oscillation with the valve open, not fitted.
-    /// None where the motion is too short to see two whole periods of it.
+    /// None where the motion does not show two whole periods of it.
     pub pressure_oscillation_hz: Option<f64>,
     /// The paper's simulated one; none beside another crane.
     pub paper_pressure_oscillation_hz: Option<f64>,

@@ -5,6 +5,7 @@ use crate::closed_loop::metrics::{Metrics, SustainedOscillation, TrackingError};
 use crate::closed_loop::sample::Sample;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Case, simulate_cases, simulate_closed_loop};
+use crate::closed_loop::sustained_oscillation::sustained_oscillation;
 use crate::log::Log;
 use crate::run_log::{header, row};
 use crate::simulate::Recording;
@@ -80,7 +81,7 @@ pub struct Summary {
     pub error: TrackingError,
     /// Whether it came to rest where its reference rested; none for a recorded input.
     pub stable: Option<bool>,
-    /// The sustained oscillation that it was in while its reference rested.
+    /// The sustained oscillation that it was in while its reference rested, and after the course's end where it may have begun there.
     pub sustained_oscillation: Option<SustainedOscillation>,
     /// Piston position at the end, truly.
     pub stroke_mm: f64,
@@ -181,8 +182,9 @@ pub fn virtual_run(
             follow(real, duration, |_| held, &mut observe)?;
         }
     }
-    if matches!(task, Task::Course(..)) {
-        summary.finish(&metrics);
+    if let Task::Course(course, strategy) = task {
+        let found = sustained_oscillation(model, crane, (*strategy).into(), *course, &metrics)?;
+        summary.finish(&metrics, found);
     }
     summary.estimates = estimator.and_then(|estimator| estimator.summary());
     let lost = writers.into_iter().filter_map(|(log, ..)| log.finish().err()).collect();
@@ -219,7 +221,8 @@ pub fn strategies(
         Strategy::ALL.into_iter().zip(ends).zip(gathered)
     {
         end?;
-        summary.finish(&metrics);
+        let found = sustained_oscillation(model, crane, strategy.into(), course, &metrics)?;
+        summary.finish(&metrics, found);
         results.push((strategy, summary));
     }
     Ok(results)
@@ -234,10 +237,10 @@ impl Summary {
         self.oil_c = truth.oil_temperature;
     }
 
-    fn finish(&mut self, metrics: &Metrics) {
+    fn finish(&mut self, metrics: &Metrics, found: Option<SustainedOscillation>) {
         self.error = metrics.tracking_error();
-        self.stable = Some(!metrics.oscillates());
-        self.sustained_oscillation = metrics.sustained_oscillation();
+        self.stable = Some(found.is_none());
+        self.sustained_oscillation = found;
     }
 }
 

@@ -1,56 +1,67 @@
-//! What a cycle tells in hindsight, and what open loop is worth with it.
+//! What one cycle tells of a machine, and what feedforward and learning are worth with it.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
 use hydroboom_description::Description;
 use hydroboom_lab::closed_loop::monte_carlo::member;
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
-use hydroboom_lab::learning::{Taught, taught};
+use hydroboom_lab::cycle_learning::experiment::{
+    CycleReport, Method, MethodError, learning_experiment,
+};
 
 /// A cycle of one crane at the fast speed.
-fn cycle(crane: Description) -> Taught {
+fn cycle(crane: Description) -> CycleReport {
     let model = Description::uia_single_boom().unwrap();
     let course = [CourseChoice::Motion(model.numbers.fast)];
-    let mut all = taught(&model, &[("one".into(), crane)], &course, &|| true).unwrap();
-    all.remove(0)
+    let cranes = [("one".into(), crane)];
+    learning_experiment(&model, &cranes, &course, &|| true).unwrap().remove(0)
 }
 
-/// A worn pump leaks, and the model as described errs by centimetres in open loop; the model that is fitted to the cycle does not.
-#[test]
-fn a_cycle_tells_what_open_loop_lacks() {
-    let crane = member(&Description::uia_virtual().unwrap(), 7, 10).unwrap().crane;
-    let found = cycle(crane);
-    let [before, hindsight, amended] =
-        [found.before_mm, found.in_hindsight_mm, found.amended_mm].map(Option::unwrap);
-    assert!(hindsight < 1.0 && hindsight < 0.2 * before, "{before} mm, then {hindsight} mm");
-    assert!(amended < 1.0, "{amended} mm");
+/// True RMS error by a method \[mm\].
+fn error(report: &CycleReport, method: Method, cycles: Option<usize>, reset: bool) -> f64 {
+    let of = |m: &&MethodError| (m.method, m.cycles, m.reset) == (method, cycles, reset);
+    report.methods.iter().find(of).unwrap().rms_true_mm.unwrap()
 }
 
-/// A slow drive is as late as its lag of second order says and its commands and readings are under way; the rehearsal leads by as much.
+/// A worn pump leaks, and feedforward from the model as described errs by centimetres; from the identified model it does not, and learning corrects
+/// what that still lacks.
 #[test]
-fn a_cycle_tells_how_late_a_slow_drive_is() {
+fn a_cycle_tells_what_feedforward_lacks() {
+    let report = cycle(member(&Description::uia_virtual().unwrap(), 7, 10).unwrap().crane);
+    let nominal = error(&report, Method::NominalModel, None, true);
+    let identified = error(&report, Method::IdentifiedModel, None, true);
+    assert!(identified < 1.0 && identified < 0.2 * nominal, "{nominal} mm, then {identified} mm");
+    let learned = error(&report, Method::IterativeLearning, Some(10), true);
+    assert!(report.convergence.unwrap().is_ensured() && learned < identified, "{learned} mm");
+}
+
+/// A slow drive delays by its lag of second order and by the fieldbus; the identified model says so.
+#[test]
+fn a_cycle_tells_the_delay_of_a_slow_drive() {
     let model = Description::uia_single_boom().unwrap();
     let mut crane = Description::uia_virtual().unwrap();
     crane.set("drive.bandwidth_hz=15").unwrap();
     let n = &crane.numbers;
     let drive = 2.0 * n.drive_damping / (std::f64::consts::TAU * n.drive_bandwidth);
-    let late = drive + 2.0 * n.fieldbus_delay * n.control_period;
-    let found = cycle(crane.clone());
-    let mut fitted = model.clone();
-    found.set_in_hindsight.iter().for_each(|set| fitted.set(set).unwrap());
-    let lag = fitted.numbers.tuning.estimator_drive_lag;
-    assert!((lag - late).abs() < 0.1 * late, "{lag} s for {late} s");
-    let lag_mm = n.fast * (late - model.numbers.tuning.estimator_drive_lag) * 1e3;
-    let rehearsed = found.in_hindsight_mm.unwrap();
-    assert!(rehearsed < 0.25 * lag_mm, "{rehearsed} mm, of {lag_mm} mm that are late");
+    let delay = drive + 2.0 * n.fieldbus_delay * n.control_period;
+    let report = cycle(crane.clone());
+    let mut identified = model.clone();
+    report.identified.iter().for_each(|set| identified.set(set).unwrap());
+    let lag = identified.numbers.tuning.estimator_drive_lag;
+    assert!((lag - delay).abs() < 0.1 * delay, "{lag} s for {delay} s");
+    let lag_mm = n.fast * (delay - model.numbers.tuning.estimator_drive_lag) * 1e3;
+    let rms = error(&report, Method::IdentifiedModel, None, true);
+    assert!(rms < 0.25 * lag_mm, "{rms} mm, of {lag_mm} mm by the delay");
 }
 
-/// A cylinder that rests holds any pressure that its friction can. Where the oil is so soft that this is millimetres of oil, a machine that is
-/// commanded the same again strays by them; where it is stiff, it does the same again.
+/// A cylinder at rest holds any pressure that its friction can. Where the oil is so soft that this is millimetres of oil, a machine that is
+/// commanded the same again errs by them; where it is stiff, it repeats itself.
 #[test]
-fn what_comes_again_depends_on_how_soft_the_oil_is_where_it_rests() {
+fn repeatability_depends_on_the_oils_stiffness_at_rest() {
     let nominal = Description::uia_virtual().unwrap();
-    let [soft, stiff] = [16, 20]
-        .map(|number| cycle(member(&nominal, 1, number).unwrap().crane).told_again_mm.unwrap());
+    let [soft, stiff] = [16, 20].map(|number| {
+        let report = cycle(member(&nominal, 1, number).unwrap().crane);
+        error(&report, Method::Replay, None, false)
+    });
     assert!(stiff < 0.5 && soft > 5.0, "{stiff} mm, {soft} mm");
 }

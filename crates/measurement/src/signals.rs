@@ -52,6 +52,11 @@ impl Track {
         }
     }
 
+    /// From one sample to the next, in the median \[s\]; zero of fewer than two.
+    pub fn interval(&self) -> f64 {
+        TimeBase::of(&self.time).map_or(0.0, |base| base.interval)
+    }
+
     /// The same, seen through a first-order filter with a time constant \[s\]; zero for none.
     pub fn filtered(self, filter: f64) -> Self {
         Self { filter, ..self }

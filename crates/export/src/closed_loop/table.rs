@@ -67,14 +67,23 @@ impl Row {
             true => pair(self.off, b.off),
             false => "-".into(),
         };
-        let error = |value: f64| match o.course.is_empty() {
-            true => "-".into(),
-            false => format!("{:.2}", value * 1e3),
+        // errors of a loop in sustained oscillation tell of that
+        let error = |value: f64| match (o.course.is_empty(), o.oscillates()) {
+            (true, _) => "-".into(),
+            (false, true) => "unstable".into(),
+            (false, false) => format!("{:.2}", value * 1e3),
+        };
+        let oscillation = match o.oscillates() {
+            true => {
+                let [amplitude, frequency] = o.oscillation;
+                format!(", oscillates by {:.1} mm at {frequency:.2} Hz", amplitude * 1e3)
+            }
+            false => String::new(),
         };
         [
             self.target.into(),
             self.case.name(),
-            status_name(o.status),
+            status_name(o.status) + &oscillation,
             o.release_time.map_or("-".into(), |time| format!("{time:.1}")),
             format!("{:.2}", o.lifted * 1e3),
             pair(o.dropped, b.dropped),

@@ -7,6 +7,7 @@ use hydroboom_control::reference::profile::{OutAndBack, RampShape};
 use hydroboom_control::supervision::frame::{
     FrameInput, FrameOutput, STATUS_FALLBACK, STATUS_FAULT, frame_phase,
 };
+use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, OscillationState};
 use hydroboom_description::Description;
 use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
@@ -27,9 +28,9 @@ pub struct Outcome {
     pub motor_slew: f64,
     /// Largest motor speed as commanded \[rev/s\].
     pub motor_speed: f64,
-    /// Status at the end, and amplitude \[m\] and frequency \[Hz\] of a sustained oscillation that was found.
+    /// Status at the end.
     pub status: f64,
-    /// Amplitude of it.
+    /// Amplitude \[m\] and frequency \[Hz\] of a sustained oscillation that was found; zeros of none.
     pub oscillation: [f64; 2],
     /// Whether an output was not finite.
     pub is_not_finite: bool,
@@ -70,10 +71,9 @@ impl Outcome {
         most - least
     }
 
-    /// Whether it oscillates at the end, or was found to by the frame, which then falls back.
-    pub fn oscillates(&self, period: f64) -> bool {
-        let swings = self.is_controlled() && self.swing(period) > SUSTAINED;
-        self.oscillation[0] > 0.0 || swings
+    /// Whether it was in sustained oscillation, by the one detector there is: as the machine shows it, or as the frame found, which then falls back.
+    pub fn oscillates(&self) -> bool {
+        self.oscillation[0] > 0.0
     }
 }
 
@@ -98,8 +98,8 @@ const ENGAGED: f64 = 1.0;
 const AFTER: f64 = 2.5;
 /// Time at the end over which a swing is measured \[s\]: half of the rest after the course.
 const SWING_TIME: f64 = 1.25;
-/// Swing at rest from which it is a sustained oscillation \[m\], as of the frame's detector.
-const SUSTAINED: f64 = 2e-3;
+/// Time for which a machine that may oscillate is watched longer \[s\].
+const LONGER: f64 = 5.0;
 /// Step of the simulated machine \[s\].
 const MACHINE_STEP: f64 = 1e-3;
 
@@ -140,7 +140,7 @@ pub fn run(
     let mut given = FrameInput { enable: 1.0, valve_state: -1.0, ..FrameInput::default() };
     let mut commanded = 0.0;
     let mut frozen: Option<(u32, [f64; FrameInput::NAMES.len()])> = None;
-    let longest = ((case.held + RELEASED_WITHIN + length) / period) as u32;
+    let longest = ((case.held + RELEASED_WITHIN + length + LONGER) / period) as u32;
     for k in 0..longest {
         let time = f64::from(k) * period;
         let reading = crane.signals();
@@ -204,12 +204,21 @@ pub fn run(
             false => reference.position,
         };
         let shown = shown + output.reference_offset;
+        let rests = reference.velocity == 0.0;
+        let longer = course_time.is_some_and(|time| time > length);
+        seen.look(&mut outcome, &output, shown - truth.outputs.stroke, rests);
+        if longer {
+            if !seen.may_oscillate() || course_time.is_some_and(|time| time > length + LONGER) {
+                break;
+            }
+            continue;
+        }
         seen.take(&mut outcome, case, &output, truth.outputs.stroke, (k, time), shown);
         if !outcome.course.is_empty() {
             squares += (truth.outputs.stroke - shown).powi(2);
             outcome.rms = (squares / outcome.course.len() as f64).sqrt();
         }
-        if course_time.is_some_and(|time| time > length) || seen.is_over(k) {
+        if seen.is_over(k) {
             break;
         }
     }
@@ -235,12 +244,31 @@ struct Watched {
     disturbed: bool,
     /// Period and position of a stop after which nothing is asked for.
     stopped: Option<(u32, f64)>,
+    /// The detector, shown the piston itself.
+    oscillation: OscillationState<f64>,
 }
 
 /// Periods for which a machine that was stopped is watched.
 const WATCHED: u32 = 1500;
 
 impl Watched {
+    /// Looks for a sustained oscillation of the piston about its reference \[m\], while the controller has the load.
+    fn look(&mut self, outcome: &mut Outcome, output: &FrameOutput<f64>, off: f64, rests: bool) {
+        let has_load = [frame_phase::CONTROLLING, STATUS_FALLBACK].contains(&output.status);
+        let detector = OscillationDetector::POSITIONING;
+        if detector.update(&mut self.oscillation, off, rests && has_load, self.period) {
+            let found = detector.amplitude_and_frequency(&self.oscillation);
+            if found[0] > outcome.oscillation[0] {
+                outcome.oscillation = found;
+            }
+        }
+    }
+
+    /// Whether the last half-cycles did not die out.
+    fn may_oscillate(&self) -> bool {
+        self.stopped.is_none() && self.oscillation.half_cycles > 0.5
+    }
+
     fn take(
         &mut self,
         outcome: &mut Outcome,

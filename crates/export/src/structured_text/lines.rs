@@ -1,9 +1,10 @@
 //! Statements as lines of Structured Text, and the variables that they need.
 
+use super::calls::Calls;
 use super::{line, literal, unit::Declared, unit::Section};
-use crate::graph::Graph;
 use crate::name::{Names, comment};
-use crate::statement::{Carried, Loop, Run, Statement};
+use crate::statement::{Kind, Loop, Run, Statement, listed};
+use std::collections::BTreeMap;
 
 /// Type of a table of numbers.
 pub(super) fn array(count: usize) -> String {
@@ -32,14 +33,16 @@ pub(super) fn copied(to: &str, from: &str, count: usize, depth: usize) -> String
 
 /// Lines that are written, and the local variables that they need so far.
 pub(super) struct Lines<'a> {
-    graph: &'a Graph,
+    calls: &'a Calls<'a>,
     /// Name and type of the variables.
-    pub(super) locals: Vec<(String, String)>,
+    locals: Vec<(String, String)>,
+    /// Instances of the function blocks that are called, by type.
+    instances: BTreeMap<String, String>,
 }
 
 impl<'a> Lines<'a> {
-    pub(super) fn new(graph: &'a Graph) -> Self {
-        Self { graph, locals: Vec::new() }
+    pub(super) fn new(calls: &'a Calls<'a>) -> Self {
+        Self { calls, locals: Vec::new(), instances: BTreeMap::new() }
     }
 
     /// The variables that were needed, and the counter where a loop copies or fills.
@@ -55,6 +58,17 @@ impl<'a> Lines<'a> {
 
     pub(super) fn local(&mut self, name: &str, kind: impl Into<String>) {
         self.locals.push((name.into(), kind.into()));
+    }
+
+    /// The instance of a function block: one serves all calls, since it remembers nothing.
+    fn instance(&mut self, kind: &str, names: &mut Names) -> String {
+        if let Some(name) = self.instances.get(kind) {
+            return name.clone();
+        }
+        let name = names.free(&self.calls.instance(kind));
+        self.local(&name, kind);
+        self.instances.insert(kind.into(), name.clone());
+        name
     }
 
     /// A table filled by runs of other tables' entries, and single numbers.
@@ -89,16 +103,15 @@ impl<'a> Lines<'a> {
         let mut all = String::new();
         for statement in said {
             all += &match statement {
-                Statement::Value { node, name, text, comment: why } => {
+                Statement::Value { kind, name, text, comment: why } => {
                     let why =
                         why.as_ref().map(|why| line(&format!("(* {} *)", comment(why)), depth));
-                    let is_condition = self.graph.op(*node).is_condition();
-                    self.local(name, if is_condition { "BOOL" } else { "LREAL" });
+                    self.local(name, kind_name(*kind));
                     why.unwrap_or_default() + &line(&format!("{name} := {text};"), depth)
                 }
                 Statement::Table { name, filled } => self.table(name, filled, depth),
-                Statement::Interpolation { name, table, first, length, place } => {
-                    self.interpolation(name, [table, place], [*first, *length], names, depth)
+                Statement::Interpolation { name, table, length, place, .. } => {
+                    self.interpolation(name, [table, place], *length, names, depth)
                 }
                 Statement::Loop(of) => self.repeated(of, names, depth),
             };
@@ -106,53 +119,36 @@ impl<'a> Lines<'a> {
         all
     }
 
-    /// Linear interpolation between the two entries beside a place, which is taken into the table. Rounding half an entry
-    /// below the place gives the first of them: at a whole place either neighbour serves.
+    /// Linear interpolation in a whole table.
     fn interpolation(
         &mut self,
         name: &str,
         [table, place]: [&str; 2],
-        [first, length]: [usize; 2],
+        length: usize,
         names: &mut Names,
         depth: usize,
     ) -> String {
         self.local(name, "LREAL");
-        let last = match length {
+        match length {
             0 => return line(&format!("{name} := 0.0E0;"), depth),
-            1 => return line(&format!("{name} := {table}[{first}];"), depth),
-            length => length - 1,
-        };
-        let [at, index, share] = ["x", "i", "w"].map(|beginning| names.numbered(beginning));
-        for (name, kind) in [(&at, "LREAL"), (&index, "DINT"), (&share, "LREAL")] {
-            self.local(name, kind);
+            1 => return line(&format!("{name} := {table}[0];"), depth),
+            _ => {}
         }
-        let entry = |k: usize| match k {
-            0 => format!("{table}[{index}]"),
-            k => format!("{table}[{index} + {k}]"),
-        };
-        let (low, high) = (entry(first), entry(first + 1));
-        [
-            format!("{at} := LIMIT(0.0E0, {place}, {});", literal(last as f64)),
-            format!("{index} := LIMIT(0, LREAL_TO_DINT({at} - 5.0E-1), {});", last - 1),
-            format!("{share} := {at} - DINT_TO_LREAL({index});"),
-            format!("{name} := {low} * (1.0E0 - {share}) + {high} * {share};"),
-        ]
-        .iter()
-        .map(|said| line(said, depth))
-        .collect()
+        let instance = self.instance(&self.calls.interpolation(length), names);
+        line(&format!("{instance}(entries := {table}, place := {place});"), depth)
+            + &line(&format!("{name} := {instance}.value;"), depth)
     }
 
-    /// A loop over rows.
+    /// A loop, which calls a function for each row.
     fn repeated(&mut self, of: &Loop, names: &mut Names, depth: usize) -> String {
-        let Loop { counter, count, condition, carried, made, body } = of;
+        let Loop { counter, count, condition, carried, made, function, arguments } = of;
         self.local(counter, "DINT");
         let mut text = String::new();
-        for Carried { names: [name, next], begin, .. } in carried {
+        for (name, begin) in carried {
             self.local(name, "LREAL");
-            self.local(next, "LREAL");
             text += &line(&format!("{name} := {begin};"), depth);
         }
-        for (name, _) in made {
+        for name in made {
             self.local(name, array(*count as usize));
             if condition.is_some() {
                 text += &filled(name, *count as usize, 0.0, depth);
@@ -165,20 +161,37 @@ impl<'a> Lines<'a> {
         }
         let last = i64::from(*count) - 1;
         text += &line(&format!("FOR {counter} := 0 TO {last} DO"), inner);
-        text += &self.statements(body, names, inner + 1);
-        for Carried { names: [_, next], next: value, .. } in carried {
-            text += &line(&format!("{next} := {value};"), inner + 1);
-        }
-        for (name, entry) in made {
-            text += &line(&format!("{name}[{counter}] := {entry};"), inner + 1);
-        }
-        for Carried { names: [name, next], .. } in carried {
-            text += &line(&format!("{name} := {next};"), inner + 1);
+        let called = &self.calls.functions[*function];
+        let given = called.parameters.iter().zip(arguments);
+        let given: Vec<String> =
+            given.map(|(parameter, value)| format!("{} := {value}", parameter.name)).collect();
+        let given = listed(&given);
+        let kind = self.calls.name(*function);
+        let results = of.results();
+        match results.as_slice() {
+            [to] if self.calls.is_function(*function) => {
+                text += &line(&format!("{to} := {kind}({given});"), inner + 1);
+            }
+            _ => {
+                let instance = self.instance(&kind, names);
+                text += &line(&format!("{instance}({given});"), inner + 1);
+                for (to, (from, _)) in results.iter().zip(&called.results) {
+                    text += &line(&format!("{to} := {instance}.{from};"), inner + 1);
+                }
+            }
         }
         text += &line("END_FOR;", inner);
         if condition.is_some() {
             text += &line("END_IF;", depth);
         }
         text
+    }
+}
+
+/// Type of a value; there are no pairs.
+pub(super) fn kind_name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Condition => "BOOL",
+        Kind::Number | Kind::Pair => "LREAL",
     }
 }

@@ -2,10 +2,11 @@
 //!
 //! A block begins at its start values at its first call and whenever `bReset` is set, and works out anew what follows from its
 //! parameters whenever `bPrepare` is. Assignments to `LREAL`s, with no calls but of the standard's functions and comments in `(* *)`;
-//! arrays and `FOR` loops only in a block that was recorded with them, the scheduled LQR. A fused product is written as product and
+//! arrays, `FOR` loops and units that they call only in a block that was recorded with them, the scheduled LQR. A fused product is written as product and
 //! sum, and functions are the controller's own: the last digits may differ from Rust's.
 
 mod bench;
+mod calls;
 mod composed;
 mod lines;
 pub mod plcopen;
@@ -17,7 +18,7 @@ mod unit;
 pub use single::in_single_precision;
 pub use unit::{Declared, Form, Kind, Section, Task, Unit};
 
-use crate::block::{Block, Target, Variable};
+use crate::block::{Block, Entry, Target, Variable};
 use crate::controller::{controller, scheduled_lqr_controller, simulation_feedforward_controller};
 use crate::crane::blocks;
 use crate::error::ExportError;
@@ -25,9 +26,10 @@ use crate::graph::{Graph, Node, Op};
 use crate::name::{Names, comment};
 use crate::plan::Plan;
 use crate::statement::{
-    Dialect, Precedence, Run, Source, Text, arithmetic, broken, call, clear_infix, grouped, runs,
-    statements,
+    Dialect, Precedence, Run, Statement, Text, arithmetic, broken, call, clear_infix, grouped, runs,
 };
+use crate::writing::{Source, statements};
+use calls::Calls;
 use hydroboom_description::Description;
 use lines::{COUNTER, Lines, array, copied, filled};
 use std::collections::HashMap;
@@ -100,6 +102,20 @@ const KNOWN: [(&str, &str); 37] = [
 struct StructuredText;
 
 impl Dialect for StructuredText {
+    fn names(&self) -> Names {
+        let reserved: Vec<&str> = RESERVED.split_whitespace().chain([COUNTER]).collect();
+        Names::new(&reserved)
+    }
+
+    fn has_parts(&self) -> bool {
+        false
+    }
+
+    /// Never asked for.
+    fn part(&self, array: &str, _first: usize) -> String {
+        array.into()
+    }
+
     fn constant(&self, value: f64) -> Text {
         let text = literal(value);
         let binding = if text.starts_with('-') { Precedence::Sign } else { Precedence::Whole };
@@ -218,20 +234,35 @@ fn declared(section: Section, name: &str, initial: Option<f64>, v: &Variable) ->
     Declared::new(section, name, "LREAL", initial.map(literal).as_deref(), &said)
 }
 
-/// A block as a function block.
+/// A block as a function block, without the units that it calls.
 ///
 /// # Errors
 ///
 /// [`ExportError`] when it depends on something that it does not have, or on a number that the language has not.
 pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
+    Ok(split_units(block)?.1)
+}
+
+/// A block as a function block, behind the functions and function blocks that it calls.
+///
+/// # Errors
+///
+/// [`ExportError`] when it depends on something that it does not have, or on a number that the language has not.
+pub fn block_units(block: &Block) -> Result<Vec<Unit>, ExportError> {
+    let (mut units, block) = split_units(block)?;
+    units.push(block);
+    Ok(units)
+}
+
+/// The units that a block calls, and the block.
+fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     let plan = Plan::of(block)?;
     let graph = &*block.graph;
     if let Some(value) = strange(graph, &plan) {
         return Err(ExportError::Constant { block: block.name.clone(), value });
     }
-    let reserved: Vec<&str> = RESERVED.split_whitespace().collect();
-    let mut names = Names::new(&reserved);
-    for own in ["bReset", "bPrepare", "bReady", COUNTER] {
+    let mut names = StructuredText.names();
+    for own in ["bReset", "bPrepare", "bReady"] {
         names.free(own);
     }
     let mut named = |variables: &[Variable], beginning: &str| -> Vec<String> {
@@ -275,11 +306,12 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         order: &plan.preparing,
         results: &plan.prepared,
         given: &given,
+        arrays: &HashMap::new(),
         labels: &labels,
     };
-    let mut lines = Lines::new(graph);
-    let (said, results) = statements(&from, &StructuredText, &mut names);
-    let mut preparing = lines.statements(&said, &mut names, 1);
+    let mut functions = Vec::new();
+    let (preparing, results) = statements(&from, &StructuredText, &mut names, &mut functions);
+    let mut keeping = String::new();
     let mut kept = Vec::new();
     for (node, text) in plan.prepared.iter().zip(&results) {
         // a parameter is there already
@@ -291,7 +323,7 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
             Some((name, _)) => names.free(&edge_name(name)),
             None => names.numbered("k"),
         };
-        preparing += &line(&format!("{name} := {};", text.text), 1);
+        keeping += &line(&format!("{name} := {};", text.text), 1);
         given.insert(*node, Text::whole(&name));
         let meaning = label.map_or(String::new(), |(_, comment)| comment.clone());
         kept.push((
@@ -315,12 +347,26 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         .iter()
         .map(|(node, (name, comment))| (*node, (edge_name(name), comment.clone())))
         .collect();
+    // inputs cannot be passed by reference
+    let arrays: HashMap<String, usize> = grouped(state_names.iter().map(String::as_str))
+        .into_iter()
+        .filter_map(|(table, range)| Some((table?, range.len())))
+        .collect();
+    let mut entry = |(entry, order): (&Entry, &Vec<Node>)| {
+        let results: Vec<Node> = entry.results.iter().map(|(_, node)| *node).collect();
+        let (results, given, labels) = (&results, &given, &labels);
+        let from = Source { graph, order, results, given, arrays: &arrays, labels };
+        statements(&from, &StructuredText, &mut names, &mut functions)
+    };
+    let entries: Vec<(Vec<Statement>, Vec<Text>)> =
+        block.entries.iter().zip(&plan.entries).map(&mut entry).collect();
+
+    let calls = Calls { block: &camel(&block.name), functions: &functions };
+    let mut lines = Lines::new(&calls);
+    let preparing_text = lines.statements(&preparing, &mut names, 1) + &keeping;
     let mut working = String::new();
-    for (entry, order) in block.entries.iter().zip(&plan.entries) {
-        let wanted: Vec<Node> = entry.results.iter().map(|(_, node)| *node).collect();
-        let from = Source { graph, order, results: &wanted, given: &given, labels: &labels };
-        let (said, results) = statements(&from, &StructuredText, &mut names);
-        working += &lines.statements(&said, &mut names, 0);
+    for (entry, (said, results)) in block.entries.iter().zip(&entries) {
+        working += &lines.statements(said, &mut names, 0);
         // all states move at once: none is changed before the last is known
         let mut last = String::new();
         let name_of = |target: &Target| match target {
@@ -406,17 +452,20 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     );
     variables.extend(kept.iter().map(|(name, v)| declared(Section::Local, name, None, v)));
     let when = if has_parameters { "bPrepare OR " } else { "" };
-    let preparing = match kept.is_empty() {
+    let preparing_text = match kept.is_empty() {
         true => String::new(),
         false => format!(
-            "IF {when}bReset OR NOT bReady THEN\n    (* what follows from the parameters *)\n{preparing}END_IF;\n"
+            "IF {when}bReset OR NOT bReady THEN\n    (* what follows from the parameters *)\n{preparing_text}END_IF;\n"
         ),
     };
     let body = format!(
-        "{preparing}IF bReset OR NOT bReady THEN\n    (* the state to start from *)\n{starting}    bReady := TRUE;\nEND_IF;\n\n{working}"
+        "{preparing_text}IF bReset OR NOT bReady THEN\n    (* the state to start from *)\n{starting}    bReady := TRUE;\nEND_IF;\n\n{working}"
     );
     variables.extend(lines.declared(&body));
-    Ok(Unit {
+    let bodies: Vec<&[Statement]> =
+        entries.iter().map(|(said, _)| said.as_slice()).chain([preparing.as_slice()]).collect();
+    let units = calls.units(&bodies);
+    let block = Unit {
         kind: Kind::FunctionBlock,
         name: block_name(block),
         comment: format!(
@@ -426,7 +475,8 @@ pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
         variables,
         body,
         tasks: Vec::new(),
-    })
+    };
+    Ok((units, block))
 }
 
 /// All that a PLC needs to steer with the simulation: the recorded blocks, what is put together from them, programs, and the tasks
@@ -448,7 +498,7 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     all.extend([benchmark.clone(), feedforward.clone()]);
     let step = literal(n.simulation_period);
     all.push(composed::simulation_feedforward(&feedforward, steps, &step));
-    all.push(function_block(&scheduled_lqr_controller(description)?)?);
+    all.extend(block_units(&scheduled_lqr_controller(description)?)?);
     all.push(composed::control_task(&benchmark));
     all.extend([bench::comparison(), bench::test_bench(&replays::replays(description)?)]);
     // last, since it names the programs: some tools know only what they have read

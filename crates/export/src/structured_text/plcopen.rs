@@ -13,13 +13,21 @@ pub fn project(units: &[Unit]) -> String {
     text += "\" creationDateTime=\"2000-01-01T00:00:00\"/>\n  <contentHeader name=\"hydroboom\">\n    <coordinateInfo>\n      <fbd><scaling x=\"1\" y=\"1\"/></fbd>\n      \
              <ld><scaling x=\"1\" y=\"1\"/></ld>\n      <sfc><scaling x=\"1\" y=\"1\"/></sfc>\n    </coordinateInfo>\n  </contentHeader>\n  <types>\n    <dataTypes/>\n    <pous>\n";
     for unit in units.iter().filter(|u| u.kind != Kind::Globals) {
-        let kind = if unit.kind == Kind::Program { "program" } else { "functionBlock" };
+        let kind = match unit.kind {
+            Kind::Function => "function",
+            Kind::Program => "program",
+            Kind::FunctionBlock | Kind::Globals => "functionBlock",
+        };
         text += &format!(
             "      <pou name=\"{}\" pouType=\"{kind}\">\n        <interface>\n",
             unit.name
         );
+        for result in unit.variables.iter().filter(|v| v.section == Section::Result) {
+            text += &format!("          <returnType><{}/></returnType>\n", result.kind);
+        }
         for (section, tag) in [
             (Section::Input, "inputVars"),
+            (Section::InOut, "inOutVars"),
             (Section::Output, "outputVars"),
             (Section::Local, "localVars"),
             (Section::External, "externalVars"),

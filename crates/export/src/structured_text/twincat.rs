@@ -16,7 +16,7 @@ pub fn file(unit: &Unit) -> (String, String) {
                 "{head}  <GVL Name=\"{name}\" Id=\"{id}\">\n    <Declaration>{declaration}</Declaration>\n  </GVL>\n</TcPlcObject>\n"
             ),
         ),
-        Kind::FunctionBlock | Kind::Program => (
+        Kind::Function | Kind::FunctionBlock | Kind::Program => (
             format!("{name}.TcPOU"),
             format!(
                 "{head}  <POU Name=\"{name}\" Id=\"{id}\" SpecialFunc=\"None\">\n    <Declaration>{declaration}</Declaration>\n    \

@@ -5,6 +5,8 @@ use super::GLOBALS;
 /// What a unit is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
+    /// `FUNCTION`: its variables have a [`Section::Result`].
+    Function,
     /// `FUNCTION_BLOCK`
     FunctionBlock,
     /// `PROGRAM`
@@ -25,8 +27,12 @@ pub enum Form {
 /// What variables are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
+    /// What a function returns, by the function's name.
+    Result,
     /// `VAR_INPUT`
     Input,
+    /// `VAR_IN_OUT`
+    InOut,
     /// `VAR_OUTPUT`
     Output,
     /// `VAR`
@@ -124,13 +130,24 @@ impl Unit {
             super::broken_comment(&self.comment)
         );
         match (self.kind, form) {
+            (Kind::Function, _) => {
+                let is_result = |v: &&Declared| v.section == Section::Result;
+                let result = self.variables.iter().find(is_result).map(|v| v.kind.as_str());
+                text += &format!("FUNCTION {} : {}\n", self.name, result.unwrap_or("LREAL"));
+            }
             (Kind::FunctionBlock, _) => text += &format!("FUNCTION_BLOCK {}\n", self.name),
             (Kind::Program, _) => text += &format!("PROGRAM {}\n", self.name),
             (Kind::Globals, Form::Standard) => text += &format!("CONFIGURATION {CONFIGURATION}\n"),
             (Kind::Globals, Form::TwinCat) => {}
         }
-        let sections =
-            [Section::Global, Section::External, Section::Input, Section::Output, Section::Local];
+        let sections = [
+            Section::Global,
+            Section::External,
+            Section::Input,
+            Section::InOut,
+            Section::Output,
+            Section::Local,
+        ];
         for section in sections {
             let all: Vec<&Declared> =
                 self.variables.iter().filter(|v| v.section == section).collect();
@@ -138,7 +155,9 @@ impl Unit {
                 continue;
             }
             text += match section {
+                Section::Result => continue,
                 Section::Input => "VAR_INPUT\n",
+                Section::InOut => "VAR_IN_OUT\n",
                 Section::Output => "VAR_OUTPUT\n",
                 Section::Local => "VAR\n",
                 Section::Global => "VAR_GLOBAL\n",
@@ -168,7 +187,7 @@ impl Unit {
     pub fn file_name(&self) -> String {
         match self.kind {
             Kind::Globals => format!("CFG_{CONFIGURATION}.st"),
-            Kind::FunctionBlock | Kind::Program => format!("{}.st", self.name),
+            Kind::Function | Kind::FunctionBlock | Kind::Program => format!("{}.st", self.name),
         }
     }
 
@@ -176,6 +195,7 @@ impl Unit {
     pub fn text(&self) -> String {
         let declaration = self.declaration(Form::Standard);
         let end = match self.kind {
+            Kind::Function => "END_FUNCTION\n",
             Kind::FunctionBlock => "END_FUNCTION_BLOCK\n",
             Kind::Program => "END_PROGRAM\n",
             Kind::Globals => return declaration + &self.resource(),

@@ -3,8 +3,9 @@
 
 mod program;
 mod translation;
+mod used;
 
-use iecst::{Pou, parse_pou};
+use iecst::{Pou, VarBlockKind, parse_pou};
 use program::{Instruction, Memory, Place, run};
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -19,6 +20,12 @@ thread_local! {
 #[derive(Debug, Default)]
 struct Unit {
     places: HashMap<String, Place>,
+    /// Where each variable is declared.
+    sections: HashMap<String, VarBlockKind>,
+    /// The variable that a function returns.
+    returned: Option<String>,
+    /// Instances of the functions that are called.
+    functions: HashMap<String, usize>,
     /// Places of the outputs that are numbers, in their order.
     outputs: Vec<usize>,
     instructions: Vec<Instruction>,
@@ -52,10 +59,10 @@ impl Library {
     fn translate(&mut self, name: &str, read: &mut HashMap<String, Pou>) {
         let pou = read.remove(name).unwrap_or_else(|| panic!("no unit {name}"));
         let unit = Unit::translate(&pou, &mut |inner| {
-            if !self.0.contains_key(inner) {
+            if read.contains_key(inner) {
                 self.translate(inner, read);
             }
-            self.instance(inner)
+            self.0.contains_key(inner).then(|| self.instance(inner))
         });
         self.0.insert(name.to_string(), Rc::new(unit));
     }
@@ -114,6 +121,7 @@ impl Instance {
                 let held = self.memory.held(value);
                 self.memory.numbers[list.clone()][place] = held;
             }
+            Place::Passed(list) => self.memory.lists[*list][place] = self.memory.held(value),
             other => panic!("{name} is {other:?}"),
         }
     }
@@ -163,6 +171,11 @@ impl Instance {
     /// A condition.
     pub fn holds(&self, name: &str) -> bool {
         matches!(self.unit.place(name), Place::Truth(k) if self.memory.truths[*k])
+    }
+
+    /// Every variable as it is declared.
+    fn begin(&mut self) {
+        self.memory = self.unit.initial.clone();
     }
 
     /// Runs the unit once with the inputs that it has.

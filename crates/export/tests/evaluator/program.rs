@@ -6,10 +6,12 @@ use std::ops::Range;
 /// Type of numbers in here; how they are rounded, the memory says.
 pub const NUMBER: &str = "number";
 
-/// Variables of an instance, constants and intermediate results, by type; an array is a range of the numbers.
+/// Variables of an instance, constants and intermediate results, by type; an array is a range of the numbers, or a list of its own
+/// where it is passed by reference.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
     pub numbers: Vec<f64>,
+    pub lists: Vec<Vec<f64>>,
     pub integers: Vec<i64>,
     pub truths: Vec<bool>,
     pub blocks: Vec<Instance>,
@@ -26,6 +28,10 @@ pub enum Place {
     List(Range<usize>),
     /// A number of an array, whose index is an integer of the memory.
     Entry(Range<usize>, usize),
+    /// An array that is passed by reference.
+    Passed(usize),
+    /// A number of such an array, whose index is an integer of the memory.
+    PassedEntry(usize, usize),
     Block(usize),
     /// In the memory of a block within this one.
     Inner(usize, Box<Place>),
@@ -35,10 +41,10 @@ impl Place {
     /// Type of what is there.
     pub fn kind(&self) -> &'static str {
         match self {
-            Self::Number(_) | Self::Entry(..) => NUMBER,
+            Self::Number(_) | Self::Entry(..) | Self::PassedEntry(..) => NUMBER,
             Self::Integer(_) => "DINT",
             Self::Truth(_) => "BOOL",
-            Self::List(_) => "ARRAY",
+            Self::List(_) | Self::Passed(_) => "ARRAY",
             Self::Block(_) => "a block",
             Self::Inner(_, place) => place.kind(),
         }
@@ -59,6 +65,13 @@ impl Memory {
         if self.is_single { f64::from(number as f32) } else { number }
     }
 
+    /// Gives arrays to a block, or takes them back. One that is given twice is empty the second time.
+    fn exchange(&mut self, block: usize, passed: &[[usize; 2]]) {
+        for [own, inner] in passed {
+            std::mem::swap(&mut self.lists[*own], &mut self.blocks[block].memory.lists[*inner]);
+        }
+    }
+
     fn value(&self, place: &Place) -> Value {
         match place {
             Place::Number(k) => Value::Number(self.numbers[*k]),
@@ -67,8 +80,13 @@ impl Memory {
             Place::Entry(list, k) => {
                 Value::Number(self.numbers[list.clone()][self.integers[*k] as usize])
             }
+            Place::PassedEntry(list, k) => {
+                Value::Number(self.lists[*list][self.integers[*k] as usize])
+            }
             Place::Inner(block, place) => self.blocks[*block].memory.value(place),
-            Place::List(_) | Place::Block(_) => panic!("{place:?} is no single value"),
+            Place::List(_) | Place::Passed(_) | Place::Block(_) => {
+                panic!("{place:?} is no single value")
+            }
         }
     }
 
@@ -80,6 +98,10 @@ impl Memory {
             (Place::Entry(list, k), Value::Number(v)) => {
                 let held = self.held(v);
                 self.numbers[list.clone()][self.integers[*k] as usize] = held;
+            }
+            (Place::PassedEntry(list, k), Value::Number(v)) => {
+                let held = self.held(v);
+                self.lists[*list][self.integers[*k] as usize] = held;
             }
             (Place::Inner(block, place), value) => self.blocks[*block].memory.set(place, value),
             other => panic!("{other:?} are of different types"),
@@ -151,8 +173,10 @@ pub enum Instruction {
     If(usize, Vec<Instruction>),
     /// The variable that counts, its first value and its last.
     For(usize, [usize; 2], Vec<Instruction>),
-    /// A block within this one, with the inputs that it has.
-    Call(usize),
+    /// A block within this one, with the inputs that it has, and with arrays by reference: the own one, and the block's.
+    Call(usize, Vec<[usize; 2]>),
+    /// A function begins with its variables as they are declared.
+    Begin(usize),
 }
 
 pub fn run(instructions: &[Instruction], memory: &mut Memory) {
@@ -171,7 +195,12 @@ pub fn run(instructions: &[Instruction], memory: &mut Memory) {
                     run(body, memory);
                 }
             }
-            Instruction::Call(block) => memory.blocks[*block].run(),
+            Instruction::Call(block, passed) => {
+                memory.exchange(*block, passed);
+                memory.blocks[*block].run();
+                memory.exchange(*block, passed);
+            }
+            Instruction::Begin(function) => memory.blocks[*function].begin(),
         }
     }
 }

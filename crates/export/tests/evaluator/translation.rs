@@ -3,27 +3,52 @@
 
 use super::program::Place::{self, Integer, Number, Truth};
 use super::program::{Instruction, NUMBER, Operation, run};
+use super::used::Used;
 use super::{Instance, Unit};
 use iecst::{
-    BinaryOp, Expr, ExprKind, Pou, Stmt, StmtKind, TypeKind, UnaryOp, VarBlockKind, VarDecl,
+    BinaryOp, Expr, ExprKind, FunctionArg, Pou, PouKind, Stmt, StmtKind, TypeKind, UnaryOp,
+    VarBlockKind, VarDecl,
 };
 
-/// Makes an instance of another unit.
-type Instances<'a> = &'a mut dyn FnMut(&str) -> Instance;
+/// Makes an instance of another unit, if there is one of that name.
+type Instances<'a> = &'a mut dyn FnMut(&str) -> Option<Instance>;
 
 impl Unit {
     /// Translates a unit.
     pub fn translate(pou: &Pou, instance: Instances<'_>) -> Self {
         let mut unit = Self::default();
         unit.initial.is_single = is_single(pou);
+        let mut used = Used::default();
+        used.by(&pou.body);
+        if pou.kind == PouKind::Function {
+            let result = pou.return_type.as_ref().map(|result| &result.kind);
+            let Some(TypeKind::Simple(kind)) = result else {
+                panic!("{} returns nothing", pou.name)
+            };
+            let place = unit.allocate(&kind.to_ascii_uppercase());
+            let name = pou.name.to_ascii_uppercase();
+            unit.places.insert(name.clone(), place.unwrap_or_else(|| panic!("{kind}")));
+            unit.returned = Some(name);
+        }
         for block in &pou.var_blocks {
             for variable in &block.vars {
-                let place = unit.declare(block.kind, variable, instance);
+                let name = variable.name.to_ascii_uppercase();
+                let is_passed = used.arguments.contains(&name);
+                let place = unit.declare(block.kind, variable, is_passed, instance);
+                let has_memory = matches!(place, Place::Block(_));
+                assert!(pou.kind != PouKind::Function || !has_memory, "{name} has memory");
+                unit.sections.insert(name, block.kind);
                 if let (VarBlockKind::VarOutput, Number(k)) = (block.kind, &place) {
                     unit.outputs.push(*k);
                 }
                 let before = unit.places.insert(variable.name.to_ascii_uppercase(), place);
                 assert!(before.is_none(), "{} is declared twice", variable.name);
+            }
+        }
+        for name in used.functions {
+            if let Some(function) = instance(&name) {
+                let place = push(&mut unit.initial.blocks, function);
+                unit.functions.insert(name, place);
             }
         }
         unit.instructions = unit.body(&pou.body);
@@ -35,10 +60,13 @@ impl Unit {
         &mut self,
         block: VarBlockKind,
         variable: &VarDecl,
+        is_passed: bool,
         instance: Instances<'_>,
     ) -> Place {
+        let is_reference = block == VarBlockKind::VarInOut;
         match (&variable.var_type.kind, &variable.initial) {
             (TypeKind::Simple(kind), initial) => {
+                assert!(!is_reference, "{variable:?}: only arrays are passed by reference");
                 let kind = kind.to_ascii_uppercase();
                 match (self.allocate(&kind), initial) {
                     (Some(place), None) => place,
@@ -48,7 +76,11 @@ impl Unit {
                         self.initialise();
                         place
                     }
-                    (None, None) => Place::Block(push(&mut self.initial.blocks, instance(&kind))),
+                    (None, None) => {
+                        let block = instance(&kind).unwrap_or_else(|| panic!("no unit {kind}"));
+                        assert!(block.unit.returned.is_none(), "{kind} is a function");
+                        Place::Block(push(&mut self.initial.blocks, block))
+                    }
                     (None, Some(_)) => panic!("{variable:?}"),
                 }
             }
@@ -63,10 +95,13 @@ impl Unit {
                 assert!(is_known, "{variable:?}");
                 // a local entry has to be set before it is read, although a PLC begins with zeros
                 let value = if block == VarBlockKind::VarInput { 0.0 } else { f64::NAN };
+                let length = last as usize + 1;
+                if is_reference || is_passed {
+                    return Place::Passed(push(&mut self.initial.lists, vec![value; length]));
+                }
                 let begin = self.initial.numbers.len();
-                let end = begin + last as usize + 1;
-                self.initial.numbers.resize(end, value);
-                Place::List(begin..end)
+                self.initial.numbers.resize(begin + length, value);
+                Place::List(begin..begin + length)
             }
             _ => panic!("{variable:?}"),
         }
@@ -106,8 +141,47 @@ impl Unit {
 
     /// A variable of a block within.
     fn inner(&self, name: &str, variable: &str) -> Place {
-        let block = self.block(name);
+        self.within(self.block(name), variable)
+    }
+
+    fn within(&self, block: usize, variable: &str) -> Place {
         Place::Inner(block, Box::new(self.initial.blocks[block].unit.place(variable).clone()))
+    }
+
+    /// What is assigned in a call, after which the instruction to call follows.
+    fn given(&mut self, name: &str, block: usize, given: &[(&String, &Expr)]) -> Instruction {
+        let mut passed = Vec::new();
+        let mut inputs = Vec::new();
+        for (input, value) in given {
+            let unit = std::rc::Rc::clone(&self.initial.blocks[block].unit);
+            let place = unit.place(input).clone();
+            match (unit.sections[&input.to_ascii_uppercase()], place) {
+                (VarBlockKind::VarInOut, Place::Passed(list)) => {
+                    passed.push([self.array(value, unit.initial.lists[list].len()), list]);
+                }
+                (VarBlockKind::VarInput, _) => inputs.push((input, self.expression(value))),
+                _ => panic!("{input} of {name} is not given"),
+            }
+        }
+        let of_unit = &self.initial.blocks[block].unit;
+        let is_passed = |kind: &&VarBlockKind| **kind == VarBlockKind::VarInOut;
+        let references = of_unit.sections.values().filter(is_passed).count();
+        assert_eq!(passed.len(), references, "{name}: each VAR_IN_OUT is given in a call");
+        // all are evaluated before the first is assigned
+        for (input, value) in inputs {
+            self.copy(input, self.within(block, input), value);
+        }
+        Instruction::Call(block, passed)
+    }
+
+    /// An array of this length that can be passed by reference.
+    fn array(&self, value: &Expr, length: usize) -> usize {
+        let ExprKind::Ident(name) = &value.kind else { panic!("{value:?} is no variable") };
+        let Place::Passed(list) = *self.place(name) else { panic!("{name} is no array") };
+        assert_eq!(self.initial.lists[list].len(), length, "types of {name} and of what it is");
+        let is_input = self.sections[&name.to_ascii_uppercase()] == VarBlockKind::VarInput;
+        assert!(!is_input, "{name} is an input, which nobody may change");
+        list
     }
 
     fn block(&self, name: &str) -> usize {
@@ -122,7 +196,17 @@ impl Unit {
         let (ExprKind::Ident(name), [index]) = (&array.kind, indices) else {
             panic!("{array:?}, {indices:?}")
         };
-        let Place::List(list) = self.place(name).clone() else { panic!("{name} is no array") };
+        let list = match self.place(name).clone() {
+            Place::List(list) => list,
+            Place::Passed(list) => {
+                if let ExprKind::IntLiteral(k) = index.kind {
+                    let length = self.initial.lists[list].len() as i64;
+                    assert!((0..length).contains(&k), "{name} has no entry {k}");
+                }
+                return Place::PassedEntry(list, self.index(index));
+            }
+            _ => panic!("{name} is no array"),
+        };
         match index.kind {
             ExprKind::IntLiteral(k) => match list.clone().nth(k as usize) {
                 Some(place) => Number(place),
@@ -171,15 +255,13 @@ impl Unit {
                 self.instructions.push(Instruction::If(k, body));
             }
             StmtKind::Call { name, args } => {
-                // all are evaluated before the first is assigned
-                let inputs = args.iter().map(|a| match (&a.name, &a.value) {
-                    (Some(input), Some(value)) => (input, self.expression(value)),
+                let block = self.block(name);
+                let given = args.iter().map(|a| match (&a.name, &a.value) {
+                    (Some(input), Some(value)) => (input, value),
                     _ => panic!("{name}: {a:?}"),
                 });
-                for (input, value) in inputs.collect::<Vec<_>>() {
-                    self.copy(input, self.inner(name, input), value);
-                }
-                self.instructions.push(Instruction::Call(self.block(name)));
+                let call = self.given(name, block, &given.collect::<Vec<_>>());
+                self.instructions.push(call);
             }
             StmtKind::Empty => {}
             other => panic!("{other:?}"),
@@ -222,6 +304,11 @@ impl Unit {
                 let operands = [left, right].map(|e| self.expression(e));
                 self.result(operation(*op, operands))
             }
+            ExprKind::FunctionCall { name, args }
+                if self.functions.contains_key(&name.to_ascii_uppercase()) =>
+            {
+                self.called(&name.to_ascii_uppercase(), args)
+            }
             ExprKind::FunctionCall { name, args } => {
                 let arguments = args.iter().map(|a| match (&a.name, &a.value) {
                     (None, Some(value)) => self.expression(value),
@@ -242,6 +329,25 @@ impl Unit {
                 here
             }
         }
+    }
+
+    /// Calls a function that was read; returns the place of its result.
+    fn called(&mut self, name: &str, args: &[FunctionArg]) -> Place {
+        let block = self.functions[name];
+        let given = args.iter().map(|a| match (&a.name, &a.value) {
+            (Some(input), Some(value)) => (input, value),
+            _ => panic!("{name}: {a:?}"),
+        });
+        let given: Vec<(&String, &Expr)> = given.collect();
+        let unit = &self.initial.blocks[block].unit;
+        let is_input = |kind: &&VarBlockKind| **kind == VarBlockKind::VarInput;
+        let inputs = unit.sections.values().filter(is_input).count();
+        assert_eq!(given.len(), inputs, "{name}: each input is given in a call");
+        let returned = unit.returned.clone().unwrap_or_else(|| panic!("{name} is no function"));
+        self.instructions.push(Instruction::Begin(block));
+        let call = self.given(name, block, &given);
+        self.instructions.push(call);
+        self.within(block, &returned)
     }
 
     /// Adds an operation; returns the place of its result.

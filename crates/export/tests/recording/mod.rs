@@ -1,6 +1,6 @@
 //! What the scheduled LQR was given and answered in Rust on the virtual crane, and what the exported controllers answer to it.
 
-use super::evaluator::Instance;
+use super::evaluator::{Instance, Library};
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::memory::Memory;
 use hydroboom_control::reference::preview::PreviewAhead;
@@ -18,7 +18,7 @@ use hydroboom_export::closed_loop::{
 use hydroboom_export::fmi::{System, Version, archive, binary, unit};
 use hydroboom_export::scheduled_lqr_controller;
 use hydroboom_export::structured_text::{
-    edge_name, function_block, in_single_precision, switch_name,
+    Unit, block_units, edge_name, in_single_precision, switch_name,
 };
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -286,12 +286,14 @@ impl OnPlc {
     pub fn new(precision: Precision, length: usize) -> Self {
         let (model, _) = cranes();
         let made = scheduled_lqr_controller(&model).unwrap();
-        let mut units = vec![function_block(&made).unwrap()];
+        let mut units = block_units(&made).unwrap();
         if precision == Precision::Single {
             units = in_single_precision(units).unwrap();
         }
         let input = *RustScheduledLqr::new(&model, length).unwrap().input();
-        let block = Instance::parse(&units[0].text());
+        let texts: Vec<String> = units.iter().map(Unit::text).collect();
+        let library = Library::parse(texts.iter().map(String::as_str));
+        let block = library.instance(&units.last().unwrap().name);
         Self { block, made, input, period: model.numbers.control_period, length }
     }
 

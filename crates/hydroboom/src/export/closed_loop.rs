@@ -161,11 +161,11 @@ impl ClosedLoop {
         if self.json {
             return output::json(&json!({
                 "trials": rows.len(), "asked": jobs.len(), "beyond_bounds": beyond,
-                "targets": compared(&rows, period).iter().map(Compared::json).collect::<Vec<_>>(),
+                "targets": compared(&rows).iter().map(Compared::json).collect::<Vec<_>>(),
                 "rows": rows.iter().map(|row| in_json(row, period)).collect::<Vec<_>>(),
             }));
         }
-        let all: Vec<Vec<String>> = compared(&rows, period).iter().map(Compared::cells).collect();
+        let all: Vec<Vec<String>> = compared(&rows).iter().map(Compared::cells).collect();
         let said = text(&rows, jobs.len(), beyond);
         output::text(&format!("{said}\n\n{}", output::table(&COMPARED, &all)))
     }
@@ -328,7 +328,7 @@ impl Compared {
 }
 
 /// Counts of each target, beside the first.
-fn compared(rows: &[Row], period: f64) -> Vec<Compared> {
+fn compared(rows: &[Row]) -> Vec<Compared> {
     let first = rows.first().map_or("", |row| row.target);
     let mut all: Vec<Compared> = Vec::new();
     for group in rows.chunk_by(|a, b| a.target == b.target) {
@@ -346,7 +346,7 @@ fn compared(rows: &[Row], period: f64) -> Vec<Compared> {
             controlled: count(&|row| row.outcome.is_controlled()),
             faults: count(&|row| row.outcome.status >= STATUS_FAULT),
             beyond: count(&|row| !row.beyond.is_empty()),
-            oscillating: count(&|row| row.outcome.oscillates(period)),
+            oscillating: count(&|row| row.outcome.oscillates()),
             compared: count(&|row| beside(row).is_some()),
             worse: count(&|row| beside(row) == Some(true)),
         });
@@ -364,8 +364,8 @@ fn in_json(row: &Row, period: f64) -> serde_json::Value {
         "strayed_mm": o.strayed * 1e3, "strayed_bound_mm": b.strayed * 1e3,
         "stop_mm": o.stopped_in * 1e3, "stop_bound_mm": b.stopped * 1e3,
         "rms_error_mm": o.rms * 1e3, "largest_error_mm": o.error * 1e3,
-        "swing_mm": o.swing(period) * 1e3, "oscillates": o.oscillates(period),
-        "stable": !o.oscillates(period), "oscillation_amplitude_mm": o.oscillation[0] * 1e3, "oscillation_frequency_hz": o.oscillation[1],
+        "swing_mm": o.swing(period) * 1e3, "oscillates": o.oscillates(),
+        "stable": !o.oscillates(), "oscillation_amplitude_mm": o.oscillation[0] * 1e3, "oscillation_frequency_hz": o.oscillation[1],
         "off_mm": row.off * 1e3, "off_bound_mm": b.off * 1e3,
         "motor_rpm": o.motor_speed * 60.0, "motor_change_rpm_per_s": o.motor_slew * 60.0,
         "finite": !o.is_not_finite, "beyond": row.beyond,

@@ -4,14 +4,14 @@ use super::{File, warn_of_unstable, written};
 use crate::crane_file::CraneFile;
 use crate::paths::OutputFolder;
 use clap::Args;
-use hydroboom_export::structured_text::{in_single_precision, plcopen, twincat, units};
+use hydroboom_export::structured_text::{Unit, in_single_precision, plcopen, twincat, units};
 use hydroboom_export::{
     blocks, controller, scheduled_lqr_controller, simulation_feedforward_controller,
 };
 use miette::{IntoDiagnostic, Result};
 
 /// IEC 61131-3 Structured Text: function blocks of hydraulics, boom, the controllers (benchmark, simulation feedforward, scheduled LQR) and the simulation that steers, with two
-/// tasks; plain text, TwinCAT 3 files, and one PLCopen XML.
+/// tasks, and what they call; plain text (a file each, and all in one), TwinCAT 3 files, and one PLCopen XML.
 #[derive(Args)]
 #[command(after_help = "Example: hydroboom export st --crane my-crane.toml --out generated\n\
     docs/export-twincat.md shows how it gets into TwinCAT 3")]
@@ -44,6 +44,8 @@ impl St {
             let (name, content) = twincat::file(unit);
             files.push(File { name, content });
         }
+        let all: Vec<String> = units.iter().map(Unit::text).collect();
+        files.push(File { name: "hydroboom.st".into(), content: all.join("\n") });
         files.push(File { name: "hydroboom.xml".into(), content: plcopen::project(&units) });
         let [hydraulics, boom] = blocks(&crane).into_diagnostic()?;
         let recorded = [

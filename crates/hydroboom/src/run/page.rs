@@ -63,6 +63,7 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                     }
                     td.text {
                         @if let Some(fault) = r.fault { strong { (fault) } } @else { "load held" }
+                        @if r.may_oscillate { ", swinging: too short a rest to tell whether it would have gone on" }
                         @if let Some(cause) = r.fallback_cause { ", benchmark took over: " (cause) }
                     }
                 } }
@@ -72,7 +73,7 @@ fn results(list: &[CourseResult], paper: Option<[f64; 2]>) -> Markup {
                 } }
             }
         } }
-        @if list.iter().any(|r| r.error.rms_true_mm.is_nan()) { p.soft { (SENSORS_ONLY) } }
+        @if list.iter().any(|r| r.fault.is_none() && r.error.rms_true_mm.is_nan()) { p.soft { (SENSORS_ONLY) } }
     }
 }
 

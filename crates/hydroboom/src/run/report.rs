@@ -34,6 +34,9 @@ fn ended(r: &CourseResult) -> String {
     if let Some(oscillation) = r.sustained_oscillation {
         end += &format!(", sustained oscillation of {oscillation}");
     }
+    if r.may_oscillate {
+        end += ", swinging: too short a rest to tell whether it would have gone on";
+    }
     end
 }
 
@@ -79,9 +82,9 @@ impl Report<'_> {
             names.chain(errors).chain([ended.to_string()]).collect::<Vec<String>>()
         };
         // the errors of a loop that oscillates tell of that, and of no tracking
-        let of_course = |name: &str, r: &CourseResult| match r.stable {
-            true => row(name, r.error, &ended(r)),
-            false => {
+        let of_course = |name: &str, r: &CourseResult| match r.sustained_oscillation {
+            None => row(name, r.error, &ended(r)),
+            Some(_) => {
                 let errors = vec!["unstable".to_string(); 4];
                 [vec![name.to_string()], errors, vec![ended(r)]].concat()
             }

@@ -4,6 +4,7 @@ use crate::origin::origin;
 use crate::output;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_control::strategy::Strategy;
+use hydroboom_control::supervision::oscillation_detector::OscillationState;
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
@@ -37,8 +38,10 @@ pub struct CourseResult {
     /// Tracking error, the way to the course's beginning left out; no true one of a machine in another process.
     #[serde(flatten)]
     pub error: TrackingError,
-    /// Whether the loop came to rest where its reference rested: false in a sustained oscillation.
+    /// Whether the loop came to rest where its reference rested: false in a sustained oscillation, and where a fault ended the course.
     pub stable: bool,
+    /// Whether it ended in half-cycles that had not died out, too few to tell a sustained oscillation: the load was held then.
+    pub may_oscillate: bool,
     /// That oscillation, the largest that the supervisor found.
     pub sustained_oscillation: Option<SustainedOscillation>,
     /// Code of the fault that ended it.
@@ -88,6 +91,10 @@ struct Running {
     truth: Errors,
     fallback: Option<Fallback>,
     oscillation: Option<SustainedOscillation>,
+    /// The same detector, for what begins as the course ends.
+    detector: OscillationState<f64>,
+    /// Time of the last error \[s\].
+    at: f64,
 }
 
 /// How often a course shall be run by itself.
@@ -306,6 +313,10 @@ impl Running {
         }
         self.then = record.strategy;
         self.measured.add(error_mm);
+        let (rests, elapsed) = (record.reference.velocity == 0.0, record.time - self.at);
+        self.at = record.time;
+        // found is what the supervisor finds; this one is asked at the end
+        let _ = SustainedOscillation::after(&mut self.detector, -1e-3 * error_mm, rests, elapsed);
         self.fallback = record.fallback.or(self.fallback);
         if let Some([amplitude, frequency_hz]) = record.decision.oscillation {
             let now = SustainedOscillation { amplitude_mm: amplitude * 1e3, frequency_hz };
@@ -410,6 +421,8 @@ impl Watch {
             truth: Errors::default(),
             fallback: None,
             oscillation: None,
+            detector: OscillationState::default(),
+            at: record.time,
         });
     }
 
@@ -449,8 +462,17 @@ impl Watch {
             strategy: running.strategy.name(),
             then: (running.then != running.strategy).then(|| running.then.name()),
             begun_s: running.begun,
-            error: TrackingError { rms_true_mm, rms_measured_mm, peak_true_mm, peak_measured_mm },
-            stable: running.oscillation.is_none(),
+            // a course that a fault ended was not followed to its end: its errors are no result
+            error: match record.decision.cause {
+                Some(_) => TrackingError::UNFINISHED,
+                None => {
+                    TrackingError { rms_true_mm, rms_measured_mm, peak_true_mm, peak_measured_mm }
+                }
+            },
+            stable: running.oscillation.is_none() && record.decision.cause.is_none(),
+            may_oscillate: running.oscillation.is_none()
+                && record.decision.cause.is_none()
+                && running.detector.half_cycles > 0.5,
             sustained_oscillation: running.oscillation,
             fault: record.decision.cause.map(|cause| cause.code()),
             fallback: running.fallback.is_some(),

@@ -295,7 +295,8 @@ impl Tune {
                 "verdicts": outcome.judged().map(|(log, judged)| json!({
                     "log": log, "aspects": verdict_text::in_json(&judged),
                 })).collect::<Vec<_>>(),
-                "channels": channels::in_json(&found.channels), "correlation": found.correlation, "profiles": profiles::in_json(profiles),
+                "channels": channels::in_json(&found.channels), "correlation": found.correlation,
+                "channel_correlation": found.channel_correlation, "profiles": profiles::in_json(profiles),
                 "differences": found.improvements.iter().map(improvement).collect::<Vec<_>>(),
             }))?,
             false => output::text(&self.said(outcome))?,
@@ -352,7 +353,7 @@ impl Tune {
                     format!("{} to {}", number(low), number(high)),
                     format!("{:.1}", t.prior * 100.0),
                     match t.from_logs.is_finite() {
-                        true => format!("{:.2}", t.from_logs * 100.0),
+                        true => output::three_digits(t.from_logs * 100.0),
                         false => "nothing".into(),
                     },
                     determination(t).into(),
@@ -375,8 +376,9 @@ impl Tune {
             "traded most against",
         ];
         said += &format!(
-            "\n{} keys moved, {} runs of the model{}\n{}\n",
+            "\n{} {} moved, {} runs of the model{}\n{}\n",
             found.tuned.len(),
+            if found.tuned.len() == 1 { "key" } else { "keys" },
             found.evaluations,
             if found.has_converged { "" } else { "; the search did not end by itself" },
             output::table(&header, &rows)
@@ -393,6 +395,9 @@ impl Tune {
                 improvement.log,
                 before_and_after(improvement)
             );
+        }
+        if let Some(carried) = carried(outcome) {
+            said += &format!("\n{carried}");
         }
         if !held.is_empty() {
             said += &format!("\n\n{}\n", held::said(held));
@@ -466,14 +471,32 @@ fn judged<'a>(
     pairs.filter_map(move |(experiment, prediction)| held_out(experiment, prediction, stretch))
 }
 
-/// A log that was not used, before and after.
+/// A log that was not used, before and after: after, through the sensors of the same machine, with their delays and offsets.
 fn tested(
     before: &Description,
     found: &Fit,
     experiment: &Experiment,
 ) -> Result<Improvement, IdentifyError> {
-    let (a, b) = (predict(before, experiment)?, predict(&found.description, experiment)?);
+    let (a, b) = (predict(before, experiment)?, found.on_another_log(experiment)?);
     Ok(Improvement::new(experiment, &a, &b))
+}
+
+/// What of the sensors was taken along to logs that were not used; none where there are no such logs.
+fn carried(outcome: &Outcome<'_>) -> Option<String> {
+    if outcome.tests.is_empty() {
+        return None;
+    }
+    let of = |(nuisance, value): (Nuisance, f64)| {
+        format!("{} {value:+.2} {}", nuisance.path(), nuisance.allowed().unit)
+    };
+    let all: Vec<String> = outcome.found.sensors().into_iter().map(of).collect();
+    Some(match all.is_empty() {
+        true => "On logs that were not used no delay or offset is taken along: none is found that is not zero.".into(),
+        false => format!(
+            "On logs that were not used the tuned model is seen through the same sensors: {}.",
+            all.join(", ")
+        ),
+    })
 }
 
 fn before_and_after(improvement: &Improvement) -> String {

@@ -92,6 +92,7 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
         }
         h2 { "Differences before and after" }
         (differences(outcome))
+        @if let Some(carried) = super::carried(outcome) { p.soft { (carried) } }
         @if !held.is_empty() {
             h2 { "What was kept from the search" }
             (foretold(outcome))
@@ -122,7 +123,7 @@ fn keys(found: &Fit) -> Markup {
                 td { (key.path()) } td { (key.unit) }
                 @for v in [t.value.0, t.value.1, low, high] { td { (Shown(key.to_unit(v)).to_string()) } }
                 td { (format!("{:.1}", t.prior * 100.0)) }
-                td { @if t.from_logs.is_finite() { (format!("{:.2}", t.from_logs * 100.0)) } @else { "nothing" } }
+                td { @if t.from_logs.is_finite() { (crate::output::three_digits(t.from_logs * 100.0)) } @else { "nothing" } }
                 td { @if t.is_determined { "yes" } @else { b { (determination(t)) } } }
             }
         } }
@@ -217,5 +218,17 @@ fn correlations(found: &Fit) -> Markup {
                 }
             } }
         } }
+        @if !found.channels.is_empty() {
+            p.soft { "And with delay and offset of each channel:" }
+            div.wide { table {
+                thead { tr { th { "delay or offset" } @for k in 1..=found.tuned.len() { th { (k) } } } }
+                tbody { @for (j, channel) in found.channels.iter().enumerate() { tr {
+                    td { (channel.nuisance.path()) ", " (channel.log) }
+                    @for row in &found.channel_correlation {
+                        td style=(format!("background:rgba(213,94,0,{:.2})", 0.6 * row[j].powi(2))) { (format!("{:+.2}", row[j])) }
+                    }
+                } } }
+            } }
+        }
     }
 }

@@ -22,7 +22,7 @@ pub use watch::Progress;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
-use crate::prediction::Prediction;
+use crate::prediction::{Prediction, predict_from};
 use crate::structural_limit::limit_of;
 use crate::tuning_fork::TuningFork;
 use certainty::{Certainty, Considered};
@@ -131,6 +131,8 @@ pub struct Fit {
     pub channels: Vec<Channel>,
     /// Correlations of the keys, what was known included.
     pub correlation: Vec<Vec<f64>>,
+    /// Correlations of each key with each of the [`channels`](Self::channels).
+    pub channel_correlation: Vec<Vec<f64>>,
     /// The logs.
     pub improvements: Vec<Improvement>,
     /// What the model shows under each log's inputs, before and after.
@@ -141,6 +143,49 @@ pub struct Fit {
     pub has_converged: bool,
     /// Where the search ended, and what it was held against there.
     end: End,
+}
+
+impl Fit {
+    /// Delays and offsets that belong to the machine's sensors, and so to another log of it: those whose intervals leave zero out, as the mean of the logs
+    /// that were tuned to, in their units.
+    pub fn sensors(&self) -> Vec<(Nuisance, f64)> {
+        let mut found: Vec<(Nuisance, f64)> = Vec::new();
+        for channel in self.channels.iter().filter(|channel| channel.is_off()) {
+            if found.iter().any(|(nuisance, _)| *nuisance == channel.nuisance) {
+                continue;
+            }
+            let of = self.channels.iter().filter(|other| other.nuisance == channel.nuisance);
+            let values: Vec<f64> = of.map(|other| other.value).collect();
+            found.push((channel.nuisance, values.iter().sum::<f64>() / values.len() as f64));
+        }
+        found
+    }
+
+    /// What the tuned model shows on a log that was not used, through the same machine's [`sensors`](Self::sensors).
+    ///
+    /// # Errors
+    ///
+    /// [`IdentifyError`] when the model cannot be run.
+    pub fn on_another_log(&self, experiment: &Experiment) -> Result<Prediction, IdentifyError> {
+        let [mut delays, mut offsets] = [[0.0; COMPARED.len()]; 2];
+        for (nuisance, value) in self.sensors() {
+            let to = match nuisance.effect {
+                Effect::Delay => &mut delays,
+                Effect::Offset => &mut offsets,
+            };
+            if let Some(place) = COMPARED.iter().position(|signal| *signal == nuisance.signal) {
+                to[place] = value * nuisance.allowed().size;
+            }
+        }
+        let channel = experiment.start_channels();
+        let starts = std::array::from_fn(|k| channel[k].map_or(0.0, |place| -offsets[place]));
+        let mut shown = predict_from(&self.description, experiment, &starts)?;
+        nuisance::all_delayed(&mut shown, &delays, experiment.interval());
+        for row in &mut shown {
+            row.iter_mut().zip(offsets).for_each(|(value, offset)| *value += offset);
+        }
+        Ok(shown)
+    }
 }
 
 /// Where a search ended.
@@ -259,6 +304,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         tuned: tuned(&layout, &known, at.as_slice(), &certainty, &held, &after),
         channels: channels(&layout, at.as_slice(), &certainty),
         correlation: certainty.correlation(task.free.len()),
+        channel_correlation: with_channels(&layout, &certainty),
         improvements: improvements.collect(),
         predictions: (before, after),
         evaluations,
@@ -323,6 +369,15 @@ fn channels(layout: &Layout<'_>, at: &[f64], certainty: &Certainty) -> Vec<Chann
         })
     };
     (0..layout.experiments.len()).flat_map(of).collect()
+}
+
+/// Correlations of each key with each log's delays and offsets, in the order of [`channels`].
+fn with_channels(layout: &Layout<'_>, certainty: &Certainty) -> Vec<Vec<f64>> {
+    let logs = 0..layout.experiments.len();
+    let places: Vec<usize> =
+        logs.flat_map(|log| layout.nuisances(log)).map(|(place, _)| place).collect();
+    let of_key = |key| places.iter().map(|place| certainty.correlation_of(key, *place)).collect();
+    (0..layout.free.len()).map(of_key).collect()
 }
 
 /// Which of several one is traded against most.

@@ -196,13 +196,13 @@ const COLUMNS: [Column; 12] = [
     ("course", |r| Some(r.course.clone())),
     ("controller", |r| Some(r.controller.clone())),
     ("cranes", |r| Some(r.cranes.to_string())),
-    ("true RMS ratio", |r| Some(three(&r.true_rms?))),
-    ("its median, mm", |r| Some(format!("{:.3}", r.true_rms_mm?.median))),
+    ("RMS true, ratio", |r| Some(three(&r.true_rms?))),
+    ("median RMS true, mm", |r| Some(format!("{:.3}", r.true_rms_mm?.median))),
     ("worse than the benchmark", |r| Some(r.worse.to_string())),
     ("sustained oscillation (of these, not the benchmark)", |r| {
         Some(format!("{} ({})", r.oscillating, r.oscillating_alone))
     }),
-    ("measured RMS ratio", |r| Some(three(&r.measured_rms?))),
+    ("RMS measured, ratio", |r| Some(three(&r.measured_rms?))),
     ("motor speed ratio: median (number over 1.05)", |r| Some(more(r.motor_speed?))),
     ("energy ratio: median (number over 1.05)", |r| Some(more(r.energy?))),
     ("motor ripple at rest, rpm: median / largest", |r| Some(two(&r.ripple_rpm?))),

@@ -143,7 +143,7 @@ fn eigenfrequencies(study: &Study) -> Result<Markup, LabError> {
                 }
                 "."
             },
-            None => p { "The fast motion is too short to see two whole periods of p_A's oscillation with the valve open." },
+            None => p { "The fast motion does not show two whole periods of an oscillation of p_A with the valve open." },
         }
     })
 }
@@ -287,7 +287,7 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
         p {
             "On the nominal plant the open-loop simulation feedforward repeats the benchmark's closed loop, "
             "because plant and simulation are the same: that column says nothing about a real crane. "
-            "On the others its error grows to what the model does not know of their pump."
+            "On the others nothing corrects what the model does not know of their pump."
         }
         (panels)
     })

@@ -1,31 +1,31 @@
-//! A motor that is late, and does no more than it can.
+//! Servo drive with dead time: second-order lag behind a delay, within the motor's limits of speed and slew.
 //!
-//! Its slew is a limit of what turns, behind the lag of its drive, not of what it is told. Told leaps by 13 rev/s in every millisecond, with the noise of what is
-//! read, a motor whose slew came first would turn otherwise, and pump up to a hundredth more or less through valves that open one way.
+//! The slew rate limits the shaft, behind the lag, and not the command: a command with the noise of a measured signal may leap by 13 rev/s from period to
+//! period, which the lag smooths before the slew is reached.
 
 use hydroboom_control::actuator_limits::ActuatorLimits;
 use hydroboom_description::Numbers;
 use hydroboom_virtual_crane::{Drive, DriveState};
 use std::f64::consts::TAU;
 
-/// A motor that turns as it is told, within its limits, so much later: in part a dead time, in part the lag of its drive.
+/// Motor speed behind a dead time and a second-order lag, within its limits.
 #[derive(Clone)]
-pub(crate) struct LateMotor {
+pub(crate) struct DelayedDrive {
     limits: ActuatorLimits<f64>,
     /// Control period \[s\].
     period: f64,
-    /// Speeds that it was told, without a drive as far as its limits let it follow \[rev/s\]; at rest for as long as it is late before them.
+    /// Commanded speeds \[rev/s\], within the limits where there is no lag; zeros for the dead time before them.
     followed: Vec<f64>,
     /// Its dead time, in whole control periods and a part of one.
     dead: (usize, f64),
-    /// None where all of it is dead time.
+    /// The lag; none where all of the delay is dead time.
     drive: Option<Drive>,
-    /// Its speed, and what else that remembers.
+    /// State of the lag.
     state: DriveState,
 }
 
-impl LateMotor {
-    /// At rest, as late as `estimator.drive_lag_ms`, of which the drive's bandwidth takes what it can, within the limits of the same crane file.
+impl DelayedDrive {
+    /// At rest. The total delay is `estimator.drive_lag_ms`: the lag's share is 2ζ/ω of the drive's bandwidth and damping, the rest is dead time.
     pub(crate) fn new(numbers: &Numbers<f64>) -> Self {
         let limits = ActuatorLimits { speed: numbers.motor_speed, slew: numbers.motor_slew };
         let period = numbers.control_period;
@@ -50,7 +50,7 @@ impl LateMotor {
         self
     }
 
-    /// The same, from now on without dead time.
+    /// The same without dead time from now on.
     pub(crate) fn without_dead_time(self) -> Self {
         Self { dead: (0, 0.0), ..self }
     }
@@ -65,33 +65,28 @@ impl LateMotor {
         self.period
     }
 
-    /// The fastest it turns \[rev/s\].
-    pub(crate) fn fastest(&self) -> f64 {
-        self.limits.speed
-    }
-
-    /// What has reached its drive by now \[rev/s\].
-    fn asked(&self) -> f64 {
+    /// The command after the dead time \[rev/s\].
+    fn delayed_command(&self) -> f64 {
         let (whole, part) = self.dead;
         let last = self.followed.len() - 1 - whole;
         let [after, before] = [self.followed[last], self.followed[last - 1]];
         after + part * (before - after)
     }
 
-    /// Its speed by now \[rev/s\].
+    /// Its speed now \[rev/s\].
     pub(crate) fn speed(&self) -> f64 {
-        if self.drive.is_some() { self.state.speed } else { self.asked() }
+        if self.drive.is_some() { self.state.speed } else { self.delayed_command() }
     }
 
-    /// Its mean speed \[rev/s\] in the period for which it is told this one.
-    pub(crate) fn told(&mut self, speed: f64) -> f64 {
+    /// Mean speed \[rev/s\] in a control period with this command.
+    pub(crate) fn advance(&mut self, speed: f64) -> f64 {
         let Some(drive) = self.drive else {
             let last = self.followed.last().copied().unwrap_or(0.0);
             self.followed.push(self.limits.follow(last, speed, self.period));
-            return self.asked();
+            return self.delayed_command();
         };
         self.followed.push(speed);
-        let wanted = self.asked();
+        let wanted = self.delayed_command();
         drive.advance(&mut self.state, wanted, 0.0, self.period)
     }
 }
@@ -102,19 +97,19 @@ mod tests {
     use hydroboom_description::Description;
     use std::f64::consts::PI;
 
-    fn motor(late_periods: f64) -> LateMotor {
+    fn motor(late_periods: f64) -> DelayedDrive {
         let mut numbers = Description::uia_single_boom().unwrap().numbers;
         numbers.tuning.estimator_drive_lag = late_periods * numbers.control_period;
-        LateMotor::new(&numbers)
+        DelayedDrive::new(&numbers)
     }
 
     #[test]
-    fn it_turns_as_late_as_it_is_said_to_be() {
+    fn the_dead_time_is_the_stated_one() {
         let mut motor = motor(2.25);
         // as slowly as it can follow
         let speed = |k: u32| 0.1 * f64::from(k);
         for k in 0..10 {
-            let (turned, expected) = (motor.told(speed(k)), (f64::from(k) - 2.25).max(0.0));
+            let (turned, expected) = (motor.advance(speed(k)), (f64::from(k) - 2.25).max(0.0));
             assert!((turned - 0.1 * expected).abs() < 1e-12, "period {k}: {turned}");
         }
         // told 9 tenths last: what it turns at without dead time
@@ -124,13 +119,13 @@ mod tests {
 
     /// By the area between what it is told and what it turns, where its slew does not count.
     #[test]
-    fn a_lag_takes_its_part_of_what_it_is_late() {
+    fn the_lag_takes_its_share_of_the_delay() {
         let mut numbers = Description::uia_single_boom().unwrap().numbers;
         let step = 1e-3 * numbers.motor_slew * numbers.control_period;
         for (late, bandwidth) in [(8e-3, 60.0), (20e-3, 15.0)] {
             (numbers.tuning.estimator_drive_lag, numbers.drive_bandwidth) = (late, bandwidth);
-            let mut motor = LateMotor::new(&numbers);
-            let turned: Vec<f64> = (0..400).map(|_| motor.told(step)).collect();
+            let mut motor = DelayedDrive::new(&numbers);
+            let turned: Vec<f64> = (0..400).map(|_| motor.advance(step)).collect();
             let missed: f64 = turned.iter().map(|turned| 1.0 - turned / step).sum();
             let missed = missed * numbers.control_period;
             assert!((missed / late - 1.0).abs() < 1e-2, "{missed} s for {late} s");
@@ -148,12 +143,12 @@ mod tests {
     }
 
     #[test]
-    fn it_leaps_no_faster_and_turns_no_faster_than_it_can() {
+    fn speed_and_slew_stay_within_their_limits() {
         let mut motor = motor(0.0);
-        let (leap, fastest) = (motor.limits.slew * motor.period, motor.fastest());
-        let turned: Vec<f64> = (0..1000).map(|_| motor.told(10.0 * fastest)).collect();
+        let (leap, fastest) = (motor.limits.slew * motor.period, motor.limits.speed);
+        let turned: Vec<f64> = (0..1000).map(|_| motor.advance(10.0 * fastest)).collect();
         let fastest_leap = turned.windows(2).map(|w| w[1] - w[0]).fold(turned[0], f64::max);
         assert!((fastest_leap / leap - 1.0).abs() < 1e-9 && turned[999] == fastest);
-        assert!((motor.told(0.0) - (fastest - leap)).abs() < 1e-9);
+        assert!((motor.advance(0.0) - (fastest - leap)).abs() < 1e-9);
     }
 }

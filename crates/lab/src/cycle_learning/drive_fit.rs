@@ -1,8 +1,8 @@
-//! How late a motor is, and what of it is the lag of its drive: as what it was told and what it was read to turn share them out.
+//! Identification of the servo drive: dead time, lag and damping from commanded and measured motor speed, by least squares.
 //!
-//! The identification in the control period (`DriveIdentification`) knows a first-order lag only; here its dead time is told apart.
+//! The recursive identification in the control period (`DriveIdentification`) has one first-order lag; here dead time and lag are told apart.
 
-use crate::late_motor::LateMotor;
+use super::delayed_drive::DelayedDrive;
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::{Numbers, Tuning};
@@ -10,42 +10,42 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::{DVector, Dyn, OMatrix, U3, Vector3, storage::Owned};
 use std::f64::consts::TAU;
 
-/// The search begins where it is best of lateness that is these shares of what is known, each in so many parts shared between lag and dead time.
+/// Starts of the search: total delays as shares of the known one, each divided in so many parts between lag and dead time; the best of them is taken.
 const SHARES: [f64; 5] = [0.4, 0.6, 0.8, 1.0, 1.2];
 const PARTS: u32 = 8;
-/// What dead time \[s\], lag \[s\] and damping ratio are moved by for their slopes, and counted in.
+/// Steps of the difference quotients, and units, of dead time \[s\], lag \[s\] and damping ratio.
 const STEPS: [f64; 3] = [1e-4, 1e-4, 0.02];
-/// A lag shorter than this \[s\] is none.
+/// A lag shorter than this \[s\] is taken as zero.
 const PROMPT: f64 = 1e-4;
-/// Damping ratios of drives.
+/// Range of the damping ratio.
 const DAMPED: [f64; 2] = [0.3, 2.0];
 
-/// The numbers with the lateness, the drive's bandwidth and its damping that come nearest to the speeds that were read; with those that they have where nothing moved.
-pub(crate) fn motor_as_read(
+/// The numbers with the total delay, bandwidth and damping of least squared difference to the measured speed; unchanged where nothing moved.
+pub(crate) fn fitted_drive(
     numbers: &Numbers<f64>,
-    told: &[AxisCommand<f64>],
-    read: &[AxisSignals<f64>],
+    commands: &[AxisCommand<f64>],
+    readings: &[AxisSignals<f64>],
 ) -> Numbers<f64> {
-    let beside = |dead: f64, lag: f64| {
+    let with = |dead: f64, lag: f64| {
         let moved = Vector3::new(dead / STEPS[0], lag / STEPS[1], numbers.drive_damping / STEPS[2]);
-        Beside { numbers, told, read, moved }
+        DriveFit { numbers, commands, readings, moved }
     };
-    let late = numbers.tuning.estimator_drive_lag;
+    let delay = numbers.tuning.estimator_drive_lag;
     let drive = (numbers.drive_bandwidth > 0.0)
         .then(|| 2.0 * numbers.drive_damping / (TAU * numbers.drive_bandwidth));
-    let drive = drive.unwrap_or(0.0).min(late);
+    let drive = drive.unwrap_or(0.0).min(delay);
     let others = SHARES.into_iter().flat_map(|share| {
         (0..=PARTS).map(move |part| {
-            let lag = f64::from(part) / f64::from(PARTS) * share * late;
-            (share * late - lag, lag)
+            let lag = f64::from(part) / f64::from(PARTS) * share * delay;
+            (share * delay - lag, lag)
         })
     });
     // what is known first: so it stays where others are no better
-    let mut nearest = beside(late - drive, drive);
-    let mut least = nearest.faster(&nearest.moved).norm_squared();
+    let mut nearest = with(delay - drive, drive);
+    let mut least = nearest.residuals_at(&nearest.moved).norm_squared();
     for (dead, lag) in others {
-        let other = beside(dead, lag);
-        let squares = other.faster(&other.moved).norm_squared();
+        let other = with(dead, lag);
+        let squares = other.residuals_at(&other.moved).norm_squared();
         if squares < least {
             (nearest, least) = (other, squares);
         }
@@ -54,16 +54,16 @@ pub(crate) fn motor_as_read(
     found.motor(&found.moved)
 }
 
-/// A motor beside what was read of one.
-struct Beside<'a> {
+/// The least-squares problem.
+struct DriveFit<'a> {
     numbers: &'a Numbers<f64>,
-    told: &'a [AxisCommand<f64>],
-    read: &'a [AxisSignals<f64>],
-    /// Dead time, lag and damping ratio, in [`STEPS`].
+    commands: &'a [AxisCommand<f64>],
+    readings: &'a [AxisSignals<f64>],
+    /// Dead time, lag and damping ratio, in units of [`STEPS`].
     moved: Vector3<f64>,
 }
 
-impl Beside<'_> {
+impl DriveFit<'_> {
     fn motor(&self, moved: &Vector3<f64>) -> Numbers<f64> {
         let [dead, lag, damping] = std::array::from_fn(|k| STEPS[k] * moved[k]);
         let (dead, lag) = (dead.max(0.0), lag.max(0.0));
@@ -78,19 +78,19 @@ impl Beside<'_> {
         }
     }
 
-    /// How much faster one so moved turns than was read \[rev/s\].
-    fn faster(&self, moved: &Vector3<f64>) -> DVector<f64> {
-        let mut motor = LateMotor::new(&self.motor(moved));
-        let faster = self.told.iter().zip(self.read).map(|(told, read)| {
-            let faster = motor.speed() - read.motor_speed;
-            motor.told(told.motor_speed);
+    /// Speed of the model less the measured one \[rev/s\].
+    fn residuals_at(&self, moved: &Vector3<f64>) -> DVector<f64> {
+        let mut motor = DelayedDrive::new(&self.motor(moved));
+        let faster = self.commands.iter().zip(self.readings).map(|(command, reading)| {
+            let faster = motor.speed() - reading.motor_speed;
+            motor.advance(command.motor_speed);
             faster
         });
-        DVector::from_iterator(self.told.len().min(self.read.len()), faster)
+        DVector::from_iterator(self.commands.len().min(self.readings.len()), faster)
     }
 }
 
-impl LeastSquaresProblem<f64, Dyn, U3> for Beside<'_> {
+impl LeastSquaresProblem<f64, Dyn, U3> for DriveFit<'_> {
     type ParameterStorage = Owned<f64, U3>;
     type ResidualStorage = Owned<f64, Dyn>;
     type JacobianStorage = Owned<f64, Dyn, U3>;
@@ -104,15 +104,15 @@ impl LeastSquaresProblem<f64, Dyn, U3> for Beside<'_> {
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        Some(self.faster(&self.moved))
+        Some(self.residuals_at(&self.moved))
     }
 
     fn jacobian(&self) -> Option<OMatrix<f64, Dyn, U3>> {
-        let here = self.faster(&self.moved);
+        let here = self.residuals_at(&self.moved);
         let slopes = std::array::from_fn::<_, 3, _>(|k| {
             let mut moved = self.moved;
             moved[k] += 1.0;
-            self.faster(&moved) - &here
+            self.residuals_at(&moved) - &here
         });
         Some(OMatrix::<f64, Dyn, U3>::from_columns(&slopes))
     }
@@ -120,14 +120,14 @@ impl LeastSquaresProblem<f64, Dyn, U3> for Beside<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::experiment::at_rest;
     use super::*;
     use crate::closed_loop::monte_carlo::member;
     use crate::closed_loop::scenario::CourseChoice;
-    use crate::learning::at_rest;
     use hydroboom_description::Description;
 
     /// Speeds between which the motor leaps farther than its slew lets it, as with noise.
-    fn told(scale: f64) -> Vec<AxisCommand<f64>> {
+    fn commands(scale: f64) -> Vec<AxisCommand<f64>> {
         let leaping = |k: u32| {
             let motor_speed = scale * f64::sin(1e-4 * f64::from(k * k % 9001));
             AxisCommand { motor_speed, holding_valve: 1.0 }
@@ -135,14 +135,14 @@ mod tests {
         (0..2000).map(leaping).collect()
     }
 
-    fn read(numbers: &Numbers<f64>, told: &[AxisCommand<f64>]) -> Vec<AxisSignals<f64>> {
-        let mut motor = LateMotor::new(numbers);
-        let reading = |told: &AxisCommand<f64>| {
+    fn measured(numbers: &Numbers<f64>, commands: &[AxisCommand<f64>]) -> Vec<AxisSignals<f64>> {
+        let mut motor = DelayedDrive::new(numbers);
+        let reading = |command: &AxisCommand<f64>| {
             let motor_speed = motor.speed();
-            motor.told(told.motor_speed);
+            motor.advance(command.motor_speed);
             AxisSignals { motor_speed, ..AxisSignals::default() }
         };
-        told.iter().map(reading).collect()
+        commands.iter().map(reading).collect()
     }
 
     /// All lag, half of it, and none; from a lateness that is half as much again, and the damping of the crane file.
@@ -156,11 +156,11 @@ mod tests {
                 let lag = share * numbers.tuning.estimator_drive_lag;
                 numbers.drive_bandwidth = 2.0 * damping / (TAU * lag);
             }
-            let told = told(20.0);
+            let commands = commands(20.0);
             let mut late_tuning = believed.tuning;
             late_tuning.estimator_drive_lag = 1.5 * numbers.tuning.estimator_drive_lag;
             let late = Numbers { tuning: late_tuning, ..believed };
-            let found = motor_as_read(&late, &told, &read(&numbers, &told));
+            let found = fitted_drive(&late, &commands, &measured(&numbers, &commands));
             let each = |n: &Numbers<f64>| {
                 [n.tuning.estimator_drive_lag, n.drive_bandwidth, n.drive_damping]
             };
@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    /// One that turns in steps of a quarter of a millisecond, against the load, behind a fieldbus. Told to leap, as under the noise of what is read.
+    /// One that turns in steps of a quarter of a millisecond, against the load, behind a fieldbus. Told to leap, as under the noise of what is readings.
     #[test]
     fn the_drive_of_a_virtual_crane_is_found() {
         let model = Description::uia_single_boom().unwrap();
@@ -178,14 +178,14 @@ mod tests {
         let n = &crane.numbers;
         let course = CourseChoice::Motion(n.fast).of(&crane).unwrap();
         let mut machine = at_rest(&crane, course.as_ref()).unwrap();
-        let told = told(10.0);
-        let reading = |told: &AxisCommand<f64>| {
+        let commands = commands(10.0);
+        let reading = |command: &AxisCommand<f64>| {
             let reading = machine.signals();
-            machine.advance(told).unwrap();
+            machine.advance(command).unwrap();
             reading
         };
-        let read: Vec<_> = told.iter().map(reading).collect();
-        let found = motor_as_read(&model.numbers, &told, &read);
+        let readings: Vec<_> = commands.iter().map(reading).collect();
+        let found = fitted_drive(&model.numbers, &commands, &readings);
         let drive = 2.0 * n.drive_damping / (TAU * n.drive_bandwidth);
         let late = drive + 2.0 * n.fieldbus_delay * n.control_period;
         for (found, there) in [
@@ -200,8 +200,8 @@ mod tests {
     #[test]
     fn a_motor_that_rests_stays_as_it_is_known() {
         let numbers = Description::uia_single_boom().unwrap().numbers;
-        let told = told(0.0);
-        let found = motor_as_read(&numbers, &told, &read(&numbers, &told));
+        let commands = commands(0.0);
+        let found = fitted_drive(&numbers, &commands, &measured(&numbers, &commands));
         assert_eq!(found, numbers);
     }
 }

@@ -1,0 +1,438 @@
+//! Norm-optimal iterative learning control of the motor speed.
+//!
+//! Commands of cycle j are `u_j = u_0 + Φ p_j`, Φ continuous and piecewise linear; the tracking error is `e_j = e_0 + G p_j`, G from the model
+//! linearised along the reference. The next parameters minimise `|e_{j+1}|² + ρ |p_{j+1} − p_j|² + μ |p_{j+1}|²`:
+//!
+//! ```text
+//! p_{j+1} = (GᵀG + (ρ + μ) I)⁻¹ ((GᵀG + ρ I) p_j − Gᵀ e_j)
+//! ```
+//!
+//! On a machine whose response is G', parameters follow `p_{j+1} = T p_j + …` with `T = (GᵀG + (ρ + μ) I)⁻¹ (GᵀG + ρ I − Gᵀ G')`: they converge if the
+//! spectral radius of T is below one.
+//!
+//! Sources: N. Amann, D. H. Owens, E. Rogers, *Iterative learning control for discrete-time systems with exponential rate of convergence*, IEE Proc.
+//! Control Theory Appl. 143 (1996) 217-224; S. Gunnarsson, M. Norrlöf, *On the design of ILC algorithms using optimization*, Automatica 37 (2001)
+//! 2011-2016; convergence in lifted form: D. A. Bristow, M. Tharayil, A. G. Alleyne, *A survey of iterative learning control*, IEEE Control Systems 26
+//! (2006) 96-114.
+
+use crate::LabError;
+use crate::closed_loop::scenario::Course;
+use hydroboom_control::command::AxisCommand;
+use hydroboom_control::estimation::reduced_model::ReducedModel;
+use hydroboom_control::measurement::AxisSignals;
+use hydroboom_description::Description;
+use hydroboom_design::DesignError;
+use hydroboom_design::operating_points::rod_side_term;
+use hydroboom_design::reduced_model_fit::reduced_model;
+use hydroboom_design::scheduled_lqr::known_delay;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+use serde::Serialize;
+
+/// Settings of the learning law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LearningSettings {
+    /// Interval of the corners of a correction, in periods of the load on boom and oil at its lowest frequency along the course. With two of them a
+    /// correction hardly excites that mode, whose phase no model tells for long. Default 2 (below 1.5 the convergence is lost within the usual range of
+    /// payloads).
+    pub interval_periods: f64,
+    /// Weight ρ of a change of the correction, as the position error \[m\] that a change of 1 rev/s is worth. The larger, the slower and the more robust
+    /// against what the model lacks. Default 1e-4 m (estimate: 0.1 mm a cycle for 1 rev/s).
+    pub change_weight: f64,
+    /// Weight μ of the correction itself, as the position error \[m\] that 1 rev/s is worth: it bounds what is not seen in the error. Default 5e-5 m
+    /// (estimate).
+    pub size_weight: f64,
+    /// Half the length of the average over the measured error \[s\], against the noise of the position sensor. Default 25 ms.
+    pub average: f64,
+}
+
+impl Default for LearningSettings {
+    fn default() -> Self {
+        Self { interval_periods: 2.0, change_weight: 1e-4, size_weight: 5e-5, average: 0.025 }
+    }
+}
+
+/// Errors are compared once in so many control periods: 100 a second, of a correction that changes five times a second.
+const EVERY: usize = 10;
+
+/// Whether learning converges on machines that differ from the model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Convergence {
+    /// Spectral radius of T on the identified model itself.
+    pub model: f64,
+    /// The largest of those over payload and oil at the ends of their ranges.
+    pub worst: f64,
+    /// Where that is, as an override.
+    pub worst_at: String,
+}
+
+impl Convergence {
+    /// Whether each cycle leaves less of what it can correct than the one before, on all of those machines.
+    pub fn is_ensured(&self) -> bool {
+        self.worst < 1.0
+    }
+}
+
+/// The learning law for one model and one course.
+pub(crate) struct IterativeLearning {
+    settings: LearningSettings,
+    /// Interval of the corners \[s\].
+    interval: f64,
+    /// Control period \[s\].
+    period: f64,
+    /// Known delay of readings, by the fieldbus \[s\]: they are compared with the reference of that time before.
+    reading_delay: f64,
+    /// Largest motor speed \[rev/s\].
+    fastest: f64,
+    /// G \[m/(rev/s)\]: errors by parameters.
+    response: DMatrix<f64>,
+    /// GᵀG + ρ I.
+    learned: DMatrix<f64>,
+    /// GᵀG + (ρ + μ) I.
+    normal: Cholesky<f64, Dyn>,
+}
+
+impl IterativeLearning {
+    /// For a model of the machine along a course of so many control periods.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError`] when the model has no reduced model.
+    pub(crate) fn new(
+        model: &Description,
+        course: &dyn Course,
+        periods: usize,
+        settings: LearningSettings,
+    ) -> Result<Self, LabError> {
+        let interval = settings.interval_periods / lowest_frequency(model, course, periods)?;
+        let response = response(model, course, periods, interval)?;
+        let [rho, mu] = [settings.change_weight, settings.size_weight]
+            .map(|weight| weight.powi(2) * response.nrows() as f64);
+        let size = response.ncols();
+        let learned = response.tr_mul(&response) + rho * DMatrix::identity(size, size);
+        let normal = &learned + mu * DMatrix::identity(size, size);
+        let normal = normal.cholesky().ok_or_else(|| {
+            DesignError::NoFit("the response of the tracking error is not a number".into())
+        })?;
+        let n = &model.numbers;
+        let (period, fastest) = (n.control_period, n.motor_speed);
+        let reading_delay = f64::from(known_delay(model)) * period;
+        let law =
+            Self { settings, interval, period, reading_delay, fastest, response, learned, normal };
+        Ok(law)
+    }
+
+    /// Before the first cycle: nothing is corrected.
+    pub(crate) fn no_correction(&self) -> Correction {
+        Correction { parameters: DVector::zeros(self.response.ncols()) }
+    }
+
+    /// The correction for the next cycle, from that of the last one and what was measured in it.
+    pub(crate) fn learn(
+        &self,
+        last: &Correction,
+        readings: &[AxisSignals<f64>],
+        course: &dyn Course,
+    ) -> Correction {
+        let error = self.error(readings, course);
+        let wanted = &self.learned * &last.parameters - self.response.tr_mul(&error);
+        Correction { parameters: self.normal.solve(&wanted) }
+    }
+
+    /// Commands with a correction.
+    pub(crate) fn corrected(
+        &self,
+        commands: &[AxisCommand<f64>],
+        by: &Correction,
+    ) -> Vec<AxisCommand<f64>> {
+        let per = per_corner(self.interval, self.period);
+        let corner = |i: usize| by.parameters.get(i).copied().unwrap_or(0.0);
+        let corrected = |(k, command): (usize, &AxisCommand<f64>)| {
+            let (i, share) = (k / per, (k % per) as f64 / per as f64);
+            let more = corner(i) + share * (corner(i + 1) - corner(i));
+            let motor_speed = (command.motor_speed + more).clamp(-self.fastest, self.fastest);
+            AxisCommand { motor_speed, ..*command }
+        };
+        commands.iter().enumerate().map(corrected).collect()
+    }
+
+    /// Measured tracking error \[m\], averaged against noise.
+    fn error(&self, readings: &[AxisSignals<f64>], course: &dyn Course) -> DVector<f64> {
+        let error: Vec<f64> = readings
+            .iter()
+            .enumerate()
+            .map(|(k, at)| {
+                let time = (k as f64 * self.period - self.reading_delay).max(0.0);
+                at.stroke - course.reference(time).position
+            })
+            .collect();
+        let around = (self.settings.average / self.period).round() as usize;
+        DVector::from_fn(self.response.nrows(), |row, _| {
+            let (k, last) = (row * EVERY, error.len());
+            let near = &error[k.saturating_sub(around).min(last)..(k + around + 1).min(last)];
+            near.iter().sum::<f64>() / near.len().max(1) as f64
+        })
+    }
+
+    /// Spectral radius of T for the response G' of another machine.
+    fn radius(&self, other: &DMatrix<f64>) -> f64 {
+        let transition = self.normal.solve(&(&self.learned - self.response.tr_mul(other)));
+        transition.complex_eigenvalues().iter().map(|e| e.norm()).fold(0.0, f64::max)
+    }
+
+    /// Whether learning converges, on the model and on machines at the ends of the ranges of payload and oil: both may change from cycle to cycle.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub(crate) fn convergence(
+        &self,
+        model: &Description,
+        course: &dyn Course,
+        periods: usize,
+    ) -> Result<Convergence, LabError> {
+        let own = self.radius(&self.response);
+        let mut found = Convergence { model: own, worst: own, worst_at: "the model itself".into() };
+        for path in ["payload.mass_kg", "oil.transition_bar"] {
+            let Some(range) = model.range(path) else { continue };
+            for value in [range.low, range.high] {
+                let mut other = model.clone();
+                match path {
+                    "payload.mass_kg" => other.numbers.payload = value,
+                    _ => other.numbers.transition = value,
+                }
+                let there = response(&other, course, periods, self.interval)?;
+                let radius = self.radius(&there);
+                // a radius that is not a number is no convergence
+                if radius.is_nan() || radius > found.worst {
+                    found.worst = radius;
+                    found.worst_at = match path {
+                        "payload.mass_kg" => format!("{path}={:.0}", other.numbers.payload),
+                        _ => format!("{path}={:.1}", other.numbers.transition * 1e-5),
+                    };
+                }
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// What is added to the motor speed: its values \[rev/s\] at corners, linear between them.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Correction {
+    parameters: DVector<f64>,
+}
+
+/// Control periods between two corners of a correction.
+fn per_corner(interval: f64, period: f64) -> usize {
+    (interval / period).round().max(1.0) as usize
+}
+
+/// Lowest natural frequency \[Hz\] of the load on boom and oil along a course.
+fn lowest_frequency(
+    model: &Description,
+    course: &dyn Course,
+    periods: usize,
+) -> Result<f64, LabError> {
+    let reduced = reduced_model(model)?;
+    let (n, rod_side) = (&model.numbers, rod_side_term(model));
+    let frequency = |k: usize| {
+        let position = course.reference(k as f64 * n.control_period).position;
+        Linear::new(&reduced, position, n.payload, n.transition, rod_side).natural_frequency()
+    };
+    Ok((0..periods).step_by(EVERY).map(frequency).fold(f64::INFINITY, f64::min))
+}
+
+/// Response of the tracking error to each corner of a correction \[m/(rev/s)\]: load on boom and oil, linearised along the reference, its friction
+/// sliding, behind the drive's delay.
+///
+/// ```text
+/// y' = w,   w' = a_p (p − p_v w − p_0' y),   p' = β/(V + γ A β) (D n − A w),   x = y + γ p
+/// ```
+fn response(
+    model: &Description,
+    course: &dyn Course,
+    periods: usize,
+    interval: f64,
+) -> Result<DMatrix<f64>, LabError> {
+    let reduced = reduced_model(model)?;
+    let n = &model.numbers;
+    let (period, payload) = (n.control_period, n.payload);
+    let per = per_corner(interval, period);
+    let (rows, columns) = (periods.div_ceil(EVERY), periods / per + 2);
+    let step = EVERY as f64 * period;
+    let rod_side = rod_side_term(model);
+    let delay = n.tuning.estimator_drive_lag;
+    // corners whose hat function is there in the row's interval get their share of it in the middle
+    let hat = |row: usize, column: usize| {
+        let time = (row as f64 + 0.5) * step - delay;
+        (1.0 - (time / (per as f64 * period) - column as f64).abs()).max(0.0)
+    };
+    let mut states = vec![Vector3::zeros(); columns];
+    let mut response = DMatrix::zeros(rows, columns);
+    for row in 0..rows {
+        let position = course.reference(row as f64 * step).position;
+        let linear = Linear::new(&reduced, position, payload, n.transition, rod_side);
+        let (transition, input) = linear.discrete(step);
+        for (column, state) in states.iter_mut().enumerate() {
+            response[(row, column)] = state.x + linear.compliance * state.z;
+            let speed = hat(row, column);
+            if speed > 0.0 || *state != Vector3::zeros() {
+                *state = transition * *state + input * speed;
+            }
+        }
+    }
+    Ok(response)
+}
+
+/// The reduced model linearised about an equilibrium; states: position and velocity of the load, load pressure.
+struct Linear {
+    system: Matrix3<f64>,
+    input: Vector3<f64>,
+    /// γ \[m/Pa\].
+    compliance: f64,
+}
+
+impl Linear {
+    fn new(
+        reduced: &ReducedModel<f64>,
+        position: f64,
+        payload: f64,
+        transition: f64,
+        rod_side: f64,
+    ) -> Self {
+        let at = reduced.at(position, payload);
+        let bulk_modulus = reduced.bulk_modulus(at.holding_pressure, transition, rod_side);
+        let area = reduced.piston_area;
+        let stiffness = bulk_modulus / (at.volume + at.compliance * area * bulk_modulus);
+        let a = at.acceleration;
+        let system = Matrix3::new(
+            0.0,
+            1.0,
+            0.0,
+            -a * at.holding_slope,
+            -a * reduced.viscous,
+            a,
+            0.0,
+            -stiffness * area,
+            0.0,
+        );
+        let input = Vector3::new(0.0, 0.0, stiffness * reduced.displacement);
+        Self { system, input, compliance: at.compliance }
+    }
+
+    /// Of the undamped load on boom and oil \[Hz\].
+    fn natural_frequency(&self) -> f64 {
+        let [acceleration, stiffness] = [self.system[(1, 2)], -self.system[(2, 1)]];
+        (acceleration * stiffness).sqrt() / std::f64::consts::TAU
+    }
+
+    /// Over a step \[s\] with the input held: transition and input matrices, by the exponential of the augmented system.
+    fn discrete(&self, step: f64) -> (Matrix3<f64>, Vector3<f64>) {
+        let mut augmented = nalgebra::Matrix4::zeros();
+        augmented.fixed_view_mut::<3, 3>(0, 0).copy_from(&(self.system * step));
+        augmented.fixed_view_mut::<3, 1>(0, 3).copy_from(&(self.input * step));
+        let exponential = augmented.exp();
+        (
+            exponential.fixed_view::<3, 3>(0, 0).into_owned(),
+            exponential.fixed_view::<3, 1>(0, 3).into_owned(),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::surrogate::Surrogate;
+    use super::*;
+
+    fn course() -> impl Course {
+        let model = Description::uia_single_boom().unwrap();
+        model.motion(model.numbers.fast)
+    }
+
+    /// A machine whose pump delivers less and leaks more than the paper's.
+    fn machine() -> Description {
+        let mut machine = Description::uia_single_boom().unwrap();
+        machine.set("friction.law=lugre").unwrap();
+        machine.numbers.flow_gain -= 0.03;
+        machine.numbers.internal_leakage *= 1.5;
+        machine
+    }
+
+    fn surrogate(machine: &Description, course: &dyn Course) -> Surrogate {
+        Surrogate::new(machine, course.reference(0.0).position).unwrap()
+    }
+
+    /// Velocity feedforward.
+    fn feedforward(course: &dyn Course) -> Vec<AxisCommand<f64>> {
+        let model = Description::uia_single_boom().unwrap();
+        let (law, period) = (model.benchmark(), model.numbers.control_period);
+        let command = |k: usize| {
+            let reference = course.reference(k as f64 * period);
+            AxisCommand { motor_speed: law.velocity_feedforward(&reference), holding_valve: 1.0 }
+        };
+        (0..(course.duration() / period) as usize).map(command).collect()
+    }
+
+    fn rms(errors: impl ExactSizeIterator<Item = f64>) -> f64 {
+        let count = errors.len() as f64;
+        (errors.map(|e| e * e).sum::<f64>() / count).sqrt()
+    }
+
+    /// After a correction while the piston moves, the nonlinear model is on average where the linearised response says: it rings about it.
+    #[test]
+    fn the_response_is_that_of_the_machine() {
+        let (course, machine) = (course(), machine());
+        let commands = feedforward(&course);
+        let (interval, column) = (0.4, 7);
+        let response = response(&machine, &course, commands.len(), interval).unwrap();
+        let period = machine.numbers.control_period;
+        let raised: Vec<_> = commands
+            .iter()
+            .enumerate()
+            .map(|(k, command)| {
+                let hat = 1.0 - (k as f64 * period / interval - f64::from(column)).abs();
+                AxisCommand { motor_speed: command.motor_speed + hat.max(0.0), ..*command }
+            })
+            .collect();
+        let [before, after] =
+            [commands, raised].map(|c| surrogate(&machine, &course).run(&c).unwrap().readings);
+        // from the end of the correction on, for a second
+        let begin = (f64::from(column + 1) * interval / period) as usize;
+        let rows = begin / EVERY..begin / EVERY + 100;
+        let mean = |of: &dyn Fn(usize) -> f64| rows.clone().map(of).sum::<f64>() / 100.0;
+        let moved = mean(&|row| after[row * EVERY].stroke - before[row * EVERY].stroke);
+        let linear = mean(&|row| response[(row, column as usize)]);
+        assert!((linear / moved - 1.0).abs() < 0.02, "{linear} for {moved} m/(rev/s)");
+    }
+
+    /// A model with another pump than the machine's corrects what the machine errs by.
+    #[test]
+    fn learning_corrects_what_the_model_does_not_know() {
+        let course = course();
+        let model = Description::uia_single_boom().unwrap();
+        let commands = feedforward(&course);
+        let periods = commands.len();
+        let learning =
+            IterativeLearning::new(&model, &course, periods, LearningSettings::default()).unwrap();
+        let (mut correction, mut errors) = (learning.no_correction(), Vec::new());
+        for _ in 0..4 {
+            let corrected = learning.corrected(&commands, &correction);
+            let record = surrogate(&machine(), &course).run(&corrected).unwrap();
+            errors.push(rms(learning.error(&record.readings, &course).iter().copied()));
+            correction = learning.learn(&correction, &record.readings, &course);
+        }
+        assert!(errors[0] > 2e-3 && errors[3] < 0.05 * errors[0], "{errors:?}");
+    }
+
+    /// Parameters of a machine that responds as the model do not grow; with the response three times as large they do.
+    #[test]
+    fn convergence_is_told_from_the_response() {
+        let (course, model) = (course(), Description::uia_single_boom().unwrap());
+        let periods = feedforward(&course).len();
+        let learning =
+            IterativeLearning::new(&model, &course, periods, LearningSettings::default()).unwrap();
+        let own = learning.convergence(&model, &course, periods).unwrap();
+        assert!(own.is_ensured() && own.model < 1.0 && own.worst >= own.model, "{own:?}");
+        assert!(learning.radius(&(3.0 * &learning.response)) > 1.5);
+    }
+}
