@@ -6,7 +6,6 @@ use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::paths::InputFile;
 use clap::Args;
-use hydroboom_description::{Description, RangeSource};
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
@@ -80,9 +79,7 @@ impl Learn {
         };
         let told = match all.len() > MOST_SHOWN {
             true => medians(&all),
-            false => {
-                all.iter().map(|report| of_one(report, model)).collect::<Vec<_>>().join("\n\n")
-            }
+            false => all.iter().map(of_one).collect::<Vec<_>>().join("\n\n"),
         };
         let equality = choice.equality().map_or(String::new(), |said| format!("\n\n{said}"));
         output::text(&format!("{told}{interrupted}{equality}"))
@@ -105,7 +102,7 @@ fn named(of: &MethodError) -> [String; 2] {
 }
 
 /// What a cycle tells of a machine.
-fn of_one(report: &CycleReport, model: &Description) -> String {
+fn of_one(report: &CycleReport) -> String {
     let rows = report.methods.iter().map(|of| {
         let [name, begins] = named(of);
         match (&report.sustained_oscillation, of.method) {
@@ -136,13 +133,6 @@ fn of_one(report: &CycleReport, model: &Description) -> String {
         said += &format!(
             "\n\nidentified, as overrides of the model for any command:\n  {}",
             lines.join(" \\\n  ")
-        );
-    }
-    let beyond = beyond_range(model, &report.identified);
-    if !beyond.is_empty() {
-        said += &format!(
-            "\noutside the crane file's range, to be widened there first: {}",
-            beyond.join(", ")
         );
     }
     said
@@ -184,17 +174,4 @@ fn medians(all: &[CycleReport]) -> String {
         "{} cycles{of}{more}\n{table}\n\nwhat is identified of each: \"identified\" in --json",
         all.len()
     )
-}
-
-/// Keys whose override is outside the crane file's range.
-fn beyond_range<'a>(model: &Description, set: &'a [String]) -> Vec<&'a str> {
-    let is_beyond = |path: &str, text: &str| {
-        let known = model.own_ranges().find(|(key, ..)| key.path() == path);
-        let value: Option<f64> = text.parse().ok();
-        known.zip(value).is_some_and(|((_, [low, high], from), value)| {
-            from == RangeSource::File && !(low..=high).contains(&value)
-        })
-    };
-    let pairs = set.iter().filter_map(|assignment| assignment.split_once('='));
-    pairs.filter(|(path, text)| is_beyond(path, text)).map(|(path, _)| path).collect()
 }

@@ -11,7 +11,7 @@ use crate::closed_loop::simulation::{Loop, Now};
 use crate::interruptible::as_long_as;
 use hydroboom_control::command::AxisCommand;
 use hydroboom_control::supervision::oscillation_detector::OscillationState;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, RangeSource};
 use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
 use hydroboom_virtual_crane::VirtualCrane;
 use serde::Serialize;
@@ -241,6 +241,11 @@ fn cycle_report(
         }
     };
     report.identified = overrides(model, &identified);
+    for key in outside_range(model, &report.identified) {
+        report.remarks.push(format!(
+            "{key} is outside the crane file's range of it: widen the range there before it is used"
+        ));
+    }
     let fitted = from_rest(&identified);
     report.add(Method::IdentifiedModel, true, fitted.as_ref().map(|(_, errors)| errors));
     let periods = record.commands.len();
@@ -358,6 +363,19 @@ impl Start<'_> {
             Self::AsLeft(machine) => replayed(commands, machine, course),
         }
     }
+}
+
+/// Overrides that are outside the range that a crane file states.
+fn outside_range(model: &Description, identified: &[String]) -> Vec<String> {
+    let is_outside = |assignment: &&String| {
+        let Some((path, text)) = assignment.split_once('=') else { return false };
+        let known = model.own_ranges().find(|(key, ..)| key.path() == path);
+        let value: Option<f64> = text.parse().ok();
+        known.zip(value).is_some_and(|((_, [low, high], from), value)| {
+            from == RangeSource::File && !(low..=high).contains(&value)
+        })
+    };
+    identified.iter().filter(is_outside).cloned().collect()
 }
 
 /// Share of the periods in which the commanded speed is at its limit \[rev/s\].
