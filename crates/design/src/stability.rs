@@ -18,7 +18,7 @@ pub const POSITIONS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 pub struct LoopStability {
     /// The controller: `benchmark`, `benchmark on the simulated crane` or `scheduled LQR`.
     pub controller: &'static str,
-    /// Whether no pole of the closed loop grows at any of the positions.
+    /// Whether feedback adds no pole that grows (faster than e^(t/4 s)) at any of the positions: closed loop against open loop, by the argument principle.
     pub stable: bool,
     /// Piston positions at which one does.
     pub unstable_at_mm: Vec<f64>,

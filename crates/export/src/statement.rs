@@ -313,7 +313,8 @@ fn broken_at_spaces(line: &str, width: usize) -> String {
     let (mut whole, mut rest) = (String::new(), line.to_string());
     while rest.len() > width {
         let at = rest[..width].rfind(' ').filter(|at| *at > indent + 8);
-        let Some(at) = at.or_else(|| rest[indent..].find(' ').map(|at| at + indent)) else { break };
+        let first = rest.len() - rest.trim_start().len();
+        let Some(at) = at.or_else(|| rest[first..].find(' ').map(|at| at + first)) else { break };
         whole += rest[..at].trim_end();
         whole += "\n";
         let tail = rest[at..].trim_start().to_string();

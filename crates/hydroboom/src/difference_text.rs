@@ -19,7 +19,10 @@ pub fn said(d: &Difference, complaints: &[Judgement], remedies: &[Remedy]) -> St
             far.frequency
         );
     }
-    if d.coloured < 0.1 || (d.rms < 1.2 * d.noise && d.coloured < 0.3) {
+    let own: Vec<&Judgement> = complaints.iter().filter(|j| j.signal == d.signal).collect();
+    let is_noise = d.coloured < 0.1 || (d.rms < 1.2 * d.noise && d.coloured < 0.3);
+    // an offset is no noise, whatever is left about it
+    if own.is_empty() && is_noise && d.bias.abs() < d.noise.max(0.1 * size) {
         return format!("{symbol}: nothing is left but what its sensor scatters.");
     }
     let mut parts = [explained(d), of_time(d), rings(d)].concat();
@@ -27,7 +30,6 @@ pub fn said(d: &Difference, complaints: &[Judgement], remedies: &[Remedy]) -> St
         parts.push(format!("differs by {} {unit} RMS", three_digits(d.rms / size)));
     }
     let mut said = format!("{symbol}: {}.", parts.join("; "));
-    let own: Vec<&Judgement> = complaints.iter().filter(|j| j.signal == d.signal).collect();
     if own.is_empty() {
         return said + " That is within its limit.";
     }
@@ -225,6 +227,16 @@ mod tests {
         assert!(of(-0.498).contains("moves 49.8 % less than the model"), "{}", of(-0.498));
         assert!(of(0.05).contains("moves 5.00 % more than the model"), "{}", of(0.05));
         assert!(of(-1.4).contains("moves against the model"), "{}", of(-1.4));
+    }
+
+    /// White about an offset: the offset is no scatter.
+    #[test]
+    fn an_offset_is_not_taken_for_noise() {
+        let white = Difference { coloured: 0.02, noise: 1e3, rms: 1.1e3, ..difference() };
+        assert!(read(&white, &[]).contains("nothing is left but"), "{}", read(&white, &[]));
+        let off = Difference { bias: 5e5, rms: 5e5, ..white };
+        assert!(!read(&off, &[]).contains("nothing is left but"), "{}", read(&off, &[]));
+        assert!(read(&off, &[]).contains("5.00 bar"), "{}", read(&off, &[]));
     }
 
     /// A payload at 9 m rings at 0.82 Hz where the model rings at 2.25 Hz: that need be nothing else that vibrates.

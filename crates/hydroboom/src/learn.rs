@@ -32,7 +32,7 @@ pub struct Learn {
     /// valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE", conflicts_with = "family")]
     plant: Option<InputFile>,
-    /// So many virtual cranes in its place.
+    /// Number of virtual cranes of a Monte Carlo family, in its place.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     family: Option<u64>,
     /// One of them alone, by its number; can be repeated.
@@ -90,7 +90,7 @@ impl Learn {
 const MOST_SHOWN: usize = 4;
 
 /// Heads of what is told of each method.
-const HEADS: [&str; 4] = ["motor speed by", "begins", "RMS true [mm]", "RMS measured [mm]"];
+const HEADS: [&str; 4] = ["method", "initial state", "RMS true [mm]", "RMS measured [mm]"];
 
 fn named(of: &MethodError) -> [String; 2] {
     let name = match of.cycles {
@@ -121,8 +121,8 @@ fn of_one(report: &CycleReport) -> String {
     said += &output::table(&HEADS, &rows.collect::<Vec<_>>());
     if let Some(convergence) = &report.convergence {
         said += &format!(
-            "\n\nlearning: spectral radius {:.3} per cycle on the identified model, {:.3} at {} (below 1 it converges)",
-            convergence.model, convergence.worst, convergence.worst_at
+            "\n\nlearning from the same state: a cycle leaves at most {:.3} of the distance to where it settles on the identified model, {:.3} at {} (below 1 is needed)",
+            convergence.model, convergence.worst, convergence.worst_case
         );
     }
     report.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
@@ -150,15 +150,22 @@ fn medians(all: &[CycleReport]) -> String {
         found[place].1[0].extend(of.rms_true_mm);
         found[place].1[1].extend(of.rms_measured_mm);
     }
-    let rows = found.into_iter().map(|([name, begins], [true_ones, measured])| {
-        let below = true_ones.iter().filter(|mm| **mm < 1.0).count();
-        let count = true_ones.len();
-        let [truly, as_measured] = [true_ones, measured].map(|all| Percentiles::of(all).median);
-        let share = format!("{below} of {count}");
-        vec![name, begins, format!("{truly:.3}"), format!("{as_measured:.3}"), share]
+    let rows = found.into_iter().map(|([name, begins], [truth, measured])| {
+        let below = truth.iter().filter(|mm| **mm < 1.0).count();
+        let finished = truth.len();
+        let [truly, as_measured] = [truth, measured].map(|all| Percentiles::of(all).median);
+        let [below, finished] = [below, finished].map(|n| format!("{n} of {}", all.len()));
+        vec![name, begins, format!("{truly:.3}"), format!("{as_measured:.3}"), below, finished]
     });
     let [by, begins, ..] = HEADS;
-    let heads = [by, begins, "median RMS true [mm]", "median RMS measured [mm]", "true below 1 mm"];
+    let heads = [
+        by,
+        begins,
+        "median RMS true [mm]",
+        "median RMS measured [mm]",
+        "true below 1 mm",
+        "finished",
+    ];
     let table = output::table(&heads, &rows.collect::<Vec<_>>());
     let unstable = all.iter().filter(|report| !report.stable).count();
     let of = match unstable {

@@ -86,9 +86,12 @@ impl Free {
     /// Keys that a log tells something of, but which others stand in for: not moved unless asked for, and what is not known of them is open in
     /// those that are.
     pub(crate) fn stood_in_for(model: &Description) -> Vec<Self> {
-        const OTHERS: [&str; 4] = [
+        const OTHERS: [&str; 7] = [
             "payload.x_mm",
             "boom.mass_kg",
+            "link_1.mass_kg",
+            "link_2.mass_kg",
+            "link_3.mass_kg",
             "friction.bristle_damping_ns_per_m",
             "friction.stribeck_velocity_mm_s",
         ];

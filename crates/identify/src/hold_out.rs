@@ -21,7 +21,7 @@ pub struct Foretold {
     pub signal: Signal,
     /// By the model.
     pub model: f64,
-    /// By the straight line through as long a stretch, at most, before it; none where nothing is before it.
+    /// By the straight line through half as long a stretch, at most, before it; none where nothing is before it.
     pub line: Option<f64>,
     /// By the last value before it, as an average over a tenth of the stretch.
     pub constant: Option<f64>,

@@ -35,8 +35,8 @@ pub struct Limits {
     pub least_damping: f64,
 }
 
-/// The limits: half of what the paper's model leaves between itself and its crane (Table 6: 4.4 mm of 400 mm and 2.75 bar of 80; 2.24 Hz for 2.27), and 30 % of a damping,
-/// which no oscillation of a few periods tells better.
+/// The limits: half of what the paper's model leaves between itself and its crane (Table 6: 4.4 mm of 400 mm and 2.75 bar of 80); 2 % of a frequency (the paper's
+/// model leaves 1.3 %: 2.24 Hz for 2.27), and 30 % of a damping, which no oscillation of a few periods tells better.
 pub const LIMITS: Limits = Limits {
     position: 0.006,
     pressure: 0.02,

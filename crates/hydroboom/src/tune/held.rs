@@ -44,7 +44,7 @@ impl HoldOut {
             if held.is_none_or(|held| held < LEAST) {
                 return Err(miette!(
                     help = format!("a stretch with at least {LEAST} samples of a log: {}", spans()),
-                    "--hold-out {}:{} is outside the logs",
+                    "--hold-out {}:{} is outside the logs, or has fewer than {LEAST} samples of one",
                     s.from,
                     s.to
                 ));
@@ -99,15 +99,16 @@ pub fn keys_header(searches: &[InTurn]) -> Vec<String> {
     std::iter::once("key".into()).chain(searches.iter().map(without)).collect()
 }
 
-/// Its rows: values with half their 95 % interval in percent.
+/// Its rows: values with their 95 % intervals.
 pub fn keys_rows(searches: &[InTurn]) -> Vec<Vec<String>> {
     let Some(first) = searches.first() else { return Vec::new() };
     let row = |(k, t): (usize, &Tuned)| {
         let key = &KEYS[t.key.place];
         let cell = |s: &InTurn| {
             let t = &s.tuned[k];
-            let percent = 100.0 * (t.interval().1 / t.value.1 - 1.0);
-            format!("{:.4} (+-{percent:.1} %)", super::Shown(key.to_unit(t.value.1)))
+            let (low, high) = t.interval();
+            let shown = |value: f64| super::Shown(key.to_unit(value));
+            format!("{} ({} to {})", shown(t.value.1), shown(low), shown(high))
         };
         std::iter::once(key.path()).chain(searches.iter().map(cell)).collect()
     };

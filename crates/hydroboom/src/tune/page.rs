@@ -193,7 +193,7 @@ fn foretold(outcome: &Outcome<'_>) -> Markup {
 /// What the searches found that held out one stretch after the other.
 fn keys_in_turn(searches: &[InTurn]) -> Markup {
     html! {
-        p.soft { "Each column is a search that did not see the stretch in its head; behind each value half its 95 % interval." }
+        p.soft { "Each column is a search that did not see the stretch in its head; behind each value its 95 % interval." }
         div.wide { table {
             thead { tr { @for name in held::keys_header(searches) { th { (name) } } } }
             tbody { @for row in held::keys_rows(searches) { tr { @for cell in row { td { (cell) } } } } }

@@ -244,7 +244,7 @@ impl Certainty {
         // a straight step says no more than that all that was known is open
         for (step, known) in whole.step.iter_mut().zip(&known) {
             let most = 1.0 / known.sqrt();
-            *step = step.max(-most).min(most);
+            *step = if step.is_nan() { most } else { step.max(-most).min(most) };
         }
         whole.real += &whole.step * whole.step.transpose();
         Self { information, known, whole }
@@ -252,7 +252,7 @@ impl Certainty {
 
     /// Deviation of one of those that were moved.
     pub(super) fn deviation(&self, place: usize) -> f64 {
-        self.whole.real[(place, place)].max(0.0).sqrt()
+        deviation_of(self.whole.real[(place, place)])
     }
 
     /// Correlations of the first ones.
@@ -273,7 +273,7 @@ impl Certainty {
         let mut known = self.known.clone();
         // as good as nothing: a matrix that is singular for this key alone has an inverse still
         known[place] *= 1e-9;
-        let of = |of: &DMatrix<f64>| of[(place, place)].max(0.0).sqrt();
+        let of = |of: &DMatrix<f64>| deviation_of(of[(place, place)]);
         let found = self.information.covariance(&known).map(|c| Alone {
             deviation: of(&c.real).hypot(self.whole.step[place]),
             exact: of(&c.exact),
@@ -291,6 +291,11 @@ impl Certainty {
         let own = self.whole.white[(place, place)].max(1e-300);
         self.whole.white.column(place).iter().map(|c| c / own).collect()
     }
+}
+
+/// Root of a variance: one below zero by rounding is zero, and one that is no number says nothing.
+fn deviation_of(variance: f64) -> f64 {
+    if variance.is_nan() { f64::INFINITY } else { variance.max(0.0).sqrt() }
 }
 
 #[cfg(test)]

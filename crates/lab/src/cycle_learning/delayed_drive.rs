@@ -4,7 +4,8 @@
 //! period, which the lag smooths before the slew is reached.
 
 use hydroboom_control::actuator_limits::ActuatorLimits;
-use hydroboom_description::Numbers;
+use hydroboom_description::{Description, Numbers};
+use hydroboom_design::scheduled_lqr::known_delay;
 use hydroboom_virtual_crane::{Drive, DriveState};
 use std::f64::consts::TAU;
 
@@ -25,7 +26,7 @@ pub(crate) struct DelayedDrive {
 }
 
 impl DelayedDrive {
-    /// At rest. The total delay is `estimator.drive_lag_ms`: the lag's share is 2ζ/ω of the drive's bandwidth and damping, the rest is dead time.
+    /// At rest. The total delay is `estimator.drive_lag_ms` (here with the fieldbus, see [`with_fieldbus`]): the lag's share is 2ζ/ω of the drive's bandwidth and damping, the rest is dead time.
     pub(crate) fn new(numbers: &Numbers<f64>) -> Self {
         let limits = ActuatorLimits { speed: numbers.motor_speed, slew: numbers.motor_slew };
         let period = numbers.control_period;
@@ -91,10 +92,32 @@ impl DelayedDrive {
     }
 }
 
+/// Known delay of the fieldbus, commands and readings together \[s\].
+fn fieldbus_delay(model: &Description) -> f64 {
+    2.0 * f64::from(known_delay(model)) * model.numbers.control_period
+}
+
+/// A model whose drive lag is the total delay from command to reading, the fieldbus included, as all in this folder has it.
+pub(crate) fn with_fieldbus(model: &Description) -> Description {
+    let mut total = model.clone();
+    total.numbers.tuning.estimator_drive_lag += fieldbus_delay(model);
+    total
+}
+
+/// The model with the lag of the drive alone, as a crane file has it; none is shorter than a file allows.
+pub(crate) fn without_fieldbus(total: &Description) -> Description {
+    let mut model = total.clone();
+    let lag = &mut model.numbers.tuning.estimator_drive_lag;
+    *lag = (*lag - fieldbus_delay(total)).max(SHORTEST);
+    model
+}
+
+/// Shortest `estimator.drive_lag_ms` of a crane file \[s\].
+const SHORTEST: f64 = 1e-3;
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_description::Description;
     use std::f64::consts::PI;
 
     fn motor(late_periods: f64) -> DelayedDrive {

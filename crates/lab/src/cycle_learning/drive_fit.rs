@@ -20,7 +20,7 @@ const PROMPT: f64 = 1e-4;
 /// Range of the damping ratio.
 const DAMPED: [f64; 2] = [0.3, 2.0];
 
-/// The numbers with the total delay, bandwidth and damping of least squared difference to the measured speed; unchanged where nothing moved.
+/// The numbers with the total delay, bandwidth and damping of least squared difference to the measured speed; unchanged where nothing moved, but for a damping ratio outside [`DAMPED`].
 pub(crate) fn fitted_drive(
     numbers: &Numbers<f64>,
     commands: &[AxisCommand<f64>],
@@ -145,7 +145,7 @@ mod tests {
         commands.iter().map(reading).collect()
     }
 
-    /// All lag, half of it, and none; from a lateness that is half as much again, and the damping of the crane file.
+    /// All lag, half of it, and none; from 1.5 times the true delay, and the damping of the crane file.
     #[test]
     fn what_is_read_of_a_motor_tells_its_drive() {
         let believed = Description::uia_single_boom().unwrap().numbers;
@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    /// One that turns in steps of a quarter of a millisecond, against the load, behind a fieldbus. Told to leap, as under the noise of what is readings.
+    /// One that turns in steps of a quarter of a millisecond, against the load, behind a fieldbus. The commands jump beyond the slew rate, as measurement noise makes them.
     #[test]
     fn the_drive_of_a_virtual_crane_is_found() {
         let model = Description::uia_single_boom().unwrap();

@@ -1,5 +1,7 @@
-//! The learning experiment: one closed-loop cycle under the scheduled LQR, and how well feedforward tracks with what it tells.
+//! The learning experiment: one closed-loop cycle under the scheduled LQR, identification from it, and the tracking errors of feedforward and of iterative
+//! learning control.
 
+use super::delayed_drive::{with_fieldbus, without_fieldbus};
 use super::identification::{identified, overrides};
 use super::iterative_learning_control::{Convergence, IterativeLearning, LearningSettings};
 use super::offline_feedforward::feedforward;
@@ -23,11 +25,11 @@ pub const SHOWN_CYCLES: [usize; 3] = [1, 3, 10];
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Scheduled LQR with feedback: the cycle that tells.
+    /// Scheduled LQR with feedback: the cycle that the machine is identified from.
     ClosedLoop,
     /// Feedforward from the model as described.
     NominalModel,
-    /// Feedforward from the model with payload, transition pressure and drive lag as the state estimator tells them at the end.
+    /// Feedforward from the model with the state estimator's payload and transition pressure (means over the second half of the cycle) and drive lag (at its end).
     OnLineEstimates,
     /// Feedforward from the model that is identified from the whole cycle.
     IdentifiedModel,
@@ -90,13 +92,13 @@ pub struct CycleReport {
 /// Tracking errors of a cycle \[m\].
 #[derive(Clone, Debug, Default)]
 struct Errors {
-    true_ones: Vec<f64>,
+    true_error: Vec<f64>,
     measured: Vec<f64>,
 }
 
 impl Errors {
     fn push(&mut self, machine: &VirtualCrane, reference: f64) {
-        self.true_ones.push(machine.truth().outputs.stroke - reference);
+        self.true_error.push(machine.truth().outputs.stroke - reference);
         self.measured.push(machine.signals().stroke - reference);
     }
 }
@@ -211,7 +213,7 @@ fn cycle_report(
         remarks: Vec::new(),
     };
     let start = course.reference(0.0).position;
-    let nominal = feedforward(model, course, &[], start)
+    let nominal = feedforward(&with_fieldbus(model), course, &[], start)
         .and_then(|commands| replayed(&commands, &mut at_rest(crane, course)?, course));
     let cycle = Cycle::run(model, crane, course);
     report.add(Method::ClosedLoop, true, cycle.as_ref().map(|cycle| &cycle.errors));
@@ -231,6 +233,7 @@ fn cycle_report(
         let commands = feedforward(model, course, &[], stroke)?;
         replayed(&commands, &mut at_rest(crane, course)?, course)
     };
+    let estimated = with_fieldbus(&estimated);
     let on_line = from_rest(&estimated);
     report.add(Method::OnLineEstimates, true, on_line.as_ref().map(|(_, errors)| errors));
     let identified = match identified(&estimated, &record) {
@@ -240,7 +243,7 @@ fn cycle_report(
             return Ok(report);
         }
     };
-    report.identified = overrides(model, &identified);
+    report.identified = overrides(model, &without_fieldbus(&identified));
     for key in outside_range(model, &report.identified) {
         report.remarks.push(format!(
             "{key} is outside the crane file's range of it: widen the range there before it is used"
@@ -250,19 +253,23 @@ fn cycle_report(
     report.add(Method::IdentifiedModel, true, fitted.as_ref().map(|(_, errors)| errors));
     let periods = record.commands.len();
     let settings = LearningSettings::default();
-    let learning = IterativeLearning::new(&identified, course, periods, settings)?;
-    let convergence = learning.convergence(&identified, course, periods)?;
-    if convergence.is_ensured() {
-        for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {
-            report.learn(&learning, &record, course, start)?;
+    let law = IterativeLearning::new(&identified, course, periods, settings);
+    match law.and_then(|law| Ok((law.convergence(&identified, course, periods)?, law))) {
+        Err(error) => report.remarks.push(format!("nothing was learned: {error}")),
+        Ok((convergence, law)) => {
+            if convergence.is_contraction() {
+                for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {
+                    report.learn(&law, &record, course, start);
+                }
+            } else {
+                report.remarks.push(format!(
+                    "learning is not applied: a cycle may enlarge the error at {} (by a factor of {:.2}; below 1 is needed)",
+                    convergence.worst_case, convergence.worst
+                ));
+            }
+            report.convergence = Some(convergence);
         }
-    } else {
-        report.remarks.push(format!(
-            "learning is not applied: its errors would not converge at {} (spectral radius {:.2} per cycle, below 1 is needed)",
-            convergence.worst_at, convergence.worst
-        ));
     }
-    report.convergence = Some(convergence);
     // from the oil's state that the cycle has left
     let mut here = machine.clone();
     let on = feedforward(&identified, course, &record.commands, here.signals().stroke)
@@ -277,6 +284,9 @@ fn cycle_report(
 impl CycleReport {
     /// Adds what a method comes to.
     fn add(&mut self, method: Method, reset: bool, errors: Result<&Errors, &LabError>) {
+        if let Err(error) = errors {
+            self.remarks.push(format!("{} could not be run: {error}", method.name()));
+        }
         self.add_cycles(method, None, reset, errors.ok());
     }
 
@@ -291,7 +301,7 @@ impl CycleReport {
             method,
             cycles,
             reset,
-            rms_true_mm: errors.map(|errors| 1e3 * rms(&errors.true_ones)),
+            rms_true_mm: errors.map(|errors| 1e3 * rms(&errors.true_error)),
             rms_measured_mm: errors.map(|errors| 1e3 * rms(&errors.measured)),
         });
     }
@@ -299,21 +309,21 @@ impl CycleReport {
     /// Iterative learning control from the closed-loop cycle on.
     fn learn(
         &mut self,
-        learning: &IterativeLearning,
+        law: &IterativeLearning,
         first: &Record,
         course: &dyn Course,
         mut start: Start<'_>,
-    ) -> Result<(), LabError> {
+    ) {
         let reset = matches!(start, Start::Rest(_));
-        let mut correction = learning.learn(&learning.no_correction(), &first.readings, course);
+        let mut correction = law.learn(&law.no_correction(), &first.readings, course);
         let mut after_one = f64::INFINITY;
         for cycle in 1..=SHOWN_CYCLES[SHOWN_CYCLES.len() - 1] {
-            let commands = learning.corrected(&first.commands, &correction);
+            let commands = law.corrected(&first.commands, &correction);
             let (record, errors) = match start.replayed(&commands, course, cycle) {
                 Ok(found) => found,
                 Err(error) => {
                     self.remarks.push(format!("cycle {cycle} of learning ended early: {error}"));
-                    return Ok(());
+                    return;
                 }
             };
             if SHOWN_CYCLES.contains(&cycle) {
@@ -327,11 +337,10 @@ impl CycleReport {
                     1e3 * measured,
                     1e3 * after_one
                 ));
-                return Ok(());
+                return;
             }
-            correction = learning.learn(&correction, &record.readings, course);
+            correction = law.learn(&correction, &record.readings, course);
         }
-        Ok(())
     }
 }
 

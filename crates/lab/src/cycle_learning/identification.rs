@@ -36,7 +36,7 @@ const IDENTIFIED: [&str; 14] = [
 ///
 /// [`LabError`] when the model cannot be run under the record's motor speed.
 pub(crate) fn identified(model: &Description, record: &Record) -> Result<Description, LabError> {
-    let mut model = begun(model);
+    let mut model = with_positive_start_values(model);
     model.choices.friction = FrictionChoice::LuGre;
     let (log, signals) = record.log();
     let experiments = Experiment::each(&model, &log, &signals, Window::default())?;
@@ -59,28 +59,28 @@ pub(crate) fn identified(model: &Description, record: &Record) -> Result<Descrip
     };
     let mut machine = fit(&task, &|_| true)?.description;
     if let Some(rest) = record.readings.first() {
-        machine = resting(&machine, rest);
+        machine = with_measured_pressures(&machine, rest);
     }
     machine.numbers = fitted_drive(&machine.numbers, &record.commands, &record.readings);
     Ok(machine)
 }
 
 /// A model whose identified numbers all can be moved in their logarithm: one that is zero begins in the middle of its range.
-fn begun(model: &Description) -> Description {
-    let mut begun = model.clone();
-    let mut numbers = begun.numbers.to_array();
+fn with_positive_start_values(model: &Description) -> Description {
+    let mut started = model.clone();
+    let mut numbers = started.numbers.to_array();
     for key in IDENTIFIED.iter().filter_map(|path| Free::from_path(path).ok()) {
         let range = model.range(&key.path());
         if let (true, Some(range)) = (numbers[key.place] == 0.0, range) {
             numbers[key.place] = 0.5 * (range.low + range.high);
         }
     }
-    begun.numbers = Numbers::from_array(numbers);
-    begun
+    started.numbers = Numbers::from_array(numbers);
+    started
 }
 
 /// A model that starts from the pressures that are read of a machine at rest.
-fn resting(model: &Description, rest: &AxisSignals<f64>) -> Description {
+fn with_measured_pressures(model: &Description, rest: &AxisSignals<f64>) -> Description {
     let mut model = model.clone();
     let n = &mut model.numbers;
     n.rod_side = rest.pressure_b;
@@ -105,8 +105,8 @@ pub(crate) fn overrides(model: &Description, identified: &Description) -> Vec<St
 fn six_digits(value: f64) -> String {
     match (1e-3..1e6).contains(&value.abs()) {
         true => {
-            let whole = value.abs().log10().floor().max(0.0) as usize;
-            format!("{value:.0$}", 5_usize.saturating_sub(whole))
+            let decimals = 5 - value.abs().log10().floor() as i32;
+            format!("{value:.0$}", usize::try_from(decimals).unwrap_or(0))
         }
         false => format!("{value:.5e}"),
     }
