@@ -35,7 +35,7 @@ pub use build::BuildError;
 pub use difference::{Difference, by_weight};
 pub use equipment_defaults::FilledIn;
 pub use error::{DescriptionError, Problem};
-pub use placeholder::as_placeholders;
+pub use placeholder::{PLACEHOLDER, as_placeholders};
 pub use range::{RangeSource, Ranges, ValueRange};
 pub use schema::{Choices, Key, Numbers, Tuning};
 

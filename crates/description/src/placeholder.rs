@@ -1,7 +1,7 @@
 //! What a new crane file was filled in with: of another machine, until somebody touches it.
 
 /// Provenance of a value that `hydroboom new` filled in.
-pub(crate) const PLACEHOLDER: &str = "placeholder";
+pub const PLACEHOLDER: &str = "placeholder";
 
 /// A crane file's text with every number that says where it is from marked as a placeholder of `whose` machine. The number is repeated in
 /// the source, so that one that was edited is known by it.

@@ -4,7 +4,7 @@ use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::output;
 use crate::paths::OutputFile;
-use hydroboom_description::Description;
+use hydroboom_description::{Description, PLACEHOLDER, UIA_SINGLE_BOOM};
 use hydroboom_design::benchmark_design::{
     BenchmarkDesign, Gains, WorstMargins, benchmark_design, payload_range, worst_margins,
 };
@@ -42,10 +42,7 @@ pub fn run(
     let design = benchmark_design(description, payload).into_diagnostic()?;
     if let Some(path) = out {
         let mut document: DocumentMut = crane.text()?.parse().into_diagnostic()?;
-        for (path, value) in design.gains.keys() {
-            let source = source(&design);
-            write_value(&mut document, FoundValue { path, value, provenance: "designed", source });
-        }
+        write_gains(&mut document, &design);
         output::file(path, document.to_string().as_bytes());
     }
     if as_json {
@@ -103,6 +100,30 @@ fn row(name: &str, gains: &Gains, worst: &WorstMargins) -> Vec<String> {
     row
 }
 
+fn write_gains(document: &mut DocumentMut, design: &BenchmarkDesign) {
+    for (path, value) in design.gains.keys() {
+        let source = source(design);
+        write_value(document, FoundValue { path, value, provenance: "designed", source });
+    }
+}
+
+/// Text of the paper's crane file with gains that are designed for it: its own are unstable with an empty hook.
+pub fn tuned_text(crane: &Description) -> Result<String> {
+    let design = benchmark_design(crane, payload_range(crane)).into_diagnostic()?;
+    let mut document: DocumentMut = UIA_SINGLE_BOOM.parse().into_diagnostic()?;
+    write_gains(&mut document, &design);
+    Ok(document.to_string())
+}
+
+/// Whether the gains are those that a new file is filled in with, untouched.
+fn are_placeholders(model: &Description, gains: &Gains) -> bool {
+    let is_placeholder = |path: &str| {
+        let mut entries = model.entries();
+        entries.any(|(key, _, origin)| key.path() == path && origin.provenance == PLACEHOLDER)
+    };
+    gains.keys().iter().all(|(path, _)| is_placeholder(path))
+}
+
 /// What stands as the source of gains.
 fn source(design: &BenchmarkDesign) -> String {
     format!(
@@ -111,7 +132,7 @@ fn source(design: &BenchmarkDesign) -> String {
     )
 }
 
-/// The benchmark's gains in a comparison with payloads \[kg\]: another crane than the paper's that still has the paper's gains, and is not tuned with
+/// The benchmark's gains in a comparison with payloads \[kg\]: another crane than the paper's that still has the paper's gains or placeholders, and is not tuned with
 /// them, takes designed ones. What is to be said of that, if anything.
 pub fn for_comparison(
     choice: MachineChoice,
@@ -132,7 +153,8 @@ pub fn for_comparison(
         true => format!("M_s = {:.1}, and gains count as tuned up to {peak}", own.sensitivity_peak),
         false => "the loop is UNSTABLE".into(),
     };
-    if Gains::of(model) != Gains::of(&paper) {
+    let gains = Gains::of(model);
+    if gains != Gains::of(&paper) && !are_placeholders(model, &gains) {
         let remark = format!(
             "the benchmark's gains of the crane file are not tuned for payloads of {:.0} to {:.0} kg: {said}; `hydroboom design --benchmark` finds some",
             payload[0], payload[1]
@@ -143,7 +165,7 @@ pub fn for_comparison(
         Ok(design) => {
             let g = design.gains;
             let remark = format!(
-                "the paper's gains are not tuned for this crane ({said}): the benchmark has K_p = {}, K_i = {}, k_f = {}, tau = {}, by `hydroboom design \
+                "the file's gains are not tuned for this crane ({said}): the benchmark has K_p = {}, K_i = {}, k_f = {}, tau = {}, by `hydroboom design \
                  --benchmark --payload-kg {:.0}:{:.0}`; --gains-as-given keeps the file's",
                 output::short(g.proportional_per_s),
                 output::short(g.integral_per_s2),

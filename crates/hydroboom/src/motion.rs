@@ -58,7 +58,7 @@ pub struct MotionTests {
     /// Run a scenario in place of the motion at both speeds; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME")]
     scenario: Option<String>,
-    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains, and not tuned with
+    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains or a new file's, and not tuned with
     /// them, takes those of `hydroboom design --benchmark` otherwise.
     #[arg(long)]
     gains_as_given: bool,

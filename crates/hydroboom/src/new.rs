@@ -1,10 +1,11 @@
 //! `hydroboom new`
 
+use crate::benchmark_gains::tuned_text;
 use crate::output;
 use crate::paths::OutputFile;
 use clap::Args;
 use clap::ValueEnum;
-use hydroboom_description::{Description, PATU_LIFT, UIA_SINGLE_BOOM, as_placeholders};
+use hydroboom_description::{Description, PATU_LIFT, as_placeholders};
 use miette::Result;
 use std::path::Path;
 
@@ -47,11 +48,11 @@ pub struct New {
     json: bool,
 }
 
-/// How the benchmark gets gains of the crane that is described; it has the paper's.
+/// How the benchmark gets gains of the crane that is described; until then it has those designed for the numbers that the file was filled in with.
 fn gains_hint(circuit: Circuit, name: &str) -> String {
     match circuit {
         Circuit::SelfContained => format!(
-            "\nIts benchmark has the paper's gains; those for your crane: hydroboom design --benchmark --crane {name} --crane-out {}",
+            "\nIts benchmark has gains for the numbers in it; those for your crane: hydroboom design --benchmark --crane {name} --crane-out {}",
             Path::new(name).with_extension("gains.toml").display()
         ),
         // no controller is designed for it
@@ -73,7 +74,7 @@ impl New {
             Circuit::SelfContained => {
                 let crane = Description::uia_single_boom()?;
                 let (equipment, supervision) = (crane.equipment_text(), crane.supervision_text());
-                let filled_in = as_placeholders(UIA_SINGLE_BOOM, "the paper's crane");
+                let filled_in = as_placeholders(&tuned_text(&crane)?, "the paper's crane");
                 format!("{filled_in}\n{EQUIPMENT}{equipment}\n{SUPERVISION}{supervision}")
             }
             Circuit::ValveControlled => as_placeholders(PATU_LIFT, "a PATU forestry crane"),

@@ -39,7 +39,7 @@ pub struct Trials {
     /// Beside the benchmark and the scheduled LQR: the benchmark with numbers found anew, LQG, MPC.
     #[arg(long)]
     rivals: bool,
-    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains, and not tuned with
+    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains or a new file's, and not tuned with
     /// them, takes those of `hydroboom design --benchmark` otherwise.
     #[arg(long)]
     gains_as_given: bool,

@@ -129,7 +129,7 @@ fn stiff_bristles_take_substeps_or_are_refused() {
 fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
     let json = parsed(&[&["motion", "--json"], &LIGHT[..]].concat());
     let remark = json["remark_on_gains"].as_str().unwrap();
-    assert!(remark.contains("the paper's gains are not tuned for this crane"), "{remark}");
+    assert!(remark.contains("the file's gains are not tuned for this crane"), "{remark}");
     assert_eq!(json["stable"], true, "{json}");
     let rows = json["motion"].as_array().unwrap();
     let rms = |strategy: &str| {
@@ -152,8 +152,16 @@ fn designed_gains_are_written_with_where_they_come_from() {
     said(&["new", made]);
     let arguments =
         ["design", "--benchmark", "--crane", made, "--payload-kg", "80:150", "--crane-out", tuned];
-    let text = said(&arguments);
-    assert!(text.lines().any(|line| line.starts_with("crane file") && line.contains("unstable")));
+    said(&arguments);
+    // a new file has gains that were designed for its numbers
+    let shown = parsed(&["show", "--crane", made, "--json"]);
+    let mut keys = shown["keys"].as_array().unwrap().iter();
+    let key = keys.find(|key| key["key"] == "controller.proportional_per_s").unwrap();
+    assert_eq!(key["provenance"], "placeholder");
+    assert!(key["source"].as_str().unwrap().contains("hydroboom design --benchmark"), "{key}");
+    let new = parsed(&["design", "--benchmark", "--crane", made, "--json"]);
+    assert_eq!(new["own"]["worst"]["stable"], true, "{new}");
+    assert_eq!(new["own"]["gains"], new["design"]["gains"]);
     let json =
         parsed(&["design", "--benchmark", "--crane", tuned, "--payload-kg", "80:150", "--json"]);
     let own = &json["own"]["worst"];
