@@ -22,7 +22,7 @@ use hydroboom_identify::{
     Profile, Task, Tuned, differences, experiment_for, fit, held_out, predict, verdict,
 };
 use hydroboom_lab::crane_file_text::{FoundValue, write_value};
-use hydroboom_measurement::{Signals, digest, digest_of};
+use hydroboom_measurement::{Signal, Signals, digest, digest_of};
 use indicatif::ProgressBar;
 use journal::Journal;
 use miette::{IntoDiagnostic, Result, miette};
@@ -139,6 +139,7 @@ impl Tune {
         };
         let kept = self.journal(&digests, &free)?;
         let found = self.search(asked, &rest, &stop, kept.as_ref(), "")?;
+        notes.extend(found.improvements.iter().flat_map(worsened));
         if !self.hold_out.in_turn {
             for stretch in &self.hold_out.hold_out {
                 held.extend(judged(&experiments, &found, *stretch));
@@ -527,6 +528,28 @@ fn determination(t: &Tuned) -> &'static str {
         (None, false) => "NO",
     }
 }
+
+/// Signals that differ by more than before the search, which a search in the right valley hardly leaves.
+fn worsened(log: &Improvement) -> Vec<String> {
+    let of = |(signal, rms): (&Signal, &Option<(f64, f64)>)| {
+        let (before, after) = (*rms)?;
+        let (unit, size) = signal.shown();
+        (after > WORSENED * before).then(|| {
+            format!(
+                "{}: {} differs by more than before the search ({:.3} to {:.3} {unit} RMS): it may have ended in a local minimum; --generations 20 searches \
+                 wider, --set begins elsewhere, near what `hydroboom validate` suggests",
+                log.log,
+                signal.symbol(),
+                before / size,
+                after / size
+            )
+        })
+    };
+    COMPARED.iter().zip(&log.rms).filter_map(of).collect()
+}
+
+/// A signal counts as worsened by a search from this ratio of its RMS differences on: less is traded for the others'.
+const WORSENED: f64 = 1.05;
 
 /// A number with five digits that count.
 struct Shown(f64);

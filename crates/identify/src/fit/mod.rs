@@ -265,31 +265,45 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         .zip(&there)
         .map(|(e, p)| TuningFork::new(e, p, task.generations > 0))
         .collect();
+    let all = Nuisance::named("all")?;
     if forks.iter().any(Option::is_some) {
         let sum = Pitch { forks: &forks };
-        let search = Search::new(layout, sum, &known, at, &watch);
+        // no channel's delay or offset changes a pitch
+        let keys = Layout { fixed: &all, ..layout };
+        let search = Search::new(keys, sum, &known, at, &watch);
         let ends = Ends { sum: 1e-4, place: 1e-4, patience: 3 };
         at = search.searched(task.generations).minimised(ends).0.at;
     }
     let there = layout.predictions(at.as_slice())?;
     let mut held_against = deviations(task.experiments, &there, Leaves::Unknown);
-    let (mut has_converged, mut kept) = (false, Vec::new());
-    // the first round in longer steps; the second with what the first left as deviations. Neither may end early: a
-    // ringing log has flat valleys
-    for layout in [Layout { experiments: &longer, ..layout }, layout] {
-        watch.borrow_mut().begin();
-        let sum = Samples::new(layout.experiments, &held_against);
-        let search = Search::new(layout, sum, &known, at, &watch);
-        let ends = Ends { sum: 1e-6, place: 1e-5, patience: 6 };
-        let (found, is_least) = search.minimised(ends);
-        (at, has_converged) = (found.at, is_least);
-        kept = found.sum.kept.into_inner();
-        if watch.borrow().is_stopped() {
-            return Err(IdentifyError::Stopped);
-        }
-        let there = task.layout().predictions(at.as_slice())?;
-        held_against = deviations(task.experiments, &there, Leaves::AsNow);
+    // the first round in longer steps. Delays and offsets of channels make valleys of their own where the model is far off: a search without
+    // them may come farther, though it has less to move
+    let first = Layout { experiments: &longer, ..layout };
+    let mut rounds = vec![first];
+    if (0..longer.len()).any(|log| layout.nuisances(log).next().is_some()) {
+        rounds.push(Layout { fixed: &all, ..first });
     }
+    let mut least = f64::INFINITY;
+    let begun = at;
+    at = begun.clone();
+    for round in rounds {
+        let sum = Samples::new(round.experiments, &held_against);
+        let (found, _) = searched(Search::new(round, sum, &known, begun.clone(), &watch))?;
+        let terms = found.terms(&found.at).unwrap_or_else(|| vec![f64::INFINITY]);
+        let sum: f64 = terms.iter().map(|term| term * term).sum();
+        if sum < least {
+            (at, least) = (found.at, sum);
+        }
+    }
+    // the second with what the first left as deviations
+    let there = layout.predictions(at.as_slice())?;
+    held_against = deviations(task.experiments, &there, Leaves::AsNow);
+    let sum = Samples::new(layout.experiments, &held_against);
+    let (found, has_converged) = searched(Search::new(layout, sum, &known, at, &watch))?;
+    at = found.at;
+    let mut kept = found.sum.kept.into_inner();
+    let there = layout.predictions(at.as_slice())?;
+    held_against = deviations(task.experiments, &there, Leaves::AsNow);
     let after = layout.predictions(at.as_slice())?;
     let held = Considered::of(task);
     let information =
@@ -311,6 +325,19 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
         has_converged,
         end: End { at: at.as_slice().to_vec(), deviations: held_against, certainty },
     })
+}
+
+/// A search at its end, and whether nothing more was to be gained. It may not end early: a ringing log has flat valleys.
+fn searched<'a, 'w>(
+    search: Search<'a, 'w, Samples<'a>>,
+) -> Result<(Search<'a, 'w, Samples<'a>>, bool), IdentifyError> {
+    let watch = search.watch;
+    watch.borrow_mut().begin();
+    let found = search.minimised(Ends { sum: 1e-6, place: 1e-5, patience: 6 });
+    if watch.borrow().is_stopped() {
+        return Err(IdentifyError::Stopped);
+    }
+    Ok(found)
 }
 
 /// What is to be said of each key.
