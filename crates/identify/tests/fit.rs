@@ -5,7 +5,7 @@
 mod made;
 
 use hydroboom_description::Description;
-use hydroboom_identify::{Fit, Free, Task, fit, profile};
+use hydroboom_identify::{Fit, Free, Nuisance, Task, fit, profile};
 use made::{log_of, with};
 
 /// What is moved.
@@ -73,7 +73,8 @@ fn a_search_turns_back_from_a_crane_that_cannot_be() {
         model: &truth,
         experiments: std::slice::from_ref(&experiment),
         free: &free,
-        fixed: &[],
+        // offsets and delays would take a part of it
+        fixed: &Nuisance::named("all").unwrap(),
         resume: None,
         generations: 0,
     };
