@@ -73,7 +73,14 @@ fn a_new_crane_file_has_what_a_machine_has() {
     let table = hydroboom(&["show", "--crane", path]);
     let table = String::from_utf8_lossy(&table.stdout).to_string();
     assert!(table.contains("0 to 370") && table.contains("85 to 100 (default)"), "{table}");
-    // the model itself has none of it: strategies on it do as they do on the paper's
+    // the model itself has none of it: strategies on it do as they do on the paper's, with its gains
+    let gains = [
+        "--gains-as-given",
+        "--set=controller.proportional_per_s=4.5",
+        "--set=controller.integral_per_s2=14.45",
+        "--set=controller.pressure_feedback_m3_per_spa=4.77e-11",
+        "--set=controller.high_pass_s=1.04",
+    ];
     let errors = |crane: &[&str]| {
         let base = ["motion", "--scenario", "small-moves", "--json"];
         let motion = parsed(&[&base, crane].concat());
@@ -85,7 +92,7 @@ fn a_new_crane_file_has_what_a_machine_has() {
             .map(|row| row["rms_true_mm"].clone())
             .collect::<Vec<_>>()
     };
-    assert_eq!(errors(&["--crane", path]), errors(&[]));
+    assert_eq!(errors(&[&["--crane", path], &gains[..]].concat()), errors(&[]));
     says(&hydroboom(&["check", "--crane", path, "--set", "payload.mass_kg=371"]), "0 to 370 kg");
 }
 
