@@ -3,6 +3,7 @@
 mod ablate;
 mod bench;
 mod benchmark_gains;
+mod bounds;
 mod calibrate;
 mod check;
 mod crane_file;
@@ -73,6 +74,7 @@ enum Command {
     Study(study::Study),
     Trials(trials::Trials),
     Ablate(ablate::Ablate),
+    Bounds(bounds::Bounds),
     Estimate(estimate::Estimate),
     Estimator(estimator::Estimator),
     Tip(tip::Tip),
@@ -134,6 +136,7 @@ fn run(command: Command) -> Result<()> {
         Command::Study(command) => command.run(),
         Command::Trials(command) => command.run(),
         Command::Ablate(command) => command.run(),
+        Command::Bounds(command) => command.run(),
         Command::Estimate(command) => command.run(),
         Command::Estimator(command) => command.run(),
         Command::Tip(command) => command.run(),

@@ -59,6 +59,9 @@ pub enum LabError {
     /// An equation that a compared controller is designed by has no solution.
     #[error("{0}")]
     NoBaseline(&'static str),
+    /// A performance bound cannot be computed.
+    #[error("{0}")]
+    NoBound(String),
     /// A controller cannot be designed, or the crane not be linearised.
     #[error(transparent)]
     Design(#[from] DesignError),

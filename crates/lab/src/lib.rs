@@ -23,6 +23,7 @@ pub mod mat_file;
 pub mod motion_test;
 pub mod numerical_damping;
 pub mod paper;
+pub mod performance_bounds;
 pub mod report;
 pub mod run_log;
 pub mod simulate;

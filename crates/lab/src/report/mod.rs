@@ -3,6 +3,7 @@
 
 mod bars;
 mod bode;
+mod bounds;
 mod design;
 mod document;
 mod drawing;
@@ -21,6 +22,7 @@ mod validation;
 
 pub use bars::{Bar, Bars};
 pub use bode::bode_page;
+pub use bounds::bounds_page;
 pub use design::design_page;
 pub use document::{Page, document};
 pub use drawing_data::{Drawing, FigureFile, figure};

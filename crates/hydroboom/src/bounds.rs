@@ -1,0 +1,174 @@
+//! `hydroboom bounds`
+
+use crate::benchmark_gains;
+use crate::crane_file::CraneFile;
+use crate::interruptible::Interruptible;
+use crate::machine_choice::MachineChoice;
+use crate::number::{SPEED, speed_of_motion, within};
+use crate::output;
+use crate::paths::{InputFile, OutputFolder};
+use clap::Args;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_design::benchmark_design::payload_range;
+use hydroboom_lab::performance_bounds::{
+    BOUND_PARTS, Condition, PerformanceBounds, StrategyError, performance_bounds, strategy_errors,
+};
+use hydroboom_lab::report;
+use miette::{IntoDiagnostic, Result, bail, miette};
+use serde_json::json;
+
+/// Compute the least possible tracking error of a crane along its motion, what each limit costs, and where the strategies stand.
+///
+/// Limits: motor speed, motor slew rate, delay (sensors, fieldbus, control period), sensor noise, and a payload that is unknown when the motion begins. Each
+/// stands alone, and all others without it. All errors are RMS true: of the piston itself, over the whole motion, rests included. Equations, and what is a bound
+/// and what an estimate: docs/performance-bounds.md.
+#[derive(Args)]
+#[command(
+    after_help = "Examples:\n  hydroboom bounds --out bounds\n  hydroboom bounds --crane my-crane.toml --speed-mm-s 60\n  \
+    hydroboom bounds --payload-kg 300:340 --set motor.slew_rpm_per_s=10000\n\nThe virtual crane of the crane file is assessed: drive, sensors and fieldbus that its file leaves out are typical ones."
+)]
+pub struct Bounds {
+    #[command(flatten)]
+    crane: CraneFile,
+    /// Crane file of the plant; when not given, the virtual crane: that of the crane file, the paper's without --crane.
+    #[arg(long, value_name = "FILE")]
+    plant: Option<InputFile>,
+    /// Speed of the motion out and back; the crane file's fast one when not given.
+    #[arg(long, visible_alias = "mm-s", value_name = "MM/S", allow_negative_numbers = true, value_parser = within(SPEED, "mm/s"))]
+    speed_mm_s: Option<f64>,
+    /// Payloads between which the controller does not know the plant's before the motion begins; the plant's range of payload.mass_kg when not given. A range of no width is a known payload.
+    #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true, value_parser = benchmark_gains::payloads)]
+    payload_kg: Option<[f64; 2]>,
+    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains or a new file's, and not tuned with
+    /// them, takes those of `hydroboom design --benchmark` otherwise.
+    #[arg(long)]
+    gains_as_given: bool,
+    /// Write bounds.html, with its figure as SVG and CSV, into this folder.
+    #[arg(long, value_name = "DIR")]
+    out: Option<OutputFolder>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Bounds {
+    /// Runs the command.
+    pub fn run(self) -> Result<()> {
+        let choice = MachineChoice::read(&self.crane, self.plant.as_deref())?;
+        let speed = speed_of_motion(&choice.machine, self.speed_mm_s)?;
+        let own = choice.machine.numbers.payload;
+        let payloads = self.payload_kg.unwrap_or_else(|| payload_range(&choice.machine));
+        if !(payloads[0] - 0.5..=payloads[1] + 0.5).contains(&own) {
+            return Err(miette!(
+                help = "take a range that has it, or another payload by --set payload.mass_kg=KG",
+                "the plant's payload is {own:.1} kg, and --payload-kg goes from {} to {} kg",
+                payloads[0],
+                payloads[1]
+            ));
+        }
+        let (choice, gains) = match self.gains_as_given {
+            true => (choice, None),
+            false => benchmark_gains::for_comparison(choice, [own; 2])?,
+        };
+        gains.iter().for_each(|remark| output::warn(remark));
+        let (model, machine) = (&choice.model, &choice.machine);
+        let course = machine.motion(speed);
+        let parts = BOUND_PARTS + Strategy::ALL.len();
+        let work = Interruptible::new(parts as u64, "parts")?;
+        let share = |done: usize| work.done(done as f64 / parts as f64);
+        let bounds = performance_bounds(machine, &course, payloads, &share).into_diagnostic()?;
+        let Some(bounds) = bounds else {
+            bail!("it was interrupted before the bounds were computed");
+        };
+        let go_on = |done: usize| share(BOUND_PARTS + done);
+        let strategies = strategy_errors(model, machine, &course, bounds.all_mm, &go_on);
+        let strategies = strategies.into_diagnostic()?;
+        drop(work);
+        if let Some(folder) = &self.out {
+            let page = report::bounds_page(&choice.name(), &bounds, &strategies);
+            output::page_in_folder(folder, "bounds", &page.into_diagnostic()?, None);
+        }
+        if self.json {
+            return output::json(&json!({
+                "bounds": bounds, "strategies": strategies, "plant": choice.json(),
+                "remark_on_gains": gains,
+            }));
+        }
+        output::text(&told(&choice, &bounds, &strategies))
+    }
+}
+
+/// An error with three digits, and zero below a millionth of a millimetre.
+fn millimetres(mm: f64) -> String {
+    if mm < 1e-6 { "0".into() } else { output::three_digits(mm) }
+}
+
+fn told(
+    choice: &MachineChoice,
+    bounds: &PerformanceBounds,
+    strategies: &[StrategyError],
+) -> String {
+    let mut rows =
+        vec![vec!["none".into(), millimetres(bounds.none_mm), String::new(), "exact".into()]];
+    rows.extend(bounds.limits.iter().map(|cost| {
+        vec![
+            cost.limit.name().into(),
+            millimetres(cost.alone_mm),
+            millimetres(cost.all_others_mm),
+            match cost.limit.is_of_motor() {
+                true => "bound [1]".into(),
+                false => "bound [2]".into(),
+            },
+        ]
+    }));
+    let all = ["all", &millimetres(bounds.all_mm), "", "bound [1] [2]"];
+    rows.push(all.map(String::from).to_vec());
+    let feedforward =
+        ["feedforward alone", &millimetres(bounds.feedforward_mm), "", "estimate [3]"];
+    rows.push(feedforward.map(String::from).to_vec());
+    let [before, begun, ended] = bounds.payload_deviation_kg;
+    let closed_loops: Vec<Vec<String>> = strategies
+        .iter()
+        .map(|s| {
+            let optional = |value: Option<f64>| value.map_or("-".into(), output::three_digits);
+            let harris = s.harris_index.map_or("-".into(), output::short);
+            let remark = s.remark.clone().unwrap_or_default();
+            vec![
+                s.strategy.name().into(),
+                optional(s.rms_true_mm),
+                optional(s.over_bound),
+                harris,
+                remark,
+            ]
+        })
+        .collect();
+    let condition = |c: &Condition| {
+        vec![c.name.into(), output::short(c.value), c.unit.into(), c.source.clone()]
+    };
+    let conditions: Vec<Vec<String>> = bounds.conditions.iter().map(condition).collect();
+    let missing = Strategy::ALL.len() - strategies.len();
+    let interrupted = match missing {
+        0 => String::new(),
+        count => format!("\n{count} strategies had not been run when it was interrupted"),
+    };
+    format!(
+        "Least possible tracking error of \"{}\" along its motion out and back at {}: RMS true [mm], rests included\n{}\n\
+         [1] for the crane linearised along the reference, model and reference known; duality gap {} %\n\
+         [2] for any causal controller, if disturbances drift as below: that they do is an estimate\n\
+         [3] no position feedback; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\n\
+         Strategies in closed loop on it (Harris index: mean square of the bound over that of the strategy)\n{}{interrupted}\n\n\
+         Conditions\n{}",
+        choice.name(),
+        bounds.course,
+        output::table(&["limit", "this alone", "all but this", "kind"], &rows),
+        output::three_digits(bounds.motor_gap_percent),
+        output::three_digits(before),
+        output::three_digits(begun),
+        output::three_digits(ended),
+        output::table(
+            &["strategy", "RMS true [mm]", "over the bound", "Harris index", ""],
+            &closed_loops
+        ),
+        output::table(&["number", "value", "unit", "source"], &conditions),
+    )
+}

@@ -1,0 +1,344 @@
+//! What each limit costs on a crane along a course, alone and beside the others, and where the strategies stand.
+
+use super::crane_along_course::CraneAlongCourse;
+use super::delay::Delay;
+use super::disturbances::{Disturbances, linearised};
+use super::motor_limits::{LeastError, MotorLimits, least_error};
+use super::prediction_error::Information;
+use super::sensor_noise::{EXACT, SensorNoise};
+use super::unknown_payload::{at_rest, deviation, feedforward_error};
+use crate::LabError;
+use crate::closed_loop::scenario::Course;
+use crate::interruptible::as_long_as;
+use crate::motion_test::{Run, attempted, by_name};
+use hydroboom_control::estimation::reduced_model::STATES;
+use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// What limits performance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Limit {
+    /// Largest motor speed.
+    MotorSpeed,
+    /// Largest change of motor speed.
+    Slew,
+    /// Sensors, fieldbus and control period.
+    Delay,
+    /// Noise and resolution of the sensors.
+    SensorNoise,
+    /// A payload that is unknown when the course begins.
+    UnknownPayload,
+}
+
+impl Limit {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::MotorSpeed, Self::Slew, Self::Delay, Self::SensorNoise, Self::UnknownPayload];
+
+    /// Name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::MotorSpeed => "motor speed",
+            Self::Slew => "motor slew rate",
+            Self::Delay => "delay",
+            Self::SensorNoise => "sensor noise",
+            Self::UnknownPayload => "unknown payload",
+        }
+    }
+
+    /// Whether it is of the motor, and costs something whoever knows all.
+    pub fn is_of_motor(self) -> bool {
+        matches!(self, Self::MotorSpeed | Self::Slew)
+    }
+}
+
+/// What a limit costs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LimitCost {
+    /// The limit.
+    pub limit: Limit,
+    /// Least RMS true error with this limit and no other.
+    pub alone_mm: f64,
+    /// Least RMS true error with all limits but this one.
+    pub all_others_mm: f64,
+}
+
+/// A number that bounds depend on.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Condition {
+    /// What it is.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// Keys of the crane file that it comes from, with their provenance.
+    pub source: String,
+}
+
+/// Least tracking errors of a crane along a course, RMS of the true piston over the whole course, rests included.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PerformanceBounds {
+    /// Name of the course.
+    pub course: String,
+    /// Without any limit.
+    pub none_mm: f64,
+    /// What each limit costs.
+    pub limits: Vec<LimitCost>,
+    /// With both limits of the motor, all else known and undelayed.
+    pub motor_mm: f64,
+    /// With delay, sensor noise and unknown payload, and a motor without limits.
+    pub information_mm: f64,
+    /// With all limits.
+    pub all_mm: f64,
+    /// Share of `motor_mm` by which a better motion of the linearised model could be below it, at most.
+    pub motor_gap_percent: f64,
+    /// Estimate, no bound: feedforward alone with the payload as it is estimated on the way.
+    pub feedforward_mm: f64,
+    /// Standard deviation of the payload before the course begins, when the first ramp begins, and at the end.
+    pub payload_deviation_kg: [f64; 3],
+    /// Numbers that the bounds depend on.
+    pub conditions: Vec<Condition>,
+}
+
+/// A strategy in closed loop beside the bound.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StrategyError {
+    /// The strategy.
+    #[serde(serialize_with = "by_name")]
+    pub strategy: Strategy,
+    /// RMS true error; none where the loop oscillates or stopped.
+    pub rms_true_mm: Option<f64>,
+    /// That over the bound with all limits.
+    pub over_bound: Option<f64>,
+    /// Harris index: mean square error of the bound over that of the strategy; 1 is the best that there is.
+    pub harris_index: Option<f64>,
+    /// What there is to say where there is no error.
+    pub remark: Option<String>,
+}
+
+/// Parts of the work: the model, three motions, prediction errors.
+pub const BOUND_PARTS: usize = 5;
+
+/// Bounds of a crane along a course with a payload that is unknown between two ends \[kg\]. None where `go_on`, which is told how many of [`BOUND_PARTS`] are
+/// done, said no.
+///
+/// # Errors
+///
+/// [`LabError`] when the crane has no reduced model, or no best motion is found.
+pub fn performance_bounds(
+    crane: &Description,
+    course: &dyn Course,
+    payloads: [f64; 2],
+    go_on: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Option<PerformanceBounds>, LabError> {
+    let along = CraneAlongCourse::new(crane, course)?;
+    let done = AtomicUsize::new(1);
+    if !go_on(1) {
+        return Ok(None);
+    }
+    let n = &crane.numbers;
+    let (speed, slew, none) = (n.motor_speed, n.motor_slew, f64::INFINITY);
+    let motors = [(speed, none), (none, slew), (speed, slew)];
+    let one = |(speed, slew): &(f64, f64)| {
+        let still = || go_on(done.load(Ordering::Relaxed));
+        let found = least_error(&along, MotorLimits { speed: *speed, slew: *slew }, &still);
+        done.fetch_add(1, Ordering::Relaxed);
+        found
+    };
+    let found = motors.par_iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    let Ok([Some(by_speed), Some(by_slew), Some(by_both)]) =
+        <[Option<LeastError>; 3]>::try_from(found)
+    else {
+        return Ok(None);
+    };
+    let known = Knowledge::new(crane, &along, payloads);
+    let all_known = known.left(true, true, true);
+    let information_mm = all_known.rms_mm;
+    let motor = |without: Option<Limit>| match without {
+        Some(Limit::MotorSpeed) => by_slew.rms_mm,
+        Some(Limit::Slew) => by_speed.rms_mm,
+        _ => by_both.rms_mm,
+    };
+    let is_there = |without: Limit| {
+        let has = |limit| without != limit;
+        [has(Limit::Delay), has(Limit::SensorNoise), has(Limit::UnknownPayload)]
+    };
+    let cost = |limit: Limit| {
+        let [delay, noise, payload] = is_there(limit);
+        let (alone_mm, others) = match limit {
+            Limit::MotorSpeed => (by_speed.rms_mm, information_mm),
+            Limit::Slew => (by_slew.rms_mm, information_mm),
+            _ => (
+                known.left(!delay, !noise, !payload).rms_mm,
+                known.left(delay, noise, payload).rms_mm,
+            ),
+        };
+        LimitCost { limit, alone_mm, all_others_mm: motor(Some(limit)).hypot(others) }
+    };
+    let feedforward = feedforward_error(&along, &known.course, &all_known.covariances);
+    let begins =
+        along.reference.iter().position(|set_point| set_point.velocity != 0.0).unwrap_or(0);
+    let payload = |k: usize| all_known.payload_deviation(k);
+    let bounds = PerformanceBounds {
+        course: course.name(),
+        none_mm: 0.0,
+        limits: Limit::ALL.map(cost).to_vec(),
+        motor_mm: by_both.rms_mm,
+        information_mm,
+        all_mm: by_both.rms_mm.hypot(information_mm),
+        motor_gap_percent: 100.0 * (1.0 - by_both.least_mm / by_both.rms_mm.max(f64::MIN_POSITIVE)),
+        feedforward_mm: 1e3 * feedforward,
+        payload_deviation_kg: [deviation(payloads), payload(begins), payload(along.periods())],
+        conditions: conditions(crane, payloads),
+    };
+    Ok(go_on(BOUND_PARTS).then_some(bounds))
+}
+
+/// What is known of a crane along its reference.
+struct Knowledge {
+    course: super::prediction_error::LinearCourse<STATES>,
+    delay: Delay,
+    noise: SensorNoise,
+    /// Covariance at rest with an unknown payload.
+    unknown: [[f64; STATES]; STATES],
+}
+
+/// What is left of an error by what is not known.
+struct Left {
+    rms_mm: f64,
+    covariances: Vec<[[f64; STATES]; STATES]>,
+}
+
+impl Left {
+    fn payload_deviation(&self, k: usize) -> f64 {
+        use hydroboom_control::estimation::reduced_model::state_index::PAYLOAD;
+        self.covariances.get(k).map_or(0.0, |p| p[PAYLOAD][PAYLOAD].max(0.0).sqrt())
+    }
+}
+
+impl Knowledge {
+    fn new(crane: &Description, along: &CraneAlongCourse, payloads: [f64; 2]) -> Self {
+        let disturbances = Disturbances::of(crane);
+        Self {
+            course: linearised(along, &disturbances),
+            delay: Delay::of(crane),
+            noise: SensorNoise::of(crane),
+            unknown: at_rest(along, deviation(payloads)),
+        }
+    }
+
+    /// With a delay, noise of the sensors, and an unknown payload, or without.
+    fn left(&self, delay: bool, noise: bool, payload: bool) -> Left {
+        let known = Information {
+            initial: if payload { self.unknown } else { [[0.0; STATES]; STATES] },
+            noise: if noise { self.noise } else { EXACT }.variances(),
+            horizon: if delay { self.delay.periods() } else { 0.0 },
+        };
+        let found = self.course.prediction_error(&known);
+        Left { rms_mm: 1e3 * found.rms, covariances: found.covariances }
+    }
+}
+
+/// Numbers that the bounds depend on.
+fn conditions(crane: &Description, payloads: [f64; 2]) -> Vec<Condition> {
+    let n = &crane.numbers;
+    let (delay, noise, disturbances) =
+        (Delay::of(crane), SensorNoise::of(crane), Disturbances::of(crane));
+    let source = |paths: &[&str]| {
+        let of = |path: &&str| {
+            let mut entries = crane.entries();
+            let found = entries.find(|(key, _, _)| key.path() == **path);
+            let provenance = found.map_or("", |(_, _, origin)| origin.provenance.as_str());
+            match provenance {
+                "" | "absent" => format!("{path} (default)"),
+                provenance => format!("{path} ({provenance})"),
+            }
+        };
+        paths.iter().map(of).collect::<Vec<_>>().join(", ")
+    };
+    let one =
+        |name, value, unit, paths: &[&str]| Condition { name, value, unit, source: source(paths) };
+    let rpm = 60.0;
+    vec![
+        one("largest motor speed", n.motor_speed * rpm, "rpm", &["motor.max_speed_rpm"]),
+        one("motor slew rate", n.motor_slew * rpm, "rpm/s", &["motor.slew_rpm_per_s"]),
+        one(
+            "delay from position to motor",
+            1e3 * delay.time(),
+            "ms",
+            &["fieldbus.delay_cycles", "sensors.bandwidth_hz"],
+        ),
+        one(
+            "position noise",
+            1e3 * noise.position,
+            "mm",
+            &["sensors.position_noise_mm", "sensors.position_resolution_mm"],
+        ),
+        one(
+            "load pressure noise",
+            1e-5 * noise.load_pressure,
+            "bar",
+            &["sensors.pressure_noise_percent", "sensors.pressure_bits"],
+        ),
+        one("payload", n.payload, "kg", &["payload.mass_kg"]),
+        Condition {
+            name: "payload unknown by (std)",
+            value: deviation(payloads),
+            unit: "kg",
+            source: format!("uniform from {:.0} to {:.0} kg", payloads[0], payloads[1]),
+        },
+        one(
+            "drift of an unknown force",
+            1e-5 * disturbances.force,
+            "bar/s^0.5",
+            &["estimator.disturbance_drift_bar"],
+        ),
+        one(
+            "drift of friction",
+            1e-5 * disturbances.friction,
+            "bar/s^0.5",
+            &["estimator.friction_drift_bar"],
+        ),
+        one(
+            "drift of an unknown flow",
+            rpm * disturbances.flow,
+            "rpm/s^0.5",
+            &["estimator.flow_drift_rpm"],
+        ),
+    ]
+}
+
+/// All strategies in closed loop on the machine, which the controllers know by `model`, beside the bound with all limits \[mm\]. Those that were begun before
+/// `go_on`, which is told how many are done, said no.
+///
+/// # Errors
+///
+/// [`LabError`] when a crane cannot be built.
+pub fn strategy_errors(
+    model: &Description,
+    machine: &Description,
+    course: &(dyn Course + Sync),
+    bound_mm: f64,
+    go_on: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Vec<StrategyError>, LabError> {
+    let one =
+        |strategy: &Strategy| Ok(beside(bound_mm, &attempted(model, machine, *strategy, course)?));
+    as_long_as(&Strategy::ALL, go_on, one).into_iter().flatten().collect()
+}
+
+/// A run beside a bound \[mm\].
+fn beside(bound_mm: f64, run: &Run) -> StrategyError {
+    let error = run.is_stable().then(|| run.metrics().tracking_error().rms_true_mm);
+    StrategyError {
+        strategy: run.strategy,
+        rms_true_mm: error,
+        over_bound: error.map(|mm| mm / bound_mm),
+        harris_index: error.map(|mm| (bound_mm / mm).powi(2)),
+        remark: error.is_none().then(|| run.tracking()),
+    }
+}

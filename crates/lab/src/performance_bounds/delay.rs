@@ -1,0 +1,43 @@
+//! Delay from a piston position to what is done about it: sensors, fieldbus, control period.
+//!
+//! A reading of period k comes c cycles later, a command of then arrives c cycles later and acts in the period that follows. The lag of the position sensor
+//! is counted as dead time, which it is for what is slow beside its bandwidth. The lag of the drive is not counted: with the reference known, a command is
+//! given as much sooner.
+
+use hydroboom_description::Description;
+use hydroboom_design::scheduled_lqr::known_delay;
+use std::f64::consts::TAU;
+
+/// Parts of the delay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Delay {
+    /// Control period \[s\].
+    pub period: f64,
+    /// Of fieldbus to the drive, and again from the sensor \[cycles\].
+    pub fieldbus_cycles: u32,
+    /// Lag of the position sensor \[s\].
+    pub sensor_lag: f64,
+}
+
+impl Delay {
+    /// Of a crane; a typical fieldbus and sensor where its file has none.
+    pub fn of(crane: &Description) -> Self {
+        let n = &crane.numbers;
+        let bandwidth = n.sensor_bandwidth;
+        Self {
+            period: n.control_period,
+            fieldbus_cycles: if n.fieldbus_delay > 0.0 { known_delay(crane) } else { 0 },
+            sensor_lag: if bandwidth > 0.0 { 1.0 / (TAU * bandwidth) } else { 0.0 },
+        }
+    }
+
+    /// All of it, in control periods.
+    pub fn periods(&self) -> f64 {
+        2.0 * f64::from(self.fieldbus_cycles) + 1.0 + self.sensor_lag / self.period
+    }
+
+    /// All of it \[s\].
+    pub fn time(&self) -> f64 {
+        self.periods() * self.period
+    }
+}

@@ -1,0 +1,309 @@
+//! Optimal control of a linear time-varying plant whose motor has limits of speed and slew: a convex quadratic program.
+//!
+//! ```text
+//! minimise  ½ Σ (e_k + h_kᵀ z_k)² + ½ ε² Σ (v̄_k + v_k)²   subject to   z_{k+1} = A_k z_k + b_k v_k + c_k,   |n̄_{k+1} + n_{k+1}| ≤ n_max,   |v̄_k + v_k| ≤ v_max
+//! ```
+//!
+//! e_k is the tracking error \[mm\], z_k and v_k are deviations from a motion; the last entry of z_k is the motor speed n_k. Mehrotra's predictor-corrector method, a primal-dual interior-point
+//! method: each step is a linear-quadratic problem with the curvature of the limits' barriers, which one Riccati recursion factorises. The products of
+//! multipliers and what is left to the limits sum up to the duality gap: the least cost is no smaller than the found one less the gap.
+//!
+//! Sources: S. Mehrotra, *On the implementation of a primal-dual interior point method*, SIAM J. Optim. 2 (1992) 575-601; C. V. Rao, S. J. Wright, J. B.
+//! Rawlings, *Application of interior-point methods to model predictive control*, J. Optim. Theory Appl. 99 (1998) 723-757.
+
+use crate::LabError;
+use nalgebra::{SMatrix, SVector};
+
+/// A period of the plant, linearised along a motion.
+pub(super) struct LinearPeriod<const N: usize> {
+    /// A, b and c.
+    pub by_state: SMatrix<f64, N, N>,
+    pub by_change: SVector<f64, N>,
+    pub defect: SVector<f64, N>,
+    /// Tracking error of the motion at its end \[mm\], and its slopes h by the state.
+    pub error: f64,
+    pub error_by_state: SVector<f64, N>,
+    /// The motion's numbers that have limits: change of the motor speed, and the speed at its end \[rev/s\].
+    pub limited: [f64; 2],
+}
+
+/// What the best deviations leave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Solution {
+    /// Sum of squared errors \[mm²\].
+    pub square: f64,
+    /// Duality gap: half the sum of squares is no further above its least.
+    pub gap: f64,
+}
+
+/// Steps after which a search that has not ended is given up; a quarter is usual.
+const MOST_STEPS: usize = 100;
+/// Share of the way to a limit that a step goes at most.
+const BOUNDARY: f64 = 0.995;
+
+/// What belongs to the lower and to the upper limit of each limited number of a period.
+type Sides = [[f64; 2]; 2];
+
+struct Search<'a, const N: usize> {
+    periods: &'a [LinearPeriod<N>],
+    limits: [Option<f64>; 2],
+    /// ε: what a change of 1 rev/s costs as a tracking error \[mm\].
+    change_as_error: f64,
+    changes: Vec<f64>,
+    states: Vec<SVector<f64, N>>,
+    multipliers: Vec<Sides>,
+}
+
+/// Factors of the Riccati recursion: what a change is worth, and its feedback, in each period.
+type Factors<const N: usize> = Vec<(f64, SVector<f64, N>)>;
+
+impl<const N: usize> Search<'_, N> {
+    /// What is left to the limits.
+    fn slacks(&self, k: usize) -> Sides {
+        let moves = [self.changes[k], self.states[k][N - 1]];
+        std::array::from_fn(|place| {
+            let value = self.periods[k].limited[place] + moves[place];
+            self.limits[place].map_or([1.0; 2], |limit| [limit + value, limit - value])
+        })
+    }
+
+    /// Limits that there are, by their place and side.
+    fn held(&self) -> impl Iterator<Item = (usize, usize)> + use<N> {
+        let limits = self.limits;
+        (0..2)
+            .flat_map(|place| [(place, 0), (place, 1)])
+            .filter(move |(place, _)| limits[*place].is_some())
+    }
+
+    fn count(&self) -> f64 {
+        (self.held().count() * self.periods.len()) as f64
+    }
+
+    /// Tracking error at the end of a period \[mm\].
+    fn error(&self, k: usize) -> f64 {
+        let period = &self.periods[k];
+        period.error + period.error_by_state.dot(&self.states[k])
+    }
+
+    fn square(&self) -> f64 {
+        (0..self.periods.len()).map(|k| self.error(k).powi(2)).sum()
+    }
+
+    /// Sum of all products, after shares of steps.
+    fn gap(&self, shares: [f64; 2], steps: Option<&[(Sides, Sides)]>) -> f64 {
+        let mut gap = 0.0;
+        for k in 0..self.periods.len() {
+            let (slacks, multipliers) = (self.slacks(k), &self.multipliers[k]);
+            for (place, side) in self.held() {
+                let (mut slack, mut multiplier) = (slacks[place][side], multipliers[place][side]);
+                if let Some(steps) = steps {
+                    slack += shares[0] * steps[k].0[place][side];
+                    multiplier += shares[1] * steps[k].1[place][side];
+                }
+                gap += slack * multiplier;
+            }
+        }
+        gap
+    }
+
+    /// Riccati recursion.
+    fn factors(&self) -> Factors<N> {
+        let mut curvature = SMatrix::<f64, N, N>::zeros();
+        let mut factors = vec![(0.0, SVector::zeros()); self.periods.len()];
+        for (k, period) in self.periods.iter().enumerate().rev() {
+            let row = &period.error_by_state;
+            curvature += row * row.transpose();
+            let mut change_curvature = self.change_as_error.powi(2);
+            let slacks = self.slacks(k);
+            for (place, side) in self.held() {
+                let bent = self.multipliers[k][place][side] / slacks[place][side];
+                if place == 0 {
+                    change_curvature += bent
+                } else {
+                    curvature[(N - 1, N - 1)] += bent
+                }
+            }
+            let pulled = curvature * period.by_change;
+            let bent = period.by_change.dot(&pulled) + change_curvature;
+            let crossed = period.by_state.tr_mul(&pulled);
+            factors[k] = (bent, crossed / bent);
+            curvature = period.by_state.tr_mul(&(curvature * period.by_state))
+                - crossed * crossed.transpose() / bent;
+            // what rounding makes unlike on both sides of the diagonal grows
+            curvature = (curvature + curvature.transpose()) * 0.5;
+        }
+        factors
+    }
+
+    /// Newton's step of changes and states for products of `targets`.
+    fn step(
+        &self,
+        factors: &Factors<N>,
+        targets: &dyn Fn(usize) -> Sides,
+    ) -> (Vec<f64>, Vec<SVector<f64, N>>) {
+        let count = self.periods.len();
+        let mut slope = SVector::<f64, N>::zeros();
+        let mut wanted = vec![0.0; count];
+        for (k, period) in self.periods.iter().enumerate().rev() {
+            slope += period.error_by_state * self.error(k);
+            let mut change_slope =
+                self.change_as_error.powi(2) * (period.limited[0] + self.changes[k]);
+            let (slacks, targets) = (self.slacks(k), targets(k));
+            for (place, side) in self.held() {
+                let by = targets[place][side] / slacks[place][side];
+                let by = if side == 0 { -by } else { by };
+                if place == 0 { change_slope += by } else { slope[N - 1] += by }
+            }
+            let (bent, feedback) = &factors[k];
+            let along = period.by_change.dot(&slope) + change_slope;
+            wanted[k] = -along / bent;
+            slope = period.by_state.tr_mul(&slope) - feedback * along;
+        }
+        let mut state = SVector::<f64, N>::zeros();
+        let (mut changes, mut states) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for (k, period) in self.periods.iter().enumerate() {
+            let change = wanted[k] - factors[k].1.dot(&state);
+            state = period.by_state * state + period.by_change * change;
+            changes.push(change);
+            states.push(state);
+        }
+        (changes, states)
+    }
+
+    /// Steps of what is left to the limits, and of the multipliers.
+    fn sides(
+        &self,
+        (changes, states): &(Vec<f64>, Vec<SVector<f64, N>>),
+        targets: &dyn Fn(usize) -> Sides,
+    ) -> Vec<(Sides, Sides)> {
+        let of = |k: usize| {
+            let moves = [changes[k], states[k][N - 1]];
+            let (slacks, targets, mut steps) =
+                (self.slacks(k), targets(k), ([[0.0; 2]; 2], [[0.0; 2]; 2]));
+            for (place, side) in self.held() {
+                let by = if side == 0 { moves[place] } else { -moves[place] };
+                let multiplier = self.multipliers[k][place][side];
+                steps.0[place][side] = by;
+                steps.1[place][side] =
+                    (targets[place][side] - multiplier * by) / slacks[place][side] - multiplier;
+            }
+            steps
+        };
+        (0..self.periods.len()).map(of).collect()
+    }
+
+    /// Largest shares of both steps that keep all positive.
+    fn shares(&self, steps: &[(Sides, Sides)]) -> [f64; 2] {
+        let mut shares = [1.0_f64; 2];
+        let within = |value: f64, step: f64| if step < 0.0 { -value / step } else { f64::INFINITY };
+        for (k, (slack_steps, multiplier_steps)) in steps.iter().enumerate() {
+            let slacks = self.slacks(k);
+            for (place, side) in self.held() {
+                shares[0] = shares[0].min(within(slacks[place][side], slack_steps[place][side]));
+                let multiplier = self.multipliers[k][place][side];
+                shares[1] = shares[1].min(within(multiplier, multiplier_steps[place][side]));
+            }
+        }
+        shares
+    }
+
+    /// One step of the predictor-corrector method; what was left to be gained by it \[mm²\].
+    fn improve(&mut self) -> f64 {
+        let factors = self.factors();
+        let count = self.count();
+        let nothing = |_| [[0.0; 2]; 2];
+        let mut step = self.step(&factors, &nothing);
+        let mut shares = [1.0; 2];
+        let mut sides = self.sides(&step, &nothing);
+        if count > 0.0 {
+            let mean = self.gap([0.0; 2], None) / count;
+            let ahead = self.gap(self.shares(&sides), Some(&sides)) / count;
+            let centre = mean * (ahead / mean).powi(3);
+            let predicted = sides;
+            let corrected = |k: usize| {
+                let (slacks, multipliers) = &predicted[k];
+                std::array::from_fn(|place| {
+                    std::array::from_fn(|side| {
+                        centre - slacks[place][side] * multipliers[place][side]
+                    })
+                })
+            };
+            step = self.step(&factors, &corrected);
+            sides = self.sides(&step, &corrected);
+            let largest = self.shares(&sides).map(|share| (BOUNDARY * share).min(1.0));
+            // one share for both: a quadratic cost couples them
+            shares = [largest[0].min(largest[1]); 2];
+        }
+        let (changes, states) = step;
+        let moved = |(period, by): (&LinearPeriod<N>, &SVector<f64, N>)| {
+            period.error_by_state.dot(by).powi(2)
+        };
+        let gained: f64 = self.periods.iter().zip(&states).map(moved).sum();
+        for (value, by) in self.changes.iter_mut().zip(changes) {
+            *value += shares[0] * by;
+        }
+        for (value, by) in self.states.iter_mut().zip(states) {
+            *value += by * shares[0];
+        }
+        for (value, (_, by)) in self.multipliers.iter_mut().zip(&sides) {
+            for place in 0..2 {
+                for side in 0..2 {
+                    value[place][side] += shares[1] * by[place][side];
+                }
+            }
+        }
+        gained
+    }
+}
+
+/// The best deviations from a motion that is within the limits of change and speed (none where there is none). The search ends where its sum of squares is as
+/// near to the least as a share of it and a number \[mm²\] say. None where `go_on`, which is asked before each step, said no.
+///
+/// # Errors
+///
+/// [`LabError::NoBound`] when the search does not end.
+pub(super) fn best_deviation<const N: usize>(
+    periods: &[LinearPeriod<N>],
+    limits: [Option<f64>; 2],
+    change_as_error: f64,
+    [share, smallest]: [f64; 2],
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<Solution>, LabError> {
+    let mut states = Vec::with_capacity(periods.len());
+    let mut state = SVector::<f64, N>::zeros();
+    for period in periods {
+        state = period.by_state * state + period.defect;
+        states.push(state);
+    }
+    let mut search = Search {
+        periods,
+        limits,
+        change_as_error,
+        changes: vec![0.0; periods.len()],
+        states,
+        multipliers: vec![[[0.0; 2]; 2]; periods.len()],
+    };
+    // products as large as what they are to be weighed against
+    let product = (search.square() / periods.len() as f64).max(smallest);
+    for k in 0..periods.len() {
+        let slacks = search.slacks(k);
+        for (place, side) in search.held() {
+            search.multipliers[k][place][side] = product / slacks[place][side];
+        }
+    }
+    for _ in 0..MOST_STEPS {
+        if !go_on() {
+            return Ok(None);
+        }
+        let moved = search.improve();
+        let (square, gap) = (search.square(), search.gap([0.0; 2], None));
+        if !(moved.is_finite() && gap.is_finite()) {
+            break;
+        }
+        let enough = smallest + share * square;
+        if 2.0 * gap <= enough && moved <= enough {
+            return Ok(Some(Solution { square, gap }));
+        }
+    }
+    Err(LabError::NoBound("the search for the best motor speeds does not end".into()))
+}

@@ -1,0 +1,129 @@
+//! Prediction error: what no controller can undo of disturbances and of what it does not know, because it acts on information of a while ago.
+//!
+//! A command acts on the piston at time k only if it was given by what was measured until k − h. Whatever the law, linear or not, the variance of the
+//! tracking error is therefore at least that of the piston given these measurements, and minimum variance control attains it where the motor allows:
+//!
+//! ```text
+//! E e_k² ≥ c_k P_{k|k−h} c_kᵀ,    P_{j+1|j} = F_j P_{j|j} F_jᵀ + Q,    P_{j|j} = P_{j|j−1} − P_{j|j−1} Hᵀ (H P_{j|j−1} Hᵀ + R)⁻¹ H P_{j|j−1}
+//! ```
+//!
+//! Along a motion that is the Riccati recursion of the Kalman filter of the model linearised along it; at rest it settles at the floor of an LQG loop
+//! whose control costs nothing. More delay, more noise and a larger first covariance never lower it.
+//!
+//! Sources: K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 6 (minimum variance control); T. J. Harris, *Assessment of control loop
+//! performance*, Can. J. Chem. Eng. 67 (1989) 856-861.
+
+use hydroboom_control::estimation::error_covariance::{Covariance, corrected, output_deviation};
+
+/// A linear system along a course, of N states.
+pub(super) struct LinearCourse<const N: usize> {
+    /// F of each period.
+    pub transitions: Vec<[[f64; N]; N]>,
+    /// Measured numbers by the state at each time, which is one more than there are periods; the first is the tracked one.
+    pub outputs: Vec<[[f64; N]; 2]>,
+    /// Variances that each state gains in a period.
+    pub process: [f64; N],
+}
+
+/// What is known, and when.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Information<const N: usize> {
+    /// Covariance before anything is measured.
+    pub initial: Covariance<f64, N>,
+    /// Variances of the noise of the measured numbers.
+    pub noise: [f64; 2],
+    /// Periods from a measurement to when what is done by it acts.
+    pub horizon: f64,
+}
+
+/// What is left, at each time.
+pub(super) struct PredictionError<const N: usize> {
+    /// Covariance of the state given the measurements that could be acted on.
+    pub covariances: Vec<Covariance<f64, N>>,
+    /// Root mean square of the tracked output over the course, in its unit.
+    pub rms: f64,
+}
+
+impl<const N: usize> LinearCourse<N> {
+    /// A period on, or a share of it.
+    fn predicted(&self, p: &Covariance<f64, N>, k: usize, share: f64) -> Covariance<f64, N> {
+        let Some(transition) = self.transitions.get(k).or(self.transitions.last()) else {
+            return *p;
+        };
+        let rows = std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let same = f64::from(u8::from(i == j));
+                same + share * (transition[i][j] - same)
+            })
+        });
+        let mut next = propagate(p, &rows);
+        for (i, variance) in self.process.iter().enumerate() {
+            next[i][i] += share * variance;
+        }
+        next
+    }
+
+    /// Several periods on from time k.
+    fn after(
+        &self,
+        p: &Covariance<f64, N>,
+        k: usize,
+        periods: usize,
+        share: f64,
+    ) -> Covariance<f64, N> {
+        let whole = (k..k + periods).fold(*p, |p, j| self.predicted(&p, j, 1.0));
+        if share > 0.0 { self.predicted(&whole, k + periods, share) } else { whole }
+    }
+
+    /// The covariance with what is measured at time k.
+    fn corrected(
+        &self,
+        mut p: Covariance<f64, N>,
+        k: usize,
+        noise: [f64; 2],
+    ) -> Covariance<f64, N> {
+        for (row, variance) in self.outputs[k].iter().zip(noise) {
+            let shared: [f64; N] = std::array::from_fn(|i| dot(&p[i], row));
+            let s = dot(&shared, row) + variance;
+            if s > 0.0 {
+                let gain = shared.map(|shared| shared / s);
+                corrected(&mut p, &gain, &shared, s);
+            }
+        }
+        p
+    }
+
+    /// Covariances of the state by what could be acted on, and the RMS of the tracked output.
+    pub fn prediction_error(&self, known: &Information<N>) -> PredictionError<N> {
+        let times = self.outputs.len();
+        let (whole, share) = (known.horizon.floor() as usize, known.horizon.fract());
+        let mut covariances = Vec::with_capacity(times);
+        // until the first measurement acts
+        for k in 0..whole.min(times) {
+            covariances.push(self.after(&known.initial, 0, k, share));
+        }
+        let mut before = known.initial;
+        for k in 0..times.saturating_sub(whole) {
+            let filtered = self.corrected(before, k, known.noise);
+            covariances.push(self.after(&filtered, k, whole, share));
+            before = self.predicted(&filtered, k, 1.0);
+        }
+        let variance = |(p, rows): (&Covariance<f64, N>, &[[f64; N]; 2])| {
+            output_deviation(p, &rows[0]).powi(2)
+        };
+        let square: f64 = covariances.iter().zip(&self.outputs).map(variance).sum();
+        PredictionError { covariances, rms: (square / times.max(1) as f64).sqrt() }
+    }
+}
+
+fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// `F P Fᵀ`.
+fn propagate<const N: usize>(p: &Covariance<f64, N>, rows: &[[f64; N]; N]) -> Covariance<f64, N> {
+    let left: Covariance<f64, N> = std::array::from_fn(|i| {
+        (0..N).fold([0.0; N], |sum, k| std::array::from_fn(|j| sum[j] + rows[i][k] * p[k][j]))
+    });
+    std::array::from_fn(|i| std::array::from_fn(|j| dot(&left[i], &rows[j])))
+}
