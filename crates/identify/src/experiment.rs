@@ -2,6 +2,7 @@
 
 use crate::drive::Drive;
 use crate::error::IdentifyError;
+use crate::noise::noise;
 use crate::oscillation::{is_held, release, resting};
 use crate::prediction::{STARTS, STEPS};
 use hydroboom_description::Description;
@@ -52,6 +53,8 @@ pub struct Experiment {
     pub(crate) beginning: [Option<f64>; STARTS],
     /// From one of the log's samples to the next, of each compared signal and then of what drives the model; zero where that is held throughout \[s\].
     pub(crate) apart: ([f64; COMPARED.len()], f64),
+    /// Standard deviations of the compared signals' noise, in SI units; zero of those that were not measured.
+    pub(crate) noise: [f64; COMPARED.len()],
     /// What is to be said of it.
     pub remarks: Vec<String>,
 }
@@ -182,6 +185,7 @@ impl Experiment {
             samples,
             filters: tracks.map(|track| track.map_or(0.0, Track::filter)),
             beginning,
+            noise: tracks.map(|track| track.map_or(0.0, |track| noise(track, begin, end))),
             remarks,
         })
     }
@@ -252,6 +256,11 @@ impl Experiment {
         Self { steps: 1, ..self.clone() }
     }
 
+    /// The same in steps of half the length: what they change says what the model's steps are wrong by.
+    pub(crate) fn fine(&self) -> Self {
+        Self { steps: 2 * self.steps, ..self.clone() }
+    }
+
     /// Duration \[s\].
     pub fn duration(&self) -> f64 {
         self.drive.len() as f64 * self.period
@@ -260,6 +269,12 @@ impl Experiment {
     /// Interval from sample to sample \[s\].
     pub fn interval(&self) -> f64 {
         self.every as f64 * self.period
+    }
+
+    /// Standard deviation of a compared signal's noise, in SI units, as the log's own samples scatter; none where it was not measured.
+    pub fn noise(&self, signal: Signal) -> Option<f64> {
+        let place = COMPARED.iter().position(|s| *s == signal)?;
+        self.is_measured(signal).then_some(self.noise[place])
     }
 
     /// Whether a compared signal was measured.

@@ -86,7 +86,10 @@ impl Free {
     /// Keys that a log tells something of, but which others stand in for: not moved unless asked for, and what is not known of them is open in
     /// those that are.
     pub(crate) fn stood_in_for(model: &Description) -> Vec<Self> {
-        const OTHERS: [&str; 7] = [
+        const OTHERS: [&str; 9] = [
+            // E shows only as a product with it, and bends the boom as the base turns it
+            "boom.second_moment_cm4",
+            "base.stiffness_knm_per_rad",
             "payload.x_mm",
             "boom.mass_kg",
             "link_1.mass_kg",

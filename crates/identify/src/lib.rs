@@ -15,6 +15,7 @@ mod fit;
 mod free;
 mod hold_out;
 mod known;
+mod noise;
 mod number;
 mod oscillation;
 mod prediction;
@@ -23,6 +24,7 @@ mod ringing;
 mod structural_limit;
 mod tuning_fork;
 mod verdict;
+mod whiteness;
 
 pub use advice::experiment_for;
 pub use differences::{Difference, Differences, Unresolved, differences};
@@ -30,8 +32,8 @@ pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
 pub use explained::{Explained, Part, explained};
 pub use fit::{
-    Allowed, Channel, Effect, Fit, Improvement, LIMIT, Nuisance, Profile, Progress, Task, Tuned,
-    fit, profile,
+    Allowed, Channel, Determination, Effect, Fit, Improvement, LIMIT, Nuisance, Profile, Progress,
+    Task, Tuned, fit, profile,
 };
 pub use free::Free;
 pub use hold_out::{Foretold, HeldOut, Stretch, held_out};

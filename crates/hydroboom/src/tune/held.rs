@@ -228,8 +228,7 @@ mod tests {
             deviation,
             from_logs: deviation,
             others_exact: deviation,
-            biased: None,
-            is_determined: true,
+            determination: hydroboom_identify::Determination::Determined,
             partner: None,
         };
         let without = |from: f64, tuned: Tuned| InTurn {
