@@ -58,8 +58,8 @@ pub struct MotionTests {
     /// Run a scenario in place of the motion at both speeds; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME")]
     scenario: Option<String>,
-    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains or a new file's, and not tuned with
-    /// them, takes those of `hydroboom design --benchmark` otherwise.
+    /// Leave the benchmark's gains as the crane file has them. Otherwise those of `hydroboom design --benchmark` take the place of a new file's placeholders, and of
+    /// the paper's on another crane that is not tuned with them.
     #[arg(long)]
     gains_as_given: bool,
     /// Override a key of the plant only; can be repeated.

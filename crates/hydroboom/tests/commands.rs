@@ -551,18 +551,21 @@ fn a_dataset_is_whole_documented_and_keeps_the_truth_apart() {
 #[test]
 fn an_interrupted_calibration_ends_as_an_uninterrupted_one() {
     let folder = folder("calibrate");
-    // a crane of three segments is enough to see it, and quick
+    // a crane of three segments and a short motion are enough to see it, and quick
+    let mut text = hydroboom_description::UIA_VIRTUAL.to_string();
+    for (from, to) in [
+        ("segments           = 10", "segments = 3"),
+        ("value = 250.0, provenance = \"derived\"", "value = 1000.0, provenance = \"derived\""),
+        ("end_mm    = { value = 450.0", "end_mm    = { value = 300.0"),
+        ("ramp_s    = { value = 1.0", "ramp_s    = { value = 0.5"),
+        ("dwell_s   = { value = 5.0", "dwell_s   = { value = 0.5"),
+        ("rest_s    = { value = 2.1609", "rest_s    = { value = 0.5"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
     let template = folder.join("template.toml");
-    let text =
-        hydroboom_description::UIA_VIRTUAL.replace("segments           = 10", "segments = 3");
-    std::fs::write(
-        &template,
-        text.replace(
-            "value = 250.0, provenance = \"derived\"",
-            "value = 1000.0, provenance = \"derived\"",
-        ),
-    )
-    .unwrap();
+    std::fs::write(&template, text).unwrap();
     let command = |out: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hydroboom"));
         command.args(["calibrate", "--generations", "1", "--population", "4", "--iterations", "0"]);
@@ -628,7 +631,9 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
         assert!(page.contains(&row), "{row} is not in {page}");
     }
     // two fast motions say as much as a slow one and a fast one
-    let learned = parsed(&["learn", "--json", "--set", "motion.slow_mm_s=100"]);
+    let course = ["motion.slow_mm_s=100", "motion.end_mm=300", "motion.dwell_s=1"];
+    let set = course.iter().flat_map(|assignment| ["--set", assignment]);
+    let learned = parsed(&["learn", "--json"].into_iter().chain(set).collect::<Vec<_>>());
     let first = &learned["learned"][0];
     keys(first, &["crane", "course", "stable", "methods", "convergence", "identified", "remarks"]);
     let method = ["method", "cycles", "reset", "rms_true_mm", "rms_measured_mm"];

@@ -202,8 +202,8 @@ fn samples_that_are_too_far_apart_judge_nothing() {
     assert_eq!(words.matches("That is within its limit.").count(), 6, "{words}");
 }
 
-/// The paper's crane with another load, no noise, delays and offsets of channels free: the search finds it although the boom rings at another
-/// frequency; where it does not, nothing is called right.
+/// The paper's crane with another load, no noise, delays and offsets of channels free: the search finds a load 19 % lighter although the boom rings
+/// at another frequency. One of 35 % it need not find; then the interval holds it all the same, and the model is not called right.
 #[test]
 fn another_load_is_found_or_the_model_is_not_right() {
     let log = files("another-load")("log.csv");
@@ -215,6 +215,7 @@ fn another_load_is_found_or_the_model_is_not_right() {
         let numbers: Vec<f64> = row.split_whitespace().filter_map(|n| n.parse().ok()).collect();
         let [_, found, low, high] = numbers[..4] else { panic!("{row}") };
         assert!(low < mass && mass < high, "{mass}: {row}");
-        assert!((found - mass).abs() < 1.0 || text.contains("NOT right"), "{mass}: {text}");
+        let is_found = (found - mass).abs() < 1.0;
+        assert!(is_found || (mass < 250.0 && text.contains("NOT right")), "{mass}: {text}");
     }
 }

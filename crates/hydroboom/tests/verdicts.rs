@@ -129,7 +129,7 @@ fn stiff_bristles_take_substeps_or_are_refused() {
 fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
     let json = parsed(&[&["motion", "--json"], &LIGHT[..]].concat());
     let remark = json["remark_on_gains"].as_str().unwrap();
-    assert!(remark.contains("the file's gains are not tuned for this crane"), "{remark}");
+    assert!(remark.contains("the file's gains are not tuned for this comparison"), "{remark}");
     assert_eq!(json["stable"], true, "{json}");
     let rows = json["motion"].as_array().unwrap();
     let rms = |strategy: &str| {
@@ -162,6 +162,14 @@ fn designed_gains_are_written_with_where_they_come_from() {
     let new = parsed(&["design", "--benchmark", "--crane", made, "--json"]);
     assert_eq!(new["own"]["worst"]["stable"], true, "{new}");
     assert_eq!(new["own"]["gains"], new["design"]["gains"]);
+    // for all payloads; one that hangs in a comparison allows higher ones, and a rival has those
+    let motion = ["motion", "--crane", made, "--json"];
+    let of = |motion: &serde_json::Value| motion["benchmark_gains"]["proportional_per_s"].as_f64();
+    let compared = parsed(&motion);
+    assert!(compared["remark_on_gains"].as_str().unwrap().contains("they are placeholders"));
+    let given = parsed(&[&motion[..], &["--gains-as-given"]].concat());
+    assert_eq!(of(&given), new["own"]["gains"]["proportional_per_s"].as_f64());
+    assert!(of(&compared) > of(&given), "{:?} {:?}", of(&compared), of(&given));
     let json =
         parsed(&["design", "--benchmark", "--crane", tuned, "--payload-kg", "80:150", "--json"]);
     let own = &json["own"]["worst"];
