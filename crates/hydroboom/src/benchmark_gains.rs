@@ -132,40 +132,47 @@ fn source(design: &BenchmarkDesign) -> String {
     )
 }
 
-/// The benchmark's gains in a comparison with payloads \[kg\]: another crane than the paper's that still has the paper's gains or placeholders, and is not tuned with
-/// them, takes designed ones. What is to be said of that, if anything.
+/// The benchmark's gains in a comparison with payloads \[kg\]. Designed ones take the place of placeholders, which are for all payloads, and of the paper's
+/// on another crane that is not tuned with them. What is to be said of that, if anything.
 pub fn for_comparison(
     choice: MachineChoice,
     payload: [f64; 2],
 ) -> Result<(MachineChoice, Option<String>)> {
     let model = &choice.model;
     let paper = Description::uia_single_boom()?;
-    let is_other = paper.differences(model).iter().any(|difference| difference.is_of_machine());
-    if !is_other {
-        return Ok((choice, None));
-    }
-    let own = worst_margins(model, payload).into_diagnostic()?;
-    let peak = model.numbers.benchmark_untuned_peak;
-    if own.stable && own.sensitivity_peak <= peak {
-        return Ok((choice, None));
-    }
-    let said = match own.stable {
-        true => format!("M_s = {:.1}, and gains count as tuned up to {peak}", own.sensitivity_peak),
-        false => "the loop is UNSTABLE".into(),
-    };
     let gains = Gains::of(model);
-    if gains != Gains::of(&paper) && !are_placeholders(model, &gains) {
-        let remark = format!(
-            "the benchmark's gains of the crane file are not tuned for payloads of {:.0} to {:.0} kg: {said}; `hydroboom design --benchmark` finds some",
-            payload[0], payload[1]
-        );
-        return Ok((choice, Some(remark)));
-    }
+    let said = if are_placeholders(model, &gains) {
+        "they are placeholders".into()
+    } else {
+        let is_other = paper.differences(model).iter().any(|difference| difference.is_of_machine());
+        if !is_other {
+            return Ok((choice, None));
+        }
+        let own = worst_margins(model, payload).into_diagnostic()?;
+        let peak = model.numbers.benchmark_untuned_peak;
+        if own.stable && own.sensitivity_peak <= peak {
+            return Ok((choice, None));
+        }
+        let said = match own.stable {
+            true => {
+                format!("M_s = {:.1}, and gains count as tuned up to {peak}", own.sensitivity_peak)
+            }
+            false => "the loop is UNSTABLE".into(),
+        };
+        if gains != Gains::of(&paper) {
+            let remark = format!(
+                "the benchmark's gains of the crane file are not tuned for payloads of {:.0} to {:.0} kg: {said}; `hydroboom design --benchmark` finds some",
+                payload[0], payload[1]
+            );
+            return Ok((choice, Some(remark)));
+        }
+        said
+    };
     match benchmark_design(model, payload) {
         Ok(design) => {
             let g = design.gains;
             let remark = format!(
-                "the file's gains are not tuned for this crane ({said}): the benchmark has K_p = {}, K_i = {}, k_f = {}, tau = {}, by `hydroboom design \
+                "the file's gains are not tuned for this comparison ({said}): the benchmark has K_p = {}, K_i = {}, k_f = {}, tau = {}, by `hydroboom design \
                  --benchmark --payload-kg {:.0}:{:.0}`; --gains-as-given keeps the file's",
                 output::short(g.proportional_per_s),
                 output::short(g.integral_per_s2),

@@ -21,8 +21,8 @@ pub struct Study {
     /// Crane file of a further plant, a virtual crane that stands in for the real one; the embedded one for the paper's crane, else none.
     #[arg(long, value_name = "FILE", visible_alias = "virtual-crane")]
     plant: Option<InputFile>,
-    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains or a new file's, and not tuned with
-    /// them, takes those of `hydroboom design --benchmark` otherwise.
+    /// Leave the benchmark's gains as the crane file has them. Otherwise those of `hydroboom design --benchmark` take the place of a new file's placeholders, and of
+    /// the paper's on another crane that is not tuned with them.
     #[arg(long)]
     gains_as_given: bool,
     /// Folder for report.html, and for its figures as SVG and CSV.

@@ -39,8 +39,8 @@ pub struct Trials {
     /// Beside the benchmark and the scheduled LQR: the benchmark with numbers found anew, LQG, MPC.
     #[arg(long)]
     rivals: bool,
-    /// Leave the benchmark's gains as the crane file has them, tuned for it or not. Another crane than the paper's with the paper's gains or a new file's, and not tuned with
-    /// them, takes those of `hydroboom design --benchmark` otherwise.
+    /// Leave the benchmark's gains as the crane file has them. Otherwise those of `hydroboom design --benchmark` take the place of a new file's placeholders, and of
+    /// the paper's on another crane that is not tuned with them.
     #[arg(long)]
     gains_as_given: bool,
     /// Write trials.html into this folder.

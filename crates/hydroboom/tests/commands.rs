@@ -3,7 +3,7 @@
 #[path = "support/command.rs"]
 mod command;
 
-use command::{folder, hydroboom, keys, parsed, says};
+use command::{files, folder, hydroboom, keys, parsed, says};
 use std::process::Command;
 
 #[test]
@@ -50,6 +50,55 @@ fn a_new_crane_file_is_checked_and_shown() {
     let shown = hydroboom(&["show", "--crane", path, "--json"]);
     let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
     assert_eq!(shown["crane"], "UiA single boom");
+}
+
+/// A key that tune cannot move is told why, and a misspelt one what was meant.
+#[test]
+fn keys_that_cannot_be_free_are_told_why() {
+    let log = files("free")("log.csv");
+    assert!(hydroboom(&["simulate", "--hold-s", "1", "--log", &log]).status.success());
+    let tune = |key: &str| hydroboom(&["tune", "--log", &log, "--free", key]);
+    says(&tune("friction.law"), "it is a choice and no number");
+    says(&tune("motion.fast_mm_s"), "[motion] is of what is around it");
+    says(&tune("controller.proportional_per_s"), "[controller] is of what is around it");
+    says(&tune("payload.mas_kg"), "did you mean payload.mass_kg?");
+    says(&tune("mass_kg"), "payload.mass_kg");
+    let from = |text: &str| hydroboom(&["validate", "--log", &log, "--from-s", text]);
+    says(&from("900"), "from 900.000 s is beyond the end of the log");
+    let to = hydroboom(&["validate", "--log", &log, "--to-s", "-3"]);
+    says(&to, "to -3.000 s is before the beginning of the log");
+}
+
+/// What is wrong with a negative number is said of its option.
+#[test]
+fn a_negative_number_is_read_as_one() {
+    says(&hydroboom(&["design", "--family", "-3"]), "invalid value '-3' for '--family");
+    says(&hydroboom(&["motion", "--seed", "-3"]), "invalid value '-3' for '--seed");
+    let payloads = hydroboom(&["design", "--benchmark", "--payload-kg", "-5:100"]);
+    says(&payloads, "payloads are LOW:HIGH in kg");
+    says(&hydroboom(&["eigen", "--stroke-mm", "-100"]), "it is a number from 0 to 20000 mm");
+}
+
+#[test]
+fn a_value_beyond_its_range_names_a_place_that_the_user_can_look_at() {
+    let beyond = ["--set", "payload.mass_kg=99999"];
+    let embedded = hydroboom(&[&["check"], &beyond[..]].concat());
+    says(&embedded, "outside the embedded crane's range of payload.mass_kg, 0 to 370 kg");
+    says(&embedded, "hydroboom new my-crane.toml");
+    assert!(!String::from_utf8_lossy(&embedded.stderr).contains("line "), "{embedded:?}");
+    let file = files("beyond-range")("crane.toml");
+    assert!(hydroboom(&["new", &file]).status.success());
+    let named = hydroboom(&[&["check", "--crane", &file], &beyond[..]].concat());
+    says(&named, "widen `range` in line ");
+}
+
+/// In a place where nothing can be made.
+#[test]
+fn an_export_lists_no_file_that_is_not_written() {
+    let output = hydroboom(&["export", "c", "--out", "/proc/hydroboom"]);
+    says(&output, "/proc/hydroboom cannot be written");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("no file is written") && !said.contains("hydroboom.h"), "{said}");
 }
 
 #[test]
@@ -551,18 +600,21 @@ fn a_dataset_is_whole_documented_and_keeps_the_truth_apart() {
 #[test]
 fn an_interrupted_calibration_ends_as_an_uninterrupted_one() {
     let folder = folder("calibrate");
-    // a crane of three segments is enough to see it, and quick
+    // a crane of three segments and a short motion are enough to see it, and quick
+    let mut text = hydroboom_description::UIA_VIRTUAL.to_string();
+    for (from, to) in [
+        ("segments           = 10", "segments = 3"),
+        ("value = 250.0, provenance = \"derived\"", "value = 1000.0, provenance = \"derived\""),
+        ("end_mm    = { value = 450.0", "end_mm    = { value = 300.0"),
+        ("ramp_s    = { value = 1.0", "ramp_s    = { value = 0.5"),
+        ("dwell_s   = { value = 5.0", "dwell_s   = { value = 0.5"),
+        ("rest_s    = { value = 2.1609", "rest_s    = { value = 0.5"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        text = text.replacen(from, to, 1);
+    }
     let template = folder.join("template.toml");
-    let text =
-        hydroboom_description::UIA_VIRTUAL.replace("segments           = 10", "segments = 3");
-    std::fs::write(
-        &template,
-        text.replace(
-            "value = 250.0, provenance = \"derived\"",
-            "value = 1000.0, provenance = \"derived\"",
-        ),
-    )
-    .unwrap();
+    std::fs::write(&template, text).unwrap();
     let command = |out: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hydroboom"));
         command.args(["calibrate", "--generations", "1", "--population", "4", "--iterations", "0"]);
@@ -628,7 +680,9 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
         assert!(page.contains(&row), "{row} is not in {page}");
     }
     // two fast motions say as much as a slow one and a fast one
-    let learned = parsed(&["learn", "--json", "--set", "motion.slow_mm_s=100"]);
+    let course = ["motion.slow_mm_s=100", "motion.end_mm=300", "motion.dwell_s=1"];
+    let set = course.iter().flat_map(|assignment| ["--set", assignment]);
+    let learned = parsed(&["learn", "--json"].into_iter().chain(set).collect::<Vec<_>>());
     let first = &learned["learned"][0];
     keys(first, &["crane", "course", "stable", "methods", "convergence", "identified", "remarks"]);
     let method = ["method", "cycles", "reset", "rms_true_mm", "rms_measured_mm"];

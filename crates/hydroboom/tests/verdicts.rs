@@ -77,6 +77,28 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
     assert_eq!(warned(&["check"]), "");
 }
 
+/// A payload at 9 m: with the lags of drive and fieldbus the scheduled LQR is stable, and on the ideal plant that `motion` runs without --plant it is not. Each
+/// command tells both, and the row of the table bears a mark.
+#[test]
+fn commands_that_close_a_loop_through_other_lags_say_so() {
+    let far = ["--set", "payload.x_mm=9000"];
+    for text in [said(&[&["design"], &far[..]].concat()), warned(&[&["check"], &far[..]].concat())]
+    {
+        assert!(!text.contains("scheduled LQR: the closed loop is UNSTABLE"), "{text}");
+        let remark = "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the scheduled LQR is UNSTABLE";
+        assert!(text.contains(remark), "{text}");
+    }
+    let text = said(&[&["motion", "--gains-as-given"], &far[..]].concat());
+    let lqr = "scheduled LQR: the closed loop is UNSTABLE";
+    let line = text.lines().find(|line| line.starts_with(lqr)).unwrap();
+    assert!(line.ends_with("with an ideal drive and no delay)"), "{line}");
+    assert!(text.contains("expect, as `design` and `check` judge it"), "{text}");
+    let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("scheduled-lqr")).collect();
+    assert!(rows.len() == 2 && rows.iter().all(|row| row.contains("(!)")), "{text}");
+    let forward = text.lines().filter(|line| line.starts_with("velocity-feedforward"));
+    assert!(forward.clone().count() == 2 && !forward.clone().any(|row| row.contains("(!)")));
+}
+
 #[test]
 fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
     let json = parsed(&["linearise", "--stroke-mm", "250", "--json"]);
@@ -110,6 +132,15 @@ fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
     assert!(text.contains("6.386"), "{text}");
 }
 
+/// The virtual crane has ten segments and a base that turns: its last angle is no segment's.
+#[test]
+fn eigen_says_which_angle_is_the_bases() {
+    let file = format!("{}/../../cranes/uia-virtual.toml", env!("CARGO_MANIFEST_DIR"));
+    let text = said(&["eigen", "--crane", &file, "--stroke-mm", "200"]);
+    assert!(text.contains("angles of the segments, and of the base"), "{text}");
+    assert!(!said(&["eigen", "--stroke-mm", "200"]).contains("of the base"));
+}
+
 #[test]
 fn stiff_bristles_take_substeps_or_are_refused() {
     let stiff = ["--set", "friction.law=lugre", "--set", "friction.bristle_stiffness_n_per_mm=3e5"];
@@ -129,7 +160,7 @@ fn stiff_bristles_take_substeps_or_are_refused() {
 fn another_crane_is_compared_with_a_benchmark_that_is_tuned_for_it() {
     let json = parsed(&[&["motion", "--json"], &LIGHT[..]].concat());
     let remark = json["remark_on_gains"].as_str().unwrap();
-    assert!(remark.contains("the file's gains are not tuned for this crane"), "{remark}");
+    assert!(remark.contains("the file's gains are not tuned for this comparison"), "{remark}");
     assert_eq!(json["stable"], true, "{json}");
     let rows = json["motion"].as_array().unwrap();
     let rms = |strategy: &str| {
@@ -162,6 +193,14 @@ fn designed_gains_are_written_with_where_they_come_from() {
     let new = parsed(&["design", "--benchmark", "--crane", made, "--json"]);
     assert_eq!(new["own"]["worst"]["stable"], true, "{new}");
     assert_eq!(new["own"]["gains"], new["design"]["gains"]);
+    // for all payloads; one that hangs in a comparison allows higher ones, and a rival has those
+    let motion = ["motion", "--crane", made, "--json"];
+    let of = |motion: &serde_json::Value| motion["benchmark_gains"]["proportional_per_s"].as_f64();
+    let compared = parsed(&motion);
+    assert!(compared["remark_on_gains"].as_str().unwrap().contains("they are placeholders"));
+    let given = parsed(&[&motion[..], &["--gains-as-given"]].concat());
+    assert_eq!(of(&given), new["own"]["gains"]["proportional_per_s"].as_f64());
+    assert!(of(&compared) > of(&given), "{:?} {:?}", of(&compared), of(&given));
     let json =
         parsed(&["design", "--benchmark", "--crane", tuned, "--payload-kg", "80:150", "--json"]);
     let own = &json["own"]["worst"];

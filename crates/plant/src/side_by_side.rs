@@ -1,6 +1,6 @@
 //! Several cranes moving together, one in each SIMD lane.
 
-use crate::{Plant, PlantError, unflatten};
+use crate::PlantError;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_math::Lanes;
 use hydroboom_model::stepping::{Implicit, has_settled};
@@ -51,28 +51,6 @@ impl<const W: usize> SideBySide<W> {
             return Ok(None);
         };
         Ok(Self::begun(cranes, &states, step, 0))
-    }
-
-    /// `W` times the crane of a description, in the state and in steps of a plant that was built of it. None where it is too finely divided.
-    ///
-    /// # Errors
-    ///
-    /// [`PlantError`] when the description gives no model.
-    pub fn copies(
-        description: &Description,
-        plant: &dyn Plant,
-    ) -> Result<Option<Self>, PlantError> {
-        let n = description.coordinates();
-        if n > ROOM {
-            return Ok(None);
-        }
-        let boom = BoomState { angle: [0.0; ROOM], angular_velocity: [0.0; ROOM] };
-        let circuit = CircuitState { nodes: Nodes::default(), gas_volume: 0.0 };
-        let nothing = CraneState { boom, bristle: 0.0, circuit };
-        let state = unflatten(&nothing, &plant.state_vector(), n);
-        let count = (plant.time() / plant.step()).round() as u64;
-        let cranes = [description.crane::<ROOM>()?; W];
-        Ok(Self::begun(cranes, &[state; W], plant.step(), count))
     }
 
     fn begun(

@@ -4,6 +4,7 @@
 //! period, which the lag smooths before the slew is reached.
 
 use hydroboom_control::actuator_limits::ActuatorLimits;
+use hydroboom_description::schema::KEYS;
 use hydroboom_description::{Description, Numbers};
 use hydroboom_design::scheduled_lqr::known_delay;
 use hydroboom_virtual_crane::{Drive, DriveState};
@@ -104,16 +105,19 @@ pub(crate) fn with_fieldbus(model: &Description) -> Description {
     total
 }
 
-/// The model with the lag of the drive alone, as a crane file has it; none is shorter than a file allows.
+/// The model with the lag of the drive alone, within what a crane file may state.
 pub(crate) fn without_fieldbus(total: &Description) -> Description {
     let mut model = total.clone();
     let lag = &mut model.numbers.tuning.estimator_drive_lag;
-    *lag = (*lag - fieldbus_delay(total)).max(SHORTEST);
+    let key = KEYS.iter().find(|key| key.path() == DRIVE_LAG);
+    let (low, high) =
+        key.map_or((0.0, f64::INFINITY), |key| (key.to_si(key.low), key.to_si(key.high)));
+    *lag = (*lag - fieldbus_delay(total)).max(low).min(high);
     model
 }
 
-/// Shortest `estimator.drive_lag_ms` of a crane file \[s\].
-const SHORTEST: f64 = 1e-3;
+/// Key of the drive's lag.
+const DRIVE_LAG: &str = "estimator.drive_lag_ms";
 
 #[cfg(test)]
 mod tests {

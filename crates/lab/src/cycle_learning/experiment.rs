@@ -251,6 +251,15 @@ fn cycle_report(
     }
     let fitted = from_rest(&identified);
     report.add(Method::IdentifiedModel, true, fitted.as_ref().map(|(_, errors)| errors));
+    if let (Ok((_, nominal)), Ok((_, fitted))) = (&nominal, &fitted)
+        && rms(&fitted.measured) > rms(&nominal.measured)
+    {
+        report.remarks.push(format!(
+            "what was identified is not to be used: feedforward from it errs by {:.2} mm RMS as measured, from the nominal model by {:.2} mm",
+            1e3 * rms(&fitted.measured),
+            1e3 * rms(&nominal.measured)
+        ));
+    }
     let periods = record.commands.len();
     let settings = LearningSettings::default();
     let law = IterativeLearning::new(&identified, course, periods, settings);
@@ -333,7 +342,8 @@ impl CycleReport {
             after_one = if cycle == 1 { measured } else { after_one };
             if measured.is_nan() || measured > DIVERGING * after_one {
                 self.remarks.push(format!(
-                    "learning diverges: {:.2} mm RMS as measured after cycle {cycle}, {:.2} mm after the first; it is ended",
+                    "learning {} diverges: {:.2} mm RMS as measured after cycle {cycle}, {:.2} mm after the first; it is ended",
+                    if reset { "from the same rest" } else { "without reset" },
                     1e3 * measured,
                     1e3 * after_one
                 ));

@@ -32,10 +32,10 @@ use serde::Serialize;
 /// Settings of the learning law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LearningSettings {
-    /// Interval of the corners of a correction, in periods of the load on boom and oil at its lowest frequency along the course. With two of them a
-    /// correction hardly excites that mode, whose phase no model tells for long. Default 2 (below 1.5 the convergence is lost within the usual range of
+    /// Interval of the knots of a piecewise-linear correction, in periods of the load on boom and oil at its lowest frequency along the course. With two of them a
+    /// correction hardly excites that mode, whose phase a model predicts only briefly. Default 2 (below 1.5 the convergence is lost within the usual range of
     /// payloads).
-    pub interval_periods: f64,
+    pub knot_periods: f64,
     /// Weight ρ of a change of the correction, as the position error \[m\] that a change of 1 rev/s is worth. The larger, the slower and the more robust
     /// against what the model lacks. Default 1e-4 m (estimate: 0.1 mm a cycle for 1 rev/s).
     pub change_weight: f64,
@@ -48,12 +48,17 @@ pub struct LearningSettings {
 
 impl Default for LearningSettings {
     fn default() -> Self {
-        Self { interval_periods: 2.0, change_weight: 1e-4, size_weight: 5e-5, average: 0.025 }
+        Self { knot_periods: 2.0, change_weight: 1e-4, size_weight: 5e-5, average: 0.025 }
     }
 }
 
-/// Errors are compared once in so many control periods: 100 a second, of a correction that changes five times a second.
-const EVERY: usize = 10;
+/// Interval in which errors are compared \[s\]: a twentieth of the period of a crane's first mode, and far below the interval of a correction's knots.
+const SAMPLING: f64 = 0.01;
+
+/// Control periods from one compared error to the next.
+fn decimation(period: f64) -> usize {
+    (SAMPLING / period).round().max(1.0) as usize
+}
 
 /// Contraction of the correction per cycle, `‖T‖_N`, on machines that differ from the model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -76,7 +81,7 @@ impl Convergence {
 /// The learning law for one model and one course.
 pub(crate) struct IterativeLearning {
     settings: LearningSettings,
-    /// Interval of the corners \[s\].
+    /// Interval of the knots \[s\].
     interval: f64,
     /// Control period \[s\].
     period: f64,
@@ -104,7 +109,12 @@ impl IterativeLearning {
         periods: usize,
         settings: LearningSettings,
     ) -> Result<Self, LabError> {
-        let interval = settings.interval_periods / lowest_frequency(model, course, periods)?;
+        let frequency = lowest_frequency(model, course, periods)?;
+        if !(frequency.is_finite() && frequency > 0.0) {
+            let reason = "the load on boom and oil has no frequency along the course".into();
+            return Err(DesignError::NoFit(reason).into());
+        }
+        let interval = settings.knot_periods / frequency;
         let response = response(model, course, periods, interval)?;
         let [rho, mu] = [settings.change_weight, settings.size_weight]
             .map(|weight| weight.powi(2) * response.nrows() as f64);
@@ -145,11 +155,11 @@ impl IterativeLearning {
         commands: &[AxisCommand<f64>],
         by: &Correction,
     ) -> Vec<AxisCommand<f64>> {
-        let per = per_corner(self.interval, self.period);
-        let corner = |i: usize| by.parameters.get(i).copied().unwrap_or(0.0);
+        let per = periods_per_knot(self.interval, self.period);
+        let knot = |i: usize| by.parameters.get(i).copied().unwrap_or(0.0);
         let corrected = |(k, command): (usize, &AxisCommand<f64>)| {
             let (i, share) = (k / per, (k % per) as f64 / per as f64);
-            let more = corner(i) + share * (corner(i + 1) - corner(i));
+            let more = knot(i) + share * (knot(i + 1) - knot(i));
             let motor_speed = (command.motor_speed + more).clamp(-self.fastest, self.fastest);
             AxisCommand { motor_speed, ..*command }
         };
@@ -167,8 +177,9 @@ impl IterativeLearning {
             })
             .collect();
         let around = (self.settings.average / self.period).round() as usize;
+        let every = decimation(self.period);
         DVector::from_fn(self.response.nrows(), |row, _| {
-            let (k, last) = (row * EVERY, error.len());
+            let (k, last) = (row * every, error.len());
             let near = &error[k.saturating_sub(around).min(last)..(k + around + 1).min(last)];
             near.iter().sum::<f64>() / near.len().max(1) as f64
         })
@@ -222,14 +233,14 @@ impl IterativeLearning {
     }
 }
 
-/// What is added to the motor speed: its values \[rev/s\] at corners, linear between them.
+/// What is added to the motor speed: its values \[rev/s\] at knots, linear between them.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Correction {
     parameters: DVector<f64>,
 }
 
-/// Control periods between two corners of a correction.
-fn per_corner(interval: f64, period: f64) -> usize {
+/// Control periods between two knots of a correction.
+fn periods_per_knot(interval: f64, period: f64) -> usize {
     (interval / period).round().max(1.0) as usize
 }
 
@@ -245,10 +256,11 @@ fn lowest_frequency(
         let position = course.reference(k as f64 * n.control_period).position;
         Linear::new(&reduced, position, n.payload, n.transition, rod_side).natural_frequency()
     };
-    Ok((0..periods).step_by(EVERY).map(frequency).fold(f64::INFINITY, f64::min))
+    let every = decimation(n.control_period);
+    Ok((0..periods).step_by(every).map(frequency).fold(f64::INFINITY, f64::min))
 }
 
-/// Response of the tracking error to each corner of a correction \[m/(rev/s)\]: load on boom and oil, linearised along the reference, its friction
+/// Response of the tracking error to each knot of a correction \[m/(rev/s)\]: load on boom and oil, linearised along the reference, its friction
 /// sliding, behind the drive's delay.
 ///
 /// ```text
@@ -263,12 +275,13 @@ fn response(
     let reduced = reduced_model(model)?;
     let n = &model.numbers;
     let (period, payload) = (n.control_period, n.payload);
-    let per = per_corner(interval, period);
-    let (rows, columns) = (periods.div_ceil(EVERY), periods / per + 2);
-    let step = EVERY as f64 * period;
+    let per = periods_per_knot(interval, period);
+    let every = decimation(period);
+    let (rows, columns) = (periods.div_ceil(every), periods / per + 2);
+    let step = every as f64 * period;
     let rod_side = rod_side_term(model);
     let delay = n.tuning.estimator_drive_lag;
-    // corners whose hat function is there in the row's interval get their share of it in the middle
+    // knots whose hat function is there in the row's interval get their share of it in the middle
     let hat = |row: usize, column: usize| {
         let time = (row as f64 + 0.5) * step - delay;
         (1.0 - (time / (per as f64 * period) - column as f64).abs()).max(0.0)
@@ -404,9 +417,10 @@ mod tests {
             [commands, raised].map(|c| surrogate(&machine, &course).run(&c).unwrap().readings);
         // from the end of the correction on, for a second
         let begin = (f64::from(column + 1) * interval / period) as usize;
-        let rows = begin / EVERY..begin / EVERY + 100;
+        let every = decimation(period);
+        let rows = begin / every..begin / every + 100;
         let mean = |of: &dyn Fn(usize) -> f64| rows.clone().map(of).sum::<f64>() / 100.0;
-        let moved = mean(&|row| after[row * EVERY].stroke - before[row * EVERY].stroke);
+        let moved = mean(&|row| after[row * every].stroke - before[row * every].stroke);
         let linear = mean(&|row| response[(row, column as usize)]);
         assert!((linear / moved - 1.0).abs() < 0.02, "{linear} for {moved} m/(rev/s)");
     }
