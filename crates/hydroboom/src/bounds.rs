@@ -10,6 +10,7 @@ use crate::paths::{InputFile, OutputFolder};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_design::benchmark_design::payload_range;
+use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::performance_bounds::{
     BOUND_PARTS, Condition, PerformanceBounds, StrategyError, performance_bounds, strategy_errors,
 };
@@ -17,7 +18,7 @@ use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result, bail, miette};
 use serde_json::json;
 
-/// Compute the least possible tracking error of a crane along its motion, what each limit costs, and where the strategies stand.
+/// Compute the least possible tracking error of a crane along a course, what each limit costs, and where the strategies stand.
 ///
 /// Limits: motor speed, motor slew rate, delay (sensors, fieldbus, control period), sensor noise, and a payload that is unknown when the motion begins. Each
 /// stands alone, and all others without it. All errors are RMS true: of the piston itself, over the whole motion, rests included. Equations, and what is a bound
@@ -25,7 +26,7 @@ use serde_json::json;
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom bounds --out bounds\n  hydroboom bounds --crane my-crane.toml --speed-mm-s 60\n  \
-    hydroboom bounds --payload-kg 300:340 --set motor.slew_rpm_per_s=10000\n\nThe virtual crane of the crane file is assessed: drive, sensors and fieldbus that its file leaves out are typical ones."
+    hydroboom bounds --payload-kg 300:340 --scenario start-stop\n\nThe virtual crane of the crane file is assessed: drive, sensors and fieldbus that its file leaves out are typical ones."
 )]
 pub struct Bounds {
     #[command(flatten)]
@@ -36,6 +37,9 @@ pub struct Bounds {
     /// Speed of the motion out and back; the crane file's fast one when not given.
     #[arg(long, visible_alias = "mm-s", value_name = "MM/S", allow_negative_numbers = true, value_parser = within(SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
+    /// Take a scenario in place of the motion, one whose load does not change; `hydroboom scenarios` lists them.
+    #[arg(long, value_name = "NAME", conflicts_with = "speed_mm_s")]
+    scenario: Option<String>,
     /// Payloads between which the controller does not know the plant's before the motion begins; the plant's range of payload.mass_kg when not given. A range of no width is a known payload.
     #[arg(long, value_name = "LOW:HIGH", allow_hyphen_values = true, value_parser = benchmark_gains::payloads)]
     payload_kg: Option<[f64; 2]>,
@@ -55,7 +59,10 @@ impl Bounds {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         let choice = MachineChoice::read(&self.crane, self.plant.as_deref())?;
-        let speed = speed_of_motion(&choice.machine, self.speed_mm_s)?;
+        let along = match &self.scenario {
+            Some(name) => CourseChoice::Scenario(name.clone()),
+            None => CourseChoice::Motion(speed_of_motion(&choice.machine, self.speed_mm_s)?),
+        };
         let own = choice.machine.numbers.payload;
         let payloads = self.payload_kg.unwrap_or_else(|| payload_range(&choice.machine));
         if !(payloads[0] - 0.5..=payloads[1] + 0.5).contains(&own) {
@@ -72,16 +79,17 @@ impl Bounds {
         };
         gains.iter().for_each(|remark| output::warn(remark));
         let (model, machine) = (&choice.model, &choice.machine);
-        let course = machine.motion(speed);
+        let course = along.of(machine).into_diagnostic()?;
         let parts = BOUND_PARTS + Strategy::ALL.len();
         let work = Interruptible::new(parts as u64, "parts")?;
         let share = |done: usize| work.done(done as f64 / parts as f64);
-        let bounds = performance_bounds(machine, &course, payloads, &share).into_diagnostic()?;
+        let bounds =
+            performance_bounds(machine, course.as_ref(), payloads, &share).into_diagnostic()?;
         let Some(bounds) = bounds else {
             bail!("it was interrupted before the bounds were computed");
         };
         let go_on = |done: usize| share(BOUND_PARTS + done);
-        let strategies = strategy_errors(model, machine, &course, bounds.all_mm, &go_on);
+        let strategies = strategy_errors(model, machine, &along, bounds.all_mm, &go_on);
         let strategies = strategies.into_diagnostic()?;
         drop(work);
         if let Some(folder) = &self.out {
@@ -101,6 +109,14 @@ impl Bounds {
 /// An error with three digits, and zero below a millionth of a millimetre.
 fn millimetres(mm: f64) -> String {
     if mm < 1e-6 { "0".into() } else { output::three_digits(mm) }
+}
+
+/// The course in a sentence.
+fn course_name(course: &str) -> String {
+    match course.ends_with("mm/s") {
+        true => format!("its motion out and back at {course}"),
+        false => format!("the scenario {course}"),
+    }
 }
 
 fn told(
@@ -152,14 +168,14 @@ fn told(
         count => format!("\n{count} strategies had not been run when it was interrupted"),
     };
     format!(
-        "Least possible tracking error of \"{}\" along its motion out and back at {}: RMS true [mm], rests included\n{}\n\
+        "Least possible tracking error of \"{}\" along {}: RMS true [mm], rests included\n{}\n\
          [1] for the crane linearised along the reference, model and reference known; duality gap {} %\n\
          [2] for any causal controller, if disturbances drift as below: that they do is an estimate\n\
          [3] no position feedback; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\n\
          Strategies in closed loop on it (Harris index: mean square of the bound over that of the strategy)\n{}{interrupted}\n\n\
          Conditions\n{}",
         choice.name(),
-        bounds.course,
+        course_name(&bounds.course),
         output::table(&["limit", "this alone", "all but this", "kind"], &rows),
         output::three_digits(bounds.motor_gap_percent),
         output::three_digits(before),

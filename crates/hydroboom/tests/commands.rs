@@ -34,9 +34,27 @@ fn every_command_explains_itself_with_an_example() {
         "doctor",
         "faults",
         "bench",
+        "bounds",
     ] {
         let help = hydroboom(&[command, "--help"]);
         assert!(String::from_utf8_lossy(&help.stdout).contains("Example"), "{command}");
+    }
+}
+
+#[test]
+fn bounds_say_what_they_cannot_be_computed_of() {
+    for (arguments, said) in [
+        (["--payload-kg", "0:100"], "--payload-kg goes from 0 to 100 kg"),
+        (["--payload-kg", "400"], "payloads are LOW:HIGH in kg"),
+        (["--speed-mm-s", "fast"], "from 0.1 to 10000 mm/s"),
+        (["--speed-mm-s", "0.5"], "takes 1611 s"),
+        (["--scenario", "load-in-motion"], "the load changes along load-in-motion"),
+        (["--scenario", "lift"], "no scenario"),
+        (["--set", "motor.max_speed_rpm=0"], "motor.max_speed_rpm"),
+    ] {
+        let mut all = vec!["bounds"];
+        all.extend(arguments);
+        says(&hydroboom(&all), said);
     }
 }
 

@@ -8,7 +8,7 @@ use super::prediction_error::Information;
 use super::sensor_noise::{EXACT, SensorNoise};
 use super::unknown_payload::{at_rest, deviation, feedforward_error};
 use crate::LabError;
-use crate::closed_loop::scenario::Course;
+use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::interruptible::as_long_as;
 use crate::motion_test::{Run, attempted, by_name};
 use hydroboom_control::estimation::reduced_model::STATES;
@@ -124,18 +124,34 @@ pub struct StrategyError {
 /// Parts of the work: the model, three motions, prediction errors.
 pub const BOUND_PARTS: usize = 5;
 
+/// Longest course \[s\]: its covariances and slopes take some 0.5 GB.
+const LONGEST: f64 = 300.0;
+
 /// Bounds of a crane along a course with a payload that is unknown between two ends \[kg\]. None where `go_on`, which is told how many of [`BOUND_PARTS`] are
 /// done, said no.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the crane has no reduced model, or no best motion is found.
+/// [`LabError`] when the course changes its load or takes longer than 300 s, the crane has no reduced model, or no best motion is found.
 pub fn performance_bounds(
     crane: &Description,
     course: &dyn Course,
     payloads: [f64; 2],
     go_on: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Option<PerformanceBounds>, LabError> {
+    if !course.loads().is_empty() {
+        return Err(LabError::NoBound(format!(
+            "the load changes along {}: bounds are those of a payload that stays the same",
+            course.name()
+        )));
+    }
+    if course.duration() > LONGEST {
+        return Err(LabError::NoBound(format!(
+            "{} takes {:.0} s: bounds are computed for courses of up to {LONGEST:.0} s, so take a faster or a shorter one",
+            course.name(),
+            course.duration()
+        )));
+    }
     let along = CraneAlongCourse::new(crane, course)?;
     let done = AtomicUsize::new(1);
     if !go_on(1) {
@@ -318,16 +334,18 @@ fn conditions(crane: &Description, payloads: [f64; 2]) -> Vec<Condition> {
 ///
 /// # Errors
 ///
-/// [`LabError`] when a crane cannot be built.
+/// [`LabError`] when a crane cannot be built, or there is no such course.
 pub fn strategy_errors(
     model: &Description,
     machine: &Description,
-    course: &(dyn Course + Sync),
+    choice: &CourseChoice,
     bound_mm: f64,
     go_on: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Vec<StrategyError>, LabError> {
-    let one =
-        |strategy: &Strategy| Ok(beside(bound_mm, &attempted(model, machine, *strategy, course)?));
+    let one = |strategy: &Strategy| {
+        let course = choice.of(machine)?;
+        Ok(beside(bound_mm, &attempted(model, machine, *strategy, course.as_ref())?))
+    };
     as_long_as(&Strategy::ALL, go_on, one).into_iter().flatten().collect()
 }
 
@@ -340,5 +358,117 @@ fn beside(bound_mm: f64, run: &Run) -> StrategyError {
         over_bound: error.map(|mm| mm / bound_mm),
         harris_index: error.map(|mm| (bound_mm / mm).powi(2)),
         remark: error.is_none().then(|| run.tracking()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The paper's virtual crane with a motion of a few seconds, and its model.
+    fn short() -> [Description; 2] {
+        [Description::uia_single_boom(), Description::uia_virtual()].map(|crane| {
+            let mut crane = crane.unwrap();
+            let n = &mut crane.numbers;
+            (n.rest, n.dwell, n.ramp) = (0.4, 0.4, 0.3);
+            n.motion_end = n.motion_start + 0.06;
+            crane
+        })
+    }
+
+    /// Its model with typical equipment, which is linearised sooner.
+    fn equipped() -> Description {
+        let [model, _] = short();
+        model.virtual_crane().0
+    }
+
+    fn bounds(crane: &Description, payloads: [f64; 2]) -> PerformanceBounds {
+        let course = crane.motion(crane.numbers.fast);
+        performance_bounds(crane, &course, payloads, &|_| true).unwrap().unwrap()
+    }
+
+    const PAYLOADS: [f64; 2] = [280.0, 380.0];
+
+    #[test]
+    fn limits_together_cost_no_less_than_any_alone() {
+        let crane = equipped();
+        let found = bounds(&crane, PAYLOADS);
+        for cost in &found.limits {
+            assert!(found.none_mm <= cost.alone_mm, "{cost:?}");
+            assert!(
+                cost.alone_mm <= found.all_mm && cost.all_others_mm <= found.all_mm,
+                "{cost:?}"
+            );
+        }
+        let cost = |limit| found.limits.iter().find(|cost| cost.limit == limit).unwrap();
+        // what is known exactly and at once is made good for
+        assert!(cost(Limit::UnknownPayload).alone_mm < 1e-6);
+        let sum = found.motor_mm.hypot(found.information_mm);
+        assert!((sum / found.all_mm - 1.0).abs() < 1e-12);
+        assert!((0.0..1.0).contains(&found.motor_gap_percent), "{}", found.motor_gap_percent);
+    }
+
+    #[test]
+    fn a_tighter_limit_never_lowers_the_bound() {
+        let crane = equipped();
+        let known = bounds(&crane, PAYLOADS);
+        type Change = fn(&mut Description);
+        let tighter: [(Limit, Change); 4] = [
+            (Limit::MotorSpeed, |crane| crane.numbers.motor_speed *= 0.5),
+            (Limit::Slew, |crane| crane.numbers.motor_slew *= 0.3),
+            (Limit::Delay, |crane| crane.numbers.fieldbus_delay += 3.0),
+            (Limit::SensorNoise, |crane| crane.numbers.position_noise *= 3.0),
+        ];
+        for (limit, change) in tighter {
+            let mut other = crane.clone();
+            change(&mut other);
+            let found = bounds(&other, PAYLOADS);
+            let alone = |of: &PerformanceBounds| {
+                of.limits.iter().find(|cost| cost.limit == limit).unwrap().alone_mm
+            };
+            assert!(
+                alone(&found) > 1.2 * alone(&known) && found.all_mm > known.all_mm,
+                "{limit:?}"
+            );
+        }
+        let known_payload = bounds(&crane, [crane.numbers.payload; 2]);
+        assert!(known_payload.all_mm < known.all_mm);
+        assert!(known_payload.feedforward_mm < known.feedforward_mm);
+        let [before, begun, ended] = known.payload_deviation_kg;
+        assert!(before > begun && begun > ended, "{before} {begun} {ended} kg");
+    }
+
+    /// Whoever controls: each strategy is above the bound of its conditions, also where the motor is too slow.
+    #[test]
+    fn every_strategy_is_above_the_bound() {
+        let cranes = short();
+        let fastest = cranes[1].numbers.motor_speed;
+        for speed in [fastest, 0.6 * fastest] {
+            let [model, crane] = cranes.each_ref().map(|crane| {
+                let mut crane = crane.clone();
+                crane.numbers.motor_speed = speed;
+                crane
+            });
+            let found = bounds(&crane, PAYLOADS);
+            let course = CourseChoice::Motion(crane.numbers.fast);
+            let all = strategy_errors(&model, &crane, &course, found.all_mm, &|_| true).unwrap();
+            assert_eq!(all.len(), Strategy::ALL.len());
+            for one in all {
+                assert!(one.over_bound.is_none_or(|over| over > 1.0), "{speed} rev/s: {one:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn courses_without_bounds_are_refused() {
+        let crane = Description::uia_virtual().unwrap();
+        let refused = |course: &dyn Course| {
+            performance_bounds(&crane, course, PAYLOADS, &|_| true).unwrap_err().to_string()
+        };
+        let load = CourseChoice::Scenario("payload-change".into()).of(&crane).unwrap();
+        assert!(refused(load.as_ref()).contains("load changes"));
+        assert!(refused(&crane.motion(1e-3)).contains("up to 300 s"));
+        let course = crane.motion(crane.numbers.fast);
+        assert_eq!(performance_bounds(&crane, &course, PAYLOADS, &|_| false).unwrap(), None);
     }
 }

@@ -307,3 +307,72 @@ pub(super) fn best_deviation<const N: usize>(
     }
     Err(LabError::NoBound("the search for the best motor speeds does not end".into()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
+
+    const PERIOD: f64 = 1e-3;
+    const TIGHT: [f64; 2] = [1e-8, 1e-12];
+
+    fn best<const N: usize>(periods: &[LinearPeriod<N>], limits: [Option<f64>; 2]) -> Solution {
+        best_deviation(periods, limits, 1e-6, TIGHT, &|| true).unwrap().unwrap()
+    }
+
+    /// A piston \[mm\] that moves by its motor speed alone, along references at the ends of periods.
+    fn integrator(reference: &[f64]) -> Vec<LinearPeriod<2>> {
+        let period = |reference: &f64| LinearPeriod {
+            by_state: Matrix2::new(1.0, PERIOD, 0.0, 1.0),
+            by_change: Vector2::new(PERIOD, 1.0),
+            defect: Vector2::zeros(),
+            error: -reference,
+            error_by_state: Vector2::new(1.0, 0.0),
+            limited: [0.0; 2],
+        };
+        reference.iter().map(period).collect()
+    }
+
+    /// A ramp of the double speed for τ: the best begins half of τ sooner and ends as much later, ∫ e² dt = v² τ³/6.
+    #[test]
+    fn a_motor_that_is_too_slow_begins_sooner() {
+        let (speed, time) = (30.0, 0.2);
+        let at = |k: usize| 2.0 * speed * ((k as f64 + 1.0) * PERIOD - 0.3).clamp(0.0, time);
+        let reference: Vec<f64> = (0..800).map(at).collect();
+        let found = best(&integrator(&reference), [None, Some(speed)]);
+        let exact = speed * speed * time.powi(3) / 6.0;
+        let square = found.square * PERIOD;
+        assert!((square / exact - 1.0).abs() < 1e-3, "{square} {exact}");
+        assert!(found.gap < 1e-6 * found.square);
+        // more than twice the limit is as good as none
+        let free = best(&integrator(&reference), [None, Some(2.1 * speed)]).square;
+        let unlimited = best(&integrator(&reference), [None, None]).square;
+        assert!(free.max(unlimited) < 1e-6 * found.square, "{free} {unlimited}");
+    }
+
+    /// A speed that is to leap by H with a slew s: the best is a ramp about the leap, ∫ e² dt = H³/(12 s).
+    #[test]
+    fn a_leap_becomes_a_ramp_about_it() {
+        let (leap, slew) = (20.0, 100.0);
+        let period = |k: usize| LinearPeriod {
+            by_state: Matrix1::new(1.0),
+            by_change: Vector1::new(1.0),
+            defect: Vector1::zeros(),
+            error: if k < 300 { 0.0 } else { -leap },
+            error_by_state: Vector1::new(1.0),
+            limited: [0.0; 2],
+        };
+        let periods: Vec<LinearPeriod<1>> = (0..600).map(period).collect();
+        let found = best(&periods, [Some(slew * PERIOD), None]);
+        let (square, exact) = (found.square * PERIOD, leap.powi(3) / (12.0 * slew));
+        assert!((square / exact - 1.0).abs() < 1e-3, "{square} {exact}");
+        let both = best(&periods, [Some(slew * PERIOD), Some(0.8 * leap)]).square;
+        assert!(both > found.square);
+    }
+
+    #[test]
+    fn a_search_can_be_ended() {
+        let periods = integrator(&[1.0; 10]);
+        assert_eq!(best_deviation(&periods, [None; 2], 1e-6, TIGHT, &|| false).unwrap(), None);
+    }
+}

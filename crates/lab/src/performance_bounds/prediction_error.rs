@@ -127,3 +127,97 @@ fn propagate<const N: usize>(p: &Covariance<f64, N>, rows: &[[f64; N]; N]) -> Co
     });
     std::array::from_fn(|i| std::array::from_fn(|j| dot(&left[i], &rows[j])))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64Mcg;
+
+    /// A plant of one state that is measured; of its second output nothing can be learned.
+    fn first_order(pole: f64, process: f64, periods: usize) -> LinearCourse<1> {
+        LinearCourse {
+            transitions: vec![[[pole]]; periods],
+            outputs: vec![[[1.0], [0.0]]; periods + 1],
+            process: [process],
+        }
+    }
+
+    fn rms(course: &LinearCourse<1>, noise: f64, horizon: f64) -> f64 {
+        let known = Information { initial: [[0.0]], noise: [noise, 1.0], horizon };
+        course.prediction_error(&known).rms
+    }
+
+    /// Exactly measured, and acted on h periods later: q (1 − a^2h)/(1 − a²), Åström's minimum variance.
+    #[test]
+    fn delay_costs_what_minimum_variance_control_leaves() {
+        let (pole, process) = (0.9_f64, 0.3);
+        let course = first_order(pole, process, 20_000);
+        for delay in [1, 2, 5] {
+            let exact = process * (1.0 - pole.powi(2 * delay)) / (1.0 - pole * pole);
+            let found = rms(&course, 0.0, f64::from(delay)).powi(2);
+            assert!((found / exact - 1.0).abs() < 1e-3, "{delay}: {found} {exact}");
+        }
+        assert_eq!(rms(&course, 0.0, 0.0), 0.0);
+        let errors = [0.0, 0.5, 1.0, 1.5, 2.0].map(|delay| rms(&course, 0.2, delay));
+        assert!(errors.windows(2).all(|pair| pair[0] < pair[1]), "{errors:?}");
+    }
+
+    /// A random walk in noise as strong as its steps: its filtered variance is the golden ratio less one.
+    #[test]
+    fn noise_costs_what_the_kalman_filter_leaves() {
+        let course = first_order(1.0, 1.0, 20_000);
+        let golden = 0.5 * (1.0 + 5.0_f64.sqrt());
+        let found = rms(&course, 1.0, 0.0).powi(2);
+        assert!((found / (golden - 1.0) - 1.0).abs() < 1e-3, "{found}");
+        let errors = [0.0, 0.1, 1.0, 10.0].map(|noise| rms(&course, noise, 0.0));
+        assert!(errors.windows(2).all(|pair| pair[0] < pair[1]), "{errors:?}");
+    }
+
+    /// A double integrator pushed at random: its position h periods later has q T² Σ i², i from 1 to h − 1.
+    #[test]
+    fn a_double_integrator_runs_away_with_the_delay() {
+        let (period, process) = (0.01, 2.0);
+        let course = LinearCourse {
+            transitions: vec![[[1.0, period], [0.0, 1.0]]; 200],
+            outputs: vec![[[1.0, 0.0], [0.0, 1.0]]; 201],
+            process: [0.0, process],
+        };
+        let known = Information { initial: [[0.0; 2]; 2], noise: [0.0; 2], horizon: 4.0 };
+        let last = course.prediction_error(&known).covariances[200][0][0];
+        let exact = process * period * period * (1.0 + 4.0 + 9.0);
+        assert!((last / exact - 1.0).abs() < 1e-12, "{last} {exact}");
+    }
+
+    /// Minimum variance control of the filter's prediction attains the bound; proportional control of the reading does not.
+    #[test]
+    fn minimum_variance_control_attains_the_bound_and_another_law_does_not() {
+        let (pole, process, noise, delay, periods) = (0.95_f64, 1.0_f64, 0.5_f64, 2_usize, 60_000);
+        let bound = rms(&first_order(pole, process, periods), noise, delay as f64);
+        // steady gain of the filter, by its recursion
+        let p = (0..500).fold(0.0, |p, _| pole * pole * p * noise / (p + noise) + process);
+        let gain = p / (p + noise);
+        let run = |is_minimum_variance: bool| {
+            let mut random = Pcg64Mcg::seed_from_u64(1);
+            let mut deviate = move || -> f64 { StandardNormal.sample(&mut random) };
+            let (mut x, mut estimate, mut square) = (0.0, 0.0, 0.0);
+            // commands on their way, oldest first: with a delay of one they act in the period in which they are given
+            let mut on_the_way = vec![0.0; delay - 1];
+            for _ in 0..periods {
+                let read = x + noise.sqrt() * deviate();
+                estimate += gain * (read - estimate);
+                let predicted = on_the_way.iter().fold(estimate, |z, u| pole * z + u);
+                on_the_way.push(if is_minimum_variance { -pole * predicted } else { -0.5 * read });
+                let acts = on_the_way.remove(0);
+                x = pole * x + acts + process.sqrt() * deviate();
+                estimate = pole * estimate + acts;
+                square += x * x;
+            }
+            (square / periods as f64).sqrt()
+        };
+        let [best, other] = [true, false].map(run);
+        assert!((best / bound - 1.0).abs() < 0.02, "{best} {bound}");
+        assert!(other > 1.03 * bound, "{other} {bound}");
+    }
+}

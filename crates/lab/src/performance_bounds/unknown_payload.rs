@@ -102,3 +102,64 @@ pub(super) fn feedforward_error(
         .map_or(0.0, |rows| output_deviation(&covariance, &row(&rows[0])).powi(2));
     ((square + last) / course.outputs.len().max(1) as f64).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::disturbances::{Disturbances, linearised};
+    use super::*;
+    use hydroboom_description::Description;
+
+    fn along() -> (CraneAlongCourse, LinearCourse<STATES>) {
+        let mut crane = Description::uia_single_boom().unwrap();
+        let n = &mut crane.numbers;
+        (n.rest, n.dwell, n.ramp, n.motion_end) = (0.2, 0.2, 0.3, n.motion_start + 0.04);
+        let along = CraneAlongCourse::new(&crane, &crane.motion(0.1)).unwrap();
+        let course = linearised(&along, &Disturbances::of(&crane));
+        (along, course)
+    }
+
+    /// A payload that is never estimated makes one motion per kilogram.
+    #[test]
+    fn an_error_of_the_payload_that_stays_is_one_motion() {
+        let (crane, course) = along();
+        let constant = |deviation: f64| {
+            let mut p = [[0.0; STATES]; STATES];
+            p[PAYLOAD][PAYLOAD] = deviation * deviation;
+            vec![p; course.outputs.len()]
+        };
+        let mut state = [0.0; DISTURBANCE];
+        let mut square = 0.0;
+        for (k, rows) in course.outputs.iter().enumerate() {
+            let error: f64 = (0..DISTURBANCE).map(|i| rows[0][i] * state[i]).sum();
+            square += error * error;
+            if let Some(transition) = course.transitions.get(k) {
+                let speed = crane.motor_speed_by_payload(k);
+                state = std::array::from_fn(|i| {
+                    let moved: f64 = (0..DISTURBANCE).map(|j| transition[i][j] * state[j]).sum();
+                    moved - transition[i][UNKNOWN_FLOW] * speed
+                });
+            }
+        }
+        let per_kg = (square / course.outputs.len() as f64).sqrt();
+        for deviation in [1.0, 20.0] {
+            let found = feedforward_error(&crane, &course, &constant(deviation));
+            assert!((found / (deviation * per_kg) - 1.0).abs() < 1e-6, "{found} {per_kg}");
+        }
+        // micrometres for a kilogram of 307
+        assert!((1e-7..1e-4).contains(&per_kg), "{per_kg} m/kg");
+    }
+
+    /// The load pressure at rest is that of payload and friction together, and the piston is where it is.
+    #[test]
+    fn at_rest_the_pressure_weighs_payload_and_friction() {
+        let (crane, course) = along();
+        let p = at_rest(&crane, 30.0);
+        let position = crane.reference[0].position;
+        let rest = |payload: f64| crane.model.at(position, payload).holding_pressure;
+        let per_kg = rest(crane.payload + 0.5) - rest(crane.payload - 0.5);
+        let exact = (30.0 * per_kg).hypot(crane.model.coulomb / 3_f64.sqrt());
+        let found = p[LOAD_PRESSURE][LOAD_PRESSURE].sqrt();
+        assert!((found / exact - 1.0).abs() < 0.02, "{found} {exact} Pa");
+        assert!(output_deviation(&p, &course.outputs[0][0]) < 1e-9);
+    }
+}

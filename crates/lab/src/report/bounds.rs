@@ -2,7 +2,7 @@
 
 use super::document::{Page, document};
 use super::drawing_data::{Drawing, figure, rows_as_csv};
-use super::palette::{NEUTRAL, colour_of, paint};
+use super::palette::{colour_of, paint};
 use crate::LabError;
 use crate::performance_bounds::{Limit, PerformanceBounds, StrategyError};
 use maud::{Markup, html};
@@ -12,8 +12,8 @@ use std::fmt::Write;
 /// What a row of the figure is.
 #[derive(Clone, Copy, PartialEq)]
 enum Mark {
-    /// A bar of a place of the palette, from the axis's beginning on.
-    Bound(usize),
+    /// A bar of a colour of the page, from the axis's beginning on: colours of the palette are the strategies'.
+    Bound(&'static str),
     /// A bar that is drawn as an outline.
     Estimate,
     /// A dot of a place of the palette, with a line from the bound with all limits.
@@ -46,10 +46,6 @@ const BELOW: f64 = 48.0;
 const LEAST_DECADES: f64 = 2.0;
 const NOTHING: f64 = 1e-6;
 
-/// Colours of limits of the motor, and of knowledge.
-const OF_MOTOR: usize = 0;
-const OF_KNOWLEDGE: usize = 2;
-
 /// The page of a machine's bounds, and of the strategies in closed loop on it.
 ///
 /// # Errors
@@ -62,7 +58,7 @@ pub fn bounds_page(
 ) -> Result<Page, LabError> {
     let body = html! {
         p.soft {
-            "Course: out and back at " (bounds.course) ". RMS of the true piston's tracking error over the whole course, rests included. "
+            "Course: " (bounds.course) ". RMS of the true piston's tracking error over the whole course, rests included. "
             "Strategies run on the virtual crane in closed loop. Nothing here is a measurement."
         }
         (figure(
@@ -147,11 +143,12 @@ fn groups(bounds: &PerformanceBounds, strategies: &[StrategyError]) -> Vec<Group
     let alone = bounds.limits.iter().map(|cost| Row {
         name: format!("{}, {}", cost.limit.name(), setting(bounds, cost.limit)),
         value: cost.alone_mm,
-        mark: Mark::Bound(if cost.limit.is_of_motor() { OF_MOTOR } else { OF_KNOWLEDGE }),
+        mark: Mark::Bound("var(--soft)"),
     });
-    let all = Row { name: "all limits".into(), value: bounds.all_mm, mark: Mark::Bound(NEUTRAL) };
+    let all =
+        Row { name: "all limits".into(), value: bounds.all_mm, mark: Mark::Bound("var(--ink)") };
     let feedforward = Row {
-        name: "feedforward alone, payload estimated on the way".into(),
+        name: "feedforward alone".into(),
         value: bounds.feedforward_mm,
         mark: Mark::Estimate,
     };
@@ -163,7 +160,7 @@ fn groups(bounds: &PerformanceBounds, strategies: &[StrategyError]) -> Vec<Group
     let mut groups = vec![
         Group { heading: "Least possible with one limit alone", rows: alone.collect() },
         Group { heading: "Least possible with all limits", rows: vec![all] },
-        Group { heading: "Estimate", rows: vec![feedforward] },
+        Group { heading: "Estimate without position feedback", rows: vec![feedforward] },
     ];
     if !strategies.is_empty() {
         let rows = strategies.iter().map(run).collect();
@@ -270,18 +267,17 @@ fn draw(svg: &mut String, row: &Row, y: f64, bound: f64, x: &dyn Fn(f64) -> f64)
     // a String takes every write
     let _ = match row.mark {
         _ if !is_drawn => Ok(()),
-        Mark::Bound(place) => write!(
+        Mark::Bound(paint) => write!(
             svg,
             "<rect x=\"{MARGIN}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{BAR}\" fill=\"{}\"/>",
             (end - MARGIN).max(1.0),
-            colour(place)
+            paint
         ),
         Mark::Estimate => write!(
             svg,
-            "<rect x=\"{MARGIN}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{BAR}\" fill=\"none\" stroke=\"{}\" \
+            "<rect x=\"{MARGIN}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{BAR}\" fill=\"none\" stroke=\"var(--soft)\" \
              stroke-width=\"1.5\" stroke-dasharray=\"3 2\"/>",
-            (end - MARGIN).max(1.0),
-            colour(OF_KNOWLEDGE)
+            (end - MARGIN).max(1.0)
         ),
         Mark::Strategy(place) => write!(
             svg,
@@ -330,8 +326,11 @@ mod tests {
     /// Larger errors are farther to the right, and each decade is as wide as the other.
     #[test]
     fn the_axis_is_logarithmic() {
-        let row =
-            |name: &str, value: f64| Row { name: name.into(), value, mark: Mark::Bound(OF_MOTOR) };
+        let row = |name: &str, value: f64| Row {
+            name: name.into(),
+            value,
+            mark: Mark::Bound("var(--soft)"),
+        };
         let rows = vec![row("a", 1e-3), row("b", 1e-2), row("c", 1e-1), row("none", 0.0)];
         let svg = svg(&[Group { heading: "bounds", rows }], 1e-2).unwrap();
         let widths: Vec<f64> = svg
