@@ -143,19 +143,24 @@ fn told(
         ["feedforward alone", &millimetres(bounds.feedforward_mm), "", "estimate [3]"];
     rows.push(feedforward.map(String::from).to_vec());
     let [before, begun, ended] = bounds.payload_deviation_kg;
+    let heads = ["strategy", "RMS true [mm]", "over the bound", "Harris index", "remark"];
+    let has_remarks = strategies.iter().any(|s| s.remark.is_some());
+    let shown = if has_remarks { heads.len() } else { heads.len() - 1 };
     let closed_loops: Vec<Vec<String>> = strategies
         .iter()
         .map(|s| {
             let optional = |value: Option<f64>| value.map_or("-".into(), output::three_digits);
             let harris = s.harris_index.map_or("-".into(), output::short);
             let remark = s.remark.clone().unwrap_or_default();
-            vec![
+            let mut row = vec![
                 s.strategy.name().into(),
                 optional(s.rms_true_mm),
                 optional(s.over_bound),
                 harris,
                 remark,
-            ]
+            ];
+            row.truncate(shown);
+            row
         })
         .collect();
     let condition = |c: &Condition| {
@@ -181,10 +186,7 @@ fn told(
         output::three_digits(before),
         output::three_digits(begun),
         output::three_digits(ended),
-        output::table(
-            &["strategy", "RMS true [mm]", "over the bound", "Harris index", ""],
-            &closed_loops
-        ),
+        output::table(&heads[..shown], &closed_loops),
         output::table(&["number", "value", "unit", "source"], &conditions),
     )
 }
