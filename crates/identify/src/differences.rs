@@ -2,6 +2,7 @@
 
 use crate::experiment::{COMPARED, Experiment};
 use crate::explained::{Explained, explained};
+use crate::limits::LIMITS;
 use crate::prediction::Prediction;
 use crate::ringing::{Ringing, ringing};
 use crate::whiteness::coloured;
@@ -66,7 +67,7 @@ impl Difference {
     /// Whether most of it is gone once the log is moved by a delay that grows: a clock that drifts.
     pub fn is_of_clock(&self) -> bool {
         let drifts = self.rms_without_drift.zip(self.rms_without_delay);
-        drifts.is_some_and(|(drift, delay)| drift < 0.5 * self.rms.min(delay))
+        drifts.is_some_and(|(drift, delay)| drift < LIMITS.most * self.rms.min(delay))
     }
 
     /// Whether most of it is gone once the log is moved by its delay, and that is longer than steps and samples make it.
@@ -75,7 +76,9 @@ impl Difference {
     pub fn is_late(&self) -> bool {
         let moved = self.delay.zip(self.rms_without_delay);
         !self.is_of_clock()
-            && moved.is_some_and(|(delay, without)| delay.abs() > 3e-3 && without < 0.5 * self.rms)
+            && moved.is_some_and(|(delay, without)| {
+                delay.abs() > LIMITS.shortest_delay && without < LIMITS.most * self.rms
+            })
     }
 }
 

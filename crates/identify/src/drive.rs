@@ -154,3 +154,20 @@ impl Drive {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn merged_inputs_are_means_and_what_is_left_over_holds_for_nothing() {
+        let input = |k: u32| Input { pump_speed: f64::from(k), holding_valve: 1.0 };
+        let Drive::Pump(merged) = Drive::Pump((0..12).map(input).collect()).merged(5) else {
+            panic!("the same kind of drive")
+        };
+        let speeds: Vec<f64> = merged.iter().map(|input| input.pump_speed).collect();
+        assert_eq!(merged.len(), 2);
+        assert!((speeds[0] - 2.0).abs() < 1e-12 && (speeds[1] - 7.0).abs() < 1e-12, "{speeds:?}");
+        assert!(merged.iter().all(|input| (input.holding_valve - 1.0).abs() < 1e-12));
+    }
+}

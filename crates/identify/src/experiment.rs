@@ -107,6 +107,21 @@ impl Experiment {
         })?;
         let begin = window.from.map_or(first, |from| from.max(first));
         let end = window.to.map_or(last, |to| to.min(last));
+        if end <= begin {
+            let place = match () {
+                () if begin > last => "beyond the end of the log",
+                () if end < first => "before the beginning of the log",
+                () => "no time",
+            };
+            let asked = [(window.from, "from"), (window.to, "to")].into_iter();
+            let asked: Vec<String> =
+                asked.filter_map(|(at, word)| Some(format!("{word} {:.3} s", at?))).collect();
+            return Err(wrong(format!(
+                "{} is {place}: position and {} are measured from {first:.3} to {last:.3} s",
+                asked.join(" "),
+                driving.symbol()
+            )));
+        }
         let n = &model.numbers;
         let period = match model.choices.circuit {
             CircuitChoice::SelfContained => n.control_period,

@@ -7,7 +7,7 @@ mod page;
 mod profiles;
 
 use crate::crane_file::CraneFile;
-use crate::log_mapping::{LogMapping, LogWindow};
+use crate::log_mapping::{LogMapping, LogWindow, suspicions};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use crate::verdict_text;
@@ -94,7 +94,7 @@ impl Tune {
             [only] if only == "auto" => Free::usual(&crane),
             named => named
                 .iter()
-                .map(|path| Free::from_path(path.trim()).into_diagnostic())
+                .map(|path| Free::of_model(path.trim()).into_diagnostic())
                 .collect::<Result<Vec<Free>>>()?,
         };
         if let Some((k, twice)) = free.iter().enumerate().find(|(k, key)| free[..*k].contains(key))
@@ -181,9 +181,8 @@ impl Tune {
         notes: &mut Vec<String>,
     ) -> Result<Vec<Experiment>> {
         let (log, mapping) = self.mapping.read(path, crane)?;
-        let n = &crane.numbers;
         notes.extend(log.remarks.iter().map(|r| format!("{}: {r}", path.display())));
-        let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
+        let suspicions = suspicions(&log, &mapping, crane);
         notes.extend(suspicions.into_iter().map(|s| format!("suspicious: {}", s.text)));
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
         let each = Experiment::each(crane, &log, &signals, self.window.of()).into_diagnostic()?;
