@@ -218,6 +218,7 @@ mod tests {
             drive: Drive::Pump(vec![Input { pump_speed: 0.0, holding_valve: 1.0 }; 4000]),
             period: 1e-3,
             every: 5,
+            merged: 1,
             steps: 2,
             samples,
             filters: [0.0; COMPARED.len()],
