@@ -15,6 +15,7 @@ mod fit;
 mod free;
 mod hold_out;
 mod known;
+mod motor;
 mod number;
 mod oscillation;
 mod prediction;

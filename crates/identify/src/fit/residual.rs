@@ -1,11 +1,17 @@
 //! What is left between log and model, and what it is held against.
 
 use crate::differences::noise;
-use crate::experiment::{COMPARED, Experiment};
+use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::prediction::Prediction;
 
-/// Smallest deviations that a difference is held against, for position \[m\] and pressures \[Pa\].
-const FINEST: [f64; 2] = [5e-6, 1e3];
+/// Smallest deviation that a difference of a compared signal is held against: position \[m\], motor speed \[rev/s\], pressures \[Pa\].
+fn finest(signal: usize) -> f64 {
+    match signal {
+        0 => 5e-6,
+        CRANE => 1e-3,
+        _ => 1e3,
+    }
+}
 /// Differences beyond so many deviations count less (Huber).
 const ROBUST: f64 = 3.0;
 
@@ -54,20 +60,21 @@ pub(super) fn deviations(
                 Leaves::Unknown => 1.0,
                 Leaves::AsNow => correlation_time(errors.iter().map(|e| e.1).collect()),
             };
-            noise(&values).max(FINEST[usize::from(signal > 0)]).max(left) * alike.sqrt()
+            noise(&values).max(finest(signal)).max(left) * alike.sqrt()
         })
     };
     experiments.iter().zip(predictions).map(of).collect()
 }
 
-/// Whether what is left of a log is more than its sensors scatter, and correlated for longer than a tenth of a second: the model cannot show it.
+/// Whether what is left of a log is more than its sensors scatter, and correlated for longer than a tenth of a second: the model cannot show it. The motor's
+/// speed does not count: no key of the crane depends on it.
 pub(super) fn has_lack_of_fit(experiment: &Experiment, prediction: &Prediction) -> bool {
-    (0..COMPARED.len()).any(|signal| {
+    (0..CRANE).any(|signal| {
         let values: Vec<f64> = experiment.samples.iter().filter_map(|s| s.values[signal]).collect();
         let errors: Vec<f64> =
             residuals(experiment, prediction, signal).into_iter().map(|(_, e)| e).collect();
         let square = errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64;
-        let scatter = noise(&values).max(FINEST[usize::from(signal > 0)]);
+        let scatter = noise(&values).max(finest(signal));
         square > 2.0 * scatter * scatter && correlation_time(errors) * experiment.interval() > 0.1
     })
 }
