@@ -18,6 +18,11 @@ const AROUND: [&str; 9] = [
     "supervision",
 ];
 
+/// Whether keys of a section are of the machine itself: not of what is around it, and not of its equipment.
+pub fn is_of_machine(section: &str) -> bool {
+    !AROUND.contains(&section) && !is_equipment(section)
+}
+
 /// One key with two values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
@@ -40,8 +45,7 @@ impl Difference {
 
     /// Whether it is of the machine itself: not of what is around it, and not of its equipment.
     pub fn is_of_machine(&self) -> bool {
-        let section = self.key.split_once('.').map_or("", |(section, _)| section);
-        !AROUND.contains(&section) && !is_equipment(section)
+        is_of_machine(self.key.split_once('.').map_or("", |(section, _)| section))
     }
 
     /// How much it matters, larger for more: as [`by_weight`] says, then by size.

@@ -32,9 +32,10 @@ pub mod schema;
 mod spread;
 
 pub use build::BuildError;
-pub use difference::{Difference, by_weight};
+pub use difference::{Difference, by_weight, is_of_machine};
 pub use equipment_defaults::FilledIn;
 pub use error::{DescriptionError, Problem};
+pub use parse::suggestion;
 pub use placeholder::{PLACEHOLDER, as_placeholders};
 pub use range::{RangeSource, Ranges, ValueRange};
 pub use schema::{Choices, Key, Numbers, Tuning};
@@ -90,6 +91,8 @@ pub struct Description {
     origins: Vec<Origin>,
     /// Range of every number that the file gives one, in SI units, in the order of [`schema::KEYS`].
     file_ranges: Vec<Option<[f64; 2]>>,
+    /// Whether its file is embedded in the program: no lines that a user could look at.
+    is_embedded: bool,
 }
 
 /// The paper's crane.
@@ -108,7 +111,7 @@ impl Description {
     ///
     /// None, as a test shows; the signature is that of any file.
     pub fn patu_lift() -> Result<Self, DescriptionError> {
-        Self::parse("cranes/patu-lift.toml (embedded)", PATU_LIFT)
+        Self::embedded("cranes/patu-lift.toml (embedded)", PATU_LIFT)
     }
 
     /// The paper's crane, embedded.
@@ -117,7 +120,7 @@ impl Description {
     ///
     /// None, as a test shows; the signature is that of any file.
     pub fn uia_single_boom() -> Result<Self, DescriptionError> {
-        Self::parse("cranes/uia-single-boom.toml (embedded)", UIA_SINGLE_BOOM)
+        Self::embedded("cranes/uia-single-boom.toml (embedded)", UIA_SINGLE_BOOM)
     }
 
     /// The virtual crane, embedded: stands in for the real one, and is no measurement of it.
@@ -126,7 +129,11 @@ impl Description {
     ///
     /// None, as a test shows; the signature is that of any file.
     pub fn uia_virtual() -> Result<Self, DescriptionError> {
-        Self::parse("cranes/uia-virtual.toml (embedded)", UIA_VIRTUAL)
+        Self::embedded("cranes/uia-virtual.toml (embedded)", UIA_VIRTUAL)
+    }
+
+    fn embedded(name: &str, text: &str) -> Result<Self, DescriptionError> {
+        Ok(Self { is_embedded: true, ..Self::parse(name, text)? })
     }
 
     /// Every key that a crane of this kind has, with its value and origin as in [`entries`](Self::entries).

@@ -31,7 +31,7 @@ fn known_paths() -> impl Iterator<Item = String> {
 }
 
 /// "did you mean ...?" for an unknown path.
-fn suggestion(path: &str) -> String {
+pub fn suggestion(path: &str) -> String {
     if path == "following" || path.starts_with("following.") {
         return "model following was replaced by the scheduled LQR: its keys are in [estimator] and [scheduled_lqr]".into();
     }
@@ -575,6 +575,7 @@ impl Reading<'_> {
             segment_shares,
             origins: self.origins.clone(),
             file_ranges: self.ranges.clone(),
+            is_embedded: false,
         };
         if let Some((path, message, help)) = description.impossible() {
             let line = KEYS

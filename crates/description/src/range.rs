@@ -118,14 +118,16 @@ impl Description {
         }
         let (path, unit) = (key.path(), key.unit);
         let [low, high] = [low, high].map(|bound| key.to_unit(bound));
-        let line =
-            self.origins[index].line.map_or(String::new(), |line| format!(" in line {line}"));
+        let help = match (self.is_embedded, self.origins[index].line) {
+            (true, _) => "stay within; or write the embedded crane into a file by `hydroboom new my-crane.toml`, widen `range` there, and name it by --crane".into(),
+            (false, Some(line)) => format!("stay within, or widen `range` in line {line} of the crane file"),
+            (false, None) => "stay within, or widen `range` of the crane file".into(),
+        };
+        let whose = if self.is_embedded { "the embedded crane's" } else { "the crane file's" };
         Err(DescriptionError::of(
             &format!("--set {assignment}"),
-            format!(
-                "{value} {unit} is outside the crane file's range of {path}, {low} to {high} {unit}"
-            ),
-            Some(format!("stay within, or widen `range`{line} of the crane file")),
+            format!("{value} {unit} is outside {whose} range of {path}, {low} to {high} {unit}"),
+            Some(help),
         ))
     }
 

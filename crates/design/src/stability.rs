@@ -13,12 +13,36 @@ use std::fmt;
 /// Piston positions at which loops are looked at, as shares of the stroke.
 pub const POSITIONS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
 
+/// Drive, fieldbus and sensors that a loop is closed through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Equipment {
+    /// The drive's lag and the fieldbus's delay that the controllers expect before anything is identified: a machine like the model.
+    Expected,
+    /// None: the motor turns as it is told, and readings come at once.
+    Ideal,
+    /// Those of the plant's crane file.
+    Plant,
+}
+
+impl fmt::Display for Equipment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Expected => "with the lags of drive and fieldbus that the controllers expect",
+            Self::Ideal => "with an ideal drive and no delay",
+            Self::Plant => "with the plant's drive, fieldbus and sensors",
+        })
+    }
+}
+
 /// Whether a controller's loop is stable at [`POSITIONS`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LoopStability {
     /// The controller: `benchmark`, `benchmark on the simulated crane` or `scheduled LQR`.
     pub controller: &'static str,
-    /// Whether feedback adds no pole that grows (faster than e^(t/4 s)) at any of the positions: closed loop against open loop, by the argument principle.
+    /// What it is closed through.
+    pub equipment: Equipment,
+    /// Whether feedback adds no pole that grows (so fast that it doubles within 35 s) at any of the positions: closed loop against open loop, by the argument principle.
     pub stable: bool,
     /// Piston positions at which one does.
     pub unstable_at_mm: Vec<f64>,
@@ -28,10 +52,14 @@ pub struct LoopStability {
 
 impl LoopStability {
     /// From the growing poles at each piston position \[mm\].
-    fn of(controller: &'static str, poles: impl Iterator<Item = (f64, u32)>) -> Self {
+    fn of(
+        (controller, equipment): (&'static str, Equipment),
+        poles: impl Iterator<Item = (f64, u32)>,
+    ) -> Self {
         let growing: Vec<(f64, u32)> = poles.filter(|(_, poles)| *poles > 0).collect();
         Self {
             controller,
+            equipment,
             stable: growing.is_empty(),
             unstable_at_mm: growing.iter().map(|(mm, _)| *mm).collect(),
             unstable_poles: growing.iter().map(|(_, poles)| *poles).max().unwrap_or(0),
@@ -42,7 +70,24 @@ impl LoopStability {
     pub fn of_reports(reports: &[DesignReport]) -> [Self; 2] {
         let benchmark = reports.iter().map(|r| (r.stroke_mm, r.benchmark.unstable_poles));
         let lqr = reports.iter().map(|r| (r.stroke_mm, r.scheduled_lqr.unstable_poles));
-        [Self::of(BENCHMARK, benchmark), Self::of(SCHEDULED_LQR, lqr)]
+        let expected = Equipment::Expected;
+        [Self::of((BENCHMARK, expected), benchmark), Self::of((SCHEDULED_LQR, expected), lqr)]
+    }
+
+    /// Whether a strategy steers through this loop; the benchmark that the scheduled LQR falls back on is not what it steers through.
+    pub fn is_of(&self, strategy: Strategy) -> bool {
+        closed_by(strategy).contains(&self.controller)
+    }
+}
+
+/// Loops that a strategy steers through.
+fn closed_by(strategy: Strategy) -> &'static [&'static str] {
+    match strategy {
+        Strategy::VelocityFeedforward => &[],
+        Strategy::SimulationFeedforwardOpenLoop => &[SIMULATED],
+        Strategy::BenchmarkClosedLoop => &[BENCHMARK],
+        Strategy::SimulationFeedforwardClosedLoop => &[SIMULATED, BENCHMARK],
+        Strategy::ScheduledLqr => &[SCHEDULED_LQR],
     }
 }
 
@@ -53,9 +98,12 @@ const SCHEDULED_LQR: &str = "scheduled LQR";
 
 impl fmt::Display for LoopStability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { controller, unstable_poles, .. } = self;
+        let Self { controller, equipment, unstable_poles, .. } = self;
         if self.stable {
-            return write!(f, "{controller}: the closed loop is stable over the stroke");
+            return write!(
+                f,
+                "{controller}: the closed loop is stable over the stroke, {equipment}"
+            );
         }
         let at: Vec<String> = self.unstable_at_mm.iter().map(|mm| format!("{mm:.0}")).collect();
         let poles = match unstable_poles {
@@ -64,7 +112,7 @@ impl fmt::Display for LoopStability {
         };
         write!(
             f,
-            "{controller}: the closed loop is UNSTABLE at {} mm ({poles} in the right half plane, linearised at rest with sliding friction)",
+            "{controller}: the closed loop is UNSTABLE at {} mm ({poles} in the right half plane, linearised at rest with sliding friction, {equipment})",
             at.join(", ")
         )
     }
@@ -81,7 +129,18 @@ pub fn benchmark_stability(
     machine: Option<&Description>,
 ) -> Result<LoopStability, DesignError> {
     let poles = poles(model, machine, |_| Ok(benchmark_loop(model)))?;
-    Ok(LoopStability::of(BENCHMARK, poles.into_iter()))
+    Ok(LoopStability::of((BENCHMARK, equipment_of(machine)), poles.into_iter()))
+}
+
+/// Drive, fieldbus and sensors of a machine; those that the controllers expect where there is none.
+fn equipment_of(machine: Option<&Description>) -> Equipment {
+    match machine
+        .map(|machine| Actuation::of(machine) == Actuation::of(&machine.without_equipment()))
+    {
+        None => Equipment::Expected,
+        Some(true) => Equipment::Ideal,
+        Some(false) => Equipment::Plant,
+    }
 }
 
 /// The same of the scheduled LQR, designed for the model, its payload weighed, and oil and drive of the machine identified.
@@ -98,7 +157,52 @@ pub fn scheduled_lqr_stability(
     let payload = machine.unwrap_or(model).numbers.payload;
     let around = |stroke| Ok(scheduled_lqr_loop_at(&known, &design, stroke, payload));
     let poles = poles(model, machine, around)?;
-    Ok(LoopStability::of(SCHEDULED_LQR, poles.into_iter()))
+    Ok(LoopStability::of((SCHEDULED_LQR, equipment_of(machine)), poles.into_iter()))
+}
+
+/// Loops of the benchmark and of the scheduled LQR that are stable with the lags that the controllers expect, and not on an ideal plant, which has none: a law that
+/// counts on a delay leads too much without it. A crane file that is run without a plant has such a one.
+///
+/// # Errors
+///
+/// [`DesignError`] when the crane cannot be linearised, or the regulator not be designed.
+pub fn unstable_on_ideal_equipment(
+    model: &Description,
+    expected: &[LoopStability],
+) -> Result<Vec<LoopStability>, DesignError> {
+    let ideal = model.without_equipment();
+    let strategies = [Strategy::BenchmarkClosedLoop, Strategy::ScheduledLqr];
+    let mut loops = stability_of(&strategies, model, &ideal)?;
+    let is_stable = |of: &LoopStability| {
+        expected.iter().any(|other| other.controller == of.controller && other.stable)
+    };
+    loops.retain(|of| !of.stable && is_stable(of));
+    Ok(loops)
+}
+
+/// Of loops that are unstable on an ideal plant, those that are stable with the lags that the controllers expect.
+///
+/// # Errors
+///
+/// As of [`unstable_on_ideal_equipment`].
+pub fn stable_with_expected_lags(
+    model: &Description,
+    ideal: &[LoopStability],
+) -> Result<Vec<LoopStability>, DesignError> {
+    let unstable = |name: &str| {
+        ideal
+            .iter()
+            .any(|of| of.controller == name && of.equipment == Equipment::Ideal && !of.stable)
+    };
+    let mut loops = Vec::new();
+    if unstable(BENCHMARK) {
+        loops.push(benchmark_stability(model, None)?);
+    }
+    if unstable(SCHEDULED_LQR) {
+        loops.push(scheduled_lqr_stability(model, None)?);
+    }
+    loops.retain(|of| of.stable);
+    Ok(loops)
 }
 
 /// Stability of all loops that strategies close: around the simulated crane, which has neither drive nor fieldbus, and around the machine. The
@@ -129,6 +233,30 @@ pub fn stability_of(
         loops.push(scheduled_lqr_stability(model, Some(machine))?);
     }
     Ok(loops)
+}
+
+/// What is to be said of loops that are [stable with the lags that the controllers expect](stable_with_expected_lags), beside those that are not without them.
+pub fn remark_on_expected_lags(stable: &[LoopStability]) -> Option<String> {
+    let names: Vec<&str> = stable.iter().map(|of| of.controller).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "{}, as `design` and `check` judge it, the closed loop of the {} is stable: what differs is that delay. --plant virtual runs on a machine that has it",
+            Equipment::Expected.to_string().replacen('w', "W", 1),
+            names.join(" and of the ")
+        )
+    })
+}
+
+/// The same the other way round, beside loops that are stable with these lags and [unstable on an ideal plant](unstable_on_ideal_equipment).
+pub fn remark_on_ideal_equipment(unstable: &[LoopStability]) -> Option<String> {
+    let names: Vec<&str> = unstable.iter().map(|of| of.controller).collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the {} is UNSTABLE: it counts on the lags of drive \
+             and fieldbus",
+            names.join(" and of the ")
+        )
+    })
 }
 
 /// What a controller of a model knows that has identified a crane's oil and drive.
@@ -182,6 +310,37 @@ mod tests {
             assert!(unstable.to_string().contains("UNSTABLE at 25, 125, 250, 375, 475 mm"));
         }
         assert!(scheduled_lqr_stability(&light, None).unwrap().stable);
+    }
+
+    /// The law counts on the lags of drive and fieldbus, and leads too much where there are none: a payload at 9 m leaves it no margin for that. The run on the
+    /// ideal plant swings its motor at 22 Hz.
+    #[test]
+    fn a_loop_is_judged_with_the_equipment_that_it_is_closed_through() {
+        let paper = Description::uia_single_boom().unwrap();
+        let mut far = paper.clone();
+        far.set("payload.x_mm=9000").unwrap();
+        let expected = scheduled_lqr_stability(&far, None).unwrap();
+        assert!(expected.stable && expected.equipment == Equipment::Expected);
+        let ideal = unstable_on_ideal_equipment(&far, &[expected]).unwrap();
+        let [lqr] = &ideal[..] else { panic!("{ideal:?}") };
+        assert_eq!((lqr.controller, lqr.equipment), (SCHEDULED_LQR, Equipment::Ideal));
+        assert!(lqr.to_string().contains("with an ideal drive and no delay"), "{lqr}");
+        let back = stable_with_expected_lags(&far, &ideal).unwrap();
+        assert_eq!(back.len(), 1, "{back:?}");
+        let of_paper = scheduled_lqr_stability(&paper, None).unwrap();
+        assert!(unstable_on_ideal_equipment(&paper, &[of_paper]).unwrap().is_empty());
+        let machine = Description::uia_virtual().unwrap();
+        let on_machine = benchmark_stability(&paper, Some(&machine)).unwrap();
+        assert_eq!(on_machine.equipment, Equipment::Plant);
+    }
+
+    /// At 25 mm a piston of 100 mm makes the published loop grow by 0.1 to 0.25 1/s: slowly, and over a motion of 18 s by a factor of six and more.
+    #[test]
+    fn a_loop_that_grows_slowly_is_unstable_too() {
+        let mut wide = Description::uia_single_boom().unwrap();
+        wide.set("cylinder.piston_mm=100").unwrap();
+        let found = benchmark_stability(&wide, None).unwrap();
+        assert_eq!(found.unstable_at_mm.len(), 5, "{found}");
     }
 
     #[test]

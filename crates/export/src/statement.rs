@@ -202,6 +202,8 @@ pub(crate) struct Function {
     pub(crate) origin: String,
     /// Its number among those from there, from 1 on.
     pub(crate) number: usize,
+    /// Parts that loops of call it.
+    pub(crate) origins: Vec<String>,
     /// For how many rows loops call it.
     pub(crate) rows: Vec<u32>,
     /// What it takes.
@@ -278,12 +280,25 @@ impl Function {
         of(self) == of(other)
     }
 
+    /// Takes on the loops of another one that does the same, and is not written.
+    pub(crate) fn shared_with(&mut self, other: &Self) {
+        self.rows.extend(&other.rows);
+        self.rows.sort_unstable();
+        self.rows.dedup();
+        for origin in &other.origins {
+            if !self.origins.contains(origin) {
+                self.origins.push(origin.clone());
+            }
+        }
+    }
+
     /// What it is, in a sentence.
     pub(crate) fn explained(&self) -> String {
         let rows: Vec<String> = self.rows.iter().map(u32::to_string).collect();
+        let origins: Vec<String> = self.origins.iter().map(|of| of.replace('_', " ")).collect();
         format!(
             "Part of the {}, for each of {} rows.",
-            self.origin.replace('_', " "),
+            origins.join(" and of the "),
             rows.join(" or ")
         )
     }

@@ -282,6 +282,43 @@ fn a_repeated_part_is_printed_once_as_a_function() {
     }
 }
 
+/// What a function's comment says of its rows is what the loops that call it have, all of them.
+#[test]
+fn a_functions_comment_names_the_rows_of_all_loops_that_call_it() {
+    let crane = Description::uia_single_boom().unwrap();
+    for block in [recorded(sums), scheduled_lqr_controller(&crane).unwrap()] {
+        let source = files(std::slice::from_ref(&block), "made", Precision::Double).unwrap().source;
+        let named = |text: &str| -> Option<String> {
+            let (before, _) = text.split_once('(')?;
+            let name = before.rsplit(' ').next()?;
+            name.starts_with("hb_").then(|| name.to_string())
+        };
+        let mut called: std::collections::BTreeMap<String, std::collections::BTreeSet<u32>> =
+            std::collections::BTreeMap::new();
+        let lines: Vec<&str> = source.lines().collect();
+        for (k, line) in lines.iter().enumerate() {
+            let Some((_, rest)) = line.trim().split_once("for (int i") else { continue };
+            let count = rest.split(" < ").nth(1).unwrap().split(';').next().unwrap();
+            let body = lines[k + 1..].iter().take_while(|line| line.trim() != "}");
+            // what copies entries has the same form, and calls nothing
+            if let Some(name) = body.copied().find_map(named) {
+                called.entry(name).or_default().insert(count.parse().unwrap());
+            }
+        }
+        let mut told = 0;
+        for (comment, rest) in
+            source.split("for each of ").skip(1).filter_map(|t| t.split_once(" rows."))
+        {
+            let rows = comment.split(" or ").map(|n| n.parse().unwrap()).collect();
+            let head = rest.split_once("static ").unwrap().1;
+            let name = named(head).unwrap();
+            assert_eq!(called.get(&name), Some(&rows), "{name}: {comment}");
+            told += 1;
+        }
+        assert_eq!(told, called.len());
+    }
+}
+
 /// Lines of a loop's body that are neither a copied entry nor the call of a function and its results.
 fn in_place_in_c(source: &str) -> Vec<&str> {
     let name = |line: &str| line.split('(').next()?.rsplit(' ').next().map(str::to_string);

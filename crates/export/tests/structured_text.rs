@@ -733,6 +733,22 @@ fn the_configuration_has_what_the_programs_use_and_calls_them() {
 }
 
 /// The program, as a PLC calls it, is the block that it holds.
+/// Whoever reads the control task finds every controller that may be called there.
+#[test]
+fn the_control_task_names_every_controller_that_may_take_its_place() {
+    let units = units(&Description::uia_single_boom().unwrap()).unwrap();
+    let control = units.iter().find(|unit| unit.name == "PRG_Control").unwrap();
+    let has = |unit: &&Unit, name: &str| unit.variables.iter().any(|v| v.name == name);
+    let leads = |unit: &&Unit| has(unit, "bHoldingValve") && has(unit, "nRef") && has(unit, "xRef");
+    let others: Vec<&Unit> =
+        units.iter().filter(|unit| unit.kind == Kind::FunctionBlock).filter(leads).collect();
+    assert!(others.len() >= 3, "{}", others.len());
+    for other in others.iter().filter(|unit| unit.name != "FB_SimulationFeedforwardController") {
+        let text = control.text();
+        assert!(text.contains(&other.name), "{} is not named: {}", other.name, control.comment);
+    }
+}
+
 #[test]
 fn the_program_moves_global_variables() {
     let description = Description::uia_single_boom().unwrap();

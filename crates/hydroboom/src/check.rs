@@ -4,7 +4,10 @@ use crate::{crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::{CircuitChoice, FrictionChoice};
-use hydroboom_design::stability::{LoopStability, benchmark_stability, scheduled_lqr_stability};
+use hydroboom_design::stability::{
+    LoopStability, benchmark_stability, remark_on_ideal_equipment, scheduled_lqr_stability,
+    unstable_on_ideal_equipment,
+};
 use hydroboom_lab::plant;
 use hydroboom_model::{Circuit, Scheme, StepLimit, ValveInput};
 use miette::{IntoDiagnostic, Result};
@@ -84,14 +87,17 @@ impl Check {
                 Err(error) => remarks.push(format!("{name}: its loop cannot be computed: {error}")),
             }
         }
+        let expected: Vec<LoopStability> =
+            loops.iter().filter_map(|(_, of)| of.as_ref().ok().cloned()).collect();
+        // a loop that cannot be computed is told above
+        let on_ideal = unstable_on_ideal_equipment(&description, &expected).unwrap_or_default();
+        remarks.extend(remark_on_ideal_equipment(&on_ideal));
         if self.json {
             let stable = loops.iter().all(|(_, of)| of.as_ref().is_ok_and(|of| of.stable));
-            let loops: Vec<&LoopStability> =
-                loops.iter().filter_map(|(_, of)| of.as_ref().ok()).collect();
             return output::json(&json!({
                 "crane": description.name,
                 "warnings": all(&description, remarks),
-                "stable": stable, "loops": loops,
+                "stable": stable, "loops": expected, "unstable_on_ideal_equipment": on_ideal,
                 "at_rest": values,
             }));
         }

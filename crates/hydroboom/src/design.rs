@@ -8,7 +8,9 @@ use clap::Args;
 use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_description::Description;
 use hydroboom_design::observability::observability;
-use hydroboom_design::stability::{LoopStability, POSITIONS};
+use hydroboom_design::stability::{
+    LoopStability, POSITIONS, remark_on_ideal_equipment, unstable_on_ideal_equipment,
+};
 use hydroboom_design::{DesignReport, design_report};
 use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
 use hydroboom_lab::report;
@@ -44,7 +46,7 @@ pub struct Design {
     #[arg(long, conflicts_with_all = ["family", "observability", "out"])]
     benchmark: bool,
     /// With --benchmark: payloads that the gains are robust over, in place of the crane file's range.
-    #[arg(long, value_name = "LOW:HIGH", requires = "benchmark", value_parser = benchmark_gains::payloads)]
+    #[arg(long, value_name = "LOW:HIGH", requires = "benchmark", allow_hyphen_values = true, value_parser = benchmark_gains::payloads)]
     payload_kg: Option<Payloads>,
     /// With --benchmark: write the crane file with these gains, and where they come from.
     #[arg(long, value_name = "FILE", requires = "benchmark")]
@@ -79,10 +81,11 @@ impl Design {
             output::page_in_folder(folder, "design", &page, seed);
         }
         let loops = LoopStability::of_reports(&reports);
+        let on_ideal = unstable_on_ideal_equipment(&crane, &loops).into_diagnostic()?;
         if self.json {
             return output::json(&json!({
                 "crane": crane.name, "positions": reports, "stable": loops.iter().all(|of| of.stable),
-                "loops": loops, "family": family,
+                "loops": loops, "unstable_on_ideal_equipment": on_ideal, "family": family,
             }));
         }
         let mut text = format!(
@@ -91,13 +94,16 @@ impl Design {
             table(&reports)
         );
         text += "\n\
-            PM phase margin, GM gain margin, d modulus margin (smallest distance from -1), around a machine that is like the model, with the lags of drive and fieldbus.";
+            PM phase margin, GM gain margin, d modulus margin (smallest distance from -1), around a machine that is like the model, with the lags of drive and fieldbus that the controllers expect before anything is identified.";
         for unstable in loops.iter().filter(|of| !of.stable) {
             let remedy = match unstable.controller {
                 "benchmark" => "; `hydroboom design --benchmark` finds gains",
                 _ => "",
             };
             text += &format!("\n{unstable}; it has no margins there{remedy}");
+        }
+        if let Some(remark) = remark_on_ideal_equipment(&on_ideal) {
+            text += &format!("\n{remark}");
         }
         if let Some(family) = &family {
             text += &format!("\n\n{}", over_family(family));

@@ -1,15 +1,12 @@
 //! What a difference of log and model looks like, and what would move it, in words.
 
 use crate::output::three_digits;
-use hydroboom_identify::{Aspect, Difference, Judgement, LIMITS, Remedy, Ringing};
+use hydroboom_identify::{
+    Aspect, Difference, Fault, Judgement, LIMITS, Moved, Remedy, Ringing, SensorError,
+};
 
-/// An offset, a drift or a scale is told where it alone explains this share of a difference's power.
-const TOLD: f64 = 0.3;
-/// A model whose pressures go further is no machine's: it has a piston at its stop, and no relief valve \[Pa\].
-const HIGHEST: f64 = 1e8;
-
-/// What looks wrong with a signal, and what would move it; `complaints` are those of all signals.
-pub fn said(d: &Difference, complaints: &[Judgement], remedies: &[Remedy]) -> String {
+/// What looks wrong with a signal; `complaints` and errors of `sensors` are those of all signals.
+pub fn said(d: &Difference, complaints: &[Judgement], sensors: &[SensorError]) -> String {
     let (unit, size) = d.signal.shown();
     let symbol = d.signal.symbol();
     if let Some(far) = d.unresolved {
@@ -20,9 +17,11 @@ pub fn said(d: &Difference, complaints: &[Judgement], remedies: &[Remedy]) -> St
         );
     }
     let own: Vec<&Judgement> = complaints.iter().filter(|j| j.signal == d.signal).collect();
-    let is_noise = d.coloured < 0.1 || (d.rms < 1.2 * d.noise && d.coloured < 0.3);
+    let is_scatter = d.rms < LIMITS.hardly_more * d.noise && d.coloured < LIMITS.nearly_white;
     // an offset is no noise, whatever is left about it
-    if own.is_empty() && is_noise && d.bias.abs() < d.noise.max(0.1 * size) {
+    let is_noise =
+        (d.coloured < LIMITS.white || is_scatter) && d.bias.abs() < d.noise.max(0.1 * size);
+    if own.is_empty() && is_noise {
         return format!("{symbol}: nothing is left but what its sensor scatters.");
     }
     let mut parts = [explained(d), of_time(d), rings(d)].concat();
@@ -33,56 +32,102 @@ pub fn said(d: &Difference, complaints: &[Judgement], remedies: &[Remedy]) -> St
     if own.is_empty() {
         return said + " That is within its limit.";
     }
-    for complaint in own {
-        let list: Vec<String> = remedies
-            .iter()
-            .filter(|r| r.aspect == complaint.aspect)
-            .map(|r| {
-                let change = r.change * 100.0;
-                let sign = if change > 0.0 { "+" } else { "" };
-                let then = match r.aspect {
-                    Aspect::Frequency => format!("{:.2} Hz", r.found.1),
-                    Aspect::Damping => format!("{:.3}", r.found.1),
-                    _ => format!("{} {unit}", three_digits(r.found.1 / size)),
-                };
-                let end = if r.at_limit { ", the end of what is tried" } else { "" };
-                format!("{} {sign}{} %{end} ({then})", r.path, three_digits(change))
-            })
-            .collect();
-        let what = match complaint.aspect {
-            Aspect::Frequency => "the model's frequency",
-            Aspect::Damping => "the model's damping ratio",
-            _ => "it",
-        };
-        said += &match (list.is_empty(), is_of_time(d, complaint)) {
-            (true, true) => String::new(),
-            (true, false) if what == "it" => {
-                " No key that was tried takes a twentieth of it away on its own.".into()
-            }
-            (true, false) => {
-                format!(" No key that was tried brings {what} a twentieth nearer on its own.")
-            }
-            (false, _) => {
-                let then = if what == "it" { "RMS then" } else { "what it is then" };
-                format!(
-                    " What would move {what} most, each on its own ({then}): {}.",
-                    list.join(", ")
-                )
-            }
-        };
+    if let Some(error) = sensors.iter().find(|error| error.signal == d.signal) {
+        said += &of_sensor(error);
     }
     said
 }
 
-/// Whether a complaint is one that a late sensor or a clock explains: it asks for no key.
-fn is_of_time(d: &Difference, complaint: &Judgement) -> bool {
-    matches!(complaint.aspect, Aspect::Position | Aspect::Pressures)
-        && (d.is_late() || d.is_of_clock())
+/// What a constant error of a signal's sensor would explain.
+fn of_sensor(error: &SensorError) -> String {
+    let (unit, size) = error.signal.shown();
+    let (what, mapping) = match error.fault {
+        Fault::Offset(off) => (
+            format!("A constant offset of its sensor by {:+.3} {unit}", off / size),
+            format!("offset = {:.3}, in {unit}", -off / size),
+        ),
+        Fault::Scale(factor) => (
+            format!("A scale of its sensor that is wrong by {:+.2} %", 100.0 * (factor - 1.0)),
+            format!("scale = {:.4}", 1.0 / factor),
+        ),
+    };
+    let against = match error.against {
+        Some(other) => format!(
+            "; {} shows nothing of it, so that it is no matter of the crane",
+            other.symbol()
+        ),
+        None => ", if it is no matter of the crane".into(),
+    };
+    format!(
+        " {what} would explain it: {} {unit} RMS would be left ([log.{}] {mapping}){against}.",
+        three_digits(error.left / size),
+        error.signal.key()
+    )
+}
+
+/// One list of advice for all signals together.
+pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> Option<String> {
+    if complaints.is_empty() || !is_asked {
+        return None;
+    }
+    if remedies.is_empty() {
+        return Some("No key that was tried takes a twentieth of what is beyond its limits away, all signals together.".into());
+    }
+    let list: Vec<String> = remedies
+        .iter()
+        .map(|r| {
+            let end = if r.at_limit { ", the end of what is tried" } else { "" };
+            let moved: Vec<String> = r.moved.iter().map(moved).collect();
+            let change = 100.0 * r.change;
+            let sign = if change > 0.0 { "+" } else { "" };
+            format!("{} {sign}{} %{end} ({})", r.path, three_digits(change), moved.join(", "))
+        })
+        .collect();
+    Some(format!(
+        "What would bring all that is beyond its limits nearer, taken together, each key on its own: {}.",
+        list.join("; ")
+    ))
+}
+
+/// What a key does to one thing that is judged.
+fn moved(of: &Moved) -> String {
+    let ((before, after), symbol) = (of.found, of.signal.symbol());
+    match of.aspect {
+        Aspect::Frequency => {
+            format!("{symbol} rings at {after:.2} Hz for {before:.2}, log {:.2}", of.wanted)
+        }
+        Aspect::Damping => {
+            format!("{symbol} is damped {after:.3} for {before:.3}, log {:.3}", of.wanted)
+        }
+        Aspect::Position | Aspect::Pressures => {
+            let (unit, size) = of.signal.shown();
+            format!(
+                "{symbol} {} for {} {unit} RMS",
+                three_digits(after / size),
+                three_digits(before / size)
+            )
+        }
+    }
+}
+
+/// Whether anything is complained of that keys could move: not what a late sensor, a clock, or a sensor that another one speaks against explains.
+pub fn asks_for_keys(
+    found: &[&Difference],
+    complaints: &[Judgement],
+    sensors: &[SensorError],
+) -> bool {
+    let is_other = |j: &Judgement| {
+        let is_size = matches!(j.aspect, Aspect::Position | Aspect::Pressures);
+        let of = found.iter().find(|d| d.signal == j.signal);
+        let of_time = of.is_some_and(|d| d.is_late() || d.is_of_clock());
+        is_size && (of_time || sensors.iter().any(|s| s.signal == j.signal && s.against.is_some()))
+    };
+    complaints.iter().any(|j| !is_other(j))
 }
 
 /// What is to be said of a model that leaves what it holds for; `highest` is its highest pressure \[Pa\].
 pub fn beyond(highest: f64) -> Option<String> {
-    (highest > HIGHEST).then(|| {
+    (highest > LIMITS.highest_pressure).then(|| {
         format!(
             "the model comes to {:.0} bar, where its piston is at its stop and no relief valve opens: it is driven further than its cylinder goes",
             highest * 1e-5
@@ -100,7 +145,7 @@ fn explained(d: &Difference) -> Vec<String> {
     };
     let mut parts = Vec::new();
     let mut tell = |share: f64, what: String| {
-        if share > TOLD {
+        if share > LIMITS.told {
             parts.push(format!("{what}, {:.0} % of the difference's power", share * 100.0));
         }
     };
@@ -145,13 +190,17 @@ fn of_time(d: &Difference) -> Vec<String> {
 fn rings(d: &Difference) -> Vec<String> {
     // an oscillation whose fading cannot be told has no frequency that could be relied on either
     let told = |r: Option<Ringing>| r.filter(|r| r.damping.is_some());
+    let [low, high] = LIMITS.same_mode;
     let (Some(log), Some(model)) = (told(d.ringing), told(d.model_ringing)) else {
         return Vec::new();
     };
     let mut parts = Vec::new();
     let share = log.frequency / model.frequency - 1.0;
     // so far off it need not be the same mode
-    if !(-0.5..1.0).contains(&share) {
+    let is_read = log.tells_frequency() && model.tells_frequency();
+    if !is_read {
+        // one that is damped so strongly has no frequency to compare
+    } else if !(low..high).contains(&share) {
         parts.push(format!(
             "rings at {:.2} Hz, the model at {:.2} Hz: a load, a lever or a stiffness that is far from the crane file's, or something else that vibrates",
             log.frequency, model.frequency
@@ -164,7 +213,7 @@ fn rings(d: &Difference) -> Vec<String> {
         ));
     }
     if let (Some(a), Some(b)) = (log.damping, model.damping)
-        && share.abs() < 0.5
+        && (!is_read || (low..high).contains(&share))
         && (a - b).abs() > (LIMITS.damping * a.abs()).max(LIMITS.least_damping)
     {
         let how = if a > b { "more" } else { "less" };
@@ -213,8 +262,8 @@ mod tests {
         Some(Ringing { frequency, damping: Some(0.05), amplitude: 1e5 })
     }
 
-    fn read(d: &Difference, remedies: &[Remedy]) -> String {
-        said(d, &complaints(&vec![d.clone()]), remedies)
+    fn read(d: &Difference, sensors: &[SensorError]) -> String {
+        said(d, &complaints(&vec![d.clone()]), sensors)
     }
 
     #[test]
@@ -250,28 +299,56 @@ mod tests {
         assert!(read(&near, &[]).contains("softer, or heavier, than"), "{}", read(&near, &[]));
     }
 
+    /// Damped so strongly that it passes not even two periods: no frequency is compared, and the damping is.
     #[test]
-    fn hints_stand_beside_what_they_are_of() {
-        let off = Difference { ringing: rings(2.0), model_ringing: rings(2.25), ..difference() };
-        let remedy = |aspect, found, at_limit| Remedy {
-            aspect,
+    fn a_frequency_that_cannot_be_read_is_not_compared() {
+        let brief = Some(Ringing { frequency: 2.36, damping: Some(0.28), amplitude: 1e5 });
+        let text =
+            read(&Difference { ringing: brief, model_ringing: rings(2.21), ..difference() }, &[]);
+        assert!(!text.contains("Hz") && text.contains("is damped more (0.280)"), "{text}");
+    }
+
+    #[test]
+    fn an_error_of_a_sensor_is_named_with_what_the_mapping_says_then() {
+        let error =
+            |fault, against| SensorError { signal: Signal::PressureA, fault, left: 0.1e5, against };
+        let offset = error(Fault::Offset(5e5), Some(Signal::PressurePumpA));
+        let text = read(&difference(), &[offset]);
+        assert!(text.contains("A constant offset of its sensor by +5.000 bar would explain it: 0.100 bar RMS would be left ([log.pressure_a] offset = -5.000, in bar); p_PA shows nothing of it"), "{text}");
+        let text = read(&difference(), &[error(Fault::Scale(1.25), None)]);
+        assert!(text.contains("wrong by +25.00 %") && text.contains("scale = 0.8000"), "{text}");
+        assert!(text.ends_with("if it is no matter of the crane."), "{text}");
+        // no keys are asked for where a sensor is what is wrong
+        let d = difference();
+        let all = complaints(&vec![d.clone()]);
+        assert!(!asks_for_keys(&[&d], &all, &[offset]) && asks_for_keys(&[&d], &all, &[]));
+        assert!(advice(&all, &[], false).is_none());
+    }
+
+    #[test]
+    fn advice_is_one_list_with_what_each_key_does_to_each_signal() {
+        let d = difference();
+        let moved = |aspect, signal, found| Moved { aspect, signal, found, wanted: 2.0 };
+        let remedy = Remedy {
             path: "payload.mass_kg".into(),
             change: -0.0003,
-            at_limit,
-            found,
+            at_limit: true,
+            misfit: (3.0, 1.2),
+            moved: vec![
+                moved(Aspect::Pressures, Signal::PressureA, (5e5, 1e5)),
+                moved(Aspect::Frequency, Signal::PressureA, (2.25, 2.02)),
+            ],
         };
-        let list = [
-            remedy(Aspect::Pressures, (5e5, 1e5), true),
-            remedy(Aspect::Frequency, (2.25, 2.0), false),
-        ];
-        let text = read(&off, &list);
-        assert!(text.contains("What would move it most, each on its own (RMS then): payload.mass_kg -0.0300 %, the end of what is tried (1.00 bar)"), "{text}");
-        assert!(text.contains("What would move the model's frequency most, each on its own (what it is then): payload.mass_kg -0.0300 % (2.00 Hz)"), "{text}");
+        let all = complaints(&vec![d.clone()]);
+        let text = advice(&all, &[remedy], true).unwrap();
+        assert!(text.contains("payload.mass_kg -0.0300 %, the end of what is tried (p_A 1.00 for 5.00 bar RMS, p_A rings at 2.02 Hz for 2.25, log 2.00)"), "{text}");
+        assert!(advice(&all, &[], true).unwrap().starts_with("No key that was tried"));
         let within = Difference { rms: 1e5, ..difference() };
-        assert!(read(&within, &list).ends_with("That is within its limit."));
+        assert!(read(&within, &[]).ends_with("That is within its limit."));
         let late = Difference { delay: Some(0.02), rms_without_delay: Some(0.4e5), ..difference() };
         let text = read(&late, &[]);
         assert!(text.contains("comes 20.0 ms late") && !text.contains("key"), "{text}");
+        assert!(!asks_for_keys(&[&late], &complaints(&vec![late.clone()]), &[]));
         assert!(beyond(3.5e8).unwrap().contains("3500 bar") && beyond(3e7).is_none());
     }
 }

@@ -16,7 +16,7 @@ pub struct Eigen {
     #[command(flatten)]
     crane: CraneFile,
     /// Piston positions: 0 to 20000 mm.
-    #[arg(long, value_delimiter = ',', default_values_t = paper::EIGEN_STROKE_MM, allow_negative_numbers = true, value_parser = number::within(number::STROKE, "mm"))]
+    #[arg(long, value_delimiter = ',', default_values_t = paper::EIGEN_STROKE_MM, value_parser = number::within(number::STROKE, "mm"))]
     stroke_mm: Vec<f64>,
     /// Print JSON.
     #[arg(long)]
@@ -56,7 +56,7 @@ impl Eigen {
             "{}{failed}\n\n{}\n\n{}",
             table(&rows),
             difference(&description, &rows),
-            shapes(&rows)
+            shapes(&description, &rows)
         ))
     }
 }
@@ -100,7 +100,7 @@ fn difference(description: &Description, rows: &[eigenfrequency::Row]) -> String
 }
 
 /// Every oscillatory mode with its shape.
-fn shapes(rows: &[eigenfrequency::Row]) -> String {
+fn shapes(description: &Description, rows: &[eigenfrequency::Row]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()
         .flat_map(|row| row.modes.iter().map(move |shaped| (row.stroke_mm, shaped)))
@@ -115,7 +115,12 @@ fn shapes(rows: &[eigenfrequency::Row]) -> String {
             ]
         })
         .collect();
-    let header = ["x_cyl [mm]", "f [Hz]", "damping", "p_A [bar/deg]", "segments' angles"];
+    // an elastic base is one more coordinate, the last
+    let angles = match description.numbers.base_stiffness > 0.0 {
+        true => "angles of the segments, and of the base",
+        false => "segments' angles",
+    };
+    let header = ["x_cyl [mm]", "f [Hz]", "damping", "p_A [bar/deg]", angles];
     format!(
         "Modes of the linearised crane, friction off; swings relative to the outermost segment's angle\n{}",
         output::table(&header, &cells)

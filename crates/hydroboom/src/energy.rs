@@ -18,7 +18,7 @@ pub struct Energy {
     #[command(flatten)]
     crane: CraneFile,
     /// Steps of the implicit scheme: 0.1 to 100000 us.
-    #[arg(long, value_delimiter = ',', default_values_t = [2.0 * IMPLICIT_STEP * 1e6, IMPLICIT_STEP * 1e6, 0.5 * IMPLICIT_STEP * 1e6], allow_negative_numbers = true, value_parser = number::within(number::STEP, "us"))]
+    #[arg(long, value_delimiter = ',', default_values_t = [2.0 * IMPLICIT_STEP * 1e6, IMPLICIT_STEP * 1e6, 0.5 * IMPLICIT_STEP * 1e6], value_parser = number::within(number::STEP, "us"))]
     step_us: Vec<f64>,
     /// Print JSON.
     #[arg(long)]

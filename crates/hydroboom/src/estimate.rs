@@ -1,7 +1,7 @@
 //! `hydroboom estimate`
 
 use crate::crane_file::CraneFile;
-use crate::log_mapping::{LogMapping, LogWindow};
+use crate::log_mapping::{LogMapping, LogWindow, suspicions};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use clap::Args;
@@ -50,7 +50,7 @@ impl Estimate {
         let (log, mapping) = self.mapping.read(&self.log, &crane)?;
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
         let needed = [Signal::Stroke, Signal::PressureA, Signal::PressureB, Signal::MotorSpeed];
-        let suspicions = mapping.suspicions(&log, crane.numbers.stroke, crane.numbers.motor_speed);
+        let suspicions = suspicions(&log, &mapping, &crane);
         let wrong: Vec<_> =
             suspicions.iter().filter(|s| s.is_unusable && needed.contains(&s.signal)).collect();
         if let Some(first) = wrong.first() {

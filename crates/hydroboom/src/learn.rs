@@ -75,12 +75,12 @@ impl Learn {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
         match self.log.clone() {
-            Some(log) => self.from_log(&log),
-            None => self.from_cycles(),
+            Some(log) => self.run_log(&log),
+            None => self.run_cycles(),
         }
     }
 
-    fn from_cycles(self) -> Result<()> {
+    fn run_cycles(self) -> Result<()> {
         let choice = self.choice()?;
         let (model, nominal) = (&choice.model, &choice.machine);
         let members = self.family.map_or(self.member, |count| (0..count).collect());
@@ -123,7 +123,7 @@ impl Learn {
         }
     }
 
-    fn from_log(self, path: &Path) -> Result<()> {
+    fn run_log(self, path: &Path) -> Result<()> {
         let model = self.crane.read()?;
         let (log, mapping) = self.mapping.read(path, &model)?;
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;

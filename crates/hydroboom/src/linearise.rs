@@ -22,14 +22,14 @@ pub struct Linearise {
     #[command(flatten)]
     crane: CraneFile,
     /// Piston position, before the crane moves: 0 to 20000 mm.
-    #[arg(long, default_value_t = 250.0, allow_negative_numbers = true, value_parser = number::within(number::STROKE, "mm"))]
+    #[arg(long, default_value_t = 250.0, value_parser = number::within(number::STROKE, "mm"))]
     stroke_mm: f64,
     /// Motor speed: -20000 to 20000 rpm.
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
+    #[arg(long, default_value_t = 0.0, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
     motor_speed_rpm: f64,
     /// Let the crane move for so long under the motor speed first; by default a second unless it
     /// rests.
-    #[arg(long, allow_negative_numbers = true, value_parser = number::within(0.0..=3600.0, "s"))]
+    #[arg(long, value_parser = number::within(0.0..=3600.0, "s"))]
     settle_s: Option<f64>,
     /// 3/2 valve: 1 energised, 0 load held.
     #[arg(long, default_value_t = 1.0, value_parser = valve)]

@@ -6,7 +6,10 @@ use crate::origin;
 use crate::paths::InputFile;
 use clap::Args;
 use hydroboom_description::Description;
-use hydroboom_measurement::{Mapping, Measurement, read};
+use hydroboom_description::schema::CircuitChoice;
+use hydroboom_lab::plant;
+use hydroboom_measurement::{Expected, Mapping, Measurement, Suspicion, read};
+use hydroboom_model::Scheme;
 use miette::{IntoDiagnostic, Result, miette};
 use std::path::Path;
 
@@ -17,7 +20,7 @@ pub struct LogMapping {
     #[arg(long, value_name = "FILE")]
     mapping: Option<InputFile>,
     /// Interval of the rows of a text file, where no column tells their time; takes precedence over a time column.
-    #[arg(long, value_name = "MS", value_parser = sample_time, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MS", value_parser = sample_time)]
     sample_time_ms: Option<f64>,
 }
 
@@ -61,14 +64,42 @@ impl LogMapping {
     }
 }
 
+/// What looks wrong with the columns of a log, for a crane.
+pub fn suspicions(log: &Measurement, mapping: &Mapping, crane: &Description) -> Vec<Suspicion> {
+    let n = &crane.numbers;
+    let mut found = mapping.suspicions(log, n.stroke, n.motor_speed);
+    if let Some(expected) = expected(crane) {
+        found.extend(mapping.unit_suspicions(log, &expected));
+    }
+    found
+}
+
+/// What a crane with a pump of its own says of the size of its signals; none where it cannot rest.
+fn expected(crane: &Description) -> Option<Expected> {
+    if crane.choices.circuit != CircuitChoice::SelfContained {
+        return None;
+    }
+    let n = &crane.numbers;
+    let holding = |share: f64| {
+        let start = crane.start(share * n.stroke);
+        let at_rest = plant(crane, &start, Scheme::Implicit, 1e-3).ok()?;
+        Some(at_rest.outputs().pressure_a)
+    };
+    let [a, b, c] = [holding(0.0)?, holding(0.5)?, holding(1.0)?];
+    Some(Expected {
+        holding_pressure: [a.min(b).min(c), a.max(b).max(c)],
+        travel: n.displacement * n.flow_gain / crane.cylinder().piston_area,
+    })
+}
+
 /// The options that choose a part of a log.
 #[derive(Args, Clone, Copy)]
 pub struct LogWindow {
     /// Use the log from here; from its beginning when not given.
-    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::LOG_TIME, "s"))]
+    #[arg(long, value_parser = number::within(number::LOG_TIME, "s"))]
     from_s: Option<f64>,
     /// Use the log to here; to its end when not given.
-    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::LOG_TIME, "s"))]
+    #[arg(long, value_parser = number::within(number::LOG_TIME, "s"))]
     to_s: Option<f64>,
 }
 

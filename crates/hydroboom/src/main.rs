@@ -105,10 +105,11 @@ fn main() -> ExitCode {
     }));
     // it is set once, here; without it errors are only plainer
     drop(is_set);
-    let matches = Arguments::command().try_get_matches().unwrap_or_else(|error| {
-        output::usage(&error);
-        std::process::exit(error.exit_code())
-    });
+    let matches =
+        with_negative_numbers(Arguments::command()).try_get_matches().unwrap_or_else(|error| {
+            output::usage(&error);
+            std::process::exit(error.exit_code())
+        });
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let result = paths::check(&matches).and_then(|()| run(arguments.command));
     match output::conclude(result) {
@@ -118,6 +119,19 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Lets every option that takes a value take a negative number: what is wrong with it is said of the option, and not that `-5` is none.
+fn with_negative_numbers(mut command: clap::Command) -> clap::Command {
+    let names: Vec<String> =
+        command.get_subcommands().map(|each| each.get_name().to_string()).collect();
+    for name in names {
+        command = command.mut_subcommand(name, with_negative_numbers);
+    }
+    command.mut_args(|argument| match argument.get_action().takes_values() {
+        true => argument.allow_negative_numbers(true),
+        false => argument,
+    })
 }
 
 fn run(command: Command) -> Result<()> {

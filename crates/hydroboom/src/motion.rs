@@ -8,13 +8,15 @@ use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, Difference};
 use hydroboom_design::benchmark_design::{Gains, payload_range};
-use hydroboom_design::stability::stability_of;
+use hydroboom_design::stability::{
+    remark_on_expected_lags, stability_of, stable_with_expected_lags,
+};
 use hydroboom_lab::calibrate::differences;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
-use hydroboom_lab::motion_test::{Row, instability_remarks, run, run_all};
+use hydroboom_lab::motion_test::{Row, instability_remarks, remark_on_mark, run, run_all};
 use hydroboom_lab::report::IDEAL_SENSORS;
 use hydroboom_lab::study::NOMINAL;
 use hydroboom_lab::{LabError, paper, report};
@@ -132,9 +134,10 @@ impl MotionTests {
         }
         bar.finish_and_clear();
         let loops = stability_of(&Strategy::ALL, model, plant).into_diagnostic()?;
+        let expected = stable_with_expected_lags(model, &loops).into_diagnostic()?;
         let rows: Vec<Row> = runs
             .iter()
-            .map(|run| Row::of(&name, run))
+            .map(|run| Row::of(&name, run).with_loops(&loops))
             .map(|row| if is_papers_crane { row } else { row.without_paper() })
             .collect();
         // Table 6: the published model along the last course, the fast motion unless it is a scenario
@@ -168,6 +171,7 @@ impl MotionTests {
                 .into_iter()
                 .chain(gains.clone())
                 .chain(unstable)
+                .chain(remark_on_expected_lags(&expected))
                 .collect();
             let page = report::motion_page(&report::MotionTests {
                 crane: &model.name,
@@ -175,6 +179,7 @@ impl MotionTests {
                 runs: &runs,
                 alongside: alongside.as_ref(),
                 is_papers_crane,
+                loops: &loops,
                 remark: (!remarks.is_empty()).then(|| remarks.join(". ")).as_deref(),
             });
             output::page_in_folder(folder, "motion", &page.into_diagnostic()?, None);
@@ -187,7 +192,7 @@ impl MotionTests {
             return output::json(&json!({
                 "motion": rows, "plant_changes": effects, "differences": table_6, "plant": choice.json(),
                 "stable": rows.iter().all(|row| row.stable) && loops.iter().all(|one| one.stable),
-                "loops": loops, "benchmark_gains": Gains::of(model), "remark_on_gains": gains,
+                "loops": loops, "stable_with_expected_lags": expected, "benchmark_gains": Gains::of(model), "remark_on_gains": gains,
             }));
         }
         let mut said = String::new();
@@ -232,7 +237,10 @@ impl MotionTests {
         }
         let mut unstable: String =
             loops.iter().filter(|of| !of.stable).map(|of| format!("\n{of}")).collect();
-        if !unstable.is_empty() && rows.iter().all(|row| row.stable) {
+        if let Some(remark) = remark_on_expected_lags(&expected) {
+            unstable += &format!("\n{remark}");
+        }
+        if loops.iter().any(|of| !of.stable) && rows.iter().all(|row| row.stable) {
             unstable += "\nNo run above was in sustained oscillation while its reference rested, where friction may hold the piston: look at the motor's speed in motion (--log).";
         }
         output::text(&format!("{said}{}{unstable}", table(&rows)))
@@ -430,7 +438,7 @@ pub fn table(rows: &[Row]) -> String {
         .map(|r| {
             kept(
                 &[
-                    r.strategy.name().into(),
+                    r.marked_name(),
                     r.plant.clone(),
                     r.course.clone(),
                     output::optional(r.paper_rms_mm, 2),
@@ -462,8 +470,9 @@ pub fn table(rows: &[Row]) -> String {
         "motor energy [kJ]",
         "motor [rpm]",
     ];
+    let mark = remark_on_mark(rows).map(str::to_string);
     let remarks: String =
-        instability_remarks(rows).iter().map(|remark| format!("\n{remark}")).collect();
+        mark.iter().chain(&instability_remarks(rows)).map(|remark| format!("\n{remark}")).collect();
     let title = match beside_paper {
         true => "Tables 7 to 9: tracking error x - x_ref [mm]; the paper measured a real crane.",
         false => "Tracking error x - x_ref [mm].",
@@ -494,6 +503,7 @@ mod tests {
             course: "120 mm/s".into(),
             speed_mm_s: 120.0,
             stable: true,
+            has_stable_loops: true,
             stopped: None,
             sustained_oscillation: None,
             error,
@@ -515,6 +525,32 @@ mod tests {
             (2, 1),
             "{mixed}"
         );
+    }
+
+    /// The row itself says so, not only a sentence below the table.
+    #[test]
+    fn a_row_of_an_unstable_loop_bears_a_mark() {
+        let swings = Row { has_stable_loops: false, ..row(0.5, None) };
+        let text = table(&[row(0.5, None), swings]);
+        let marked = |line: &str| line.starts_with("benchmark-closed-loop (!)");
+        assert_eq!(text.lines().filter(|line| marked(line)).count(), 1, "{text}");
+        assert!(text.contains("(!): its closed loop is unstable"), "{text}");
+        assert!(!table(&[row(0.5, None)]).contains("(!)"));
+    }
+
+    /// The head of the error columns says which error it is: true, or as measured.
+    #[test]
+    fn heads_of_error_columns_say_true_or_measured() {
+        let text = table(&[row(0.625, None)]);
+        let header = text.lines().find(|line| line.starts_with("strategy")).unwrap();
+        for head in TrackingError::HEADS {
+            assert!(header.contains(head), "{head}: {header}");
+        }
+        let of = |head: &str| header.find(head).unwrap();
+        let line = text.lines().find(|line| line.starts_with("benchmark-closed-loop")).unwrap();
+        let ends = |head: &str| line[..of(head) + head.len()].trim_end().to_string();
+        assert!(ends("RMS true [mm]").ends_with("0.500"), "{text}");
+        assert!(ends("RMS measured [mm]").ends_with("0.625"), "{text}");
     }
 
     #[test]

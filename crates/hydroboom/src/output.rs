@@ -98,11 +98,16 @@ pub fn written(path: &Path, result: Result<(), impl std::fmt::Display>) -> bool 
 
 /// A line that names a file that was written, as `report: run.html`; the truth of one that was not.
 pub fn named(what: &str, path: &Path) -> String {
-    let failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
-    match failures.iter().any(|failure| failure.path.as_deref() == Some(path)) {
-        true => format!("\n{what}: {} is NOT written", path.display()),
-        false => format!("\n{what}: {}", path.display()),
+    match is_written(path) {
+        false => format!("\n{what}: {} is NOT written", path.display()),
+        true => format!("\n{what}: {}", path.display()),
     }
+}
+
+/// Whether writing a file went well, and making the folder that it is in.
+pub fn is_written(path: &Path) -> bool {
+    let failures = FAILURES.lock().unwrap_or_else(PoisonError::into_inner);
+    !failures.iter().any(|f| f.path.as_deref().is_some_and(|failed| path.starts_with(failed)))
 }
 
 fn failed(path: Option<&Path>, said: String) {

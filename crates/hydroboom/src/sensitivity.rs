@@ -41,7 +41,7 @@ pub struct Sensitivity {
     #[arg(long, value_name = "KEYS", value_delimiter = ',')]
     keys: Vec<String>,
     /// Speed of the motion; the crane's fast one when not given: 0.1 to 10000 mm/s.
-    #[arg(long, value_name = "SPEED", allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
+    #[arg(long, value_name = "SPEED", value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Rows of the global study, each of as many runs as there are keys, and two more; 0 leaves it out.
     #[arg(long, value_name = "COUNT", default_value_t = 0)]

@@ -29,7 +29,7 @@ pub struct Simulate {
     #[command(flatten)]
     crane: CraneFile,
     /// Run the crane file's motion at this speed, under velocity feedforward: 0.1 to 10000 mm/s.
-    #[arg(long, conflicts_with_all = ["input", "hold_s"], allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
+    #[arg(long, conflicts_with_all = ["input", "hold_s"], value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Run a recorded input: CSV with time_s, motor_speed_rpm and optionally valve.
     #[arg(long, value_name = "FILE", conflicts_with = "hold_s")]
@@ -38,28 +38,28 @@ pub struct Simulate {
     #[arg(long, value_name = "NAME", conflicts_with_all = ["speed_mm_s", "input", "hold_s"])]
     scenario: Option<String>,
     /// Hold a constant input for so many seconds: 0.001 to 1e7 s.
-    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::DURATION, "s"))]
+    #[arg(long, value_parser = number::within(number::DURATION, "s"))]
     hold_s: Option<f64>,
     /// Motor speed of --hold-s: -20000 to 20000 rpm.
-    #[arg(long, default_value_t = 0.0, requires = "hold_s", allow_negative_numbers = true, value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
+    #[arg(long, default_value_t = 0.0, requires = "hold_s", value_parser = number::within(number::MOTOR_SPEED, "rpm"))]
     motor_speed_rpm: f64,
     /// 3/2 valve of --hold-s: 1 energised, 0 load held.
     #[arg(long, default_value_t = 1.0, value_parser = valve)]
     valve: f64,
     /// Piston position to start from; the motion's start when not given: 0 to 20000 mm.
-    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::STROKE, "mm"))]
+    #[arg(long, value_parser = number::within(number::STROKE, "mm"))]
     start_mm: Option<f64>,
     /// How to move in time.
     #[arg(long, value_enum, default_value = "implicit")]
     scheme: SchemeName,
     /// Step; by default the scheme's own: 0.1 to 100000 us.
-    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::STEP, "us"))]
+    #[arg(long, value_parser = number::within(number::STEP, "us"))]
     step_us: Option<f64>,
     /// CSV log to write.
     #[arg(long, value_name = "FILE")]
     log: Option<OutputFile>,
     /// Interval of the log: 0.001 to 3600000 ms.
-    #[arg(long, default_value_t = 10.0, allow_negative_numbers = true, value_parser = number::within(number::LOG_INTERVAL, "ms"))]
+    #[arg(long, default_value_t = 10.0, value_parser = number::within(number::LOG_INTERVAL, "ms"))]
     log_ms: f64,
     /// Print JSON.
     #[arg(long)]

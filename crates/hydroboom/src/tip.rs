@@ -58,7 +58,7 @@ pub struct Tip {
     #[arg(long, requires = "family")]
     widened: bool,
     /// Standard deviation of each surveyed coordinate of the family's cranes: 0.001 to 100 mm.
-    #[arg(long, default_value_t = 1.0, requires = "family", allow_negative_numbers = true, value_parser = number::within(number::SURVEY_NOISE, "mm"))]
+    #[arg(long, default_value_t = 1.0, requires = "family", value_parser = number::within(number::SURVEY_NOISE, "mm"))]
     survey_noise_mm: f64,
     /// Scenario in place of the fast motion; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", requires = "family")]

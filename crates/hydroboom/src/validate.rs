@@ -1,7 +1,7 @@
 //! `hydroboom validate`
 
 use crate::crane_file::CraneFile;
-use crate::log_mapping::{LogMapping, LogWindow};
+use crate::log_mapping::{LogMapping, LogWindow, suspicions};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use crate::{difference_text, verdict_text};
@@ -9,8 +9,8 @@ use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_identify::{
-    Aspect, COMPARED, Difference, Experiment, Judgement, Prediction, Remedy, Ringing, complaints,
-    differences, remedies, verdict,
+    Aspect, COMPARED, Difference, Experiment, Fault, Judgement, Moved, Prediction, Remedy, Ringing,
+    SensorError, complaints, differences, remedies, sensor_errors, verdict,
 };
 use hydroboom_lab::LabError;
 use hydroboom_lab::paper;
@@ -48,7 +48,7 @@ pub struct Validate {
 /// One signal, in numbers and words.
 struct Finding {
     difference: Difference,
-    remedies: Vec<Remedy>,
+    sensor: Option<SensorError>,
     said: String,
 }
 
@@ -57,6 +57,9 @@ struct Part {
     experiment: Experiment,
     prediction: Prediction,
     findings: Vec<Finding>,
+    /// What would move all of it, and that in words.
+    remedies: Vec<Remedy>,
+    advice: Option<String>,
     verdict: Vec<Judgement>,
 }
 
@@ -65,8 +68,7 @@ impl Validate {
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
         let (log, mapping) = self.mapping.read(&self.log, &crane)?;
-        let n = &crane.numbers;
-        let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
+        let suspicions = suspicions(&log, &mapping, &crane);
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
         let each = Experiment::each(&crane, &log, &signals, self.window.of()).into_diagnostic()?;
         let parts = each.into_iter().map(|experiment| part(&crane, experiment));
@@ -98,6 +100,9 @@ impl Validate {
             for finding in &part.findings {
                 said += &format!("\n{}", finding.said);
             }
+            if let Some(advice) = &part.advice {
+                said += &format!("\n{advice}");
+            }
             said += if parts.len() > 1 { "\n" } else { "" };
         }
         for note in &notes {
@@ -116,6 +121,7 @@ impl Validate {
                 "begin_s": part.experiment.begin, "duration_s": part.experiment.duration(),
                 "verdict": verdict_text::in_json(&part.verdict),
                 "signals": part.findings.iter().map(in_json).collect::<Vec<_>>(),
+                "remedies": part.remedies.iter().map(remedy_in_json).collect::<Vec<_>>(), "advice": part.advice,
             })
         };
         let duration = |part: &&Part| part.experiment.duration();
@@ -138,16 +144,19 @@ fn part(crane: &Description, mut experiment: Experiment) -> Result<Part> {
     let (verdict, complaints) = (verdict(&found), complaints(&found));
     let pressures = prediction.iter().flat_map(|row| row.iter().skip(1).copied());
     experiment.remarks.extend(difference_text::beyond(pressures.fold(0.0, f64::max)));
+    let sensors = sensor_errors(&experiment, &prediction, &found);
+    let all: Vec<&Difference> = found.iter().collect();
+    let is_asked = difference_text::asks_for_keys(&all, &complaints, &sensors);
+    let advice = difference_text::advice(&complaints, &would, is_asked);
     let findings = found
         .into_iter()
         .map(|difference| {
-            let of = would.iter().find(|(signal, _)| *signal == difference.signal);
-            let remedies = of.map_or_else(Vec::new, |(_, list)| list.clone());
-            let said = difference_text::said(&difference, &complaints, &remedies);
-            Finding { difference, remedies, said }
+            let said = difference_text::said(&difference, &complaints, &sensors);
+            let sensor = sensors.iter().find(|error| error.signal == difference.signal).copied();
+            Finding { difference, sensor, said }
         })
         .collect();
-    Ok(Part { experiment, prediction, findings, verdict })
+    Ok(Part { experiment, prediction, findings, remedies: would, advice, verdict })
 }
 
 const HEADER: [&str; 10] = [
@@ -166,23 +175,17 @@ const HEADER: [&str; 10] = [
 /// Place of the frequencies among the columns.
 const RINGS: usize = 7;
 /// Said of frequencies in brackets.
-const SPECTRUM: &str = "(...): a peak of the spectrum alone, to which no oscillation that fades could be fitted; nothing is judged by it.";
+const SPECTRUM: &str = "(...): no frequency that is judged: a peak of the spectrum alone, to which no oscillation that fades could be fitted, or an oscillation that fades within \
+    fewer than four periods.";
 
 fn row(finding: &Finding) -> Vec<String> {
     let d = &finding.difference;
     let (unit, size) = d.signal.shown();
-    let pair = |of: &dyn Fn(&Ringing) -> Option<f64>, digits: usize| {
-        let text = |r: Option<Ringing>| {
-            let text = output::optional(r.as_ref().and_then(of), digits);
-            // a peak of the spectrum alone
-            if r.is_some_and(|r| r.damping.is_none()) && text != "-" {
-                format!("({text})")
-            } else {
-                text
-            }
-        };
-        format!("{}, {}", text(d.ringing), text(d.model_ringing))
+    let frequency = |r: Option<Ringing>| {
+        let text = output::optional(r.map(|r| r.frequency), 3);
+        if r.is_some_and(|r| !r.tells_frequency()) { format!("({text})") } else { text }
     };
+    let damping = |r: Option<Ringing>| output::optional(r.and_then(|r| r.damping), 3);
     vec![
         format!("{} [{unit}]", d.signal.symbol()),
         format!("{:.3}", d.rms / size),
@@ -191,8 +194,8 @@ fn row(finding: &Finding) -> Vec<String> {
         output::optional(d.fit, 1),
         output::optional(d.correlation, 4),
         output::optional(d.delay.map(|s| s * 1e3), 1),
-        pair(&|r| Some(r.frequency), 3),
-        pair(&|r| r.damping, 3),
+        format!("{}, {}", frequency(d.ringing), frequency(d.model_ringing)),
+        format!("{}, {}", damping(d.ringing), damping(d.model_ringing)),
         format!("{:.2}", d.coloured),
     ]
 }
@@ -200,13 +203,8 @@ fn row(finding: &Finding) -> Vec<String> {
 fn in_json(finding: &Finding) -> Value {
     let d = &finding.difference;
     let (unit, size) = d.signal.shown();
-    // frequencies and damping ratios stay as they are
-    let in_unit = |r: &Remedy| match r.aspect {
-        Aspect::Position | Aspect::Pressures => size,
-        Aspect::Frequency | Aspect::Damping => 1.0,
-    };
     let rings = |r: Option<Ringing>| {
-        r.map(|r| json!({ "frequency_hz": r.frequency, "damping": r.damping }))
+        r.map(|r| json!({ "frequency_hz": r.frequency, "damping": r.damping, "frequency_judged": r.tells_frequency() }))
     };
     json!({
         "signal": d.signal.key(), "unit": unit, "samples": d.count, "rms": d.rms / size,
@@ -222,9 +220,26 @@ fn in_json(finding: &Finding) -> Value {
         })),
         "ringing": rings(d.ringing), "model_ringing": rings(d.model_ringing), "coloured": d.coloured,
         "judged": d.unresolved.is_none(), "said": finding.said,
-        "remedies": finding.remedies.iter().map(|r| json!({
-            "key": r.path, "change_percent": r.change * 100.0, "of": verdict_text::name(r.aspect),
-            "at_limit": r.at_limit, "before": r.found.0 / in_unit(r), "after": r.found.1 / in_unit(r),
+        "sensor_error": finding.sensor.map(|error| json!({
+            "offset": match error.fault { Fault::Offset(off) => Some(off / size), Fault::Scale(_) => None },
+            "scale": match error.fault { Fault::Scale(factor) => Some(factor), Fault::Offset(_) => None },
+            "rms_left": error.left / size, "against": error.against.map(Signal::key),
+        })),
+    })
+}
+
+fn remedy_in_json(r: &Remedy) -> Value {
+    // frequencies and damping ratios stay as they are
+    let in_unit = |moved: &Moved| match moved.aspect {
+        Aspect::Position | Aspect::Pressures => moved.signal.shown().1,
+        Aspect::Frequency | Aspect::Damping => 1.0,
+    };
+    json!({
+        "key": r.path, "change_percent": r.change * 100.0, "at_limit": r.at_limit,
+        "misfit_before": r.misfit.0, "misfit_after": r.misfit.1,
+        "moved": r.moved.iter().map(|m| json!({
+            "of": verdict_text::name(m.aspect), "signal": m.signal.key(),
+            "before": m.found.0 / in_unit(m), "after": m.found.1 / in_unit(m),
         })).collect::<Vec<_>>(),
     })
 }
@@ -299,6 +314,7 @@ fn page(
         @for note in notes { p.soft { "Note: " (note) } }
         h2 { "What looks wrong, and what would move it" }
         @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
+        @for part in parts { @if let Some(advice) = &part.advice { p { (advice) (of_segment(parts, &part.experiment)) } } }
         p.soft {
             "What would move what is beyond its limit is found by exact slopes along each key and tried by running the model with that key changed: "
             "a hint where to look, no result. " code { "hydroboom show" } " lists where each value comes from."

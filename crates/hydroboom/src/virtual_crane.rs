@@ -49,7 +49,7 @@ pub struct Virtual {
     #[arg(long, value_name = "EFFECTS", value_delimiter = ',')]
     without: Vec<String>,
     /// Speed of the motion; the model's fast one when not given: 0.1 to 10000 mm/s.
-    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
+    #[arg(long, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// How the motor's speed is found.
     #[arg(long, value_parser = strategies(), default_value = "velocity-feedforward")]
@@ -64,7 +64,7 @@ pub struct Virtual {
     #[arg(long, value_name = "FILE")]
     log: Option<OutputFile>,
     /// Interval of the log; never shorter than a control period: 0.001 to 3600000 ms.
-    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true, value_parser = number::within(number::LOG_INTERVAL, "ms"))]
+    #[arg(long, default_value_t = 1.0, value_parser = number::within(number::LOG_INTERVAL, "ms"))]
     log_ms: f64,
     /// Add the hidden states to the log.
     #[arg(long, requires = "log")]
@@ -76,7 +76,7 @@ pub struct Virtual {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["input", "log", "scenario", "speed_mm_s", "dataset"])]
     survey: Option<OutputFile>,
     /// Standard deviation of each surveyed coordinate: 0.001 to 100 mm.
-    #[arg(long, default_value_t = 1.0, requires = "survey", allow_negative_numbers = true, value_parser = number::within(number::SURVEY_NOISE, "mm"))]
+    #[arg(long, default_value_t = 1.0, requires = "survey", value_parser = number::within(number::SURVEY_NOISE, "mm"))]
     survey_noise_mm: f64,
     /// Seed of the survey's noise.
     #[arg(long, default_value_t = 1, requires = "survey")]

@@ -3,7 +3,7 @@
 #[path = "support/command.rs"]
 mod command;
 
-use command::{folder, hydroboom, keys, parsed, says};
+use command::{files, folder, hydroboom, keys, parsed, says};
 use std::process::Command;
 
 #[test]
@@ -50,6 +50,55 @@ fn a_new_crane_file_is_checked_and_shown() {
     let shown = hydroboom(&["show", "--crane", path, "--json"]);
     let shown: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
     assert_eq!(shown["crane"], "UiA single boom");
+}
+
+/// A key that tune cannot move is told why, and a misspelt one what was meant.
+#[test]
+fn keys_that_cannot_be_free_are_told_why() {
+    let log = files("free")("log.csv");
+    assert!(hydroboom(&["simulate", "--hold-s", "1", "--log", &log]).status.success());
+    let tune = |key: &str| hydroboom(&["tune", "--log", &log, "--free", key]);
+    says(&tune("friction.law"), "it is a choice and no number");
+    says(&tune("motion.fast_mm_s"), "[motion] is of what is around it");
+    says(&tune("controller.proportional_per_s"), "[controller] is of what is around it");
+    says(&tune("payload.mas_kg"), "did you mean payload.mass_kg?");
+    says(&tune("mass_kg"), "payload.mass_kg");
+    let from = |text: &str| hydroboom(&["validate", "--log", &log, "--from-s", text]);
+    says(&from("900"), "from 900.000 s is beyond the end of the log");
+    let to = hydroboom(&["validate", "--log", &log, "--to-s", "-3"]);
+    says(&to, "to -3.000 s is before the beginning of the log");
+}
+
+/// What is wrong with a negative number is said of its option.
+#[test]
+fn a_negative_number_is_read_as_one() {
+    says(&hydroboom(&["design", "--family", "-3"]), "invalid value '-3' for '--family");
+    says(&hydroboom(&["motion", "--seed", "-3"]), "invalid value '-3' for '--seed");
+    let payloads = hydroboom(&["design", "--benchmark", "--payload-kg", "-5:100"]);
+    says(&payloads, "payloads are LOW:HIGH in kg");
+    says(&hydroboom(&["eigen", "--stroke-mm", "-100"]), "it is a number from 0 to 20000 mm");
+}
+
+#[test]
+fn a_value_beyond_its_range_names_a_place_that_the_user_can_look_at() {
+    let beyond = ["--set", "payload.mass_kg=99999"];
+    let embedded = hydroboom(&[&["check"], &beyond[..]].concat());
+    says(&embedded, "outside the embedded crane's range of payload.mass_kg, 0 to 370 kg");
+    says(&embedded, "hydroboom new my-crane.toml");
+    assert!(!String::from_utf8_lossy(&embedded.stderr).contains("line "), "{embedded:?}");
+    let file = files("beyond-range")("crane.toml");
+    assert!(hydroboom(&["new", &file]).status.success());
+    let named = hydroboom(&[&["check", "--crane", &file], &beyond[..]].concat());
+    says(&named, "widen `range` in line ");
+}
+
+/// In a place where nothing can be made.
+#[test]
+fn an_export_lists_no_file_that_is_not_written() {
+    let output = hydroboom(&["export", "c", "--out", "/proc/hydroboom"]);
+    says(&output, "/proc/hydroboom cannot be written");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("no file is written") && !said.contains("hydroboom.h"), "{said}");
 }
 
 #[test]

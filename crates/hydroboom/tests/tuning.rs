@@ -28,7 +28,7 @@ fn a_model_is_held_against_a_log_and_tuned_to_it() {
     let before = of(&["--report", &report]);
     keys(
         &before["signals"][0],
-        &["rms", "peak", "bias", "fit_percent", "delay_ms", "said", "remedies"],
+        &["rms", "peak", "bias", "fit_percent", "delay_ms", "said", "sensor_error"],
     );
     let aspects = before["verdict"].as_array().unwrap();
     let named: Vec<&str> = aspects.iter().map(|a| a["aspect"].as_str().unwrap()).collect();

@@ -77,6 +77,28 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
     assert_eq!(warned(&["check"]), "");
 }
 
+/// A payload at 9 m: with the lags of drive and fieldbus the scheduled LQR is stable, and on the ideal plant that `motion` runs without --plant it is not. Each
+/// command tells both, and the row of the table bears a mark.
+#[test]
+fn commands_that_close_a_loop_through_other_lags_say_so() {
+    let far = ["--set", "payload.x_mm=9000"];
+    for text in [said(&[&["design"], &far[..]].concat()), warned(&[&["check"], &far[..]].concat())]
+    {
+        assert!(!text.contains("scheduled LQR: the closed loop is UNSTABLE"), "{text}");
+        let remark = "With an ideal drive and no delay, as `motion` and `study` run a crane without a plant, the closed loop of the scheduled LQR is UNSTABLE";
+        assert!(text.contains(remark), "{text}");
+    }
+    let text = said(&[&["motion", "--gains-as-given"], &far[..]].concat());
+    let lqr = "scheduled LQR: the closed loop is UNSTABLE";
+    let line = text.lines().find(|line| line.starts_with(lqr)).unwrap();
+    assert!(line.ends_with("with an ideal drive and no delay)"), "{line}");
+    assert!(text.contains("expect, as `design` and `check` judge it"), "{text}");
+    let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("scheduled-lqr")).collect();
+    assert!(rows.len() == 2 && rows.iter().all(|row| row.contains("(!)")), "{text}");
+    let forward = text.lines().filter(|line| line.starts_with("velocity-feedforward"));
+    assert!(forward.clone().count() == 2 && !forward.clone().any(|row| row.contains("(!)")));
+}
+
 #[test]
 fn linearise_tells_the_dead_band_and_offers_a_point_outside() {
     let json = parsed(&["linearise", "--stroke-mm", "250", "--json"]);
@@ -108,6 +130,15 @@ fn eigen_shows_the_linearised_mode_and_keeps_the_strokes_that_can_be_tested() {
     let text = said(&["eigen", "--set", "payload.mass_kg=60"]);
     assert!(text.contains("At 400 mm friction ends the oscillation"), "{text}");
     assert!(text.contains("6.386"), "{text}");
+}
+
+/// The virtual crane has ten segments and a base that turns: its last angle is no segment's.
+#[test]
+fn eigen_says_which_angle_is_the_bases() {
+    let file = format!("{}/../../cranes/uia-virtual.toml", env!("CARGO_MANIFEST_DIR"));
+    let text = said(&["eigen", "--crane", &file, "--stroke-mm", "200"]);
+    assert!(text.contains("angles of the segments, and of the base"), "{text}");
+    assert!(!said(&["eigen", "--stroke-mm", "200"]).contains("of the base"));
 }
 
 #[test]

@@ -2,8 +2,10 @@
 
 use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::explained::{Explained, explained};
+use crate::limits::LIMITS;
 use crate::prediction::Prediction;
 use crate::ringing::{Ringing, ringing};
+use crate::whiteness::coloured;
 use hydroboom_measurement::Signal;
 
 /// How a signal of the log differs from the model's: log less model, in SI units.
@@ -46,7 +48,7 @@ pub struct Difference {
     pub span: f64,
     /// The log's largest size.
     pub largest: f64,
-    /// Error of the sensor, as its samples scatter from one to the next.
+    /// Standard deviation of the sensor's noise, as the log's own samples scatter.
     pub noise: f64,
     /// Where the log's samples are too far apart to judge the model by them.
     pub unresolved: Option<Unresolved>,
@@ -65,7 +67,7 @@ impl Difference {
     /// Whether most of it is gone once the log is moved by a delay that grows: a clock that drifts.
     pub fn is_of_clock(&self) -> bool {
         let drifts = self.rms_without_drift.zip(self.rms_without_delay);
-        drifts.is_some_and(|(drift, delay)| drift < 0.5 * self.rms.min(delay))
+        drifts.is_some_and(|(drift, delay)| drift < LIMITS.most * self.rms.min(delay))
     }
 
     /// Whether most of it is gone once the log is moved by its delay, and that is longer than steps and samples make it.
@@ -74,7 +76,9 @@ impl Difference {
     pub fn is_late(&self) -> bool {
         let moved = self.delay.zip(self.rms_without_delay);
         !self.is_of_clock()
-            && moved.is_some_and(|(delay, without)| delay.abs() > 3e-3 && without < 0.5 * self.rms)
+            && moved.is_some_and(|(delay, without)| {
+                delay.abs() > LIMITS.shortest_delay && without < LIMITS.most * self.rms
+            })
     }
 }
 
@@ -85,8 +89,6 @@ pub type Differences = Vec<Difference>;
 const LONGEST_DELAY: f64 = 0.1;
 /// An oscillation is told by so many samples in a period, and more.
 const PER_PERIOD: f64 = 4.0;
-/// Autocorrelations are looked at up to this lag \[s\].
-const LAGS: f64 = 1.0;
 
 /// How log and model differ, for all signals of the crane that were measured.
 pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differences {
@@ -102,8 +104,9 @@ pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differen
                 .enumerate()
                 .filter_map(|(i, (sample, model))| Some((i, sample.values[k]?, model[k])))
                 .collect();
-            (both.len() > 20)
-                .then(|| (apart[k].max(driven), difference(*signal, &both, interval, &is_free)))
+            let noise = experiment.noise[k];
+            let found = || difference(*signal, &both, interval, &is_free, noise);
+            (both.len() > 20).then(|| (apart[k].max(driven), found()))
         })
         .collect();
     let model = oscillation_of(found.iter().filter_map(|(_, d)| d.model_ringing));
@@ -141,6 +144,7 @@ fn difference(
     both: &[(usize, f64, f64)],
     interval: f64,
     is_free: &[bool],
+    noise: f64,
 ) -> Difference {
     let count = both.len() as f64;
     let errors: Vec<f64> = both.iter().map(|(_, log, model)| log - model).collect();
@@ -165,17 +169,21 @@ fn difference(
         let offset = both.first().map_or(0, |b| b.0);
         is_whole.then(|| ringing(values, interval, is_free.get(offset..).unwrap_or(&[]))).flatten()
     };
-    let late = delay(&log, &model, interval);
-    let half = log.len() / 2;
-    let halves = delay(&log[..half], &model[..half], interval)
-        .zip(delay(&log[half..], &model[half..], interval))
+    let (log_in_time, model_in_time) = in_time(both);
+    let late = delay(&log_in_time, &model_in_time, interval);
+    let half = log_in_time.len() / 2;
+    let halves = delay(&log_in_time[..half], &model_in_time[..half], interval)
+        .zip(delay(&log_in_time[half..], &model_in_time[half..], interval))
         .map(|(first, second)| [first, second]);
     let drift = halves.map(|[first, second]| (second - first) / (half as f64 * interval));
+    let moved = |shift: &dyn Fn(usize) -> f64| rms_moved(&log_in_time, &model_in_time, shift);
     // the delay of the first half is that of its middle
     let drifting = halves.zip(drift).map(|([first, _], drift)| {
         let from = first - 0.5 * half as f64 * interval * drift;
-        rms_moved(&log, &model, |k| from / interval + drift * k as f64)
+        moved(&|k| from / interval + drift * k as f64)
     });
+    let left = log_in_time.iter().zip(&model_in_time);
+    let left: Vec<Option<f64>> = left.map(|(log, model)| Some((*log)? - (*model)?)).collect();
     Difference {
         signal,
         count: both.len(),
@@ -185,55 +193,58 @@ fn difference(
         correlation,
         fit: moves.then(|| 100.0 * (1.0 - rms / spread_log)),
         delay: late,
-        rms_without_delay: late.map(|late| rms_moved(&log, &model, |_| late / interval)),
+        rms_without_delay: late.map(|late| moved(&|_| late / interval)),
         rms_without_drift: drifting,
         delay_halves: halves,
         drift,
         ringing: rings(&log),
         model_ringing: rings(&model),
-        coloured: coloured(&errors, bias, interval),
-        parts: explained(&log, &model, interval),
+        coloured: coloured(&left, interval),
+        parts: explained(&log_in_time, &model_in_time, interval),
         span: log.iter().copied().fold(f64::NEG_INFINITY, f64::max)
             - log.iter().copied().fold(f64::INFINITY, f64::min),
         largest: log.iter().fold(0.0, |most, v| v.abs().max(most)),
-        noise: noise(&log),
+        noise,
         unresolved: None,
     }
 }
 
-/// Scatter of a signal from one sample to the next: the median of its third differences, which a smooth
-/// course does not have.
-pub(crate) fn noise(values: &[f64]) -> f64 {
-    let mut third: Vec<f64> =
-        values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).collect();
-    if third.is_empty() {
-        return 0.0;
+/// Log and model from the first sample that was measured to the last one, in steps of time: none where nothing was measured.
+fn in_time(both: &[(usize, f64, f64)]) -> (Vec<Option<f64>>, Vec<Option<f64>>) {
+    let (first, last) = (both.first().map_or(0, |b| b.0), both.last().map_or(0, |b| b.0));
+    let (mut log, mut model) = (vec![None; last + 1 - first], vec![None; last + 1 - first]);
+    for (sample, of_log, of_model) in both {
+        (log[sample - first], model[sample - first]) = (Some(*of_log), Some(*of_model));
     }
-    let middle = third.len() / 2;
-    let median = *third.select_nth_unstable_by(middle, f64::total_cmp).1;
-    // of a normal distribution; 1 + 9 + 9 + 1 = 20
-    median / 0.6745 / 20.0_f64.sqrt()
+    (log, model)
 }
 
 /// How much later the log is than the model \[s\]: the shift at which their slopes differ least, between samples by
 /// a parabola. None where nothing moves, or the slopes have nothing in common.
-fn delay(log: &[f64], model: &[f64], interval: f64) -> Option<f64> {
+fn delay(log: &[Option<f64>], model: &[Option<f64>], interval: f64) -> Option<f64> {
     // slopes over 50 ms: noise counts less
     let lag = (0.025 / interval).round().max(1.0) as usize;
-    let slopes =
-        |v: &[f64]| -> Vec<f64> { v.windows(2 * lag + 1).map(|w| w[2 * lag] - w[0]).collect() };
+    let slopes = |v: &[Option<f64>]| -> Vec<Option<f64>> {
+        v.windows(2 * lag + 1).map(|w| Some(w[2 * lag]? - w[0]?)).collect()
+    };
     let (log, model) = (slopes(log), slopes(model));
     let most = (LONGEST_DELAY / interval) as i64;
     if (log.len() as i64) < 4 * most {
         return None;
     }
     let middle = most..model.len() as i64 - most;
-    let apart = |shift: i64| -> f64 {
-        middle.clone().map(|k| (model[k as usize] - log[(k + shift) as usize]).powi(2)).sum()
+    // beside a gap each shift has pairs of its own: their mean counts
+    let mean = |of: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = of.fold((0.0, 0_u32), |(sum, count), square| (sum + square, count + 1));
+        (count > 0).then(|| sum / f64::from(count))
     };
-    let apart: Vec<f64> = (-most..=most).map(apart).collect();
+    let apart = |shift: i64| {
+        let pair = |k: i64| Some((model[k as usize]? - log[(k + shift) as usize]?).powi(2));
+        mean(&mut middle.clone().filter_map(pair))
+    };
+    let apart: Vec<f64> = (-most..=most).map(apart).collect::<Option<_>>()?;
     let least = (0..apart.len()).min_by(|a, b| apart[*a].total_cmp(&apart[*b]))?;
-    let alone: f64 = middle.map(|k| model[k as usize].powi(2)).sum();
+    let alone = mean(&mut middle.filter_map(|k| Some(model[k as usize]?.powi(2))))?;
     if least == 0 || least == apart.len() - 1 || apart[least] >= 0.5 * alone {
         return None;
     }
@@ -243,33 +254,17 @@ fn delay(log: &[f64], model: &[f64], interval: f64) -> Option<f64> {
 }
 
 /// RMS of log less model with the log moved to earlier by so many samples, at each sample.
-fn rms_moved(log: &[f64], model: &[f64], shift: impl Fn(usize) -> f64) -> f64 {
+fn rms_moved(log: &[Option<f64>], model: &[Option<f64>], shift: impl Fn(usize) -> f64) -> f64 {
     let squares = model.iter().enumerate().filter_map(|(k, model)| {
         let shift = shift(k);
         let whole = shift.floor();
         let share = shift - whole;
         let at = usize::try_from(k as i64 + whole as i64).ok()?;
-        let (a, b) = (log.get(at)?, log.get(at + 1)?);
-        Some((a + share * (b - a) - model).powi(2))
+        let (a, b) = ((*log.get(at)?)?, (*log.get(at + 1)?)?);
+        Some((a + share * (b - a) - (*model)?).powi(2))
     });
     let (sum, count) = squares.fold((0.0, 0_u32), |(sum, count), s| (sum + s, count + 1));
     (sum / f64::from(count.max(1))).sqrt()
-}
-
-/// Share of autocorrelations beyond what white noise has in nineteen cases of twenty.
-fn coloured(errors: &[f64], bias: f64, interval: f64) -> f64 {
-    let lags = ((LAGS / interval) as usize).min(errors.len() / 4);
-    let centred: Vec<f64> = errors.iter().map(|e| e - bias).collect();
-    let power: f64 = centred.iter().map(|e| e * e).sum();
-    if lags == 0 || power <= 0.0 {
-        return 0.0;
-    }
-    let bound = 1.96 / (errors.len() as f64).sqrt();
-    let beyond = (1..=lags).filter(|lag| {
-        let sum: f64 = centred.iter().zip(&centred[*lag..]).map(|(a, b)| a * b).sum();
-        (sum / power).abs() > bound
-    });
-    beyond.count() as f64 / lags as f64
 }
 
 #[cfg(test)]
@@ -287,9 +282,29 @@ mod tests {
     }
 
     fn compared(log: impl Fn(i32) -> f64, model: impl Fn(i32) -> f64) -> Difference {
-        let both: Vec<(usize, f64, f64)> =
-            (0..3000).map(|k| (k as usize, log(k), model(k))).collect();
-        difference(Signal::PressureA, &both, 0.005, &[true; 3000])
+        measured(|_| true, log, model)
+    }
+
+    /// The same where only some samples were measured.
+    fn measured(
+        is_there: impl Fn(i32) -> bool,
+        log: impl Fn(i32) -> f64,
+        model: impl Fn(i32) -> f64,
+    ) -> Difference {
+        let there = (0..3000).filter(|k| is_there(*k));
+        let both: Vec<(usize, f64, f64)> = there.map(|k| (k as usize, log(k), model(k))).collect();
+        difference(Signal::PressureA, &both, 0.005, &[true; 3000], 0.0)
+    }
+
+    #[test]
+    fn delay_and_drift_are_found_over_a_gap() {
+        let is_there = |k: i32| !(700..2200).contains(&k);
+        let late = measured(is_there, |k| course(k, 0.023), |k| course(k, 0.0));
+        assert!((late.delay.unwrap() - 0.023).abs() < 1e-3, "{:?}", late.delay);
+        assert!(late.rms_without_delay.unwrap() < 0.1 * late.rms);
+        let drifting =
+            measured(is_there, |k| course(k, 0.002 * f64::from(k) * 0.005), |k| course(k, 0.0));
+        assert!((drifting.drift.unwrap() / 2e-3 - 1.0).abs() < 0.5, "{:?}", drifting.drift);
     }
 
     #[test]
@@ -307,7 +322,6 @@ mod tests {
         assert!(noisy.coloured < 0.12, "{}", noisy.coloured);
         assert!(late.coloured > 0.5, "{}", late.coloured);
         assert!((noisy.rms - 0.05 / 3.0_f64.sqrt()).abs() < 0.002);
-        assert!((noisy.noise / (0.05 / 3.0_f64.sqrt()) - 1.0).abs() < 0.25, "{}", noisy.noise);
         assert!(noisy.fit.unwrap() > 95.0);
     }
 

@@ -16,7 +16,8 @@ pub enum IdentifyError {
     /// The model is none that logs are compared with.
     #[error(
         "the model has {found} coordinates; logs are compared with the published model, of three segments, or with a \
-         valve-controlled crane of two or three links"
+         valve-controlled crane of two or three links. A crane with a pump of its own becomes such a model by --set boom.segments=3 --set \
+         base.stiffness_knm_per_rad=0"
     )]
     Segments {
         /// Coordinates that it has.

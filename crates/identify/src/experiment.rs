@@ -3,6 +3,7 @@
 use crate::drive::Drive;
 use crate::error::IdentifyError;
 use crate::motor::Asked;
+use crate::noise::noise;
 use crate::oscillation::{is_held, release, resting};
 use crate::prediction::{STARTS, STEPS};
 use hydroboom_description::Description;
@@ -60,6 +61,8 @@ pub struct Experiment {
     pub(crate) beginning: [Option<f64>; STARTS],
     /// From one of the log's samples to the next, of each compared signal and then of what drives the model; zero where that is held throughout \[s\].
     pub(crate) apart: ([f64; COMPARED.len()], f64),
+    /// Standard deviations of the compared signals' noise, in SI units; zero of those that were not measured.
+    pub(crate) noise: [f64; COMPARED.len()],
     /// What is to be said of it.
     pub remarks: Vec<String>,
 }
@@ -110,6 +113,21 @@ impl Experiment {
         })?;
         let begin = window.from.map_or(first, |from| from.max(first));
         let end = window.to.map_or(last, |to| to.min(last));
+        if end <= begin {
+            let place = match () {
+                () if begin > last => "beyond the end of the log",
+                () if end < first => "before the beginning of the log",
+                () => "no time",
+            };
+            let asked = [(window.from, "from"), (window.to, "to")].into_iter();
+            let asked: Vec<String> =
+                asked.filter_map(|(at, word)| Some(format!("{word} {:.3} s", at?))).collect();
+            return Err(wrong(format!(
+                "{} is {place}: position and {} are measured from {first:.3} to {last:.3} s",
+                asked.join(" "),
+                driving.symbol()
+            )));
+        }
         let n = &model.numbers;
         let period = match model.choices.circuit {
             CircuitChoice::SelfContained => n.control_period,
@@ -195,6 +213,7 @@ impl Experiment {
             samples,
             filters: tracks.map(|track| track.map_or(0.0, Track::filter)),
             beginning,
+            noise: tracks.map(|track| track.map_or(0.0, |track| noise(track, begin, end))),
             remarks,
         })
     }
@@ -265,6 +284,11 @@ impl Experiment {
         Self { steps: 1, ..self.clone() }
     }
 
+    /// The same in steps of half the length: what they change says what the model's steps are wrong by.
+    pub(crate) fn fine(&self) -> Self {
+        Self { steps: 2 * self.steps, ..self.clone() }
+    }
+
     /// Duration \[s\].
     pub fn duration(&self) -> f64 {
         self.drive.len() as f64 * self.period
@@ -273,6 +297,12 @@ impl Experiment {
     /// Interval from sample to sample \[s\].
     pub fn interval(&self) -> f64 {
         self.every as f64 * self.period
+    }
+
+    /// Standard deviation of a compared signal's noise, in SI units, as the log's own samples scatter; none where it was not measured.
+    pub fn noise(&self, signal: Signal) -> Option<f64> {
+        let place = COMPARED.iter().position(|s| *s == signal)?;
+        self.is_measured(signal).then_some(self.noise[place])
     }
 
     /// Whether a compared signal was measured.

@@ -1,8 +1,8 @@
 //! Keys of a crane file that may be moved.
 
 use crate::error::IdentifyError;
-use hydroboom_description::Description;
-use hydroboom_description::schema::KEYS;
+use hydroboom_description::schema::{Choices, KEYS, Key};
+use hydroboom_description::{Description, is_of_machine, suggestion};
 
 /// A key that may be moved, as ln θ: every number that is moved is positive, and people think of its
 /// changes in per cent.
@@ -26,25 +26,46 @@ impl Free {
             (Some(place), _) => Ok(Self { place }),
             (None, [place]) => Ok(Self { place: *place }),
             (None, several) => {
-                // the same section, and a name that begins alike
-                let similar =
-                    |k: &usize| match (path.split_once('.'), KEYS[*k].path().split_once('.')) {
-                        (Some((section, name)), Some((other, key))) => {
-                            section == other && key.starts_with(name)
-                        }
-                        _ => false,
-                    };
-                let mut meant: Vec<String> = several.iter().map(|k| KEYS[*k].path()).collect();
-                if meant.is_empty() {
-                    meant = (0..KEYS.len()).filter(similar).map(|k| KEYS[k].path()).collect();
-                }
-                let suggestion = match meant.is_empty() {
-                    true => "; `hydroboom show` lists them".into(),
-                    false => format!(": is it {}?", meant.join(" or ")),
+                let is_named_alone = |name: &str| KEYS.iter().any(|key| key.name == name);
+                let suggestion = match several {
+                    _ if Choices::allowed(path).is_some() => {
+                        ": it is a choice and no number, and is not moved; set it by --set, and compare".into()
+                    }
+                    [] if is_named_alone(path) => {
+                        let with_sections = KEYS.iter().filter(|key| key.name == path).map(Key::path);
+                        format!("; did you mean {}?", with_sections.collect::<Vec<_>>().join(" or "))
+                    }
+                    [] => format!("; {}", suggestion(path).replace('`', "")),
+                    several => {
+                        let meant: Vec<String> = several.iter().map(|k| KEYS[*k].path()).collect();
+                        format!(": is it {}?", meant.join(" or "))
+                    }
                 };
                 Err(IdentifyError::Key { key: path.into(), suggestion })
             }
         }
+    }
+
+    /// The same of a key that moves the model's response to what a log tells, as `tune` does.
+    ///
+    /// # Errors
+    ///
+    /// [`IdentifyError::Key`] too for a key of what is around the model: its controllers, supervision, tests and equipment.
+    pub fn of_model(path: &str) -> Result<Self, IdentifyError> {
+        let free = Self::from_path(path)?;
+        if free.is_of_model() {
+            return Ok(free);
+        }
+        let section = KEYS[free.place].section;
+        let suggestion = format!(
+            " that the model depends on: [{section}] is of what is around it, and a log does not tell it"
+        );
+        Err(IdentifyError::Key { key: free.path(), suggestion })
+    }
+
+    /// Whether the model's response to what drives it may depend on it: that of the crane to the motor's speed, or of the motor's speed to its command.
+    fn is_of_model(self) -> bool {
+        is_of_machine(KEYS[self.place].section) || self.is_of_drive()
     }
 
     /// Keys that a log of position and pressures can be expected to tell something of.
@@ -86,7 +107,10 @@ impl Free {
     /// Keys that a log tells something of, but which others stand in for: not moved unless asked for, and what is not known of them is open in
     /// those that are.
     pub(crate) fn stood_in_for(model: &Description) -> Vec<Self> {
-        const OTHERS: [&str; 7] = [
+        const OTHERS: [&str; 9] = [
+            // E shows only as a product with it, and bends the boom as the base turns it
+            "boom.second_moment_cm4",
+            "base.stiffness_knm_per_rad",
             "payload.x_mm",
             "boom.mass_kg",
             "link_1.mass_kg",

@@ -15,15 +15,19 @@ mod fit;
 mod free;
 mod hold_out;
 mod known;
+mod limits;
 mod motor;
+mod noise;
 mod number;
 mod oscillation;
 mod prediction;
 mod remedy;
 mod ringing;
+mod sensor_error;
 mod structural_limit;
 mod tuning_fork;
 mod verdict;
+mod whiteness;
 
 pub use advice::experiment_for;
 pub use differences::{Difference, Differences, Unresolved, differences};
@@ -31,14 +35,16 @@ pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
 pub use explained::{Explained, Part, explained};
 pub use fit::{
-    Allowed, Channel, Effect, Fit, Improvement, LIMIT, Nuisance, Profile, Progress, Task, Tuned,
-    fit, profile,
+    Allowed, Channel, Determination, Effect, Fit, Improvement, LIMIT, Nuisance, Profile, Progress,
+    Task, Tuned, fit, profile,
 };
 pub use free::Free;
 pub use hold_out::{Foretold, HeldOut, Stretch, held_out};
 pub use known::prior;
+pub use limits::{LIMITS, Limits};
 pub use number::{Number, Stepper};
 pub use prediction::{Prediction, predict, sensitivities};
-pub use remedy::{Remedies, Remedy, remedies};
+pub use remedy::{Moved, Remedies, Remedy, remedies};
 pub use ringing::{Ringing, ringing};
-pub use verdict::{Aspect, Judgement, LIMITS, Limits, complaints, verdict};
+pub use sensor_error::{Fault, SensorError, sensor_errors};
+pub use verdict::{Aspect, Judgement, complaints, verdict};

@@ -1,62 +1,64 @@
-//! Which keys would take a complaint away: a signal, a frequency or a damping that is beyond its limit.
+//! Which keys would bring a model nearer to a log: one list for all signals together. What helps one signal and harms another is no advice.
 
-use crate::differences::{differences, free};
+use crate::differences::{Differences, differences, free};
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
 use crate::free::Free;
+use crate::limits::LIMITS;
 use crate::prediction::{Prediction, predict, sensitivities};
 use crate::ringing::{Ringing, ringing};
-use crate::verdict::{Aspect, Judgement, complaints};
+use crate::sensor_error::sensor_errors;
+use crate::verdict::{Aspect, Judgement, judged};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_measurement::Signal;
 use rayon::prelude::*;
 
-/// A change of one key, and what it does to what is complained of.
+/// A change of one key, and what it does to all that is judged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Remedy {
-    /// What is complained of.
-    pub aspect: Aspect,
     /// The key.
     pub path: String,
     /// Share by which it is changed: 0.1 is a tenth more, 2 is three times as much.
     pub change: f64,
     /// Whether it is changed as far as its key allows, or by as much as any key is changed by: more would be better.
     pub at_limit: bool,
-    /// RMS difference of the signal \[SI\], the model's frequency \[Hz\] or its damping ratio, before and after, as the model shows it.
-    pub found: (f64, f64),
+    /// How far beyond the limits all that is judged is, before and after: 1 where nothing is wrong, the root of 2 with all at their limits.
+    pub misfit: (f64, f64),
+    /// What it moves: what is beyond its limit before or after.
+    pub moved: Vec<Moved>,
 }
 
-/// Remedies of each signal that is complained of.
-pub type Remedies = Vec<(Signal, Vec<Remedy>)>;
+/// What a changed key does to one thing that is judged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moved {
+    /// What it is.
+    pub aspect: Aspect,
+    /// The signal.
+    pub signal: Signal,
+    /// RMS difference \[SI\], the model's frequency \[Hz\] or its damping ratio, before and after, as the model shows it.
+    pub found: (f64, f64),
+    /// The log's frequency \[Hz\] or damping ratio; zero for a difference.
+    pub wanted: f64,
+}
 
-/// No key is changed by more than this factor.
-const MOST: f64 = 10.0;
-/// A remedy takes away at least this share of the difference.
-const WORTHWHILE: f64 = 0.05;
-/// So many keys are looked at for a complaint.
-const LOOKED_AT: usize = 4;
+/// What would move a model, best first.
+pub type Remedies = Vec<Remedy>;
+
+/// So many keys are looked at for what differs in size, and for each of frequency and damping.
+const LOOKED_AT: usize = 5;
+const LOOKED_AT_FOR_RINGING: usize = 2;
 /// And told.
 const TOLD: usize = 3;
 /// How far along the straight step the model is run: a key far off moves a signal by no straight line.
 const TRIED: [f64; 5] = [0.4, 0.7, 1.0, 1.5, 2.2];
+/// Where it is run about the best of these.
+const REFINED: [f64; 4] = [0.75, 1.25, 0.9, 1.1];
 /// Share of ln θ by which a prediction is moved along its slope, to see how its oscillation changes.
 const NUDGE: f64 = 0.003;
 
-/// A complaint, with what was measured of it.
-struct Complaint<'a> {
-    experiment: &'a Experiment,
-    model: &'a Description,
-    of: Judgement,
-    /// Place of the signal among the compared ones.
-    place: usize,
-    /// How the log rings.
-    log: Option<Ringing>,
-    is_free: &'a [bool],
-}
-
-/// For each compared signal of which something is beyond its limit, the keys that would take most of that away, each on its own: found by
-/// exact slopes, and tried by running the model with the key changed. What a late signal or a drifting clock explains asks for no key.
+/// Keys that would take most of what is beyond its limit away, each on its own and for all signals together: found by exact slopes, and tried by running the model
+/// with the key changed. Nothing is asked of keys by a late signal, a drifting clock, or a sensor that another one beside it speaks against.
 ///
 /// # Errors
 ///
@@ -68,153 +70,242 @@ pub fn remedies(
     let prediction = predict(model, experiment)?;
     let found = differences(experiment, &prediction);
     let is_free = free(experiment, experiment.interval());
-    let mut asked = Vec::new();
-    for of in complaints(&found) {
-        let place = COMPARED.iter().position(|signal| *signal == of.signal);
-        let difference = found.iter().find(|d| d.signal == of.signal);
-        let (Some(place), Some(d)) = (place, difference) else { continue };
-        let of_time = matches!(of.aspect, Aspect::Position | Aspect::Pressures)
-            && (d.is_late() || d.is_of_clock());
-        if !of_time {
-            let (log, is_free) = (d.ringing, is_free.as_slice());
-            asked.push(Complaint { experiment, model, of, place, log, is_free });
-        }
-    }
-    if asked.is_empty() {
+    let of = asked(experiment, &prediction, &found);
+    let all = All { experiment, model, is_free: &is_free, of };
+    if all.of.iter().all(|asked| asked.judgement.is_right()) {
         return Ok((prediction, Vec::new()));
     }
     let keys = Free::usual(model);
     let (_, slopes) = sensitivities(model, experiment, &keys)?;
-    let mut all: Remedies = Vec::new();
-    for complaint in &asked {
-        let list = complaint.remedies(&prediction, &keys, &slopes);
-        match all.iter_mut().find(|(signal, _)| *signal == complaint.of.signal) {
-            Some((_, known)) => known.extend(list),
-            None => all.push((complaint.of.signal, list)),
-        }
-    }
-    Ok((prediction, all))
+    let list = all.remedies(&prediction, &keys, &slopes);
+    Ok((prediction, list))
 }
 
-impl Complaint<'_> {
-    /// What is complained of, as a prediction has it; none where it does not ring.
-    fn found(&self, prediction: &Prediction) -> Option<f64> {
+/// One thing that is judged and that keys are asked for.
+struct Asked {
+    judgement: Judgement,
+    /// Place of the signal among the compared ones.
+    place: usize,
+    /// How the log rings.
+    log: Option<Ringing>,
+}
+
+/// What is judged, but for what is no matter of keys.
+fn asked(experiment: &Experiment, prediction: &Prediction, found: &Differences) -> Vec<Asked> {
+    let sensors = sensor_errors(experiment, prediction, found);
+    let is_of_sensor =
+        |signal: Signal| sensors.iter().any(|s| s.signal == signal && s.against.is_some());
+    let of = |judgement: Judgement| {
+        let place = COMPARED.iter().position(|signal| *signal == judgement.signal)?;
+        let d = found.iter().find(|d| d.signal == judgement.signal)?;
+        let is_size = matches!(judgement.aspect, Aspect::Position | Aspect::Pressures);
+        let is_other = d.is_late() || d.is_of_clock() || is_of_sensor(d.signal);
+        (!(is_size && is_other)).then_some(Asked { judgement, place, log: d.ringing })
+    };
+    judged(found).into_iter().filter_map(of).collect()
+}
+
+/// All that is judged, of one log.
+struct All<'a> {
+    experiment: &'a Experiment,
+    model: &'a Description,
+    is_free: &'a [bool],
+    of: Vec<Asked>,
+}
+
+/// What a prediction comes to: of each thing its value, and how far it is off over its limit.
+type Found = Vec<Option<(f64, f64)>>;
+
+/// A key's change that was tried: sum over all, step of ln θ, what was found.
+type Tried = (f64, f64, Found);
+
+impl All<'_> {
+    fn found(&self, prediction: &Prediction) -> Found {
+        self.of.iter().map(|asked| self.one(asked, prediction)).collect()
+    }
+
+    fn one(&self, asked: &Asked, prediction: &Prediction) -> Option<(f64, f64)> {
+        let value = self.value(asked, prediction)?;
+        let off = match asked.judgement.aspect {
+            Aspect::Position | Aspect::Pressures => value,
+            Aspect::Frequency => value / asked.log?.frequency - 1.0,
+            Aspect::Damping => {
+                let own = asked.log?.damping?;
+                (value - own) / own.abs().max(1e-9)
+            }
+        };
+        Some((value, off.abs() / asked.judgement.limit))
+    }
+
+    /// RMS difference, the model's frequency, or its damping ratio; none where it does not ring so that it could be told.
+    fn value(&self, asked: &Asked, prediction: &Prediction) -> Option<f64> {
         let rings = || {
-            let values: Vec<f64> = prediction.iter().map(|row| row[self.place]).collect();
+            let values: Vec<f64> = prediction.iter().map(|row| row[asked.place]).collect();
             ringing(&values, self.experiment.interval(), self.is_free)
         };
-        match self.of.aspect {
+        match asked.judgement.aspect {
             Aspect::Position | Aspect::Pressures => {
                 let pairs = self.experiment.samples.iter().zip(prediction);
-                let errors = pairs.filter_map(|(s, p)| Some(s.values[self.place]? - p[self.place]));
+                let errors =
+                    pairs.filter_map(|(s, p)| Some(s.values[asked.place]? - p[asked.place]));
                 let (count, sum) = errors.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
                 (count > 0.0).then(|| f64::sqrt(sum / count))
             }
-            Aspect::Frequency => rings().filter(|r| r.damping.is_some()).map(|r| r.frequency),
+            Aspect::Frequency => rings().filter(Ringing::tells_frequency).map(|r| r.frequency),
             Aspect::Damping => rings()?.damping,
         }
     }
 
-    /// How far a value is from what the log has.
-    fn off(&self, found: f64) -> Option<f64> {
-        match self.of.aspect {
-            Aspect::Position | Aspect::Pressures => Some(found),
-            Aspect::Frequency => Some((found / self.log?.frequency).ln().abs()),
-            Aspect::Damping => Some((found - self.log?.damping?).abs()),
-        }
+    /// Sum over all that is judged of ln(1 + square of what it is over its limit)/2: about the logarithm far off, so that each counts alike, and a square within. What
+    /// is not told after a change counts as before.
+    fn sum(&self, found: &Found, before: &Found) -> f64 {
+        let of = found.iter().zip(before).filter_map(|(found, before)| found.or(*before));
+        of.map(|(_, over)| 0.5 * (1.0 + over * over).ln()).sum()
     }
 
-    /// Step of ln θ along a straight line, and how much of the complaint it is good for.
-    fn step(&self, prediction: &Prediction, slope: &Prediction) -> Option<(f64, f64)> {
-        match self.of.aspect {
-            Aspect::Position | Aspect::Pressures => {
-                let pairs = self.experiment.samples.iter().zip(prediction).zip(slope);
-                let (along, square) = pairs.fold((0.0, 0.0), |(along, square), ((s, p), slope)| {
-                    let Some(value) = s.values[self.place] else { return (along, square) };
-                    let slope = slope[self.place];
-                    (along + (value - p[self.place]) * slope, square + slope * slope)
-                });
-                let step = along / square;
-                (square > 0.0 && step.is_finite()).then_some((along * step, step))
-            }
-            Aspect::Frequency | Aspect::Damping => {
-                let moved = |by: f64| {
-                    let mut there = prediction.clone();
-                    for (row, slope) in there.iter_mut().zip(slope) {
-                        row[self.place] += by * slope[self.place];
-                    }
-                    self.found(&there)
-                };
-                let change = (moved(NUDGE)? - moved(-NUDGE)?) / (2.0 * NUDGE);
-                let log = self.log?;
-                let wanted = match self.of.aspect {
-                    Aspect::Frequency => log.frequency - self.found(prediction)?,
-                    _ => log.damping? - self.found(prediction)?,
-                };
-                let step = wanted / change;
-                // the shorter the step, the more it is that key's
-                step.is_finite().then_some((1.0 / step.abs().max(1e-9), step))
-            }
-        }
+    /// That as a factor: the mean over all.
+    fn misfit(&self, sum: f64) -> f64 {
+        (sum / self.of.len().max(1) as f64).exp()
     }
 
-    fn remedies(
+    /// Step of ln θ along a straight line that takes most of all differences in size away, each over its own, and how much of them it is good for.
+    fn step(
         &self,
         prediction: &Prediction,
-        keys: &[Free],
-        slopes: &[Prediction],
-    ) -> Vec<Remedy> {
-        let Some(before) = self.found(prediction) else { return Vec::new() };
-        let steps = keys.iter().zip(slopes).filter_map(|(key, slope)| {
-            let (worth, step) = self.step(prediction, slope)?;
-            Some((worth, step, *key))
-        });
-        let mut straight: Vec<(f64, f64, Free)> = steps.collect();
-        straight.sort_by(|a, b| b.0.total_cmp(&a.0));
-        straight.truncate(LOOKED_AT);
-        let tried = |(_, step, key): &(f64, f64, Free)| self.tried(before, *step, *key);
+        slope: &Prediction,
+        found: &Found,
+    ) -> Option<(f64, f64)> {
+        let (mut along, mut square) = (0.0, 0.0);
+        for (asked, found) in self.of.iter().zip(found) {
+            let Some((rms, _)) = found else { continue };
+            let is_size = matches!(asked.judgement.aspect, Aspect::Position | Aspect::Pressures);
+            if !is_size || asked.judgement.is_right() {
+                continue;
+            }
+            let weight = 1.0 / (rms * rms).max(f64::MIN_POSITIVE);
+            let place = asked.place;
+            for ((s, p), slope) in self.experiment.samples.iter().zip(prediction).zip(slope) {
+                let Some(value) = s.values[place] else { continue };
+                along += weight * (value - p[place]) * slope[place];
+                square += weight * slope[place] * slope[place];
+            }
+        }
+        let step = along / square;
+        (square > 0.0 && step.is_finite()).then_some((along * step, step))
+    }
+
+    /// The same for a frequency or a damping; the shorter the step, the more it is that key's.
+    fn step_of_ringing(
+        &self,
+        asked: &Asked,
+        prediction: &Prediction,
+        slope: &Prediction,
+    ) -> Option<(f64, f64)> {
+        let moved = |by: f64| {
+            let mut there = prediction.clone();
+            for (row, slope) in there.iter_mut().zip(slope) {
+                row[asked.place] += by * slope[asked.place];
+            }
+            self.value(asked, &there)
+        };
+        let change = (moved(NUDGE)? - moved(-NUDGE)?) / (2.0 * NUDGE);
+        let wanted = match asked.judgement.aspect {
+            Aspect::Frequency => asked.log?.frequency,
+            _ => asked.log?.damping?,
+        };
+        let step = (wanted - self.value(asked, prediction)?) / change;
+        step.is_finite().then_some((1.0 / step.abs().max(1e-9), step))
+    }
+
+    fn remedies(&self, prediction: &Prediction, keys: &[Free], slopes: &[Prediction]) -> Remedies {
+        let before = self.found(prediction);
+        let best_of = |step: &(dyn Fn(&Prediction) -> Option<(f64, f64)> + '_), count: usize| {
+            let steps = keys.iter().zip(slopes).filter_map(|(key, slope)| {
+                let (worth, step) = step(slope)?;
+                Some((worth, step, *key))
+            });
+            let mut straight: Vec<(f64, f64, Free)> = steps.collect();
+            straight.sort_by(|a, b| b.0.total_cmp(&a.0));
+            straight.truncate(count);
+            straight
+        };
+        let mut straight = best_of(&|slope| self.step(prediction, slope, &before), LOOKED_AT);
+        for asked in &self.of {
+            let is_size = matches!(asked.judgement.aspect, Aspect::Position | Aspect::Pressures);
+            if !is_size && !asked.judgement.is_right() {
+                let step = |slope: &Prediction| self.step_of_ringing(asked, prediction, slope);
+                straight.extend(best_of(&step, LOOKED_AT_FOR_RINGING));
+            }
+        }
+        let tried = |(_, step, key): &(f64, f64, Free)| self.tried(&before, *step, *key);
         let mut list: Vec<(f64, Remedy)> = straight.par_iter().filter_map(tried).collect();
+        list.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // one change of a key: the better one
+        let mut named: Vec<String> = Vec::new();
+        list.retain(|(_, remedy)| {
+            let is_new = !named.contains(&remedy.path);
+            named.push(remedy.path.clone());
+            is_new
+        });
         // a key at the end of what is tried is told where nothing else helps
         if list.iter().any(|(_, remedy)| !remedy.at_limit) {
             list.retain(|(_, remedy)| !remedy.at_limit);
         }
-        list.sort_by(|a, b| a.0.total_cmp(&b.0));
         list.truncate(TOLD);
         list.into_iter().map(|(_, remedy)| remedy).collect()
     }
 
-    /// A key moved along its step as far as that helps; with how far off it is then. None where that is not worth while.
-    fn tried(&self, before: f64, step: f64, key: Free) -> Option<(f64, Remedy)> {
+    /// A key moved along its step as far as that helps all together; with what is left then. None where that is not worth while.
+    fn tried(&self, before: &Found, step: f64, key: Free) -> Option<(f64, Remedy)> {
         let value = key.value(self.model);
         let (low, high) = key.bounds();
-        let limits = [(low / value).max(1.0 / MOST).ln(), (high / value).min(MOST).ln()];
-        let at = |by: f64| {
+        let most = LIMITS.most_change;
+        let limits = [(low / value).max(1.0 / most).ln(), (high / value).min(most).ln()];
+        let at = |by: f64| -> Option<Tried> {
             let mut numbers = self.model.numbers.to_array();
             numbers[key.place] = value * by.exp();
             let mut there = self.model.clone();
             there.numbers = Numbers::from_array(numbers);
-            let found = self.found(&predict(&there, self.experiment).ok()?)?;
-            Some((self.off(found)?, by, found))
+            let found = self.found(&predict(&there, self.experiment).ok()?);
+            Some((self.sum(&found, before), by, found))
         };
         let clamped = |by: f64| by.max(limits[0]).min(limits[1]);
-        let better = |a: (f64, f64, f64), b: (f64, f64, f64)| if b.0 < a.0 { b } else { a };
+        let better = |a: Tried, b: Tried| if b.0 < a.0 { b } else { a };
         let runs = TRIED.par_iter().filter_map(|share| at(clamped(share * step)));
         let mut best = runs.reduce_with(better)?;
         // on as long as it helps, then half-way back to both sides
         let mut last = TRIED[TRIED.len() - 1] * step;
         while best.1 == clamped(last) && clamped(2.0 * last) != clamped(last) {
             last *= 2.0;
-            best = at(clamped(last)).map_or(best, |next| better(best, next));
+            if let Some(next) = at(clamped(last)) {
+                best = better(best, next);
+            }
         }
-        for part in [0.75, 1.25, 0.9, 1.1] {
-            best = at(clamped(part * best.1)).map_or(best, |next| better(best, next));
+        for part in REFINED {
+            if let Some(next) = at(clamped(part * best.1)) {
+                best = better(best, next);
+            }
         }
-        let (off, by, after) = best;
-        let is_worthwhile = off < (1.0 - WORTHWHILE) * self.off(before)?;
+        let (after, by, found) = best;
+        let all = self.sum(before, before);
+        if after >= (1.0 - LIMITS.worthwhile) * all {
+            return None;
+        }
         let at_limit = by <= limits[0] || limits[1] <= by;
-        is_worthwhile.then(|| {
-            let (aspect, path, change) = (self.of.aspect, key.path(), by.exp() - 1.0);
-            (off, Remedy { aspect, path, change, at_limit, found: (before, after) })
-        })
+        let both = self.of.iter().zip(before).zip(&found);
+        let moved = both.filter_map(|((asked, before), after)| {
+            let ((before, over_before), (after, over_after)) = ((*before)?, (*after)?);
+            let wanted = match asked.judgement.aspect {
+                Aspect::Position | Aspect::Pressures => 0.0,
+                Aspect::Frequency => asked.log?.frequency,
+                Aspect::Damping => asked.log?.damping?,
+            };
+            let (aspect, signal) = (asked.judgement.aspect, asked.judgement.signal);
+            let is_told = over_before > 1.0 || over_after > 1.0;
+            is_told.then_some(Moved { aspect, signal, found: (before, after), wanted })
+        });
+        let misfit = (self.misfit(all), self.misfit(after));
+        let (path, change) = (key.path(), by.exp() - 1.0);
+        Some((after, Remedy { path, change, at_limit, misfit, moved: moved.collect() }))
     }
 }

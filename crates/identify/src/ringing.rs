@@ -1,5 +1,6 @@
 //! Frequency and damping of a signal that rings.
 
+use crate::limits::LIMITS;
 use nalgebra::{DMatrix, DVector};
 use realfft::RealFftPlanner;
 
@@ -13,6 +14,13 @@ pub struct Ringing {
     /// Amplitude of the fitted oscillation at the beginning of its stretch, in the signal's unit; zero where none
     /// was fitted.
     pub amplitude: f64,
+}
+
+impl Ringing {
+    /// Whether its frequency can be read: it passes several periods before it has faded.
+    pub fn tells_frequency(&self) -> bool {
+        self.damping.is_some_and(|damping| damping <= LIMITS.readable_damping)
+    }
 }
 
 /// Slower and faster than this nothing is called ringing \[Hz\].
@@ -214,6 +222,33 @@ mod tests {
             );
             assert!((found.amplitude / 5.0 - 1.0).abs() < 0.05);
         }
+    }
+
+    /// Beside a course that settles in a third of a second, as after a ramp: the frequency is off by more than its limit where the oscillation is damped strongly, and
+    /// is not told there.
+    #[test]
+    fn a_frequency_is_told_where_it_can_be_read() {
+        let interval = 0.005;
+        let mut worst = [0.0_f64; 2];
+        for zeta in [0.01, 0.03, 0.06, 0.09, 0.2, 0.28] {
+            let omega = std::f64::consts::TAU * 2.2;
+            let damped = omega * (1.0_f64 - zeta * zeta).sqrt();
+            for phase in [0.0, 1.0, 2.0, 3.0] {
+                let values: Vec<f64> = (0..1200)
+                    .map(|k| {
+                        let t = f64::from(k) * interval;
+                        let rings = 5.0 * (-zeta * omega * t).exp() * (damped * t + phase).cos();
+                        70.0 + rings + 1.0 * (-t / 0.3).exp()
+                    })
+                    .collect();
+                let found = ringing(&values, interval, &vec![true; values.len()]).unwrap();
+                let off = (found.frequency * std::f64::consts::TAU / damped - 1.0).abs();
+                let told = usize::from(found.tells_frequency());
+                worst[told] = worst[told].max(off);
+            }
+        }
+        let [not_told, told] = worst;
+        assert!(told < LIMITS.frequency && not_told > LIMITS.frequency, "{told}, {not_told}");
     }
 
     #[test]

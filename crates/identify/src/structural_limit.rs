@@ -14,11 +14,17 @@ struct StructuralLimit {
 }
 
 /// All of them.
-const LIMITS: [StructuralLimit; 7] = [
+const LIMITS: [StructuralLimit; 8] = [
     StructuralLimit {
         keys: &["boom.youngs_modulus_gpa", "boom.second_moment_cm4"],
         is_left_out: |n| n.base_stiffness <= 0.0,
-        reason: "only its product with the second moment of area shows, and what base, pins and cylinder mounts give is taken for the boom's",
+        reason: "of E and the second moment of area only the product shows, and what base, pins and cylinder mounts give is taken for the boom's",
+    },
+    // a base that gives takes its share; the product is all that bends, whatever else does
+    StructuralLimit {
+        keys: &["boom.youngs_modulus_gpa", "boom.second_moment_cm4"],
+        is_left_out: |_| true,
+        reason: "of E and the second moment of area only the product shows, and what pins and cylinder mounts give is taken for the boom's",
     },
     StructuralLimit {
         keys: &["boom.damping_ratio", "link_2.joint_damping_ratio", "link_3.joint_damping_ratio"],
@@ -64,12 +70,27 @@ pub(crate) fn limit_of(key: Free, numbers: &Numbers<f64>) -> Option<&'static str
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hydroboom_description::Description;
     use hydroboom_description::schema::KEYS;
 
     #[test]
     fn every_limit_is_of_keys_that_there_are() {
         for begins in LIMITS.iter().flat_map(|limit| limit.keys) {
             assert!(KEYS.iter().any(|key| key.path().starts_with(begins)), "{begins}");
+        }
+    }
+
+    /// The boom bends by E times I, whatever its base does.
+    #[test]
+    fn a_base_that_gives_does_not_part_e_from_the_second_moment() {
+        for base in [0.0, 2e7] {
+            let mut model = Description::uia_single_boom().unwrap();
+            model.numbers.base_stiffness = base;
+            for path in ["boom.youngs_modulus_gpa", "boom.second_moment_cm4"] {
+                let reason = limit_of(Free::from_path(path).unwrap(), &model.numbers).unwrap();
+                assert!(reason.contains("only the product shows"), "{reason}");
+                assert_eq!(reason.contains("base"), base == 0.0, "{reason}");
+            }
         }
     }
 }

@@ -5,7 +5,7 @@
 //! comes first: each signal averaged over one period of its log's oscillation, and of the oscillation its frequency and
 //! damping. What that comes to is in phase, and the search over all samples begins there.
 
-use crate::differences::{free, noise};
+use crate::differences::free;
 use crate::experiment::{COMPARED, CRANE, Experiment, Sample};
 use crate::prediction::Prediction;
 use crate::ringing::{Ringing, ringing};
@@ -73,7 +73,8 @@ impl TuningFork {
             .collect();
         // the boom is what rings loudest above the scatter of its sensor; what else is heard elsewhere is none of it
         let loudness = |k: &usize| {
-            heard[*k].map_or(0.0, |r| r.amplitude / noise(&whole[*k].1).max(f64::MIN_POSITIVE))
+            heard[*k]
+                .map_or(0.0, |r| r.amplitude / experiment.noise[whole[*k].0].max(f64::MIN_POSITIVE))
         };
         let loudest = (0..heard.len()).max_by(|a, b| loudness(a).total_cmp(&loudness(b)));
         let boom = loudest.and_then(|k| heard[k]);
@@ -223,6 +224,7 @@ mod tests {
             filters: [0.0; COMPARED.len()],
             beginning: [None; STARTS],
             apart: ([5e-3; COMPARED.len()], 5e-3),
+            noise: [1e-3; COMPARED.len()],
             remarks: Vec::new(),
         }
     }

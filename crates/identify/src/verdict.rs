@@ -1,6 +1,8 @@
 //! Is the model right? Position, pressures, frequency and damping of a log, each against a stated limit.
 
 use crate::differences::{Difference, Differences};
+use crate::limits::LIMITS;
+use crate::ringing::Ringing;
 use hydroboom_measurement::Signal;
 
 /// What a model is right or wrong for.
@@ -15,37 +17,6 @@ pub enum Aspect {
     /// How fast that fades.
     Damping,
 }
-
-/// Limits within which a model is called right.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// RMS difference of the position over the way that the log's piston goes.
-    pub position: f64,
-    /// RMS difference of a pressure over the largest that the log has of it.
-    pub pressure: f64,
-    /// And never less than this \[Pa\].
-    pub least_pressure: f64,
-    /// And of a position \[m\].
-    pub least_position: f64,
-    /// Share by which frequencies may differ.
-    pub frequency: f64,
-    /// Share by which damping ratios may differ, and never less than `least_damping`.
-    pub damping: f64,
-    /// Difference of damping ratios that is none.
-    pub least_damping: f64,
-}
-
-/// The limits: half of what the paper's model leaves between itself and its crane (Table 6: 4.4 mm of 400 mm and 2.75 bar of 80); 2 % of a frequency (the paper's
-/// model leaves 1.3 %: 2.24 Hz for 2.27), and 30 % of a damping, which no oscillation of a few periods tells better.
-pub const LIMITS: Limits = Limits {
-    position: 0.006,
-    pressure: 0.02,
-    least_pressure: 0.3e5,
-    least_position: 0.2e-3,
-    frequency: 0.02,
-    damping: 0.3,
-    least_damping: 0.005,
-};
 
 /// Whether a model is right for one aspect of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,23 +47,37 @@ fn of_size(d: &Difference) -> Judgement {
     Judgement { aspect, signal: d.signal, found: d.rms, limit }
 }
 
-/// Frequency and damping of a signal against their limits, where both are told; the model over the log.
-pub(crate) fn of_ringing(d: &Difference) -> Option<[Judgement; 2]> {
-    let [log, model] = [d.ringing, d.model_ringing];
-    let (log, model) = (log?, model?);
-    let (signal, own, shown) = (d.signal, log.damping?, model.damping?);
-    let found = model.frequency / log.frequency - 1.0;
-    let frequency = Judgement { aspect: Aspect::Frequency, signal, found, limit: LIMITS.frequency };
+/// Frequency and damping of a signal against their limits, where both are told; the model over the log. A frequency is told of what is damped so little that it can
+/// be read.
+fn of_ringing(d: &Difference) -> Vec<Judgement> {
+    let (Some(log), Some(model)) = (d.ringing, d.model_ringing) else { return Vec::new() };
+    let (Some(own), Some(shown)) = (log.damping, model.damping) else { return Vec::new() };
+    let (signal, mut all) = (d.signal, Vec::new());
+    if [log, model].iter().all(Ringing::tells_frequency) {
+        let found = model.frequency / log.frequency - 1.0;
+        all.push(Judgement { aspect: Aspect::Frequency, signal, found, limit: LIMITS.frequency });
+    }
     let limit = LIMITS.damping.max(LIMITS.least_damping / own.abs().max(1e-9));
     let found = (shown - own) / own.abs().max(1e-9);
-    Some([frequency, Judgement { aspect: Aspect::Damping, signal, found, limit }])
+    all.push(Judgement { aspect: Aspect::Damping, signal, found, limit });
+    all
+}
+
+/// Whether a signal is beyond its limit, of what the log tells.
+pub(crate) fn is_beyond(d: &Difference) -> bool {
+    d.unresolved.is_none() && !of_size(d).is_right()
+}
+
+/// All that is judged: each signal that the log tells, and how the boom rings.
+pub(crate) fn judged(found: &Differences) -> Vec<Judgement> {
+    let told = found.iter().filter(|d| d.unresolved.is_none());
+    let boom = boom(found).map(of_ringing).into_iter().flatten();
+    told.map(of_size).chain(boom).collect()
 }
 
 /// All that is wrong, signal by signal: beyond its limit, and told by the log.
 pub fn complaints(found: &Differences) -> Vec<Judgement> {
-    let told = found.iter().filter(|d| d.unresolved.is_none());
-    let boom = boom(found).and_then(of_ringing).into_iter().flatten();
-    told.map(of_size).chain(boom).filter(|j| !j.is_right()).collect()
+    judged(found).into_iter().filter(|j| !j.is_right()).collect()
 }
 
 /// What rings loudest above its sensor's scatter is the boom; an oscillation whose fading cannot be told has no frequency to be relied on.
@@ -100,7 +85,7 @@ fn boom(found: &Differences) -> Option<&Difference> {
     let loudness = |d: &&Difference| {
         d.ringing.map_or(0.0, |log| log.amplitude / d.noise.max(f64::MIN_POSITIVE))
     };
-    let told = found.iter().filter(|d| d.unresolved.is_none() && of_ringing(d).is_some());
+    let told = found.iter().filter(|d| d.unresolved.is_none() && !of_ringing(d).is_empty());
     told.max_by(|a, b| loudness(a).total_cmp(&loudness(b)))
 }
 
@@ -112,7 +97,7 @@ pub fn verdict(found: &Differences) -> Vec<Judgement> {
     };
     let told = || found.iter().filter(|d| d.unresolved.is_none());
     let of = |aspect: Aspect| worst(told().map(of_size).filter(|j| j.aspect == aspect).collect());
-    let ringing = boom(found).and_then(of_ringing).into_iter().flatten();
+    let ringing = boom(found).map(of_ringing).into_iter().flatten();
     let sizes = [of(Aspect::Position), of(Aspect::Pressures)];
     sizes.into_iter().flatten().chain(ringing).collect()
 }
@@ -120,7 +105,6 @@ pub fn verdict(found: &Differences) -> Vec<Judgement> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ringing::Ringing;
 
     fn difference(signal: Signal, rms: f64, rings: [Option<Ringing>; 2]) -> Difference {
         Difference {
@@ -174,6 +158,11 @@ mod tests {
             (Aspect::Damping, Signal::PressureA, false),
         ];
         assert_eq!(told, expected);
+        // strongly damped, a frequency cannot be read, and that it is damped more can
+        let brief = [ringing(3.0, Some(0.04)), ringing(2.2, Some(0.28))];
+        let judged = verdict(&vec![difference(Signal::PressureA, 1.0e5, brief)]);
+        let told: Vec<Aspect> = judged.iter().map(|j| j.aspect).collect();
+        assert_eq!(told, [Aspect::Pressures, Aspect::Damping]);
         let unsure = [ringing(3.0, None), ringing(3.15, Some(0.03))];
         let judged = verdict(&vec![difference(Signal::PressureA, 1.0e5, unsure)]);
         assert_eq!(judged.len(), 1, "{judged:?}");

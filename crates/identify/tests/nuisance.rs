@@ -50,7 +50,7 @@ fn a_position_that_is_late_moves_its_delay_and_no_key() {
         let channels = [(Signal::Stroke, late, 0.0)];
         let found = tuned(&channels, &[]);
         assert_eq!(holds_truth(&found), [true; 3], "{late} s late");
-        // the model's inputs hold for a period, so the log is late by a part of one too
+        // the published step, of first order, is early by one and a half of itself
         let delay = channel(&found, "stroke.delay_ms");
         assert!((delay.value - late * 1e3).abs() < 0.5 && delay.is_off(), "{delay:?}");
         // another log of the same machine is late by the same

@@ -10,6 +10,7 @@ use crate::{LabError, paper};
 use hydroboom_control::reference::profile::OutAndBack;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_design::stability::LoopStability;
 use serde::{Serialize, Serializer};
 
 /// Writes a strategy by its name.
@@ -116,6 +117,9 @@ pub struct Row {
     pub speed_mm_s: f64,
     /// Whether the piston came to rest where its reference rested: false in a sustained oscillation, and where the simulation stopped.
     pub stable: bool,
+    /// Whether the loops that the strategy steers through are stable around the plant, linearised. Where one is not, errors that look well come of friction that holds
+    /// the piston, or of a motor that swings within its limits.
+    pub has_stable_loops: bool,
     /// Why the simulation stopped before the course's end; no numbers stand beside it.
     pub stopped: Option<String>,
     /// That oscillation. Errors beside it tell of it, and not of how well a reference is followed.
@@ -139,6 +143,19 @@ impl Row {
         Self { paper_rms_mm: None, paper_peak_mm: None, ..self }
     }
 
+    /// The same with what the loops around its plant are.
+    #[must_use]
+    pub fn with_loops(self, loops: &[LoopStability]) -> Self {
+        let stable = loops.iter().filter(|of| of.is_of(self.strategy)).all(|of| of.stable);
+        Self { has_stable_loops: stable, ..self }
+    }
+
+    /// Name of its strategy, with a mark where a loop is unstable, or the run was in sustained oscillation or stopped.
+    pub fn marked_name(&self) -> String {
+        let mark = if self.stable && self.has_stable_loops { "" } else { UNSTABLE_MARK };
+        format!("{}{mark}", self.strategy.name())
+    }
+
     /// The row of a run on the named plant.
     pub fn of(plant: &str, run: &Run) -> Self {
         let (speed_mm_s, metrics) = (run.speed * 1e3, run.metrics());
@@ -155,6 +172,7 @@ impl Row {
             course: run.course.clone(),
             speed_mm_s,
             stable: run.is_stable(),
+            has_stable_loops: true,
             stopped: run.stopped.clone(),
             sustained_oscillation: run.sustained_oscillation,
             error,
@@ -163,6 +181,17 @@ impl Row {
             paper_peak_mm: printed.map(|p| p.1),
         }
     }
+}
+
+/// Stands behind the name of a strategy whose loop is unstable.
+pub const UNSTABLE_MARK: &str = " (!)";
+
+/// What [`UNSTABLE_MARK`] means, where a row has it.
+pub fn remark_on_mark(rows: &[Row]) -> Option<&'static str> {
+    let is_marked = rows.iter().any(|row| !(row.stable && row.has_stable_loops));
+    is_marked.then_some(
+        "(!): its closed loop is unstable, as said below; its errors and effort are no merit.",
+    )
 }
 
 /// What is to be said of runs in sustained oscillation, and of those that stopped, a sentence each.

@@ -179,6 +179,11 @@ pub fn simulate(
             holding_valve: 1.0,
         },
     };
+    // held over a step is what the course asks for in its middle: held from the beginning, all would come half a step late
+    let held_from = |time: f64| match drive {
+        Drive::Course(_) => input_at(time + 0.5 * settings.step),
+        _ => input_at(time),
+    };
     let mut loads = match drive {
         Drive::Course(course) => course.loads(),
         _ => &[],
@@ -205,7 +210,7 @@ pub fn simulate(
             progress(k as f64 / steps.max(1) as f64);
         }
         if k < steps {
-            crane.advance(&input, 1).map_err(LabError::during("simulation"))?;
+            crane.advance(&held_from(time), 1).map_err(LabError::during("simulation"))?;
         }
     }
     Ok(Simulated { crane, log: log.map_or(Ok(()), Log::finish) })

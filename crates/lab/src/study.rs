@@ -13,7 +13,9 @@ use crate::{
 };
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, OFF_MODEL};
-use hydroboom_design::stability::{LoopStability, stability_of};
+use hydroboom_design::stability::{
+    LoopStability, remark_on_expected_lags, stability_of, stable_with_expected_lags,
+};
 use hydroboom_model::Scheme;
 use serde::Serialize;
 use std::thread;
@@ -90,6 +92,8 @@ pub struct Study {
     pub stable: bool,
     /// Loops around each plant.
     pub loops: Vec<PlantLoops>,
+    /// Of the loops that are unstable around the nominal or the off-model plant, which are ideal, those that are stable with the lags of a drive and a fieldbus.
+    pub stable_with_expected_lags: Vec<LoopStability>,
     /// What is to be said of the benchmark's gains, if anything.
     pub remark_on_gains: Option<String>,
     /// Frequency of the p_A oscillation with the valve open, not fitted.
@@ -125,11 +129,7 @@ pub struct Study {
 impl Study {
     /// What is to be said of loops that are unstable, a sentence each.
     pub fn unstable_loops(&self) -> Vec<String> {
-        let unstable = |of: &PlantLoops| {
-            let each = of.loops.iter().filter(|one| !one.stable);
-            each.map(|one| format!("{}, {one}", of.plant)).collect::<Vec<_>>()
-        };
-        self.loops.iter().flat_map(unstable).collect()
+        said_of_unstable(&self.loops, &self.stable_with_expected_lags)
     }
 
     /// The run of a strategy at a speed \[mm/s\] on a plant.
@@ -143,6 +143,35 @@ impl Study {
             })
             .map(|(_, run)| run)
     }
+}
+
+fn said_of_unstable(
+    loops: &[PlantLoops],
+    stable_with_expected_lags: &[LoopStability],
+) -> Vec<String> {
+    let unstable = |of: &PlantLoops| {
+        let each = of.loops.iter().filter(|one| !one.stable);
+        each.map(|one| format!("{}, {one}", of.plant)).collect::<Vec<_>>()
+    };
+    let remark = remark_on_expected_lags(stable_with_expected_lags);
+    loops.iter().flat_map(unstable).chain(remark).collect()
+}
+
+/// Loops around each plant that there is, by its name; and of those that are unstable around an ideal plant, the ones that are stable with the lags that the
+/// controllers expect.
+fn loops_around(
+    model: &Description,
+    plants: &[(&'static str, Option<&Description>)],
+) -> Result<(Vec<PlantLoops>, Vec<LoopStability>), LabError> {
+    let mut loops = Vec::new();
+    for (plant, machine) in plants {
+        if let Some(machine) = machine {
+            loops.push(PlantLoops { plant, loops: stability_of(&Strategy::ALL, model, machine)? });
+        }
+    }
+    let all: Vec<LoopStability> = loops.iter().flat_map(|of| of.loops.clone()).collect();
+    let expected = stable_with_expected_lags(model, &all)?;
+    Ok((loops, expected))
 }
 
 /// What the study finds out about the virtual crane.
@@ -263,9 +292,6 @@ pub fn study(
         virtual_hz = Some(results.eigenfrequency);
         virtual_oscillation = results.pressure_oscillation;
     }
-    let beside_paper = |row: Row| if is_papers_crane { row } else { row.without_paper() };
-    let motion: Vec<Row> =
-        runs.iter().map(|(plant, run)| beside_paper(Row::of(plant, run))).collect();
     let fast = |plant: &str| {
         runs.iter().find(|(name, run)| {
             name == plant && run.strategy == Strategy::VelocityFeedforward && run.speed == n.fast
@@ -279,14 +305,14 @@ pub fn study(
         Some(off_model) => differences(seen, off_model, is_papers_crane),
         None => Vec::new(),
     };
-    let mut loops = Vec::new();
     let plants = [(NOMINAL, Some(description)), (OFF, Some(&off)), (VIRTUAL, virtual_crane)];
-    for (plant, machine) in plants {
-        if let Some(machine) = machine {
-            let loops_of = stability_of(&Strategy::ALL, description, machine)?;
-            loops.push(PlantLoops { plant, loops: loops_of });
-        }
-    }
+    let (loops, stable_with_expected_lags) = loops_around(description, &plants)?;
+    let row = |(plant, run): &(String, Run)| {
+        let around = loops.iter().find(|of| of.plant == plant);
+        let row = Row::of(plant, run).with_loops(around.map_or(&[], |of| &of.loops));
+        if is_papers_crane { row } else { row.without_paper() }
+    };
+    let motion: Vec<Row> = runs.iter().map(row).collect();
     let model_hz = std::array::from_fn(|k| eigenfrequency[k].linearised_hz);
     let mut plants_hz = vec![(OFF, off_hz)];
     plants_hz.extend(virtual_hz.map(|hz| (VIRTUAL, hz)));
@@ -312,6 +338,7 @@ pub fn study(
             && loops.iter().flat_map(|of| &of.loops).all(|one| one.stable),
         motion,
         loops,
+        stable_with_expected_lags,
         remark_on_gains: None,
         pressure_oscillation_hz,
         paper_pressure_oscillation_hz: is_papers_crane.then_some(paper::PRESSURE_OSCILLATION_HZ),
@@ -383,6 +410,25 @@ fn differences(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A payload at 9 m: the nominal plant has no lag, and the scheduled LQR counts on one. Both are said, and the paper's crane has nothing of it.
+    #[test]
+    fn a_loop_that_only_an_ideal_plant_makes_unstable_is_told_so() {
+        let said = |set: &str| {
+            let mut crane = Description::uia_single_boom().unwrap();
+            crane.set(set).unwrap();
+            let (loops, expected) = loops_around(&crane, &[(NOMINAL, Some(&crane))]).unwrap();
+            said_of_unstable(&loops, &expected)
+        };
+        let far = said("payload.x_mm=9000");
+        let begins =
+            "nominal, scheduled LQR: the closed loop is UNSTABLE at 25, 125, 250, 375, 475 mm";
+        let lqr = far.iter().find(|text| text.starts_with(begins)).unwrap();
+        assert!(lqr.contains("with an ideal drive and no delay"), "{lqr}");
+        let last = far.last().unwrap();
+        assert!(last.contains("the closed loop of the scheduled LQR is stable"), "{last}");
+        assert_eq!(said("payload.x_mm=3500"), [""; 0]);
+    }
 
     #[test]
     fn the_off_model_plant_differs_by_the_same_shares_from_any_crane() {

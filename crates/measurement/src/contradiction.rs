@@ -43,8 +43,8 @@ fn travel(track: &Track) -> f64 {
     high - low
 }
 
-/// The motor's speed, where it has the other sign than the piston's.
-fn against_the_piston(signals: &Signals) -> Option<Suspicion> {
+/// Speeds of piston \[m/s\] and motor \[rev/s\] at the same times; none where the piston does not move.
+pub(crate) fn speeds(signals: &Signals) -> Option<Vec<(f64, f64)>> {
     let (position, motor) = (signals.get(Signal::Stroke)?, signals.get(Signal::MotorSpeed)?);
     if travel(position) < TRAVEL {
         return None;
@@ -53,7 +53,12 @@ fn against_the_piston(signals: &Signals) -> Option<Suspicion> {
         let speed = (position.at(t + 0.5 * SPAN)? - position.at(t - 0.5 * SPAN)?) / SPAN;
         Some((speed, motor.at(t)?))
     };
-    let pairs: Vec<(f64, f64)> = times(position).into_iter().filter_map(pair).collect();
+    Some(times(position).into_iter().filter_map(pair).collect())
+}
+
+/// The motor's speed, where it has the other sign than the piston's.
+fn against_the_piston(signals: &Signals) -> Option<Suspicion> {
+    let pairs = speeds(signals)?;
     // about zero: leakage alone turns the motor at rest
     let of = |product: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(product).sum::<f64>();
     let (both, speed, motor) = (of(&|p| p.0 * p.1), of(&|p| p.0 * p.0), of(&|p| p.1 * p.1));

@@ -87,7 +87,11 @@ impl Mapping {
                         && high <= 1.02 * stroke + 5e-3
                         && high > 1e-3 * stroke
                 }
-                Dimension::Pressure => low >= -1.2e5 && high <= 600e5 && high > 0.2e5,
+                // a tank line has none
+                Dimension::Pressure => {
+                    let least = if *signal == Signal::PressureTank { -1.2e5 } else { 0.2e5 };
+                    low >= -1.2e5 && high <= 600e5 && high > least
+                }
                 Dimension::Rotation => low.abs().max(high.abs()) <= 1.5 * motor_speed,
                 Dimension::Share => low >= -0.01 && high <= 1.01,
                 _ => true,

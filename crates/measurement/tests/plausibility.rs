@@ -100,3 +100,46 @@ fn other_columns_that_may_be_a_signal_are_named() {
     let said = mapping.assumptions(&log).join("; ");
     assert!(said.contains(&format!("\"{}\" may be x_cyl too", other.heading)), "{said}");
 }
+
+/// The line to the tank has no pressure, and is right so.
+#[test]
+fn a_tank_line_without_pressure_is_not_suspected() {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("tank.csv");
+    let rows: String = (0..50).map(|k| format!("{},0.0{}\n", 0.01 * f64::from(k), k % 7)).collect();
+    std::fs::write(&path, format!("time_s,pressure_tank_bar\n{rows}")).unwrap();
+    let log = read(&path, None).unwrap();
+    assert_eq!(suspected(&log), "");
+}
+
+/// A tenth of what the crane rests at and of what the piston's speed asks for: MPa and rad/s, where no unit is stated.
+#[test]
+fn guessed_units_are_held_against_the_crane() {
+    let per_second = std::f64::consts::TAU / 60.0;
+    // the piston goes 200 mm in 3 s by a sine, the motor 900 rpm at most
+    let travel = 0.1 * std::f64::consts::TAU / 6.0 / 15.0;
+    let expected = hydroboom_measurement::Expected { holding_pressure: [62e5, 71e5], travel };
+    let suspected = |name: &str, [pressure, motor]: [f64; 2], units: [&str; 2]| {
+        let change = |_: usize, row: &mut Row| {
+            row.pressures = row.pressures.map(|bar| pressure * bar);
+            row.motor *= motor;
+        };
+        let log = log(name, change);
+        let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let text = text.replacen("p_A_bar", units[0], 1).replacen("p_PA_bar", "p_PA", 1);
+        std::fs::write(&path, text.replacen("n_rpm", units[1], 1)).unwrap();
+        drop(log);
+        let log = read(&path, None).unwrap();
+        let mapping = Mapping::default().completed(&log).unwrap();
+        let all = mapping.unit_suspicions(&log, &expected);
+        all.into_iter().map(|s| s.text).collect::<Vec<_>>().join("; ")
+    };
+    let text = suspected("mpa.csv", [0.1, per_second], ["p_A", "n"]);
+    assert!(text.contains("is it in MPa?") && text.contains("is it in rad/s?"), "{text}");
+    assert_eq!(suspected("bar.csv", [1.0, 1.0], ["p_A", "n"]), "");
+    // what is stated is believed
+    assert_eq!(
+        suspected("stated.csv", [0.1, per_second], ["p_A_bar", "n_rpm"]).matches("p_A ").count(),
+        0
+    );
+}

@@ -49,7 +49,7 @@ impl<T: Real> DriveState<T> {
 
 /// In how many parts a step \[s\] of a lag of an angular frequency \[rad/s\] is to be taken, so that it does not show that each is of first order.
 pub fn parts(frequency: f64, step: f64) -> u32 {
-    (libm::ceil(frequency * step / FINEST) as u32).clamp(1, MOST_PARTS)
+    Real::clamp(libm::ceil(frequency * step / FINEST), 1.0, f64::from(MOST_PARTS)) as u32
 }
 
 impl<T: Real> Drive<T> {

@@ -177,7 +177,8 @@ pub(super) fn control_task(controller: &Unit) -> Unit {
         name: "PRG_Control".into(),
         comment: "To be called every control period (1 ms in the paper): the benchmark controller, which holds and releases the load. \
                   FB_SimulationFeedforward takes its place where the simulation is to lead: the same inputs and outputs, called every simulation \
-                  step."
+                  step. FB_ScheduledLqrController takes its place with its preview arrays filled every period, and has outputs more than these: \
+                  docs/export-twincat.md has a program that does so."
             .into(),
         variables,
         body: format!(

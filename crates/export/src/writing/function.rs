@@ -111,13 +111,28 @@ impl Writing<'_, '_, '_> {
         let mut rows = of.rows;
         rows.sort_unstable();
         rows.dedup();
-        let function = Function { origin, number, rows, parameters, legend, body, results };
+        let function = Function {
+            origins: vec![origin.clone()],
+            origin,
+            number,
+            rows,
+            parameters,
+            legend,
+            body,
+            results,
+        };
         let functions = &mut *self.shared.functions;
         let known = functions.iter().position(|other| other.does_the_same_as(&function));
-        let place = known.unwrap_or_else(|| {
-            functions.push(function);
-            functions.len() - 1
-        });
+        let place = match known {
+            Some(place) => {
+                functions[place].shared_with(&function);
+                place
+            }
+            None => {
+                functions.push(function);
+                functions.len() - 1
+            }
+        };
         let defined = Defined { function: place, arguments };
         self.shared.defined.insert(part, defined.clone());
         defined

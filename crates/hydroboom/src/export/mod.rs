@@ -69,8 +69,14 @@ struct File {
 /// Writes files into a folder, which is made; says what was written.
 fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Result<()> {
     output::folder(folder);
+    let mut made: Vec<(PathBuf, &File)> = Vec::new();
     for file in files {
-        output::file(&folder.join(&file.name), file.content.as_bytes());
+        let path = folder.join(&file.name);
+        output::file(&path, file.content.as_bytes());
+        // a folder that could not be made has no files, whatever a write into it comes to
+        if output::is_written(&path) {
+            made.push((path, file));
+        }
     }
     let others = others(folder, files);
     if !others.is_empty() {
@@ -82,23 +88,25 @@ fn written(folder: &Path, files: &[File], blocks: &[Block], in_json: bool) -> Re
     }
     let flops = flops(blocks).into_diagnostic()?;
     if in_json {
-        let files: Vec<Value> = files.iter().map(|file| {
-            let path: PathBuf = folder.join(&file.name);
+        let files: Vec<Value> = made.iter().map(|(path, file)| {
             json!({ "file": path, "bytes": file.content.len(), "sha256": digest_of(file.content.as_bytes()) })
         }).collect();
         return output::json(&json!({ "files": files, "flops": flops.iter().map(|(name, flops)| {
             json!({ "entry": name, "flops": flops })
         }).collect::<Vec<_>>() }));
     }
-    let rows: Vec<Vec<String>> = files
+    let rows: Vec<Vec<String>> = made
         .iter()
-        .map(|file| {
-            let path = folder.join(&file.name).display().to_string();
+        .map(|(path, file)| {
+            let path = path.display().to_string();
             let digest = digest_of(file.content.as_bytes());
             vec![path, file.content.len().to_string(), digest[..16].to_string()]
         })
         .collect();
-    let mut said = output::table(&["file", "bytes", "SHA-256"], &rows);
+    let mut said = match rows.is_empty() {
+        true => "no file is written".into(),
+        false => output::table(&["file", "bytes", "SHA-256"], &rows),
+    };
     let costs: Vec<String> = flops.iter().map(|(name, flops)| format!("{name} {flops}")).collect();
     said += &format!("\nfloating-point operations a call: {}", costs.join(", "));
     output::text(&said)

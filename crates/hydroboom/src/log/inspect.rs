@@ -1,7 +1,7 @@
 //! `hydroboom log inspect`: what a log has, and what is taken for which signal.
 
 use crate::crane_file::CraneFile;
-use crate::log_mapping::LogMapping;
+use crate::log_mapping::{LogMapping, suspicions};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use clap::Args;
@@ -50,8 +50,7 @@ impl Inspect {
     pub fn run(self) -> Result<()> {
         let crane = self.crane.read_any()?;
         let (log, mapping, refused) = self.mapping.read_where_known(&self.log, &crane)?;
-        let n = &crane.numbers;
-        let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
+        let suspicions = suspicions(&log, &mapping, &crane);
         if let Some(path) = &self.mapping_out {
             output::file(path, mapping.to_toml().as_bytes());
         }

@@ -66,7 +66,7 @@ pub struct Run {
     #[arg(long, value_parser = strategies(), value_name = "STRATEGY", conflicts_with = "dashboard")]
     then: Option<Strategy>,
     /// Speed of the motion; the model's fast one when not given: 0.1 to 10000 mm/s.
-    #[arg(long, allow_negative_numbers = true, value_parser = number::within(number::SPEED, "mm/s"))]
+    #[arg(long, value_parser = number::within(number::SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
     /// Run a scenario; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME", conflicts_with = "speed_mm_s")]

@@ -42,7 +42,12 @@ pub fn row(channel: &Channel) -> Vec<String> {
         channel.nuisance.path(),
         format!("{:+.2} {unit}", channel.value),
         format!("{low:+.2} to {high:+.2}"),
-        if channel.is_off() { "YES" } else { "no" }.into(),
+        match (channel.is_at_limit(), channel.is_off()) {
+            (true, _) => "AT ITS LIMIT",
+            (false, true) => "YES",
+            (false, false) => "no",
+        }
+        .into(),
         partner.map_or(String::new(), |(key, c)| format!("{key} ({c:+.2})")),
     ]
 }
@@ -63,9 +68,24 @@ pub fn in_json(channels: &[Channel]) -> Vec<Value> {
         let (low, high) = c.interval();
         json!({
             "log": c.log, "key": c.nuisance.path(), "unit": allowed.unit, "value": c.value, "interval_95": [low, high],
-            "not_zero": c.is_off(), "range": allowed.range, "known_to": allowed.deviation, "source": allowed.source,
+            "not_zero": c.is_off(), "at_limit": c.is_at_limit(), "range": allowed.range, "known_to": allowed.deviation, "source": allowed.source,
             "partner": c.partner.as_ref().map(|(key, _)| key), "correlation": c.partner.as_ref().map(|(_, c)| c),
         })
     };
     channels.iter().map(of).collect()
+}
+
+/// A sentence for each that ended at its limit.
+pub fn at_limit(channels: &[Channel]) -> impl Iterator<Item = String> {
+    channels.iter().filter(|c| c.is_at_limit()).map(|c| {
+        let allowed = c.nuisance.allowed();
+        let [low, high] = allowed.range;
+        format!(
+            "{} of {} ends at its limit ({low:+} to {high:+} {}): more would be found beyond, and what is left is in the keys. Put what is known of \
+             it into the mapping, or look for what else shifts that channel",
+            c.nuisance.path(),
+            c.log,
+            allowed.unit
+        )
+    })
 }

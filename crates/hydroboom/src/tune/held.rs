@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 pub struct HoldOut {
     /// Keep a stretch of the logs' time from the search and say how the model does there, as FROM:TO in seconds; can be
     /// repeated.
-    #[arg(long, value_name = "FROM:TO", value_parser = stretch)]
+    #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true, value_parser = stretch)]
     pub hold_out: Vec<Stretch>,
     /// Hold out one stretch after the other, with a search for each, before the search over all of them.
     #[arg(long, requires = "hold_out")]
@@ -228,8 +228,7 @@ mod tests {
             deviation,
             from_logs: deviation,
             others_exact: deviation,
-            biased: None,
-            is_determined: true,
+            determination: hydroboom_identify::Determination::Determined,
             partner: None,
         };
         let without = |from: f64, tuned: Tuned| InTurn {

@@ -7,7 +7,7 @@ mod page;
 mod profiles;
 
 use crate::crane_file::CraneFile;
-use crate::log_mapping::{LogMapping, LogWindow};
+use crate::log_mapping::{LogMapping, LogWindow, suspicions};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
 use crate::verdict_text;
@@ -18,8 +18,8 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::KEYS;
 use hydroboom_identify::Stretch;
 use hydroboom_identify::{
-    COMPARED, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Judgement, Nuisance,
-    Profile, Task, Tuned, differences, experiment_for, fit, held_out, predict, verdict,
+    COMPARED, Determination, Experiment, Fit, Free, HeldOut, IdentifyError, Improvement, Judgement,
+    Nuisance, Profile, Task, Tuned, differences, experiment_for, fit, held_out, predict, verdict,
 };
 use hydroboom_lab::crane_file_text::{FoundValue, write_value};
 use hydroboom_measurement::{Signal, Signals, digest, digest_of};
@@ -94,7 +94,7 @@ impl Tune {
             [only] if only == "auto" => Free::usual(&crane),
             named => named
                 .iter()
-                .map(|path| Free::from_path(path.trim()).into_diagnostic())
+                .map(|path| Free::of_model(path.trim()).into_diagnostic())
                 .collect::<Result<Vec<Free>>>()?,
         };
         if let Some((k, twice)) = free.iter().enumerate().find(|(k, key)| free[..*k].contains(key))
@@ -140,6 +140,7 @@ impl Tune {
         let kept = self.journal(&digests, &free)?;
         let found = self.search(asked, &rest, &stop, kept.as_ref(), "")?;
         notes.extend(found.improvements.iter().flat_map(worsened));
+        notes.extend(channels::at_limit(&found.channels));
         if !self.hold_out.in_turn {
             for stretch in &self.hold_out.hold_out {
                 held.extend(judged(&experiments, &found, *stretch));
@@ -180,9 +181,8 @@ impl Tune {
         notes: &mut Vec<String>,
     ) -> Result<Vec<Experiment>> {
         let (log, mapping) = self.mapping.read(path, crane)?;
-        let n = &crane.numbers;
         notes.extend(log.remarks.iter().map(|r| format!("{}: {r}", path.display())));
-        let suspicions = mapping.suspicions(&log, n.stroke, n.motor_speed);
+        let suspicions = suspicions(&log, &mapping, crane);
         notes.extend(suspicions.into_iter().map(|s| format!("suspicious: {}", s.text)));
         let signals = Signals::of(&log, &mapping).into_diagnostic()?;
         let each = Experiment::each(crane, &log, &signals, self.window.of()).into_diagnostic()?;
@@ -322,10 +322,14 @@ impl Tune {
         for t in &found.tuned {
             let key = &KEYS[t.key.place];
             let (low, high) = t.interval();
-            let how = match (t.is_determined, t.biased) {
-                (_, Some(reason)) => format!("of an equivalent model: {reason}"),
-                (true, _) => format!("95 %: {:.4e} to {:.4e}", key.to_unit(low), key.to_unit(high)),
-                (false, _) => "the logs do not determine it".into(),
+            let how = match t.determination {
+                Determination::Biased(reason) => format!("of an equivalent model: {reason}"),
+                Determination::Determined => {
+                    format!("95 %: {:.4e} to {:.4e}", key.to_unit(low), key.to_unit(high))
+                }
+                other => {
+                    format!("the logs do not determine it: {}", other.reason().unwrap_or_default())
+                }
             };
             let tuned = FoundValue {
                 path: &key.path(),
@@ -409,16 +413,16 @@ impl Tune {
         if !profiles.is_empty() {
             said += &format!("\n\n{}\n", profiles::said(profiles));
         }
-        for (t, reason) in found.tuned.iter().filter_map(|t| Some((t, t.biased?))) {
+        for (t, reason) in found.tuned.iter().filter_map(|t| Some((t, t.biased()?))) {
             said += &format!("\n{} is biased, of an equivalent model: {reason}", t.key.path());
         }
-        let open = found.tuned.iter().filter(|t| !t.is_determined && t.biased.is_none());
-        let open: Vec<Free> = open.map(|t| t.key).collect();
-        if !open.is_empty() {
-            said += "\nthe logs do not determine these: what was known of them decides. What would tell:";
+        let mut open = open(found).peekable();
+        if open.peek().is_some() {
+            said += "\nthe logs do not determine these. Why not, and what would tell:";
         }
-        for key in open {
-            said += &format!("\n  {}: {}", key.path(), experiment_for(key));
+        for (t, reason) in open {
+            let would = experiment_for(t.key);
+            said += &format!("\n  {}: {reason}. What would tell: {would}", t.key.path());
         }
         for note in notes {
             said += &format!("\nnote: {note}");
@@ -522,11 +526,17 @@ fn improvement(of: &Improvement) -> serde_json::Value {
 
 /// Whether the logs determine a key, in a word.
 fn determination(t: &Tuned) -> &'static str {
-    match (t.biased, t.is_determined) {
-        (Some(_), _) => "BIASED",
-        (None, true) => "yes",
-        (None, false) => "NO",
+    match t.determination {
+        Determination::Biased(_) => "BIASED",
+        Determination::Determined => "yes",
+        _ => "NO",
     }
+}
+
+/// Keys that the logs do not determine and that are not biased, each with the reason.
+fn open(found: &Fit) -> impl Iterator<Item = (&Tuned, String)> {
+    let all = found.tuned.iter().filter(|t| t.biased().is_none());
+    all.filter_map(|t| Some((t, t.determination.reason()?)))
 }
 
 /// Signals that differ by more than before the search, which a search in the right valley hardly leaves.
@@ -579,7 +589,7 @@ fn in_json(t: &Tuned) -> serde_json::Value {
         "interval_95": [key.to_unit(low), key.to_unit(high)], "known_to_percent": t.prior * 100.0,
         "logs_say_to_percent": t.from_logs.is_finite().then_some(t.from_logs * 100.0),
         "others_exact_percent": t.others_exact.is_finite().then_some(t.others_exact * 100.0),
-        "determined": t.is_determined, "biased": t.biased,
+        "determined": t.is_determined(), "biased": t.biased(), "not_determined": t.determination.reason(),
         "partner": t.partner.as_ref().map(|(k, _)| k), "correlation": t.partner.as_ref().map(|(_, c)| c),
     })
 }

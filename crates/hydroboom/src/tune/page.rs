@@ -47,8 +47,7 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
             figures.push(figure(&caption, &svg));
         }
     }
-    let open: Vec<&Tuned> =
-        found.tuned.iter().filter(|t| !t.is_determined && t.biased.is_none()).collect();
+    let open: Vec<(&Tuned, String)> = super::open(found).collect();
     let body = html! {
         @for (log, judged) in outcome.judged() { p { b { (verdict_text::said(&judged)) } " " code { (log) } } }
         p.soft {
@@ -74,13 +73,15 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
                 tbody { @for c in &found.channels { tr { td { (c.log) } @for cell in channels::row(c) { td { (cell) } } } } }
             } }
         }
-        @for (t, reason) in found.tuned.iter().filter_map(|t| Some((t, t.biased?))) {
+        @for (t, reason) in found.tuned.iter().filter_map(|t| Some((t, t.biased()?))) {
             p { code { (t.key.path()) } " is biased, of an equivalent model: " (reason) "." }
         }
         @if !open.is_empty() {
             h2 { "What the logs do not determine, and what would" }
-            p { "Of these the logs say less than was known before; that decides, and the value is no finding." }
-            ul { @for t in &open { li { code { (t.key.path()) } ": " (experiment_for(t.key)) "." } } }
+            p { "The value of these is no finding: what was known before decides it, or the model is not the true one." }
+            ul { @for (t, reason) in &open { li {
+                code { (t.key.path()) } ": " (reason) ". What would tell: " (experiment_for(t.key)) "."
+            } } }
         }
         @if !drawn.is_empty() {
             h2 { "What the logs say of single keys" }
@@ -124,7 +125,7 @@ fn keys(found: &Fit) -> Markup {
                 @for v in [t.value.0, t.value.1, low, high] { td { (Shown(key.to_unit(v)).to_string()) } }
                 td { (format!("{:.1}", t.prior * 100.0)) }
                 td { @if t.from_logs.is_finite() { (crate::output::three_digits(t.from_logs * 100.0)) } @else { "nothing" } }
-                td { @if t.is_determined { "yes" } @else { b { (determination(t)) } } }
+                td { @if t.is_determined() { "yes" } @else { b { (determination(t)) } } }
             }
         } }
     } } }

@@ -26,7 +26,7 @@ impl Profiles {
     pub fn of(&self, task: &Task<'_>, found: &Fit, stop: &AtomicBool) -> Result<Vec<Profile>> {
         let keys = match self.profile.as_slice() {
             [only] if only == "weak" => {
-                let open = found.tuned.iter().filter(|t| !t.is_determined);
+                let open = found.tuned.iter().filter(|t| !t.is_determined());
                 open.map(|t| t.key).collect()
             }
             named => named

@@ -1,17 +1,26 @@
 //! How sure the logs make it.
 //!
 //! What is left between log and model is neither white nor independent from channel to channel: it is mostly what the model cannot show. The
-//! inverse of the curvature, which supposes white noise, is then far too small. The covariance is the sandwich
-//! `D [Σ_i Σ_j G_iᵀ R(i − j) G_j] D` with `D = (JᵀWJ)⁻¹`, `G = WJ` and `R` the sample autocorrelation of what is left, over all lags and between all
-//! channels: Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, J. Guid. Control Dyn. 20(1), 1997,
-//! 74-80. Where only white noise is left it is `D`.
+//! inverse of the curvature, which supposes white noise, is then far too small. The covariance is the sandwich of an M-estimator (Huber, The behavior of
+//! maximum likelihood estimates under nonstandard conditions, Proc. 5th Berkeley Symp. 1, 1967, 221-233; White, Econometrica 50, 1982, 1-25)
+//!
+//! ```text
+//! D [Σ_i Σ_j J_iᵀ R(i − j) J_j] D,   D = (Σ_i J_iᵀ ψ'(e_i) J_i)⁻¹,   R_ab(k) = Σ_i ψ(e_a,i) ψ(e_b,i+k) / √(n_a n_b)
+//! ```
+//!
+//! with `e` what is left and `J` its slopes, both in deviations, `ψ` Huber's score, and `n_a` the samples of channel a: `R` is the sample covariance of the
+//! scores over all lags and between all channels (Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, J. Guid.
+//! Control Dyn. 20(1), 1997, 74-80). A lag is one of time: where a channel has a gap, it has no pairs. Where only white noise is left it is `D`.
 //!
 //! Keys that stay where they are, are not exact either. The covariance is that of the problem in which they are free too, within what is known of them,
 //! and one step of Gauss and Newton in that problem says what freeing them would change: what holding them may have cost is added as its square.
+//!
+//! So is what the model's own steps are wrong by. Its scheme is of second order: half the step shows three quarters of the error (Richardson, Phil. Trans. R.
+//! Soc. A 210, 1911, 307-357), and `D JᵀW` times that is what it moves.
 
 use super::Task;
 use super::layout::Layout;
-use super::residual::{Deviations, Slopes, huber, residuals};
+use super::residual::{Deviations, Slopes, residuals, score};
 use super::search::Known;
 use crate::error::IdentifyError;
 use crate::experiment::{COMPARED, Experiment};
@@ -29,6 +38,8 @@ pub(super) struct Information {
     scatter: DMatrix<f64>,
     /// Jᵀ W (log − model), less what draws back to what was known.
     slope: DVector<f64>,
+    /// Jᵀ W (model of infinitely short steps − model).
+    of_steps: DVector<f64>,
     /// How many numbers were moved: the first ones; keys that stay come after them.
     moved: usize,
 }
@@ -49,7 +60,11 @@ impl Considered {
     }
 }
 
+/// The error of a scheme of second order over what half its step changes.
+const RICHARDSON: f64 = 4.0 / 3.0;
+
 impl Layout<'_> {
+    /// What the logs say at a place, of keys that are held too. `finer` are the logs in steps of half the length.
     pub(super) fn information(
         &self,
         at: &[f64],
@@ -57,6 +72,7 @@ impl Layout<'_> {
         kept: &mut [Option<Slopes>],
         known: &Known,
         held: &[Free],
+        finer: &[Experiment],
     ) -> Result<Information, IdentifyError> {
         let (moved, size) = (self.size(), self.size() + held.len());
         let logs: Vec<usize> = (0..self.experiments.len()).collect();
@@ -64,14 +80,18 @@ impl Layout<'_> {
         let mut curvature = DMatrix::zeros(size, size);
         let mut scatter = DMatrix::zeros(size, size);
         let mut slope = DVector::zeros(size);
-        let logs = self.experiments.iter().zip(deviations).zip(&mut all).enumerate();
-        for (log, ((experiment, deviation), (prediction, slopes))) in logs {
+        let mut of_steps = DVector::zeros(size);
+        let finer = Layout { experiments: finer, ..*self }.predictions(at)?;
+        let logs = self.experiments.iter().zip(deviations).zip(&mut all).zip(&finer).enumerate();
+        for (log, (((experiment, deviation), (prediction, slopes)), finer)) in logs {
             let of_held = self.slopes_along(at, log, held)?;
             slopes.extend(of_held.into_iter().map(|(k, slope)| (moved + k, slope)));
             let left = Left::new(experiment, deviation, prediction, slopes);
             let (own, its_scatter, its_slope) = (left.curvature(), left.scatter(), left.slope());
+            let moved_by_steps = left.along(deviation, prediction, finer);
             for (i, (row, _)) in slopes.iter().enumerate() {
                 slope[*row] += its_slope[i];
+                of_steps[*row] += RICHARDSON * moved_by_steps[i];
                 for (j, (column, _)) in slopes.iter().enumerate() {
                     curvature[(*row, *column)] += own[(i, j)];
                     scatter[(*row, *column)] += its_scatter[(i, j)];
@@ -81,18 +101,38 @@ impl Layout<'_> {
         for (k, ((z, mean), s)) in at.iter().zip(&known.mean).zip(&known.deviation).enumerate() {
             slope[k] -= (z - mean) / (s * s);
         }
-        Ok(Information { curvature, scatter, slope, moved })
+        Ok(Information { curvature, scatter, slope, of_steps, moved })
     }
 }
 
-/// What is left of a log, and its slopes, each in deviations; zero where nothing was measured.
+/// What is left of a log, channel by channel.
 struct Left {
-    /// Samples in which something was measured.
+    channels: Vec<ChannelLeft>,
+}
+
+/// What is left of a channel, in deviations; zero where nothing was measured.
+struct ChannelLeft {
+    /// Samples that were measured.
     count: usize,
-    /// What is left, for each channel.
-    errors: Vec<Vec<f64>>,
-    /// Slopes along what is moved, for each channel.
-    slopes: Vec<DMatrix<f64>>,
+    /// Scores of what is left.
+    scores: Vec<f64>,
+    /// Slopes of the scores by what is left: one, and zero far out.
+    weights: Vec<f64>,
+    /// Slopes along what is moved.
+    slopes: DMatrix<f64>,
+}
+
+impl ChannelLeft {
+    /// From what is left, none where nothing was measured, and its slopes.
+    fn new(errors: &[Option<f64>], slopes: DMatrix<f64>) -> Self {
+        let each = || errors.iter().map(|e| e.map_or((0.0, 0.0), score));
+        Self {
+            count: errors.iter().flatten().count(),
+            scores: each().map(|(score, _)| score).collect(),
+            weights: each().map(|(_, weight)| weight).collect(),
+            slopes,
+        }
+    }
 }
 
 impl Left {
@@ -103,57 +143,73 @@ impl Left {
         slopes: &Slopes,
     ) -> Self {
         let length = experiment.samples.len();
-        let mut left = Self { count: 0, errors: Vec::new(), slopes: Vec::new() };
-        for (signal, sigma) in deviation.iter().enumerate().take(COMPARED.len()) {
-            let mut errors = vec![0.0; length];
+        let of = |(signal, sigma): (usize, &f64)| {
+            let mut errors = vec![None; length];
             let mut along = DMatrix::zeros(length, slopes.len());
-            let measured = residuals(experiment, prediction, signal);
-            left.count = left.count.max(measured.len());
-            for (sample, e) in measured {
-                errors[sample] = e / sigma;
+            for (sample, e) in residuals(experiment, prediction, signal) {
+                errors[sample] = Some(e / sigma);
                 for (j, (_, slope)) in slopes.iter().enumerate() {
                     along[(sample, j)] = slope[sample][signal] / sigma;
                 }
             }
-            left.errors.push(errors);
-            left.slopes.push(along);
-        }
-        left
+            ChannelLeft::new(&errors, along)
+        };
+        Self { channels: deviation.iter().enumerate().take(COMPARED.len()).map(of).collect() }
     }
 
+    /// How many numbers are moved.
+    fn size(&self) -> usize {
+        self.channels.first().map_or(0, |channel| channel.slopes.ncols())
+    }
+
+    /// `Σ_i J_iᵀ ψ'(e_i) J_i`.
     fn curvature(&self) -> DMatrix<f64> {
-        let size = self.slopes.first().map_or(0, DMatrix::ncols);
-        self.slopes.iter().fold(DMatrix::zeros(size, size), |sum, j| sum + j.tr_mul(j))
-    }
-
-    fn slope(&self) -> DVector<f64> {
-        let size = self.slopes.first().map_or(0, DMatrix::ncols);
-        let pairs = self.slopes.iter().zip(&self.errors);
-        pairs.fold(DVector::zeros(size), |sum, (j, errors)| {
-            // as the search weighs what is far out
-            let drawn_in = errors.iter().map(|e| huber(*e).0 * huber(*e).1);
-            sum + j.tr_mul(&DVector::from_iterator(errors.len(), drawn_in))
+        let size = self.size();
+        self.channels.iter().fold(DMatrix::zeros(size, size), |sum, channel| {
+            let mut weighted = channel.slopes.clone();
+            for (mut row, weight) in weighted.row_iter_mut().zip(&channel.weights) {
+                row *= *weight;
+            }
+            sum + channel.slopes.tr_mul(&weighted)
         })
     }
 
-    /// `Σ_i Σ_j G_iᵀ R(i − j) G_j`: with `c_k = Σ_i G_iᵀ v_{i+k}`, what is left moved along the log by k samples, it is
-    /// `Σ_k c_k c_kᵀ / N`, and by Parseval's theorem a sum over frequencies.
+    /// `Σ_i J_iᵀ ψ(e_i)`.
+    fn slope(&self) -> DVector<f64> {
+        self.channels.iter().fold(DVector::zeros(self.size()), |sum, channel| {
+            sum + channel.slopes.tr_mul(&DVector::from_column_slice(&channel.scores))
+        })
+    }
+
+    /// `Σ_i J_iᵀ ψ'(e_i) (b_i − a_i)` of two predictions a and b.
+    fn along(&self, deviation: &Deviations, a: &Prediction, b: &Prediction) -> DVector<f64> {
+        let channels = self.channels.iter().zip(deviation).enumerate();
+        channels.fold(DVector::zeros(self.size()), |sum, (signal, (channel, sigma))| {
+            let samples = a.iter().zip(b).zip(&channel.weights);
+            let apart = samples.map(|((a, b), w)| w * (b[signal] - a[signal]) / sigma);
+            sum + channel.slopes.tr_mul(&DVector::from_iterator(channel.weights.len(), apart))
+        })
+    }
+
+    /// `Σ_i Σ_j J_iᵀ R(i − j) J_j`: with `c_k = Σ_a Σ_i J_a,iᵀ ψ_a,i+k / √n_a`, the scores moved along the log by k samples, it is
+    /// `Σ_k c_k c_kᵀ`, and by Parseval's theorem a sum over frequencies.
     fn scatter(&self) -> DMatrix<f64> {
-        let length = self.errors.first().map_or(0, Vec::len);
-        let size = self.slopes.first().map_or(0, DMatrix::ncols);
+        let length = self.channels.first().map_or(0, |channel| channel.scores.len());
+        let size = self.size();
         let padded = (2 * length).next_power_of_two().max(2);
         let transform = RealFftPlanner::<f64>::new().plan_fft_forward(padded);
         let mut moved = vec![vec![Complex::new(0.0, 0.0); padded / 2 + 1]; size];
-        for (errors, slopes) in self.errors.iter().zip(&self.slopes) {
-            let Some(errors) = spectrum(&transform, errors.iter()) else { continue };
+        for ChannelLeft { count, scores, slopes, .. } in &self.channels {
+            let Some(scores) = spectrum(&transform, scores.iter()) else { continue };
+            let share = 1.0 / (*count as f64).sqrt();
             for (j, moved) in moved.iter_mut().enumerate() {
                 let Some(slope) = spectrum(&transform, slopes.column(j).iter()) else { continue };
-                for ((sum, e), s) in moved.iter_mut().zip(&errors).zip(&slope) {
-                    *sum += e * s.conj();
+                for ((sum, e), s) in moved.iter_mut().zip(&scores).zip(&slope) {
+                    *sum += e * s.conj() * share;
                 }
             }
         }
-        let scale = 1.0 / (self.count.max(1) as f64 * padded as f64);
+        let scale = 1.0 / padded as f64;
         let of = |i: usize, j: usize| {
             let terms = moved[i].iter().zip(&moved[j]).enumerate();
             // all but the first and the last frequency stand for two
@@ -200,6 +256,8 @@ struct Covariance {
     white: DMatrix<f64>,
     /// What freeing keys that stay would change.
     step: DVector<f64>,
+    /// What shorter steps of the model would change; zero of keys that stay.
+    of_steps: DVector<f64>,
 }
 
 /// What the logs alone say of one key, the others as well known as they were.
@@ -224,7 +282,9 @@ impl Information {
         let exact = &white * scatter.view((0, 0), size) * &white;
         let inverse = whole.cholesky()?.inverse();
         let real = &inverse * scatter * &inverse;
-        Some(Covariance { real, exact, white, step: inverse * &self.slope })
+        let of_steps = &white * self.of_steps.rows(0, self.moved);
+        let of_steps = of_steps.resize_vertically(known.len(), 0.0);
+        Some(Covariance { real, exact, white, step: inverse * &self.slope, of_steps })
     }
 }
 
@@ -239,6 +299,7 @@ impl Certainty {
             exact: open(information.moved),
             white: open(information.moved),
             step: DVector::zeros(known.len()),
+            of_steps: DVector::zeros(known.len()),
         };
         let mut whole = information.covariance(&known).unwrap_or_else(nothing);
         // a straight step says no more than that all that was known is open
@@ -247,6 +308,7 @@ impl Certainty {
             *step = if step.is_nan() { most } else { step.max(-most).min(most) };
         }
         whole.real += &whole.step * whole.step.transpose();
+        whole.real += &whole.of_steps * whole.of_steps.transpose();
         Self { information, known, whole }
     }
 
@@ -275,7 +337,7 @@ impl Certainty {
         known[place] *= 1e-9;
         let of = |of: &DMatrix<f64>| deviation_of(of[(place, place)]);
         let found = self.information.covariance(&known).map(|c| Alone {
-            deviation: of(&c.real).hypot(self.whole.step[place]),
+            deviation: of(&c.real).hypot(self.whole.step[place]).hypot(c.of_steps[place]),
             exact: of(&c.exact),
             white: of(&c.white),
         });
@@ -321,11 +383,19 @@ mod tests {
         (0..count).map(|_| next()).collect()
     }
 
-    /// One channel, and a slope that is one throughout: what is found is a mean.
-    fn of_mean(channels: Vec<Vec<f64>>) -> f64 {
-        let count = channels[0].len();
-        let slopes = channels.iter().map(|_| DMatrix::from_element(count, 1, 1.0)).collect();
-        let left = Left { count, errors: channels, slopes };
+    /// What is left, all of it measured.
+    fn measured(errors: Vec<f64>) -> Vec<Option<f64>> {
+        errors.into_iter().map(Some).collect()
+    }
+
+    /// Some channels, and a slope that is one throughout: what is found is a mean. Its variance over that of white noise.
+    fn of_mean(channels: Vec<Vec<Option<f64>>>) -> f64 {
+        let of = |errors: Vec<Option<f64>>| {
+            let slopes = errors.iter().map(|e| if e.is_some() { 1.0 } else { 0.0 });
+            let slopes = DMatrix::from_iterator(errors.len(), 1, slopes);
+            ChannelLeft::new(&errors, slopes)
+        };
+        let left = Left { channels: channels.into_iter().map(of).collect() };
         left.scatter()[(0, 0)] / left.curvature()[(0, 0)]
     }
 
@@ -335,19 +405,19 @@ mod tests {
 
     #[test]
     fn white_noise_scatters_as_the_curvature_says_and_correlated_noise_more() {
-        let white = average(|seed| of_mean(vec![noise(4000, 0.0, seed)]));
+        let white = average(|seed| of_mean(vec![measured(noise(4000, 0.0, seed))]));
         assert!((white - 1.0).abs() < 0.15, "{white}");
         // the variance of the mean of an autoregressive course is (1 + a)/(1 - a) times that of a white one
-        let coloured = average(|seed| of_mean(vec![noise(4000, 0.9, seed)]));
+        let coloured = average(|seed| of_mean(vec![measured(noise(4000, 0.9, seed))]));
         assert!((coloured / 19.0 - 1.0).abs() < 0.2, "{coloured}");
     }
 
     #[test]
     fn two_channels_that_are_off_together_tell_as_much_as_one() {
-        let alike = average(|seed| of_mean(vec![noise(4000, 0.0, seed); 2]));
+        let alike = average(|seed| of_mean(vec![measured(noise(4000, 0.0, seed)); 2]));
         assert!((alike - 2.0).abs() < 0.3, "{alike}");
-        let apart =
-            average(|seed| of_mean(vec![noise(4000, 0.0, seed), noise(4000, 0.0, 900 + seed)]));
+        let two = |seed| [seed, 900 + seed].map(|seed| measured(noise(4000, 0.0, seed))).into();
+        let apart = average(|seed| of_mean(two(seed)));
         assert!((apart - 1.0).abs() < 0.15, "{apart}");
     }
 
@@ -355,17 +425,21 @@ mod tests {
     #[test]
     fn the_scatter_is_the_sum_over_all_lags() {
         let count = 30;
-        let errors = vec![noise(count, 0.7, 3), noise(count, 0.2, 4)];
+        let errors = [noise(count, 0.7, 3), noise(count, 0.2, 4)];
         let column = |seed| noise(count, 0.5, seed);
         let slope =
             |seed| DMatrix::from_columns(&[column(seed), column(seed + 1)].map(DVector::from_vec));
-        let left = Left { count, errors, slopes: vec![slope(5), slope(7)] };
+        let channel = |(errors, slopes): (&Vec<f64>, DMatrix<f64>)| {
+            ChannelLeft::new(&measured(errors.clone()), slopes)
+        };
+        let slopes = [slope(5), slope(7)];
+        let left = Left { channels: errors.iter().zip(slopes).map(channel).collect() };
         let mut expected = DMatrix::zeros(2, 2);
         for lag in 1 - count as i64..count as i64 {
             let mut moved = DVector::zeros(2);
-            for (errors, slopes) in left.errors.iter().zip(&left.slopes) {
+            for ChannelLeft { scores, slopes, .. } in &left.channels {
                 for i in 0..count {
-                    let at = usize::try_from(i as i64 + lag).ok().and_then(|at| errors.get(at));
+                    let at = usize::try_from(i as i64 + lag).ok().and_then(|at| scores.get(at));
                     moved += slopes.row(i).transpose() * at.copied().unwrap_or(0.0);
                 }
             }
@@ -376,11 +450,98 @@ mod tests {
     }
 
     #[test]
+    fn each_sample_twice_tells_as_much_as_once() {
+        let twice = |seed| {
+            let once = noise(2000, 0.0, seed);
+            once.iter().flat_map(|e| [Some(*e); 2]).collect::<Vec<Option<f64>>>()
+        };
+        // twice the curvature of what there is, and so twice the variance that white noise would have
+        let doubled = average(|seed| of_mean(vec![twice(seed)]));
+        assert!((doubled / 2.0 - 1.0).abs() < 0.15, "{doubled}");
+    }
+
+    /// A channel that was measured for a quarter of the time tells what it would tell if it were all there is.
+    #[test]
+    fn a_gap_in_one_channel_is_as_if_its_samples_were_never_there() {
+        let (count, there) = (4000, 1000);
+        let of = |seed: u64, share: f64| {
+            let short = noise(there, share, seed);
+            let mut gap = vec![None; count];
+            gap[..there / 2].copy_from_slice(&measured(short[..there / 2].to_vec()));
+            gap[count - there / 2..].copy_from_slice(&measured(short[there / 2..].to_vec()));
+            let slope = |column: usize, errors: &[Option<f64>]| {
+                DMatrix::from_fn(count, 2, |k, j| match (j == column, errors[k]) {
+                    (true, Some(_)) => 1.0,
+                    _ => 0.0,
+                })
+            };
+            let full = measured(noise(count, 0.0, 700 + seed));
+            let channels = vec![
+                ChannelLeft::new(&full, slope(0, &full)),
+                ChannelLeft::new(&gap, slope(1, &gap)),
+            ];
+            let left = Left { channels };
+            (left.scatter()[(1, 1)] / left.curvature()[(1, 1)], of_mean(vec![measured(short)]))
+        };
+        for share in [0.0, 0.8] {
+            let gap = average(|seed| of(seed, share).0);
+            let alone = average(|seed| of(seed, share).1);
+            assert!((gap / alone - 1.0).abs() < 0.1, "{gap} for {alone}");
+        }
+    }
+
+    /// Of a slope through numbers of which one in twenty is ten times as far out, Huber's estimate varies by `E ψ² / (E ψ')²` over the count.
+    #[test]
+    fn what_is_far_out_counts_as_the_search_weighs_it() {
+        let count = 4000;
+        let found = average(|seed| {
+            let mut errors = noise(count, 0.0, seed);
+            errors.iter_mut().step_by(20).for_each(|e| *e *= 10.0);
+            let slopes = DMatrix::from_vec(count, 1, noise(count, 0.0, 300 + seed));
+            let channel = ChannelLeft::new(&measured(errors), slopes);
+            let left = Left { channels: vec![channel] };
+            count as f64 * left.scatter()[(0, 0)] / left.curvature()[(0, 0)].powi(2)
+        });
+        // share of a normal variable of some size within 3, and the mean square of its score
+        let of = |size: f64| {
+            let step = 1e-3;
+            let density =
+                |e: f64| (-0.5 * (e / size).powi(2)).exp() / (size * std::f64::consts::TAU.sqrt());
+            let inside =
+                (-3000..3000).map(|k| (f64::from(k) + 0.5) * step).map(|e| (e, density(e) * step));
+            let (share, square) = inside.fold((0.0, 0.0), |(s, q), (e, p)| (s + p, q + e * e * p));
+            (share, square + 9.0 * (1.0 - share))
+        };
+        let (usual, far) = (of(1.0), of(10.0));
+        let square = 0.95 * usual.1 + 0.05 * far.1;
+        let slope: f64 = 0.95 * usual.0 + 0.05 * far.0;
+        let expected = square / slope.powi(2);
+        assert!((found / expected - 1.0).abs() < 0.1, "{found} for {expected}");
+    }
+
+    /// A log that tells its key to a thousandth, of a model whose steps move it by a hundredth: the interval has the hundredth.
+    #[test]
+    fn what_the_models_steps_move_is_in_the_interval() {
+        let information = Information {
+            curvature: DMatrix::from_element(1, 1, 1e6),
+            scatter: DMatrix::from_element(1, 1, 1e6),
+            slope: DVector::zeros(1),
+            of_steps: DVector::from_element(1, 1e4),
+            moved: 1,
+        };
+        let certainty = Certainty::new(information, [0.1].into_iter());
+        for deviation in [certainty.deviation(0), certainty.alone(0).deviation] {
+            assert!((deviation - 1e-3_f64.hypot(1e-2)).abs() < 2e-4, "{deviation}");
+        }
+    }
+
+    #[test]
     fn nothing_is_certain_where_there_is_no_covariance() {
         let information = Information {
             curvature: DMatrix::from_element(1, 1, f64::NAN),
             scatter: DMatrix::zeros(1, 1),
             slope: DVector::zeros(1),
+            of_steps: DVector::zeros(1),
             moved: 1,
         };
         let certainty = Certainty::new(information, [0.1].into_iter());

@@ -6,6 +6,7 @@
 //! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew once from what the first round leaves.
 
 mod certainty;
+mod determination;
 mod layout;
 mod nuisance;
 mod pitch;
@@ -15,6 +16,7 @@ mod samples;
 mod search;
 mod watch;
 
+pub use determination::Determination;
 pub use nuisance::{Allowed, Effect, Nuisance};
 pub use profile::{LIMIT, Profile, profile};
 pub use watch::Progress;
@@ -26,6 +28,7 @@ use crate::prediction::{Prediction, predict_from};
 use crate::structural_limit::limit_of;
 use crate::tuning_fork::TuningFork;
 use certainty::{Certainty, Considered};
+use determination::Common;
 use hydroboom_description::Description;
 use layout::{Layout, PER_LOG};
 use nalgebra::DVector;
@@ -51,18 +54,29 @@ pub struct Tuned {
     pub from_logs: f64,
     /// The same if all keys that are not free were exact.
     pub others_exact: f64,
-    /// What the model leaves out that is found in it instead, where the logs show that the model is not the true one: then it is biased.
-    pub biased: Option<&'static str>,
-    /// Whether the logs say more of it than was known, and it is not biased.
-    pub is_determined: bool,
+    /// Whether the logs determine it, and why not.
+    pub determination: Determination,
     /// What it is traded against most, a key or a channel's delay or offset, and the correlation with it.
     pub partner: Option<(String, f64)>,
 }
 
-/// What the model's steps and its samples may be wrong by, as a deviation of ln θ: no log tells more than the model resolves.
+/// What a motor speed on straight lines between a log's samples may be wrong by, as a deviation of ln θ: no log tells more.
 const RESOLVED: f64 = 3e-5;
 
 impl Tuned {
+    /// Whether the logs determine it.
+    pub fn is_determined(&self) -> bool {
+        self.determination == Determination::Determined
+    }
+
+    /// What the model leaves out that is found in it instead, where the logs show that the model is not the true one: then it is biased.
+    pub fn biased(&self) -> Option<&'static str> {
+        match self.determination {
+            Determination::Biased(reason) => Some(reason),
+            _ => None,
+        }
+    }
+
     /// The interval, in SI units, that holds the true value in nineteen cases of twenty, if the model is the true one.
     pub fn interval(&self) -> (f64, f64) {
         let factor = (1.96 * self.deviation.hypot(RESOLVED)).exp();
@@ -89,6 +103,11 @@ impl Channel {
     /// The interval, in its unit, that holds the true value in nineteen cases of twenty.
     pub fn interval(&self) -> (f64, f64) {
         (self.value - 1.96 * self.deviation, self.value + 1.96 * self.deviation)
+    }
+
+    /// Whether it ended at a limit of what is allowed of it: more would be found there if it might go on, and the keys take that.
+    pub fn is_at_limit(&self) -> bool {
+        determination::is_at_limit(self.value, self.nuisance.allowed().range)
     }
 
     /// Whether zero is outside its interval.
@@ -306,17 +325,20 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     held_against = deviations(task.experiments, &there, Leaves::AsNow);
     let after = layout.predictions(at.as_slice())?;
     let held = Considered::of(task);
+    let finer: Vec<Experiment> = task.experiments.iter().map(Experiment::fine).collect();
+    let at_end = at.as_slice();
     let information =
-        layout.information(at.as_slice(), &held_against, &mut kept, &known, &held.keys)?;
+        layout.information(at_end, &held_against, &mut kept, &known, &held.keys, &finer)?;
     let certainty =
         Certainty::new(information, known.deviation.iter().chain(&held.deviation).copied());
     let improvements = task.experiments.iter().zip(before.iter().zip(&after));
     let improvements = improvements.map(|(e, (before, after))| Improvement::new(e, before, after));
     let evaluations = watch.borrow().runs();
+    let channels = channels(&layout, at.as_slice(), &certainty);
     Ok(Fit {
         description: layout.moved(at.as_slice()),
-        tuned: tuned(&layout, &known, at.as_slice(), &certainty, &held, &after),
-        channels: channels(&layout, at.as_slice(), &certainty),
+        tuned: tuned(&layout, &known, at.as_slice(), &certainty, &held, &after, &channels),
+        channels,
         correlation: certainty.correlation(task.free.len()),
         channel_correlation: with_channels(&layout, &certainty),
         improvements: improvements.collect(),
@@ -348,9 +370,11 @@ fn tuned(
     certainty: &Certainty,
     considered: &Considered,
     after: &[Prediction],
+    channels: &[Channel],
 ) -> Vec<Tuned> {
     let mut pairs = layout.experiments.iter().zip(after);
     let shows_more = pairs.any(|(experiment, shown)| has_lack_of_fit(experiment, shown));
+    let common = Common::new(layout.experiments, after, channels);
     let nuisances = (0..layout.experiments.len()).flat_map(|log| layout.nuisances(log));
     let keys = layout.free.iter().map(|key| key.path()).enumerate();
     let held = considered.keys.iter().enumerate();
@@ -361,20 +385,19 @@ fn tuned(
     let of = |(k, key): (usize, &Free)| {
         let (prior, deviation) = (known.deviation[k], certainty.deviation(k));
         let alone = certainty.alone(k);
-        let from_logs = alone.deviation;
-        let limit = limit_of(*key, &layout.model.numbers);
-        let biased = limit.filter(|_| shows_more);
-        Tuned {
+        let found = Tuned {
             key: *key,
             value: (known.mean[k].exp(), at[k].exp()),
             prior,
             deviation,
-            from_logs,
+            from_logs: alone.deviation,
             others_exact: alone.exact,
-            biased,
-            is_determined: from_logs < prior && biased.is_none(),
+            determination: Determination::Determined,
             partner: partner(k, &all, certainty),
-        }
+        };
+        let limit = limit_of(*key, &layout.model.numbers);
+        let determination = common.of(&found, limit.filter(|_| shows_more));
+        Tuned { determination, ..found }
     };
     layout.free.iter().enumerate().map(of).collect()
 }

@@ -102,8 +102,8 @@ fn draw(seed: u64, k: u64) -> [Outcome; KEYS.len()] {
         );
         Outcome {
             deviation: t.deviation,
-            biased: t.biased,
-            is_determined: t.is_determined,
+            biased: t.biased(),
+            is_determined: t.is_determined(),
             holds: (low..=high).contains(&truth),
         }
     })

@@ -34,7 +34,7 @@ pub fn log_at(model: &Description, speed: f64, noise: f64, seed: u64) -> Experim
         start_stroke: model.numbers.motion_start,
         // the published scheme damps a little by itself, which would be found as friction
         scheme: Scheme::Implicit,
-        // short, because the motor speed holds for a step: half of one is what the log seems late by
+        // short beside the model's own, so that it is the model's that shows
         step: 2.5e-5,
         log_interval: 1e-3,
         preloaded: true,
@@ -65,6 +65,50 @@ pub fn commanded(model: &Description, channels: &[(Signal, f64, f64)], seed: u64
     Experiment::new(model, &log, &signals, Window { from: None, to: Some(9.0) }).unwrap()
 }
 
+/// The model's fast motion without noise, a sample every millisecond.
+pub fn clean(model: &Description) -> (Measurement, Signals) {
+    let settings = Settings {
+        start_stroke: model.numbers.motion_start,
+        scheme: Scheme::Implicit,
+        step: 5e-4,
+        log_interval: 1e-3,
+        preloaded: true,
+    };
+    recorded(model, model.numbers.fast, &settings, 0.0, 1)
+}
+
+/// Every so many samples of signals, with white noise on what is compared: 0.02 mm and 0.1 bar.
+pub fn sampled(signals: &Signals, every: usize, seed: u64) -> Signals {
+    let mut normal = normal(seed);
+    let mut sampled = Signals::default();
+    for signal in [Signal::MotorSpeed].into_iter().chain(Signal::COMPARED) {
+        let track = signals.get(signal).unwrap();
+        let size = if signal == Signal::MotorSpeed { 0.0 } else { scatter(signal) };
+        let time: Vec<f64> = track.time().iter().step_by(every).copied().collect();
+        let values = track.values().iter().step_by(every);
+        let values: Vec<f64> = values.map(|v| v + size * normal()).collect();
+        sampled.insert(signal, Track::new(&time, &values));
+    }
+    sampled
+}
+
+/// Noise of a sensor \[m or Pa\].
+pub fn scatter(signal: Signal) -> f64 {
+    if signal == Signal::Stroke { 2e-5 } else { 0.1e5 }
+}
+
+/// Numbers of the standard normal distribution.
+fn normal(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut uniform = move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    move || (-2.0 * uniform().max(1e-300).ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
+}
+
 /// A log of the model under velocity feedforward, noise on what is compared.
 fn recorded(
     model: &Description,
@@ -83,18 +127,10 @@ fn recorded(
     std::fs::remove_file(&path).unwrap();
     let clean = Signals::of(&log, &Mapping::guess(&log)).unwrap();
     let mut signals = clean.clone();
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    let mut uniform = || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
-    let mut normal =
-        || (-2.0 * uniform().max(1e-300).ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos();
+    let mut normal = normal(seed);
     for signal in Signal::COMPARED {
         let track = clean.get(signal).unwrap();
-        let size = noise * if signal == Signal::Stroke { 2e-5 } else { 0.1e5 };
+        let size = noise * scatter(signal);
         let noisy: Vec<f64> = track.values().iter().map(|v| v + size * normal()).collect();
         signals.insert(signal, Track::new(track.time(), &noisy));
     }

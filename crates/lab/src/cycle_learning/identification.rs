@@ -14,6 +14,7 @@ use hydroboom_identify::{
 };
 use hydroboom_measurement::{Measurement, Signal, Signals};
 use hydroboom_virtual_crane::fieldbus_delay;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Keys that the motion of a piston depends on within a cycle: load, friction, oil, pump and its leakage, check valves. Those of the drive come beside them.
 const IDENTIFIED: [&str; 14] = [
@@ -36,8 +37,10 @@ const IDENTIFIED: [&str; 14] = [
 /// Runs of the model after which a search is two thirds done, as far as progress is told.
 const USUAL_RUNS: f64 = 40.0;
 
-/// A key is improbable from so many standard deviations on, of what was known of it.
-const IMPROBABLE: f64 = 3.0;
+/// Chance with which the keys of a crane of the file are as far from what was known of them, below which they are taken for another crane's.
+const IMPROBABLE: f64 = 1e-3;
+/// Keys that are named then: the farthest.
+const NAMED: usize = 3;
 
 /// What was identified.
 pub(crate) struct Identification {
@@ -45,8 +48,8 @@ pub(crate) struct Identification {
     pub model: Description,
     /// What it is right for, by the log itself.
     pub judged: Vec<Judgement>,
-    /// Keys found so far from what was known of them that it is hardly the crane of the file, with that distance.
-    pub improbable: Vec<String>,
+    /// Why it is hardly the crane of the file; none where the keys are as near to what was known of them as chance has it.
+    pub improbable: Option<String>,
     /// What is to be said of the log.
     pub remarks: Vec<String>,
 }
@@ -106,17 +109,37 @@ pub(crate) fn identified(
     let shown = experiments.iter().zip(&found.predictions.1);
     let judged = shown.flat_map(|(experiment, shown)| verdict(&differences(experiment, shown)));
     let judged = judged.collect();
-    let far = |t: &&Tuned| (t.value.1 / t.value.0).ln().abs() > IMPROBABLE * t.prior;
-    let said = |t: &Tuned| {
-        let (key, deviations) = (t.key.path(), (t.value.1 / t.value.0).ln().abs() / t.prior);
-        format!("{key} is found {deviations:.1} standard deviations from what was known of it")
-    };
-    let known = |t: &&Tuned| !t.key.is_of_drive();
-    let improbable = found.tuned.iter().filter(known).filter(far).map(said).collect();
+    let improbable = improbable(&found.tuned);
     let begin = experiments.first().map_or(0.0, |experiment| experiment.begin);
     let mut machine = with_measured_pressures(&found.description, signals, begin);
     machine.numbers.fieldbus_delay = stated;
     Ok(Identification { model: told_to_estimator(&machine), judged, improbable, remarks })
+}
+
+/// Whether the keys of the crane, taken together, are farther from what was known of them than chance has it: their squares in standard deviations sum to a χ²
+/// of as many degrees of freedom.
+fn improbable(tuned: &[Tuned]) -> Option<String> {
+    let distance = |t: &Tuned| (t.value.1 / t.value.0).ln().abs() / t.prior;
+    let mut far: Vec<(String, f64)> = tuned
+        .iter()
+        .filter(|t| !t.key.is_of_drive())
+        .map(|t| (t.key.path(), distance(t)))
+        .collect();
+    let square: f64 = far.iter().map(|(_, d)| d * d).sum();
+    let chance = 1.0 - ChiSquared::new(far.len() as f64).ok()?.cdf(square);
+    far.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let named: Vec<String> = far
+        .iter()
+        .take(NAMED)
+        .map(|(key, d)| format!("{key} by {d:.1} standard deviations"))
+        .collect();
+    (chance < IMPROBABLE).then(|| {
+        format!(
+            "the {} keys are found farther from what was known of them than the file's crane has it (chi-squared {square:.0}): {}",
+            far.len(),
+            named.join(", ")
+        )
+    })
 }
 
 /// A model whose identified numbers all can be moved in their logarithm: one that is zero begins in the middle of its range.

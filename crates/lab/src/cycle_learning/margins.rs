@@ -78,12 +78,15 @@ mod tests {
     use super::*;
     use hydroboom_control::command::AxisCommand;
 
+    /// What is changed of a period, by its number.
+    type Change<'a> = &'a dyn Fn(usize, &mut AxisSignals<f64>, &mut AxisCommand<f64>);
+
     #[test]
     fn each_margin_is_told_with_time_and_amount_and_a_cycle_within_them_says_nothing() {
         let crane = Description::uia_single_boom().unwrap();
         let course = crane.motion(crane.numbers.fast);
         let period = crane.numbers.control_period;
-        let cycle = |change: &dyn Fn(usize, &mut AxisSignals<f64>, &mut AxisCommand<f64>)| {
+        let cycle = |change: Change<'_>| {
             let mut record = Record::new(period);
             for k in 0..4000 {
                 let stroke = course.reference(k as f64 * period).position;

@@ -11,9 +11,9 @@ use crate::claims::{REMARK, REMARK_ON_PAPER};
 use crate::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use crate::closed_loop::sample::Sample;
 use crate::energy_audit::{Balance, PUMP_WORK};
+use crate::motion_test::{Row, Run, instability_remarks, remark_on_mark};
 use crate::study::{NOMINAL, OFF, Study, VIRTUAL};
 use crate::work_precision::{Excitation, Point};
-use crate::{motion_test::Row, motion_test::Run, motion_test::instability_remarks};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_math::Real;
@@ -280,6 +280,7 @@ fn tracking(study: &Study) -> Result<Markup, LabError> {
                 } } }
             } }
         }
+        @if let Some(remark) = remark_on_mark(&study.motion) { p.soft { (remark) } }
         @for remark in instability_remarks(&study.motion).iter().chain(&study.unstable_loops()) {
             p { strong { (remark) } "." }
         }
@@ -343,7 +344,7 @@ fn test_4(study: &Study) -> Markup {
                 th { "RMS true below the benchmark's [%]" } th { "residual vibration of the tip [mm]" } th { "motor energy [kJ]" }
             } }
             tbody { @for (ours, benchmark) in &pairs { @for row in [*ours, benchmark] { tr {
-                td { (row.plant) } td { (row.course) } td { (row.strategy.name()) }
+                td { (row.plant) } td { (row.course) } td { (row.marked_name()) }
                 @for mm in row.error.cells() { (tracking::here(row, mm)) }
                 td {
                     @if row.strategy == benchmark.strategy || !benchmark.stable || !row.stable { "-" } @else {

@@ -8,8 +8,9 @@ use super::validation;
 use crate::LabError;
 use crate::closed_loop::metrics::TrackingError;
 use crate::closed_loop::sample::Sample;
-use crate::{motion_test::Row, motion_test::Run};
+use crate::motion_test::{Row, Run, UNSTABLE_MARK, remark_on_mark};
 use hydroboom_control::strategy::Strategy;
+use hydroboom_design::stability::LoopStability;
 use maud::{Markup, html};
 
 /// What the paper's figures hold against each other, and ours.
@@ -99,6 +100,8 @@ pub struct MotionTests<'a> {
     pub alongside: Option<&'a Run>,
     /// Whether the crane is the paper's: its figures stand beside no other.
     pub is_papers_crane: bool,
+    /// Loops of the strategies around the plant.
+    pub loops: &'a [LoopStability],
     /// What is to be said of the plant, if anything.
     pub remark: Option<&'a str>,
 }
@@ -122,7 +125,7 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
         let rows: Vec<Row> = Strategy::ALL
             .into_iter()
             .filter_map(of)
-            .map(|run| Row::of(tests.plant, run))
+            .map(|run| Row::of(tests.plant, run).with_loops(tests.loops))
             .map(|row| if tests.is_papers_crane { row } else { row.without_paper() })
             .collect();
         sections.push((course, table(&rows), panels(of, reference, tests.plant)?));
@@ -164,7 +167,8 @@ pub fn motion_page(tests: &MotionTests<'_>) -> Result<Page, LabError> {
 pub(super) fn here(row: &Row, mm: f64) -> Markup {
     match (&row.stopped, row.sustained_oscillation) {
         (Some(reason), _) => html! { td.unstable { "stopped: " (reason) } },
-        (None, None) => html! { td { (format!("{mm:.3}")) } },
+        (None, None) if row.has_stable_loops => html! { td { (format!("{mm:.3}")) } },
+        (None, None) => html! { td.unstable { (format!("{mm:.3}")) (UNSTABLE_MARK) } },
         (None, Some(oscillation)) => {
             html! { td.unstable { "unstable: " (oscillation.to_string()) } }
         }
@@ -186,7 +190,7 @@ fn table(rows: &[Row]) -> Markup {
                 th { (peak_true) } @if !ideal { th { (peak_measured) } }
             } }
             tbody { @for r in rows { tr {
-                td { (r.strategy.name()) }
+                td { (r.marked_name()) }
                 @if beside_paper { td { (optional(r.paper_rms_mm)) } }
                 (here(r, r.error.rms_true_mm)) @if !ideal { (here(r, r.error.rms_measured_mm)) }
                 @if beside_paper { td { (optional(r.paper_peak_mm)) } }
@@ -194,5 +198,6 @@ fn table(rows: &[Row]) -> Markup {
             } } }
         } }
         @if ideal { p.soft { (IDEAL_SENSORS) } }
+        @if let Some(remark) = remark_on_mark(rows) { p.soft { (remark) } }
     }
 }

@@ -1,0 +1,96 @@
+//! Measurement noise of a channel, from its own samples.
+//!
+//! Differences of neighbouring samples leave the noise and little of a smooth course (von Neumann, Distribution of the ratio of the mean square successive
+//! difference to the variance, Ann. Math. Stat. 12, 1941, 367-395; Rice, Bandwidth choice for nonparametric regression, Ann. Stat. 12, 1984, 1215-1230).
+//! Here they are divided differences of third order at the samples' own times, which a course of second degree leaves nothing in, scaled so that white noise
+//! keeps its variance (Gasser, Sroka and Jennen-Steinmetz, Residual variance and residual pattern in nonlinear regression, Biometrika 73, 1986, 625-633).
+//! Their median size stands for all of them: kinks of a course and samples that are far out do not count.
+
+use hydroboom_measurement::Track;
+
+/// Samples that a difference is of.
+const POINTS: usize = 4;
+/// Samples further apart than so many intervals have a gap between them.
+const GAP: f64 = 2.5;
+/// Median of the size of a standard normal variable.
+const MEDIAN: f64 = 0.674_489_75;
+
+/// Standard deviation of a signal's noise, in its unit, from its samples in a span of time \[s\]; zero of fewer than four.
+///
+/// Noise that a sensor's own filter has smoothed over several samples is not told from the signal.
+pub(crate) fn noise(track: &Track, from: f64, to: f64) -> f64 {
+    let (time, values) = (track.time(), track.values());
+    let (first, last) = (time.partition_point(|t| *t < from), time.partition_point(|t| *t <= to));
+    let (time, values) = match first < last {
+        true => (&time[first..last], &values[first..last]),
+        false => return 0.0,
+    };
+    let most = GAP * track.interval();
+    let whole = |t: &[f64]| t.windows(2).all(|pair| pair[1] - pair[0] <= most);
+    let windows = time.windows(POINTS).zip(values.windows(POINTS));
+    let mut sizes: Vec<f64> =
+        windows.filter(|(t, _)| whole(t)).map(|(t, v)| pseudo_residual(t, v).abs()).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let middle = sizes.len() / 2;
+    *sizes.select_nth_unstable_by(middle, f64::total_cmp).1 / MEDIAN
+}
+
+/// The divided difference of some samples, scaled to the variance of one of them.
+fn pseudo_residual(time: &[f64], values: &[f64]) -> f64 {
+    let weight = |i: usize| -> f64 {
+        let others = (0..time.len()).filter(|j| *j != i);
+        others.map(|j| (time[POINTS - 1] - time[0]) / (time[i] - time[j])).product()
+    };
+    let (sum, square) = values.iter().enumerate().fold((0.0, 0.0), |(sum, square), (i, v)| {
+        let w = weight(i);
+        (sum + w * v, square + w * w)
+    });
+    sum / f64::sqrt(square)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers of a normal distribution.
+    fn normal() -> impl FnMut() -> f64 {
+        let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+        move || {
+            let mut uniform = || {
+                state ^= state << 13;
+                state ^= state >> 7;
+                state ^= state << 17;
+                (state >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+        }
+    }
+
+    #[test]
+    fn noise_is_found_on_samples_that_come_unevenly_and_over_a_gap() {
+        let mut normal = normal();
+        let mut time = Vec::new();
+        for k in 0..8000 {
+            // a tenth of the interval of jitter, and two seconds that are missing
+            let t = 0.01 * f64::from(k) + 0.001 * normal().clamp(-3.0, 3.0);
+            if !(30.0..32.0).contains(&t) {
+                time.push(t);
+            }
+        }
+        let course = |t: f64| if t < 31.0 { 40.0 + 3.0 * t } else { 900.0 + (2.0 * t).sin() };
+        let values: Vec<f64> = time.iter().map(|t| course(*t) + 0.2 * normal()).collect();
+        let found = noise(&Track::new(&time, &values), 0.0, 80.0);
+        assert!((found / 0.2 - 1.0).abs() < 0.05, "{found}");
+    }
+
+    #[test]
+    fn a_parabola_has_no_noise_and_an_outlier_is_none() {
+        let time: Vec<f64> = (0..100).map(|k| 0.1 * f64::from(k)).collect();
+        let mut values: Vec<f64> = time.iter().map(|t| 1.0 + 2.0 * t - 0.3 * t * t).collect();
+        values[50] += 1e3;
+        assert!(noise(&Track::new(&time, &values), 0.0, 10.0) < 1e-12);
+        assert_eq!(noise(&Track::new(&time, &values), 20.0, 30.0), 0.0);
+    }
+}
