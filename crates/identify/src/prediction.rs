@@ -2,7 +2,7 @@
 
 use crate::drive::Drive;
 use crate::error::IdentifyError;
-use crate::experiment::{COMPARED, Experiment};
+use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::free::Free;
 use crate::number::{Number, Stepper};
 use hydroboom_description::schema::Numbers;
@@ -31,8 +31,28 @@ pub(crate) const STARTS: usize = 6;
 /// What a model over some numbers shows at the samples of an experiment.
 type Shown<T> = Vec<[T; COMPARED.len()]>;
 
-/// Builds a model over some numbers, starts it at rest where the experiment begins, and runs it.
+/// Builds a model over some numbers, starts it at rest where the experiment begins, and runs it, the drive too.
 fn shown<T: Number>(
+    model: &Description,
+    n: &Numbers<T>,
+    begin: &[Option<T>; STARTS],
+    experiment: &Experiment,
+) -> Result<Shown<T>, IdentifyError> {
+    let mut seen = of_crane(model, n, begin, experiment)?;
+    if let Some(asked) = &experiment.asked {
+        let speeds = asked.read(n, experiment.every, seen.len());
+        seen.iter_mut().zip(speeds).for_each(|(row, speed)| row[CRANE] = speed);
+    }
+    for (signal, filter) in
+        experiment.filters.iter().enumerate().filter(|(_, filter)| **filter > 0.0)
+    {
+        filtered(&mut seen, signal, experiment.interval() / filter);
+    }
+    Ok(seen)
+}
+
+/// The same of the crane alone.
+fn of_crane<T: Number>(
     model: &Description,
     n: &Numbers<T>,
     begin: &[Option<T>; STARTS],
@@ -130,13 +150,15 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
     mut state: CraneState<T, N, C::State>,
     inputs: impl Iterator<Item = C::Input>,
     experiment: &Experiment,
-    pressures: impl Fn(&C, &C::State) -> [T; COMPARED.len() - 1],
+    pressures: impl Fn(&C, &C::State) -> [T; CRANE - 1],
 ) -> Result<Shown<T>, IdentifyError> {
     let stepper = Stepper::new(crane);
     let show = |state: &CraneState<T, N, C::State>| {
         let pose = crane.boom.pose(&state.boom.angle);
         let [pump_a, a, b, pump_b, accumulator] = pressures(&crane.circuit, &state.circuit);
-        [crane.boom.cylinder_pose(&pose).stroke, pump_a, a, b, pump_b, accumulator]
+        let stroke = crane.boom.cylinder_pose(&pose).stroke;
+        // the motor's speed is none of the crane's: it comes after
+        [stroke, pump_a, a, b, pump_b, accumulator, T::zero()]
     };
     let (period, every) =
         (experiment.period * experiment.merged as f64, experiment.every / experiment.merged);
@@ -159,11 +181,6 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
     }
     if seen.len() < experiment.samples.len() {
         seen.push(show(&state));
-    }
-    for (signal, filter) in
-        experiment.filters.iter().enumerate().filter(|(_, filter)| **filter > 0.0)
-    {
-        filtered(&mut seen, signal, experiment.interval() / filter);
     }
     Ok(seen)
 }
