@@ -287,7 +287,7 @@ fn conditions(crane: &Description, payloads: [f64; 2]) -> Vec<Condition> {
             "delay from position to motor",
             1e3 * delay.time(),
             "ms",
-            &["fieldbus.delay_cycles", "sensors.bandwidth_hz"],
+            &["fieldbus.delay_cycles", "sensors.bandwidth_hz", "drive.dead_time_ms"],
         ),
         one(
             "position noise",

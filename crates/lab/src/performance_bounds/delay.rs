@@ -1,4 +1,4 @@
-//! Delay from a piston position to what is done about it: sensors, fieldbus, control period.
+//! Delay from a piston position to what is done about it: sensors, fieldbus, control period, dead time of the drive.
 //!
 //! A reading of period k comes c cycles later, a command of then arrives c cycles later and acts in the period that follows. The lag of the position sensor
 //! is counted as dead time, which it is for what is slow beside its bandwidth. The lag of the drive is not counted: with the reference known, a command is
@@ -17,6 +17,8 @@ pub(super) struct Delay {
     pub fieldbus_cycles: u32,
     /// Lag of the position sensor \[s\].
     pub sensor_lag: f64,
+    /// Dead time of the drive \[s\].
+    pub dead_time: f64,
 }
 
 impl Delay {
@@ -28,16 +30,38 @@ impl Delay {
             period: n.control_period,
             fieldbus_cycles: if n.fieldbus_delay > 0.0 { known_delay(crane) } else { 0 },
             sensor_lag: if bandwidth > 0.0 { 1.0 / (TAU * bandwidth) } else { 0.0 },
+            dead_time: n.drive_dead_time,
         }
     }
 
     /// All of it, in control periods.
     pub fn periods(&self) -> f64 {
-        2.0 * f64::from(self.fieldbus_cycles) + 1.0 + self.sensor_lag / self.period
+        2.0 * f64::from(self.fieldbus_cycles)
+            + 1.0
+            + (self.sensor_lag + self.dead_time) / self.period
     }
 
     /// All of it \[s\].
     pub fn time(&self) -> f64 {
         self.periods() * self.period
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two cycles each way, the period itself, half a period of the sensor, a period and a half of the drive.
+    #[test]
+    fn all_parts_of_the_delay_add_up() {
+        let delay =
+            Delay { period: 1e-3, fieldbus_cycles: 2, sensor_lag: 0.5e-3, dead_time: 1.5e-3 };
+        assert!((delay.periods() - 7.0).abs() < 1e-12 && (delay.time() - 7e-3).abs() < 1e-15);
+        let mut crane = Description::uia_virtual().unwrap();
+        let before = Delay::of(&crane).periods();
+        crane.numbers.drive_dead_time = 3e-3;
+        assert!((Delay::of(&crane).periods() - before - 3.0).abs() < 1e-9);
+        // an ideal machine has the control period alone
+        assert_eq!(Delay::of(&Description::uia_single_boom().unwrap()).periods(), 1.0);
     }
 }
