@@ -1,5 +1,6 @@
-//! What each limit costs on a crane along a course, alone and beside the others, and where the strategies stand.
+//! What each limit costs on a crane along a course, alone and beside the others.
 
+use super::conditions::{Condition, conditions};
 use super::crane_along_course::CraneAlongCourse;
 use super::delay::Delay;
 use super::disturbances::{Disturbances, linearised};
@@ -8,11 +9,8 @@ use super::prediction_error::Information;
 use super::sensor_noise::{EXACT, SensorNoise};
 use super::unknown_payload::{at_rest, deviation, feedforward_error};
 use crate::LabError;
-use crate::closed_loop::scenario::{Course, CourseChoice};
-use crate::interruptible::as_long_as;
-use crate::motion_test::{Run, attempted, by_name};
+use crate::closed_loop::scenario::Course;
 use hydroboom_control::estimation::reduced_model::STATES;
-use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -67,19 +65,6 @@ pub struct LimitCost {
     pub all_others_mm: f64,
 }
 
-/// A number that bounds depend on.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Condition {
-    /// What it is.
-    pub name: &'static str,
-    /// Its value.
-    pub value: f64,
-    /// Unit of the value.
-    pub unit: &'static str,
-    /// Keys of the crane file that it comes from, with their provenance.
-    pub source: String,
-}
-
 /// Least tracking errors of a crane along a course, RMS of the true piston over the whole course, rests included.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PerformanceBounds {
@@ -103,22 +88,6 @@ pub struct PerformanceBounds {
     pub payload_deviation_kg: [f64; 3],
     /// Numbers that the bounds depend on.
     pub conditions: Vec<Condition>,
-}
-
-/// A strategy in closed loop beside the bound.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct StrategyError {
-    /// The strategy.
-    #[serde(serialize_with = "by_name")]
-    pub strategy: Strategy,
-    /// RMS true error; none where the loop oscillates or stopped.
-    pub rms_true_mm: Option<f64>,
-    /// That over the bound with all limits.
-    pub over_bound: Option<f64>,
-    /// Harris index: mean square error of the bound over that of the strategy; 1 is the best that there is.
-    pub harris_index: Option<f64>,
-    /// What there is to say where there is no error.
-    pub remark: Option<String>,
 }
 
 /// Parts of the work: the model, three motions, prediction errors.
@@ -260,110 +229,12 @@ impl Knowledge {
     }
 }
 
-/// Numbers that the bounds depend on.
-fn conditions(crane: &Description, payloads: [f64; 2]) -> Vec<Condition> {
-    let n = &crane.numbers;
-    let (delay, noise, disturbances) =
-        (Delay::of(crane), SensorNoise::of(crane), Disturbances::of(crane));
-    let source = |paths: &[&str]| {
-        let of = |path: &&str| {
-            let mut entries = crane.entries();
-            let found = entries.find(|(key, _, _)| key.path() == **path);
-            let provenance = found.map_or("", |(_, _, origin)| origin.provenance.as_str());
-            match provenance {
-                "" | "absent" => format!("{path} (default)"),
-                provenance => format!("{path} ({provenance})"),
-            }
-        };
-        paths.iter().map(of).collect::<Vec<_>>().join(", ")
-    };
-    let one =
-        |name, value, unit, paths: &[&str]| Condition { name, value, unit, source: source(paths) };
-    let rpm = 60.0;
-    vec![
-        one("largest motor speed", n.motor_speed * rpm, "rpm", &["motor.max_speed_rpm"]),
-        one("motor slew rate", n.motor_slew * rpm, "rpm/s", &["motor.slew_rpm_per_s"]),
-        one(
-            "delay from position to motor",
-            1e3 * delay.time(),
-            "ms",
-            &["fieldbus.delay_cycles", "sensors.bandwidth_hz", "drive.dead_time_ms"],
-        ),
-        one(
-            "position noise",
-            1e3 * noise.position,
-            "mm",
-            &["sensors.position_noise_mm", "sensors.position_resolution_mm"],
-        ),
-        one(
-            "load pressure noise",
-            1e-5 * noise.load_pressure,
-            "bar",
-            &["sensors.pressure_noise_percent", "sensors.pressure_bits"],
-        ),
-        one("payload", n.payload, "kg", &["payload.mass_kg"]),
-        Condition {
-            name: "payload unknown by (std)",
-            value: deviation(payloads),
-            unit: "kg",
-            source: format!("uniform from {:.0} to {:.0} kg", payloads[0], payloads[1]),
-        },
-        one(
-            "drift of an unknown force",
-            1e-5 * disturbances.force,
-            "bar/s^0.5",
-            &["estimator.disturbance_drift_bar"],
-        ),
-        one(
-            "drift of friction",
-            1e-5 * disturbances.friction,
-            "bar/s^0.5",
-            &["estimator.friction_drift_bar"],
-        ),
-        one(
-            "drift of an unknown flow",
-            rpm * disturbances.flow,
-            "rpm/s^0.5",
-            &["estimator.flow_drift_rpm"],
-        ),
-    ]
-}
-
-/// All strategies in closed loop on the machine, which the controllers know by `model`, beside the bound with all limits \[mm\]. Those that were begun before
-/// `go_on`, which is told how many are done, said no.
-///
-/// # Errors
-///
-/// [`LabError`] when a crane cannot be built, or there is no such course.
-pub fn strategy_errors(
-    model: &Description,
-    machine: &Description,
-    choice: &CourseChoice,
-    bound_mm: f64,
-    go_on: &(dyn Fn(usize) -> bool + Sync),
-) -> Result<Vec<StrategyError>, LabError> {
-    let one = |strategy: &Strategy| {
-        let course = choice.of(machine)?;
-        Ok(beside(bound_mm, &attempted(model, machine, *strategy, course.as_ref())?))
-    };
-    as_long_as(&Strategy::ALL, go_on, one).into_iter().flatten().collect()
-}
-
-/// A run beside a bound \[mm\].
-fn beside(bound_mm: f64, run: &Run) -> StrategyError {
-    let error = run.is_stable().then(|| run.metrics().tracking_error().rms_true_mm);
-    StrategyError {
-        strategy: run.strategy,
-        rms_true_mm: error,
-        over_bound: error.map(|mm| mm / bound_mm),
-        harris_index: error.map(|mm| (bound_mm / mm).powi(2)),
-        remark: error.is_none().then(|| run.tracking()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::strategies::strategy_errors;
     use super::*;
+    use crate::closed_loop::scenario::CourseChoice;
+    use hydroboom_control::strategy::Strategy;
 
     /// The paper's virtual crane with a motion of a few seconds, and its model.
     fn short() -> [Description; 2] {

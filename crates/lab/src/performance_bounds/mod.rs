@@ -9,6 +9,7 @@
 //! ```
 
 mod assessment;
+mod conditions;
 mod crane_along_course;
 mod delay;
 mod disturbances;
@@ -16,9 +17,9 @@ mod motor_limits;
 mod optimal_control;
 mod prediction_error;
 mod sensor_noise;
+mod strategies;
 mod unknown_payload;
 
-pub use assessment::{
-    BOUND_PARTS, Condition, Limit, LimitCost, PerformanceBounds, StrategyError, performance_bounds,
-    strategy_errors,
-};
+pub use assessment::{BOUND_PARTS, Limit, LimitCost, PerformanceBounds, performance_bounds};
+pub use conditions::Condition;
+pub use strategies::{StrategyError, strategy_errors};

@@ -1,0 +1,57 @@
+//! Where the strategies stand: in closed loop on the machine, beside the bound.
+
+use crate::LabError;
+use crate::closed_loop::scenario::CourseChoice;
+use crate::interruptible::as_long_as;
+use crate::motion_test::{Run, attempted, by_name};
+use hydroboom_control::strategy::Strategy;
+use hydroboom_description::Description;
+use serde::Serialize;
+
+/// A strategy in closed loop beside the bound.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StrategyError {
+    /// The strategy.
+    #[serde(serialize_with = "by_name")]
+    pub strategy: Strategy,
+    /// RMS true error; none where the loop oscillates or stopped.
+    pub rms_true_mm: Option<f64>,
+    /// That over the bound with all limits.
+    pub over_bound: Option<f64>,
+    /// Harris index: mean square error of the bound over that of the strategy; 1 is the best that there is.
+    pub harris_index: Option<f64>,
+    /// What there is to say where there is no error.
+    pub remark: Option<String>,
+}
+
+/// All strategies in closed loop on the machine, which the controllers know by `model`, beside the bound with all limits \[mm\]. Those that were begun before
+/// `go_on`, which is told how many are done, said no.
+///
+/// # Errors
+///
+/// [`LabError`] when a crane cannot be built, or there is no such course.
+pub fn strategy_errors(
+    model: &Description,
+    machine: &Description,
+    choice: &CourseChoice,
+    bound_mm: f64,
+    go_on: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Vec<StrategyError>, LabError> {
+    let one = |strategy: &Strategy| {
+        let course = choice.of(machine)?;
+        Ok(beside(bound_mm, &attempted(model, machine, *strategy, course.as_ref())?))
+    };
+    as_long_as(&Strategy::ALL, go_on, one).into_iter().flatten().collect()
+}
+
+/// A run beside a bound \[mm\].
+fn beside(bound_mm: f64, run: &Run) -> StrategyError {
+    let error = run.is_stable().then(|| run.metrics().tracking_error().rms_true_mm);
+    StrategyError {
+        strategy: run.strategy,
+        rms_true_mm: error,
+        over_bound: error.map(|mm| mm / bound_mm),
+        harris_index: error.map(|mm| (bound_mm / mm).powi(2)),
+        remark: error.is_none().then(|| run.tracking()),
+    }
+}
