@@ -6,11 +6,12 @@ use crate::parse::SEGMENT_LENGTHS;
 use crate::schema::KEYS;
 
 /// Sections that are no part of a machine: its controllers, its supervision, its tests.
-const AROUND: [&str; 8] = [
+const AROUND: [&str; 9] = [
     "controller",
     "benchmark_design",
     "estimator",
     "scheduled_lqr",
+    "learning",
     "tip",
     "motion",
     "oscillation",

@@ -320,6 +320,13 @@ motion_and_equipment {
 
     preload: "start" "preload_percent" ["%" = PERCENT] 0.0..=100.0 or 100.0, "Pressure of the pump sides at the start of a motion, from the accumulator's (0) to the cylinder's (100)";
 
+    learning_knots: "learning" "knot_periods" ["-" = 1.0] 1.0..=20.0 or 2.0, "Interval of the knots of a correction by iterative learning control, in periods of the load on boom and oil at its lowest frequency along the course; with two a correction hardly excites that mode; below 1.5 convergence is lost within the usual range of payloads";
+    learning_change: "learning" "change_weight_mm_s_per_rev" ["mm s/rev" = MM] 0.0..=100.0 or 0.1, "Weight of the correction's change, rho, as the position error that a change of 1 rev/s is worth; the larger, the slower and the more robust; estimate";
+    learning_size: "learning" "size_weight_mm_s_per_rev" ["mm s/rev" = MM] 1e-4..=100.0 or 0.05, "Weight of the correction itself, mu, as the position error that 1 rev/s is worth: it bounds what the error hardly shows; estimate";
+    learning_average: "learning" "average_ms" ["ms" = MS] 0.0..=1000.0 or 25.0, "Half the length of the moving average over the measured error, against the position sensor's noise: -3 dB at 0.22 over it, 8.9 Hz";
+    learning_cycles: "learning" "cycles" ["-" = 1.0] 1.0..=100.0 or 10.0, "Cycles of learning; of a machine that repeats itself the error has settled after three";
+    learning_corners: "learning" "corner_points" ["-" = 1.0] 1.0..=11.0 or 2.0, "Points in each of the ranges of payload and of the oil's transition pressure at which convergence is required, each with each: 2 are the ends of the ranges, 1 is the model alone";
+
     // what a real crane has and the published model leaves out: absent, the effect is off
     base_stiffness: "base" "stiffness_knm_per_rad" ["kN m/rad" = 1e3] 0.0..=1e7 or 0.0, "Stiffness of the base frame against turning; 0 is rigid";
     base_inertia: "base" "inertia_kgm2" ["kg m2" = 1.0] 0.01..=1e6 or 50.0, "Its moment of inertia about the bearing";
@@ -336,6 +343,7 @@ motion_and_equipment {
 
     drive_bandwidth: "drive" "bandwidth_hz" ["Hz" = 1.0] 0.0..=1e4 or 0.0, "Undamped frequency of the servo drive's second-order lag; 0 follows at once";
     drive_damping: "drive" "damping_ratio" ["-" = 1.0] 0.1..=10.0 or 0.8, "Its damping ratio";
+    drive_dead_time: "drive" "dead_time_ms" ["ms" = MS] 0.0..=300.0 or 0.0, "Its dead time, from a command that arrives to the first effect on the speed: cycles of the drive's own control; typical 0 to 10; identified by `tune` and `learn`";
     drive_torque: "drive" "max_torque_nm" ["N m" = 1.0] 0.1..=1e6 or 1e6, "Largest torque of the motor";
     drive_inertia: "drive" "inertia_kgm2" ["kg m2" = 1.0] 1e-6..=1e3 or 1e-6, "Moment of inertia of motor and pump";
 
@@ -572,7 +580,7 @@ choices! {
 
 /// Sections that only a self-contained crane has: its pump and valves, its drive, and what the published tests do
 /// with them.
-const OF_SELF_CONTAINED: [&str; 23] = [
+const OF_SELF_CONTAINED: [&str; 24] = [
     "pump",
     "holding_valve",
     "return_valve",
@@ -584,6 +592,7 @@ const OF_SELF_CONTAINED: [&str; 23] = [
     "controller",
     "estimator",
     "scheduled_lqr",
+    "learning",
     "tip",
     "motion",
     "start",

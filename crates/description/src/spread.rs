@@ -47,7 +47,7 @@ const FRICTION: &str = "seals from crane to crane, with wear and temperature";
 const VALVE: &str = "15 to 50 ms of a solenoid seat valve, 5 to 30 ms of short pilot lines";
 
 /// All default spreads; a key that is not here has its value only.
-pub(crate) const SPREADS: [Spread; 21] = [
+pub(crate) const SPREADS: [Spread; 22] = [
     spread("payload.mass_kg", Width::Times(0.0, 1.2), "from the empty hook to an overload of 20 %"),
     spread("friction.coulomb_n", Width::Times(0.5, 1.6), FRICTION),
     spread("friction.stiction_n", Width::Times(0.5, 1.6), FRICTION),
@@ -89,6 +89,11 @@ pub(crate) const SPREADS: [Spread; 21] = [
         "drive.bandwidth_hz",
         Width::Times(0.15, 1.0),
         "8 to 120 Hz are plausible for a servo drive; 15 to 80 in the family of virtual cranes",
+    ),
+    spread(
+        "drive.dead_time_ms",
+        Width::Times(0.0, 3.0),
+        "cycles of the drive's own control and of its interface, one more or less",
     ),
     spread("fieldbus.delay_cycles", Width::Plus(0.0, 1.0), "one cycle or two"),
     spread("switching_valve.delay_ms", Width::Times(0.5, 2.0), VALVE),

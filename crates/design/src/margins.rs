@@ -32,7 +32,7 @@ impl Actuation {
         let lag = |bandwidth: f64| if bandwidth > 0.0 { 1.0 / (TAU * bandwidth) } else { 0.0 };
         let drive = lag(n.drive_bandwidth);
         Self {
-            delay: (2.0 * n.fieldbus_delay.round() + 0.5) * n.control_period,
+            delay: (2.0 * n.fieldbus_delay.round() + 0.5) * n.control_period + n.drive_dead_time,
             drive: [2.0 * n.drive_damping * drive, drive * drive],
             sensor_lag: lag(n.sensor_bandwidth),
         }

@@ -194,10 +194,11 @@ impl Derivation {
             + self.drive_response()
     }
 
-    /// Time constant of the slowest drive \[s\].
+    /// Dead time and time constant of the slowest drive \[s\].
     fn drive_response(&self) -> f64 {
         let n = &self.model.numbers;
-        2.0 * n.drive_damping / (TAU * self.low.drive_bandwidth.max(1.0))
+        self.high.drive_dead_time
+            + 2.0 * n.drive_damping / (TAU * self.low.drive_bandwidth.max(1.0))
     }
 
     /// Time from the command of the valve until it has switched at the latest \[s\].

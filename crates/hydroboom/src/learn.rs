@@ -1,34 +1,46 @@
 //! `hydroboom learn`
 
-use crate::crane_file::CraneFile;
+use crate::crane_file::{CraneFile, text};
 use crate::interruptible::{Interruptible, of_asked};
+use crate::log_mapping::{LogMapping, LogWindow};
 use crate::machine_choice::MachineChoice;
+use crate::number;
 use crate::output;
-use crate::paths::InputFile;
+use crate::paths::{InputFile, OutputFolder};
+use crate::verdict_text;
 use clap::Args;
+use hydroboom_control::command::AxisCommand;
+use hydroboom_description::Description;
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::cycle_learning::experiment::{
     CycleReport, Method, MethodError, learning_experiment,
 };
-use miette::{IntoDiagnostic, Result, bail};
+use hydroboom_lab::cycle_learning::log_learning::{LoggedMachine, identify_log, learn_for};
+use hydroboom_measurement::Signals;
+use miette::{IntoDiagnostic, Result, bail, miette};
 use serde_json::json;
+use std::path::Path;
 
-/// Identify a virtual crane from one closed-loop cycle, and compare what feedforward and iterative learning control make of it.
+/// Identify a crane from one closed-loop cycle or from a log, and compare what feedforward and iterative learning control make of it.
 ///
 /// The cycle runs under the scheduled LQR. Then the machine is commanded without feedback: by the model as described, with the estimates of the
 /// state estimator, by the model identified from the cycle, and by the cycle's own commands, corrected by iterative learning control; from the rest
 /// that the cycle began from, and without a reset, from the oil's state that the cycle has left.
+///
+/// With --log the machine is identified from the log, and the cycles are run on the virtual crane of the identified model. A log that no model near the crane
+/// file's shows is refused. docs/iterative-learning-control.md has method, conditions and limits.
 #[derive(Args)]
 #[command(
     after_help = "Examples:\n  hydroboom learn\n  hydroboom learn --family 20\n  hydroboom learn --member 134\n  \
+    hydroboom learn --log run.csv --out proposed\n  hydroboom learn --set learning.cycles=3 --set learning.knot_periods=3\n  \
     What is identified is printed as overrides: hydroboom motion --set payload.mass_kg=... takes it."
 )]
 pub struct Learn {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant; when not given, the virtual crane: that of the crane file (typical drive,
+    /// Crane file of the plant, or a file with a `[set]` table of overrides of the virtual crane; when not given, the virtual crane: that of the crane file (typical drive,
     /// valve, sensors and fieldbus stand in for what it leaves out), the paper's without --crane.
     #[arg(long, value_name = "FILE", conflicts_with = "family")]
     plant: Option<InputFile>,
@@ -41,6 +53,19 @@ pub struct Learn {
     /// Seed of the family.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Identify the machine from this log, of `run`, `motion --log` or a machine's own.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["plant", "family", "member"])]
+    log: Option<InputFile>,
+    #[command(flatten)]
+    mapping: LogMapping,
+    #[command(flatten)]
+    window: LogWindow,
+    /// Folder for the commands that feedforward from the log's model proposes: a CSV for each speed, as `hydroboom simulate --input` takes it.
+    #[arg(long, value_name = "DIR", requires = "log")]
+    out: Option<OutputFolder>,
+    /// The crane's own motion at this speed; at its slow and its fast one when not given.
+    #[arg(long, value_parser = number::within(number::SPEED, "mm/s"))]
+    speed_mm_s: Option<f64>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -49,7 +74,14 @@ pub struct Learn {
 impl Learn {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let choice = MachineChoice::read(&self.crane, self.plant.as_deref())?;
+        match self.log.clone() {
+            Some(log) => self.run_log(&log),
+            None => self.run_cycles(),
+        }
+    }
+
+    fn run_cycles(self) -> Result<()> {
+        let choice = self.choice()?;
         let (model, nominal) = (&choice.model, &choice.machine);
         let members = self.family.map_or(self.member, |count| (0..count).collect());
         let one = |k: &u64| Ok((format!("crane {k}"), member(nominal, self.seed, *k)?.crane));
@@ -58,11 +90,11 @@ impl Learn {
         if cranes.is_empty() {
             cranes.push((choice.name(), nominal.clone()));
         }
-        let courses = [model.numbers.slow, model.numbers.fast].map(CourseChoice::Motion);
+        let courses = courses(model, self.speed_mm_s)?;
         let asked = cranes.len() * courses.len();
         let work = Interruptible::new(asked as u64, "cycles")?;
-        let all =
-            learning_experiment(model, &cranes, &courses, &|| work.one_more()).into_diagnostic()?;
+        let all = learning_experiment(model, &cranes, &courses, &|share| work.done(share))
+            .into_diagnostic()?;
         drop(work);
         if all.is_empty() {
             bail!("none of {asked} cycles had been run when it was interrupted");
@@ -73,16 +105,130 @@ impl Learn {
                 "asked": asked, "learned": all, "stable": stable, "plant": choice.json(),
             }));
         }
-        let interrupted = match all.len() == asked {
-            true => String::new(),
-            false => format!("\n\n{} cycles", of_asked(all.len(), asked)),
-        };
-        let told = match all.len() > MOST_SHOWN {
-            true => medians(&all),
-            false => all.iter().map(of_one).collect::<Vec<_>>().join("\n\n"),
-        };
         let equality = choice.equality().map_or(String::new(), |said| format!("\n\n{said}"));
-        output::text(&format!("{told}{interrupted}{equality}"))
+        output::text(&format!("{}{equality}", told(&all, asked)))
+    }
+
+    /// Model and plant.
+    fn choice(&self) -> Result<MachineChoice> {
+        let Some(path) = &self.plant else { return MachineChoice::read(&self.crane, None) };
+        let content = text(path)?;
+        match content.contains("[set]") {
+            true => {
+                let choice = MachineChoice::read(&self.crane, None)?;
+                let plant = choice.machine.overridden(&path.display().to_string(), &content)?.0;
+                Ok(choice.with_machine(plant))
+            }
+            false => MachineChoice::read(&self.crane, Some(path)),
+        }
+    }
+
+    fn run_log(self, path: &Path) -> Result<()> {
+        let model = self.crane.read()?;
+        let (log, mapping) = self.mapping.read(path, &model)?;
+        let signals = Signals::of(&log, &mapping).into_diagnostic()?;
+        for remark in &log.remarks {
+            output::note(&format!("{}: {remark}", path.display()));
+        }
+        let courses = courses(&model, self.speed_mm_s)?;
+        let work = Interruptible::new(100, "%")?;
+        let go_on = |share: f64| work.done(share);
+        let machine = match identify_log(&model, (&log, &signals), self.window.of(), &go_on) {
+            Err(LabError::Stopped) => bail!("interrupted before the machine was identified"),
+            found => found.into_diagnostic()?,
+        };
+        if !machine.refusals.is_empty() {
+            drop(work);
+            return self.refused(&machine);
+        }
+        let all = match learn_for(&model, &machine, &courses, &go_on) {
+            Err(LabError::Stopped) => Vec::new(),
+            found => found.into_diagnostic()?,
+        };
+        drop(work);
+        let written: Vec<String> =
+            all.iter().filter_map(|report| self.proposed(report, &model)).collect();
+        if self.json {
+            return output::json(&json!({
+                "asked": courses.len(), "log": path, "identified": machine.identified,
+                "verdict": verdict_text::in_json(&machine.judged), "refused": [], "remarks": machine.remarks,
+                "learned": all, "proposed": written,
+            }));
+        }
+        let of_commands = match (&self.out, written.is_empty()) {
+            (None, _) => String::new(),
+            (Some(_), true) => "\n\nno commands are proposed".into(),
+            (Some(_), false) => format!(
+                "\n\ncommands without feedback for this machine from rest, within the crane's margins on its model: {}",
+                written.join(", ")
+            ),
+        };
+        output::text(&format!("{}\n\n{}{of_commands}", of_log(&machine), told(&all, courses.len())))
+    }
+
+    /// Says what a log tells, and why nothing is proposed for its machine.
+    fn refused(&self, machine: &LoggedMachine) -> Result<()> {
+        let why = machine.refusals.join("\n");
+        match self.json {
+            true => output::json(&json!({
+                "identified": machine.identified, "verdict": verdict_text::in_json(&machine.judged),
+                "refused": machine.refusals, "remarks": machine.remarks, "learned": [], "proposed": [],
+            }))?,
+            false => output::text(&of_log(machine))?,
+        }
+        Err(miette!(
+            help = "`hydroboom validate` shows log and model beside each other; --crane names the machine's crane file",
+            "no correction is proposed:\n{why}"
+        ))
+    }
+
+    /// Writes the commands that a report proposes; the file's name.
+    fn proposed(&self, report: &CycleReport, model: &Description) -> Option<String> {
+        let (folder, commands) = (self.out.as_ref()?, report.proposal.as_ref()?);
+        let speed = report.course.split_whitespace().next().unwrap_or("course");
+        output::folder(folder);
+        let path = folder.join(format!("feedforward-{speed}-mm-s.csv"));
+        let text = input_text(commands, model.numbers.control_period);
+        output::file(&path, text.as_bytes()).then(|| path.display().to_string())
+    }
+}
+
+/// The crane's own motion at the speed that is asked for \[mm/s\], or at both of its own.
+fn courses(model: &Description, speed: Option<f64>) -> Result<Vec<CourseChoice>> {
+    let n = &model.numbers;
+    let speeds = match speed {
+        None => vec![n.slow, n.fast],
+        asked => vec![number::speed_of_motion(model, asked)?],
+    };
+    Ok(speeds.into_iter().map(CourseChoice::Motion).collect())
+}
+
+/// Commands as an input of `simulate`.
+fn input_text(commands: &[AxisCommand<f64>], period: f64) -> String {
+    let row = |(k, c): (usize, &AxisCommand<f64>)| {
+        format!("{},{},{}\n", k as f64 * period, c.motor_speed * 60.0, c.holding_valve)
+    };
+    let rows: String = commands.iter().enumerate().map(row).collect();
+    format!("time_s,motor_speed_rpm,valve\n{rows}")
+}
+
+/// What a log tells of a machine.
+fn of_log(machine: &LoggedMachine) -> String {
+    let mut said = verdict_text::said(&machine.judged);
+    machine.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
+    said + &overrides(&machine.identified)
+}
+
+/// Reports, or their medians where there are many.
+fn told(all: &[CycleReport], asked: usize) -> String {
+    let told = match all.len() > MOST_SHOWN {
+        true => medians(all),
+        false => all.iter().map(of_one).collect::<Vec<_>>().join("\n\n"),
+    };
+    let whole = all.iter().filter(|report| report.whole).count();
+    match whole == asked {
+        true => told,
+        false => format!("{told}\n\n{} cycles", of_asked(whole, asked)),
     }
 }
 
@@ -126,16 +272,24 @@ fn of_one(report: &CycleReport) -> String {
         );
     }
     report.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
+    if !report.whole {
+        said += "\ninterrupted: what is not in the table was not run";
+    }
+    said + &overrides(&report.identified)
+}
+
+/// What was identified, as options.
+fn overrides(identified: &[String]) -> String {
     let options: Vec<String> =
-        report.identified.iter().map(|assignment| format!("--set {assignment}")).collect();
+        identified.iter().map(|assignment| format!("--set {assignment}")).collect();
     let lines: Vec<String> = options.chunks(3).map(|three| three.join(" ")).collect();
-    if !lines.is_empty() {
-        said += &format!(
+    match lines.is_empty() {
+        true => String::new(),
+        false => format!(
             "\n\nidentified, as overrides of the model for any command:\n  {}",
             lines.join(" \\\n  ")
-        );
+        ),
     }
-    said
 }
 
 /// Medians over many cycles.

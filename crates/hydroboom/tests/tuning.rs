@@ -338,3 +338,44 @@ fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
     let ([low, high], [other_low, other_high]) = (payload(&searches[0]), payload(&searches[1]));
     assert!(low < other_high && other_low < high, "{low} to {high}, {other_low} to {other_high}");
 }
+
+/// From a log of the benchmark in closed loop: what is proposed is an input of `simulate`. From a log of another crane nothing is, and a motor at its limit is told.
+#[test]
+fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
+    let path = files("learn-log");
+    let course = ["motion.end_mm=200", "motion.dwell_s=1", "motion.rest_s=1"];
+    let with = |arguments: &[&str], more: &[&str]| -> Vec<String> {
+        let set = course.iter().chain(more).flat_map(|assignment| ["--set", assignment]);
+        arguments.iter().copied().chain(set).map(String::from).collect()
+    };
+    let run = |arguments: Vec<String>| {
+        hydroboom(&arguments.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let (log, out) = (path("own.csv"), path("proposed"));
+    let virtual_log = |log: &str, more: &[&str]| {
+        let arguments =
+            ["virtual", "--strategy", "benchmark-closed-loop", "--log-ms", "1", "--log", log];
+        assert!(run(with(&arguments, more)).status.success());
+    };
+    virtual_log(&log, &[]);
+    let asked = ["learn", "--log", &log, "--out", &out, "--speed-mm-s", "120", "--json"];
+    let learned = run(with(&asked, &["learning.cycles=1"]));
+    let found: serde_json::Value = serde_json::from_slice(&learned.stdout).unwrap();
+    assert!(learned.status.success() && found["refused"].as_array().unwrap().is_empty(), "{found}");
+    let identified = found["identified"].to_string();
+    assert!(identified.contains("drive.bandwidth_hz="), "{identified}");
+    let proposed = found["proposed"].as_array().unwrap();
+    assert_eq!(proposed.len(), 1, "{found}");
+    let input = proposed[0].as_str().unwrap();
+    assert!(hydroboom(&["simulate", "--input", input]).status.success());
+    // another cylinder, and a motor that is too slow for it
+    let (other, none) = (path("other.csv"), path("nothing"));
+    let slow = ["motor.max_speed_rpm=1500"];
+    virtual_log(&other, &[slow[0], "cylinder.piston_mm=80", "cylinder.rod_mm=45"]);
+    let refused = run(with(&["learn", "--log", &other, "--out", &none, "--json"], &slow));
+    says(&refused, "no correction is proposed");
+    let found: serde_json::Value = serde_json::from_slice(&refused.stdout).unwrap();
+    assert!(found["refused"].to_string().contains("another crane"), "{found}");
+    assert!(found["remarks"].to_string().contains("at its limit of 1500 rpm for"), "{found}");
+    assert!(!std::path::Path::new(&none).exists());
+}

@@ -1,6 +1,6 @@
 //! Model and log side by side, in numbers.
 
-use crate::experiment::{COMPARED, Experiment};
+use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::explained::{Explained, explained};
 use crate::limits::LIMITS;
 use crate::prediction::Prediction;
@@ -90,12 +90,12 @@ const LONGEST_DELAY: f64 = 0.1;
 /// An oscillation is told by so many samples in a period, and more.
 const PER_PERIOD: f64 = 4.0;
 
-/// How log and model differ, for all signals that were measured.
+/// How log and model differ, for all signals of the crane that were measured.
 pub fn differences(experiment: &Experiment, prediction: &Prediction) -> Differences {
     let interval = experiment.interval();
     let is_free = free(experiment, interval);
     let (apart, driven) = experiment.apart;
-    let mut found: Vec<(f64, Difference)> = COMPARED
+    let mut found: Vec<(f64, Difference)> = COMPARED[..CRANE]
         .iter()
         .enumerate()
         .filter_map(|(k, signal)| {

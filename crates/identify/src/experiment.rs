@@ -2,6 +2,7 @@
 
 use crate::drive::Drive;
 use crate::error::IdentifyError;
+use crate::motor::Asked;
 use crate::noise::noise;
 use crate::oscillation::{is_held, release, resting};
 use crate::prediction::{STARTS, STEPS};
@@ -9,8 +10,13 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_measurement::{Measurement, Signal, Signals, Track};
 
-/// Signals that model and log are compared in, in this order.
-pub const COMPARED: [Signal; 6] = Signal::COMPARED;
+/// Signals that model and log are compared in, in this order: those of the crane, and the motor speed that the drive makes of its command.
+pub const COMPARED: [Signal; CRANE + 1] = {
+    let [stroke, pump_a, a, b, pump_b, accumulator] = Signal::COMPARED;
+    [stroke, pump_a, a, b, pump_b, accumulator, Signal::MotorSpeed]
+};
+/// The first ones are the crane's.
+pub(crate) const CRANE: usize = Signal::COMPARED.len();
 
 /// The part of a log that is used \[s\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -39,11 +45,15 @@ pub struct Experiment {
     pub begin: f64,
     /// What drives the model.
     pub(crate) drive: Drive,
+    /// What the motor was asked for, where the log has that beside its speed and the model has a drive.
+    pub(crate) asked: Option<Asked>,
     /// Control period \[s\].
     pub(crate) period: f64,
     /// Control periods from sample to sample.
     pub(crate) every: usize,
-    /// Steps that the model takes in a control period.
+    /// Control periods that the model is driven by the mean of: one, or all from sample to sample.
+    pub(crate) merged: usize,
+    /// Steps that the model takes in that time.
     pub(crate) steps: u32,
     /// What was measured.
     pub samples: Vec<Sample>,
@@ -154,7 +164,11 @@ impl Experiment {
         }
         let drive = Drive::new(model, driving, signals, &times(begin), &mut remarks);
         let every = (INTERVAL / period).round().max(1.0) as usize;
-        let tracks = COMPARED.map(|signal| signals.get(signal));
+        let asked = Asked::new(model, signals, &times(begin));
+        let mut tracks = COMPARED.map(|signal| signals.get(signal));
+        if asked.is_none() {
+            tracks[CRANE] = None;
+        }
         let samples: Vec<Sample> = (0..=count as usize)
             .step_by(every)
             .map(|k| {
@@ -176,7 +190,7 @@ impl Experiment {
                 "it begins in motion, and the model at rest: the first seconds differ for that reason".into(),
             );
         }
-        let [_, pump_a, piston_side, rod_side, pump_b, accumulator] = tracks.map(average);
+        let [_, pump_a, piston_side, rod_side, pump_b, accumulator, _] = tracks.map(average);
         let stroke = Some(stroke.clamp(0.0, n.stroke));
         let beginning = match model.choices.circuit {
             CircuitChoice::SelfContained => {
@@ -194,8 +208,10 @@ impl Experiment {
             begin,
             apart: (tracks.map(|track| track.map_or(0.0, Track::interval)), driven),
             drive,
+            asked,
             period,
             every,
+            merged: 1,
             steps: STEPS,
             samples,
             filters: tracks.map(|track| track.map_or(0.0, Track::filter)),
@@ -265,10 +281,14 @@ impl Experiment {
         Ok(found)
     }
 
-    /// The same with a step as long as a control period: good enough to find where a search ends, not for how sure it is
-    /// of that.
+    /// The same with a step as long as a control period: good enough to find where a search ends, not for how sure it is of that.
     pub(crate) fn coarse(&self) -> Self {
         Self { steps: 1, ..self.clone() }
+    }
+
+    /// The same with one input for each sample, and steps of half the way to the next: good enough to come near where a search ends.
+    pub(crate) fn rough(&self) -> Self {
+        Self { merged: self.every, steps: 2, ..self.clone() }
     }
 
     /// The same in steps of half the length: what they change says what the model's steps are wrong by.

@@ -63,9 +63,9 @@ impl Free {
         Err(IdentifyError::Key { key: free.path(), suggestion })
     }
 
-    /// Whether the model's response to what drives it may depend on it.
+    /// Whether the model's response to what drives it may depend on it: that of the crane to the motor's speed, or of the motor's speed to its command.
     fn is_of_model(self) -> bool {
-        is_of_machine(KEYS[self.place].section)
+        is_of_machine(KEYS[self.place].section) || self.is_of_drive()
     }
 
     /// Keys that a log of position and pressures can be expected to tell something of.

@@ -16,6 +16,7 @@ mod free;
 mod hold_out;
 mod known;
 mod limits;
+mod motor;
 mod noise;
 mod number;
 mod oscillation;

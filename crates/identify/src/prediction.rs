@@ -2,7 +2,7 @@
 
 use crate::drive::Drive;
 use crate::error::IdentifyError;
-use crate::experiment::{COMPARED, Experiment};
+use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::free::Free;
 use crate::number::{Number, Stepper};
 use hydroboom_description::schema::Numbers;
@@ -31,15 +31,35 @@ pub(crate) const STARTS: usize = 6;
 /// What a model over some numbers shows at the samples of an experiment.
 type Shown<T> = Vec<[T; COMPARED.len()]>;
 
-/// Builds a model over some numbers, starts it at rest where the experiment begins, and runs it.
+/// Builds a model over some numbers, starts it at rest where the experiment begins, and runs it, the drive too.
 fn shown<T: Number>(
     model: &Description,
     n: &Numbers<T>,
     begin: &[Option<T>; STARTS],
     experiment: &Experiment,
 ) -> Result<Shown<T>, IdentifyError> {
+    let mut seen = of_crane(model, n, begin, experiment)?;
+    if let Some(asked) = &experiment.asked {
+        let speeds = asked.read(n, experiment.every, seen.len());
+        seen.iter_mut().zip(speeds).for_each(|(row, speed)| row[CRANE] = speed);
+    }
+    for (signal, filter) in
+        experiment.filters.iter().enumerate().filter(|(_, filter)| **filter > 0.0)
+    {
+        filtered(&mut seen, signal, experiment.interval() / filter);
+    }
+    Ok(seen)
+}
+
+/// The same of the crane alone.
+fn of_crane<T: Number>(
+    model: &Description,
+    n: &Numbers<T>,
+    begin: &[Option<T>; STARTS],
+    experiment: &Experiment,
+) -> Result<Shown<T>, IdentifyError> {
     let found = model.coordinates();
-    match (&experiment.drive, found) {
+    match (&experiment.drive.merged(experiment.merged), found) {
         (Drive::Pump(inputs), SEGMENTS) => {
             let crane = model.crane_over::<T, SEGMENTS>(n)?;
             let state = beginning(model, n, begin, &crane)?;
@@ -130,21 +150,25 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
     mut state: CraneState<T, N, C::State>,
     inputs: impl Iterator<Item = C::Input>,
     experiment: &Experiment,
-    pressures: impl Fn(&C, &C::State) -> [T; COMPARED.len() - 1],
+    pressures: impl Fn(&C, &C::State) -> [T; CRANE - 1],
 ) -> Result<Shown<T>, IdentifyError> {
     let stepper = Stepper::new(crane);
     let show = |state: &CraneState<T, N, C::State>| {
         let pose = crane.boom.pose(&state.boom.angle);
         let [pump_a, a, b, pump_b, accumulator] = pressures(&crane.circuit, &state.circuit);
-        [crane.boom.cylinder_pose(&pose).stroke, pump_a, a, b, pump_b, accumulator]
+        let stroke = crane.boom.cylinder_pose(&pose).stroke;
+        // the motor's speed is none of the crane's: it comes after
+        [stroke, pump_a, a, b, pump_b, accumulator, T::zero()]
     };
+    let (period, every) =
+        (experiment.period * experiment.merged as f64, experiment.every / experiment.merged);
     let broken = |k: usize| {
-        let time = k as f64 * experiment.period;
+        let time = k as f64 * period;
         IdentifyError::Broken { log: experiment.name.clone(), time }
     };
     let mut seen = Vec::with_capacity(experiment.samples.len());
     for (k, input) in inputs.enumerate() {
-        if k % experiment.every == 0 {
+        if k % every == 0 {
             let now = show(&state);
             if now.iter().any(|v| !v.plain().is_finite()) {
                 return Err(broken(k));
@@ -152,16 +176,11 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
             seen.push(now);
         }
         state = stepper
-            .moved(crane, &state, &input, experiment.period, experiment.steps)
+            .moved(crane, &state, &input, period, experiment.steps)
             .ok_or_else(|| broken(k))?;
     }
     if seen.len() < experiment.samples.len() {
         seen.push(show(&state));
-    }
-    for (signal, filter) in
-        experiment.filters.iter().enumerate().filter(|(_, filter)| **filter > 0.0)
-    {
-        filtered(&mut seen, signal, experiment.interval() / filter);
     }
     Ok(seen)
 }

@@ -6,7 +6,7 @@
 //! damping. What that comes to is in phase, and the search over all samples begins there.
 
 use crate::differences::free;
-use crate::experiment::{COMPARED, Experiment, Sample};
+use crate::experiment::{COMPARED, CRANE, Experiment, Sample};
 use crate::prediction::Prediction;
 use crate::ringing::{Ringing, ringing};
 use std::ops::Range;
@@ -61,7 +61,7 @@ impl TuningFork {
         let span = whole_span(experiment);
         let is_free = free(experiment, interval)[span.clone()].to_vec();
         let samples = &experiment.samples[span.clone()];
-        let whole: Vec<(usize, Vec<f64>)> = (0..COMPARED.len())
+        let whole: Vec<(usize, Vec<f64>)> = (0..CRANE)
             .filter_map(|place| {
                 let values: Vec<f64> = samples.iter().filter_map(|s| s.values[place]).collect();
                 (!values.is_empty() && values.len() == samples.len()).then_some((place, values))
@@ -208,7 +208,7 @@ mod tests {
         };
         let values = |time: f64| {
             let pressures = [70e5 + swing(3e5, boom, time), 10e5 + swing(0.3e5, line, time)];
-            [Some(0.2), None, Some(pressures[0]), Some(pressures[1]), None, None]
+            [Some(0.2), None, Some(pressures[0]), Some(pressures[1]), None, None, None]
         };
         let time = |k: u32| f64::from(k) * 5e-3;
         let samples = (0..800).map(|k| Sample { time: time(k), values: values(time(k)) }).collect();
@@ -216,8 +216,10 @@ mod tests {
             name: "made".into(),
             begin: 0.0,
             drive: Drive::Pump(vec![Input { pump_speed: 0.0, holding_valve: 1.0 }; 4000]),
+            asked: None,
             period: 1e-3,
             every: 5,
+            merged: 1,
             steps: 2,
             samples,
             filters: [0.0; COMPARED.len()],

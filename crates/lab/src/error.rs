@@ -53,6 +53,12 @@ pub enum LabError {
         /// Those there are.
         names: String,
     },
+    /// Told to stop.
+    #[error("stopped")]
+    Stopped,
+    /// A machine would exceed its margins.
+    #[error("not applied, for it would exceed the crane's margins: {0}")]
+    Margins(String),
     /// Too little oscillation to measure.
     #[error("{0}")]
     NoOscillation(String),

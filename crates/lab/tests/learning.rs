@@ -8,13 +8,26 @@ use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::cycle_learning::experiment::{
     CycleReport, Method, MethodError, learning_experiment,
 };
+use std::sync::Mutex;
+
+/// A crane's motion, of half the length and with short rests.
+fn short(mut crane: Description) -> Description {
+    for set in ["motion.end_mm=250", "motion.dwell_s=1", "motion.rest_s=1"] {
+        crane.set(set).unwrap();
+    }
+    crane
+}
+
+/// Cycles of learning.
+const CYCLES: usize = 3;
 
 /// A cycle of one crane at the fast speed.
 fn cycle(crane: Description) -> CycleReport {
-    let model = Description::uia_single_boom().unwrap();
+    let mut model = Description::uia_single_boom().unwrap();
+    model.set(&format!("learning.cycles={CYCLES}")).unwrap();
     let course = [CourseChoice::Motion(model.numbers.fast)];
-    let cranes = [("one".into(), crane)];
-    learning_experiment(&model, &cranes, &course, &|| true).unwrap().remove(0)
+    let cranes = [("one".into(), short(crane))];
+    learning_experiment(&model, &cranes, &course, &|_| true).unwrap().remove(0)
 }
 
 /// True RMS error by a method \[mm\].
@@ -31,7 +44,7 @@ fn a_cycle_tells_what_feedforward_lacks() {
     let nominal = error(&report, Method::NominalModel, None, true);
     let identified = error(&report, Method::IdentifiedModel, None, true);
     assert!(identified < 1.0 && identified < 0.2 * nominal, "{nominal} mm, then {identified} mm");
-    let learned = error(&report, Method::IterativeLearning, Some(10), true);
+    let learned = error(&report, Method::IterativeLearning, Some(CYCLES), true);
     // readings are a cycle of the fieldbus late: taken as of now, they would leave this much
     let n = Description::uia_virtual().unwrap().numbers;
     let late_mm = 1e3 * n.fast * n.fieldbus_delay * n.control_period;
@@ -57,14 +70,27 @@ fn a_cycle_tells_the_delay_of_a_slow_drive() {
     assert!(rms < 0.25 * lag_mm, "{rms} mm, of {lag_mm} mm by the delay");
 }
 
-/// A cylinder at rest holds any pressure that its friction can. Where the oil is so soft that this is millimetres of oil, a machine that is
-/// commanded the same again errs by them; where it is stiff, it repeats itself.
+/// Told to stop, a report keeps what was run by then, and says that it is not whole.
 #[test]
-fn repeatability_depends_on_the_oils_stiffness_at_rest() {
-    let nominal = Description::uia_virtual().unwrap();
-    let [soft, stiff] = [16, 20].map(|number| {
-        let report = cycle(member(&nominal, 1, number).unwrap().crane);
-        error(&report, Method::Replay, None, false)
-    });
-    assert!(stiff < 0.5 && soft > 5.0, "{stiff} mm, {soft} mm");
+fn what_was_run_before_a_stop_is_kept() {
+    let model = Description::uia_single_boom().unwrap();
+    let course = [CourseChoice::Motion(model.numbers.fast)];
+    let cranes = [("one".into(), short(Description::uia_virtual().unwrap()))];
+    let until = |most: f64| {
+        let last = Mutex::new(0.0);
+        let go_on = |share: f64| {
+            let mut last = last.lock().unwrap();
+            assert!((*last..=1.0).contains(&share), "{share} after {last}");
+            *last = share;
+            share < most
+        };
+        learning_experiment(&model, &cranes, &course, &go_on).unwrap()
+    };
+    assert!(until(0.0).is_empty());
+    // after the closed-loop cycle and the nominal model's
+    let mut reports = until(0.12);
+    let report = reports.remove(0);
+    assert!(!report.whole && report.stable, "{report:?}");
+    let run: Vec<Method> = report.methods.iter().map(|m| m.method).collect();
+    assert_eq!(run, [Method::ClosedLoop, Method::NominalModel]);
 }

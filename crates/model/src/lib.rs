@@ -24,6 +24,7 @@
 pub mod boom;
 pub mod circuit;
 mod crane;
+pub mod drive;
 pub mod energy;
 mod equilibrium;
 pub mod hydraulics;

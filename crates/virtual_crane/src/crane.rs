@@ -48,6 +48,12 @@ impl VirtualCrane {
         Ok(Self { plant, outputs, steps: count, equipment })
     }
 
+    /// The same from now on without the drive's dead time; its lag stays.
+    pub fn without_dead_time(mut self) -> Self {
+        self.equipment.remove_dead_time();
+        self
+    }
+
     /// What has arrived at the controller.
     pub fn signals(&self) -> AxisSignals<f64> {
         self.equipment.signals()

@@ -2,7 +2,7 @@
 //! oil's temperature and air.
 
 use crate::air::Air;
-use crate::drive::{Drive, DriveState};
+use crate::drive::Shaft;
 use crate::fieldbus::Fieldbus;
 use crate::pump::PumpShaft;
 use crate::sensor::{Sensor, SensorData};
@@ -15,12 +15,37 @@ use hydroboom_control::measurement::{AxisSignals, Measurement};
 use hydroboom_control::supervision::limits::ValveState;
 use hydroboom_description::Description;
 use hydroboom_description::schema::PositionSwitchChoice;
+use hydroboom_model::drive::{DeadTime, Drive};
 use hydroboom_model::{Input, Nodes, Outputs, Scheme, Start};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use std::collections::VecDeque;
 
 /// Control periods between two looks at what changes slowly, the oil's heat and air.
 const SLOW_EVERY: u64 = 20;
+
+/// Commanded motor speeds on their way through the drive's dead time.
+#[derive(Clone)]
+struct CommandDelay {
+    dead_time: DeadTime<f64>,
+    /// Commands \[rev/s\], the latest first.
+    sent: VecDeque<f64>,
+}
+
+impl CommandDelay {
+    /// A dead time in control periods \[s\], before which nothing was commanded.
+    fn new(time: f64, period: f64) -> Self {
+        let dead_time = DeadTime::of(time, period);
+        Self { dead_time, sent: std::iter::repeat_n(0.0, dead_time.reach() + 1).collect() }
+    }
+
+    /// Sends a command; what arrives in the same period.
+    fn exchange(&mut self, speed: f64) -> f64 {
+        self.sent.pop_back();
+        self.sent.push_front(speed);
+        self.dead_time.arrived(|ago| self.sent.get(ago).copied().unwrap_or(0.0))
+    }
+}
 
 /// How a virtual crane's plant moves in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,10 +80,12 @@ impl Stepping {
 pub(crate) struct Equipment {
     period: f64,
     /// None: the motor follows at once, within its limits, as the model's does.
-    drive: Option<Drive>,
+    drive: Option<Drive<f64>>,
+    /// Before the drive; none where it begins to answer at once.
+    dead_time: Option<CommandDelay>,
     limits: ActuatorLimits<f64>,
-    motor: DriveState,
-    shaft: PumpShaft,
+    shaft: Shaft,
+    pump: PumpShaft,
     /// None: the valve switches at once.
     valve: Option<SwitchingValve>,
     pilot: f64,
@@ -94,7 +121,8 @@ impl Equipment {
             damping: n.drive_damping,
             torque: n.drive_torque,
             inertia: n.drive_inertia,
-            limits: ActuatorLimits { speed: n.motor_speed, slew: n.motor_slew },
+            largest_speed: n.motor_speed,
+            slew: n.motor_slew,
         });
         let valve = (n.valve_delay + n.pilot_line > 0.0)
             .then(|| SwitchingValve::new(n.valve_delay, n.pilot_line, step, pilot));
@@ -136,9 +164,11 @@ impl Equipment {
         Self {
             period: n.control_period,
             drive,
+            dead_time: (n.drive_dead_time > 0.0)
+                .then(|| CommandDelay::new(n.drive_dead_time, n.control_period)),
             limits: ActuatorLimits { speed: n.motor_speed, slew: n.motor_slew },
-            motor: DriveState::default(),
-            shaft: PumpShaft {
+            shaft: Shaft::still(),
+            pump: PumpShaft {
                 displacement: n.displacement,
                 pistons: n.pistons,
                 ripple: n.ripple,
@@ -192,7 +222,7 @@ impl Equipment {
     pub(crate) fn truth(&self, outputs: &Outputs<f64>) -> Truth {
         Truth {
             outputs: *outputs,
-            motor_speed: self.motor.speed,
+            motor_speed: self.shaft.motor.speed,
             motor_torque: self.torque(outputs),
             pilot: self.pilot,
             oil_temperature: self.temperature.oil(),
@@ -222,16 +252,24 @@ impl Equipment {
         self.temperature.with_description(description)
     }
 
+    /// From now on the drive begins to answer at once.
+    pub(crate) fn remove_dead_time(&mut self) {
+        self.dead_time = None;
+    }
+
     /// Begins a control period with what the controller sends; what arrives at the crane, or none
     /// where it is not a number.
     pub(crate) fn begin(&mut self, command: &AxisCommand<f64>) -> Option<AxisCommand<f64>> {
-        let command = self.to_crane.exchange(*command);
+        let mut command = self.to_crane.exchange(*command);
         if !(command.motor_speed.is_finite() && command.holding_valve.is_finite()) {
             return None;
         }
+        if let Some(dead_time) = &mut self.dead_time {
+            command.motor_speed = dead_time.exchange(command.motor_speed);
+        }
         if self.drive.is_none() {
-            self.motor.speed =
-                self.limits.follow(self.motor.speed, command.motor_speed, self.period);
+            self.shaft.motor.speed =
+                self.limits.follow(self.shaft.motor.speed, command.motor_speed, self.period);
         }
         if self.valve.is_none() {
             self.pilot = command.holding_valve;
@@ -241,15 +279,12 @@ impl Equipment {
 
     /// Whether what acts on the plant is the same during a whole control period.
     pub(crate) fn is_steady(&self) -> bool {
-        self.drive.is_none()
-            && self.valve.is_none()
-            && !self.sensors_lag
-            && self.shaft.ripple == 0.0
+        self.drive.is_none() && self.valve.is_none() && !self.sensors_lag && self.pump.ripple == 0.0
     }
 
     /// What acts on the plant for a whole steady period.
     pub(crate) fn input(&self) -> Input<f64> {
-        Input { pump_speed: self.motor.speed, holding_valve: self.pilot }
+        Input { pump_speed: self.shaft.motor.speed, holding_valve: self.pilot }
     }
 
     /// What acts on the plant in the next step of `step` \[s\].
@@ -259,22 +294,22 @@ impl Equipment {
         outputs: &Outputs<f64>,
         step: f64,
     ) -> Input<f64> {
-        let angle = self.motor.angle;
+        let angle = self.shaft.angle;
         let mean_speed = match self.drive {
             Some(drive) => {
                 let load = self.torque(outputs);
-                drive.advance(&mut self.motor, command.motor_speed, load, step)
+                self.shaft.drive(&drive, command.motor_speed, load, step)
             }
             None => {
-                self.motor.turn(step);
-                self.motor.speed
+                self.shaft.turn(step);
+                self.shaft.motor.speed
             }
         };
         if let Some(valve) = &mut self.valve {
             self.pilot = valve.advance(command.holding_valve);
         }
         // the ripple in the middle of the step
-        let delivery = self.shaft.delivery(angle + 0.5 * step * mean_speed);
+        let delivery = self.pump.delivery(angle + 0.5 * step * mean_speed);
         Input { pump_speed: mean_speed * delivery, holding_valve: self.pilot }
     }
 
@@ -291,12 +326,12 @@ impl Equipment {
         if !self.sensors_lag {
             self.show(outputs);
         }
-        let sent = sampled(&self.sensors, self.motor.speed, &mut self.random);
+        let sent = sampled(&self.sensors, self.shaft.motor.speed, &mut self.random);
         self.signals = self.to_controller.exchange(sent);
     }
 
     fn torque(&self, o: &Outputs<f64>) -> f64 {
-        self.shaft.torque(o.pressure_pump_a - o.pressure_pump_b, self.motor.speed)
+        self.pump.torque(o.pressure_pump_a - o.pressure_pump_b, self.shaft.motor.speed)
     }
 
     fn show(&mut self, o: &Outputs<f64>) {
@@ -320,7 +355,7 @@ impl Equipment {
     /// enough to matter.
     pub(crate) fn warm(&mut self, losses: f64, o: &Outputs<f64>) -> Option<Description> {
         let difference = o.pressure_pump_a - o.pressure_pump_b;
-        self.heat = losses + self.shaft.heat(difference, self.motor.speed);
+        self.heat = losses + self.pump.heat(difference, self.shaft.motor.speed);
         self.temperature.advance(self.heat, self.period * SLOW_EVERY as f64)
     }
 

@@ -21,11 +21,12 @@ mod lag;
 mod pump;
 mod sensor;
 mod signals;
+mod surrogate;
 mod temperature;
 mod valve;
 
 pub use crane::VirtualCrane;
-pub use drive::{Drive, DriveState};
 pub use effect::Effect;
 pub use fleet::Fleet;
 pub use signals::Truth;
+pub use surrogate::{fieldbus_delay, surrogate};

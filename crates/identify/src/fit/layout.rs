@@ -3,7 +3,7 @@
 use super::nuisance::{Effect, Nuisance, all_delayed, delayed};
 use super::residual::Slopes;
 use crate::error::IdentifyError;
-use crate::experiment::{COMPARED, Experiment};
+use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::free::Free;
 use crate::prediction::{Direction, Prediction, STARTS, predict_from, slopes_from};
 use hydroboom_description::Description;
@@ -65,7 +65,8 @@ impl Layout<'_> {
             let allowed = Nuisance::at(place).allowed();
             at[from + place] * allowed.deviation * allowed.size
         };
-        [0, COMPARED.len()].map(|first| std::array::from_fn(|k| of(first + k)))
+        // the motor's speed has none
+        [0, CRANE].map(|first| std::array::from_fn(|k| if k < CRANE { of(first + k) } else { 0.0 }))
     }
 
     /// What is added to a log's starts: what they are moved by, less what the reading they were taken from is off by.

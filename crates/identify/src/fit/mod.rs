@@ -258,6 +258,11 @@ impl<'a> Task<'a> {
     fn coarse(&self) -> Vec<Experiment> {
         self.experiments.iter().map(Experiment::coarse).collect()
     }
+
+    /// The logs in still longer ones: good enough to come near.
+    fn rough(&self) -> Vec<Experiment> {
+        self.experiments.iter().map(Experiment::rough).collect()
+    }
 }
 
 /// Moves keys of a model until it shows what the logs do. `go_on` is told how far the search has come, and says whether
@@ -269,7 +274,7 @@ impl<'a> Task<'a> {
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
     let known = task.known();
     let layout = task.layout();
-    let longer = task.coarse();
+    let rough = task.rough();
     let before = layout.predictions(&known.mean)?;
     let watch = Watch::new(go_on);
     let mut at = DVector::from_column_slice(task.resume.unwrap_or(&known.mean));
@@ -288,7 +293,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     if forks.iter().any(Option::is_some) {
         let sum = Pitch { forks: &forks };
         // no channel's delay or offset changes a pitch
-        let keys = Layout { fixed: &all, ..layout };
+        let keys = Layout { fixed: &all, experiments: &rough, ..layout };
         let search = Search::new(keys, sum, &known, at, &watch);
         let ends = Ends { sum: 1e-4, place: 1e-4, patience: 3 };
         at = search.searched(task.generations).minimised(ends).0.at;
@@ -297,9 +302,9 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     let mut held_against = deviations(task.experiments, &there, Leaves::Unknown);
     // the first round in longer steps. Delays and offsets of channels make valleys of their own where the model is far off: a search without
     // them may come farther, though it has less to move
-    let first = Layout { experiments: &longer, ..layout };
+    let first = Layout { experiments: &rough, ..layout };
     let mut rounds = vec![first];
-    if (0..longer.len()).any(|log| layout.nuisances(log).next().is_some()) {
+    if (0..rough.len()).any(|log| layout.nuisances(log).next().is_some()) {
         rounds.push(Layout { fixed: &all, ..first });
     }
     let mut least = f64::INFINITY;
@@ -314,21 +319,20 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             (at, least) = (found.at, sum);
         }
     }
-    // the second with what the first left as deviations
+    // the second with what the first left as deviations, in short steps only from near where it ends
     let there = layout.predictions(at.as_slice())?;
     held_against = deviations(task.experiments, &there, Leaves::AsNow);
+    let sum = Samples::new(first.experiments, &held_against);
+    at = searched(Search::new(first, sum, &known, at, &watch))?.0.at;
     let sum = Samples::new(layout.experiments, &held_against);
     let (found, has_converged) = searched(Search::new(layout, sum, &known, at, &watch))?;
     at = found.at;
     let mut kept = found.sum.kept.into_inner();
-    let there = layout.predictions(at.as_slice())?;
-    held_against = deviations(task.experiments, &there, Leaves::AsNow);
     let after = layout.predictions(at.as_slice())?;
+    held_against = deviations(task.experiments, &after, Leaves::AsNow);
     let held = Considered::of(task);
-    let finer: Vec<Experiment> = task.experiments.iter().map(Experiment::fine).collect();
-    let at_end = at.as_slice();
     let information =
-        layout.information(at_end, &held_against, &mut kept, &known, &held.keys, &finer)?;
+        layout.information(at.as_slice(), &held_against, &mut kept, &known, &held.keys)?;
     let certainty =
         Certainty::new(information, known.deviation.iter().chain(&held.deviation).copied());
     let improvements = task.experiments.iter().zip(before.iter().zip(&after));

@@ -5,7 +5,7 @@
 //! widens their intervals (Ljung, *System Identification*, 2nd ed. 1999, section 14.1; Seber and Wild, *Nonlinear Regression*, 1989, section 5.9).
 
 use crate::error::IdentifyError;
-use crate::experiment::COMPARED;
+use crate::experiment::{COMPARED, CRANE};
 use crate::prediction::Prediction;
 use hydroboom_measurement::{Dimension, Signal};
 use serde::Serialize;
@@ -72,13 +72,13 @@ const PRESSURE: Allowed = Allowed {
 };
 
 impl Nuisance {
-    /// All there are, delays first, in the order of [`COMPARED`].
-    pub const COUNT: usize = 2 * COMPARED.len();
+    /// All there are, delays first, in the order of [`COMPARED`]. The motor's speed has none: its delay is the drive's dead time.
+    pub const COUNT: usize = 2 * CRANE;
 
     /// The one at a place among all.
     pub(super) fn at(place: usize) -> Self {
-        let effect = if place < COMPARED.len() { Effect::Delay } else { Effect::Offset };
-        Self { effect, signal: COMPARED[place % COMPARED.len()] }
+        let effect = if place < CRANE { Effect::Delay } else { Effect::Offset };
+        Self { effect, signal: COMPARED[place % CRANE] }
     }
 
     /// What is allowed and known of it.
@@ -208,7 +208,7 @@ mod tests {
         };
         assert_eq!(paths("stroke.delay_ms"), ["stroke.delay_ms"]);
         assert_eq!(paths("pressure_a.offset"), ["pressure_a.offset_bar"]);
-        assert_eq!(paths("delay").len(), COMPARED.len());
+        assert_eq!(paths("delay").len(), CRANE);
         assert_eq!(paths("all").len(), Nuisance::COUNT);
         let said = Nuisance::named("stroke.late").unwrap_err().to_string();
         assert!(said.contains("stroke.late") && said.contains("stroke.delay_ms"), "{said}");

@@ -1,11 +1,17 @@
 //! What is left between log and model, and what it is held against.
 
-use crate::experiment::{COMPARED, Experiment};
+use crate::experiment::{COMPARED, CRANE, Experiment};
 use crate::prediction::Prediction;
 use crate::whiteness::autocovariance;
 
-/// Smallest deviations that a difference is held against, for position \[m\] and pressures \[Pa\].
-const FINEST: [f64; 2] = [5e-6, 1e3];
+/// Smallest deviation that a difference of a compared signal is held against: position \[m\], motor speed \[rev/s\], pressures \[Pa\].
+fn finest(signal: usize) -> f64 {
+    match signal {
+        0 => 5e-6,
+        CRANE => 1e-3,
+        _ => 1e3,
+    }
+}
 /// Differences beyond so many deviations count less (Huber).
 const ROBUST: f64 = 3.0;
 
@@ -60,7 +66,7 @@ pub(super) fn deviations(
 
 /// What a signal's sensor scatters, and no less than what a difference is held against at least.
 fn scatter(experiment: &Experiment, signal: usize) -> f64 {
-    experiment.noise[signal].max(FINEST[usize::from(signal > 0)])
+    experiment.noise[signal].max(finest(signal))
 }
 
 /// Differences by the samples of their log; none where nothing was measured.
@@ -70,9 +76,10 @@ fn in_time(experiment: &Experiment, errors: &[(usize, f64)]) -> Vec<Option<f64>>
     all
 }
 
-/// Whether what is left of a log is more than its sensors scatter, and correlated for longer than a tenth of a second: the model cannot show it.
+/// Whether what is left of a log is more than its sensors scatter, and correlated for longer than a tenth of a second: the model cannot show it. The motor's
+/// speed does not count: no key of the crane depends on it.
 pub(super) fn has_lack_of_fit(experiment: &Experiment, prediction: &Prediction) -> bool {
-    (0..COMPARED.len()).any(|signal| {
+    (0..CRANE).any(|signal| {
         let errors = residuals(experiment, prediction, signal);
         let square = errors.iter().map(|(_, e)| e * e).sum::<f64>() / errors.len().max(1) as f64;
         let errors = in_time(experiment, &errors);

@@ -1,24 +1,27 @@
 //! The learning experiment: one closed-loop cycle under the scheduled LQR, identification from it, and the tracking errors of feedforward and of iterative
 //! learning control.
 
-use super::delayed_drive::{with_fieldbus, without_fieldbus};
+use super::closed_loop_cycle::{Cycle, oscillation};
+use super::drive_delay::with_drive;
 use super::identification::{identified, overrides};
-use super::iterative_learning_control::{Convergence, IterativeLearning, LearningSettings};
-use super::offline_feedforward::feedforward;
+use super::iterative_learning_control::{Convergence, IterativeLearning};
+use super::offline_feedforward::{feedforward, within_margins};
 use super::record::Record;
+use super::replay::{Errors, at_rest, replayed, rms};
+use super::saturation::saturations;
+use super::stages::Stages;
 use crate::LabError;
 use crate::closed_loop::metrics::SustainedOscillation;
 use crate::closed_loop::scenario::{Course, CourseChoice};
-use crate::closed_loop::simulation::{Loop, Now};
 use crate::interruptible::as_long_as;
 use hydroboom_control::command::AxisCommand;
-use hydroboom_control::supervision::oscillation_detector::OscillationState;
 use hydroboom_description::{Description, RangeSource};
-use hydroboom_design::scheduled_lqr::{known_delay, scheduled_lqr_controller};
-use hydroboom_virtual_crane::VirtualCrane;
+use hydroboom_identify::Window;
+use hydroboom_virtual_crane::{VirtualCrane, surrogate};
 use serde::Serialize;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Cycles of learning after which errors are shown.
+/// Cycles of learning after which errors are shown, and after the last one (`learning.cycles`).
 pub const SHOWN_CYCLES: [usize; 3] = [1, 3, 10];
 
 /// How the motor speed of a cycle is found.
@@ -75,6 +78,8 @@ pub struct CycleReport {
     pub crane: String,
     /// The course.
     pub course: String,
+    /// Whether it was not ended before all methods were run.
+    pub whole: bool,
     /// Whether the closed loop came to rest where its reference rested: not in a sustained oscillation, and not where the cycle could not be run.
     pub stable: bool,
     /// That oscillation.
@@ -85,99 +90,15 @@ pub struct CycleReport {
     pub convergence: Option<Convergence>,
     /// What was identified, as overrides of the model's crane file.
     pub identified: Vec<String>,
+    /// Commands, one a control period, that feedforward from a log's model proposes; none where the machine is not that of a log, or learning would not converge.
+    #[serde(skip)]
+    pub proposal: Option<Vec<AxisCommand<f64>>>,
     /// What is to be said of it.
     pub remarks: Vec<String>,
 }
 
-/// Tracking errors of a cycle \[m\].
-#[derive(Clone, Debug, Default)]
-struct Errors {
-    true_error: Vec<f64>,
-    measured: Vec<f64>,
-}
-
-impl Errors {
-    fn push(&mut self, machine: &VirtualCrane, reference: f64) {
-        self.true_error.push(machine.truth().outputs.stroke - reference);
-        self.measured.push(machine.signals().stroke - reference);
-    }
-}
-
-/// Root of the mean square.
-fn rms(errors: &[f64]) -> f64 {
-    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64).sqrt()
-}
-
-/// A cycle under the scheduled LQR.
-struct Cycle {
-    /// The model with mean payload and transition pressure of the second half, and the drive's lag at the end, as estimated.
-    estimated: Description,
-    record: Record,
-    errors: Errors,
-    /// The machine at the end of the cycle.
-    machine: VirtualCrane,
-}
-
-impl Cycle {
-    fn run(
-        model: &Description,
-        crane: &Description,
-        course: &dyn Course,
-    ) -> Result<Self, LabError> {
-        let mut machine = at_rest(crane, course)?;
-        let controller = Box::new(scheduled_lqr_controller(model)?);
-        let mut controlled =
-            Loop::start(model, controller, known_delay(model), course, &machine.measurement())?;
-        let period = model.numbers.control_period;
-        let periods = (course.duration() / period).round() as u64;
-        let (mut record, mut errors) = (Record::new(period), Errors::default());
-        let mut estimated = model.clone();
-        let [mut payload, mut transition, mut count] = [0.0; 3];
-        for number in 0..periods {
-            let measurement = machine.measurement();
-            errors.push(&machine, course.reference(number as f64 * period).position);
-            let now = Now { course, period, number };
-            let [command] = controlled.command(now, &measurement)?.axes;
-            machine.advance(&command).map_err(LabError::during("the closed-loop cycle"))?;
-            record.push(command, measurement.axes[0].signals);
-            if let (Some(of), true) = (controlled.controller.estimated(), 2 * number >= periods) {
-                payload += of.filter.estimate.payload;
-                transition += of.filter.estimate.transition_pressure;
-                count += 1.0;
-                estimated.numbers.tuning.estimator_drive_lag = of.drive.time_constant(period);
-            }
-        }
-        if count > 0.0 {
-            estimated.numbers.payload = payload / count;
-            estimated.numbers.transition = transition / count;
-        }
-        Ok(Self { estimated, record, errors, machine })
-    }
-}
-
-/// A crane that has long been at rest where a course begins.
-pub(crate) fn at_rest(crane: &Description, course: &dyn Course) -> Result<VirtualCrane, LabError> {
-    Ok(VirtualCrane::new(crane, &crane.start(course.reference(0.0).position))?)
-}
-
-/// A cycle under commands without feedback: what was recorded, and tracking errors.
-fn replayed(
-    commands: &[AxisCommand<f64>],
-    machine: &mut VirtualCrane,
-    course: &dyn Course,
-) -> Result<(Record, Errors), LabError> {
-    let period = machine.period();
-    let (mut record, mut errors) = (Record::new(period), Errors::default());
-    for (k, command) in commands.iter().enumerate() {
-        errors.push(machine, course.reference(k as f64 * period).position);
-        record.push(*command, machine.signals());
-        machine.advance(command).map_err(LabError::during("a cycle without feedback"))?;
-    }
-    Ok((record, errors))
-}
-
-/// One cycle of each course on each crane, then all methods, on all cores. `go_on` is told of each and says whether to: if not, what is done by
-/// then is all there is.
+/// One cycle of each course on each crane, then all methods, on all cores. `go_on` is told the share done and says whether to: if not, what is done by
+/// then is all there is, and a report that was begun says that it is not whole.
 ///
 /// # Errors
 ///
@@ -186,111 +107,188 @@ pub fn learning_experiment(
     model: &Description,
     cranes: &[(String, Description)],
     courses: &[CourseChoice],
-    go_on: &(dyn Fn() -> bool + Sync),
+    go_on: &(dyn Fn(f64) -> bool + Sync),
 ) -> Result<Vec<CycleReport>, LabError> {
-    let jobs: Vec<_> =
-        cranes.iter().flat_map(|crane| courses.iter().map(move |course| (crane, course))).collect();
-    let one = |((name, crane), choice): &(&(String, Description), &CourseChoice)| {
-        cycle_report(model, crane, name, choice.of(crane)?.as_ref())
-    };
-    as_long_as(&jobs, &|_| go_on(), one).into_iter().flatten().collect()
+    let each = cranes.iter().map(|(name, crane)| Subject { name, crane, identified: None });
+    reports(model, &each.collect::<Vec<_>>(), courses, go_on)
 }
 
-fn cycle_report(
+/// A machine that cycles are run on.
+#[derive(Clone, Copy)]
+pub(crate) struct Subject<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// The virtual crane.
+    pub crane: &'a Description,
+    /// What is known of it from a log; otherwise it is identified from the closed-loop cycle.
+    pub identified: Option<&'a Description>,
+}
+
+/// A report of each course on each machine.
+pub(crate) fn reports(
     model: &Description,
-    crane: &Description,
-    name: &str,
-    course: &dyn Course,
-) -> Result<CycleReport, LabError> {
-    let mut report = CycleReport {
-        crane: name.into(),
-        course: course.name(),
-        stable: false,
-        sustained_oscillation: None,
-        methods: Vec::new(),
-        convergence: None,
-        identified: Vec::new(),
-        remarks: Vec::new(),
+    subjects: &[Subject<'_>],
+    courses: &[CourseChoice],
+    go_on: &(dyn Fn(f64) -> bool + Sync),
+) -> Result<Vec<CycleReport>, LabError> {
+    let jobs: Vec<_> = subjects
+        .iter()
+        .flat_map(|subject| courses.iter().map(move |course| (subject, course)))
+        .enumerate()
+        .collect();
+    let shares: Vec<AtomicU64> = jobs.iter().map(|_| AtomicU64::new(0)).collect();
+    let all = || {
+        let done: f64 = shares.iter().map(|s| f64::from_bits(s.load(Ordering::Relaxed))).sum();
+        go_on(done / jobs.len().max(1) as f64)
     };
-    let start = course.reference(0.0).position;
-    let nominal = feedforward(&with_fieldbus(model), course, &[], start)
-        .and_then(|commands| replayed(&commands, &mut at_rest(crane, course)?, course));
-    let cycle = Cycle::run(model, crane, course);
-    report.add(Method::ClosedLoop, true, cycle.as_ref().map(|cycle| &cycle.errors));
-    report.add(Method::NominalModel, true, nominal.as_ref().map(|(_, errors)| errors));
-    let Ok(Cycle { estimated, record, errors, machine }) = cycle else { return Ok(report) };
-    report.sustained_oscillation = oscillation(&errors.measured, record.period, course);
-    report.stable = report.sustained_oscillation.is_none();
-    let saturated = saturated_share(&record, model.numbers.motor_speed);
-    if saturated > 0.0 {
-        report.remarks.push(format!(
-            "the motor's speed was at its limit in {:.1} % of the cycle: what it lacks there no correction makes up for",
-            1e2 * saturated
-        ));
-    }
-    let stroke = record.readings.first().map_or(start, |reading| reading.stroke);
-    let from_rest = |model: &Description| {
-        let commands = feedforward(model, course, &[], stroke)?;
-        replayed(&commands, &mut at_rest(crane, course)?, course)
+    let told = |job: usize, share: f64| {
+        shares[job].store(share.to_bits(), Ordering::Relaxed);
+        all()
     };
-    let estimated = with_fieldbus(&estimated);
-    let on_line = from_rest(&estimated);
-    report.add(Method::OnLineEstimates, true, on_line.as_ref().map(|(_, errors)| errors));
-    let identified = match identified(&estimated, &record) {
-        Ok(identified) => identified,
-        Err(error) => {
-            report.remarks.push(format!("nothing was identified, nor learned: {error}"));
-            return Ok(report);
-        }
+    let one = |(job, (subject, choice)): &(usize, (&Subject<'_>, &CourseChoice))| {
+        let within = |share: f64| told(*job, share);
+        let course = choice.of(subject.crane)?;
+        let cycles = model.numbers.learning_cycles.round() as usize;
+        let stages = Stages::new(USUAL_RUNS + 4 * cycles, &within);
+        let report = CycleReport::of(model, **subject, course.as_ref(), &stages);
+        within(1.0);
+        report
     };
-    report.identified = overrides(model, &without_fieldbus(&identified));
-    for key in outside_range(model, &report.identified) {
-        report.remarks.push(format!(
-            "{key} is outside the crane file's range of it: widen the range there before it is used"
-        ));
+    as_long_as(&jobs, &|_| all(), one).into_iter().flatten().flat_map(Result::transpose).collect()
+}
+
+/// Runs of machine or model in a report, beside those of learning; the identification counts as [`IDENTIFICATION`] of them.
+const USUAL_RUNS: usize = 44;
+/// Runs that an identification counts as.
+const IDENTIFICATION: f64 = 10.0;
+
+/// What came of a part of the work, or an end to all of it.
+fn unless_stopped<T>(found: Result<T, LabError>) -> Result<Result<T, LabError>, LabError> {
+    match found {
+        Err(LabError::Stopped) => Err(LabError::Stopped),
+        found => Ok(found),
     }
-    let fitted = from_rest(&identified);
-    report.add(Method::IdentifiedModel, true, fitted.as_ref().map(|(_, errors)| errors));
-    if let (Ok((_, nominal)), Ok((_, fitted))) = (&nominal, &fitted)
-        && rms(&fitted.measured) > rms(&nominal.measured)
-    {
-        report.remarks.push(format!(
-            "what was identified is not to be used: feedforward from it errs by {:.2} mm RMS as measured, from the nominal model by {:.2} mm",
-            1e3 * rms(&fitted.measured),
-            1e3 * rms(&nominal.measured)
-        ));
-    }
-    let periods = record.commands.len();
-    let settings = LearningSettings::default();
-    let law = IterativeLearning::new(&identified, course, periods, settings);
-    match law.and_then(|law| Ok((law.convergence(&identified, course, periods)?, law))) {
-        Err(error) => report.remarks.push(format!("nothing was learned: {error}")),
-        Ok((convergence, law)) => {
-            if convergence.is_contraction() {
-                for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {
-                    report.learn(&law, &record, course, start);
-                }
-            } else {
-                report.remarks.push(format!(
-                    "learning is not applied: a cycle may enlarge the error at {} (by a factor of {:.2}; below 1 is needed)",
-                    convergence.worst_case, convergence.worst
-                ));
-            }
-            report.convergence = Some(convergence);
-        }
-    }
-    // from the oil's state that the cycle has left
-    let mut here = machine.clone();
-    let on = feedforward(&identified, course, &record.commands, here.signals().stroke)
-        .and_then(|commands| replayed(&commands, &mut here, course));
-    report.add(Method::IdentifiedModel, false, on.as_ref().map(|(_, errors)| errors));
-    let mut here = machine;
-    let again = replayed(&record.commands, &mut here, course);
-    report.add(Method::Replay, false, again.as_ref().map(|(_, errors)| errors));
-    Ok(report)
 }
 
 impl CycleReport {
+    /// All methods on one machine; none where it was stopped before the closed-loop cycle was run.
+    fn of(
+        model: &Description,
+        subject: Subject<'_>,
+        course: &dyn Course,
+        stages: &Stages<'_>,
+    ) -> Result<Option<Self>, LabError> {
+        let mut report = Self {
+            crane: subject.name.into(),
+            course: course.name(),
+            whole: true,
+            stable: false,
+            sustained_oscillation: None,
+            methods: Vec::new(),
+            convergence: None,
+            identified: Vec::new(),
+            proposal: None,
+            remarks: Vec::new(),
+        };
+        match report.fill(model, subject, course, stages) {
+            Err(LabError::Stopped) => report.whole = false,
+            filled => filled?,
+        }
+        Ok(Some(report).filter(|report| !report.methods.is_empty()))
+    }
+
+    fn fill(
+        &mut self,
+        model: &Description,
+        subject: Subject<'_>,
+        course: &dyn Course,
+        stages: &Stages<'_>,
+    ) -> Result<(), LabError> {
+        let crane = subject.crane;
+        let start = course.reference(0.0).position;
+        let described = with_drive(model);
+        let cycle = unless_stopped(Cycle::run(model, crane, course, stages))?;
+        self.add(Method::ClosedLoop, true, cycle.as_ref().map(|cycle| &cycle.errors));
+        let from_rest = |model: &Description, stroke: f64| {
+            let commands = feedforward(model, course, &[], stroke, stages)?;
+            let (_, errors) = replayed(&commands, &mut at_rest(crane, course)?, course, stages)?;
+            Ok((commands, errors))
+        };
+        let nominal = unless_stopped(from_rest(&described, start))?.map(|(_, errors)| errors);
+        self.add(Method::NominalModel, true, nominal.as_ref());
+        let Ok(Cycle { estimated, record, errors, machine }) = cycle else { return Ok(()) };
+        self.sustained_oscillation = oscillation(&errors.measured, record.period, course);
+        self.stable = self.sustained_oscillation.is_none();
+        let stroke = record.readings.first().map_or(start, |reading| reading.stroke);
+        let on_line = unless_stopped(from_rest(&estimated, stroke))?.map(|(_, errors)| errors);
+        self.add(Method::OnLineEstimates, true, on_line.as_ref());
+        let identified = match subject.identified {
+            Some(known) => known.clone(),
+            None => {
+                let (log, signals) = record.log();
+                let found = identified(&estimated, (&log, &signals), Window::default(), stages);
+                match unless_stopped(found)? {
+                    Ok(found) => found.model,
+                    Err(error) => {
+                        self.remarks.push(format!("nothing was identified, nor learned: {error}"));
+                        return Ok(());
+                    }
+                }
+            }
+        };
+        stages.done(IDENTIFICATION);
+        self.identified = overrides(model, &identified);
+        for key in outside_range(model, &self.identified) {
+            self.remarks.push(format!(
+                "{key} is outside the crane file's range of it: widen the range there before it is used"
+            ));
+        }
+        let asked: Vec<f64> = record.commands.iter().map(|command| command.motor_speed).collect();
+        self.remarks.extend(saturations(&identified, &asked, record.period));
+        let fitted = unless_stopped(from_rest(&identified, stroke))?;
+        self.add(Method::IdentifiedModel, true, fitted.as_ref().map(|(_, errors)| errors));
+        if let (Ok(nominal), Ok((_, fitted))) = (&nominal, &fitted)
+            && rms(&fitted.measured) > rms(&nominal.measured)
+        {
+            self.remarks.push(format!(
+                "what was identified is not to be used: feedforward from it errs by {:.2} mm RMS as measured, from the nominal model by {:.2} mm",
+                1e3 * rms(&fitted.measured),
+                1e3 * rms(&nominal.measured)
+            ));
+        }
+        let periods = record.commands.len();
+        let law = IterativeLearning::new(&identified, course, periods);
+        match law.and_then(|law| Ok((law.convergence(&identified, course, periods)?, law))) {
+            Err(error) => self.remarks.push(format!("nothing was learned: {error}")),
+            Ok((convergence, law)) => {
+                if convergence.is_contraction() {
+                    for start in [Start::Rest(crane), Start::AsLeft(Box::new(machine.clone()))] {
+                        self.learn((&law, &identified), &record, course, start, stages)?;
+                    }
+                    let commands = fitted.ok().map(|(commands, _)| commands);
+                    self.proposal = commands.filter(|_| subject.identified.is_some());
+                } else {
+                    self.remarks.push(format!(
+                        "learning is not applied: a cycle may enlarge the error at {} (by a factor of {:.2}; below 1 is needed)",
+                        convergence.worst_case, convergence.worst
+                    ));
+                }
+                self.convergence = Some(convergence);
+            }
+        }
+        // from the oil's state that the cycle has left
+        let mut here = machine.clone();
+        let stroke = here.signals().stroke;
+        let on = feedforward(&identified, course, &record.commands, stroke, stages)
+            .and_then(|commands| replayed(&commands, &mut here, course, stages));
+        let on = unless_stopped(on)?;
+        self.add(Method::IdentifiedModel, false, on.as_ref().map(|(_, errors)| errors));
+        let mut here = machine;
+        let again = unless_stopped(replayed(&record.commands, &mut here, course, stages))?;
+        self.add(Method::Replay, false, again.as_ref().map(|(_, errors)| errors));
+        Ok(())
+    }
+
     /// Adds what a method comes to.
     fn add(&mut self, method: Method, reset: bool, errors: Result<&Errors, &LabError>) {
         if let Err(error) = errors {
@@ -318,24 +316,30 @@ impl CycleReport {
     /// Iterative learning control from the closed-loop cycle on.
     fn learn(
         &mut self,
-        law: &IterativeLearning,
+        (law, model): (&IterativeLearning, &Description),
         first: &Record,
         course: &dyn Course,
         mut start: Start<'_>,
-    ) {
+        stages: &Stages<'_>,
+    ) -> Result<(), LabError> {
         let reset = matches!(start, Start::Rest(_));
         let mut correction = law.learn(&law.no_correction(), &first.readings, course);
         let mut after_one = f64::INFINITY;
-        for cycle in 1..=SHOWN_CYCLES[SHOWN_CYCLES.len() - 1] {
+        let last = model.numbers.learning_cycles.round() as usize;
+        for cycle in 1..=last {
             let commands = law.corrected(&first.commands, &correction);
-            let (record, errors) = match start.replayed(&commands, course, cycle) {
+            // before a machine is commanded so, its model is
+            let margins = at_rest(&surrogate(model), course)
+                .and_then(|machine| within_margins(model, &commands, machine, course, stages));
+            let cycled = margins.and_then(|()| start.replayed(&commands, course, cycle, stages));
+            let (record, errors) = match unless_stopped(cycled)? {
                 Ok(found) => found,
                 Err(error) => {
                     self.remarks.push(format!("cycle {cycle} of learning ended early: {error}"));
-                    return;
+                    return Ok(());
                 }
             };
-            if SHOWN_CYCLES.contains(&cycle) {
+            if SHOWN_CYCLES.contains(&cycle) || cycle == last {
                 self.add_cycles(Method::IterativeLearning, Some(cycle), reset, Some(&errors));
             }
             let measured = rms(&errors.measured);
@@ -347,10 +351,11 @@ impl CycleReport {
                     1e3 * measured,
                     1e3 * after_one
                 ));
-                return;
+                return Ok(());
             }
             correction = law.learn(&correction, &record.readings, course);
         }
+        Ok(())
     }
 }
 
@@ -371,21 +376,22 @@ impl Start<'_> {
         commands: &[AxisCommand<f64>],
         course: &dyn Course,
         cycle: usize,
+        stages: &Stages<'_>,
     ) -> Result<(Record, Errors), LabError> {
         match self {
             Self::Rest(crane) => {
                 // the same crane, the noise of its sensors drawn anew
                 let mut crane = (*crane).clone();
                 crane.numbers.seed += cycle as f64;
-                replayed(commands, &mut at_rest(&crane, course)?, course)
+                replayed(commands, &mut at_rest(&crane, course)?, course, stages)
             }
-            Self::AsLeft(machine) => replayed(commands, machine, course),
+            Self::AsLeft(machine) => replayed(commands, machine, course, stages),
         }
     }
 }
 
 /// Overrides that are outside the range that a crane file states.
-fn outside_range(model: &Description, identified: &[String]) -> Vec<String> {
+pub(crate) fn outside_range(model: &Description, identified: &[String]) -> Vec<String> {
     let is_outside = |assignment: &&String| {
         let Some((path, text)) = assignment.split_once('=') else { return false };
         let known = model.own_ranges().find(|(key, ..)| key.path() == path);
@@ -395,39 +401,4 @@ fn outside_range(model: &Description, identified: &[String]) -> Vec<String> {
         })
     };
     identified.iter().filter(is_outside).cloned().collect()
-}
-
-/// Share of the periods in which the commanded speed is at its limit \[rev/s\].
-fn saturated_share(record: &Record, limit: f64) -> f64 {
-    let at_limit = record.commands.iter().filter(|c| c.motor_speed.abs() >= limit * (1.0 - 1e-9));
-    at_limit.count() as f64 / record.commands.len().max(1) as f64
-}
-
-/// The largest sustained oscillation of tracking errors \[m\], one each period \[s\], while the reference rests.
-fn oscillation(errors: &[f64], period: f64, course: &dyn Course) -> Option<SustainedOscillation> {
-    let mut state = OscillationState::default();
-    let rests = |k: usize| course.reference(k as f64 * period).velocity == 0.0;
-    let each = errors
-        .iter()
-        .enumerate()
-        .filter_map(|(k, error)| SustainedOscillation::after(&mut state, *error, rests(k), period));
-    each.max_by(|a, b| a.amplitude_mm.total_cmp(&b.amplitude_mm))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What is replayed without a reset rests on it.
-    #[test]
-    fn the_same_commands_from_the_same_rest_lead_to_the_same_state() {
-        let model = Description::uia_single_boom().unwrap();
-        let crane = Description::uia_virtual().unwrap();
-        let course = CourseChoice::Motion(model.numbers.fast).of(&crane).unwrap();
-        let Cycle { record, machine, .. } = Cycle::run(&model, &crane, course.as_ref()).unwrap();
-        let mut another = at_rest(&crane, course.as_ref()).unwrap();
-        replayed(&record.commands, &mut another, course.as_ref()).unwrap();
-        let [one, other] = [&machine, &another].map(|m| (m.truth().outputs, m.signals()));
-        assert_eq!(one, other);
-    }
 }

@@ -1,17 +1,22 @@
-//! Identification of a machine from a cycle: the output-error fit of the crate `identify`, applied to a closed-loop record.
+//! Identification of a machine from a cycle or a log: the output-error fit of the crate `identify`, crane and drive in one least-squares problem.
 //!
 //! The measured motor speed drives the model, so that the controller in the loop is not in the way: what it commanded reaches the
-//! machine through that speed alone. The drive, from command to speed, is identified apart ([`super::drive_fit`]): it shares no number with the rest.
+//! machine through that speed alone. Where the command is there too, the drive is identified from command and speed.
 
-use super::drive_fit::fitted_drive;
-use super::record::Record;
+use super::drive_delay::{half_of_it_lag, told_to_estimator};
+use super::stages::Stages;
 use crate::LabError;
-use hydroboom_control::measurement::AxisSignals;
 use hydroboom_description::schema::{FrictionChoice, Numbers};
 use hydroboom_description::{Description, Difference};
-use hydroboom_identify::{Experiment, Free, Nuisance, Task, Window, fit};
+use hydroboom_identify::{
+    Experiment, Free, IdentifyError, Judgement, Nuisance, Task, Tuned, Window, differences, fit,
+    verdict,
+};
+use hydroboom_measurement::{Measurement, Signal, Signals};
+use hydroboom_virtual_crane::fieldbus_delay;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-/// Keys that the motion of a piston depends on within a cycle: load, friction, oil, pump and its leakage, check valves.
+/// Keys that the motion of a piston depends on within a cycle: load, friction, oil, pump and its leakage, check valves. Those of the drive come beside them.
 const IDENTIFIED: [&str; 14] = [
     "payload.mass_kg",
     "cylinder.dead_volume_a_l",
@@ -29,24 +34,63 @@ const IDENTIFIED: [&str; 14] = [
     "check_valve.flow_coefficient_m3_s_sqrtpa",
 ];
 
-/// A model of the machine that a cycle was recorded of, with friction that holds at rest, the drive that its motor shows, and the pressures
-/// that the cycle began with.
+/// Runs of the model after which a search is two thirds done, as far as progress is told.
+const USUAL_RUNS: f64 = 40.0;
+
+/// Chance with which the keys of a crane of the file are as far from what was known of them, below which they are taken for another crane's.
+const IMPROBABLE: f64 = 1e-3;
+/// Keys that are named then: the farthest.
+const NAMED: usize = 3;
+
+/// What was identified.
+pub(crate) struct Identification {
+    /// The model with friction that holds at rest, the drive that its motor shows, and the pressures that the log began with.
+    pub model: Description,
+    /// What it is right for, by the log itself.
+    pub judged: Vec<Judgement>,
+    /// Why it is hardly the crane of the file; none where the keys are as near to what was known of them as chance has it.
+    pub improbable: Option<String>,
+    /// What is to be said of the log.
+    pub remarks: Vec<String>,
+}
+
+/// A model of the machine that a log was recorded of.
 ///
 /// # Errors
 ///
-/// [`LabError`] when the model cannot be run under the record's motor speed.
-pub(crate) fn identified(model: &Description, record: &Record) -> Result<Description, LabError> {
+/// [`LabError`] when the model cannot be run under the log's motor speed, or it is to end.
+pub(crate) fn identified(
+    model: &Description,
+    (log, signals): (&Measurement, &Signals),
+    window: Window,
+    stages: &Stages<'_>,
+) -> Result<Identification, LabError> {
     let mut model = with_positive_start_values(model);
     model.choices.friction = FrictionChoice::LuGre;
-    let (log, signals) = record.log();
-    let experiments = Experiment::each(&model, &log, &signals, Window::default())?;
-    let free: Vec<Free> = IDENTIFIED
+    // a typical fieldbus delays a machine whose file has none
+    let stated = model.numbers.fieldbus_delay;
+    model.numbers.fieldbus_delay = fieldbus_delay(&model) / (2.0 * model.numbers.control_period);
+    let is_commanded = [Signal::MotorCommand, Signal::MotorSpeed]
+        .into_iter()
+        .all(|signal| signals.get(signal).is_some());
+    if is_commanded {
+        model = half_of_it_lag(&model);
+    }
+    let experiments = Experiment::each(&model, log, signals, window)?;
+    let mut free: Vec<Free> = IDENTIFIED
         .iter()
         .map(|path| Free::from_path(path))
         .collect::<Result<Vec<_>, _>>()?
         .into_iter()
         .filter(|key| key.value(&model) > 0.0)
         .collect();
+    let mut remarks: Vec<String> = experiments.iter().flat_map(|e| e.remarks.clone()).collect();
+    match is_commanded {
+        true => free.extend(Free::of_drive(&model)),
+        false => remarks.push(
+            "the log has not both commanded and measured motor speed: the drive's delay is taken as it was known".into(),
+        ),
+    }
     // all readings of a period come by one bus, and what the position is read as is what is tracked
     let fixed = [Nuisance::named("delay")?, Nuisance::named("stroke.offset")?].concat();
     let task = Task {
@@ -57,12 +101,45 @@ pub(crate) fn identified(model: &Description, record: &Record) -> Result<Descrip
         resume: None,
         generations: 0,
     };
-    let mut machine = fit(&task, &|_| true)?.description;
-    if let Some(rest) = record.readings.first() {
-        machine = with_measured_pressures(&machine, rest);
-    }
-    machine.numbers = fitted_drive(&machine.numbers, &record.commands, &record.readings);
-    Ok(machine)
+    let go_on = |runs: usize| stages.within(1.0 - (-(runs as f64) / USUAL_RUNS).exp()).is_ok();
+    let found = match fit(&task, &|progress| go_on(progress.runs)) {
+        Err(IdentifyError::Stopped) => return Err(LabError::Stopped),
+        found => found?,
+    };
+    let shown = experiments.iter().zip(&found.predictions.1);
+    let judged = shown.flat_map(|(experiment, shown)| verdict(&differences(experiment, shown)));
+    let judged = judged.collect();
+    let improbable = improbable(&found.tuned);
+    let begin = experiments.first().map_or(0.0, |experiment| experiment.begin);
+    let mut machine = with_measured_pressures(&found.description, signals, begin);
+    machine.numbers.fieldbus_delay = stated;
+    Ok(Identification { model: told_to_estimator(&machine), judged, improbable, remarks })
+}
+
+/// Whether the keys of the crane, taken together, are farther from what was known of them than chance has it: their squares in standard deviations sum to a χ²
+/// of as many degrees of freedom.
+fn improbable(tuned: &[Tuned]) -> Option<String> {
+    let distance = |t: &Tuned| (t.value.1 / t.value.0).ln().abs() / t.prior;
+    let mut far: Vec<(String, f64)> = tuned
+        .iter()
+        .filter(|t| !t.key.is_of_drive())
+        .map(|t| (t.key.path(), distance(t)))
+        .collect();
+    let square: f64 = far.iter().map(|(_, d)| d * d).sum();
+    let chance = 1.0 - ChiSquared::new(far.len() as f64).ok()?.cdf(square);
+    far.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let named: Vec<String> = far
+        .iter()
+        .take(NAMED)
+        .map(|(key, d)| format!("{key} by {d:.1} standard deviations"))
+        .collect();
+    (chance < IMPROBABLE).then(|| {
+        format!(
+            "the {} keys are found farther from what was known of them than the file's crane has it (chi-squared {square:.0}): {}",
+            far.len(),
+            named.join(", ")
+        )
+    })
 }
 
 /// A model whose identified numbers all can be moved in their logarithm: one that is zero begins in the middle of its range.
@@ -79,16 +156,26 @@ fn with_positive_start_values(model: &Description) -> Description {
     started
 }
 
-/// A model that starts from the pressures that are read of a machine at rest.
-fn with_measured_pressures(model: &Description, rest: &AxisSignals<f64>) -> Description {
+/// A model that starts from the pressures that are read of a machine at rest, as far as they are. A load that is held when the log begins tells nothing of a start
+/// with an open valve.
+fn with_measured_pressures(model: &Description, signals: &Signals, begin: f64) -> Description {
     let mut model = model.clone();
+    let read = |signal: Signal| {
+        let track = signals.get(signal)?;
+        track.at(begin).or_else(|| track.held(begin))
+    };
+    let is_held = signals.get(Signal::HoldingValve).and_then(|valve| valve.held(begin));
+    if is_held.is_some_and(|open| open < 0.5) {
+        return model;
+    }
     let n = &mut model.numbers;
-    n.rod_side = rest.pressure_b;
-    n.working_pressure = rest.pressure_accumulator;
-    let [held, loaded] =
-        [rest.pressure_a, rest.pressure_pump_a].map(|p| p - rest.pressure_accumulator);
-    // an empty crane may hold no more than the accumulator has
-    n.preload = if held > 0.0 { (loaded / held).clamp(0.0, 1.0) } else { 1.0 };
+    n.rod_side = read(Signal::PressureB).unwrap_or(n.rod_side);
+    n.working_pressure = read(Signal::PressureAccumulator).unwrap_or(n.working_pressure);
+    let above = |signal: Signal| Some(read(signal)? - n.working_pressure);
+    if let (Some(held), Some(loaded)) = (above(Signal::PressureA), above(Signal::PressurePumpA)) {
+        // an empty crane may hold no more than the accumulator has
+        n.preload = if held > 0.0 { (loaded / held).clamp(0.0, 1.0) } else { 1.0 };
+    }
     model
 }
 
@@ -109,5 +196,57 @@ fn six_digits(value: f64) -> String {
             format!("{value:.0$}", usize::try_from(decimals).unwrap_or(0))
         }
         false => format!("{value:.5e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::record::Record;
+    use super::super::replay::{at_rest, replayed};
+    use super::*;
+    use crate::closed_loop::monte_carlo::member;
+    use crate::closed_loop::scenario::CourseChoice;
+    use hydroboom_control::command::AxisCommand;
+    use std::f64::consts::TAU;
+
+    /// Dead time, bandwidth and damping of a virtual crane's drive, which turns in steps of a quarter of a millisecond, against the load and behind a fieldbus, are
+    /// found from two seconds of commands that jump beyond the slew rate, as measurement noise makes them.
+    #[test]
+    fn the_drive_of_a_virtual_crane_is_found() {
+        let model = super::super::drive_delay::with_drive(&Description::uia_single_boom().unwrap());
+        let mut crane = member(&Description::uia_virtual().unwrap(), 1, 142).unwrap().crane;
+        crane.set("drive.dead_time_ms=3.3").unwrap();
+        crane.set("drive.damping_ratio=1.1").unwrap();
+        let n = &crane.numbers;
+        let course = CourseChoice::Motion(n.fast).of(&crane).unwrap();
+        let leaping = |k: u32| AxisCommand {
+            motor_speed: 10.0 * f64::sin(1e-4 * f64::from(k * k % 9001)),
+            holding_valve: 1.0,
+        };
+        let commands: Vec<_> = (0..2000).map(leaping).collect();
+        let go_on = |_: f64| true;
+        let stages = Stages::new(2, &go_on);
+        let mut machine = at_rest(&crane, course.as_ref()).unwrap();
+        let (record, _): (Record, _) =
+            replayed(&commands, &mut machine, course.as_ref(), &stages).unwrap();
+        let (log, signals) = record.log();
+        let found = identified(&model, (&log, &signals), Window::default(), &stages).unwrap();
+        let found = found.model.numbers;
+        let lag = |n: &Numbers<f64>| 2.0 * n.drive_damping / (TAU * n.drive_bandwidth);
+        // the model knows of the typical fieldbus, which is the virtual crane's
+        assert_eq!(fieldbus_delay(&model), 2.0 * n.fieldbus_delay * n.control_period);
+        for (found, there) in [
+            (found.drive_bandwidth, n.drive_bandwidth),
+            (found.drive_damping, n.drive_damping),
+            (found.drive_dead_time + lag(&found), n.drive_dead_time + lag(n)),
+            (found.tuning.estimator_drive_lag, n.drive_dead_time + lag(n)),
+        ] {
+            assert!((found - there).abs() < 0.02 * there, "{found} for {there}");
+        }
+        assert!(
+            (found.drive_dead_time - n.drive_dead_time).abs() < 0.2e-3,
+            "{}",
+            found.drive_dead_time
+        );
     }
 }

@@ -16,6 +16,7 @@
 //! 2011-2016; convergence in lifted form: D. A. Bristow, M. Tharayil, A. G. Alleyne, *A survey of iterative learning control*, IEEE Control Systems 26
 //! (2006) 96-114.
 
+use super::drive_delay::total_delay;
 use crate::LabError;
 use crate::closed_loop::scenario::Course;
 use hydroboom_control::command::AxisCommand;
@@ -28,29 +29,6 @@ use hydroboom_design::reduced_model_fit::reduced_model;
 use hydroboom_design::scheduled_lqr::known_delay;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 use serde::Serialize;
-
-/// Settings of the learning law.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LearningSettings {
-    /// Interval of the knots of a piecewise-linear correction, in periods of the load on boom and oil at its lowest frequency along the course. With two of them a
-    /// correction hardly excites that mode, whose phase a model predicts only briefly. Default 2 (below 1.5 the convergence is lost within the usual range of
-    /// payloads).
-    pub knot_periods: f64,
-    /// Weight ρ of a change of the correction, as the position error \[m\] that a change of 1 rev/s is worth. The larger, the slower and the more robust
-    /// against what the model lacks. Default 1e-4 m (estimate: 0.1 mm a cycle for 1 rev/s).
-    pub change_weight: f64,
-    /// Weight μ of the correction itself, as the position error \[m\] that 1 rev/s is worth: it bounds what is not seen in the error. Default 5e-5 m
-    /// (estimate).
-    pub size_weight: f64,
-    /// Half the length of the average over the measured error \[s\], against the noise of the position sensor. Default 25 ms.
-    pub average: f64,
-}
-
-impl Default for LearningSettings {
-    fn default() -> Self {
-        Self { knot_periods: 2.0, change_weight: 1e-4, size_weight: 5e-5, average: 0.025 }
-    }
-}
 
 /// Interval in which errors are compared \[s\]: a twentieth of the period of a crane's first mode, and far below the interval of a correction's knots.
 const SAMPLING: f64 = 0.01;
@@ -65,7 +43,7 @@ fn decimation(period: f64) -> usize {
 pub struct Convergence {
     /// On the identified model itself.
     pub model: f64,
-    /// The largest over payload and oil at the ends of their ranges.
+    /// The largest over payload and oil at the corners of their ranges.
     pub worst: f64,
     /// Where that is, as overrides.
     pub worst_case: String,
@@ -80,7 +58,8 @@ impl Convergence {
 
 /// The learning law for one model and one course.
 pub(crate) struct IterativeLearning {
-    settings: LearningSettings,
+    /// Half the length of the average over the measured error \[s\].
+    average: f64,
     /// Interval of the knots \[s\].
     interval: f64,
     /// Control period \[s\].
@@ -107,16 +86,16 @@ impl IterativeLearning {
         model: &Description,
         course: &dyn Course,
         periods: usize,
-        settings: LearningSettings,
     ) -> Result<Self, LabError> {
+        let n = &model.numbers;
         let frequency = lowest_frequency(model, course, periods)?;
         if !(frequency.is_finite() && frequency > 0.0) {
             let reason = "the load on boom and oil has no frequency along the course".into();
             return Err(DesignError::NoFit(reason).into());
         }
-        let interval = settings.knot_periods / frequency;
+        let interval = n.learning_knots / frequency;
         let response = response(model, course, periods, interval)?;
-        let [rho, mu] = [settings.change_weight, settings.size_weight]
+        let [rho, mu] = [n.learning_change, n.learning_size]
             .map(|weight| weight.powi(2) * response.nrows() as f64);
         let size = response.ncols();
         let learned = response.tr_mul(&response) + rho * DMatrix::identity(size, size);
@@ -124,11 +103,10 @@ impl IterativeLearning {
         let normal = normal.cholesky().ok_or_else(|| {
             DesignError::NoFit("the response of the tracking error is not a number".into())
         })?;
-        let n = &model.numbers;
-        let (period, fastest) = (n.control_period, n.motor_speed);
+        let (period, fastest, average) = (n.control_period, n.motor_speed, n.learning_average);
         let reading_delay = f64::from(known_delay(model)) * period;
         let law =
-            Self { settings, interval, period, reading_delay, fastest, response, learned, normal };
+            Self { average, interval, period, reading_delay, fastest, response, learned, normal };
         Ok(law)
     }
 
@@ -176,7 +154,7 @@ impl IterativeLearning {
                 at.stroke - course.reference(time).position
             })
             .collect();
-        let around = (self.settings.average / self.period).round() as usize;
+        let around = (self.average / self.period).round() as usize;
         let every = decimation(self.period);
         DVector::from_fn(self.response.nrows(), |row, _| {
             let (k, last) = (row * every, error.len());
@@ -196,7 +174,7 @@ impl IterativeLearning {
         both.map_or(f64::INFINITY, |both| both.singular_values().max())
     }
 
-    /// Contraction on the model, and on machines at the ends of the ranges of payload and oil, each with each.
+    /// Contraction on the model, and on machines at the corners of the ranges of payload and oil, each with each (`learning.corner_points`).
     ///
     /// # Errors
     ///
@@ -210,12 +188,13 @@ impl IterativeLearning {
         let own = self.contraction(&self.response);
         let mut found =
             Convergence { model: own, worst: own, worst_case: "the model itself".into() };
-        let ends = |path: &str, value: f64| {
-            model.range(path).map_or([value; 2], |range| [range.low, range.high])
-        };
         let n = &model.numbers;
-        for payload in ends("payload.mass_kg", n.payload) {
-            for transition in ends("oil.transition_bar", n.transition) {
+        let corners = |path: &str, value: f64| {
+            let range = model.range(path).map_or([value; 2], |range| [range.low, range.high]);
+            points(range, value, n.learning_corners.round() as usize)
+        };
+        for payload in corners("payload.mass_kg", n.payload) {
+            for transition in corners("oil.transition_bar", n.transition) {
                 let mut other = model.clone();
                 (other.numbers.payload, other.numbers.transition) = (payload, transition);
                 let contraction =
@@ -230,6 +209,14 @@ impl IterativeLearning {
             }
         }
         Ok(found)
+    }
+}
+
+/// So many points of a range from end to end; a single one is the value itself.
+fn points([low, high]: [f64; 2], value: f64, count: usize) -> Vec<f64> {
+    match count {
+        0 | 1 => vec![value],
+        _ => (0..count).map(|k| low + (high - low) * k as f64 / (count - 1) as f64).collect(),
     }
 }
 
@@ -280,7 +267,7 @@ fn response(
     let (rows, columns) = (periods.div_ceil(every), periods / per + 2);
     let step = every as f64 * period;
     let rod_side = rod_side_term(model);
-    let delay = n.tuning.estimator_drive_lag;
+    let delay = total_delay(model);
     // knots whose hat function is there in the row's interval get their share of it in the middle
     let hat = |row: usize, column: usize| {
         let time = (row as f64 + 0.5) * step - delay;
@@ -360,8 +347,11 @@ impl Linear {
 
 #[cfg(test)]
 mod tests {
-    use super::super::surrogate::Surrogate;
+    use super::super::drive_delay::with_drive;
+    use super::super::replay::{at_rest, replayed};
+    use super::super::stages::Stages;
     use super::*;
+    use hydroboom_virtual_crane::surrogate;
 
     fn course() -> impl Course {
         let model = Description::uia_single_boom().unwrap();
@@ -370,15 +360,22 @@ mod tests {
 
     /// A machine whose pump delivers less and leaks more than the paper's.
     fn machine() -> Description {
-        let mut machine = Description::uia_single_boom().unwrap();
+        let mut machine = with_drive(&Description::uia_single_boom().unwrap());
         machine.set("friction.law=lugre").unwrap();
         machine.numbers.flow_gain -= 0.03;
         machine.numbers.internal_leakage *= 1.5;
         machine
     }
 
-    fn surrogate(machine: &Description, course: &dyn Course) -> Surrogate {
-        Surrogate::new(machine, course.reference(0.0).position).unwrap()
+    /// What is read of a machine under commands.
+    fn readings(
+        machine: &Description,
+        commands: &[AxisCommand<f64>],
+        course: &dyn Course,
+    ) -> Vec<AxisSignals<f64>> {
+        let go_on = |_: f64| true;
+        let mut machine = at_rest(&surrogate(machine), course).unwrap();
+        replayed(commands, &mut machine, course, &Stages::new(1, &go_on)).unwrap().0.readings
     }
 
     /// Velocity feedforward.
@@ -414,7 +411,7 @@ mod tests {
             })
             .collect();
         let [before, after] =
-            [commands, raised].map(|c| surrogate(&machine, &course).run(&c).unwrap().readings);
+            [commands, raised].map(|commands| readings(&machine, &commands, &course));
         // from the end of the correction on, for a second
         let begin = (f64::from(column + 1) * interval / period) as usize;
         let every = decimation(period);
@@ -429,28 +426,48 @@ mod tests {
     #[test]
     fn learning_corrects_what_the_model_does_not_know() {
         let course = course();
-        let model = Description::uia_single_boom().unwrap();
+        let model = with_drive(&Description::uia_single_boom().unwrap());
         let commands = feedforward(&course);
         let periods = commands.len();
-        let learning =
-            IterativeLearning::new(&model, &course, periods, LearningSettings::default()).unwrap();
+        let learning = IterativeLearning::new(&model, &course, periods).unwrap();
         let (mut correction, mut errors) = (learning.no_correction(), Vec::new());
         for _ in 0..4 {
             let corrected = learning.corrected(&commands, &correction);
-            let record = surrogate(&machine(), &course).run(&corrected).unwrap();
-            errors.push(rms(learning.error(&record.readings, &course).iter().copied()));
-            correction = learning.learn(&correction, &record.readings, &course);
+            let readings = readings(&machine(), &corrected, &course);
+            errors.push(rms(learning.error(&readings, &course).iter().copied()));
+            correction = learning.learn(&correction, &readings, &course);
         }
         assert!(errors[0] > 2e-3 && errors[3] < 0.05 * errors[0], "{errors:?}");
+    }
+
+    /// With knots so close that a correction excites the load's mode, and as large a correction as the model asks for, a cycle may enlarge the error on a crane with another payload: which is told.
+    #[test]
+    fn a_correction_that_excites_the_load_is_refused_with_its_corner() {
+        let (course, mut model) = (course(), with_drive(&Description::uia_single_boom().unwrap()));
+        let periods = feedforward(&course).len();
+        let convergence = |model: &Description| {
+            let learning = IterativeLearning::new(model, &course, periods).unwrap();
+            learning.convergence(model, &course, periods).unwrap()
+        };
+        for set in
+            ["knot_periods=1", "change_weight_mm_s_per_rev=0", "size_weight_mm_s_per_rev=0.005"]
+        {
+            model.set(&format!("learning.{set}")).unwrap();
+        }
+        let close = convergence(&model);
+        assert!(!close.is_contraction() && close.model < 1.0, "{close:?}");
+        assert!(close.worst_case.contains("payload.mass_kg="), "{close:?}");
+        // where no corner is asked for, the model alone counts
+        model.set("learning.corner_points=1").unwrap();
+        assert!(convergence(&model).is_contraction());
     }
 
     /// Learning contracts within the ranges of payload and oil, and not on a machine with three times the response.
     #[test]
     fn convergence_is_told_from_the_response() {
-        let (course, model) = (course(), Description::uia_single_boom().unwrap());
+        let (course, model) = (course(), with_drive(&Description::uia_single_boom().unwrap()));
         let periods = feedforward(&course).len();
-        let learning =
-            IterativeLearning::new(&model, &course, periods, LearningSettings::default()).unwrap();
+        let learning = IterativeLearning::new(&model, &course, periods).unwrap();
         let own = learning.convergence(&model, &course, periods).unwrap();
         assert!(own.is_contraction() && own.model < 0.9, "{own:?}");
         assert!(learning.contraction(&(3.0 * &learning.response)) > 1.5);

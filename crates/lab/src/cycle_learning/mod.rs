@@ -1,16 +1,20 @@
-//! What one closed-loop cycle tells of a machine, and what feedforward is worth with it.
+//! What one closed-loop cycle, or a log, tells of a machine, and what feedforward and iterative learning control are worth with it.
 //!
 //! ```text
-//! cycle in closed loop -> record (commands, readings) -> identification (crate `identify`) -> surrogate
-//!                              |                                                                |-> off-line feedforward
-//!                              \-> iterative learning control (norm-optimal, on the identified model)
+//! cycle in closed loop -> record ->  identification (crate `identify`) -> surrogate (virtual crane, equipment off)
+//! log                  ---------/                                          |-> off-line feedforward
+//!                                                                          \-> iterative learning control (norm-optimal)
 //! ```
 
-mod delayed_drive;
-mod drive_fit;
+mod closed_loop_cycle;
+mod drive_delay;
 pub mod experiment;
 mod identification;
 mod iterative_learning_control;
+pub mod log_learning;
+mod margins;
 mod offline_feedforward;
 mod record;
-mod surrogate;
+mod replay;
+mod saturation;
+mod stages;

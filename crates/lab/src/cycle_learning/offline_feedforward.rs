@@ -1,8 +1,11 @@
 //! Feedforward computed off line: the closed loop is simulated on the identified model, corrected by iterative learning control there, and its commands are
 //! replayed on the machine without feedback.
 
-use super::iterative_learning_control::{IterativeLearning, LearningSettings};
-use super::surrogate::Surrogate;
+use super::drive_delay::as_one_lag;
+use super::iterative_learning_control::IterativeLearning;
+use super::margins::exceeded;
+use super::replay::replayed;
+use super::stages::Stages;
 use crate::LabError;
 use crate::closed_loop::scenario::Course;
 use crate::closed_loop::simulation::{Loop, Now};
@@ -12,72 +15,105 @@ use hydroboom_control::reference::profile::SetPoint;
 use hydroboom_control::reference::trajectory::Trajectory;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
+use hydroboom_virtual_crane::{VirtualCrane, surrogate};
 
 /// Cycles of learning on the model: its error is a hundredth of a millimetre by then.
 const CYCLES: usize = 4;
 
-/// Commands along a course for a machine that is read at `stroke` \[m\] and was commanded `past` since it rested where the course begins.
+/// Commands along a course for a machine that is read at `stroke` \[m\] and was commanded `past` since it rested where the course begins; the model keeps its
+/// margins under them.
 ///
 /// # Errors
 ///
-/// [`LabError`] when there is no scheduled LQR for the model, or the model has no rest there, or leaves what it holds for.
+/// [`LabError`] when there is no scheduled LQR for the model, or the model has no rest there, leaves what it holds for, or exceeds its margins.
 pub(crate) fn feedforward(
     model: &Description,
     course: &dyn Course,
     past: &[AxisCommand<f64>],
     stroke: f64,
+    stages: &Stages<'_>,
 ) -> Result<Vec<AxisCommand<f64>>, LabError> {
-    let here = after(model, past, course.reference(0.0).position)?;
+    let machine = surrogate(model);
+    let here = after(&machine, past, course.reference(0.0).position, stages)?;
     let offset = stroke - here.signals().stroke;
-    let commands = closed_loop(model, here.clone(), offset, course)?;
-    let settings = LearningSettings::default();
-    let learning = IterativeLearning::new(model, course, commands.len(), settings)?;
+    let commands = closed_loop(model, &machine, here.clone(), offset, course, stages)?;
+    let learning = IterativeLearning::new(model, course, commands.len())?;
     let mut correction = learning.no_correction();
     for _ in 0..CYCLES {
         let corrected = learning.corrected(&commands, &correction);
-        let mut readings = here.clone().run(&corrected)?.readings;
-        readings.iter_mut().for_each(|reading| reading.stroke += offset);
-        correction = learning.learn(&correction, &readings, course);
+        let (mut record, _) = replayed(&corrected, &mut here.clone(), course, stages)?;
+        record.readings.iter_mut().for_each(|reading| reading.stroke += offset);
+        correction = learning.learn(&correction, &record.readings, course);
     }
-    Ok(learning.corrected(&commands, &correction))
+    let corrected = learning.corrected(&commands, &correction);
+    within_margins(model, &corrected, here, course, stages)?;
+    Ok(corrected)
+}
+
+/// Refuses commands under which a machine exceeds a crane's margins: nothing is applied to a machine without them.
+///
+/// # Errors
+///
+/// [`LabError::Margins`] then; others where the machine cannot be run.
+pub(crate) fn within_margins(
+    crane: &Description,
+    commands: &[AxisCommand<f64>],
+    mut machine: VirtualCrane,
+    course: &dyn Course,
+    stages: &Stages<'_>,
+) -> Result<(), LabError> {
+    let (record, _) = replayed(commands, &mut machine, course, stages)?;
+    let exceeded = exceeded(crane, &record, course);
+    if exceeded.is_empty() { Ok(()) } else { Err(LabError::Margins(exceeded.join("; "))) }
 }
 
 /// The model after past commands, from its rest at `start` \[m\]: the pressure that friction holds at rest depends on how the piston came there.
 fn after(
-    model: &Description,
+    machine: &Description,
     past: &[AxisCommand<f64>],
     start: f64,
-) -> Result<Surrogate, LabError> {
-    let mut surrogate = Surrogate::new(model, start)?;
-    let during = LabError::during("the cycle before, on the model");
-    past.iter().try_for_each(|command| surrogate.advance(command)).map_err(during)?;
-    Ok(surrogate)
+    stages: &Stages<'_>,
+) -> Result<VirtualCrane, LabError> {
+    let mut machine = VirtualCrane::new(machine, &machine.start(start))?;
+    for (k, command) in past.iter().enumerate() {
+        stages.within_run(k, past.len())?;
+        machine.advance(command).map_err(LabError::during("the cycle before, on the model"))?;
+    }
+    if !past.is_empty() {
+        stages.done(1.0);
+    }
+    Ok(machine)
 }
 
 /// Commands of the scheduled LQR along the course. The known dead time is left out of the loop, and the reference taken ahead by it.
 fn closed_loop(
     model: &Description,
-    surrogate: Surrogate,
+    machine: &Description,
+    surrogate: VirtualCrane,
     offset: f64,
     course: &dyn Course,
+    stages: &Stages<'_>,
 ) -> Result<Vec<AxisCommand<f64>>, LabError> {
-    let ahead = Ahead { course, lead: surrogate.motor().dead_time() };
+    let ahead = Ahead { course, lead: machine.numbers.drive_dead_time };
     let mut machine = surrogate.without_dead_time();
-    let period = machine.motor().period();
-    let measured = |number: u64, machine: &Surrogate| {
+    let period = machine.period();
+    let measured = |number: u64, machine: &VirtualCrane| {
         let time = number as f64 * period;
         Measurement::new(number + 1, time, [with_offset(machine.signals(), offset)])
     };
-    let controller = Box::new(scheduled_lqr_controller(model)?);
+    let controller = Box::new(scheduled_lqr_controller(&as_one_lag(model))?);
     let mut controlled = Loop::start(model, controller, 0, &ahead, &measured(0, &machine))?;
     let periods = (course.duration() / period).round() as u64;
-    let command = |number: u64| {
+    let mut commands = Vec::with_capacity(periods as usize);
+    for number in 0..periods {
+        stages.within_run(number as usize, periods as usize)?;
         let now = Now { course: &ahead, period, number };
         let [command] = controlled.command(now, &measured(number, &machine))?.axes;
         machine.advance(&command).map_err(LabError::during("the closed loop on the model"))?;
-        Ok(command)
-    };
-    (0..periods).map(command).collect()
+        commands.push(command);
+    }
+    stages.done(1.0);
+    Ok(commands)
 }
 
 /// Signals of a machine that is farther out than its model by an offset \[m\].
@@ -107,5 +143,31 @@ impl Trajectory for Ahead<'_> {
 impl Course for Ahead<'_> {
     fn name(&self) -> String {
         self.course.name()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::drive_delay::with_drive;
+    use super::*;
+
+    /// Of the same short motion: within the margins of the crane file, and beyond those of one that allows less pressure.
+    #[test]
+    fn commands_beyond_a_margin_are_not_given() {
+        let mut model = with_drive(&Description::uia_single_boom().unwrap());
+        for set in
+            ["motion.ramp_s=0.4", "motion.end_mm=150", "motion.dwell_s=0.3", "motion.rest_s=0.3"]
+        {
+            model.set(set).unwrap();
+        }
+        let course = model.motion(model.numbers.fast);
+        let go_on = |_: f64| true;
+        let start = Trajectory::reference(&course, 0.0).position;
+        let of =
+            |model: &Description| feedforward(model, &course, &[], start, &Stages::new(6, &go_on));
+        assert!(of(&model).unwrap().len() > 1000);
+        model.set("supervision.pressure_bar=60").unwrap();
+        let refused = of(&model).unwrap_err().to_string();
+        assert!(refused.contains("supervision.pressure_bar allows 60.0"), "{refused}");
     }
 }

@@ -1,0 +1,96 @@
+//! Delay of a machine's motor speed, from command to reading: drive and fieldbus.
+
+use hydroboom_description::Description;
+use hydroboom_description::schema::KEYS;
+use hydroboom_virtual_crane::fieldbus_delay;
+use std::f64::consts::TAU;
+
+/// Key of the lag that the state estimator knows of the drive.
+const DRIVE_LAG: &str = "estimator.drive_lag_ms";
+
+/// Delay by the lag of the drive, 2ζ/ω \[s\]; zero where the motor follows at once.
+fn lag(model: &Description) -> f64 {
+    let n = &model.numbers;
+    if n.drive_bandwidth > 0.0 { 2.0 * n.drive_damping / (TAU * n.drive_bandwidth) } else { 0.0 }
+}
+
+/// Delay of the drive alone \[s\]: dead time and lag.
+fn drive_delay(model: &Description) -> f64 {
+    model.numbers.drive_dead_time + lag(model)
+}
+
+/// Delay from command to reading \[s\].
+pub(crate) fn total_delay(model: &Description) -> f64 {
+    drive_delay(model) + fieldbus_delay(model)
+}
+
+/// A model whose drive the crane file describes or, where it does not, delays by what the state estimator knows of it, as dead time.
+pub(crate) fn with_drive(model: &Description) -> Description {
+    match drive_delay(model) > 0.0 {
+        true => model.clone(),
+        false => with_drive_delay(model, model.numbers.tuning.estimator_drive_lag),
+    }
+}
+
+/// A model whose drive delays by so much \[s\]: its lag stays as far as it is not longer, and the rest is dead time.
+pub(crate) fn with_drive_delay(model: &Description, delay: f64) -> Description {
+    let mut model = model.clone();
+    let lag = lag(&model);
+    let n = &mut model.numbers;
+    if lag > delay {
+        n.drive_bandwidth *= lag / delay;
+    }
+    n.drive_dead_time = (delay - lag).max(0.0);
+    told_to_estimator(&model)
+}
+
+/// A model whose drive lags by half of its delay, where the crane file describes none: what a search begins with.
+pub(crate) fn half_of_it_lag(model: &Description) -> Description {
+    let mut model = model.clone();
+    let n = &mut model.numbers;
+    if n.drive_bandwidth == 0.0 && n.drive_dead_time > 0.0 {
+        n.drive_dead_time *= 0.5;
+        n.drive_bandwidth = 2.0 * n.drive_damping / (TAU * n.drive_dead_time);
+    }
+    model
+}
+
+/// A model whose state estimator knows the drive's delay, within what a crane file may state.
+pub(crate) fn told_to_estimator(model: &Description) -> Description {
+    let mut told = model.clone();
+    let key = KEYS.iter().find(|key| key.path() == DRIVE_LAG);
+    let (low, high) = key.map_or((0.0, f64::INFINITY), |k| (k.to_si(k.low), k.to_si(k.high)));
+    told.numbers.tuning.estimator_drive_lag = drive_delay(model).max(low).min(high);
+    told
+}
+
+/// A model whose state estimator takes all the delay from command to reading for the drive's: of a loop without a fieldbus.
+pub(crate) fn as_one_lag(model: &Description) -> Description {
+    let mut told = model.clone();
+    told.numbers.tuning.estimator_drive_lag = total_delay(model);
+    told
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delay_is_divided_between_lag_and_dead_time_and_stays_the_same() {
+        let mut model = Description::uia_single_boom().unwrap();
+        let known = model.numbers.tuning.estimator_drive_lag;
+        let described = with_drive(&model);
+        assert_eq!(described.numbers.drive_dead_time, known);
+        assert!((drive_delay(&half_of_it_lag(&described)) - known).abs() < 1e-12);
+        assert!((total_delay(&described) - known - fieldbus_delay(&model)).abs() < 1e-12);
+        // a lag of 8.5 ms
+        model.set("drive.bandwidth_hz=30").unwrap();
+        for delay in [5e-3, 20e-3] {
+            let told = with_drive_delay(&model, delay);
+            assert!((drive_delay(&told) - delay).abs() < 1e-12);
+            assert!((told.numbers.tuning.estimator_drive_lag - delay).abs() < 1e-12);
+        }
+        assert!(with_drive_delay(&model, 20e-3).numbers.drive_bandwidth == 30.0);
+        assert!(with_drive_delay(&model, 5e-3).numbers.drive_dead_time == 0.0);
+    }
+}

@@ -1,0 +1,156 @@
+//! Learning from a recorded log: a machine identified from it, and feedforward and iterative learning control for that model.
+//!
+//! The cycles are run on the virtual crane of the identified model. Commands are proposed only where the model is right for the log, its values are such as the crane
+//! file thinks possible, learning converges, and the crane's margins are kept.
+
+use super::drive_delay::with_drive;
+use super::experiment::{CycleReport, Subject, outside_range, reports};
+use super::identification::{Identification, identified, overrides};
+use super::margins::exceeded;
+use super::replay::{at_rest, replayed};
+use super::saturation::saturations;
+use super::stages::Stages;
+use crate::LabError;
+use crate::closed_loop::scenario::{Course, CourseChoice};
+use hydroboom_control::command::AxisCommand;
+use hydroboom_description::Description;
+use hydroboom_identify::{Aspect, Judgement, Window};
+use hydroboom_measurement::{Measurement, Signal, Signals};
+use hydroboom_virtual_crane::surrogate;
+
+/// What a log tells of a machine.
+#[derive(Clone, Debug)]
+pub struct LoggedMachine {
+    /// The identified model.
+    pub model: Description,
+    /// What was identified, as overrides of the crane file.
+    pub identified: Vec<String>,
+    /// What the identified model is right for.
+    pub judged: Vec<Judgement>,
+    /// Why no correction is proposed for this machine; empty where one may be.
+    pub refusals: Vec<String>,
+    /// What is to be said of the log.
+    pub remarks: Vec<String>,
+}
+
+/// Key of the payload.
+const PAYLOAD: &str = "payload.mass_kg=";
+
+/// Share of the time that identification takes of all.
+const IDENTIFICATION: f64 = 0.2;
+
+/// Identifies the machine that a log was recorded of. `go_on` is told the share done of all that is asked of a log, and says whether to.
+///
+/// # Errors
+///
+/// [`LabError`] when the log lacks what is needed, or the model cannot be run; [`LabError::Stopped`].
+pub fn identify_log(
+    model: &Description,
+    log: (&Measurement, &Signals),
+    window: Window,
+    go_on: &(dyn Fn(f64) -> bool + Sync),
+) -> Result<LoggedMachine, LabError> {
+    let within = |share: f64| go_on(IDENTIFICATION * share);
+    let stages = Stages::new(1, &within);
+    let Identification { model: found, judged, improbable, mut remarks } =
+        identified(&with_drive(model), log, window, &stages)?;
+    let identified = overrides(model, &found);
+    let mut refusals: Vec<String> = Vec::new();
+    let wrong =
+        |j: &&Judgement| matches!(j.aspect, Aspect::Position | Aspect::Pressures) && !j.is_right();
+    for j in judged.iter().filter(wrong) {
+        let (unit, size) = j.signal.shown();
+        refusals.push(format!(
+            "no model near the crane file's shows this log: {} differs by {:.2} {unit} RMS, limit {:.2}; is it a log of another crane?",
+            j.signal.symbol(),
+            j.found / size,
+            j.limit / size
+        ));
+    }
+    refusals.extend(
+        improbable.into_iter().map(|said| format!("{said}: is it a log of another crane?")),
+    );
+    for key in outside_range(model, &identified) {
+        match key.starts_with(PAYLOAD) {
+            true => refusals.push(format!(
+                "{key} is outside the crane file's range of it: another crane, or a load that it is not made for"
+            )),
+            false => remarks.push(format!(
+                "{key} is outside the crane file's range of it: widen the range there before it is used"
+            )),
+        }
+    }
+    let period = found.numbers.control_period;
+    let asked = log.1.get(Signal::MotorCommand).or_else(|| log.1.get(Signal::MotorSpeed));
+    if let Some((asked, (first, last))) = asked.zip(log.1.overlap(&[Signal::Stroke])) {
+        let count = ((last - first) / period).max(0.0) as usize;
+        let commands: Vec<f64> =
+            (0..count).filter_map(|k| asked.held(first + (k as f64 + 0.5) * period)).collect();
+        remarks.extend(saturations(&found, &commands, period));
+    }
+    Ok(LoggedMachine { model: found, identified, judged, refusals, remarks })
+}
+
+/// Feedforward and learning for a machine that was identified from a log: reports of cycles on its virtual crane, each with the commands that it proposes.
+///
+/// # Errors
+///
+/// [`LabError`] when there is no such virtual crane.
+pub fn learn_for(
+    model: &Description,
+    machine: &LoggedMachine,
+    courses: &[CourseChoice],
+    go_on: &(dyn Fn(f64) -> bool + Sync),
+) -> Result<Vec<CycleReport>, LabError> {
+    let mut described = model.clone();
+    described.set_together(machine.identified.iter().map(String::as_str))?;
+    let crane = described.virtual_crane().0;
+    let within = |share: f64| go_on(IDENTIFICATION + (1.0 - IDENTIFICATION) * share);
+    let name = format!("virtual crane of {} as identified from the log", model.name);
+    let subject = Subject { name: &name, crane: &crane, identified: Some(&machine.model) };
+    let mut reports = reports(model, &[subject], courses, &within)?;
+    for report in &mut reports {
+        let course = courses.iter().map(|course| course.of(&crane));
+        let course = course.filter_map(Result::ok).find(|course| course.name() == report.course);
+        let (Some(course), Some(commands)) = (course, &report.proposal) else { continue };
+        let go_on = |_: f64| within(1.0);
+        let said = corners(&machine.model, commands, course.as_ref(), &Stages::new(1, &go_on))?;
+        if !said.is_empty() {
+            report.proposal = None;
+            report.remarks.push(format!("no commands are proposed: {}", said.join("; ")));
+        }
+    }
+    Ok(reports)
+}
+
+/// Margins that commands exceed on the model with payload and transition pressure at the ends of their ranges.
+fn corners(
+    model: &Description,
+    commands: &[AxisCommand<f64>],
+    course: &dyn Course,
+    stages: &Stages<'_>,
+) -> Result<Vec<String>, LabError> {
+    let n = &model.numbers;
+    let ends = |path: &str, value: f64| model.range(path).map_or([value; 2], |r| [r.low, r.high]);
+    let mut said = Vec::new();
+    for payload in ends("payload.mass_kg", n.payload) {
+        for transition in ends("oil.transition_bar", n.transition) {
+            let mut other = model.clone();
+            (other.numbers.payload, other.numbers.transition) = (payload, transition);
+            let mut machine = at_rest(&surrogate(&other), course)?;
+            let at = format!(
+                "with payload.mass_kg={payload:.0} and oil.transition_bar={:.1}",
+                transition * 1e-5
+            );
+            match replayed(commands, &mut machine, course, stages) {
+                Ok((record, _)) => {
+                    let exceeded = exceeded(model, &record, course);
+                    said.extend(exceeded.into_iter().map(|sentence| format!("{at} {sentence}")));
+                }
+                Err(LabError::Stopped) => return Err(LabError::Stopped),
+                Err(error) => said.push(format!("{at} {error}")),
+            }
+        }
+    }
+    Ok(said)
+}
