@@ -19,8 +19,8 @@ pub fn said(d: &Difference, complaints: &[Judgement], sensors: &[SensorError]) -
     let own: Vec<&Judgement> = complaints.iter().filter(|j| j.signal == d.signal).collect();
     let is_scatter = d.rms < LIMITS.hardly_more * d.noise && d.coloured < LIMITS.nearly_white;
     // an offset is no noise, whatever is left about it
-    let is_noise =
-        (d.coloured < LIMITS.white || is_scatter) && d.bias.abs() < d.noise.max(0.1 * size);
+    let is_noise = (d.coloured < LIMITS.white || is_scatter)
+        && d.bias.abs() < d.noise.max(LIMITS.least_offset * size);
     if own.is_empty() && is_noise {
         return format!("{symbol}: nothing is left but what its sensor scatters.");
     }
@@ -44,11 +44,11 @@ fn of_sensor(error: &SensorError) -> String {
     let (what, mapping) = match error.fault {
         Fault::Offset(off) => (
             format!("A constant offset of its sensor by {:+.3} {unit}", off / size),
-            format!("offset = {:.3}, in {unit}", -off / size),
+            format!("add {:+.3} {unit} to its offset", -off / size),
         ),
         Fault::Scale(factor) => (
             format!("A scale of its sensor that is wrong by {:+.2} %", 100.0 * (factor - 1.0)),
-            format!("scale = {:.4}", 1.0 / factor),
+            format!("scale and offset times {:.4}", 1.0 / factor),
         ),
     };
     let against = match error.against {
@@ -65,6 +65,9 @@ fn of_sensor(error: &SensorError) -> String {
     )
 }
 
+/// What a key moves by a smaller share of what it was is not told.
+const MOVED: f64 = 0.01;
+
 /// One list of advice for all signals together.
 pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> Option<String> {
     if complaints.is_empty() || !is_asked {
@@ -77,7 +80,8 @@ pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> 
         .iter()
         .map(|r| {
             let end = if r.at_limit { ", the end of what is tried" } else { "" };
-            let moved: Vec<String> = r.moved.iter().map(moved).collect();
+            let is_moved = |m: &&Moved| (m.found.1 - m.found.0).abs() >= MOVED * m.found.0.abs();
+            let moved: Vec<String> = r.moved.iter().filter(is_moved).map(moved).collect();
             let change = 100.0 * r.change;
             let sign = if change > 0.0 { "+" } else { "" };
             format!("{} {sign}{} %{end} ({})", r.path, three_digits(change), moved.join(", "))
@@ -314,9 +318,12 @@ mod tests {
             |fault, against| SensorError { signal: Signal::PressureA, fault, left: 0.1e5, against };
         let offset = error(Fault::Offset(5e5), Some(Signal::PressurePumpA));
         let text = read(&difference(), &[offset]);
-        assert!(text.contains("A constant offset of its sensor by +5.000 bar would explain it: 0.100 bar RMS would be left ([log.pressure_a] offset = -5.000, in bar); p_PA shows nothing of it"), "{text}");
+        assert!(text.contains("A constant offset of its sensor by +5.000 bar would explain it: 0.100 bar RMS would be left ([log.pressure_a] add -5.000 bar to its offset); p_PA shows nothing of it"), "{text}");
         let text = read(&difference(), &[error(Fault::Scale(1.25), None)]);
-        assert!(text.contains("wrong by +25.00 %") && text.contains("scale = 0.8000"), "{text}");
+        assert!(
+            text.contains("wrong by +25.00 %") && text.contains("scale and offset times 0.8000"),
+            "{text}"
+        );
         assert!(text.ends_with("if it is no matter of the crane."), "{text}");
         // no keys are asked for where a sensor is what is wrong
         let d = difference();

@@ -4,10 +4,13 @@ use crate::crane_file::{CraneFile, text};
 use crate::output;
 use crate::paths::InputFile;
 use clap::Args;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_design::stability::{LoopStability, stability_of};
 use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::closed_loop::scenario::{CourseChoice, Scenario, scenarios};
-use hydroboom_lab::virtual_run::strategies;
+use hydroboom_lab::motion_test::UNSTABLE_MARK;
+use hydroboom_lab::virtual_run::{Summary, strategies};
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
 use serde_json::json;
@@ -45,6 +48,7 @@ impl Scenarios {
         });
         bar.finish_and_clear();
         let results = results.into_diagnostic()?;
+        let loops = stability_of(&Strategy::ALL, &model, &crane).into_diagnostic()?;
         if self.json {
             let rows: Vec<_> = results
                 .iter()
@@ -52,21 +56,24 @@ impl Scenarios {
                     |(strategy, summary)| json!({ "strategy": strategy.name(), "result": summary }),
                 )
                 .collect();
-            return output::json(&json!({ "scenario": name, "results": rows }));
+            let stable = results.iter().all(|(_, s)| s.stable != Some(false))
+                && loops.iter().all(|of| of.stable);
+            return output::json(
+                &json!({ "scenario": name, "results": rows, "stable": stable, "loops": loops }),
+            );
         }
-        let rows: Vec<Vec<String>> = results
+        let rows: Vec<Vec<String>> =
+            results.iter().map(|(strategy, s)| row(*strategy, s, &loops)).collect();
+        let remarks: String = results
             .iter()
-            .map(|(strategy, s)| {
-                vec![
-                    strategy.name().into(),
-                    format!("{:.3}", s.error.rms_true_mm),
-                    format!("{:.3}", s.error.rms_measured_mm),
-                    format!("{:.3}", s.error.peak_true_mm),
-                    format!("{:.3}", s.error.peak_measured_mm),
-                    format!("{:.1}", s.torque_nm),
-                    format!("{:.1}", s.oil_c),
-                ]
+            .filter_map(|(strategy, s)| Some((strategy, s.sustained_oscillation?)))
+            .map(|(strategy, oscillation)| {
+                format!(
+                    "\n{}: UNSTABLE, in sustained oscillation of {oscillation}",
+                    strategy.name()
+                )
             })
+            .chain(loops.iter().filter(|of| !of.stable).map(|of| format!("\n{of}")))
             .collect();
         let [rms_true, rms_measured, peak_true, peak_measured] = TrackingError::HEADS;
         let header = [
@@ -78,8 +85,26 @@ impl Scenarios {
             "motor torque [N m]",
             "oil at the end [C]",
         ];
-        output::text(&format!("{name} on \"{}\"\n{}", crane.name, output::table(&header, &rows)))
+        output::text(&format!(
+            "{name} on \"{}\"\n{}{remarks}",
+            crane.name,
+            output::table(&header, &rows)
+        ))
     }
+}
+
+/// A strategy's row, with a mark where it is unstable; errors of a run in sustained oscillation are none.
+fn row(strategy: Strategy, s: &Summary, loops: &[LoopStability]) -> Vec<String> {
+    let has_unstable_loop = loops.iter().any(|of| !of.stable && of.is_of(strategy));
+    let is_stable = s.stable != Some(false);
+    let mark = if is_stable && !has_unstable_loop { "" } else { UNSTABLE_MARK };
+    let mut row = vec![format!("{}{mark}", strategy.name())];
+    row.extend(s.error.cells().map(|mm| match is_stable {
+        true => format!("{mm:.3}"),
+        false => "unstable".into(),
+    }));
+    row.extend([format!("{:.1}", s.torque_nm), format!("{:.1}", s.oil_c)]);
+    row
 }
 
 fn list(crane: &Description, as_json: bool) -> Result<()> {
@@ -101,4 +126,38 @@ fn list(crane: &Description, as_json: bool) -> Result<()> {
         .collect();
     let header = ["scenario", "moves", "duration [s]", "speed [mm/s]", "meaning"];
     output::text(&output::table(&header, &rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_in_sustained_oscillation_has_no_errors_and_bears_a_mark() {
+        let error = TrackingError {
+            rms_true_mm: 0.5,
+            rms_measured_mm: 0.6,
+            peak_true_mm: 1.5,
+            peak_measured_mm: 1.6,
+        };
+        let of = |stable: bool| Summary {
+            duration_s: 10.0,
+            error,
+            stable: Some(stable),
+            sustained_oscillation: None,
+            stroke_mm: 50.0,
+            pressure_a_bar: 70.0,
+            torque_nm: 12.0,
+            oil_c: 40.0,
+            estimates: None,
+        };
+        let cells = row(Strategy::BenchmarkClosedLoop, &of(true), &[]);
+        assert_eq!(
+            cells,
+            ["benchmark-closed-loop", "0.500", "0.600", "1.500", "1.600", "12.0", "40.0"]
+        );
+        let cells = row(Strategy::BenchmarkClosedLoop, &of(false), &[]);
+        assert_eq!(cells[0], "benchmark-closed-loop (!)");
+        assert_eq!(cells[1..5], ["unstable"; 4]);
+    }
 }

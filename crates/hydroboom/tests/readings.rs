@@ -197,10 +197,14 @@ fn samples_that_are_too_far_apart_judge_nothing() {
     // every hundredth second they are told, and the model is right for its own log
     let found = parsed(&["validate", "--log", &log, "--json"]);
     let verdict = found["verdict"].as_array().unwrap();
-    assert_eq!(verdict.len(), 4, "{found}");
+    // what rings is damped so strongly at this speed that no frequency can be read
+    let told: Vec<&str> = verdict.iter().map(|of| of["aspect"].as_str().unwrap()).collect();
+    assert_eq!(told, ["position", "pressures", "damping"], "{found}");
     assert!(verdict.iter().all(|aspect| aspect["right"] == true), "{found}");
     let words = said(&["validate", "--log", &log]);
-    assert_eq!(words.matches("That is within its limit.").count(), 6, "{words}");
+    let fine = ["That is within its limit.", "nothing is left but what its sensor scatters."];
+    let count: usize = fine.iter().map(|said| words.matches(said).count()).sum();
+    assert_eq!(count, 6, "{words}");
 }
 
 /// A log with one column changed, row by row, its head kept or replaced.
@@ -232,9 +236,13 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
         (
             &(|bar| bar + 5.0) as &dyn Fn(f64) -> f64,
             "A constant offset of its sensor by +5.0",
-            "offset = -",
+            "add -5.0",
         ),
-        (&|bar| 1.04 * bar, "A scale of its sensor that is wrong by +4.0", "scale = 0.961"),
+        (
+            &|bar| 1.04 * bar,
+            "A scale of its sensor that is wrong by +4.0",
+            "scale and offset times 0.961",
+        ),
     ] {
         changed(&log, &off, &column, &column, change);
         let text = said(&["validate", "--log", &off]);

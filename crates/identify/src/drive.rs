@@ -116,6 +116,28 @@ impl Drive {
         }
     }
 
+    /// The same with one input for so many periods, their mean; what is left at the end holds for no whole one and is left out.
+    pub(crate) fn merged(&self, periods: usize) -> Self {
+        let share = 1.0 / periods as f64;
+        match self {
+            Self::Pump(inputs) => {
+                let mean = |of: &[Input<f64>]| Input {
+                    pump_speed: share * of.iter().map(|input| input.pump_speed).sum::<f64>(),
+                    holding_valve: share * of.iter().map(|input| input.holding_valve).sum::<f64>(),
+                };
+                Self::Pump(inputs.chunks_exact(periods).map(mean).collect())
+            }
+            Self::Valve(inputs, travel) => {
+                let mean = |of: &[ValveInput<f64>]| ValveInput {
+                    command: share * of.iter().map(|input| input.command).sum::<f64>(),
+                    supply: share * of.iter().map(|input| input.supply).sum::<f64>(),
+                    tank: share * of.iter().map(|input| input.tank).sum::<f64>(),
+                };
+                Self::Valve(inputs.chunks_exact(periods).map(mean).collect(), *travel)
+            }
+        }
+    }
+
     /// How many periods there are.
     pub(crate) fn len(&self) -> usize {
         match self {
@@ -130,5 +152,22 @@ impl Drive {
             Self::Pump(inputs) => inputs[period].pump_speed / STEADY_SPEED,
             Self::Valve(inputs, travel) => inputs[period].command / (travel * STEADY_TRAVEL),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn merged_inputs_are_means_and_what_is_left_over_holds_for_nothing() {
+        let input = |k: u32| Input { pump_speed: f64::from(k), holding_valve: 1.0 };
+        let Drive::Pump(merged) = Drive::Pump((0..12).map(input).collect()).merged(5) else {
+            panic!("the same kind of drive")
+        };
+        let speeds: Vec<f64> = merged.iter().map(|input| input.pump_speed).collect();
+        assert_eq!(merged.len(), 2);
+        assert!((speeds[0] - 2.0).abs() < 1e-12 && (speeds[1] - 7.0).abs() < 1e-12, "{speeds:?}");
+        assert!(merged.iter().all(|input| (input.holding_valve - 1.0).abs() < 1e-12));
     }
 }

@@ -51,7 +51,9 @@ pub struct Experiment {
     pub(crate) period: f64,
     /// Control periods from sample to sample.
     pub(crate) every: usize,
-    /// Steps that the model takes in a control period.
+    /// Control periods that the model is driven by the mean of: one, or all from sample to sample.
+    pub(crate) merged: usize,
+    /// Steps that the model takes in that time.
     pub(crate) steps: u32,
     /// What was measured.
     pub samples: Vec<Sample>,
@@ -209,6 +211,7 @@ impl Experiment {
             asked,
             period,
             every,
+            merged: 1,
             steps: STEPS,
             samples,
             filters: tracks.map(|track| track.map_or(0.0, Track::filter)),
@@ -278,10 +281,14 @@ impl Experiment {
         Ok(found)
     }
 
-    /// The same with a step as long as a control period: good enough to find where a search ends, not for how sure it is
-    /// of that.
+    /// The same with a step as long as a control period: good enough to find where a search ends, not for how sure it is of that.
     pub(crate) fn coarse(&self) -> Self {
         Self { steps: 1, ..self.clone() }
+    }
+
+    /// The same with one input for each sample, and steps of half the way to the next: good enough for slopes that only widen an interval.
+    pub(crate) fn rough(&self) -> Self {
+        Self { merged: self.every, steps: 2, ..self.clone() }
     }
 
     /// The same in steps of half the length: what they change says what the model's steps are wrong by.

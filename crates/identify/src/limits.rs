@@ -17,8 +17,8 @@ pub struct Limits {
     pub damping: f64,
     /// Difference of damping ratios that is none \[-\].
     pub least_damping: f64,
-    /// Damping ratio up to which an oscillation has a frequency that can be read \[-\]: it passes 3.7 periods until a tenth of it is left. Beyond it, what else changes
-    /// in so short a time shifts the frequency by more than its limit.
+    /// Damping ratio up to which an oscillation has a frequency that can be read \[-\]: it passes 3.7 periods until a tenth of it is left. Beside a course of a fifth its
+    /// size that settles in 0.3 s, as after a ramp, the estimator is off by 1 % there, by 2 % at 0.15 and by 7 % at 0.28.
     pub readable_damping: f64,
     /// Most of a difference: a delay, a clock that drifts, or an error of a sensor explains it where less than this share of its RMS is left without \[-\].
     pub most: f64,
@@ -38,6 +38,8 @@ pub struct Limits {
     pub nearly_white: f64,
     /// That factor \[-\].
     pub hardly_more: f64,
+    /// An offset below this share of the unit that a signal is shown in is not told \[-\].
+    pub least_offset: f64,
     /// Frequencies of log and model that differ by a share beyond these need not be of one mode \[-\].
     pub same_mode: [f64; 2],
     /// A key is worth naming where it takes away this share of all that is beyond the limits \[-\].
@@ -67,6 +69,7 @@ pub const LIMITS: Limits = Limits {
     white: 0.1,
     nearly_white: 0.3,
     hardly_more: 1.2,
+    least_offset: 0.1,
     same_mode: [-0.5, 1.0],
     worthwhile: 0.05,
     most_change: 10.0,

@@ -59,7 +59,7 @@ fn of_crane<T: Number>(
     experiment: &Experiment,
 ) -> Result<Shown<T>, IdentifyError> {
     let found = model.coordinates();
-    match (&experiment.drive, found) {
+    match (&experiment.drive.merged(experiment.merged), found) {
         (Drive::Pump(inputs), SEGMENTS) => {
             let crane = model.crane_over::<T, SEGMENTS>(n)?;
             let state = beginning(model, n, begin, &crane)?;
@@ -160,13 +160,15 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
         // the motor's speed is none of the crane's: it comes after
         [stroke, pump_a, a, b, pump_b, accumulator, T::zero()]
     };
+    let (period, every) =
+        (experiment.period * experiment.merged as f64, experiment.every / experiment.merged);
     let broken = |k: usize| {
-        let time = k as f64 * experiment.period;
+        let time = k as f64 * period;
         IdentifyError::Broken { log: experiment.name.clone(), time }
     };
     let mut seen = Vec::with_capacity(experiment.samples.len());
     for (k, input) in inputs.enumerate() {
-        if k % experiment.every == 0 {
+        if k % every == 0 {
             let now = show(&state);
             if now.iter().any(|v| !v.plain().is_finite()) {
                 return Err(broken(k));
@@ -174,7 +176,7 @@ fn run<T: Number, const N: usize, C: Circuit<T>>(
             seen.push(now);
         }
         state = stepper
-            .moved(crane, &state, &input, experiment.period, experiment.steps)
+            .moved(crane, &state, &input, period, experiment.steps)
             .ok_or_else(|| broken(k))?;
     }
     if seen.len() < experiment.samples.len() {

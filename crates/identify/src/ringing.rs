@@ -1,7 +1,7 @@
 //! Frequency and damping of a signal that rings.
 
 use crate::limits::LIMITS;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Matrix4, Vector4};
 use realfft::RealFftPlanner;
 
 /// A decaying oscillation.
@@ -163,15 +163,20 @@ fn decay(values: &[f64], interval: f64, frequency: f64) -> Option<Ringing> {
 
 /// Offset, slope, cosine and sine that fit best, and the sum of squares that is left.
 fn linear(values: &[f64], interval: f64, omega: f64, sigma: f64) -> Option<([f64; 4], f64)> {
-    let row = |k: usize| {
-        let t = k as f64 * interval;
-        let fading = (-sigma * t).exp();
-        [1.0, t, fading * (omega * t).cos(), fading * (omega * t).sin()]
+    // from sample to sample it turns and fades by the same
+    let fades = (-sigma * interval).exp();
+    let (sin, cos) = (omega * interval).sin_cos();
+    let (turned, across) = (fades * cos, fades * sin);
+    let rows = || {
+        let mut now = (1.0, 0.0);
+        values.iter().enumerate().map(move |(k, value)| {
+            let (c, s) = now;
+            now = (turned * c - across * s, turned * s + across * c);
+            ([1.0, k as f64 * interval, c, s], *value)
+        })
     };
-    let mut normal = DMatrix::<f64>::zeros(4, 4);
-    let mut right = DVector::<f64>::zeros(4);
-    for (k, value) in values.iter().enumerate() {
-        let r = row(k);
+    let (mut normal, mut right) = (Matrix4::<f64>::zeros(), Vector4::<f64>::zeros());
+    for (r, value) in rows() {
         for i in 0..4 {
             right[i] += r[i] * value;
             for j in 0..4 {
@@ -181,8 +186,7 @@ fn linear(values: &[f64], interval: f64, omega: f64, sigma: f64) -> Option<([f64
     }
     let weights = normal.cholesky()?.solve(&right);
     let weights = [weights[0], weights[1], weights[2], weights[3]];
-    let rest = values.iter().enumerate().map(|(k, value)| {
-        let r = row(k);
+    let rest = rows().map(|(r, value)| {
         let fitted: f64 = r.iter().zip(&weights).map(|(a, b)| a * b).sum();
         (value - fitted).powi(2)
     });

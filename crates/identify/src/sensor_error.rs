@@ -10,7 +10,7 @@ use hydroboom_measurement::Signal;
 /// What may be wrong with a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
-    /// It reads more by this \[SI\].
+    /// It reads more by this \[SI\]; of no position, for the model begins where the log does.
     Offset(f64),
     /// It reads so many times what is there: of a position about where its log begins, where the model begins too; of a pressure about zero.
     Scale(f64),
@@ -88,7 +88,9 @@ fn fault(signal: Signal, pairs: &[(f64, f64)]) -> Option<(Fault, f64)> {
     let (offset, scale) = (offset(pairs), scale(pairs, zero));
     let without_offset = rms(&|log, model| log - offset - model);
     let without_scale = rms(&|log, model| log - zero - scale * (model - zero));
-    let may_be_offset = offset.abs() <= LIMITS.sensor_offset * largest;
+    // the model begins where the log's piston is: an offset of its sensor moves both
+    let is_told = signal != Signal::Stroke;
+    let may_be_offset = is_told && offset.abs() <= LIMITS.sensor_offset * largest;
     let may_be_scale = (scale - 1.0).abs() <= LIMITS.sensor_scale;
     let faults = [
         (Fault::Offset(offset), without_offset, may_be_offset),
@@ -145,5 +147,11 @@ mod tests {
         let (found, left) = fault(Signal::Stroke, &pairs).unwrap();
         let Fault::Scale(factor) = found else { panic!("{found:?}") };
         assert!((factor - 1.03).abs() < 1e-6 && left < 1e-9, "{factor}, {left}");
+        // lower by 5 mm all the way, but for where both begin: no sensor's offset
+        let lower: Vec<(f64, f64)> = (0..2000)
+            .map(|k| (if k == 0 { model(k) } else { model(k) - 5e-3 }, model(k)))
+            .collect();
+        let found = fault(Signal::Stroke, &lower);
+        assert!(!matches!(found, Some((Fault::Offset(_), _))), "{found:?}");
     }
 }

@@ -219,6 +219,7 @@ mod tests {
             asked: None,
             period: 1e-3,
             every: 5,
+            merged: 1,
             steps: 2,
             samples,
             filters: [0.0; COMPARED.len()],

@@ -8,7 +8,7 @@ use hydroboom_identify::{
     Aspect, Experiment, Free, Window, complaints, differences, predict, remedies, sensitivities,
 };
 use hydroboom_measurement::Signal;
-use made::{clean, commanded, log_of, sampled, scatter, with};
+use made::{clean, commanded, log_at, log_of, sampled, scatter, with};
 
 #[test]
 fn a_log_made_by_the_model_is_predicted_to_its_rounding() {
@@ -100,24 +100,20 @@ fn what_is_wrong_with_a_model_is_among_the_remedies() {
 const POSITION_AND_PRESSURE: [(Signal, f64, f64); 2] =
     [(Signal::Stroke, 0.0, 0.0), (Signal::PressureA, 0.0, 0.0)];
 
-/// A boom that is a fifth softer than the crane's: what is complained of is the frequency, too.
+/// A boom that is a fifth softer than the crane's: what is complained of is the frequency, too. At half the speed the boom rings on for long; at full speed it fades so
+/// fast that its frequency is not judged.
 #[test]
 fn a_frequency_that_is_off_names_keys_that_move_the_frequency() {
     let truth = Description::uia_single_boom().unwrap();
     let wrong = with(&truth, "boom.youngs_modulus_gpa", 0.8);
-    let experiment = commanded(&truth, &POSITION_AND_PRESSURE, 1);
+    let experiment = log_at(&truth, 0.06, 1.0, 1);
     let (prediction, found) = remedies(&wrong, &experiment).unwrap();
     let all = differences(&experiment, &prediction);
     assert!(complaints(&all).iter().any(|j| j.aspect == Aspect::Frequency), "{all:?}");
-    let log = all.iter().find(|d| d.signal == Signal::PressureA).unwrap().ringing.unwrap();
     let best = found.first().unwrap();
     let of_frequency = best.moved.iter().find(|moved| moved.aspect == Aspect::Frequency).unwrap();
-    let (before, after) = of_frequency.found;
-    assert!(
-        (after - log.frequency).abs() < 0.3 * (before - log.frequency).abs(),
-        "{best:?} for {} Hz",
-        log.frequency
-    );
+    let ((before, after), wanted) = (of_frequency.found, of_frequency.wanted);
+    assert!((after - wanted).abs() < 0.3 * (before - wanted).abs(), "{best:?}");
 }
 
 /// What is far off is found as far off as it is: not at the end of the straight step.

@@ -89,3 +89,28 @@ pub fn at_limit(channels: &[Channel]) -> impl Iterator<Item = String> {
         )
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_ends_at_its_limit_is_marked_in_table_note_and_json() {
+        let channel = |value: f64| Channel {
+            log: "lift.csv".into(),
+            nuisance: Nuisance::named("pressure_a.offset").unwrap()[0],
+            value,
+            deviation: 0.2,
+            partner: None,
+        };
+        let all = [channel(5.0), channel(0.1), channel(1.0)];
+        assert_eq!(all.each_ref().map(|c| row(c)[3].clone()), ["AT ITS LIMIT", "no", "YES"]);
+        let json = in_json(&all);
+        assert_eq!(json[0]["at_limit"], true);
+        assert_eq!(json[2]["at_limit"], false);
+        let notes: Vec<String> = at_limit(&all).collect();
+        assert_eq!(notes.len(), 1);
+        assert!(notes[0].contains("pressure_a.offset_bar of lift.csv"), "{}", notes[0]);
+        assert!(notes[0].contains("-5 to +5 bar"), "{}", notes[0]);
+    }
+}

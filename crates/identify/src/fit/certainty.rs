@@ -64,7 +64,7 @@ impl Considered {
 const RICHARDSON: f64 = 4.0 / 3.0;
 
 impl Layout<'_> {
-    /// What the logs say at a place, of keys that are held too. `finer` are the logs in steps of half the length.
+    /// What the logs say at a place, of keys that are held too: slopes along those need no fine steps, they only widen.
     pub(super) fn information(
         &self,
         at: &[f64],
@@ -72,7 +72,6 @@ impl Layout<'_> {
         kept: &mut [Option<Slopes>],
         known: &Known,
         held: &[Free],
-        finer: &[Experiment],
     ) -> Result<Information, IdentifyError> {
         let (moved, size) = (self.size(), self.size() + held.len());
         let logs: Vec<usize> = (0..self.experiments.len()).collect();
@@ -81,10 +80,16 @@ impl Layout<'_> {
         let mut scatter = DMatrix::zeros(size, size);
         let mut slope = DVector::zeros(size);
         let mut of_steps = DVector::zeros(size);
-        let finer = Layout { experiments: finer, ..*self }.predictions(at)?;
+        let in_steps = |of: fn(&Experiment) -> Experiment| -> Vec<Experiment> {
+            self.experiments.iter().map(of).collect()
+        };
+        let finer = in_steps(Experiment::fine);
+        let finer = Layout { experiments: &finer, ..*self }.predictions(at)?;
+        let rough = in_steps(Experiment::rough);
+        let rough = Layout { experiments: &rough, ..*self };
         let logs = self.experiments.iter().zip(deviations).zip(&mut all).zip(&finer).enumerate();
         for (log, (((experiment, deviation), (prediction, slopes)), finer)) in logs {
-            let of_held = self.slopes_along(at, log, held)?;
+            let of_held = rough.slopes_along(at, log, held)?;
             slopes.extend(of_held.into_iter().map(|(k, slope)| (moved + k, slope)));
             let left = Left::new(experiment, deviation, prediction, slopes);
             let (own, its_scatter, its_slope) = (left.curvature(), left.scatter(), left.slope());

@@ -5,11 +5,11 @@
 //! 1. it is not biased: no lack of fit, or no structural limit that is known of the key;
 //! 2. it is not at the end of what a crane file allows, and no channel's delay or offset is at the end of what is allowed of it: what the sum would gain beyond
 //!    is in the other keys;
-//! 3. the tuned model is right for position, pressures and frequency of every log, by the [limits](crate::LIMITS) of the verdict;
+//! 3. the tuned model is right for position and pressures of every log, by the [limits](crate::LIMITS) of the verdict;
 //! 4. the logs alone say more of it than was known: provenance, and range where there is one;
 //! 5. its 95 % interval reaches no further than from 3/4 to 4/3 of its value.
 //!
-//! Damping does not count: its limit is 30 %, and the keys of damping have a structural limit each.
+//! Frequency and damping do not count: they are of the boom's ringing, and the keys that move those have a structural limit each.
 
 use super::nuisance::Nuisance;
 use super::{Channel, Tuned};
@@ -97,7 +97,9 @@ impl Common {
         channels: &[Channel],
     ) -> Self {
         let judged = experiments.iter().zip(after).flat_map(|(e, p)| verdict(&differences(e, p)));
-        let counts = |j: &Judgement| j.aspect != Aspect::Damping && !j.is_right();
+        let counts = |j: &Judgement| {
+            matches!(j.aspect, Aspect::Position | Aspect::Pressures) && !j.is_right()
+        };
         Self {
             wrong: { judged }.find(counts).map(|j| j.aspect),
             at_limit: channels.iter().find(|c| c.is_at_limit()).map(|c| c.nuisance),

@@ -321,14 +321,11 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     let (found, has_converged) = searched(Search::new(layout, sum, &known, at, &watch))?;
     at = found.at;
     let mut kept = found.sum.kept.into_inner();
-    let there = layout.predictions(at.as_slice())?;
-    held_against = deviations(task.experiments, &there, Leaves::AsNow);
     let after = layout.predictions(at.as_slice())?;
+    held_against = deviations(task.experiments, &after, Leaves::AsNow);
     let held = Considered::of(task);
-    let finer: Vec<Experiment> = task.experiments.iter().map(Experiment::fine).collect();
-    let at_end = at.as_slice();
     let information =
-        layout.information(at_end, &held_against, &mut kept, &known, &held.keys, &finer)?;
+        layout.information(at.as_slice(), &held_against, &mut kept, &known, &held.keys)?;
     let certainty =
         Certainty::new(information, known.deviation.iter().chain(&held.deviation).copied());
     let improvements = task.experiments.iter().zip(before.iter().zip(&after));

@@ -94,11 +94,12 @@ fn draw(seed: u64, k: u64) -> [Outcome; KEYS.len()] {
         let (low, high) = t.interval();
         let truth = t.key.value(&truth);
         eprintln!(
-            "{k} {}: {:+.2} deviations of {:.4}; found {:.4e}, truth {truth:.4e}",
+            "{k} {}: {:+.2} deviations of {:.4}; found {:.4e}, truth {truth:.4e}; {:?}",
             t.key.path(),
             (t.value.1 / truth).ln() / t.deviation,
             t.deviation,
             t.value.1,
+            t.determination,
         );
         Outcome {
             deviation: t.deviation,
