@@ -118,8 +118,8 @@ fn an_override_outside_of_the_files_range_is_refused() {
     let problem = &error.problems[0];
     assert!(problem.message.contains("0 to 370 kg"), "{}", problem.message);
     let line = 1 + UIA_SINGLE_BOOM.lines().position(|line| line.starts_with(PAYLOAD)).unwrap();
-    // the line is known until the value is an override's
-    let mut fresh = Description::uia_single_boom().unwrap();
+    // of a file that is at hand the line is known, until the value is an override's
+    let mut fresh = Description::parse("my-crane.toml", UIA_SINGLE_BOOM).unwrap();
     let error = fresh.set_within_range("payload.mass_kg=371").unwrap_err();
     let help = error.problems[0].help.clone().unwrap();
     assert!(help.contains(&format!("line {line}")), "{help}");

@@ -174,7 +174,9 @@ impl Learn {
                 "identified": machine.identified, "verdict": verdict_text::in_json(&machine.judged),
                 "refused": machine.refusals, "remarks": machine.remarks, "learned": [], "proposed": [],
             }))?,
-            false => output::text(&of_log(machine))?,
+            false => {
+                output::text(&format!("{}{}", of_log(machine), overrides(&machine.identified)))?;
+            }
         }
         Err(miette!(
             help = "`hydroboom validate` shows log and model beside each other; --crane names the machine's crane file",
@@ -216,7 +218,7 @@ fn input_text(commands: &[AxisCommand<f64>], period: f64) -> String {
 fn of_log(machine: &LoggedMachine) -> String {
     let mut said = verdict_text::said(&machine.judged);
     machine.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
-    said + &overrides(&machine.identified)
+    said
 }
 
 /// Reports, or their medians where there are many.

@@ -343,7 +343,8 @@ fn a_measured_lift_is_foretold_beyond_what_the_search_saw() {
 #[test]
 fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
     let path = files("learn-log");
-    let course = ["motion.end_mm=200", "motion.dwell_s=1", "motion.rest_s=1"];
+    let course =
+        ["motion.ramp_s=0.4", "motion.end_mm=130", "motion.dwell_s=0.3", "motion.rest_s=0.4"];
     let with = |arguments: &[&str], more: &[&str]| -> Vec<String> {
         let set = course.iter().chain(more).flat_map(|assignment| ["--set", assignment]);
         arguments.iter().copied().chain(set).map(String::from).collect()
@@ -371,7 +372,7 @@ fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
     // another cylinder, and a motor that is too slow for it
     let (other, none) = (path("other.csv"), path("nothing"));
     let slow = ["motor.max_speed_rpm=1500"];
-    virtual_log(&other, &[slow[0], "cylinder.piston_mm=80", "cylinder.rod_mm=45"]);
+    virtual_log(&other, &[slow[0], "cylinder.piston_mm=100", "cylinder.rod_mm=56"]);
     let refused = run(with(&["learn", "--log", &other, "--out", &none, "--json"], &slow));
     says(&refused, "no correction is proposed");
     let found: serde_json::Value = serde_json::from_slice(&refused.stdout).unwrap();

@@ -1,12 +1,8 @@
 //! Delay of a machine's motor speed, from command to reading: drive and fieldbus.
 
 use hydroboom_description::Description;
-use hydroboom_description::schema::KEYS;
 use hydroboom_virtual_crane::fieldbus_delay;
 use std::f64::consts::TAU;
-
-/// Key of the lag that the state estimator knows of the drive.
-const DRIVE_LAG: &str = "estimator.drive_lag_ms";
 
 /// Delay by the lag of the drive, 2ζ/ω \[s\]; zero where the motor follows at once.
 fn lag(model: &Description) -> f64 {
@@ -55,12 +51,12 @@ pub(crate) fn half_of_it_lag(model: &Description) -> Description {
     model
 }
 
-/// A model whose state estimator knows the drive's delay, within what a crane file may state.
+/// A model whose state estimator knows the drive's delay, within what it identifies by itself.
 pub(crate) fn told_to_estimator(model: &Description) -> Description {
     let mut told = model.clone();
-    let key = KEYS.iter().find(|key| key.path() == DRIVE_LAG);
-    let (low, high) = key.map_or((0.0, f64::INFINITY), |k| (k.to_si(k.low), k.to_si(k.high)));
-    told.numbers.tuning.estimator_drive_lag = drive_delay(model).max(low).min(high);
+    let tuning = &mut told.numbers.tuning;
+    let (low, high) = (tuning.estimator_shortest_drive_lag, tuning.estimator_longest_drive_lag);
+    tuning.estimator_drive_lag = drive_delay(model).max(low).min(high);
     told
 }
 
