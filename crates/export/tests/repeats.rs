@@ -298,20 +298,26 @@ fn a_functions_comment_names_the_rows_of_all_loops_that_call_it() {
         let lines: Vec<&str> = source.lines().collect();
         for (k, line) in lines.iter().enumerate() {
             let Some((_, rest)) = line.trim().split_once("for (int i") else { continue };
-            let count = rest.split(" < ").nth(1).unwrap().split(';').next().unwrap();
+            // what copies entries counts by i alone
+            if !rest.starts_with(|c: char| c.is_ascii_digit()) {
+                continue;
+            }
+            let (_, bound) = rest.split_once(" < ").unwrap();
+            // a loop that a condition skips has as many rows where it does not
+            let bound = bound.split_once(" ? ").map_or(bound, |(_, rows)| rows);
+            let digits: String = bound.chars().take_while(char::is_ascii_digit).collect();
+            let Ok(count) = digits.parse() else { panic!("{line}") };
             let body = lines[k + 1..].iter().take_while(|line| line.trim() != "}");
-            // what copies entries has the same form, and calls nothing
             if let Some(name) = body.copied().find_map(named) {
-                called.entry(name).or_default().insert(count.parse().unwrap());
+                called.entry(name).or_default().insert(count);
             }
         }
         let mut told = 0;
-        for (comment, rest) in
-            source.split("for each of ").skip(1).filter_map(|t| t.split_once(" rows."))
-        {
-            let rows = comment.split(" or ").map(|n| n.parse().unwrap()).collect();
-            let head = rest.split_once("static ").unwrap().1;
-            let name = named(head).unwrap();
+        for text in source.split("Part of the ").skip(1) {
+            let Some((comment, rest)) = text.split_once(" rows.") else { continue };
+            let (_, rows) = comment.split_once("for each of ").unwrap();
+            let rows = rows.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+            let name = named(rest.split_once("static ").unwrap().1).unwrap();
             assert_eq!(called.get(&name), Some(&rows), "{name}: {comment}");
             told += 1;
         }

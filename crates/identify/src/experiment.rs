@@ -286,7 +286,7 @@ impl Experiment {
         Self { steps: 1, ..self.clone() }
     }
 
-    /// The same with one input for each sample, and steps of half the way to the next: good enough to come near where a search ends.
+    /// The same with one input for each sample, and steps of half the way to the next: good enough for slopes that only widen an interval.
     pub(crate) fn rough(&self) -> Self {
         Self { merged: self.every, steps: 2, ..self.clone() }
     }

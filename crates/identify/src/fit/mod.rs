@@ -258,11 +258,6 @@ impl<'a> Task<'a> {
     fn coarse(&self) -> Vec<Experiment> {
         self.experiments.iter().map(Experiment::coarse).collect()
     }
-
-    /// The logs in still longer ones: good enough to come near.
-    fn rough(&self) -> Vec<Experiment> {
-        self.experiments.iter().map(Experiment::rough).collect()
-    }
 }
 
 /// Moves keys of a model until it shows what the logs do. `go_on` is told how far the search has come, and says whether
@@ -274,7 +269,7 @@ impl<'a> Task<'a> {
 pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit, IdentifyError> {
     let known = task.known();
     let layout = task.layout();
-    let rough = task.rough();
+    let longer = task.coarse();
     let before = layout.predictions(&known.mean)?;
     let watch = Watch::new(go_on);
     let mut at = DVector::from_column_slice(task.resume.unwrap_or(&known.mean));
@@ -293,7 +288,7 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     if forks.iter().any(Option::is_some) {
         let sum = Pitch { forks: &forks };
         // no channel's delay or offset changes a pitch
-        let keys = Layout { fixed: &all, experiments: &rough, ..layout };
+        let keys = Layout { fixed: &all, ..layout };
         let search = Search::new(keys, sum, &known, at, &watch);
         let ends = Ends { sum: 1e-4, place: 1e-4, patience: 3 };
         at = search.searched(task.generations).minimised(ends).0.at;
@@ -302,9 +297,9 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     let mut held_against = deviations(task.experiments, &there, Leaves::Unknown);
     // the first round in longer steps. Delays and offsets of channels make valleys of their own where the model is far off: a search without
     // them may come farther, though it has less to move
-    let first = Layout { experiments: &rough, ..layout };
+    let first = Layout { experiments: &longer, ..layout };
     let mut rounds = vec![first];
-    if (0..rough.len()).any(|log| layout.nuisances(log).next().is_some()) {
+    if (0..longer.len()).any(|log| layout.nuisances(log).next().is_some()) {
         rounds.push(Layout { fixed: &all, ..first });
     }
     let mut least = f64::INFINITY;
@@ -319,11 +314,9 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             (at, least) = (found.at, sum);
         }
     }
-    // the second with what the first left as deviations, in short steps only from near where it ends
+    // the second with what the first left as deviations
     let there = layout.predictions(at.as_slice())?;
     held_against = deviations(task.experiments, &there, Leaves::AsNow);
-    let sum = Samples::new(first.experiments, &held_against);
-    at = searched(Search::new(first, sum, &known, at, &watch))?.0.at;
     let sum = Samples::new(layout.experiments, &held_against);
     let (found, has_converged) = searched(Search::new(layout, sum, &known, at, &watch))?;
     at = found.at;
