@@ -419,7 +419,7 @@ impl<'a> Search<'a> {
 mod tests {
     use super::*;
 
-    /// The paper tuned its benchmark on its crane. The method comes to about the same: no other rival than the paper's.
+    /// The paper tuned its benchmark on its crane. The method comes to about the same: no other controller than the paper's.
     #[test]
     fn the_method_gives_the_papers_crane_about_the_papers_gains() {
         let paper = Description::uia_single_boom().unwrap();

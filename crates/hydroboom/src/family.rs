@@ -7,19 +7,33 @@ use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::closed_loop::monte_carlo::{Row, family, members, rows, variations};
+use hydroboom_lab::closed_loop::period_time::{PeriodTime, period_times};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
 use std::path::Path;
 
-/// Runs every contender along every course on `count` virtual cranes drawn around the chosen machine
-/// with `seed`, widened or not.
+/// A family that is asked for.
+pub struct Family {
+    /// Cranes in it.
+    pub count: u64,
+    /// Seed.
+    pub seed: u64,
+    /// Whether what the model is sure of varies, too.
+    pub is_widened: bool,
+    /// Whether baselines run beside the strategies.
+    pub has_baselines: bool,
+}
+
+/// Control periods are timed in so many runs, of which the least time of each counts.
+const TIMED_RUNS: u32 = 3;
+
+/// Runs every controller along every course on virtual cranes drawn around the chosen machine.
 pub fn run(
     choice: &MachineChoice,
-    controllers: &[ControllerChoice],
+    &Family { count, seed, is_widened, has_baselines }: &Family,
     courses: &[CourseChoice],
-    (count, seed, is_widened): (u64, u64, bool),
     out: Option<&Path>,
     as_json: bool,
 ) -> Result<()> {
@@ -29,16 +43,29 @@ pub fn run(
         .map(|course| course.of(nominal).map(|course| course.name()))
         .collect::<Result<Vec<_>, _>>()
         .into_diagnostic()?;
+    let controllers = match has_baselines {
+        true => ControllerChoice::all(model).into_diagnostic()?,
+        false => ControllerChoice::strategies(),
+    };
     let cranes = members(nominal, (count, seed), is_widened).into_diagnostic()?;
     let work = Interruptible::new(count, "cranes")?;
     let go_on = |share: f64| work.done(share);
-    let results = family(model, cranes, controllers, courses, &go_on);
+    let results = family(model, cranes, &controllers, courses, &go_on);
     drop(work);
     let results = results.into_diagnostic()?;
     if results.is_empty() {
         bail!("none of {count} cranes had gone all the way when it was interrupted");
     }
-    let rows = rows(controllers, &names, &results);
+    let rows = rows(&controllers, &names, &results);
+    // what is compared costs time, too: one after the other, when no crane runs any more
+    let timed = match courses.last().filter(|_| has_baselines) {
+        Some(course) => {
+            let course = course.of(nominal).into_diagnostic()?;
+            period_times(model, nominal, &controllers, course.as_ref(), TIMED_RUNS)
+                .into_diagnostic()?
+        }
+        None => Vec::new(),
+    };
     if let Some(folder) = out {
         let page = report::family_page(&choice.name(), results.len(), seed, is_widened, &rows);
         output::page_in_folder(folder, "family", &page, Some(seed));
@@ -51,12 +78,21 @@ pub fn run(
         let strategies: Vec<_> = controllers.iter().map(|c| c.name()).collect();
         return output::json(&json!({
             "asked": count, "family": rows, "seed": seed, "variations": variations(is_widened),
-            "strategies": strategies, "courses": names, "cranes": cranes,
+            "strategies": strategies, "courses": names, "cranes": cranes, "period_times": timed,
             "plant": choice.json(),
         }));
     }
+    let times = match timed.is_empty() {
+        true => String::new(),
+        false => format!(
+            "\n\ntime of a control period on this machine, along {} on \"{}\": of each period the least of {TIMED_RUNS} runs\n{}",
+            names.last().map_or("", |name| name.trim()),
+            choice.name(),
+            times(&timed)
+        ),
+    };
     output::text(&format!(
-        "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}\n\nover the benchmark's on the same crane\n{}",
+        "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}\n\nover the benchmark's on the same crane\n{}{times}",
         of_asked(results.len(), count as usize),
         if is_widened { "of a widened family " } else { "" },
         choice.name(),
@@ -77,7 +113,9 @@ fn table(rows: &[Row]) -> String {
                 r.peak_true_mm.text(2),
                 r.peak_measured_mm.text(2),
                 r.motor_ripple_rpm.text(1),
-                format!("{:.1}", r.unstable_percent),
+                r.motor_slew_rpm_per_s.text(0),
+                r.oscillating.to_string(),
+                r.unfinished.to_string(),
             ]
         })
         .collect();
@@ -91,13 +129,26 @@ fn table(rows: &[Row]) -> String {
             peak_true,
             peak_measured,
             "motor ripple at rest [rpm]",
-            "unstable [%]",
+            "motor slew, RMS [rpm/s]",
+            "oscillating",
+            "not finished",
         ],
         &cells,
     )
 }
 
-/// What each has over the benchmark on the same crane; the re-optimised benchmark only where it is one of them.
+fn times(timed: &[PeriodTime]) -> String {
+    let cells: Vec<Vec<String>> = timed
+        .iter()
+        .map(|t| {
+            let [median, most] = [t.median_us, t.percentile_99_9_us].map(|us| format!("{us:.1}"));
+            vec![t.controller.name().into(), median, most]
+        })
+        .collect();
+    output::table(&["strategy", "median [us]", "99.9 % [us]"], &cells)
+}
+
+/// What each has over the benchmark on the same crane; the retuned benchmark only where it is one of them.
 fn beside_the_benchmark(rows: &[Row]) -> String {
     let others: Vec<&Row> =
         rows.iter().filter(|r| r.controller != Strategy::BenchmarkClosedLoop.into()).collect();
@@ -124,10 +175,10 @@ fn beside_the_benchmark(rows: &[Row]) -> String {
             ]
         })
         .collect();
-    if others.iter().any(|r| r.rms_true_over_reoptimised_benchmark.is_some()) {
-        header.push("RMS true over the re-optimised");
+    if others.iter().any(|r| r.rms_true_over_retuned_benchmark.is_some()) {
+        header.push("RMS true over the retuned");
         for (row, cells) in others.iter().zip(&mut cells) {
-            let over = row.rms_true_over_reoptimised_benchmark;
+            let over = row.rms_true_over_retuned_benchmark;
             cells.push(over.map_or_else(|| "-".into(), |s| s.text(2)));
         }
     }

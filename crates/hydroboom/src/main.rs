@@ -32,6 +32,7 @@ mod origin;
 mod output;
 mod paths;
 mod processor;
+mod renamed_option;
 mod run;
 mod scenarios;
 mod scheduled_lqr_sensitivity;

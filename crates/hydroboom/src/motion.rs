@@ -3,7 +3,7 @@
 use crate::crane_file::{CraneFile, text};
 use crate::machine_choice::{MachineChoice, Source};
 use crate::paths::{InputFile, OutputFolder};
-use crate::{benchmark_gains, family, output};
+use crate::{benchmark_gains, family, output, renamed_option};
 use clap::Args;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, Difference};
@@ -12,7 +12,6 @@ use hydroboom_design::stability::{
     remark_on_expected_lags, stability_of, stable_with_expected_lags,
 };
 use hydroboom_lab::calibrate::differences;
-use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::{MOTOR_ENERGY, TrackingError};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
 use hydroboom_lab::eigenfrequency::{locked_mode, without_friction};
@@ -34,6 +33,7 @@ const VIRTUAL: &str = "virtual";
 #[command(
     after_help = "Examples:\n  hydroboom motion --plant-set payload.mass_kg=340 --out motion\n  \
     hydroboom motion --plant virtual\n  hydroboom motion --family 200 --out family\n  \
+    hydroboom motion --family 24 --seed 1 --baselines\n  \
     hydroboom motion --plant virtual --scenario reversal --out motion"
 )]
 pub struct MotionTests {
@@ -54,8 +54,12 @@ pub struct MotionTests {
     /// the fieldbus.
     #[arg(long, requires = "family")]
     widened: bool,
-    /// Beside the strategies, in a family, what they are compared with: the benchmark with numbers found anew, LQG, MPC.
+    /// Beside the strategies, in a family, what they are compared with: the benchmark with designed gains, without and with an input shaper, LQG, linear and nonlinear
+    /// MPC; and the time that each takes for a control period (docs/baselines.md).
     #[arg(long, requires = "family")]
+    baselines: bool,
+    /// Its name before.
+    #[arg(long, hide = true)]
     rivals: bool,
     /// Run a scenario in place of the motion at both speeds; `hydroboom scenarios` lists them.
     #[arg(long, value_name = "NAME")]
@@ -82,6 +86,7 @@ pub struct MotionTests {
 impl MotionTests {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
+        renamed_option::refuse(self.rivals, "--rivals", "--baselines")?;
         let (mut choice, mut name) = self.choice()?;
         if !self.plant_set.is_empty() {
             let mut plant = choice.machine.clone();
@@ -108,10 +113,13 @@ impl MotionTests {
         }
         if let Some(count) = self.family {
             let out = self.out.as_deref();
-            let controllers =
-                if self.rivals { ControllerChoice::all() } else { ControllerChoice::strategies() };
-            let family = (count, self.seed, self.widened);
-            return family::run(&choice, &controllers, &courses, family, out, self.json);
+            let family = family::Family {
+                count,
+                seed: self.seed,
+                is_widened: self.widened,
+                has_baselines: self.baselines,
+            };
+            return family::run(&choice, &family, &courses, out, self.json);
         }
         // the virtual crane differs in all it has: `hydroboom show` lists that
         let (changes, more) = match choice.is_virtual() {

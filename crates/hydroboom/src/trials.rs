@@ -1,10 +1,9 @@
 //! `hydroboom trials`
 
-use crate::benchmark_gains;
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
-use crate::output;
 use crate::paths::OutputFolder;
+use crate::{benchmark_gains, output, renamed_option};
 use clap::{Args, ValueEnum};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_lab::baselines::Baseline;
@@ -28,7 +27,7 @@ enum What {
 /// Trials on the virtual crane of the crane file, the paper's without --crane: what is hard for a controller, or what a smoother reference is worth.
 #[derive(Args)]
 #[command(
-    after_help = "Examples:\n  hydroboom trials robustness --rivals --out trials\n  hydroboom trials shaping"
+    after_help = "Examples:\n  hydroboom trials robustness --baselines --out trials\n  hydroboom trials shaping"
 )]
 pub struct Trials {
     /// What is tried.
@@ -36,8 +35,11 @@ pub struct Trials {
     what: What,
     #[command(flatten)]
     crane: CraneFile,
-    /// Beside the benchmark and the scheduled LQR: the benchmark with numbers found anew, LQG, MPC.
+    /// Beside the benchmark and the scheduled LQR: the benchmark with designed gains, without and with an input shaper, LQG, linear and nonlinear MPC (docs/baselines.md).
     #[arg(long)]
+    baselines: bool,
+    /// Its name before.
+    #[arg(long, hide = true)]
     rivals: bool,
     /// Leave the benchmark's gains as the crane file has them. Otherwise those of `hydroboom design --benchmark` take the place of a new file's placeholders, and of
     /// the paper's on another crane that is not tuned with them.
@@ -54,6 +56,7 @@ pub struct Trials {
 impl Trials {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
+        renamed_option::refuse(self.rivals, "--rivals", "--baselines")?;
         let choice = MachineChoice::read(&self.crane, None)?;
         // from the empty hook to the heaviest load of the trials
         let payloads = [0.0, HEAVIEST * choice.machine.numbers.payload];
@@ -70,8 +73,9 @@ impl Trials {
         let trials = trials.into_diagnostic()?;
         let mut controllers: Vec<ControllerChoice> =
             vec![Strategy::BenchmarkClosedLoop.into(), Strategy::ScheduledLqr.into()];
-        if self.rivals {
-            controllers.extend(Baseline::ALL.map(ControllerChoice::Baseline));
+        if self.baselines {
+            let baselines = Baseline::all(model).into_diagnostic()?;
+            controllers.extend(baselines.map(ControllerChoice::Baseline));
         }
         let bar = ProgressBar::new((trials.len() * controllers.len()) as u64);
         let outcomes = run(model, &trials, &controllers, &|| bar.inc(1));

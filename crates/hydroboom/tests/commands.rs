@@ -720,7 +720,10 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     set.iter().for_each(|assignment| arguments.extend(["--set", assignment.as_str().unwrap()]));
     assert!(!set.is_empty() && hydroboom(&arguments).status.success(), "{arguments:?}");
     says(&hydroboom(&["trials", "luck"]), "robustness");
-    says(&hydroboom(&["motion", "--rivals"]), "--family");
+    says(&hydroboom(&["motion", "--baselines"]), "--family");
+    for command in [vec!["motion"], vec!["trials", "robustness"]] {
+        says(&hydroboom(&[&command[..], &["--rivals"]].concat()), "--baselines");
+    }
     says(&hydroboom(&["learn", "--member", "3", "--family", "2"]), "cannot be used with");
 }
 

@@ -1,4 +1,4 @@
-//! Finds the numbers of a rival anew: `cargo run --release -p hydroboom-lab --example reoptimise benchmark|lqg|mpc [GENERATIONS]`.
+//! Finds the weights and noise of the fixed-design LQG anew: `cargo run --release -p hydroboom-lab --example reoptimise [GENERATIONS]`.
 //!
 //! Least geometric mean, over virtual cranes and both speeds, of the RMS error over the published benchmark's.
 
@@ -6,7 +6,7 @@ use cmaes::{CMAESOptions, DVector};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_lab::LabError;
-use hydroboom_lab::baselines::{Baseline, Gains, LQG, MPC, RETUNED, Weights};
+use hydroboom_lab::baselines::{Baseline, LQG, Weights};
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::monte_carlo::{Outcome, family, members};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
@@ -16,13 +16,15 @@ const CRANES: u64 = 12;
 const SEED: u64 = 7;
 /// A crane that swings on where the benchmark's does not, or cannot be steered to the end, counts as much as this factor on its error.
 const UNSTABLE: f64 = 10.0;
+/// Numbers that are searched.
+const NUMBERS: usize = 7;
 /// Standard deviation of the first generation, of the logarithm of each number.
 const SPREAD: f64 = 0.4;
 
-/// A baseline with numbers in the place of those it has, each times the exponential of what the search tries.
-fn changed(baseline: Baseline, by: &[f64]) -> Baseline {
+/// The design in numbers that are those it has, each times the exponential of what the search tries.
+fn changed(w: Weights, by: &[f64]) -> Weights {
     let times = |value: f64, k: usize| value * by[k].exp();
-    let weights = |w: Weights| Weights {
+    Weights {
         // position weighs as it does: only what the others weigh beside it counts
         alike: [w.alike[0], times(w.alike[1], 0), times(w.alike[2], 1), times(w.alike[3], 2)],
         drift: [
@@ -32,26 +34,11 @@ fn changed(baseline: Baseline, by: &[f64]) -> Baseline {
             times(w.drift[3], 5),
             times(w.drift[4], 6),
         ],
-    };
-    match baseline {
-        Baseline::RetunedBenchmark(g) => Baseline::RetunedBenchmark(Gains {
-            proportional: times(g.proportional, 0),
-            integral: times(g.integral, 1),
-            pressure_feedback: times(g.pressure_feedback, 2),
-            high_pass: times(g.high_pass, 3),
-        }),
-        Baseline::Lqg(w) => Baseline::Lqg(weights(w)),
-        Baseline::LinearMpc(w) => Baseline::LinearMpc(weights(w)),
     }
 }
 
 fn main() -> Result<(), LabError> {
     let mut arguments = std::env::args().skip(1);
-    let (baseline, size) = match arguments.next().as_deref() {
-        Some("lqg") => (Baseline::Lqg(LQG), 7),
-        Some("mpc") => (Baseline::LinearMpc(MPC), 7),
-        _ => (Baseline::RetunedBenchmark(RETUNED), 4),
-    };
     let generations = arguments.next().and_then(|text| text.parse().ok()).unwrap_or(25);
     let model = Description::uia_single_boom()?;
     let nominal = Description::uia_virtual()?;
@@ -64,8 +51,10 @@ fn main() -> Result<(), LabError> {
     };
     let benchmark = run(Strategy::BenchmarkClosedLoop.into())?;
     let loss = |by: &DVector<f64>| {
-        let tried = changed(baseline, by.as_slice());
-        let Ok(outcomes) = run(ControllerChoice::Baseline(tried)) else { return UNSTABLE.ln() };
+        let tried = changed(LQG, by.as_slice());
+        let Ok(outcomes) = run(ControllerChoice::Baseline(Baseline::Lqg(tried))) else {
+            return UNSTABLE.ln();
+        };
         let of = |(own, other): (&Outcome, &Outcome)| match own.error.rms_measured_mm.is_nan()
             || (own.unstable && !other.unstable)
         {
@@ -77,11 +66,11 @@ fn main() -> Result<(), LabError> {
         eprintln!("{:.4} {tried:?}", mean.exp());
         mean
     };
-    let search = CMAESOptions::new(vec![0.0; size], SPREAD).seed(1).max_generations(generations);
+    let search = CMAESOptions::new(vec![0.0; NUMBERS], SPREAD).seed(1).max_generations(generations);
     match search.build(loss) {
         Ok(mut search) => {
             if let Some(best) = search.run().overall_best {
-                println!("{:.4} {:?}", best.value.exp(), changed(baseline, best.point.as_slice()));
+                println!("{:.4} {:?}", best.value.exp(), changed(LQG, best.point.as_slice()));
             }
         }
         Err(error) => eprintln!("no search: {error:?}"),

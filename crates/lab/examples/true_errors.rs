@@ -2,7 +2,7 @@
 //!
 //! Controllers: names of strategies or baselines; courses: `slow`, `fast`, or names of scenarios; both separated by commas. Overrides change what the controllers
 //! know. With `--widened` the cranes vary in what `monte_carlo::WIDENED` lists too. The columns are those of
-//! `docs/notebook/2026-11-28-scheduled-lqr.csv`, and last the motor's ripple at rest.
+//! `docs/notebook/2026-11-28-scheduled-lqr.csv`, and last the motor's ripple at rest and its slew.
 
 #![expect(clippy::unwrap_used, reason = "an experiment that cannot go on stops")]
 
@@ -33,7 +33,7 @@ fn main() {
         model.set(assignment).unwrap_or_else(|error| refuse(&error));
     }
     let nominal = Description::uia_virtual().unwrap();
-    let all = ControllerChoice::all();
+    let all = ControllerChoice::all(&model).unwrap_or_else(|error| refuse(&error));
     let controllers: Vec<ControllerChoice> = controllers
         .split(',')
         .map(|name| {
@@ -73,7 +73,7 @@ fn main() {
         }
     }
     println!(
-        "course,seed,crane,controller,true_rms_mm,measured_rms_mm,true_peak_mm,sustained_oscillation,motor_speed_rpm,energy_kj,motor_ripple_rpm"
+        "course,seed,crane,controller,true_rms_mm,measured_rms_mm,true_peak_mm,sustained_oscillation,motor_speed_rpm,energy_kj,motor_ripple_rpm,motor_slew_rpm_per_s"
     );
     let next = AtomicUsize::new(0);
     std::thread::scope(|scope| {
@@ -122,7 +122,7 @@ fn run(
             !ended || has_sustained_oscillation(model, cases[lane].crane, controller, course, m);
         let error = |value: f64| if ended { format!("{:.5}", value * 1e3) } else { String::new() };
         println!(
-            "{},{seed},{crane},{},{},{},{},{oscillates},{:.2},{:.4},{:.3}",
+            "{},{seed},{crane},{},{},{},{},{oscillates},{:.2},{:.4},{:.3},{:.1}",
             course.name(),
             controller.name(),
             error(m.true_rms()),
@@ -131,6 +131,7 @@ fn run(
             effort.motor_speed_rpm,
             effort.energy_kj,
             effort.motor_ripple_rpm,
+            effort.motor_slew_rpm_per_s,
         );
     }
 }

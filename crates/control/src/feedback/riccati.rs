@@ -46,8 +46,9 @@ pub(crate) fn product<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
     })
 }
 
+/// `aᵀ b`
 #[inline(always)]
-pub(crate) fn dot<T: Real>(a: &[T; ORDER], b: &[T; ORDER]) -> T {
+pub fn dot<T: Real>(a: &[T; ORDER], b: &[T; ORDER]) -> T {
     a.iter().zip(b).fold(T::zero(), |sum, (a, b)| a.mul_add(*b, sum))
 }
 

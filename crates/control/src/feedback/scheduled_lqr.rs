@@ -13,7 +13,6 @@ use crate::estimation::state_estimator::{PredictedState, StateEstimator, StateEs
 use crate::memory::Memory;
 use crate::reference::governor::ReferenceGovernor;
 use crate::reference::preview::Preview;
-use crate::reference::profile::SetPoint;
 use crate::reference::smoothing::smoothed;
 use crate::reference::speed_limit::SpeedLimit;
 use hydroboom_math::{Real, record};
@@ -173,14 +172,36 @@ impl<T: Real> ScheduledLqr<T> {
         }
     }
 
+    /// Plant and weights of the present operating point, sampled with the control period.
+    pub fn linear_quadratic(
+        &self,
+        estimator: &StateEstimator<T>,
+        estimated: &StateEstimatorState<T>,
+    ) -> LinearQuadratic<T> {
+        let now = estimator.predict(estimated);
+        self.plant(estimated, &self.scheduling_point(estimated, &now))
+    }
+
+    /// Smoothing window \[s\] a period after it was `window` \[s\].
+    pub fn next_window(
+        &self,
+        window: T,
+        estimator: &StateEstimator<T>,
+        estimated: &StateEstimatorState<T>,
+        preview: &Preview<T>,
+    ) -> T {
+        let now = estimator.predict(estimated);
+        let here = self.scheduling_point(estimated, &now);
+        self.window(window, estimated, &here, preview.largest_acceleration())
+    }
+
     /// The regulator of the present operating point, settled: thousands of Riccati steps, none of them for the control cycle.
     pub fn settled_regulator(
         &self,
         estimator: &StateEstimator<T>,
         estimated: &StateEstimatorState<T>,
     ) -> Regulator<T> {
-        let now = estimator.predict(estimated);
-        let plant = self.plant(estimated, &self.scheduling_point(estimated, &now));
+        let plant = self.linear_quadratic(estimator, estimated);
         let mut regulator = Regulator::start(&plant);
         for _ in 0..SETTLING_STEPS {
             regulator.step(&plant);
@@ -195,8 +216,7 @@ impl<T: Real> ScheduledLqr<T> {
         estimator: &StateEstimator<T>,
         estimated: &StateEstimatorState<T>,
     ) -> Regulator<T> {
-        let now = estimator.predict(estimated);
-        let plant = self.plant(estimated, &self.scheduling_point(estimated, &now));
+        let plant = self.linear_quadratic(estimator, estimated);
         let mut regulator = regulator.unwrap_or_else(|| Regulator::start(&plant));
         regulator.step(&plant);
         regulator
@@ -219,19 +239,7 @@ impl<T: Real> ScheduledLqr<T> {
         state.speed_limit.update(preview, self.fastest(estimated, &now));
         let limit = &state.speed_limit;
         let is_limited = limit.is_active();
-        let feasible = |after: T| {
-            let reference = preview.at(after);
-            if T::any(is_limited) {
-                let [offset, drift] = limit.at(after, self.period);
-                let zero = T::zero();
-                SetPoint {
-                    position: reference.position + T::select(is_limited, offset, zero),
-                    velocity: reference.velocity + T::select(is_limited, drift, zero),
-                }
-            } else {
-                reference
-            }
-        };
+        let feasible = |after: T| limit.reference(preview, is_limited, after, self.period);
         let largest_acceleration = preview.largest_acceleration();
         state.window = self.window(state.window, estimated, &here, largest_acceleration);
         let window = state.window;
@@ -362,7 +370,7 @@ impl<T: Real> ScheduledLqr<T> {
     }
 
     /// Weights of position error \[1/m²\], velocity error \[s²/m²\] and motor speed \[s²/rev²\] by Bryson's rule: one over the tolerance squared.
-    fn weights(&self) -> [T; 3] {
+    pub fn weights(&self) -> [T; 3] {
         let s = &self.settings;
         let speed = s.command_tolerance * self.model.revolutions_per_metre();
         [s.position_tolerance, s.velocity_tolerance, speed].map(|size| T::one() / size.square())
@@ -376,7 +384,7 @@ impl<T: Real> ScheduledLqr<T> {
     }
 
     /// Largest speeds \[m/s\] of the piston outwards and inwards.
-    fn fastest(&self, estimated: &StateEstimatorState<T>, now: &PredictedState<T>) -> [T; 2] {
+    pub fn fastest(&self, estimated: &StateEstimatorState<T>, now: &PredictedState<T>) -> [T; 2] {
         let flow = estimated.filter.estimate.unknown_flow;
         let held = self.model.leakage(now.load_pressure) - flow;
         [self.motor_speed - held, self.motor_speed + held]

@@ -8,36 +8,75 @@ use crate::reference::profile::SetPoint;
 use crate::reference::trajectory::Trajectory;
 use hydroboom_math::Real;
 
-/// A shaped trajectory, `Σ A_i x_ref(t − t_i)` with `Σ A_i = 1`: the residual vibration of the impulses adds up to zero.
+/// Impulses of a shaper: amplitudes A_i with `Σ A_i = 1` at times t_i, whose residual vibrations add up to zero.
 ///
 /// The amplitudes for a mode of damping ratio ζ fall by `K = exp(−ζ π/√(1 − ζ²))` from one half period to the next.
-#[derive(Clone, Debug)]
-pub struct ShapedTrajectory<P> {
-    trajectory: P,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InputShaper {
     /// Amplitudes A_i, and times t_i \[s\].
     impulses: [(f64, f64); 3],
 }
 
-impl<P: Trajectory> ShapedTrajectory<P> {
+impl InputShaper {
     /// Zero vibration (ZV): two impulses half a damped period apart, for a mode of natural `frequency` \[Hz\] and `damping` ratio.
-    pub fn zv(trajectory: P, frequency: f64, damping: f64) -> Self {
+    pub fn zv(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = 1.0 + k;
-        Self { trajectory, impulses: [(1.0 / whole, 0.0), (k / whole, half), (0.0, 0.0)] }
+        Self { impulses: [(1.0 / whole, 0.0), (k / whole, half), (0.0, 0.0)] }
     }
 
     /// Zero vibration and derivative (ZVD): three impulses; the derivative of the residual vibration by frequency \[Hz\] is zero, too,
     /// so that a mode somewhat beside it hardly rings either.
-    pub fn zvd(trajectory: P, frequency: f64, damping: f64) -> Self {
+    pub fn zvd(frequency: f64, damping: f64) -> Self {
         let (half, k) = mode(frequency, damping);
         let whole = (1.0 + k) * (1.0 + k);
         let impulses = [(1.0 / whole, 0.0), (2.0 * k / whole, half), (k * k / whole, 2.0 * half)];
-        Self { trajectory, impulses }
+        Self { impulses }
+    }
+
+    /// Time of the last impulse \[s\]: by so much later a shaped trajectory ends.
+    pub fn delay(&self) -> f64 {
+        self.impulses.iter().fold(0.0, |latest, (_, later)| latest.max(*later))
+    }
+
+    /// Mean time of the impulses \[s\], `Σ A_i t_i`: by so much a shaped ramp is late.
+    pub fn mean_delay(&self) -> f64 {
+        self.impulses.iter().map(|(share, later)| share * later).sum()
+    }
+
+    /// The shaped set point, `Σ A_i x_ref(−t_i)`, `at` being the set point so long \[s\] after now.
+    pub fn shaped(&self, at: impl Fn(f64) -> SetPoint<f64>) -> SetPoint<f64> {
+        let mut sum = SetPoint { position: 0.0, velocity: 0.0 };
+        for (share, later) in self.impulses {
+            let plain = at(-later);
+            sum.position += share * plain.position;
+            sum.velocity += share * plain.velocity;
+        }
+        sum
+    }
+}
+
+/// A shaped trajectory, `Σ A_i x_ref(t − t_i)`.
+#[derive(Clone, Debug)]
+pub struct ShapedTrajectory<P> {
+    trajectory: P,
+    shaper: InputShaper,
+}
+
+impl<P: Trajectory> ShapedTrajectory<P> {
+    /// Shaped by a zero-vibration shaper, see [`InputShaper::zv`].
+    pub fn zv(trajectory: P, frequency: f64, damping: f64) -> Self {
+        Self { trajectory, shaper: InputShaper::zv(frequency, damping) }
+    }
+
+    /// Shaped by a zero-vibration-and-derivative shaper, see [`InputShaper::zvd`].
+    pub fn zvd(trajectory: P, frequency: f64, damping: f64) -> Self {
+        Self { trajectory, shaper: InputShaper::zvd(frequency, damping) }
     }
 
     /// By how much later than the trajectory it ends \[s\].
     pub fn delay(&self) -> f64 {
-        self.impulses.iter().fold(0.0, |latest, (_, later)| latest.max(*later))
+        self.shaper.delay()
     }
 }
 
@@ -49,13 +88,7 @@ fn mode(frequency: f64, damping: f64) -> (f64, f64) {
 
 impl<P: Trajectory> Trajectory for ShapedTrajectory<P> {
     fn reference(&self, t: f64) -> SetPoint<f64> {
-        let mut sum = SetPoint { position: 0.0, velocity: 0.0 };
-        for (share, later) in self.impulses {
-            let plain = self.trajectory.reference(t - later);
-            sum.position += share * plain.position;
-            sum.velocity += share * plain.velocity;
-        }
-        sum
+        self.shaper.shaped(|after| self.trajectory.reference(t + after))
     }
 
     fn duration(&self) -> f64 {
@@ -109,6 +142,16 @@ mod tests {
         let beside =
             [residual_vibration(&twice, 2.75, 0.02), residual_vibration(&thrice, 2.75, 0.02)];
         assert!(beside[1] < 0.5 * beside[0], "{beside:?}");
+    }
+
+    #[test]
+    fn a_shaped_ramp_is_late_by_the_mean_delay() {
+        for shaper in [InputShaper::zv(2.5, 0.1), InputShaper::zvd(2.5, 0.1)] {
+            let ramp = |after: f64| SetPoint { position: 0.12 * after, velocity: 0.12 };
+            let shaped = shaper.shaped(|after| ramp(after + shaper.mean_delay()));
+            assert!(shaped.position.abs() < 1e-15, "{shaped:?}");
+            assert!(0.0 < shaper.mean_delay() && shaper.mean_delay() < shaper.delay());
+        }
     }
 
     #[test]

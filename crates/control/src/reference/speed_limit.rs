@@ -3,6 +3,7 @@
 //! So it is as far ahead at first as it is behind in the end.
 
 use super::preview::{PERIODS_BEHIND, Preview};
+use super::profile::SetPoint;
 use crate::memory::Memory;
 use hydroboom_math::Real;
 
@@ -98,6 +99,28 @@ impl<T: Real> SpeedLimit<T> {
     pub fn is_active(&self) -> T::Mask {
         let largest = largest(&self.behind, largest(&self.ahead, T::zero()));
         T::lit(1e-6).lt(largest)
+    }
+
+    /// The feasible reference so long \[s\] after now, with the control period \[s\]; `is_active` as of [`is_active`](Self::is_active).
+    #[inline(always)]
+    pub fn reference(
+        &self,
+        preview: &Preview<T>,
+        is_active: T::Mask,
+        after: T,
+        period: T,
+    ) -> SetPoint<T> {
+        let reference = preview.at(after);
+        if T::any(is_active) {
+            let [offset, drift] = self.at(after, period);
+            let zero = T::zero();
+            SetPoint {
+                position: reference.position + T::select(is_active, offset, zero),
+                velocity: reference.velocity + T::select(is_active, drift, zero),
+            }
+        } else {
+            reference
+        }
     }
 
     /// Offset \[m\] of the feasible reference so long \[s\] after now, between −300 periods and 2.5 s, and its rate \[m/s\].

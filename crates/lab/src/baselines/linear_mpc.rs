@@ -1,83 +1,150 @@
-//! Linear model-predictive control: the motor speeds of the next half second that cost least, of which the first is taken.
+//! Linear model-predictive control: the quadratic program of the regulator over a horizon, with limits of the motor's speed and slew.
+//!
+//! Estimator, reduced model, weights and reference are those of the scheduled LQR: the plant is that of the present operating point, linear over the horizon, and the
+//! cost behind the horizon is the regulator's cost to go. Without an active limit it is the regulator, but for commands that are held over a block.
+//!
+//! Source: D. Q. Mayne, J. B. Rawlings, C. V. Rao, P. O. M. Scokaert, *Constrained model predictive control: stability and optimality*, Automatica 36(6), 2000.
 
-use super::box_qp::BoxQp;
-use super::kalman_filter::KalmanFilter;
-use super::linear_plant::{ALL, LinearPlant, MOVES};
-use super::lqg::Weights;
+use super::condensed::{Block, Limit, Linear, condense};
+use super::estimated_machine::{EstimatedMachine, Now};
+use super::horizon::{BLOCKS, PERIODS, WEIGHTS};
+use super::quadratic_program::QuadraticProgram;
+use super::reference_ahead::{ReferenceAhead, ReferenceHorizon};
 use crate::LabError;
 use hydroboom_control::command::Command;
 use hydroboom_control::controller::{Controller, ControllerStatus, SimulatedState};
-use hydroboom_control::feedback::benchmark::BenchmarkInput;
+use hydroboom_control::feedback::riccati::{LinearQuadratic, Matrix, ORDER};
 use hydroboom_control::measurement::Measurement;
 use hydroboom_control::reference::preview::Preview;
 use hydroboom_description::Description;
-use nalgebra::{DMatrix, DVector, SMatrix, vector};
+use nalgebra::{SMatrix, SVector};
 
-/// Blocks in which the motor speed is constant, and their length \[s\].
-const BLOCKS: usize = 25;
-const BLOCK: f64 = 0.02;
-/// Steps of the solver in a period; it begins where the last period's ended.
-const STEPS: u32 = 30;
+/// Iterations of the program's solver.
+const ITERATIONS: u32 = 10;
 
-/// Those of LQG, which its costs have to be compared with.
-pub const MPC: Weights = super::LQG;
-
-/// Model-predictive control of the linear plant.
+/// Model-predictive control on the linear plant of the operating point.
 pub(super) struct LinearMpc {
-    /// Sampled with the control period, for the observer, and with a block's length.
-    plant: LinearPlant,
-    blocks: LinearPlant,
-    filter: KalmanFilter,
-    /// From motor speeds to all states to come.
-    response: DMatrix<f64>,
-    /// Costs of all states to come, and of a motor speed.
-    costs: DMatrix<f64>,
-    by_speed: f64,
-    program: BoxQp,
-    speeds: DVector<f64>,
-    /// Rod-side area over piston area.
-    area_ratio: f64,
+    machine: EstimatedMachine,
+    reference: Option<ReferenceAhead>,
+    program: QuadraticProgram<BLOCKS, BLOCKS>,
 }
 
 impl LinearMpc {
-    pub(super) fn new(model: &Description, weights: &Weights) -> Result<Self, LabError> {
-        let period = model.numbers.control_period;
-        let plant = LinearPlant::new(model, period)?;
-        let blocks = LinearPlant::new(model, BLOCK)?;
-        let filter = KalmanFilter::new(&plant, &weights.drift, period)?;
-        let (a, b) = blocks.moving();
-        let (q, r) = weights.costs();
-        let (to_go, _) = weights.feedback(&blocks)?;
-        let mut response = DMatrix::zeros(MOVES * BLOCKS, BLOCKS);
-        let mut column = b;
-        for lag in 0..BLOCKS {
-            for k in 0..BLOCKS - lag {
-                let place = (MOVES * (k + lag), k);
-                response.view_mut(place, (MOVES, 1)).copy_from(&column);
-            }
-            column = a * column;
-        }
-        let mut costs = DMatrix::zeros(MOVES * BLOCKS, MOVES * BLOCKS);
-        for k in 0..BLOCKS {
-            // what comes after the last block costs what it costs with feedback
-            let cost: &SMatrix<f64, MOVES, MOVES> = if k + 1 < BLOCKS { &q } else { &to_go };
-            costs.view_mut((MOVES * k, MOVES * k), (MOVES, MOVES)).copy_from(cost);
-        }
-        let by_speed = r[0];
-        let hessian = response.transpose() * &costs * &response
-            + DMatrix::identity(BLOCKS, BLOCKS) * by_speed;
-        let program = BoxQp::new(hessian);
-        let speeds = DVector::zeros(BLOCKS);
-        let area_ratio = model.cylinder().area_ratio();
-        Ok(Self { plant, blocks, filter, response, costs, by_speed, program, speeds, area_ratio })
+    pub(super) fn new(model: &Description) -> Result<Self, LabError> {
+        let machine = EstimatedMachine::new(model)?;
+        Ok(Self { machine, reference: None, program: QuadraticProgram::empty() })
+    }
+
+    fn command(&mut self, preview: &Preview<f64>) -> Option<f64> {
+        let Self { machine, reference, program } = self;
+        let now = machine.now()?;
+        let law = &machine.law;
+        let start = || ReferenceAhead::at_rest(law, now, preview.now().position);
+        let horizon = reference.get_or_insert_with(start).horizon(law, now, preview);
+        let plant = law.linear_quadratic(now.estimator, now.estimated);
+        let compliance =
+            law.model.at(now.predicted.position, now.estimated.filter.estimate.payload);
+        let (blocks, end) =
+            linearised(&plant, compliance.compliance, &horizon, &Machine::of(machine, now));
+        let cost_to_go = square(&machine.regulator().cost_to_go);
+        let speed = law.motor_speed;
+        condense(program, &blocks, (&cost_to_go, &end), speed);
+        let change = program.minimum(ITERATIONS)?;
+        let command = horizon.motor_speeds[0] + speed * change[0];
+        // a program that was solved to within a tolerance may be off by that
+        let (turns, reach) =
+            (now.predicted.motor_speed, law.slew / now.estimated.drive.coefficient);
+        Some(command.clamp(turns - reach, turns + reach).clamp(-speed, speed))
     }
 }
 
+/// State and limits of the machine, as far as blocks need them.
+struct Machine {
+    state: SVector<f64, ORDER>,
+    speed: f64,
+    slew: f64,
+    drive: f64,
+    weights: [f64; 3],
+}
+
+impl Machine {
+    fn of(machine: &EstimatedMachine, now: Now<'_>) -> Self {
+        let law = &machine.law;
+        Self {
+            state: now.predicted.to_array().into(),
+            speed: law.motor_speed,
+            slew: law.slew,
+            drive: now.estimated.drive.coefficient,
+            weights: law.weights(),
+        }
+    }
+}
+
+fn square(rows: &Matrix<f64>) -> SMatrix<f64, ORDER, ORDER> {
+    SMatrix::from_fn(|i, j| rows[i][j])
+}
+
+/// The blocks about the reference's own motor speed, and the error that is left at the end with it.
+fn linearised(
+    plant: &LinearQuadratic<f64>,
+    compliance: f64,
+    horizon: &ReferenceHorizon,
+    machine: &Machine,
+) -> ([Block<ORDER, 1>; BLOCKS], SVector<f64, ORDER>) {
+    let one = (square(&plant.transition), SVector::from(plant.input));
+    let piston = SVector::from([1.0, 0.0, compliance, 0.0]);
+    let reference = |k: usize| SVector::from(horizon.points[k].state.to_array());
+    let mut error = machine.state - reference(0);
+    let mut longer = one;
+    let mut length = 1;
+    let blocks = std::array::from_fn(|k| {
+        while length < PERIODS[k] {
+            longer = (one.0 * longer.0, one.0 * longer.1 + one.1);
+            length += 1;
+        }
+        let (transition, input) = longer;
+        let begin = error;
+        error = transition * error;
+        let residual = |of: SVector<f64, ORDER>, weight: f64| {
+            let root = (weight * WEIGHTS[k]).sqrt();
+            Linear {
+                state: transition.tr_mul(&of) * root,
+                command: of.dot(&input) * root,
+                value: of.dot(&error) * root,
+            }
+        };
+        let [by_position, by_velocity, by_speed] = machine.weights;
+        let own = horizon.motor_speeds[k];
+        // the drive slews fastest as a block begins
+        let speed = reference(k)[3] + begin[3];
+        let drive = machine.drive;
+        Block {
+            transition,
+            input,
+            residuals: [
+                residual(piston, by_position),
+                residual([0.0, 1.0, 0.0, 0.0].into(), by_velocity),
+            ],
+            command_residual: [(by_speed * PERIODS[k] as f64).sqrt(), 0.0],
+            command_range: [-machine.speed - own, machine.speed - own],
+            limits: [Limit {
+                of: Linear {
+                    state: [0.0, 0.0, 0.0, -drive].into(),
+                    command: drive,
+                    value: drive * (own - speed),
+                },
+                range: [-machine.slew, machine.slew],
+                price: f64::INFINITY,
+            }],
+        }
+    });
+    (blocks, error)
+}
+
 impl Controller for LinearMpc {
-    fn start(&mut self, measurement: &Measurement, _delay_cycles: u32) {
-        let signals = &measurement.axes[0].signals;
-        self.filter.start(&BenchmarkInput::of(signals, self.area_ratio));
-        self.speeds.fill(0.0);
+    fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
+        self.machine.start(measurement, delay_cycles);
+        self.reference = None;
     }
 
     fn update(
@@ -86,33 +153,10 @@ impl Controller for LinearMpc {
         preview: &Preview<f64>,
         _simulated: Option<&SimulatedState>,
     ) -> Command {
-        let signals = &measurement.axes[0].signals;
-        self.filter.correct(&BenchmarkInput::of(signals, self.area_ratio));
-        // where the crane goes with the motor turning as the reference takes it, and by how much that is wrong
-        let mut state: nalgebra::SVector<f64, ALL> = self.filter.state;
-        let mut lacking = DVector::zeros(MOVES * BLOCKS);
-        let mut own = DVector::zeros(BLOCKS);
-        for k in 0..BLOCKS {
-            let [now, then, after] = [k, k + 1, k + 2].map(|k| preview.at(k as f64 * BLOCK));
-            let disturbances = self.filter.disturbances();
-            let of = |a: f64, b: f64| (b - a) / BLOCK;
-            let (_, speed) =
-                self.blocks.wanted(&now, of(now.velocity, then.velocity), disturbances);
-            own[k] = speed;
-            let (pressure, holding) = self.blocks.rest(now.position);
-            state = self.blocks.a * state + self.blocks.b * vector![speed - holding, pressure];
-            let (wanted, _) =
-                self.blocks.wanted(&then, of(then.velocity, after.velocity), disturbances);
-            let off = state.fixed_rows::<MOVES>(0) - wanted;
-            lacking.rows_mut(MOVES * k, MOVES).copy_from(&off);
-        }
-        let limit = self.plant.speed_limit();
-        // in motor speeds themselves, which have limits: u = own + change
-        let slope = self.response.transpose() * (&self.costs * (lacking - &self.response * &own))
-            - &own * self.by_speed;
-        self.program.least(&slope, &mut self.speeds, limit, STEPS);
-        self.filter.predict(&self.plant, signals.motor_speed);
-        Command::released([self.speeds[0]])
+        self.machine.observe(measurement);
+        let command = self.command(preview).unwrap_or(0.0);
+        self.machine.commanded(command);
+        Command::released([command])
     }
 
     fn status(&self) -> ControllerStatus {
@@ -122,33 +166,36 @@ impl Controller for LinearMpc {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lqg::LQG;
+    use super::super::nonlinear_mpc_oracle::machine_at_rest;
     use super::*;
-    use hydroboom_control::measurement::AxisSignals;
-    use hydroboom_control::reference::profile::SetPoint;
+    use hydroboom_control::feedback::riccati::dot;
 
-    /// What comes after the horizon costs what feedback of least cost takes, and so the horizon changes nothing where no limit is met.
+    /// Without an active limit the first command is the regulator's, but for commands that are held over a block.
     #[test]
-    fn without_a_limit_to_meet_it_is_the_feedback_of_least_cost() {
-        let model = Description::uia_single_boom().unwrap();
-        let mut mpc = LinearMpc::new(&model, &LQG).unwrap();
-        let (_, gain) = LQG.feedback(&mpc.blocks).unwrap();
-        let still = SetPoint { position: 0.2, velocity: 0.0 };
-        let (rest, holding) = mpc.blocks.wanted(&still, 0.0, [0.0; 2]);
-        let off: nalgebra::SVector<f64, MOVES> = [2e-3, -0.01, 3e5].into();
-        let at = rest + off;
-        mpc.filter.state.fixed_rows_mut::<MOVES>(0).copy_from(&at);
-        let signals = AxisSignals { stroke: at[0], pressure_a: at[2], ..AxisSignals::default() };
-        let measurement = Measurement::new(1, 0.0, [signals]);
-        let preview = Preview::at_rest(model.numbers.control_period, still.position);
-        // the filter, which the measured motor speed moves on, is set back each time; the solver goes on where it was
-        let estimated = mpc.filter.state;
-        for _ in 0..200 {
-            mpc.filter.state = estimated;
-            mpc.update(&measurement, &preview, None);
+    fn without_a_limit_to_meet_it_is_the_regulator() {
+        let machine = machine_at_rest(&Description::uia_single_boom().unwrap());
+        let (law, now) = (&machine.law, machine.now().unwrap());
+        let still = Preview::at_rest(law.period, 0.25);
+        let horizon = ReferenceAhead::at_rest(law, now, 0.25).horizon(law, now, &still);
+        let plant = law.linear_quadratic(now.estimator, now.estimated);
+        let payload = now.estimated.filter.estimate.payload;
+        let compliance = law.model.at(now.predicted.position, payload).compliance;
+        let regulator = law.settled_regulator(now.estimator, now.estimated);
+        for off in [
+            [2e-4, 0.0, 0.0, 0.0],
+            [0.0, 2e-3, 0.0, 0.0],
+            [0.0, 0.0, 5e4, 0.0],
+            [0.0, 0.0, 0.0, 0.5],
+        ] {
+            let mut at = Machine::of(&machine, now);
+            at.state = SVector::from(horizon.points[0].state.to_array()) + SVector::from(off);
+            let (blocks, end) = linearised(&plant, compliance, &horizon, &at);
+            let mut program = QuadraticProgram::<BLOCKS, BLOCKS>::empty();
+            let cost_to_go = square(&regulator.cost_to_go);
+            condense(&mut program, &blocks, (&cost_to_go, &end), at.speed);
+            let change = program.minimum(ITERATIONS).unwrap();
+            let (found, wanted) = (at.speed * change[0], -dot(&regulator.gain, &off));
+            assert!((found / wanted - 1.0).abs() < 0.02, "{off:?}: {found} for {wanted} rev/s");
         }
-        let wanted = holding - (gain * off)[0];
-        assert!((mpc.speeds[0] - wanted).abs() < 1e-6, "{} for {wanted}", mpc.speeds[0]);
-        assert!((wanted - holding).abs() > 0.5, "nothing was asked for");
     }
 }

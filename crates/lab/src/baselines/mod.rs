@@ -1,51 +1,81 @@
 //! Baselines: what the strategies are held against. The best published alternatives, on the same cranes, each knowing the
-//! paper's crane only.
+//! controller's crane file only.
 //!
 //! They are here to be compared, not to be used on a machine: the strategies that are offered are those of
 //! [`Strategy`](hydroboom_control::strategy::Strategy).
 
-mod box_qp;
+mod condensed;
+mod estimated_machine;
+mod horizon;
 mod kalman_filter;
 mod linear_mpc;
 mod linear_plant;
 mod lqg;
+mod nonlinear_mpc;
+#[cfg(test)]
+mod nonlinear_mpc_oracle;
+mod optimal_control_problem;
+mod quadratic_program;
+mod reference_ahead;
 mod retuned_benchmark;
 mod riccati;
 
-pub use linear_mpc::MPC;
 pub use lqg::{LQG, Weights};
-pub use retuned_benchmark::{Gains, RETUNED};
 
 use crate::LabError;
 use hydroboom_control::controller::Controller;
 use hydroboom_description::Description;
+use hydroboom_design::benchmark_design::{Gains, benchmark_design, payload_range};
 use linear_mpc::LinearMpc;
 use lqg::Lqg;
+use nonlinear_mpc::NonlinearMpc;
 use retuned_benchmark::RetunedBenchmark;
 
 /// A controller that is only compared with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Baseline {
-    /// The benchmark controller, its four numbers found anew on virtual cranes.
+    /// The benchmark controller with gains that are designed for the payload range of the crane file.
     RetunedBenchmark(Gains),
-    /// Linear-quadratic state feedback on an observer's state of the machine.
+    /// The same with an input shaper (ZVD) for the boom's lowest mode.
+    ShapedBenchmark(Gains),
+    /// Linear-quadratic state feedback on the state of a Kalman filter, both of one operating point: a fixed design.
     Lqg(Weights),
-    /// Linear model-predictive control on the same observer; it sees the reference half a second ahead, and the motor's limits.
-    LinearMpc(Weights),
+    /// Linear model-predictive control with estimator, gain schedule and weights of the scheduled LQR, and the motor's limits.
+    LinearMpc,
+    /// Nonlinear model-predictive control with the same, and limits of the pressure.
+    NonlinearMpc,
 }
 
 impl Baseline {
-    /// All of them, with the numbers that were found for each.
-    pub const ALL: [Self; 3] =
-        [Self::RetunedBenchmark(RETUNED), Self::Lqg(LQG), Self::LinearMpc(MPC)];
+    /// Names of all of them, in their order.
+    pub const NAMES: [&'static str; 5] =
+        ["retuned-benchmark", "shaped-benchmark", "lqg", "linear-mpc", "nonlinear-mpc"];
+
+    /// All of them, as designed for a model.
+    ///
+    /// # Errors
+    ///
+    /// [`LabError::Design`] where no gains keep the benchmark's margins over the payload range.
+    pub fn all(model: &Description) -> Result<[Self; 5], LabError> {
+        let gains = benchmark_design(model, payload_range(model))?.gains;
+        Ok([
+            Self::RetunedBenchmark(gains),
+            Self::ShapedBenchmark(gains),
+            Self::Lqg(LQG),
+            Self::LinearMpc,
+            Self::NonlinearMpc,
+        ])
+    }
 
     /// Name in tables and JSON.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::RetunedBenchmark(_) => "reoptimised-benchmark",
-            Self::Lqg(_) => "lqg",
-            Self::LinearMpc(_) => "linear-mpc",
-        }
+        Self::NAMES[match self {
+            Self::RetunedBenchmark(_) => 0,
+            Self::ShapedBenchmark(_) => 1,
+            Self::Lqg(_) => 2,
+            Self::LinearMpc => 3,
+            Self::NonlinearMpc => 4,
+        }]
     }
 
     /// The controller for a machine of which the model is known.
@@ -56,8 +86,10 @@ impl Baseline {
     pub(crate) fn controller(self, model: &Description) -> Result<Box<dyn Controller>, LabError> {
         Ok(match self {
             Self::RetunedBenchmark(gains) => Box::new(RetunedBenchmark::new(model, &gains)),
+            Self::ShapedBenchmark(gains) => Box::new(RetunedBenchmark::shaped(model, &gains)?),
             Self::Lqg(weights) => Box::new(Lqg::new(model, &weights)?),
-            Self::LinearMpc(weights) => Box::new(LinearMpc::new(model, &weights)?),
+            Self::LinearMpc => Box::new(LinearMpc::new(model)?),
+            Self::NonlinearMpc => Box::new(NonlinearMpc::new(model)?),
         })
     }
 }

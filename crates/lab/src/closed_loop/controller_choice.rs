@@ -24,11 +24,21 @@ impl ControllerChoice {
         Strategy::ALL.map(Self::Strategy).to_vec()
     }
 
-    /// All strategies, then all baselines.
-    pub fn all() -> Vec<Self> {
+    /// All strategies, then all baselines as designed for a model.
+    ///
+    /// # Errors
+    ///
+    /// As of [`Baseline::all`].
+    pub fn all(model: &Description) -> Result<Vec<Self>, LabError> {
         let mut all = Self::strategies();
-        all.extend(Baseline::ALL.map(Self::Baseline));
-        all
+        all.extend(Baseline::all(model)?.map(Self::Baseline));
+        Ok(all)
+    }
+
+    /// Its place among all of them.
+    pub fn place(self) -> usize {
+        let names = Strategy::ALL.iter().map(|strategy| strategy.name()).chain(Baseline::NAMES);
+        names.take_while(|name| *name != self.name()).count()
     }
 
     /// The controller for a machine of which the model is known.
@@ -60,6 +70,12 @@ impl ControllerChoice {
 impl From<Strategy> for ControllerChoice {
     fn from(strategy: Strategy) -> Self {
         Self::Strategy(strategy)
+    }
+}
+
+impl From<Baseline> for ControllerChoice {
+    fn from(baseline: Baseline) -> Self {
+        Self::Baseline(baseline)
     }
 }
 

@@ -36,6 +36,8 @@ pub struct Effort {
     /// Windows follow each other from the first second of a rest on; before a load change and at the end of the course the last may be shorter. Each
     /// has its own mean, and their squares are pooled. Not a number where the course has no such rest.
     pub motor_ripple_rpm: f64,
+    /// Root mean square of the motor's rate of change of speed over the whole course, rests included.
+    pub motor_slew_rpm_per_s: f64,
 }
 
 impl Effort {
@@ -46,6 +48,7 @@ impl Effort {
         tip_deflection_mm: f64::NAN,
         residual_vibration_mm: f64::NAN,
         motor_ripple_rpm: f64::NAN,
+        motor_slew_rpm_per_s: f64::NAN,
     };
 }
 
@@ -208,6 +211,9 @@ pub struct Metrics {
     /// Time and slow part of the tip's deflection a period ago; none before the first.
     before: Option<(f64, f64)>,
     has_moved: bool,
+    /// Motor speed a period ago \[rpm\], and the integral of the square of its rate so far \[rpm²/s\].
+    turned: Option<f64>,
+    slew_square: f64,
     vibration: f64,
     resting: u64,
     ripple: MotorRipple,
@@ -262,6 +268,11 @@ impl Metrics {
         let effort = &mut self.effort;
         effort.motor_speed_rpm = effort.motor_speed_rpm.max(60.0 * truth.motor_speed.abs());
         effort.energy_kj += 1e-3 * power.max(0.0) * passed;
+        let speed = 60.0 * truth.motor_speed;
+        let turned = self.turned.replace(speed).unwrap_or(speed);
+        if passed > 0.0 {
+            self.slew_square += (speed - turned) * (speed - turned) / passed;
+        }
         effort.tip_deflection_mm = effort.tip_deflection_mm.max(1e3 * deflection.abs());
         self.has_moved |= sample.reference.velocity != 0.0;
         if self.has_moved && sample.reference.velocity == 0.0 {
@@ -276,6 +287,7 @@ impl Metrics {
         Effort {
             residual_vibration_mm: 1e3 * vibration,
             motor_ripple_rpm: self.ripple.deviation(),
+            motor_slew_rpm_per_s: (self.slew_square / self.time.max(f64::MIN_POSITIVE)).sqrt(),
             ..self.effort
         }
     }

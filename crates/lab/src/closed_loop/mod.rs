@@ -8,6 +8,7 @@ pub mod estimator_consistency;
 pub mod family_margins;
 pub mod metrics;
 pub mod monte_carlo;
+pub mod period_time;
 pub mod robustness;
 pub mod sample;
 pub mod scenario;

@@ -347,8 +347,8 @@ pub struct Row {
     pub rms_true_over_benchmark: Percentiles,
     /// The same as measured.
     pub rms_measured_over_benchmark: Percentiles,
-    /// Its true RMS over that of the re-optimised benchmark on the same crane, where that is one of the controllers.
-    pub rms_true_over_reoptimised_benchmark: Option<Percentiles>,
+    /// Its true RMS over that of the retuned benchmark on the same crane, where that is one of the controllers.
+    pub rms_true_over_retuned_benchmark: Option<Percentiles>,
     /// Its true peak over the benchmark's on the same crane.
     pub peak_true_over_benchmark: Percentiles,
     /// Its energy over the benchmark's on the same crane.
@@ -359,6 +359,12 @@ pub struct Row {
     pub vibration_over_benchmark: Percentiles,
     /// Its motor ripple at rest.
     pub motor_ripple_rpm: Percentiles,
+    /// Its motor slew, the root mean square over each course.
+    pub motor_slew_rpm_per_s: Percentiles,
+    /// Cranes on which it was in sustained oscillation.
+    pub oscillating: usize,
+    /// Cranes that it did not lead to the end of the course.
+    pub unfinished: usize,
     /// Share of cranes on which its true RMS is smaller.
     pub better_percent: f64,
 }
@@ -371,10 +377,10 @@ pub fn rows(
 ) -> Vec<Row> {
     let is_benchmark = |c: &ControllerChoice| *c == Strategy::BenchmarkClosedLoop.into();
     let Some(benchmark) = controllers.iter().position(is_benchmark) else { return Vec::new() };
-    let is_reoptimised = |c: &ControllerChoice| {
+    let is_retuned = |c: &ControllerChoice| {
         matches!(c, ControllerChoice::Baseline(Baseline::RetunedBenchmark(_)))
     };
-    let reoptimised = controllers.iter().position(is_reoptimised);
+    let retuned = controllers.iter().position(is_retuned);
     let count = results.len().max(1) as f64;
     let mut rows = Vec::new();
     for (s, controller) in controllers.iter().enumerate() {
@@ -389,6 +395,9 @@ pub fn rows(
             let share = |holds: &dyn Fn(&Outcomes) -> bool| {
                 results.iter().filter(|(_, o)| holds(o)).count() as f64 / count * 100.0
             };
+            let count_of = |holds: &dyn Fn(&Outcome) -> bool| {
+                results.iter().filter(|(_, o)| holds(&o[s][c])).count()
+            };
             rows.push(Row {
                 controller: *controller,
                 course: course.clone(),
@@ -399,13 +408,16 @@ pub fn rows(
                 rms_true_over_benchmark: over(&|o| o.error.rms_true_mm),
                 unstable_percent: share(&|o| o[s][c].unstable),
                 rms_measured_over_benchmark: over(&|o| o.error.rms_measured_mm),
-                rms_true_over_reoptimised_benchmark: reoptimised
+                rms_true_over_retuned_benchmark: retuned
                     .map(|other| over_that_of(other, &|o| o.error.rms_true_mm)),
                 peak_true_over_benchmark: over(&|o| o.error.peak_true_mm.abs()),
                 energy_over_benchmark: over(&|o| o.effort.energy_kj),
                 motor_speed_over_benchmark: over(&|o| o.effort.motor_speed_rpm),
                 vibration_over_benchmark: over(&|o| o.effort.residual_vibration_mm),
                 motor_ripple_rpm: spread(&|o| o.effort.motor_ripple_rpm),
+                motor_slew_rpm_per_s: spread(&|o| o.effort.motor_slew_rpm_per_s),
+                oscillating: count_of(&|o| o.unstable && !o.error.rms_true_mm.is_nan()),
+                unfinished: count_of(&|o| o.error.rms_true_mm.is_nan()),
                 better_percent: share(&|o| {
                     o[s][c].error.rms_true_mm < o[benchmark][c].error.rms_true_mm
                 }),
@@ -418,6 +430,7 @@ pub fn rows(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hydroboom_design::benchmark_design::Gains;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
@@ -496,9 +509,10 @@ mod tests {
 
     #[test]
     fn errors_are_told_over_those_of_both_benchmarks_on_the_same_crane() {
-        let reoptimised = ControllerChoice::Baseline(Baseline::ALL[0]);
+        let gains = Gains::of(&Description::uia_single_boom().unwrap());
+        let retuned = ControllerChoice::Baseline(Baseline::RetunedBenchmark(gains));
         let controllers =
-            [Strategy::BenchmarkClosedLoop.into(), Strategy::ScheduledLqr.into(), reoptimised];
+            [Strategy::BenchmarkClosedLoop.into(), Strategy::ScheduledLqr.into(), retuned];
         let outcome = |rms_mm| Outcome {
             error: TrackingError {
                 rms_true_mm: rms_mm,
@@ -520,15 +534,14 @@ mod tests {
             })
             .collect();
         let rows = rows(&controllers, &["there".into()], &results);
-        for (row, (over, over_reoptimised)) in
-            rows.iter().zip([(1.0, 2.0), (0.125, 0.25), (0.5, 1.0)])
+        for (row, (over, over_retuned)) in rows.iter().zip([(1.0, 2.0), (0.125, 0.25), (0.5, 1.0)])
         {
             assert_eq!(
                 (row.rms_true_over_benchmark.p5, row.rms_true_over_benchmark.worst),
                 (over, over)
             );
-            let spread = row.rms_true_over_reoptimised_benchmark.unwrap();
-            assert_eq!((spread.p5, spread.worst), (over_reoptimised, over_reoptimised));
+            let spread = row.rms_true_over_retuned_benchmark.unwrap();
+            assert_eq!((spread.p5, spread.worst), (over_retuned, over_retuned));
         }
     }
 

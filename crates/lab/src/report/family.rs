@@ -97,12 +97,12 @@ fn table(rows: &[&Row]) -> Markup {
     html! {
         div.wide { table {
             thead { tr {
-                th { "strategy" } @for head in TrackingError::HEADS { th { (head) ": median (5 .. 95 %), worst" } } th { "motor ripple at rest [rpm]: median (5 .. 95 %), worst" } th { "unstable [%]" }
+                th { "strategy" } @for head in TrackingError::HEADS { th { (head) ": median (5 .. 95 %), worst" } } th { "motor ripple at rest [rpm]: median (5 .. 95 %), worst" } th { "motor slew, RMS [rpm/s]: median (5 .. 95 %), worst" } th { "oscillating" } th { "not finished" }
             } }
             tbody { @for r in rows {
                 tr {
                     td { (name(r)) } @for spread in [r.rms_true_mm, r.rms_measured_mm, r.peak_true_mm, r.peak_measured_mm] { td { (spread.text(3)) } }
-                    td { (r.motor_ripple_rpm.text(1)) } td { (format!("{:.1}", r.unstable_percent)) }
+                    td { (r.motor_ripple_rpm.text(1)) } td { (r.motor_slew_rpm_per_s.text(0)) } td { (r.oscillating) } td { (r.unfinished) }
                 }
             } }
         } }
@@ -111,7 +111,7 @@ fn table(rows: &[&Row]) -> Markup {
 
 /// What each has over the benchmark on the same crane: error, then largest motor speed and energy.
 fn beside_the_benchmark(rows: &[&Row]) -> Markup {
-    let reoptimised = rows.iter().any(|r| r.rms_true_over_reoptimised_benchmark.is_some());
+    let retuned = rows.iter().any(|r| r.rms_true_over_retuned_benchmark.is_some());
     let others: Vec<&&Row> =
         rows.iter().filter(|r| r.controller != Strategy::BenchmarkClosedLoop.into()).collect();
     html! {
@@ -119,13 +119,13 @@ fn beside_the_benchmark(rows: &[&Row]) -> Markup {
         div.wide { table {
             thead { tr {
                 th { "strategy" } th { "RMS true" } th { "RMS measured" } th { "less RMS true on [% of the cranes]" }
-                @if reoptimised { th { "RMS true over the re-optimised benchmark's" } }
+                @if retuned { th { "RMS true over the retuned benchmark's" } }
             } }
             tbody { @for r in &others {
                 tr {
                     td { (name(r)) } td { (r.rms_true_over_benchmark.text(3)) } td { (r.rms_measured_over_benchmark.text(3)) }
                     td { (format!("{:.0}", r.better_percent)) }
-                    @if reoptimised { td { (r.rms_true_over_reoptimised_benchmark.map_or("-".into(), |s| s.text(2))) } }
+                    @if retuned { td { (r.rms_true_over_retuned_benchmark.map_or("-".into(), |s| s.text(2))) } }
                 }
             } }
         } }

@@ -25,7 +25,7 @@ pub fn colour_of(strategy: Strategy) -> usize {
 
 /// The place of a controller: that of its strategy, or beyond the palette, which begins anew.
 pub(super) fn colour_of_controller(controller: ControllerChoice) -> usize {
-    ControllerChoice::all().iter().position(|c| *c == controller).unwrap_or(NEUTRAL)
+    controller.place()
 }
 
 /// The colour of a place.

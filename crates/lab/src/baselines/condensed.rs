@@ -1,0 +1,99 @@
+//! Condensed quadratic program of a horizon: states are eliminated, the commands of the blocks are what is left.
+//!
+//! ```text
+//! δz(k+1) = A_k δz(k) + b_k δu_k,  δz(0) = 0
+//! minimise ½ Σ_k Σ_j (c_jᵀ δz(k) + d_j δu_k + r_j)² + ½ Σ_k (s_k δu_k + o_k)² + ½ (δz(N) + e)ᵀ P (δz(N) + e)
+//! ```
+//!
+//! Source: H. G. Bock, K. J. Plitt, *A multiple shooting algorithm for direct solution of optimal control problems*, 1984 (condensing).
+
+use super::horizon::BLOCKS;
+use super::quadratic_program::QuadraticProgram;
+use nalgebra::{SMatrix, SVector};
+
+/// A number of a block as a linear function of the change of the state at its beginning and of its command.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Linear<const Z: usize> {
+    /// Gradient by the state.
+    pub state: SVector<f64, Z>,
+    /// Slope by the command.
+    pub command: f64,
+    /// Value where nothing is changed.
+    pub value: f64,
+}
+
+/// A limit of such a number.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limit<const Z: usize> {
+    /// The number.
+    pub of: Linear<Z>,
+    /// Lowest and highest value.
+    pub range: [f64; 2],
+    /// Cost of a violation; infinite where the limit is hard.
+    pub price: f64,
+}
+
+/// A block of the horizon, linearised about what is commanded so far: Z states, L limits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Block<const Z: usize, const L: usize> {
+    /// A_k
+    pub transition: SMatrix<f64, Z, Z>,
+    /// b_k
+    pub input: SVector<f64, Z>,
+    /// Residuals at the block's end.
+    pub residuals: [Linear<Z>; 2],
+    /// Residual of the command: slope and value.
+    pub command_residual: [f64; 2],
+    /// Lowest and highest change of the command.
+    pub command_range: [f64; 2],
+    /// Limits.
+    pub limits: [Limit<Z>; L],
+}
+
+/// Fills in the program whose unknowns are the changes of the commands over `scale`; R rows are L limits a block.
+pub(super) fn condense<const Z: usize, const L: usize, const R: usize>(
+    program: &mut QuadraticProgram<BLOCKS, R>,
+    blocks: &[Block<Z, L>; BLOCKS],
+    (cost_to_go, end): (&SMatrix<f64, Z, Z>, &SVector<f64, Z>),
+    scale: f64,
+) {
+    // δz of this block by the commands before it
+    let mut response = SMatrix::<f64, Z, BLOCKS>::zeros();
+    program.hessian.fill(0.0);
+    program.slope.fill(0.0);
+    for (k, block) in blocks.iter().enumerate() {
+        let gradient = |of: &Linear<Z>| {
+            let mut gradient = response.tr_mul(&of.state);
+            gradient[k] += of.command * scale;
+            gradient
+        };
+        for residual in &block.residuals {
+            let gradient = gradient(residual);
+            for j in 0..=k {
+                for i in 0..=k {
+                    program.hessian[(i, j)] += gradient[i] * gradient[j];
+                }
+            }
+            program.slope.axpy(residual.value, &gradient, 1.0);
+        }
+        let [slope, value] = block.command_residual;
+        program.hessian[(k, k)] += (slope * scale) * (slope * scale);
+        program.slope[k] += slope * scale * value;
+        let [low, high] = block.command_range;
+        (program.bounds[0][k], program.bounds[1][k]) = (low / scale, high / scale);
+        for (l, limit) in block.limits.iter().enumerate() {
+            let row = L * k + l;
+            program.rows.set_column(row, &gradient(&limit.of));
+            let [low, high] = limit.range;
+            program.limits[0][row] = low - limit.of.value;
+            program.limits[1][row] = high - limit.of.value;
+            program.prices[row] = limit.price;
+        }
+        response = block.transition * response;
+        let mut own = response.column_mut(k);
+        own += block.input * scale;
+    }
+    let weighted = cost_to_go * response;
+    program.hessian += response.tr_mul(&weighted);
+    program.slope += weighted.tr_mul(end);
+}

@@ -1,0 +1,92 @@
+//! The machine as the predictive controllers know it: estimator, reduced model, operating point and regulator of the scheduled LQR.
+
+use crate::LabError;
+use hydroboom_control::controller::Controller;
+use hydroboom_control::estimation::reduced_model::MachineState;
+use hydroboom_control::estimation::state_estimator::{
+    PredictedState, StateEstimator, StateEstimatorState,
+};
+use hydroboom_control::feedback::riccati::{ORDER, Regulator};
+use hydroboom_control::feedback::scheduled_lqr::ScheduledLqr;
+use hydroboom_control::feedback::scheduled_lqr_controller::ScheduledLqrController;
+use hydroboom_control::measurement::Measurement;
+use hydroboom_description::Description;
+use hydroboom_design::scheduled_lqr::{designed, known_delay};
+
+/// Estimator, law and regulator.
+pub(super) struct EstimatedMachine {
+    /// Holds the estimator, and takes measurements in as it does under its own law.
+    observer: ScheduledLqrController,
+    /// Weights, gain schedule and smoothing; its command is not used.
+    pub law: ScheduledLqr<f64>,
+    regulator: Regulator<f64>,
+    /// Motor speed that was commanded last \[rev/s\].
+    command: f64,
+}
+
+/// What is known in a control period.
+#[derive(Clone, Copy)]
+pub(super) struct Now<'a> {
+    /// The estimator.
+    pub estimator: &'a StateEstimator<f64>,
+    /// Its estimates, at the time of the measurement.
+    pub estimated: &'a StateEstimatorState<f64>,
+    /// State when the command arrives.
+    pub predicted: PredictedState<f64>,
+}
+
+impl Now<'_> {
+    /// All states when the command arrives: friction has gone the way of the load.
+    pub(super) fn state(&self) -> MachineState<f64> {
+        let estimate = &self.estimated.filter.estimate;
+        let PredictedState { position, velocity, load_pressure, .. } = self.predicted;
+        let model = &self.estimator.filter.model;
+        let bending = model.presliding_stiffness * (position - estimate.position);
+        let friction = (estimate.friction + bending) / (1.0 + bending.abs() / model.coulomb);
+        MachineState { position, velocity, load_pressure, friction, ..*estimate }
+    }
+}
+
+impl EstimatedMachine {
+    pub(super) fn new(model: &Description) -> Result<Self, LabError> {
+        let (estimator, law) = designed(model, known_delay(model) as usize)?;
+        let observer = ScheduledLqrController::new(estimator, law, model.cylinder().area_ratio());
+        let regulator = Regulator { cost_to_go: [[0.0; ORDER]; ORDER], gain: [0.0; ORDER] };
+        Ok(Self { observer, law, regulator, command: 0.0 })
+    }
+
+    /// Begins at rest; the regulator of the operating point settles.
+    pub(super) fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
+        self.observer.start(measurement, delay_cycles);
+        if let Some(state) = self.observer.law_state() {
+            self.regulator = state.regulator;
+        }
+        self.command = 0.0;
+    }
+
+    /// Takes a measurement in; the regulator follows the operating point.
+    pub(super) fn observe(&mut self, measurement: &Measurement) {
+        self.observer.observe(measurement, self.command);
+        if let Some(estimated) = self.observer.estimated() {
+            let (estimator, before) = (self.observer.estimator(), Some(self.regulator));
+            self.regulator = self.law.follow_operating_point(before, estimator, estimated);
+        }
+    }
+
+    /// What is known; none before the first good measurement.
+    pub(super) fn now(&self) -> Option<Now<'_>> {
+        let estimator = self.observer.estimator();
+        let estimated = self.observer.estimated()?;
+        Some(Now { estimator, estimated, predicted: estimator.predict(estimated) })
+    }
+
+    /// Regulator of the operating point.
+    pub(super) fn regulator(&self) -> &Regulator<f64> {
+        &self.regulator
+    }
+
+    /// Keeps what is commanded \[rev/s\], which the estimator takes in with the next measurement.
+    pub(super) fn commanded(&mut self, command: f64) {
+        self.command = command;
+    }
+}

@@ -1,0 +1,225 @@
+//! Optimal control problem of the nonlinear predictive controller: the reduced model over a horizon, with limits of motor speed, slew and pressure.
+//!
+//! ```text
+//! minimise ½ Σ_k (v_k (q_x (x_(k+1) − x_ref)² + q_w (w_(k+1) − w_ref)²) + m_k r (u_k − u_ref)²) + ½ e_Nᵀ P e_N
+//! subject to  z_(k+1) = F(z_k, u_k),   |u_k| ≤ n_max,   |g (u_k − n_k)| ≤ slew,   p_min ≤ p_k + p_h ≤ p_max
+//! ```
+//!
+//! z = (y, w, p, f, n): load position and velocity, load pressure, friction, motor speed; x = y + γ p is the piston. m_k are the periods of a block and v_k the
+//! weights of its end; g is the share of the way
+//! to its command that the motor goes in a period. F is the estimator's own model in steps of at most [`LONGEST_STEP`] periods. Slopes are exact, by dual numbers.
+
+use super::condensed::{Block, Limit, Linear};
+use super::horizon::{BLOCKS, PERIODS, WEIGHTS};
+use super::reference_ahead::ReferenceHorizon;
+use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
+use hydroboom_control::feedback::riccati::{Matrix, ORDER};
+use hydroboom_math::{Dual, Real};
+use nalgebra::{SMatrix, SVector};
+
+/// States of the problem.
+pub(super) const STATES: usize = 5;
+/// Limits of a block: slew, and pressure at its end.
+pub(super) const LIMITS: usize = 2;
+/// Control periods in a step of the model at most.
+const LONGEST_STEP: usize = 5;
+/// Directions of the slopes: all states, and the command.
+type Slopes = Dual<f64, 6>;
+/// Place of the friction, which has no part in the cost to go.
+const FRICTION: usize = 3;
+
+/// Limits of the machine.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct MachineLimits {
+    /// Largest motor speed \[rev/s\].
+    pub motor_speed: f64,
+    /// Largest change of motor speed in a control period \[rev/s\].
+    pub slew: f64,
+    /// Lowest and highest pressure on the piston side \[Pa\].
+    pub pressure: [f64; 2],
+    /// Cost of a pressure beyond them, per pascal.
+    pub pressure_price: f64,
+}
+
+/// The problem.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct OptimalControlProblem {
+    /// The model.
+    pub model: ReducedModel<f64>,
+    /// State at the beginning, disturbances and parameters.
+    pub begin: MachineState<f64>,
+    /// Motor speed at the beginning \[rev/s\].
+    pub motor_speed: f64,
+    /// Piston-side pressure beyond the load pressure \[Pa\].
+    pub rod_side_term: f64,
+    /// Share of the way to its command that the motor's speed goes in a period.
+    pub drive: f64,
+    /// Control period \[s\].
+    pub period: f64,
+    /// Limits.
+    pub limits: MachineLimits,
+    /// Weights of position \[1/m²\], velocity \[s²/m²\] and motor speed \[s²/rev²\] in a period.
+    pub weights: [f64; 3],
+    /// The reference.
+    pub reference: ReferenceHorizon,
+    /// Cost to go over (y, w, p, n).
+    pub cost_to_go: Matrix<f64>,
+}
+
+/// The problem linearised about commands.
+pub(super) struct Linearised {
+    /// The blocks.
+    pub blocks: [Block<STATES, LIMITS>; BLOCKS],
+    /// Cost to go, and the error at the end.
+    pub cost_to_go: SMatrix<f64, STATES, STATES>,
+    /// Error at the end.
+    pub end: SVector<f64, STATES>,
+}
+
+/// A state of the model and of the motor.
+#[derive(Clone, Copy)]
+struct Motion<T> {
+    machine: MachineState<T>,
+    motor_speed: T,
+}
+
+impl OptimalControlProblem {
+    /// A block on, with a command \[rev/s\].
+    fn block<T: Real>(
+        &self,
+        model: &ReducedModel<T>,
+        begin: Motion<T>,
+        command: T,
+        periods: usize,
+    ) -> Motion<T> {
+        let steps = periods.div_ceil(LONGEST_STEP);
+        let in_step = periods as f64 / steps as f64;
+        // of a first-order lag: the share of the way in a step, and the mean share of what is left over it
+        let rate = -Real::ln(1.0 - self.drive);
+        let share = 1.0 - Real::exp(-rate * in_step);
+        let mean_left = T::lit(share / (rate * in_step));
+        let Motion { mut machine, mut motor_speed } = begin;
+        for _ in 0..steps {
+            let left = motor_speed - command;
+            let mean = left.mul_add(mean_left, command);
+            let h = T::lit(self.period * in_step);
+            machine = model.step(&machine, mean, T::lit(self.rod_side_term), h);
+            motor_speed = motor_speed - left * T::lit(share);
+        }
+        Motion { machine, motor_speed }
+    }
+
+    /// The model with an unknown force that lasts as long as the horizon, as the reference's inverse dynamics take it.
+    fn lasting(&self) -> ReducedModel<f64> {
+        ReducedModel { disturbance_time: f64::INFINITY, ..self.model }
+    }
+
+    /// The nearest command \[rev/s\] of the first block that keeps the limits of speed and slew: a program that was solved to within a tolerance may be off by that.
+    pub(super) fn allowed(&self, command: f64) -> f64 {
+        let MachineLimits { motor_speed: limit, slew, .. } = self.limits;
+        let reach = slew / self.drive;
+        command.clamp(self.motor_speed - reach, self.motor_speed + reach).clamp(-limit, limit)
+    }
+
+    /// Piston-side pressures \[Pa\] at the blocks' ends with these commands \[rev/s\].
+    #[cfg(test)]
+    pub(super) fn pressures(&self, commands: &[f64; BLOCKS]) -> [f64; BLOCKS] {
+        let model = self.lasting();
+        let mut now = Motion { machine: self.begin, motor_speed: self.motor_speed };
+        std::array::from_fn(|k| {
+            now = self.block(&model, now, commands[k], PERIODS[k]);
+            now.machine.load_pressure + self.rod_side_term
+        })
+    }
+
+    /// Linearised about commands \[rev/s\], from the beginning on.
+    pub(super) fn linearised(&self, commands: &[f64; BLOCKS]) -> Linearised {
+        let model = self.lasting().map(Slopes::constant);
+        let MachineLimits { motor_speed: limit, slew, pressure, pressure_price } = self.limits;
+        let [by_position, by_velocity, by_speed] = self.weights;
+        let mut now = Motion { machine: self.begin, motor_speed: self.motor_speed };
+        let blocks = std::array::from_fn(|k| {
+            let (command, periods) = (commands[k], PERIODS[k]);
+            let MachineState { position, velocity, load_pressure, friction, .. } = now.machine;
+            let begin = Motion {
+                machine: MachineState {
+                    position: Slopes::variable(position, 0),
+                    velocity: Slopes::variable(velocity, 1),
+                    load_pressure: Slopes::variable(load_pressure, 2),
+                    friction: Slopes::variable(friction, FRICTION),
+                    ..now.machine.map(Slopes::constant)
+                },
+                motor_speed: Slopes::variable(now.motor_speed, 4),
+            };
+            let command_slopes = Slopes::variable(command, STATES);
+            let end = self.block(&model, begin, command_slopes, periods);
+            let MachineState { position, velocity, load_pressure, friction, .. } = end.machine;
+            let all = [position, velocity, load_pressure, friction, end.motor_speed];
+            let off_speed = now.motor_speed;
+            now = Motion {
+                machine: end.machine.map(|v: Slopes| v.value),
+                motor_speed: end.motor_speed.value,
+            };
+            let linear = |of: Slopes, from: f64, times: f64| Linear {
+                state: SVector::from_fn(|i, _| of.slope[i] * times),
+                command: of.slope[STATES] * times,
+                value: (of.value - from) * times,
+            };
+            let reference = &self.reference.points[k + 1];
+            let root = |weight: f64, periods: f64| (weight * periods).sqrt();
+            let command_root = root(by_speed, periods as f64);
+            let mut by_motor = SVector::zeros();
+            by_motor[4] = -self.drive;
+            Block {
+                transition: SMatrix::from_fn(|i, j| all[i].slope[j]),
+                input: SVector::from_fn(|i, _| all[i].slope[STATES]),
+                residuals: [
+                    linear(
+                        model.piston(&end.machine),
+                        reference.piston,
+                        root(by_position, WEIGHTS[k]),
+                    ),
+                    linear(velocity, reference.state.velocity, root(by_velocity, WEIGHTS[k])),
+                ],
+                command_residual: [
+                    command_root,
+                    command_root * (command - self.reference.motor_speeds[k]),
+                ],
+                command_range: [-limit - command, limit - command],
+                limits: [
+                    Limit {
+                        of: Linear {
+                            state: by_motor,
+                            command: self.drive,
+                            value: self.drive * (command - off_speed),
+                        },
+                        range: [-slew, slew],
+                        price: f64::INFINITY,
+                    },
+                    Limit {
+                        of: linear(load_pressure, -self.rod_side_term, 1.0),
+                        range: pressure,
+                        price: pressure_price,
+                    },
+                ],
+            }
+        });
+        let end = &self.reference.points[BLOCKS].state;
+        let MachineState { position, velocity, load_pressure, .. } = now.machine;
+        let end = [
+            position - end.position,
+            velocity - end.velocity,
+            load_pressure - end.load_pressure,
+            0.0,
+            now.motor_speed - end.motor_speed,
+        ];
+        let place = [0, 1, 2, 4];
+        let mut cost_to_go = SMatrix::zeros();
+        for i in 0..ORDER {
+            for j in 0..ORDER {
+                cost_to_go[(place[i], place[j])] = self.cost_to_go[i][j];
+            }
+        }
+        Linearised { blocks, cost_to_go, end: end.into() }
+    }
+}

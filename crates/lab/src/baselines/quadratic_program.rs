@@ -1,0 +1,382 @@
+//! Quadratic program with limits, by a primal-dual interior-point method with a fixed number of iterations.
+//!
+//! ```text
+//! minimise ½ xᵀ H x + qᵀ x + Σ price_i · (distance of a_iᵀ x from its limits)
+//! subject to  l ≤ x ≤ u,  and l_i ≤ a_iᵀ x ≤ u_i  for rows without a price
+//! ```
+//!
+//! A row with a price is kept as a hard limit is, wherever its multiplier stays below the price (exact penalty): so a limit that nothing can keep leaves the program with a
+//! solution. Where the unlimited minimum keeps all limits it is the solution, and no iteration is needed.
+//!
+//! Sources: S. Mehrotra, *On the implementation of a primal-dual interior point method*, 1992; C. V. Rao, S. J. Wright, J. B. Rawlings, *Application of interior-point
+//! methods to model predictive control*, 1998, doi:10.1023/A:1021711402723; E. C. Kerrigan, J. M. Maciejowski, *Soft constraints and exact penalty functions in model
+//! predictive control*, 2000.
+
+use nalgebra::{SMatrix, SVector};
+
+/// Share of the way to the nearest limit of a multiplier or slack that a step goes at most.
+const STEP: f64 = 0.995;
+/// Mean complementarity, of the program scaled to curvatures of one, below which nothing is left to be done.
+const SOLVED: f64 = 1e-11;
+/// Least slack at the start.
+const LEAST_SLACK: f64 = 1e-2;
+
+/// A program of N unknowns with M rows.
+pub(super) struct QuadraticProgram<const N: usize, const M: usize> {
+    /// H, positive definite.
+    pub hessian: SMatrix<f64, N, N>,
+    /// q
+    pub slope: SVector<f64, N>,
+    /// Limits of the unknowns, l and u.
+    pub bounds: [SVector<f64, N>; 2],
+    /// Gradients a_i, a column each.
+    pub rows: SMatrix<f64, N, M>,
+    /// Limits of the rows.
+    pub limits: [SVector<f64, M>; 2],
+    /// Cost of a row's distance from its limits; infinite where they are hard.
+    pub prices: SVector<f64, M>,
+    /// Limits, one side each: N bounds and M rows, first below, then above.
+    sides: [Vec<Side>; 2],
+}
+
+/// One side of a limit, ± a_iᵀ x ≤ h + s with s ≥ 0; it changes from iteration to iteration.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    /// h, infinite where there is no limit.
+    limit: f64,
+    /// Price of s over the program's scale; infinite where s is none.
+    price: f64,
+    /// Slack, t = h + s − (± a_iᵀ x).
+    slack: f64,
+    multiplier: f64,
+    /// s, and the multiplier price − multiplier of s ≥ 0.
+    excess: f64,
+    /// What x lacks of feasibility, and weight of the side in the reduced equations.
+    residual: f64,
+    weight: f64,
+    /// Step of slack, multiplier and excess.
+    step: [f64; 3],
+}
+
+impl Side {
+    fn is_limit(&self) -> bool {
+        self.limit.is_finite()
+    }
+
+    fn is_soft(&self) -> bool {
+        self.price.is_finite()
+    }
+
+    fn excess_multiplier(&self) -> f64 {
+        if self.is_soft() { self.price - self.multiplier } else { 1.0 }
+    }
+
+    /// Sum of the complementarities after a share of a step, and how many they are.
+    fn complementarity(&self, share: f64) -> (f64, f64) {
+        let [slack, multiplier, excess] = self.step.map(|step| share * step);
+        let of_limit = (self.slack + slack) * (self.multiplier + multiplier);
+        match self.is_soft() {
+            true => {
+                let of_excess = (self.excess + excess) * (self.excess_multiplier() - multiplier);
+                (of_limit + of_excess, 2.0)
+            }
+            false => (of_limit, 1.0),
+        }
+    }
+
+    /// What the equations of this side add up to, with complementarities that are to vanish.
+    fn wanted(&self, [limit, excess]: [f64; 2]) -> f64 {
+        let soft = if self.is_soft() { excess / self.excess_multiplier() } else { 0.0 };
+        self.residual + soft - limit / self.multiplier
+    }
+
+    /// The step where ± a_iᵀ x changes by so much.
+    fn stepped(&mut self, change: f64, complementarity: [f64; 2]) {
+        let multiplier = self.weight * (change + self.wanted(complementarity));
+        let [limit, excess] = complementarity;
+        let slack = (-limit - self.slack * multiplier) / self.multiplier;
+        let excess = match self.is_soft() {
+            true => (-excess + self.excess * multiplier) / self.excess_multiplier(),
+            false => 0.0,
+        };
+        self.step = [slack, multiplier, excess];
+    }
+
+    /// The largest share of the step that leaves all positive.
+    fn largest_share(&self) -> f64 {
+        let [slack, multiplier, excess] = self.step;
+        let share = |value: f64, step: f64| if step < 0.0 { -value / step } else { f64::INFINITY };
+        let hard = share(self.slack, slack).min(share(self.multiplier, multiplier));
+        match self.is_soft() {
+            true => hard
+                .min(share(self.excess, excess))
+                .min(share(self.excess_multiplier(), -multiplier)),
+            false => hard,
+        }
+    }
+}
+
+impl<const N: usize, const M: usize> QuadraticProgram<N, M> {
+    /// Nothing costs, nothing is limited.
+    pub(super) fn empty() -> Self {
+        let far = f64::INFINITY;
+        Self {
+            hessian: SMatrix::zeros(),
+            slope: SVector::zeros(),
+            bounds: [SVector::repeat(-far), SVector::repeat(far)],
+            rows: SMatrix::zeros(),
+            limits: [SVector::repeat(-far), SVector::repeat(far)],
+            prices: SVector::repeat(far),
+            sides: [vec![Side::default(); N + M], vec![Side::default(); N + M]],
+        }
+    }
+
+    /// The minimum after at most so many iterations from x = 0 on; none where H is not positive definite, or numbers are not finite. Bounds are kept exactly.
+    pub(super) fn minimum(&mut self, iterations: u32) -> Option<SVector<f64, N>> {
+        let unlimited = -self.hessian.cholesky()?.solve(&self.slope);
+        if self.keeps(&unlimited) {
+            return Some(unlimited);
+        }
+        let scale = self.hessian.trace() / N as f64;
+        let (hessian, slope) = (self.hessian / scale, self.slope / scale);
+        self.start(scale, slope.amax().max(1.0));
+        let mut x = SVector::<f64, N>::zeros();
+        for _ in 0..iterations {
+            let complementarity = self.complementarity(0.0);
+            if complementarity < SOLVED {
+                break;
+            }
+            let reached = self.rows.tr_mul(&x);
+            let mut matrix = hessian;
+            for k in 0..N + M {
+                let reached = Self::number(&x, &reached, k);
+                let mut weight = 0.0;
+                for (sign, sides) in signed(&mut self.sides) {
+                    let side = &mut sides[k];
+                    if side.is_limit() {
+                        side.residual = sign * reached - side.excess + side.slack - side.limit;
+                        let soft = if side.is_soft() {
+                            side.excess / side.excess_multiplier()
+                        } else {
+                            0.0
+                        };
+                        side.weight = 1.0 / (side.slack / side.multiplier + soft);
+                        weight += side.weight;
+                    }
+                }
+                self.add_square(&mut matrix, k, weight);
+            }
+            let factored = matrix.cholesky()?;
+            let gradient = hessian * x + slope + self.gradient(|side| side.multiplier);
+            let step = |program: &mut Self,
+                        complementarity: fn(&Side, f64) -> [f64; 2],
+                        centre: f64| {
+                let pushed = program
+                    .gradient(|side| side.weight * side.wanted(complementarity(side, centre)));
+                let change = factored.solve(&-(gradient + pushed));
+                let reached = program.rows.tr_mul(&change);
+                for (sign, sides) in signed(&mut program.sides) {
+                    for (k, side) in
+                        sides.iter_mut().enumerate().filter(|(_, side)| side.is_limit())
+                    {
+                        let complementarity = complementarity(side, centre);
+                        side.stepped(sign * Self::number(&change, &reached, k), complementarity);
+                    }
+                }
+                let share = |sides: &Vec<Side>| {
+                    sides
+                        .iter()
+                        .filter(|side| side.is_limit())
+                        .map(Side::largest_share)
+                        .fold(f64::INFINITY, f64::min)
+                };
+                let [below, above] = program.sides.each_ref().map(share);
+                (change, below.min(above))
+            };
+            // predictor: all complementarities vanish; corrector: they become alike, and what the predictor's step multiplies up is taken off
+            let plain = |side: &Side, _: f64| {
+                [side.slack * side.multiplier, side.excess * side.excess_multiplier()]
+            };
+            let (_, share) = step(self, plain, 0.0);
+            let left = self.complementarity(share.min(1.0)) / complementarity;
+            let centred = |side: &Side, centre: f64| {
+                let [slack, multiplier, excess] = side.step;
+                [
+                    side.slack * side.multiplier + slack * multiplier - centre,
+                    side.excess * side.excess_multiplier() - excess * multiplier - centre,
+                ]
+            };
+            let (change, share) = step(self, centred, left * left * left * complementarity);
+            let share = (STEP * share).min(1.0);
+            x += change * share;
+            for side in self.sides.iter_mut().flatten().filter(|side| side.is_limit()) {
+                let [slack, multiplier, excess] = side.step;
+                side.slack += share * slack;
+                side.multiplier += share * multiplier;
+                side.excess += share * excess;
+            }
+        }
+        let [low, high] = &self.bounds;
+        let kept = SVector::<f64, N>::from_fn(|k, _| x[k].max(low[k]).min(high[k]));
+        kept.iter().all(|value| value.is_finite()).then_some(kept)
+    }
+
+    /// Slacks and multipliers to begin with at x = 0, of a program over `scale` whose multipliers are of a size.
+    fn start(&mut self, scale: f64, size: f64) {
+        for k in 0..N + M {
+            let (low, high, length, price) = match k.checked_sub(N) {
+                None => (self.bounds[0][k], self.bounds[1][k], 1.0, f64::INFINITY),
+                Some(row) => {
+                    let length = self.rows.column(row).norm().max(1.0);
+                    (self.limits[0][row], self.limits[1][row], length, self.prices[row])
+                }
+            };
+            let price = price / scale;
+            for (limit, sides) in [-low, high].into_iter().zip(&mut self.sides) {
+                let excess = if price.is_finite() { LEAST_SLACK.max(-limit) } else { 0.0 };
+                sides[k] = Side {
+                    limit,
+                    price,
+                    slack: limit.max(LEAST_SLACK * length),
+                    multiplier: (size / length).min(0.5 * price),
+                    excess,
+                    ..Side::default()
+                };
+            }
+        }
+    }
+
+    /// Number k of all limited numbers, unknowns first, where x has these rows.
+    fn number(x: &SVector<f64, N>, rows: &SVector<f64, M>, k: usize) -> f64 {
+        k.checked_sub(N).map_or_else(|| x[k], |row| rows[row])
+    }
+
+    /// Sum of all gradients, each times a number of its sides.
+    fn gradient(&self, of: impl Fn(&Side) -> f64) -> SVector<f64, N> {
+        let [below, above] = &self.sides;
+        let value = |side: &Side| if side.is_limit() { of(side) } else { 0.0 };
+        let times = |k: usize| value(&above[k]) - value(&below[k]);
+        let mut sum = SVector::<f64, N>::from_fn(|k, _| times(k));
+        for (i, row) in self.rows.column_iter().enumerate() {
+            sum.axpy(times(N + i), &row, 1.0);
+        }
+        sum
+    }
+
+    /// Adds the square of a gradient, bounds first.
+    fn add_square(&self, matrix: &mut SMatrix<f64, N, N>, k: usize, weight: f64) {
+        let Some(row) = k.checked_sub(N) else {
+            matrix[(k, k)] += weight;
+            return;
+        };
+        let row = self.rows.column(row);
+        for j in (0..N).filter(|j| row[*j] != 0.0) {
+            let times = weight * row[j];
+            for i in j..N {
+                matrix[(i, j)] += times * row[i];
+            }
+        }
+    }
+
+    /// Mean complementarity after a share of the steps.
+    fn complementarity(&self, share: f64) -> f64 {
+        let limits = self.sides.iter().flatten().filter(|side| side.is_limit());
+        let (sum, count) = limits
+            .map(|side| side.complementarity(share))
+            .fold((0.0, 0.0), |(sum, count), (one, number)| (sum + one, count + number));
+        sum / count
+    }
+
+    /// Whether all limits are kept.
+    fn keeps(&self, x: &SVector<f64, N>) -> bool {
+        let [low, high] = &self.bounds;
+        let [row_low, row_high] = &self.limits;
+        (0..N).all(|k| (low[k]..=high[k]).contains(&x[k]))
+            && self.rows.column_iter().enumerate().all(|(i, row)| {
+                let reached = row.dot(x);
+                (row_low[i]..=row_high[i]).contains(&reached)
+            })
+    }
+}
+
+/// Both sides with their signs.
+fn signed(sides: &mut [Vec<Side>; 2]) -> [(f64, &mut Vec<Side>); 2] {
+    let [below, above] = sides;
+    [(-1.0, below), (1.0, above)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Six unknowns, three rows, the last with a price.
+    fn program() -> QuadraticProgram<6, 3> {
+        let root = SMatrix::<f64, 6, 6>::from_fn(|i, j| ((3 * i + 5 * j) as f64).sin());
+        QuadraticProgram {
+            hessian: root.transpose() * root + SMatrix::identity() * 0.3,
+            slope: SVector::from_fn(|i, _| 4.0 * (i as f64).cos()),
+            bounds: [SVector::repeat(-1.0), SVector::repeat(1.0)],
+            rows: SMatrix::from_fn(|i, j| ((1 + i * (j + 2)) as f64).sin()),
+            limits: [SVector::repeat(-0.5), SVector::repeat(0.4)],
+            prices: [f64::INFINITY, f64::INFINITY, 0.2].into(),
+            ..QuadraticProgram::empty()
+        }
+    }
+
+    /// Stationary with multipliers that push the right way at limits, are none within them, and are the price beyond a limit that has one.
+    #[test]
+    fn the_minimum_meets_the_conditions_of_karush_kuhn_and_tucker() {
+        let mut program = program();
+        let x = program.minimum(30).unwrap();
+        let scale = program.hessian.trace() / 6.0;
+        let push = |k: usize| {
+            let [below, above] = &program.sides;
+            scale * (above[k].multiplier - below[k].multiplier)
+        };
+        let mut residual = program.hessian * x + program.slope;
+        for k in 0..6 {
+            residual[k] += push(k);
+        }
+        for i in 0..3 {
+            residual += program.rows.column(i) * push(6 + i);
+        }
+        assert!(residual.norm() < 1e-6, "{residual}");
+        let mut active = [0, 0, 0];
+        for k in 0..6 {
+            let mu = push(k);
+            assert!(x[k].abs() <= 1.0 && (mu.abs() < 1e-6 || (x[k] - mu.signum()).abs() < 1e-6));
+            active[0] += usize::from(mu.abs() > 1e-3);
+        }
+        for i in 0..3 {
+            let reached = program.rows.column(i).dot(&x);
+            let over = (reached - 0.4).max(-0.5 - reached);
+            match push(6 + i).abs() {
+                none if none < 1e-6 => assert!(over < 1e-6, "row {i}: {reached}"),
+                hard if hard < program.prices[i] - 1e-6 => {
+                    assert!(over.abs() < 1e-6, "row {i}: {reached}");
+                    active[1] += 1;
+                }
+                price => {
+                    assert!(over > 0.0 && (price - program.prices[i]).abs() < 1e-6, "row {i}");
+                    active[2] += 1;
+                }
+            }
+        }
+        assert!(active.iter().all(|count| *count > 0), "nothing of each kind: {active:?}");
+    }
+
+    #[test]
+    fn ten_iterations_do() {
+        let exact = program().minimum(30).unwrap();
+        let found = program().minimum(10).unwrap();
+        assert!((found - exact).amax() < 1e-5, "{found} {exact}");
+    }
+
+    #[test]
+    fn without_a_limit_in_the_way_it_is_the_unlimited_minimum() {
+        let mut program = program();
+        program.slope *= 1e-2;
+        let x = program.minimum(0).unwrap();
+        assert!((program.hessian * x + program.slope).norm() < 1e-12);
+    }
+}
