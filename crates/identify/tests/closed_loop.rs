@@ -21,13 +21,13 @@ fn machine() -> Description {
     machine
 }
 
-/// The paper's crane with friction at rest, a typical drive and the machine's fieldbus.
+/// The paper's crane with friction at rest, a typical drive and the machine's fieldbus. Its dead time is no whole number of periods, at which slopes have a kink.
 fn model() -> Description {
     let mut model = Description::uia_single_boom().unwrap();
     for set in [
         "friction.law=lugre",
         "drive.bandwidth_hz=60",
-        "drive.dead_time_ms=2",
+        "drive.dead_time_ms=2.3",
         "fieldbus.delay_cycles=1",
     ] {
         model.set(set).unwrap();
