@@ -34,11 +34,16 @@ const fn of(path: &'static str, value: fn(&Description) -> f64, source: &'static
 }
 
 /// Typical values, those of `cranes/uia-virtual.toml` where the crane does not decide (a test).
-const TYPICAL_VALUES: [Typical; 16] = [
+const TYPICAL_VALUES: [Typical; 17] = [
     same("drive.bandwidth_hz", 97.725, "8 to 120, a servo drive; calibrated to the paper's crane"),
     same("drive.damping_ratio", 0.8, "0.6 to 1, a speed loop tuned for little overshoot"),
     of("drive.max_torque_nm", torque, "2.6 times the torque that holds the load, by statics"),
     of("drive.inertia_kgm2", inertia, "motor, coupling and pump: 0.0045 kg m2 for 32 N m"),
+    same(
+        "drive.dead_time_ms",
+        0.0,
+        "0 to 10, cycles of the drive's own control; its bandwidth has them here",
+    ),
     same("switching_valve.delay_ms", 25.0, "15 to 50, a solenoid seat valve"),
     same("switching_valve.pilot_line_ms", 10.0, "5 to 30, short pilot lines"),
     same("sensors.position_noise_mm", 0.01, "0.005 to 0.02, magnetostrictive encoder"),

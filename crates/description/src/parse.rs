@@ -341,8 +341,10 @@ impl Description {
     /// out of range, and machines that cannot exist.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
         if text.len() > LARGEST {
-            let message =
-                format!("the file has {} bytes; a crane file has a few thousand", text.len());
+            let message = format!(
+                "the file has {} bytes; a crane file may have at most {LARGEST}",
+                text.len()
+            );
             return Err(DescriptionError::of(file, message, None));
         }
         let mut reading = Reading {

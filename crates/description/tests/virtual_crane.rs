@@ -15,7 +15,7 @@ fn what_a_file_leaves_out_is_typical_and_the_rest_is_the_files() {
     assert_eq!(machine.numbers.payload, 250.0);
     let filled: Vec<String> = filled_in.iter().map(|f| f.key.path()).collect();
     assert!(
-        filled.len() == 16 && filled.contains(&"sensors.position_noise_mm".to_string()),
+        filled.len() == 17 && filled.contains(&"sensors.position_noise_mm".to_string()),
         "{filled:?}"
     );
     // nothing else differs, and each value is the machine's
@@ -45,7 +45,7 @@ fn what_a_file_or_an_override_states_stays() {
     assert_eq!(machine.numbers.drive_bandwidth, 0.0);
     assert_eq!(machine.numbers.fieldbus_delay, 3.0);
     assert_eq!(machine.numbers.position_noise, 0.0);
-    assert_eq!(filled_in.len(), 13);
+    assert_eq!(filled_in.len(), 14);
     assert!(!machine.has_sensor_noise());
 }
 

@@ -6,7 +6,7 @@
 //! L = ((K_p + K_i/s) A_p/K_VP G_x + k_f/K_VP τs/(τs + 1) G_p) · drive and fieldbus
 //! ```
 //!
-//! K_i is the reciprocal of the integrated error after a step of leakage or load; M_s is the largest sensitivity, the reciprocal of the modulus
+//! The integrated error after a step of an unknown flow (leakage) is in proportion to 1/K_i; M_s is the largest sensitivity, the reciprocal of the modulus
 //! margin. It bounds both classical margins: gain margin ≥ M_s/(M_s − 1), phase margin ≥ 2 arcsin(1/(2 M_s)). Source: K. J. Åström,
 //! H. Panagopoulos, T. Hägglund, Design of PI controllers based on non-convex optimization, Automatica 34(5), 1998,
 //! doi:10.1016/S0005-1098(98)00011-9. Pressure feedback and its high-pass are found in the same search: K_i is the largest over all four. Pressure feedback

@@ -6,8 +6,8 @@ use std::f64::consts::{PI, TAU};
 
 /// Growth rate below which a mode is not counted \[1/s\]: it doubles in 35 s, and grows by less than half in the paper's motion of 18 s.
 ///
-/// The line has to lie right of what feedback does not see. The low-pressure side, linearised with its check valves shut, drifts off by itself until they open:
-/// at 0.05 1/s with an ideal accumulator, 0.005 to 0.008 1/s with the virtual crane's. Integrators of position and controller lie at zero, numerically up to
+/// The low-pressure side, linearised with its check valves shut, drifts off by itself until they open: at 0.05 1/s with an ideal accumulator, which the open loop has too and so is not counted;
+/// at 0.005 to 0.008 1/s with the virtual crane's. Integrators of position and controller lie at zero, numerically up to
 /// 0.001 1/s. Between those two groups of poles is most room about 0.02 1/s.
 pub(crate) const SLOWEST_GROWTH: f64 = 0.02;
 

@@ -44,7 +44,10 @@ fn of_sensor(error: &SensorError) -> String {
     let (what, mapping) = match error.fault {
         Fault::Offset(off) => (
             format!("A constant offset of its sensor by {:+.3} {unit}", off / size),
-            format!("add {:+.3} {unit} to its offset", -off / size),
+            format!(
+                "add {:+.3} {unit} to its offset (the other way round where its sign is -1)",
+                -off / size
+            ),
         ),
         Fault::Scale(factor) => (
             format!("A scale of its sensor that is wrong by {:+.2} %", 100.0 * (factor - 1.0)),
@@ -74,7 +77,7 @@ pub fn advice(complaints: &[Judgement], remedies: &[Remedy], is_asked: bool) -> 
         return None;
     }
     if remedies.is_empty() {
-        return Some("No key that was tried takes a twentieth of what is beyond its limits away, all signals together.".into());
+        return Some("No key that was tried lowers the sum of what differs by a twentieth, all signals together.".into());
     }
     let list: Vec<String> = remedies
         .iter()

@@ -79,7 +79,9 @@ impl New {
             }
             Circuit::ValveControlled => as_placeholders(PATU_LIFT, "a PATU forestry crane"),
         };
-        output::file(&self.file, text.as_bytes());
+        if !output::file(&self.file, text.as_bytes()) {
+            return Ok(());
+        }
         let name = self.file.display().to_string();
         match self.json {
             true => output::json(&serde_json::json!({ "written": name })),

@@ -198,7 +198,7 @@ fn a_crane_file_that_is_named_is_the_machine() {
         assert_eq!(machine["name"], "virtual crane of short", "{arguments:?}");
         assert_eq!(machine["from"], "crane file");
         assert_eq!(machine["equals_model"], true);
-        assert_eq!(machine["filled_in"].as_array().unwrap().len(), 16);
+        assert_eq!(machine["filled_in"].as_array().unwrap().len(), 17);
         let of_equipment = ["drive.", "switching_valve.", "sensors.", "fieldbus.", "virtual."];
         for difference in machine["differences"].as_array().unwrap() {
             let key = difference["key"].as_str().unwrap();

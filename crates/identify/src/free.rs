@@ -35,7 +35,12 @@ impl Free {
                         let with_sections = KEYS.iter().filter(|key| key.name == path).map(Key::path);
                         format!("; did you mean {}?", with_sections.collect::<Vec<_>>().join(" or "))
                     }
-                    [] => format!("; {}", suggestion(path).replace('`', "")),
+                    [] => match suggestion(path) {
+                        same if same.contains(&format!("`{path}`")) => {
+                            ": it is a key of a crane file, and none that is moved".into()
+                        }
+                        other => format!("; {}", other.replace('`', "")),
+                    },
                     several => {
                         let meant: Vec<String> = several.iter().map(|k| KEYS[*k].path()).collect();
                         format!(": is it {}?", meant.join(" or "))

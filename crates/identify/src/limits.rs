@@ -42,7 +42,7 @@ pub struct Limits {
     pub least_offset: f64,
     /// Frequencies of log and model that differ by a share beyond these need not be of one mode \[-\].
     pub same_mode: [f64; 2],
-    /// A key is worth naming where it takes away this share of all that is beyond the limits \[-\].
+    /// A key is worth naming where it lowers the sum of ½ ln(1 + (found/limit)²) of all that is judged by this share \[-\].
     pub worthwhile: f64,
     /// No key is tried at more than this factor of its value, or less than its inverse \[-\].
     pub most_change: f64,

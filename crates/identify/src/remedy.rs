@@ -23,7 +23,7 @@ pub struct Remedy {
     pub change: f64,
     /// Whether it is changed as far as its key allows, or by as much as any key is changed by: more would be better.
     pub at_limit: bool,
-    /// How far beyond the limits all that is judged is, before and after: 1 where nothing is wrong, the root of 2 with all at their limits.
+    /// Geometric mean of √(1 + (found/limit)²) of all that is judged, before and after: 1 where nothing differs, √2 with all at their limits.
     pub misfit: (f64, f64),
     /// What it moves: what is beyond its limit before or after.
     pub moved: Vec<Moved>,
@@ -57,7 +57,7 @@ const REFINED: [f64; 4] = [0.75, 1.25, 0.9, 1.1];
 /// Share of ln θ by which a prediction is moved along its slope, to see how its oscillation changes.
 const NUDGE: f64 = 0.003;
 
-/// Keys that would take most of what is beyond its limit away, each on its own and for all signals together: found by exact slopes, and tried by running the model
+/// Keys that would lower the sum of ½ ln(1 + (found/limit)²) of all that is judged most, each on its own and for all signals together: found by exact slopes, and tried by running the model
 /// with the key changed. Nothing is asked of keys by a late signal, a drifting clock, or a sensor that another one beside it speaks against.
 ///
 /// # Errors
@@ -273,7 +273,7 @@ impl All<'_> {
         let better = |a: Tried, b: Tried| if b.0 < a.0 { b } else { a };
         let runs = TRIED.par_iter().filter_map(|share| at(clamped(share * step)));
         let mut best = runs.reduce_with(better)?;
-        // on as long as it helps, then half-way back to both sides
+        // on as long as it helps, then a quarter and a tenth to both sides
         let mut last = TRIED[TRIED.len() - 1] * step;
         while best.1 == clamped(last) && clamped(2.0 * last) != clamped(last) {
             last *= 2.0;

@@ -10,7 +10,9 @@
 //!
 //! with `e` what is left and `J` its slopes, both in deviations, `ψ` Huber's score, and `n_a` the samples of channel a: `R` is the sample covariance of the
 //! scores over all lags and between all channels (Morelli and Klein, Accuracy of aerodynamic model parameters estimated from flight test data, J. Guid.
-//! Control Dyn. 20(1), 1997, 74-80). A lag is one of time: where a channel has a gap, it has no pairs. Where only white noise is left it is `D`.
+//! Control Dyn. 20(1), 1997, 74-80). A lag is one of time: where a channel has a gap, it has no pairs. Of scores that are independent of the slopes and white it is `D`; what a fit leaves is orthogonal to
+//! the slopes, which takes from this sum in directions that change slowly: of a constant slope two thirds of the variance (Kiefer, Vogelsang and Bunzel, Econometrica 68,
+//! 2000, 695-714, where all lags count). Intervals are the wider for the parts below.
 //!
 //! Keys that stay where they are, are not exact either. The covariance is that of the problem in which they are free too, within what is known of them,
 //! and one step of Gauss and Newton in that problem says what freeing them would change: what holding them may have cost is added as its square.

@@ -1,4 +1,4 @@
-//! Baselines: what the strategies are held against. The best published alternatives, on the same cranes, each knowing the
+//! Baselines: what the strategies are held against. Published methods as built here, on the same cranes, each knowing the
 //! controller's crane file only.
 //!
 //! They are here to be compared, not to be used on a machine: the strategies that are offered are those of

@@ -269,7 +269,7 @@ impl CycleReport {
                     self.proposal = commands.filter(|_| subject.identified.is_some());
                 } else {
                     self.remarks.push(format!(
-                        "learning is not applied: a cycle may enlarge the error at {} (by a factor of {:.2}; below 1 is needed)",
+                        "learning is not applied: the correction need not converge at {} (its contraction is {:.2}; below 1 is needed)",
                         convergence.worst_case, convergence.worst
                     ));
                 }

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! On a machine whose response is G', parameters follow `p_{j+1} = T p_j + …` with `T = N⁻¹ (GᵀG + ρ I − Gᵀ G')`, `N = GᵀG + (ρ + μ) I`. Where the norm
-//! `‖T‖_N`, weighted by N, is below one for all machines that may occur, each cycle that begins from the same state brings the parameters nearer to where
-//! they settle, also if payload or oil change from cycle to cycle. Without a reset the state differs from cycle to cycle, and the condition does not hold.
+//! `‖T‖_N`, weighted by N, is below one, cycles that begin from the same state bring the parameters of one machine nearer to where they settle on it; on machines that differ
+//! from cycle to cycle they stay bounded. The error of single cycles may grow. Without a reset the state differs from cycle to cycle, and the condition does not hold.
 //!
 //! Sources: N. Amann, D. H. Owens, E. Rogers, *Iterative learning control for discrete-time systems with exponential rate of convergence*, IEE Proc.
 //! Control Theory Appl. 143 (1996) 217-224; S. Gunnarsson, M. Norrlöf, *On the design of ILC algorithms using optimization*, Automatica 37 (2001)
@@ -30,7 +30,7 @@ use hydroboom_design::scheduled_lqr::known_delay;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 use serde::Serialize;
 
-/// Interval in which errors are compared \[s\]: a twentieth of the period of a crane's first mode, and far below the interval of a correction's knots.
+/// Interval in which errors are compared \[s\]: a fortieth of the period of a mode at 2.5 Hz, and far below the interval of a correction's knots.
 const SAMPLING: f64 = 0.01;
 
 /// Control periods from one compared error to the next.
@@ -251,7 +251,7 @@ fn lowest_frequency(
 /// sliding, behind the drive's delay.
 ///
 /// ```text
-/// y' = w,   w' = a_p (p − p_v w − p_0' y),   p' = β/(V + γ A β) (D n − A w),   x = y + γ p
+/// y' = w,   w' = a_p (p − p_v w − p_0' (y + γ p)),   p' = β/(V + γ A β) (D n − A w),   x = y + γ p
 /// ```
 fn response(
     model: &Description,

@@ -22,7 +22,7 @@ pub(super) struct Delay {
 }
 
 impl Delay {
-    /// Of a crane; a typical fieldbus and sensor where its file has none.
+    /// Of a crane; no fieldbus and no sensor lag where its file has none.
     pub fn of(crane: &Description) -> Self {
         let n = &crane.numbers;
         let bandwidth = n.sensor_bandwidth;

@@ -41,7 +41,7 @@ pub(super) struct MotorLimits {
 pub(super) struct LeastError {
     /// RMS of the motion that was found \[mm\].
     pub rms_mm: f64,
-    /// No motion of the linearised crane has a smaller one \[mm\], by the duality gap.
+    /// No motion of the linearised crane has a smaller one \[mm\], by the duality gap, but for the weight of changes of speed in the cost.
     pub least_mm: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Prediction error: what no controller can undo of disturbances and of what it does not know, because it acts on information of a while ago.
 //!
-//! A command acts on the piston at time k only if it was given by what was measured until k − h. Whatever the law, linear or not, the variance of the
+//! A command acts on the piston at time k only if it was given by what was measured until k − h. Whatever the linear law, and with Gaussian variables any law, the variance of the
 //! tracking error is therefore at least that of the piston given these measurements, and minimum variance control attains it where the motor allows:
 //!
 //! ```text
