@@ -214,7 +214,7 @@ fn a_crane_file_that_is_named_is_the_machine() {
     assert!(motion["differences"].is_null());
     let family = run(&["motion", "--family", "2"]);
     assert_eq!(family["cranes"].as_array().unwrap().len(), 2);
-    let learned = run(&["learn"]);
+    let learned = run(&["learn", "--speed-mm-s", "60"]);
     for taught in learned["learned"].as_array().unwrap() {
         assert_eq!(taught["crane"], "virtual crane of short");
     }
@@ -697,10 +697,8 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
         );
         assert!(page.contains(&row), "{row} is not in {page}");
     }
-    // two fast motions say as much as a slow one and a fast one
-    let course = ["motion.slow_mm_s=100", "motion.end_mm=300", "motion.dwell_s=1"];
-    let set = course.iter().flat_map(|assignment| ["--set", assignment]);
-    let learned = parsed(&["learn", "--json"].into_iter().chain(set).collect::<Vec<_>>());
+    let course = ["--speed-mm-s", "120", "--set", "motion.end_mm=300", "--set", "motion.dwell_s=1"];
+    let learned = parsed(&[&["learn", "--json"], &course[..]].concat());
     let first = &learned["learned"][0];
     keys(first, &["crane", "course", "stable", "methods", "convergence", "identified", "remarks"]);
     let method = ["method", "cycles", "reset", "rms_true_mm", "rms_measured_mm"];
