@@ -1,0 +1,98 @@
+//! Analogue inputs of 4 to 20 mA, each with a status word: below and beyond the range, wire break.
+
+use super::{add_identity, add_process_data};
+use crate::al_status_code::AlStatusCode;
+use crate::application::Application;
+use crate::controller::DistributedClock;
+use crate::device::{Device, Settings};
+use crate::object_dictionary::{Mapping, ObjectAccess, ObjectDictionary};
+
+/// Currents at the channels \[mA\]; a broken wire has none.
+pub trait Signal {
+    /// Time goes on to `now` \[ns\].
+    fn advance(&mut self, now: u64);
+    /// Current of a channel \[mA\].
+    fn current(&self, channel: usize) -> f64;
+}
+
+/// The application of analogue inputs.
+pub struct AnalogueInput {
+    signal: Box<dyn Signal>,
+    channels: usize,
+}
+
+impl std::fmt::Debug for AnalogueInput {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("AnalogueInput").field("channels", &self.channels).finish_non_exhaustive()
+    }
+}
+
+/// Counts of 20 mA; 4 mA are none.
+const FULL_SCALE: f64 = 32767.0;
+/// Currents between which a reading is in range \[mA\] (NAMUR NE 43: 3.8 to 20.5).
+const RANGE: [f64; 2] = [3.8, 20.5];
+/// Current below which a wire is broken \[mA\] (NAMUR NE 43).
+const BROKEN: f64 = 3.6;
+
+/// First index of the channels' objects: status in subindex 1, value in subindex 17.
+const FIRST: u16 = 0x6000;
+
+impl AnalogueInput {
+    /// A device with a number of channels.
+    pub fn device(
+        settings: Settings,
+        channels: usize,
+        clock: DistributedClock,
+        signal: Box<dyn Signal>,
+    ) -> Device {
+        let settings = Settings { outputs: None, ..settings };
+        let mut dictionary = ObjectDictionary::default();
+        add_identity(&mut dictionary, &settings, 0x012c_1389);
+        let mut entries = Vec::new();
+        for channel in 0..channels as u16 {
+            let index = FIRST + 0x10 * channel;
+            for (sub, bytes) in [(1, 2), (17, 2)] {
+                let value = vec![0; bytes];
+                dictionary.add((index, sub), &value, ObjectAccess::ReadOnly, Mapping::Inputs);
+                entries.push((index, sub, 16));
+            }
+        }
+        let access = ObjectAccess::ReadOnly;
+        add_process_data(&mut dictionary, [0x1c13, 0x1a00], &entries, access);
+        dictionary.add((0x1c12, 0), &[0], access, Mapping::None);
+        Device::new(settings, clock, dictionary, Box::new(Self { signal, channels }))
+    }
+}
+
+/// Bits of the status: below the range, beyond it, error, wire break.
+const BELOW: i64 = 0x0001;
+const BEYOND: i64 = 0x0002;
+const ERROR: i64 = 0x0040;
+const WIRE_BREAK: i64 = 0x0080;
+
+impl Application for AnalogueInput {
+    fn advance(&mut self, _: &mut ObjectDictionary, now: u64) {
+        self.signal.advance(now);
+    }
+
+    fn outputs(&mut self, _: &mut ObjectDictionary, _: u64) {}
+
+    fn inputs(&mut self, dictionary: &mut ObjectDictionary, _: u64) {
+        for channel in 0..self.channels {
+            let current = self.signal.current(channel);
+            let status = match current {
+                _ if current < BROKEN || current.is_nan() => BELOW | ERROR | WIRE_BREAK,
+                _ if current < RANGE[0] => BELOW,
+                _ if current > RANGE[1] => BEYOND | ERROR,
+                _ => 0,
+            };
+            let share = (current - 4.0) / 16.0;
+            let counts = (FULL_SCALE * share).round().clamp(-FULL_SCALE, FULL_SCALE);
+            let index = FIRST + 0x10 * channel as u16;
+            dictionary.set_number((index, 1), status);
+            dictionary.set_number((index, 17), counts as i64);
+        }
+    }
+
+    fn outputs_are_lost(&mut self, _: &mut ObjectDictionary, _: u64, _: Option<AlStatusCode>) {}
+}

@@ -1,0 +1,306 @@
+//! Servo drive by CiA 402 in cyclic synchronous velocity (mode 9), with a motor behind it.
+
+use super::{DriveState, VelocityUnit, add_identity, add_process_data};
+use crate::al_status_code::AlStatusCode;
+use crate::application::Application;
+use crate::controller::DistributedClock;
+use crate::device::{Device, Settings};
+use crate::mailbox::Emergency;
+use crate::object_dictionary::{Abort, Key, Mapping, ObjectAccess, ObjectDictionary};
+
+/// Mode of operation: cyclic synchronous velocity.
+const CYCLIC_VELOCITY: i64 = 9;
+/// Fault: process-data watchdog or another loss of communication.
+const COMMUNICATION: u16 = 0x7500;
+const CONTROLWORD: Key = (0x6040, 0);
+const STATUSWORD: Key = (0x6041, 0);
+const ERROR_CODE: Key = (0x603f, 0);
+const MODE: Key = (0x6060, 0);
+const MODE_DISPLAY: Key = (0x6061, 0);
+const POSITION: Key = (0x6064, 0);
+const VELOCITY: Key = (0x606c, 0);
+const TARGET: Key = (0x60ff, 0);
+const DIGITAL_INPUTS: Key = (0x60fd, 0);
+/// Bit of 0x60FD: interlock, here safe torque off.
+const INTERLOCK: i64 = 0x08;
+
+/// A motor and what it drives.
+pub trait Motor {
+    /// Torque on, with a set point of its speed \[rev/s\]; none: no torque.
+    fn command(&mut self, speed: Option<f64>);
+    /// Time goes on to `now` \[ns\].
+    fn advance(&mut self, now: u64);
+    /// Speed \[rev/s\].
+    fn speed(&self) -> f64;
+    /// Angle since power-on \[rev\].
+    fn angle(&self) -> f64;
+}
+
+/// A motor that has the speed of its set point at once, and stands without torque.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StiffMotor {
+    speed: f64,
+    angle: f64,
+    now: u64,
+}
+
+impl Motor for StiffMotor {
+    fn command(&mut self, speed: Option<f64>) {
+        self.speed = speed.unwrap_or(0.0);
+    }
+
+    fn advance(&mut self, now: u64) {
+        self.angle += self.speed * now.saturating_sub(self.now) as f64 * 1e-9;
+        self.now = now;
+    }
+
+    fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    fn angle(&self) -> f64 {
+        self.angle
+    }
+}
+
+/// What a drive is, beside its device's settings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveSettings {
+    /// Unit of its velocities.
+    pub unit: VelocityUnit,
+    /// Increments of a revolution in 0x6064.
+    pub increments: u32,
+    /// Deceleration of a quick stop and of a reaction to a fault \[rev/s²\].
+    pub deceleration: f64,
+    /// Whether process data are fixed, and padded to even addresses; else they are mapped in PREOP.
+    pub is_mapping_fixed: bool,
+}
+
+/// The application of a servo drive.
+pub struct ServoDrive {
+    settings: DriveSettings,
+    motor: Box<dyn Motor>,
+    state: DriveState,
+    controlword: u16,
+    error: u16,
+    has_safe_torque_off: bool,
+    /// Set point while the drive stops by itself \[rev/s\].
+    ramp: f64,
+    now: u64,
+    message: Option<Emergency>,
+}
+
+impl std::fmt::Debug for ServoDrive {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ServoDrive").field("state", &self.state).finish_non_exhaustive()
+    }
+}
+
+/// Process data after power-on: controlword, target velocity, mode; statusword, position, velocity, mode, error code, digital inputs.
+const OUTPUTS: [(u16, u8, u8); 3] = [(0x6040, 0, 16), (0x60ff, 0, 32), (0x6060, 0, 8)];
+const INPUTS: [(u16, u8, u8); 6] = [
+    (0x6041, 0, 16),
+    (0x6064, 0, 32),
+    (0x606c, 0, 32),
+    (0x6061, 0, 8),
+    (0x603f, 0, 16),
+    (0x60fd, 0, 32),
+];
+
+impl ServoDrive {
+    /// A device that is a drive.
+    pub fn device(
+        settings: Settings,
+        drive: DriveSettings,
+        clock: DistributedClock,
+        motor: Box<dyn Motor>,
+    ) -> Device {
+        let mut dictionary = ObjectDictionary::default();
+        add_identity(&mut dictionary, &settings, 0x0002_0192);
+        Self::add_objects(&mut dictionary, &drive, settings.synchronisation.has_sync0);
+        let application = Self {
+            settings: drive,
+            motor,
+            state: DriveState::SwitchOnDisabled,
+            controlword: 0,
+            error: 0,
+            has_safe_torque_off: false,
+            ramp: 0.0,
+            now: 0,
+            message: None,
+        };
+        Device::new(settings, clock, dictionary, Box::new(application))
+    }
+
+    fn add_objects(dictionary: &mut ObjectDictionary, drive: &DriveSettings, has_sync0: bool) {
+        use Mapping::{Inputs, None as Unmapped, Outputs};
+        use ObjectAccess::{ReadOnly, ReadWrite, ReadWriteInPreOp};
+        let pad = |entries: &[(u16, u8, u8)]| -> Vec<(u16, u8, u8)> {
+            let mut all = Vec::new();
+            for entry in entries {
+                all.push(*entry);
+                // a gap after a byte, so that the next begins at an even address
+                if drive.is_mapping_fixed && entry.2 == 8 {
+                    all.push((0, 0, 8));
+                }
+            }
+            all
+        };
+        let access = if drive.is_mapping_fixed { ReadOnly } else { ReadWriteInPreOp };
+        add_process_data(dictionary, [0x1c12, 0x1600], &pad(&OUTPUTS), access);
+        add_process_data(dictionary, [0x1c13, 0x1a00], &pad(&INPUTS), access);
+        let mut add = |key, bytes: &[u8], access, mapping| {
+            dictionary.add(key, bytes, access, mapping);
+        };
+        add(CONTROLWORD, &[0; 2], ReadWrite, Outputs);
+        add(TARGET, &[0; 4], ReadWrite, Outputs);
+        add(MODE, &[0], ReadWrite, Outputs);
+        add(STATUSWORD, &[0; 2], ReadOnly, Inputs);
+        add(POSITION, &[0; 4], ReadOnly, Inputs);
+        add(VELOCITY, &[0; 4], ReadOnly, Inputs);
+        add(MODE_DISPLAY, &[0], ReadOnly, Inputs);
+        add(ERROR_CODE, &[0; 2], ReadOnly, Inputs);
+        add(DIGITAL_INPUTS, &[0; 4], ReadOnly, Inputs);
+        // modes that it has: bit 8 is cyclic synchronous velocity
+        add((0x6502, 0), &0x0100_u32.to_le_bytes(), ReadOnly, Unmapped);
+        // reactions: quick stop by its ramp (2), fault by the same ramp (2), lost connection as a fault (1)
+        add((0x605a, 0), &2_i16.to_le_bytes(), ReadWrite, Unmapped);
+        add((0x605e, 0), &2_i16.to_le_bytes(), ReadWrite, Unmapped);
+        add((0x6007, 0), &1_i16.to_le_bytes(), ReadWrite, Unmapped);
+        // interpolation time: 1 ms
+        add((0x60c2, 0), &[2], ReadOnly, Unmapped);
+        add((0x60c2, 1), &[1], ReadWrite, Unmapped);
+        add((0x60c2, 2), &[(-3_i8) as u8], ReadWrite, Unmapped);
+        if has_sync0 {
+            for index in [0x1c32, 0x1c33] {
+                add((index, 1), &0_u16.to_le_bytes(), ReadWriteInPreOp, Unmapped);
+                add((index, 2), &0_u32.to_le_bytes(), ReadWriteInPreOp, Unmapped);
+            }
+        }
+        add(INJECTED_FAULT, &[0; 2], ReadOnly, Unmapped);
+        add(SAFE_TORQUE_OFF, &[0], ReadOnly, Unmapped);
+        drive.unit.describe(dictionary);
+    }
+
+    /// A fault of the drive, with its code in 0x603F.
+    fn fault(&mut self, code: u16) {
+        if self.error == 0 {
+            self.error = code;
+            self.message = Some(Emergency { code, register: 0x01 });
+        }
+        self.ramp = self.motor.speed();
+        self.state = match self.state.has_torque() {
+            true => DriveState::FaultReactionActive,
+            false => DriveState::Fault,
+        };
+    }
+
+    fn set_point(&self, dictionary: &ObjectDictionary) -> Option<f64> {
+        match self.state {
+            DriveState::OperationEnabled if dictionary.signed(MODE_DISPLAY) == CYCLIC_VELOCITY => {
+                Some(dictionary.signed(TARGET) as f64 * self.settings.unit.rev_per_s())
+            }
+            DriveState::OperationEnabled => Some(0.0),
+            DriveState::QuickStopActive | DriveState::FaultReactionActive => Some(self.ramp),
+            _ => None,
+        }
+    }
+
+    fn statusword(&self) -> i64 {
+        // remote, and bit 12 where it follows its set point
+        let follows = if self.state == DriveState::OperationEnabled { 0x1000 } else { 0 };
+        i64::from(self.state.status_bits() | 0x0200 | follows)
+    }
+}
+
+/// Objects by which tests and benches act on a drive, as nobody does by bus: code of a fault, and safe torque off.
+pub const INJECTED_FAULT: Key = (0x2f00, 1);
+/// Safe torque off: 1 while it is requested.
+pub const SAFE_TORQUE_OFF: Key = (0x2f00, 2);
+
+impl Application for ServoDrive {
+    fn advance(&mut self, dictionary: &mut ObjectDictionary, now: u64) {
+        let passed = now.saturating_sub(self.now) as f64 * 1e-9;
+        self.motor.advance(now);
+        self.now = now;
+        let injected = dictionary.unsigned(INJECTED_FAULT) as u16;
+        if injected != 0 && self.error == 0 {
+            self.fault(injected);
+        }
+        self.has_safe_torque_off = dictionary.unsigned(SAFE_TORQUE_OFF) != 0;
+        if self.has_safe_torque_off && self.state != DriveState::Fault {
+            self.state = DriveState::SwitchOnDisabled;
+        }
+        if matches!(self.state, DriveState::QuickStopActive | DriveState::FaultReactionActive) {
+            let step = self.settings.deceleration * passed;
+            self.ramp = self.ramp.signum() * (self.ramp.abs() - step).max(0.0);
+            if self.ramp == 0.0 {
+                self.state = match self.state {
+                    DriveState::FaultReactionActive => DriveState::Fault,
+                    _ => DriveState::SwitchOnDisabled,
+                };
+            }
+        }
+        self.motor.command(self.set_point(dictionary));
+    }
+
+    fn outputs(&mut self, dictionary: &mut ObjectDictionary, _now: u64) {
+        let word = dictionary.unsigned(CONTROLWORD) as u16;
+        let next = self.state.by_controlword(word, self.controlword);
+        if self.state == DriveState::Fault && next == DriveState::SwitchOnDisabled {
+            self.error = 0;
+            dictionary.set_number(INJECTED_FAULT, 0);
+        }
+        if next == DriveState::QuickStopActive && self.state != next {
+            self.ramp = self.motor.speed();
+        }
+        self.state = if self.has_safe_torque_off { DriveState::SwitchOnDisabled } else { next };
+        self.controlword = word;
+        if dictionary.signed(MODE) == CYCLIC_VELOCITY {
+            dictionary.set_number(MODE_DISPLAY, CYCLIC_VELOCITY);
+        }
+        self.motor.command(self.set_point(dictionary));
+    }
+
+    fn inputs(&mut self, dictionary: &mut ObjectDictionary, _now: u64) {
+        dictionary.set_number(STATUSWORD, self.statusword());
+        dictionary.set_number(ERROR_CODE, i64::from(self.error));
+        let increments = (self.motor.angle() * f64::from(self.settings.increments)).round();
+        dictionary.set_number(POSITION, increments as i64);
+        let speed = (self.motor.speed() / self.settings.unit.rev_per_s()).round();
+        dictionary.set_number(VELOCITY, speed as i64);
+        let interlock = if self.has_safe_torque_off { INTERLOCK } else { 0 };
+        dictionary.set_number(DIGITAL_INPUTS, interlock);
+    }
+
+    fn outputs_are_lost(
+        &mut self,
+        dictionary: &mut ObjectDictionary,
+        _now: u64,
+        why: Option<AlStatusCode>,
+    ) {
+        if why.is_some() && dictionary.signed((0x6007, 0)) != 0 {
+            self.fault(COMMUNICATION);
+        } else if self.state.has_torque() {
+            self.ramp = self.motor.speed();
+            self.state = DriveState::QuickStopActive;
+        }
+        self.motor.command(self.set_point(dictionary));
+    }
+
+    fn written(&mut self, dictionary: &ObjectDictionary, key: Key) -> Result<(), Abort> {
+        match key {
+            MODE if !matches!(dictionary.signed(MODE), 0 | CYCLIC_VELOCITY) => {
+                Err(Abort::ValueRange)
+            }
+            (0x1c32 | 0x1c33, 1) if !matches!(dictionary.unsigned(key), 0..=3) => {
+                Err(Abort::ValueRange)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn emergency(&mut self) -> Option<Emergency> {
+        self.message.take()
+    }
+}

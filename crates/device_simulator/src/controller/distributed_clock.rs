@@ -1,0 +1,130 @@
+//! Distributed clock: a local clock with an offset and a drift, held at the system time of the reference, and the pulses SYNC0 and SYNC1.
+//!
+//! ```text
+//! local time   t_l = t_0 + (1 + d) t + a           a: what the control loop has added
+//! system time  t_s = t_l + offset
+//! difference   e   = t_s - delay - received        then a <- a - g e
+//! ```
+
+use super::memory::Memory;
+use super::registers::{
+    RECEIVE_TIME, RECEIVE_TIME_UNIT, SYNC_ACTIVATION, SYNC_START, SYNC0_CYCLE, SYNC1_CYCLE,
+    SYSTEM_TIME, SYSTEM_TIME_DELAY, SYSTEM_TIME_DIFFERENCE, SYSTEM_TIME_OFFSET,
+};
+
+/// A local clock and its pulses.
+#[derive(Clone, Debug)]
+pub struct DistributedClock {
+    /// Local time where the bus's time is zero \[ns\].
+    pub start: u64,
+    /// How much faster it runs than the bus's time \[ppb\].
+    pub drift_ppb: i64,
+    /// What the control loop has added \[ns\].
+    correction: i64,
+    /// Next SYNC0, system time \[ns\].
+    next: Option<u64>,
+    /// Whether a pulse is suppressed by an injected fault.
+    pub is_silent: bool,
+}
+
+/// Share of a difference that the control loop takes back at each received time, as a divisor. Estimate: controllers take back less than a hundredth, with
+/// filters of their own.
+const GAIN: i64 = 16;
+
+impl DistributedClock {
+    /// A clock that shows a time when the bus's time is zero \[ns\], and runs faster by a drift \[ppb\].
+    pub fn new(start: u64, drift_ppb: i64) -> Self {
+        Self { start, drift_ppb, correction: 0, next: None, is_silent: false }
+    }
+
+    /// Local time \[ns\].
+    pub fn local(&self, now: u64) -> u64 {
+        let drift = (i128::from(now) * i128::from(self.drift_ppb) / 1_000_000_000) as i64;
+        self.start.wrapping_add(now).wrapping_add_signed(drift.wrapping_add(self.correction))
+    }
+
+    /// System time \[ns\].
+    pub fn system(&self, memory: &Memory, now: u64) -> u64 {
+        self.local(now).wrapping_add(memory.u64(SYSTEM_TIME_OFFSET))
+    }
+
+    /// Puts the time of reading into the registers, and the next SYNC0.
+    pub fn show(&self, memory: &mut Memory, now: u64) {
+        memory.set(SYSTEM_TIME, &self.system(memory, now).to_le_bytes());
+        if let Some(next) = self.next {
+            memory.set(SYNC_START, &next.to_le_bytes());
+        }
+    }
+
+    /// Latches when a frame came by each port \[ns, bus's time\], and by the processing unit, which is at the first.
+    pub fn latch(&self, memory: &mut Memory, ports: [Option<u64>; 4]) {
+        for (number, time) in (0..).zip(ports) {
+            if let Some(time) = time {
+                let local = self.local(time) as u32;
+                memory.set(RECEIVE_TIME + 4 * number, &local.to_le_bytes());
+            }
+        }
+        if let Some(first) = ports[0] {
+            memory.set(RECEIVE_TIME_UNIT, &self.local(first).to_le_bytes());
+        }
+    }
+
+    /// The system time of the reference was received: the loop follows it.
+    pub fn follow(&mut self, memory: &mut Memory, received: &[u8], now: u64) {
+        let own = self.system(memory, now).wrapping_sub(u64::from(memory.u32(SYSTEM_TIME_DELAY)));
+        let difference = match received.len() {
+            8.. => {
+                let received = received.first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
+                own.wrapping_sub(received) as i64
+            }
+            4.. => {
+                let received = received.first_chunk().map_or(0, |b| u32::from_le_bytes(*b));
+                i64::from((own as u32).wrapping_sub(received) as i32)
+            }
+            _ => return,
+        };
+        let size = difference.unsigned_abs().min(0x7fff_ffff) as u32;
+        let sign = if difference < 0 { 0x8000_0000 } else { 0 };
+        memory.set(SYSTEM_TIME_DIFFERENCE, &(size | sign).to_le_bytes());
+        let back = difference / GAIN + difference.signum();
+        self.correction = self.correction.wrapping_sub(back);
+    }
+
+    /// Cyclic operation was switched on or off. Pulses begin at the start time, or never where that has passed.
+    pub fn activate(&mut self, memory: &Memory, now: u64) {
+        let start = memory.u64(SYNC_START);
+        let is_on = memory.u8(SYNC_ACTIVATION) & 0x03 == 0x03;
+        let has_cycle = memory.u32(SYNC0_CYCLE) > 0;
+        self.next =
+            Some(start).filter(|start| is_on && has_cycle && *start > self.system(memory, now));
+    }
+
+    /// Bus's time of the next SYNC0 \[ns\], as far as the clock tells now; none while there are no pulses.
+    pub fn due(&self, memory: &Memory, now: u64) -> Option<u64> {
+        let next = self.next.filter(|_| !self.is_silent)?;
+        let away = next.wrapping_sub(self.system(memory, now)) as i64;
+        let drift = (i128::from(away) * i128::from(self.drift_ppb) / 1_000_000_000) as i64;
+        Some(now.saturating_add_signed(away - drift))
+    }
+
+    /// A SYNC0 has been: the next one comes a cycle later.
+    pub fn pulse(&mut self, memory: &Memory) {
+        let cycle = u64::from(memory.u32(SYNC0_CYCLE));
+        self.next = self.next.map(|next| next + cycle);
+    }
+
+    /// Whether SYNC0 comes.
+    pub fn is_running(&self) -> bool {
+        self.next.is_some() && !self.is_silent
+    }
+
+    /// Activation: whether SYNC0 and SYNC1 are on, and their cycles \[ns\].
+    pub fn settings(memory: &Memory) -> ([bool; 2], [u32; 2]) {
+        let activation = memory.u8(SYNC_ACTIVATION);
+        let cyclic = activation & 1 != 0;
+        (
+            [cyclic && activation & 2 != 0, cyclic && activation & 4 != 0],
+            [memory.u32(SYNC0_CYCLE), memory.u32(SYNC1_CYCLE)],
+        )
+    }
+}

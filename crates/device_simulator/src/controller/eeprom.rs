@@ -1,0 +1,36 @@
+//! EEPROM interface: the main device writes a command and a word address, and reads eight bytes.
+
+use super::memory::Memory;
+use super::registers::EEPROM;
+
+/// The EEPROM behind registers 0x0500 to 0x050f.
+#[derive(Clone, Debug, Default)]
+pub struct Eeprom {
+    /// Its bytes; what lies beyond reads as 0xff.
+    pub content: Vec<u8>,
+}
+
+/// Bit of the status: eight bytes are read at once.
+const READS_EIGHT: u16 = 0x0040;
+/// Bits of the command.
+const COMMAND: u16 = 0x0700;
+/// Read.
+const READ: u16 = 0x0100;
+/// Load what the controller itself takes from the EEPROM anew.
+const RELOAD: u16 = 0x0400;
+/// Bit of the status: a command was refused.
+const REFUSED: u16 = 0x2000;
+
+impl Eeprom {
+    /// Carries out what was written to the control register. The EEPROM cannot be written: a command to do so is refused.
+    pub fn carry_out(&self, memory: &mut Memory) {
+        let command = memory.u16(EEPROM + 2) & COMMAND;
+        let first = 2 * memory.u32(EEPROM + 4) as usize;
+        if command == READ {
+            let byte = |k: usize| self.content.get(first + k).copied().unwrap_or(0xff);
+            memory.set(EEPROM + 8, &std::array::from_fn::<u8, 8, _>(byte));
+        }
+        let refused = if matches!(command, 0 | READ | RELOAD) { 0 } else { REFUSED };
+        memory.set(EEPROM + 2, &(READS_EIGHT | refused).to_le_bytes());
+    }
+}

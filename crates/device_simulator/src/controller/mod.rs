@@ -1,0 +1,224 @@
+//! The controller of a device: what a frame meets before the application does.
+
+mod distributed_clock;
+mod eeprom;
+mod fmmu;
+mod memory;
+pub mod registers;
+mod sync_manager;
+mod watchdog;
+
+pub use distributed_clock::DistributedClock;
+pub use eeprom::Eeprom;
+pub use memory::Memory;
+pub use sync_manager::SyncManager;
+pub use watchdog::Watchdog;
+
+use crate::frame::Access;
+use fmmu::{Fmmu, copy_bits};
+use registers::{
+    AL_CONTROL, AL_STATUS, DATA_LINK_STATUS, EEPROM, INFORMATION, PROCESS_MEMORY, RECEIVE_TIME,
+    STATION_ADDRESS, SYNC_ACTIVATION, SYNC_MANAGER, SYSTEM_TIME, WATCHDOG_DIVIDER,
+    WATCHDOG_PROCESS_DATA, WATCHDOG_STATUS,
+};
+
+/// Registers, memory, clock, watchdog and EEPROM of one device.
+#[derive(Clone, Debug)]
+pub struct Controller {
+    /// Registers and process memory.
+    pub memory: Memory,
+    /// Distributed clock.
+    pub clock: DistributedClock,
+    /// EEPROM.
+    pub eeprom: Eeprom,
+    /// Process-data watchdog.
+    pub watchdog: Watchdog,
+    /// When the frame that is under way passed the ports \[ns\].
+    pub(crate) ports: [Option<u64>; 4],
+    events: Vec<Event>,
+}
+
+/// What the application is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Event {
+    /// A state is requested: the written byte.
+    StateRequest(u8),
+    /// The mailbox for requests was filled.
+    Request,
+    /// The mailbox for answers was fetched.
+    Fetched,
+    /// Fetching of the last answer is asked for anew.
+    RepeatRequest,
+    /// Outputs are whole.
+    Outputs,
+}
+
+/// Units of 40 ns in 100 us, less two: divider of the watchdogs after power-on.
+const DEFAULT_DIVIDER: u16 = 2498;
+/// 100 ms in units of the divider, after power-on.
+const DEFAULT_WATCHDOG: u16 = 1000;
+
+impl Controller {
+    /// A controller after power-on, with a clock and an EEPROM.
+    pub fn new(clock: DistributedClock, eeprom: Eeprom) -> Self {
+        let mut memory = Memory::default();
+        // 16 FMMUs, four sync managers, 8 KiB, ports 0 and 1 by MII, clocks of 64 bit
+        memory.set(INFORMATION, &[0x11, 0, 2, 0, 16, 4, 8, 0x0f, 0x0c, 0]);
+        memory.set(AL_STATUS, &[1]);
+        memory.set(WATCHDOG_DIVIDER, &DEFAULT_DIVIDER.to_le_bytes());
+        memory.set(WATCHDOG_PROCESS_DATA, &DEFAULT_WATCHDOG.to_le_bytes());
+        memory.set(WATCHDOG_STATUS, &[1]);
+        memory.set(EEPROM + 2, &[0x40]);
+        let watchdog = Watchdog::default();
+        Self { memory, clock, eeprom, watchdog, ports: [None; 4], events: Vec::new() }
+    }
+
+    /// Configured station address.
+    pub fn station(&self) -> u16 {
+        self.memory.u16(STATION_ADDRESS)
+    }
+
+    /// Says which ports have a link: the first always, the second where a device follows.
+    pub(crate) fn set_links(&mut self, is_last: bool) {
+        let status: u16 = if is_last { 0x5610 | 1 } else { 0x5a30 | 1 };
+        // an open port communicates, a port without a partner is closed
+        self.memory.set(DATA_LINK_STATUS, &status.to_le_bytes());
+    }
+
+    /// Takes out what the application has to be told.
+    pub(crate) fn take_events(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.events)
+    }
+
+    /// Reads for the main device. False where nothing could be read.
+    pub fn read(&mut self, address: u16, into: &mut [u8], now: u64) -> bool {
+        let length = into.len();
+        if !self.memory.has(address, length) {
+            return false;
+        }
+        if touches(address, length, SYSTEM_TIME, 16) || touches(address, length, 0x0990, 8) {
+            self.clock.show(&mut self.memory, now);
+        }
+        let mut fetched = None;
+        if address >= PROCESS_MEMORY {
+            for number in 0..sync_manager::COUNT {
+                let manager = SyncManager::of(&self.memory, number);
+                if !manager.touches(address, length) || !manager.is_mailbox() {
+                    continue;
+                }
+                let is_ready = SyncManager::is_full(&self.memory, number);
+                if manager.is_written_by_main_device() || !is_ready {
+                    return false;
+                }
+                fetched = manager.is_ended_by(address, length).then_some(number);
+            }
+        }
+        into.copy_from_slice(self.memory.bytes(address, length));
+        if let Some(number) = fetched {
+            SyncManager::set_full(&mut self.memory, number, false);
+            self.events.push(Event::Fetched);
+        }
+        true
+    }
+
+    /// Writes for the main device. False where nothing could be written.
+    pub fn write(&mut self, address: u16, from: &[u8], now: u64) -> bool {
+        let length = from.len();
+        if !self.memory.has(address, length) {
+            return false;
+        }
+        if address < PROCESS_MEMORY {
+            self.write_registers(address, from, now);
+            return true;
+        }
+        let mut ended = None;
+        for number in 0..sync_manager::COUNT {
+            let manager = SyncManager::of(&self.memory, number);
+            if !manager.touches(address, length) {
+                continue;
+            }
+            let is_full = manager.is_mailbox() && SyncManager::is_full(&self.memory, number);
+            if !manager.is_written_by_main_device() || is_full {
+                return false;
+            }
+            ended = manager.is_ended_by(address, length).then_some((number, manager));
+        }
+        self.memory.set(address, from);
+        match ended {
+            Some((number, manager)) if manager.is_mailbox() => {
+                SyncManager::set_full(&mut self.memory, number, true);
+                self.events.push(Event::Request);
+            }
+            Some((_, manager)) => {
+                if manager.feeds_watchdog() {
+                    self.watchdog.feed(&mut self.memory, now);
+                }
+                self.events.push(Event::Outputs);
+            }
+            None => {}
+        }
+        true
+    }
+
+    /// Registers, and what writing some of them does.
+    fn write_registers(&mut self, address: u16, from: &[u8], now: u64) {
+        let length = from.len();
+        let repeat = self.memory.u8(SYNC_MANAGER + 8 + 6) & 2;
+        self.memory.write(address, from);
+        let is_written = |register, bytes| touches(address, length, register, bytes);
+        if is_written(RECEIVE_TIME, 1) {
+            self.clock.latch(&mut self.memory, self.ports);
+        }
+        if is_written(SYSTEM_TIME, 1) {
+            self.clock.follow(&mut self.memory, from, now);
+        }
+        if is_written(SYNC_ACTIVATION, 1) {
+            self.clock.activate(&self.memory, now);
+        }
+        if is_written(EEPROM + 3, 1) {
+            self.eeprom.carry_out(&mut self.memory);
+        }
+        if is_written(AL_CONTROL, 1) {
+            self.events.push(Event::StateRequest(self.memory.u8(AL_CONTROL)));
+        }
+        for number in 0..sync_manager::COUNT {
+            let activation = SYNC_MANAGER + 8 * number + 6;
+            if is_written(activation, 1) && self.memory.u8(activation) & 1 == 0 {
+                SyncManager::set_full(&mut self.memory, number, false);
+            }
+        }
+        if self.memory.u8(SYNC_MANAGER + 8 + 6) & 2 != repeat {
+            self.events.push(Event::RepeatRequest);
+        }
+    }
+
+    /// What a datagram with a logical address does. What is to be added to its working counter.
+    pub fn logical(&mut self, address: u32, access: Access, data: &mut [u8], now: u64) -> u16 {
+        let (mut was_read, mut was_written) = (false, false);
+        let units: Vec<Fmmu> =
+            (0..fmmu::UNITS).filter_map(|number| Fmmu::of(&self.memory, number)).collect();
+        let sent = data.to_vec();
+        for unit in &units {
+            let Some(overlap) = unit.overlap(address, data.len()) else { continue };
+            let first = (overlap.in_memory / 8) as u16;
+            let bit = overlap.in_memory % 8;
+            let mut bytes = self.memory.bytes(first, (bit + overlap.bits).div_ceil(8)).to_vec();
+            if access.writes() && unit.writes {
+                copy_bits(&mut bytes, bit, &sent, overlap.in_data, overlap.bits);
+                was_written |= self.write(first, &bytes, now);
+            }
+            if access.reads() && unit.reads && self.read(first, &mut bytes, now) {
+                copy_bits(data, overlap.in_data, &bytes, bit, overlap.bits);
+                was_read = true;
+            }
+        }
+        let for_write = if access == Access::ReadWrite { 2 } else { 1 };
+        u16::from(was_read) + if was_written { for_write } else { 0 }
+    }
+}
+
+/// Whether two ranges share a byte.
+fn touches(address: u16, length: usize, register: u16, bytes: usize) -> bool {
+    let (a, b) = (usize::from(address), usize::from(register));
+    a < b + bytes && b < a + length
+}

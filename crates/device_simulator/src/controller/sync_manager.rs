@@ -1,0 +1,76 @@
+//! Sync managers: memory that main device and application share, as a mailbox or as a buffer that is always free.
+
+use super::memory::Memory;
+use super::registers::SYNC_MANAGER;
+
+/// Sync managers that a controller has.
+pub const COUNT: u16 = 4;
+
+/// One sync manager, as its eight bytes state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SyncManager {
+    /// First byte of the memory.
+    pub start: u16,
+    /// Bytes of it.
+    pub length: u16,
+    /// Mode, direction, interrupts and watchdog trigger.
+    pub control: u8,
+    /// Whether it is enabled.
+    pub is_enabled: bool,
+}
+
+/// Bit of the status that says that a mailbox is full.
+const FULL: u8 = 0x08;
+
+impl SyncManager {
+    /// The sync manager of a number.
+    pub fn of(memory: &Memory, number: u16) -> Self {
+        let at = SYNC_MANAGER + 8 * number;
+        Self {
+            start: memory.u16(at),
+            length: memory.u16(at + 2),
+            control: memory.u8(at + 4),
+            is_enabled: memory.u8(at + 6) & 1 != 0,
+        }
+    }
+
+    /// Whether it is a mailbox; else it is a buffer.
+    pub fn is_mailbox(&self) -> bool {
+        self.control & 0x03 == 0x02
+    }
+
+    /// Whether the main device writes it.
+    pub fn is_written_by_main_device(&self) -> bool {
+        self.control & 0x0c == 0x04
+    }
+
+    /// Whether writes to it feed the process-data watchdog.
+    pub fn feeds_watchdog(&self) -> bool {
+        self.control & 0x40 != 0
+    }
+
+    /// Whether an access touches its memory.
+    pub fn touches(&self, address: u16, length: usize) -> bool {
+        let (a, b) = (usize::from(self.start), usize::from(self.start) + usize::from(self.length));
+        let first = usize::from(address);
+        self.is_enabled && self.length > 0 && first < b && first + length > a
+    }
+
+    /// Whether an access of the main device ends the buffer: its last byte is among those touched.
+    pub fn is_ended_by(&self, address: u16, length: usize) -> bool {
+        let last = usize::from(self.start) + usize::from(self.length);
+        self.touches(address, length) && usize::from(address) + length >= last
+    }
+
+    /// Whether a mailbox is full.
+    pub fn is_full(memory: &Memory, number: u16) -> bool {
+        memory.u8(SYNC_MANAGER + 8 * number + 5) & FULL != 0
+    }
+
+    /// Marks a mailbox as full or empty.
+    pub fn set_full(memory: &mut Memory, number: u16, full: bool) {
+        let at = SYNC_MANAGER + 8 * number + 5;
+        let status = memory.u8(at);
+        memory.set(at, &[if full { status | FULL } else { status & !FULL }]);
+    }
+}

@@ -1,0 +1,187 @@
+//! State machine of a device (ESM): which states may be requested, and what is checked on the way.
+
+use super::settings::{Area, MAILBOX_CONTROL, MODE_AND_DIRECTION, PROCESS_DATA_CONTROL, Settings};
+use crate::al_status_code::AlStatusCode;
+use crate::controller::{DistributedClock, Memory, SyncManager, Watchdog};
+use crate::object_dictionary::{ObjectDictionary, mapped_bytes};
+
+/// State of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum State {
+    /// No mailbox, no process data.
+    Init = 1,
+    /// Mailbox.
+    PreOp = 2,
+    /// Mailbox and inputs; outputs are safe.
+    SafeOp = 4,
+    /// Mailbox, inputs and outputs.
+    Op = 8,
+}
+
+impl State {
+    /// Of the number in a register.
+    ///
+    /// # Errors
+    ///
+    /// What a device says of bootstrap (3) and of numbers that are no state.
+    pub fn of(number: u8) -> Result<Self, AlStatusCode> {
+        match number {
+            1 => Ok(Self::Init),
+            2 => Ok(Self::PreOp),
+            4 => Ok(Self::SafeOp),
+            8 => Ok(Self::Op),
+            3 => Err(AlStatusCode::BootstrapNotSupported),
+            _ => Err(AlStatusCode::UnknownState),
+        }
+    }
+}
+
+/// Whether a change is allowed at all: a state up, or any down.
+fn is_allowed(from: State, to: State) -> bool {
+    to <= from
+        || matches!(
+            (from, to),
+            (State::Init, State::PreOp)
+                | (State::PreOp, State::SafeOp)
+                | (State::SafeOp, State::Op)
+        )
+}
+
+/// Checks a change of state.
+///
+/// # Errors
+///
+/// The code with which the device refuses.
+pub fn check(
+    from: State,
+    to: State,
+    memory: &Memory,
+    settings: &Settings,
+    dictionary: &ObjectDictionary,
+) -> Result<(), AlStatusCode> {
+    if !is_allowed(from, to) {
+        return Err(AlStatusCode::InvalidStateChange);
+    }
+    match (from, to) {
+        (State::Init, State::PreOp) => mailboxes(memory, settings),
+        (State::PreOp, State::SafeOp) => {
+            process_data(memory, settings, dictionary)?;
+            watchdog(memory, settings)?;
+            synchronisation(memory, settings, dictionary)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The sync managers of the mailboxes are as the EEPROM states them.
+fn mailboxes(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
+    let Some(areas) = settings.mailbox else { return Ok(()) };
+    for (area, control) in areas.into_iter().zip(MAILBOX_CONTROL) {
+        let manager = SyncManager::of(memory, area.sync_manager);
+        let fits = manager.is_enabled
+            && manager.start == area.start
+            && manager.length == area.length
+            && manager.control & MODE_AND_DIRECTION == control & MODE_AND_DIRECTION;
+        if !fits {
+            return Err(AlStatusCode::InvalidMailbox);
+        }
+    }
+    Ok(())
+}
+
+/// What is mapped can be, and the sync managers have its length.
+fn process_data(
+    memory: &Memory,
+    settings: &Settings,
+    dictionary: &ObjectDictionary,
+) -> Result<(), AlStatusCode> {
+    let outputs = (
+        0x1c12,
+        settings.outputs,
+        PROCESS_DATA_CONTROL[0],
+        AlStatusCode::InvalidOutputMapping,
+        AlStatusCode::InvalidOutputConfiguration,
+    );
+    let inputs = (
+        0x1c13,
+        settings.inputs,
+        PROCESS_DATA_CONTROL[1],
+        AlStatusCode::InvalidInputMapping,
+        AlStatusCode::InvalidInputConfiguration,
+    );
+    for (assignment, area, control, mapping, configuration) in [outputs, inputs] {
+        let Some(area) = area else { continue };
+        let bytes = dictionary.mapped(assignment).map(|e| mapped_bytes(&e)).map_err(|_| mapping)?;
+        if bytes > usize::from(area.length) {
+            return Err(mapping);
+        }
+        buffer(memory, area, control, bytes, configuration)?;
+    }
+    Ok(())
+}
+
+/// A sync manager for process data of a length \[byte\].
+fn buffer(
+    memory: &Memory,
+    area: Area,
+    control: u8,
+    bytes: usize,
+    otherwise: AlStatusCode,
+) -> Result<(), AlStatusCode> {
+    let manager = SyncManager::of(memory, area.sync_manager);
+    if bytes == 0 {
+        return if manager.is_enabled && manager.length > 0 { Err(otherwise) } else { Ok(()) };
+    }
+    if !manager.is_enabled || manager.control & MODE_AND_DIRECTION != control & MODE_AND_DIRECTION {
+        return Err(AlStatusCode::InvalidSyncManager);
+    }
+    if manager.start != area.start || usize::from(manager.length) != bytes {
+        return Err(otherwise);
+    }
+    Ok(())
+}
+
+/// A watchdog that the device insists on.
+fn watchdog(memory: &Memory, settings: &Settings) -> Result<(), AlStatusCode> {
+    let Some(longest) = settings.longest_watchdog else { return Ok(()) };
+    let is_fed = settings
+        .outputs
+        .is_some_and(|area| SyncManager::of(memory, area.sync_manager).feeds_watchdog());
+    match Watchdog::time(memory) {
+        Some(time) if is_fed && time <= longest => Ok(()),
+        _ => Err(AlStatusCode::InvalidWatchdog),
+    }
+}
+
+/// Object that states how outputs are synchronised: 0 free run, 1 by the frame, 2 by SYNC0, 3 by SYNC1.
+const SYNCHRONISATION_TYPE: (u16, u8) = (0x1c32, 1);
+
+/// SYNC0 and SYNC1 are what the device can do, with cycles that it takes.
+fn synchronisation(
+    memory: &Memory,
+    settings: &Settings,
+    dictionary: &ObjectDictionary,
+) -> Result<(), AlStatusCode> {
+    let can = settings.synchronisation;
+    let ([sync0, sync1], [cycle0, cycle1]) = DistributedClock::settings(memory);
+    if !sync0 && !sync1 {
+        return if can.may_run_free { Ok(()) } else { Err(AlStatusCode::FreeRunNotSupported) };
+    }
+    if !sync0 || !can.has_sync0 || sync1 && !can.has_sync1 {
+        return Err(AlStatusCode::InvalidSyncConfiguration);
+    }
+    if dictionary.object(SYNCHRONISATION_TYPE).is_ok() {
+        let wanted = if sync1 { 3 } else { 2 };
+        if dictionary.unsigned(SYNCHRONISATION_TYPE) != wanted {
+            return Err(AlStatusCode::InvalidSyncConfiguration);
+        }
+    }
+    if cycle0 < can.base_cycle || cycle0 % can.base_cycle != 0 {
+        return Err(AlStatusCode::InvalidSync0Cycle);
+    }
+    // SYNC1 comes a time after SYNC0 that is shorter than its cycle, or a multiple of it
+    if sync1 && cycle1 > cycle0 && cycle1 % cycle0 != 0 {
+        return Err(AlStatusCode::InvalidSync1Cycle);
+    }
+    Ok(())
+}

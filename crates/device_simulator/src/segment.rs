@@ -1,0 +1,111 @@
+//! A segment: devices in a line, through which a frame goes and comes back.
+
+use crate::device::Device;
+use crate::frame::for_each_datagram;
+
+/// Devices in a line, the first next to the main device.
+#[derive(Debug, Default)]
+pub struct Segment {
+    devices: Vec<Device>,
+    /// Time that a frame takes from one device to the next \[ns\]; one for each device, zero where it is not stated.
+    delays: Vec<u64>,
+    /// Devices that are connected; behind a broken cable none are.
+    connected: usize,
+    /// Frames that are to be lost.
+    lost: u32,
+}
+
+/// Delay of a frame through a device \[ns\], typical for MII ports. Estimate.
+pub const TYPICAL_DELAY: u64 = 550;
+
+impl Segment {
+    /// A line of devices, each a typical delay behind the one before.
+    pub fn new(devices: Vec<Device>) -> Self {
+        let mut segment = Self {
+            delays: vec![TYPICAL_DELAY; devices.len()],
+            connected: devices.len(),
+            devices,
+            lost: 0,
+        };
+        segment.set_links();
+        segment
+    }
+
+    /// With delays \[ns\], one for the way to each device.
+    pub fn with_delays(mut self, delays: &[u64]) -> Self {
+        self.delays.iter_mut().zip(delays).for_each(|(to, from)| *to = *from);
+        self
+    }
+
+    /// The devices, first to last.
+    pub fn devices(&self) -> &[Device] {
+        &self.devices
+    }
+
+    /// The devices, to inject faults.
+    pub fn devices_mut(&mut self) -> &mut [Device] {
+        &mut self.devices
+    }
+
+    /// Breaks the cable behind a number of devices, or mends it with the number of all.
+    pub fn connect(&mut self, devices: usize) {
+        self.connected = devices.min(self.devices.len());
+        self.set_links();
+    }
+
+    /// Loses the next frames on their way back.
+    pub fn lose_frames(&mut self, count: u32) {
+        self.lost = count;
+    }
+
+    fn set_links(&mut self) {
+        let last = self.connected.saturating_sub(1);
+        for (number, device) in self.devices.iter_mut().enumerate() {
+            device.controller.set_links(number == last);
+        }
+    }
+
+    /// Lets time go on to `now` \[ns\] without a frame.
+    pub fn advance(&mut self, now: u64) {
+        self.devices.iter_mut().for_each(|device| device.advance(now));
+    }
+
+    /// Passes a frame through the devices at a time \[ns\], and back. False where nothing comes back: no whole frame for EtherCAT, no device, or a frame lost.
+    pub fn process(&mut self, frame: &mut [u8], now: u64) -> bool {
+        let connected = &mut self.devices[..self.connected];
+        let arrivals: Vec<u64> = self
+            .delays
+            .iter()
+            .scan(now, |time, delay| {
+                *time += delay;
+                Some(*time)
+            })
+            .take(self.connected)
+            .collect();
+        let Some(turn) = arrivals.last().copied() else { return false };
+        let mut is_whole = false;
+        for (number, (device, arrival)) in connected.iter_mut().zip(&arrivals).enumerate() {
+            device.advance(*arrival);
+            let is_last = number + 1 == arrivals.len();
+            // the frame comes back from the last device as late as it went there
+            let back = (!is_last).then(|| 2 * turn - arrival);
+            device.controller.ports = [Some(*arrival), back, None, None];
+            let hears = device.hears();
+            is_whole = for_each_datagram(frame, |datagram| {
+                if hears {
+                    device.pass(datagram, *arrival);
+                }
+            });
+            if !is_whole {
+                return false;
+            }
+        }
+        // those behind a broken cable live on
+        self.devices[self.connected..].iter_mut().for_each(|device| device.advance(now));
+        if self.lost > 0 {
+            self.lost -= 1;
+            return false;
+        }
+        is_whole
+    }
+}
