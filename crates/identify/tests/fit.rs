@@ -154,7 +154,8 @@ fn a_profile_is_the_parabola_of_the_interval_where_the_log_tells_much_and_open_w
 fn a_key_that_is_none_is_refused_with_what_may_be_meant() {
     let said = |path: &str| Free::from_path(path).unwrap_err().to_string();
     assert!(said("boom.young").contains("boom.youngs_modulus_gpa"), "{}", said("boom.young"));
-    assert!(said("boomm.x").contains("hydroboom show"), "{}", said("boomm.x"));
+    assert!(said("boomm.mass").contains("boom.mass_kg"), "{}", said("boomm.mass"));
+    assert!(said("quux").contains("hydroboom show"), "{}", said("quux"));
     assert_eq!(Free::from_path("friction.coulomb").unwrap().path(), "friction.coulomb_n");
 }
 

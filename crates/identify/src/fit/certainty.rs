@@ -15,7 +15,7 @@
 //! 2000, 695-714, where all lags count). Intervals are the wider for the parts below.
 //!
 //! Keys that stay where they are, are not exact either. The covariance is that of the problem in which they are free too, within what is known of them,
-//! and one step of Gauss and Newton in that problem says what freeing them would change: what holding them may have cost is added as its square.
+//! and one step of Gauss and Newton in that problem says what freeing them would change: what holding them may have cost is added to the variance as its square.
 //!
 //! So is what the model's own steps are wrong by. Its scheme is of second order: half the step shows three quarters of the error (Richardson, Phil. Trans. R.
 //! Soc. A 210, 1911, 307-357), and `D JᵀW` times that is what it moves.
@@ -314,13 +314,17 @@ impl Certainty {
             let most = 1.0 / known.sqrt();
             *step = if step.is_nan() { most } else { step.max(-most).min(most) };
         }
-        whole.real += &whole.step * whole.step.transpose();
-        whole.real += &whole.of_steps * whole.of_steps.transpose();
         Self { information, known, whole }
     }
 
-    /// Deviation of one of those that were moved.
+    /// Deviation of one of those that were moved: how it scatters, and what holding keys and the model's steps may have moved it by.
     pub(super) fn deviation(&self, place: usize) -> f64 {
+        let Covariance { step, of_steps, .. } = &self.whole;
+        self.scatter_of(place).hypot(step[place]).hypot(of_steps[place])
+    }
+
+    /// How one of those that were moved scatters.
+    fn scatter_of(&self, place: usize) -> f64 {
         deviation_of(self.whole.real[(place, place)])
     }
 
@@ -329,12 +333,12 @@ impl Certainty {
         (0..count).map(|i| (0..count).map(|j| self.correlation_of(i, j)).collect()).collect()
     }
 
-    /// Correlation of two.
+    /// Correlation of two: of how they scatter, without what both are off by.
     pub(super) fn correlation_of(&self, i: usize, j: usize) -> f64 {
         if i == j {
             return 1.0;
         }
-        self.whole.real[(i, j)] / (self.deviation(i) * self.deviation(j)).max(1e-300)
+        self.whole.real[(i, j)] / (self.scatter_of(i) * self.scatter_of(j)).max(1e-300)
     }
 
     /// What the logs alone say of one of those that were moved.
