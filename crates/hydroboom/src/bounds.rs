@@ -175,7 +175,7 @@ fn told(
     format!(
         "Least possible tracking error of \"{}\" along {}: RMS true [mm], rests included\n{}\n\
          [1] for the crane linearised along the reference, model and reference known; duality gap {} %\n\
-         [2] for any causal controller, if disturbances drift as below: that they do is an estimate\n\
+         [2] for any linear causal controller, if disturbances drift as below: that they do is an estimate\n\
          [3] no position feedback; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\n\
          Strategies in closed loop on it (Harris index: mean square of the bound over that of the strategy)\n{}{interrupted}\n\n\
          Conditions\n{}",

@@ -87,7 +87,7 @@ fn meaning(bounds: &PerformanceBounds) -> Markup {
         ul {
             li { "Motor speed and slew rate: a bound for the crane linearised along the reference, with model and reference known. Optimal control; the
                   duality gap is " (digits(bounds.motor_gap_percent)) " % of the error." }
-            li { "Delay, sensor noise, unknown payload: a bound for any causal controller if disturbances drift as stated under conditions. That they do is an
+            li { "Delay, sensor noise, unknown payload: a bound for any linear causal controller if disturbances drift as stated under conditions. That they do is an
                   estimate, and so is the bound on a real machine." }
             li { "Feedforward alone: an estimate. Motor speeds are those of the payload as it is estimated on the way, and no position is fed back. The
                   payload's standard deviation is " (digits(bounds.payload_deviation_kg[0])) " kg before, " (digits(bounds.payload_deviation_kg[1]))
