@@ -75,8 +75,9 @@ pub fn run(
         )
     );
     text += &format!(
-        "\nThe largest K_i with a sensitivity of M_s <= {} at all payloads and positions (Astrom, Panagopoulos, Hagglund 1998). M_s, PM and GM are the \
-         worst of all;\nat that payload and position M_s is largest. Fewer payloads allow higher gains: --payload-kg LOW:HIGH.",
+        "\nThe largest K_i with a sensitivity of M_s <= {} at five payloads of the range and five positions (Astrom, Panagopoulos, Hagglund 1998). M_s, PM and \
+         GM are the worst of these;\nat that payload and position M_s is largest. Between them it may be larger, above all where the oil is soft: --payload-kg LOW:HIGH looks at a \
+         narrower range.",
         design.sensitivity_peak
     );
     if let Some(path) = out {
