@@ -67,7 +67,7 @@ impl Bounds {
         let payloads = self.payload_kg.unwrap_or_else(|| payload_range(&choice.machine));
         if !(payloads[0] - 0.5..=payloads[1] + 0.5).contains(&own) {
             return Err(miette!(
-                help = "take a range that has it, or another payload by --set payload.mass_kg=KG",
+                help = "take a range that has it, or another payload by --crane FILE --set payload.mass_kg=KG",
                 "the plant's payload is {own:.1} kg, and --payload-kg goes from {} to {} kg",
                 payloads[0],
                 payloads[1]
@@ -176,7 +176,7 @@ fn told(
         "Least possible tracking error of \"{}\" along {}: RMS true [mm], rests included\n{}\n\
          [1] for the crane linearised along the reference, model and reference known; duality gap {} %\n\
          [2] for any linear causal controller, if disturbances drift as below: that they do is an estimate\n\
-         [3] no position feedback; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\n\
+         [3] no position feedback, the motor's limits not counted; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\n\
          Strategies in closed loop on it (Harris index: mean square of the bound over that of the strategy)\n{}{interrupted}\n\n\
          Conditions\n{}",
         choice.name(),
