@@ -1,6 +1,6 @@
 //! Local interface of a machine: one datagram each way and control period, over UDP on the loopback address.
 //!
-//! The normative text is `docs/reference/machine-interface.md`. Here are the [datagrams](datagram) and the rules by which a [session](session) accepts them;
+//! The normative text is `docs/reference/machine-interface.md`. Here are the [datagrams](datagram) and the rules by which a [session] accepts them;
 //! sockets, clocks and watchdogs belong to those who use them.
 //!
 //! ```

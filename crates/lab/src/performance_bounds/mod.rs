@@ -1,8 +1,8 @@
 //! Performance bounds: the least true tracking error of a crane along a course, whoever controls, and what each limit costs.
 //!
 //! Two parts, which add in squares. The motion that is expected, given what can be known beforehand, is no better than the best motion of a motor with limits
-//! of [speed and slew](motor_limits). What is not known in time, by [delay](delay), [noise](sensor_noise), or an [unknown payload](unknown_payload), leaves the
-//! [prediction error](prediction_error) of the piston. For linear plants both are bounds, for any linear causal controller:
+//! of speed and slew. What is not known in time, by delay, noise, or an unknown payload, leaves the
+//! prediction error of the piston. For linear plants both are bounds, for any linear causal controller:
 //!
 //! ```text
 //! E e_k² = (E e_k)² + Var e_k,   Σ (E e_k)² ≥ the best motion's,   Var e_k ≥ Var(x_k | what could be acted on)
