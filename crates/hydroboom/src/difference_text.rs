@@ -45,8 +45,9 @@ fn of_sensor(error: &SensorError) -> String {
         Fault::Offset(off) => (
             format!("A constant offset of its sensor by {:+.3} {unit}", off / size),
             format!(
-                "add {:+.3} {unit} to its offset (the other way round where its sign is -1)",
-                -off / size
+                "add {:+.3} {unit} to its offset, or {:+.3} {unit} where its sign is -1",
+                -off / size,
+                off / size
             ),
         ),
         Fault::Scale(factor) => (
@@ -321,7 +322,7 @@ mod tests {
             |fault, against| SensorError { signal: Signal::PressureA, fault, left: 0.1e5, against };
         let offset = error(Fault::Offset(5e5), Some(Signal::PressurePumpA));
         let text = read(&difference(), &[offset]);
-        assert!(text.contains("A constant offset of its sensor by +5.000 bar would explain it: 0.100 bar RMS would be left ([log.pressure_a] add -5.000 bar to its offset); p_PA shows nothing of it"), "{text}");
+        assert!(text.contains("A constant offset of its sensor by +5.000 bar would explain it: 0.100 bar RMS would be left ([log.pressure_a] add -5.000 bar to its offset, or +5.000 bar where its sign is -1); p_PA shows nothing of it"), "{text}");
         let text = read(&difference(), &[error(Fault::Scale(1.25), None)]);
         assert!(
             text.contains("wrong by +25.00 %") && text.contains("scale and offset times 0.8000"),
