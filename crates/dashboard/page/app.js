@@ -1,10 +1,10 @@
-// The page: what comes from the program is shown, what a person wants is sent.
+// The page: shows the frames of the program and sends the operator's commands.
 "use strict";
 
 const $ = (id) => document.getElementById(id);
 // anything else cannot be one
 const token = location.hash.slice(1).match(/^[0-9a-f]{32}$/)?.[0] ?? "";
-// how a connection is closed whose place another viewer got
+// close code of a connection whose place another viewer has taken
 const DISPLACED = 4001;
 const picture = new CranePicture($("crane"));
 const page = { socket: null, viewer: null, charts: null, frame: null, setup: null, isOperator: false, frames: 0 };
@@ -23,7 +23,7 @@ function refuse(reason) {
 }
 
 function connect() {
-  // the token beside the protocol's name: with it there is always a place
+  // the token follows the protocol name: viewers with the token always get a place
   const socket = new WebSocket(`ws://${location.host}/live`, token ? ["hydroboom", token] : ["hydroboom"]);
   page.socket = socket;
   socket.onmessage = (event) => receive(JSON.parse(event.data));
@@ -40,7 +40,7 @@ function connect() {
 function receive(message) {
   if (message.type === "setup") setUp(message);
   else if (message.type === "past") {
-    // also after a connection was lost: what was missed is there
+    // also after a reconnection: the history fills the gap
     document.querySelectorAll(".chart").forEach((chart) => chart.replaceChildren());
     page.charts = new Charts(message.names, page.setup.real_time);
     page.charts.add(message.samples);
@@ -77,7 +77,7 @@ function setUp(setup) {
   choose(setup.chosen);
 }
 
-// What is chosen, in the controls and in words.
+// Shows the selection, in the controls and as text.
 function choose(chosen) {
   $("strategy").value = chosen.strategy;
   $("motion").value = chosen.scenario ?? "";
@@ -89,7 +89,7 @@ function inWords(chosen) {
   return `${chosen.strategy}, ${chosen.scenario ?? `out and back at ${+chosen.speed_mm_s.toFixed(3)} mm/s`}`;
 }
 
-// What the machine waits for, or that it waits for nothing but a start.
+// Shows the condition that delays the machine or a start, if any.
 function waits(frame) {
   if (frame.oscillation != null) {
     const [amplitude, frequency] = frame.oscillation;
@@ -110,7 +110,7 @@ function cell(text, className) {
   return made;
 }
 
-// in the order of the table's columns; a machine in another process tells no true ones
+// in the order of the columns; a machine in another process reports no true errors
 function errors(result) {
   return [result.rms_true_mm, result.rms_measured_mm, result.peak_true_mm, result.peak_measured_mm];
 }
@@ -140,7 +140,7 @@ function news(all) {
   $("fault-data").hidden = !all.has_fault_data;
 }
 
-// What the state estimator tells: name, unit, key of the frame, digits.
+// Estimates of the state estimator: name, unit, key of the frame, digits.
 const ESTIMATES = [
   ["payload", "kg", "payload_kg", 1],
   ["transition pressure of the oil", "bar", "transition_pressure_bar", 1],
@@ -220,7 +220,7 @@ function draw() {
 $("emergency").onclick = () => send("emergency-stop");
 $("role").onclick = () => send(page.isOperator ? "leave-role" : "take-role");
 
-// The course in the controls; none, and it is said why, where there is none.
+// The course in the controls; none, with a message, if it is invalid.
 function course() {
   if ($("motion").value !== "") return { scenario: $("motion").value };
   const speed = Number($("speed").value);

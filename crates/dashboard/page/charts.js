@@ -4,7 +4,7 @@
 const WINDOW_S = 20;
 const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#968214"];
 
-// A band about an estimate, by its standard deviation.
+// A band of estimates: value and standard deviation.
 const around = (name) => ({ about: `estimated_${name}`, deviation: `deviation_${name}` });
 
 class Charts {
@@ -16,7 +16,7 @@ class Charts {
       ["chart-error", "Tracking error x - x_ref [mm]", [["error", "error_mm"]]],
       ["chart-pressure", "Pressure [bar]", [["p_PA", "p_PA_bar"], ["p_A", "p_A_bar"], ["p_B", "p_B_bar"], ["p_PB", "p_PB_bar"], ["p_acc", "p_acc_bar"]]],
       ["chart-speed", "Motor speed [rpm]", [["asked for", "command_rpm"], ["read", "motor_rpm"]]],
-      // estimates within two standard deviations; innovations belong within two of theirs about zero
+      // bands of two standard deviations: about estimates, and about zero for innovations
       ["chart-payload", "Estimated payload ± 2σ [kg]", [["payload", "estimated_payload_kg"]], false, around("payload_kg")],
       ["chart-transition", "Transition pressure ± 2σ [bar]", [["transition pressure", "estimated_transition_pressure_bar"]], false, around("transition_pressure_bar")],
       ["chart-disturbance", "Unknown force ± 2σ [bar]", [["unknown force", "estimated_disturbance_bar"]], false, around("disturbance_bar")],
@@ -58,7 +58,7 @@ class Charts {
     return { plot, holder, columns: [0, ...lines.map(([, name]) => this.names.indexOf(name))], logarithmic, band };
   }
 
-  // Upper and lower edge of a band; none where nothing is estimated.
+  // Upper and lower edge of a band; none where there is no estimate.
   edges({ about, deviation }) {
     const middle = about ? this.columns[this.names.indexOf(about)] : null;
     const sigma = this.columns[this.names.indexOf(deviation)];

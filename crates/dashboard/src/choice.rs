@@ -1,35 +1,35 @@
-//! What is to be run: a strategy and a course, and what of them can be chosen.
+//! Selection of a run: the control strategy and the course, with the allowed values of both.
 
 use hydroboom_control::strategy::Strategy;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 
-/// A course.
+/// A reference motion that an operator can start.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Course {
-    /// Out and back, at a speed.
+    /// Out and back at constant speed, as in the paper's tests.
     Motion {
-        /// Speed \[mm/s\].
+        /// Speed of the reference \[mm/s\].
         speed_mm_s: f64,
     },
-    /// A scenario's.
+    /// A named test scenario.
     Scenario {
-        /// Its name.
+        /// Name of the scenario.
         name: String,
     },
 }
 
-/// A strategy and a course.
+/// The selected strategy and course.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// How the motor's speed is found.
+    /// Control strategy that computes the motor speed.
     pub strategy: Strategy,
-    /// Where the piston shall go.
+    /// Reference motion of the piston.
     pub course: Course,
 }
 
 impl Choice {
-    /// As viewers are shown it.
+    /// The selection as JSON, for the viewers' pages.
     pub(crate) fn json(&self) -> Value {
         let (speed, scenario) = match &self.course {
             Course::Motion { speed_mm_s } => (Some(speed_mm_s), None),
@@ -39,17 +39,21 @@ impl Choice {
     }
 }
 
-/// What can be chosen.
+/// The courses that operators can select.
 #[derive(Clone, Debug)]
 pub(crate) struct Offered {
-    /// Names of scenarios.
+    /// Names of the scenarios.
     pub(crate) scenarios: Vec<String>,
-    /// Speeds of a motion \[mm/s\].
+    /// Allowed speeds of an out-and-back motion \[mm/s\].
     pub(crate) speeds_mm_s: RangeInclusive<f64>,
 }
 
 impl Offered {
-    /// The course at a speed \[mm/s\], or of a scenario; none where neither is named.
+    /// The course at a speed \[mm/s\] or of a scenario; `None` where neither is given.
+    ///
+    /// # Errors
+    ///
+    /// The reason in words if both are given, the speed is out of range or the scenario is unknown.
     pub(crate) fn course(
         &self,
         speed_mm_s: Option<f64>,

@@ -1,4 +1,4 @@
-//! What viewers may send.
+//! Messages that viewers may send.
 
 use crate::choice::{Choice, shortened};
 use hydroboom_control::strategy::Strategy;
@@ -7,35 +7,35 @@ use hydroboom_realtime::fault::Fault;
 use serde::Deserialize;
 use std::time::Instant;
 
-/// What is asked of the session, not of the desk.
+/// Request to the session. Requests to the control task (stop, reset, strategy) go to the `Desk` instead.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Demand {
     /// Run a course.
     Start {
-        /// Which, and how.
+        /// Strategy and course.
         choice: Choice,
-        /// The generation of the operator who asked.
+        /// Generation of the operator's role in which the request was made; an older one is refused.
         generation: Generation,
-        /// When it was asked for.
+        /// Time of the request.
         asked: Instant,
     },
-    /// Let this go wrong.
+    /// Inject this fault into the virtual crane.
     Fault(Fault),
-    /// Mend what is broken.
+    /// Remove all injected faults.
     Mend,
 }
 
-/// A viewer's message.
+/// A message from a viewer, as JSON with the tag `command`.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "command", rename_all = "kebab-case", deny_unknown_fields)]
 pub(crate) enum Message {
-    /// The operator's page is there.
+    /// Sign of life of the operator's page.
     Alive,
-    /// To operate.
+    /// Take the operator's role.
     TakeRole { token: String },
-    /// To operate no more.
+    /// Give the operator's role back.
     LeaveRole { token: String },
-    /// To move: along the course chosen last where none is named.
+    /// Start a course; without speed and scenario, the course selected last.
     Start {
         token: String,
         #[serde(default)]
@@ -44,7 +44,7 @@ pub(crate) enum Message {
         scenario: Option<String>,
         strategy: String,
     },
-    /// To choose the course that a start shall run.
+    /// Select the course that the next start runs.
     Course {
         token: String,
         #[serde(default)]
@@ -52,30 +52,30 @@ pub(crate) enum Message {
         #[serde(default)]
         scenario: Option<String>,
     },
-    /// To change the strategy, also on the way.
+    /// Select the strategy; allowed during motion.
     Strategy { token: String, strategy: String },
-    /// To come to rest.
+    /// Decelerate to standstill.
     Stop { token: String },
-    /// To stand still at once: everybody who has the token may.
+    /// Stop at once. Allowed for every viewer that sends the token, operator or not.
     EmergencyStop { token: String },
-    /// To go on after a fault.
+    /// Reset a fault, so that a course can be started again.
     Reset { token: String },
-    /// To let something go wrong.
+    /// Inject a fault, by its name.
     Fault { token: String, fault: String },
-    /// To mend it.
+    /// Remove all injected faults.
     Mend { token: String },
 }
 
-/// Longest message that is read \[bytes\].
+/// Longest accepted message \[bytes\].
 pub(crate) const LONGEST: usize = 2048;
 
 impl Message {
-    /// A message from its text.
+    /// Parses a message.
     pub(crate) fn parse(text: &str) -> Result<Self, String> {
         serde_json::from_str(text).map_err(|error| format!("not understood: {error}"))
     }
 
-    /// The token that came with it; none for what needs none.
+    /// The token sent with the message; `None` for messages that need none.
     pub(crate) fn token(&self) -> Option<&str> {
         match self {
             Self::Alive => None,

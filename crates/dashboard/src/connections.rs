@@ -1,8 +1,8 @@
-//! Connections that are no viewers' yet: how many are open, and for how long.
+//! Connections that are not yet upgraded to viewers: bounds on their number and duration.
 //!
-//! A connection carries one request: answers say that it is closed then. It is closed when the request's header
-//! is not there in time, when the answer is not taken in time, and when it is the oldest and a new one comes while
-//! all places are taken: whoever holds connections open and asks for nothing shuts nobody out.
+//! A connection carries one request; each answer announces that the connection is closed. The server closes it
+//! when the header or the reading of the answer exceeds its time limit. When all places are taken, a new connection
+//! replaces the oldest one. Idle connections can therefore never block new ones.
 
 use crate::limits::Limits;
 use axum::Router;
@@ -15,16 +15,16 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::AbortHandle;
 
-/// After a connection could not be accepted, time until the next try: the system is short of descriptors.
+/// Pause after a failed `accept`: the system is out of descriptors \[duration\].
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// The open ones, in the order in which they came.
+/// Open connections, ordered by arrival.
 #[derive(Clone, Default)]
 struct Open(Arc<Mutex<BTreeMap<u64, AbortHandle>>>);
 
 impl Open {
     fn list(&self) -> MutexGuard<'_, BTreeMap<u64, AbortHandle>> {
-        // a list is whole whatever happened to the thread that had it
+        // the map stays valid after a panic of another thread: it is only inserted into and removed from
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -35,7 +35,7 @@ impl Open {
     }
 }
 
-/// Takes a connection off the list when it ends.
+/// Removes a connection from the map when it ends.
 struct Listed {
     open: Open,
     number: u64,
@@ -47,7 +47,7 @@ impl Drop for Listed {
     }
 }
 
-/// Accepts connections and lets a router answer them, for good.
+/// Accepts connections without end and hands each to the router.
 pub(crate) async fn accept(listener: TcpListener, router: Router, limits: &Limits) {
     let open = Open::default();
     let mut http = http1::Builder::new();
@@ -76,24 +76,24 @@ pub(crate) async fn accept(listener: TcpListener, router: Router, limits: &Limit
                 tokio::time::sleep(PAUSE).await;
             }
         }
-        // however many come, each is looked at before others take its place
+        // lets each connection run once before the next arrivals can displace it
         tokio::task::yield_now().await;
     }
 }
 
-/// One connection, until it ends or is a viewer's.
+/// Serves one connection until it ends or is upgraded to a viewer.
 fn serve(
     http: &http1::Builder,
     stream: TcpStream,
     router: Router,
     within: Duration,
 ) -> impl Future<Output = ()> + Send + 'static {
-    // an emergency stop waits for no other bytes; where the system cannot grant that it comes later
+    // sends an emergency stop without waiting for a full packet; if the system refuses, it is only slower
     let _ = stream.set_nodelay(true);
     let service = TowerToHyperService::new(router);
     let connection = http.serve_connection(TokioIo::new(stream), service).with_upgrades();
     async move {
-        // who breaks off or is too slow is told nothing, and nobody else has to be
+        // a connection that breaks or times out gets no answer; other connections are not affected
         let _ = tokio::time::timeout(within, connection).await;
     }
 }

@@ -1,4 +1,4 @@
-//! The dashboard as a session sees it.
+//! The dashboard's interface to a session.
 
 use crate::choice::Offered;
 use crate::command::Demand;
@@ -21,35 +21,35 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread;
 use thiserror::Error;
 
-/// Why there is no dashboard.
+/// Reason why the dashboard could not be started.
 #[derive(Debug, Error)]
 pub enum DashboardError {
-    /// The address is taken, or is none of this computer.
+    /// The address is in use, or does not belong to this computer.
     #[error("{address} cannot be listened on: {error}")]
     Address {
-        /// What was asked for.
+        /// Requested address.
         address: SocketAddr,
-        /// What the system says.
+        /// Error of the operating system.
         error: std::io::Error,
     },
-    /// Others could reach it, and nobody said that they may.
+    /// The address is reachable from other computers, which the caller has not allowed.
     #[error(
         "{0} can be reached from other computers, and what goes there is not encrypted: allow it with \
          --allow-remote, or listen on 127.0.0.1"
     )]
     Remote(SocketAddr),
-    /// The system has no chance numbers for the token.
+    /// The system provides no random numbers for the token.
     #[error("no token: {0}")]
     Token(getrandom::Error),
-    /// The crane cannot be drawn.
+    /// No geometry of the crane could be computed.
     #[error(transparent)]
     Crane(#[from] BuildError),
-    /// The system refuses a thread, or what it needs.
+    /// The thread or its asynchronous runtime could not be created.
     #[error("the dashboard's thread: {0}")]
     Thread(std::io::Error),
 }
 
-/// A page that is served, and the people on it.
+/// The web page of a run: it shows the run to viewers and takes their commands.
 pub struct Dashboard {
     state: Arc<ServerState>,
     demands: Receiver<Demand>,
@@ -57,12 +57,12 @@ pub struct Dashboard {
 }
 
 impl Dashboard {
-    /// Serves the page from now on, until the program ends. Other computers are let in only where
-    /// `allow_remote` says so.
+    /// Starts the server, which runs until the program ends. An address that other computers can reach is
+    /// refused unless `allow_remote` is true.
     ///
     /// # Errors
     ///
-    /// [`DashboardError`] when it cannot be served.
+    /// [`DashboardError`] if the server cannot be started.
     pub fn open(
         listen: SocketAddr,
         allow_remote: bool,
@@ -77,7 +77,7 @@ impl Dashboard {
         listener.set_nonblocking(true).map_err(taken)?;
         let bound = listener.local_addr().map_err(taken)?;
         let token = Token::new().map_err(DashboardError::Token)?;
-        // after the hash it is sent to nobody, and stands in no server's log
+        // browsers do not send the part after the hash, so the token appears in no server's log
         let address = format!("http://{bound}/#{}", token.text());
         let (sender, demands) = channel();
         let limits = Limits::default();
@@ -113,37 +113,38 @@ impl Dashboard {
         Ok(Self { state, demands, address })
     }
 
-    /// Where it is, with the token.
+    /// Address of the page, including the token.
     pub fn address(&self) -> &str {
         &self.address
     }
 
-    /// Shows a record.
+    /// Adds a record of the control task to the charts.
     pub fn see(&mut self, record: &Record) {
         self.feed().see(record);
     }
 
-    /// What has been asked for since it was looked at last.
+    /// The requests received since the last call.
     pub fn demands(&mut self) -> Vec<Demand> {
         self.demands.try_iter().collect()
     }
 
-    /// Says something to all.
+    /// Shows a notice to all viewers.
     pub fn say(&mut self, text: &str) {
         self.feed().say(text);
     }
 
-    /// Shows what a course came to: an object with course, strategy, rms_true_mm, rms_measured_mm, peak_true_mm, peak_measured_mm and fault.
+    /// Shows the result of a course: an object with course, strategy, rms_true_mm, rms_measured_mm, peak_true_mm,
+    /// peak_measured_mm and fault.
     pub fn result(&mut self, result: &Value) {
         self.feed().result(result);
     }
 
-    /// Shows a fault, and offers its last second.
+    /// Shows a fault and offers the last second before it as a download.
     pub fn alarm(&mut self, fault: &FaultData) {
         self.feed().alarm(fault);
     }
 
-    /// Offers a report, a page of its own.
+    /// Offers the report of the last course, an HTML page of its own.
     pub fn set_report(&mut self, page: String) {
         self.feed().report = Some(page);
     }

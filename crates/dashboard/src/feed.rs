@@ -1,4 +1,4 @@
-//! What viewers are shown: kept here by the session's thread, sent from here thirty times a second.
+//! Data for the viewers: written by the session's thread, sent thirty times a second by the server's.
 
 use crate::choice::Choice;
 use crate::scene::{Scene, shorter};
@@ -11,16 +11,16 @@ use hydroboom_realtime::session::FaultData;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 
-/// Records from one sample to the next: 10 ms, as fine as a chart of twenty seconds can show.
+/// Records per sample: 10 ms at a control period of 1 ms, the resolution of a chart of twenty seconds.
 const EVERY: u32 = 10;
-/// Samples that a new viewer is shown at once: thirty seconds.
+/// Samples sent to a new viewer: thirty seconds.
 const HISTORY: usize = 3000;
-/// Samples that are kept for the next frame at most: a second. More come only when frames do not go.
+/// Samples kept for the next frame: at most one second. More arrive only while no frame can be sent.
 const WAITING: usize = 100;
-/// Alarms, results and notices that are kept.
+/// Number of alarms, results and notices that are kept.
 const KEPT: usize = 20;
 
-/// Names of a sample's numbers, in order.
+/// Names of the numbers in a sample, in order.
 pub(crate) const SAMPLE: [&str; 28] = [
     "time_s",
     "reference_mm",
@@ -52,10 +52,10 @@ pub(crate) const SAMPLE: [&str; 28] = [
     "deviation_innovation_load_pressure_bar",
 ];
 
-/// What viewers are shown.
+/// Data for the viewers.
 pub(crate) struct Feed {
     last: Option<Record>,
-    /// Worst timing since the last sample.
+    /// Worst execution time and release delay since the last sample.
     worst: Deadlines,
     count: u32,
     history: VecDeque<Value>,
@@ -63,14 +63,14 @@ pub(crate) struct Feed {
     alarms: VecDeque<Value>,
     results: VecDeque<Value>,
     notices: VecDeque<Value>,
-    /// Grows with each alarm, result and notice, so that only news are sent.
+    /// Count of alarms, results and notices; a frame carries only those that are new.
     news: u64,
     sent: u64,
-    /// What was chosen last: at first when the program was started, then by operators.
+    /// Current selection: first the program's arguments, then the operator's.
     pub(crate) chosen: Choice,
-    /// Report of the last course.
+    /// HTML report of the last course.
     pub(crate) report: Option<String>,
-    /// The last second before the last fault.
+    /// Records of the last second before the last fault, as CSV.
     pub(crate) fault_data: Option<String>,
 }
 
@@ -148,7 +148,7 @@ impl Feed {
         self.news += 1;
     }
 
-    /// What has happened so far, for a new viewer.
+    /// History for a new viewer.
     pub(crate) fn past(&self) -> Value {
         json!({ "type": "past", "names": SAMPLE, "samples": self.history, "news": self.all_news() })
     }
@@ -160,7 +160,7 @@ impl Feed {
         })
     }
 
-    /// The next frame, for all; none before the first record.
+    /// The next frame for all viewers; `None` before the first record.
     pub(crate) fn frame(
         &mut self,
         scene: &Scene,
@@ -191,7 +191,7 @@ impl Feed {
     }
 }
 
-/// What is estimated now, each with its standard deviation.
+/// Current estimates, each with its standard deviation.
 fn estimated(e: &Estimates) -> Value {
     let both = |of: fn(&MachineState<f64>) -> f64| [of(&e.state), of(&e.deviation)].map(shorter);
     json!({
@@ -206,7 +206,7 @@ fn estimated(e: &Estimates) -> Value {
     })
 }
 
-/// Numbers in the order of [`SAMPLE`]; null where there is none.
+/// The numbers of a sample in the order of [`SAMPLE`]; null where a value is missing.
 fn sample(r: &Record, worst: &Deadlines) -> Value {
     let some = |value: f64| value.is_finite().then(|| (value * 1e3).round() * 1e-3);
     let bar = |pascal: f64| some(pascal * 1e-5);

@@ -1,4 +1,4 @@
-//! The dashboard: one page from inside the program, on which people follow a run and command it.
+//! The dashboard: a web page served by the program, on which viewers follow a run and the operator commands it.
 //!
 //! ```text
 //! session -records-> Dashboard -samples-> Feed -30 frames a second-> every viewer
@@ -6,7 +6,7 @@
 //! desk    <- stop, emergency stop, reset, strategy, attendance -------
 //! ```
 //!
-//! It runs in one ordinary thread of its own: whatever viewers do, the real-time tasks do not wait for it.
+//! The server has one thread of normal priority; the real-time tasks never wait for it.
 
 mod choice;
 mod command;

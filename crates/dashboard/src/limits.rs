@@ -1,34 +1,34 @@
-//! How many may come, and how long they may take.
+//! Bounds on the number of connections and viewers, and on their times.
 
 use std::time::Duration;
 
-/// Bounds on connections and viewers. File descriptors are bounded by `connections` + `viewers`, far below the
-/// 1024 that a process has by default.
+/// Bounds on connections and viewers. `connections` + `viewers` bounds the file descriptors, far below the
+/// usual limit of 1024 for a process.
 #[derive(Clone, Debug)]
 pub(crate) struct Limits {
-    /// Connections that are open at once and are no viewers' yet; the oldest makes room for a new one.
+    /// Largest number of open connections that are not yet viewers; a new one replaces the oldest.
     pub(crate) connections: usize,
-    /// A request's header is there within this time of connecting.
+    /// Time limit from connecting to the end of the request's header.
     pub(crate) header: Duration,
-    /// And its answer has been taken within this one.
+    /// Time limit from there to the end of the answer.
     pub(crate) exchange: Duration,
     /// Longest header \[bytes\].
     pub(crate) header_bytes: usize,
-    /// Viewers at once.
+    /// Largest number of viewers.
     pub(crate) viewers: usize,
-    /// Of these so many at least have presented the token.
+    /// Places among these that are reserved for viewers that have sent the token.
     pub(crate) with_token: usize,
-    /// Time from ping to ping.
+    /// Interval between pings.
     pub(crate) ping: Duration,
-    /// A viewer of which nothing is heard for so long, not even the answer to a ping, is gone.
+    /// Longest silence of a viewer, including answers to pings, before its connection is closed.
     pub(crate) silence: Duration,
-    /// A viewer that takes longer for one message is gone.
+    /// Time limit for sending one message to a viewer.
     pub(crate) sending: Duration,
-    /// Messages of one viewer in a second.
+    /// Messages accepted from one viewer in a second.
     pub(crate) messages: u32,
-    /// Answers that wait for one viewer to take them.
+    /// Answers queued for one viewer.
     pub(crate) answers: usize,
-    /// Wrong tokens of one viewer.
+    /// Wrong tokens after which a viewer's connection is closed.
     pub(crate) wrong_tokens: u32,
 }
 
@@ -37,7 +37,7 @@ impl Default for Limits {
         Self {
             connections: 128,
             header: Duration::from_secs(5),
-            // a long report over a slow network
+            // enough for a long report over a slow network
             exchange: Duration::from_secs(60),
             header_bytes: 16 * 1024,
             viewers: 32,

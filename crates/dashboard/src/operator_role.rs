@@ -1,12 +1,11 @@
-//! Who operates: one viewer at a time, and only as long as it shows that it is there.
+//! The operator's role: held by at most one viewer, and lost when its signs of life stop.
 
 use hydroboom_realtime::desk::{Desk, Generation};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The operator's page says that it is there several times a second; after so long without, nobody
-/// attends.
-const PATIENCE: Duration = Duration::from_millis(1500);
+/// Time without a sign of life after which the operator counts as absent. The page sends several a second.
+const ABSENT_AFTER: Duration = Duration::from_millis(1500);
 
 /// The operator's role.
 pub(crate) struct OperatorRole {
@@ -17,61 +16,61 @@ pub(crate) struct OperatorRole {
 #[derive(Clone, Copy)]
 struct Holder {
     viewer: u64,
-    heard: Instant,
+    last_sign: Instant,
 }
 
 impl OperatorRole {
-    /// Nobody operates yet.
+    /// The role without a holder.
     pub(crate) fn new(desk: Arc<Desk>) -> Self {
         desk.leave_role();
         Self { desk, holder: Mutex::new(None) }
     }
 
-    /// Who holds the role; nobody any more who was silent for too long.
+    /// Locks the holder, after removing one whose signs of life have stopped.
     fn holder(&self) -> MutexGuard<'_, Option<Holder>> {
-        // a holder is whole whatever happened to the thread that wrote it
+        // the holder is written in one assignment: it stays valid after a panic of another thread
         let mut holder = self.holder.lock().unwrap_or_else(PoisonError::into_inner);
-        if holder.is_some_and(|holder| holder.heard.elapsed() >= PATIENCE) {
+        if holder.is_some_and(|holder| holder.last_sign.elapsed() >= ABSENT_AFTER) {
             *holder = None;
             self.desk.leave_role();
         }
         holder
     }
 
-    /// The viewer that operates, if any.
+    /// The viewer that holds the role, if any.
     pub(crate) fn viewer(&self) -> Option<u64> {
         self.holder().map(|holder| holder.viewer)
     }
 
-    /// The generation in which a viewer makes its requests; none unless it operates. An emergency stop by somebody
-    /// else changes it.
+    /// The generation in which a viewer's requests are valid; `None` unless it holds the role. An emergency stop
+    /// by any viewer starts a new generation.
     pub(crate) fn generation(&self, viewer: u64) -> Option<Generation> {
         let holder = self.holder();
         holder.filter(|holder| holder.viewer == viewer).map(|_| self.desk.generation())
     }
 
-    /// A viewer wants to operate; whether it may. It may not while another one does.
+    /// Gives the role to a viewer if it is free; returns whether the viewer holds it then.
     pub(crate) fn take(&self, viewer: u64) -> bool {
         let mut holder = self.holder();
         match holder.as_ref() {
             Some(holder) => holder.viewer == viewer,
             None => {
-                *holder = Some(Holder { viewer, heard: Instant::now() });
-                self.desk.take_role(PATIENCE.as_secs_f64());
+                *holder = Some(Holder { viewer, last_sign: Instant::now() });
+                self.desk.take_role(ABSENT_AFTER.as_secs_f64());
                 true
             }
         }
     }
 
-    /// A viewer says that it is there.
-    pub(crate) fn hear(&self, viewer: u64) {
+    /// Records a sign of life from a viewer.
+    pub(crate) fn sign_of_life(&self, viewer: u64) {
         if let Some(holder) = self.holder().as_mut().filter(|holder| holder.viewer == viewer) {
-            holder.heard = Instant::now();
-            self.desk.attend(PATIENCE.as_secs_f64());
+            holder.last_sign = Instant::now();
+            self.desk.attend(ABSENT_AFTER.as_secs_f64());
         }
     }
 
-    /// A viewer gives the role back, or is gone.
+    /// Frees the role if this viewer holds it.
     pub(crate) fn leave(&self, viewer: u64) {
         let mut holder = self.holder();
         if holder.is_some_and(|holder| holder.viewer == viewer) {
@@ -97,18 +96,18 @@ mod tests {
         assert_eq!(role.viewer(), Some(1), "somebody else gave the role back");
         let first = role.generation(1).unwrap();
         assert!(role.generation(2).is_none());
-        // asked for again, and heard, it is the same operator's
+        // taking the role again and signs of life keep the generation
         assert!(role.take(1));
-        role.hear(1);
+        role.sign_of_life(1);
         assert_eq!(role.generation(1), Some(first));
         role.leave(1);
         assert!(!desk.is_attended() && role.generation(1).is_none());
         assert!(desk.generation() != first);
         assert!(role.take(2));
-        std::thread::sleep(PATIENCE + Duration::from_millis(50));
+        std::thread::sleep(ABSENT_AFTER + Duration::from_millis(50));
         assert!(!desk.is_attended() && role.viewer().is_none());
-        // who was silent for too long has to ask again
-        role.hear(2);
+        // after a time-out a sign of life does not bring the role back
+        role.sign_of_life(2);
         assert!(!desk.is_attended());
         let lost = desk.generation();
         assert!(role.take(3));

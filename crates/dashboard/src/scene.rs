@@ -1,4 +1,4 @@
-//! What does not change during a run: the crane to be drawn, and what can be chosen.
+//! Data that is constant during a run: the crane's geometry and the available selections.
 
 use crate::choice::Choice;
 use hydroboom_control::strategy::Strategy;
@@ -8,23 +8,23 @@ use hydroboom_realtime::fault::Fault;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 
-/// What a dashboard is to show.
+/// Configuration of a dashboard.
 pub struct Setup<'a> {
-    /// The model, for its geometry.
+    /// Description of the crane, for its geometry.
     pub model: &'a Description,
-    /// Names of the scenarios that can be run.
+    /// Names of the available scenarios.
     pub scenarios: Vec<String>,
-    /// Speeds at which a motion can be run \[mm/s\].
+    /// Allowed speeds of an out-and-back motion \[mm/s\].
     pub speeds_mm_s: RangeInclusive<f64>,
-    /// What is chosen at first.
+    /// Initial selection.
     pub first: Choice,
-    /// Whether the machine is virtual, so that faults may be injected.
+    /// Whether the crane is virtual, so that faults may be injected.
     pub is_virtual: bool,
-    /// Whether time is real.
+    /// Whether the run is paced by the clock.
     pub in_real_time: bool,
 }
 
-/// The crane, to be drawn at any angles.
+/// The crane's geometry, drawn at any joint angles.
 pub(crate) struct Scene {
     crane: Crane<f64, 3>,
     setup: Value,
@@ -54,20 +54,20 @@ impl Scene {
         Ok(scene)
     }
 
-    /// What a new viewer has to know.
+    /// Data that a new viewer receives first.
     pub(crate) fn setup(&self) -> &Value {
         &self.setup
     }
 
-    /// The boom's joints from bearing to tip, and the cylinder's mount \[m\], bent as at the segments'
-    /// absolute angles \[rad\] and turned to where the piston is \[m\].
+    /// Positions \[m\] of the boom's joints from bearing to tip and of the cylinder's mount, for the segments'
+    /// absolute angles \[rad\], rotated so that the cylinder has the measured stroke \[m\].
     pub(crate) fn drawn(&self, angle: &[f64; 3], stroke: f64) -> Value {
         let boom = &self.crane.boom;
         let stroke_at =
             |turned: f64| boom.cylinder_pose(&boom.pose(&angle.map(|a| a + turned))).stroke;
         let mut turned = 0.0;
         if stroke.is_finite() {
-            // secants: the stroke is all but linear in the angle
+            // secant steps: the stroke is almost linear in the angle
             for _ in 0..6 {
                 let slope = (stroke_at(turned + 1e-4) - stroke_at(turned)) / 1e-4;
                 turned += (stroke - stroke_at(turned)) / slope;
@@ -85,7 +85,7 @@ impl Scene {
     }
 }
 
-/// Five decimals: what is drawn needs no more.
+/// Rounds to five decimals, which is enough for a drawing.
 pub(crate) fn shorter(value: f64) -> f64 {
     (value * 1e5).round() * 1e-5
 }
@@ -118,7 +118,7 @@ mod tests {
             assert!((length - n.shortest - stroke).abs() < 2e-5, "{length} m at {stroke} m");
             assert_eq!(drawn["boom"].as_array().unwrap().len(), 4);
         }
-        // a sensor that shows no number leaves a drawing all the same
+        // a sensor without a valid number still gives a complete drawing
         assert!(scene.drawn(&[0.1, 0.09, 0.08], f64::NAN)["mount"][0].is_number());
     }
 }

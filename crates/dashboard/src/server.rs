@@ -1,4 +1,4 @@
-//! Pages, and where a connection becomes a viewer's.
+//! HTTP routes, and the upgrade of a connection to a viewer.
 
 use crate::command::LONGEST;
 use crate::connections::accept;
@@ -21,12 +21,12 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::broadcast;
 
-/// Time from frame to frame.
+/// Interval between frames.
 const FRAME: Duration = Duration::from_millis(33);
-/// Frames that a viewer may be behind; older ones are left out.
+/// Frames queued for one viewer; older ones are dropped.
 const BEHIND: usize = 8;
-/// Name of what is spoken on a viewer's connection. The token may stand beside it, as a second name: a browser can
-/// put it nowhere else but into the address, which servers between log.
+/// Sub-protocol of a viewer's WebSocket. The token may follow as a second name: the only other place that a browser
+/// allows is the address, which proxies log.
 const PROTOCOL: &str = "hydroboom";
 
 #[derive(Clone)]
@@ -35,7 +35,7 @@ struct Served {
     frames: broadcast::Sender<Utf8Bytes>,
 }
 
-/// Serves until the program ends.
+/// Runs the server until the program ends.
 pub(crate) async fn serve(
     listener: std::net::TcpListener,
     state: Arc<ServerState>,
@@ -66,8 +66,8 @@ pub(crate) async fn serve(
     Ok(())
 }
 
-/// Refuses what comes from another page, or under another name than ours, and tells browsers what
-/// our pages may do.
+/// Refuses requests of other origins and for other host names, and adds the security headers for
+/// our pages.
 async fn guard(State(served): State<Served>, request: Request, next: Next) -> Response {
     if let Err(reason) = is_ours(request.headers(), &served.state.bound) {
         return only_one((StatusCode::FORBIDDEN, reason).into_response());
@@ -75,7 +75,7 @@ async fn guard(State(served): State<Served>, request: Request, next: Next) -> Re
     let is_report = request.uri().path() == "/report";
     let mut response = next.run(request).await;
     let headers = response.headers_mut();
-    // the report carries its own style, and no script at all
+    // the report has inline styles and no script
     let policy = match is_report {
         true => "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
         false => {
@@ -91,7 +91,7 @@ async fn guard(State(served): State<Served>, request: Request, next: Next) -> Re
     only_one(response)
 }
 
-/// Closes the connection after an answer, unless it becomes a viewer's.
+/// Closes the connection after the answer, unless it is upgraded to a viewer.
 fn only_one(mut response: Response) -> Response {
     if response.status() != StatusCode::SWITCHING_PROTOCOLS {
         response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
@@ -99,11 +99,11 @@ fn only_one(mut response: Response) -> Response {
     response
 }
 
-/// Whether a request comes from our own page, or from a program that is none.
+/// Checks that a request comes from our own page or from a program that is not a browser.
 fn is_ours(headers: &HeaderMap, bound: &SocketAddr) -> Result<(), &'static str> {
     let text = |name| headers.get(name).and_then(|value: &HeaderValue| value.to_str().ok());
     let Some(host) = text(HOST) else { return Err("a request without a host") };
-    // a name that somebody else points at this computer is not ours
+    // a foreign name that resolves to this computer is refused (DNS rebinding)
     let names = [bound.to_string(), format!("localhost:{}", bound.port())];
     if bound.ip().is_loopback() && !names.iter().any(|name| name == host) {
         return Err("another host's name");
@@ -133,13 +133,13 @@ async fn fault_data(State(served): State<Served>) -> Response {
     }
 }
 
-/// Makes frames, and sends them to all viewers.
+/// Computes each frame and sends it to all viewers.
 async fn send_frames(state: Arc<ServerState>, frames: broadcast::Sender<Utf8Bytes>) {
     let mut ticks = tokio::time::interval(FRAME);
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     loop {
         ticks.tick().await;
-        // also where nobody looks on: an operator who is lost is noticed
+        // also without viewers: this detects that the operator is absent
         let operator = state.role.viewer();
         let viewers = state.viewers.count();
         if viewers == 0 {
@@ -147,13 +147,13 @@ async fn send_frames(state: Arc<ServerState>, frames: broadcast::Sender<Utf8Byte
         }
         let frame = state.feed().frame(&state.scene, operator, viewers);
         if let Some(frame) = frame {
-            // that all viewers have just gone is no error
+            // an error says only that all viewers have just left
             let _ = frames.send(frame.to_string().into());
         }
     }
 }
 
-/// Makes a viewer of whoever asks, if there is a place: it is reserved before, and nobody gets in beside it.
+/// Upgrades a request to a viewer. Its place is reserved first, so that the limit holds for simultaneous requests.
 async fn live(State(served): State<Served>, upgrade: WebSocketUpgrade) -> Response {
     let state = &served.state;
     let is_token = |name: &HeaderValue| name.to_str().is_ok_and(|name| state.token.is(name));

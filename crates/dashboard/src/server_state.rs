@@ -1,4 +1,4 @@
-//! What all connections share, and what is done with a viewer's message.
+//! State shared by all connections, and the execution of a viewer's message.
 
 use crate::choice::Offered;
 use crate::command::{self, Demand, Message};
@@ -15,7 +15,7 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-/// What all connections share.
+/// State shared by all connections.
 pub(crate) struct ServerState {
     pub(crate) feed: Mutex<Feed>,
     pub(crate) scene: Scene,
@@ -30,13 +30,13 @@ pub(crate) struct ServerState {
 }
 
 impl ServerState {
-    /// What viewers are shown.
+    /// Locks the data for the viewers.
     pub(crate) fn feed(&self) -> MutexGuard<'_, Feed> {
-        // a feed is whole whatever happened to the thread that had it: only lists are added to
+        // only lists are extended: the data stay valid after a panic of another thread
         self.feed.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What a new viewer has to know.
+    /// Data that a new viewer receives first.
     pub(crate) fn setup(&self, place: &Place) -> Value {
         let mut setup = self.scene.setup().clone();
         setup["viewer"] = json!(place.number);
@@ -45,11 +45,15 @@ impl ServerState {
         setup
     }
 
-    /// Does what a viewer's message asks for, whose token has been looked at.
+    /// Executes a message whose token has been checked.
+    ///
+    /// # Errors
+    ///
+    /// The reason for the refusal, to be shown to the viewer.
     pub(crate) fn carry_out(&self, viewer: u64, message: Message) -> Result<(), String> {
         let ended = |_| "the session has ended".to_string();
         match message {
-            Message::Alive => self.role.hear(viewer),
+            Message::Alive => self.role.sign_of_life(viewer),
             Message::TakeRole { .. } if !self.role.take(viewer) => {
                 return Err("somebody else operates".into());
             }
@@ -102,7 +106,7 @@ impl ServerState {
         Ok(())
     }
 
-    /// The generation in which a viewer operates.
+    /// The generation in which a viewer holds the operator's role, or the reason why it may not command.
     fn operates(&self, viewer: u64) -> Result<Generation, String> {
         let generation = self.role.generation(viewer);
         generation.ok_or_else(|| "only the operator may: take the role first".into())

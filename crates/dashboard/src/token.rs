@@ -1,16 +1,16 @@
-//! The secret without which nothing is commanded.
+//! The secret that authorises commands.
 
 use std::fmt::Write;
 
-/// Letters of a token: 128 bits.
+/// Length of a token \[bytes\]: 128 random bits.
 const BYTES: usize = 16;
 
-/// A secret of its own for every run.
+/// Random secret, new in every run.
 #[derive(Clone)]
 pub(crate) struct Token(String);
 
 impl Token {
-    /// A new one, from the system's source of chance.
+    /// A new token from the system's random number generator.
     pub(crate) fn new() -> Result<Self, getrandom::Error> {
         let mut bytes = [0_u8; BYTES];
         getrandom::fill(&mut bytes)?;
@@ -22,14 +22,14 @@ impl Token {
         Ok(Self(text))
     }
 
-    /// Whether it is this one. Takes as long for a wrong one as for the right one.
+    /// Compares in constant time: the duration does not depend on the other text's content.
     pub(crate) fn is(&self, other: &str) -> bool {
         let (ours, theirs) = (self.0.as_bytes(), other.as_bytes());
         let differ = ours.iter().zip(theirs).fold(0, |differ, (a, b)| differ | (a ^ b));
         ours.len() == theirs.len() && differ == 0
     }
 
-    /// For the person who started the run.
+    /// The token as hexadecimal text, to be shown to the person who started the run.
     pub(crate) fn text(&self) -> &str {
         &self.0
     }

@@ -1,5 +1,5 @@
-//! A viewer's connection. What it sends is read whatever becomes of what is sent to it: a viewer that takes no
-//! frames can still stop the machine.
+//! A viewer's connection. Receiving does not depend on sending: a viewer that reads no frames can still stop the
+//! machine.
 
 use crate::command::Message;
 use crate::limits::Limits;
@@ -16,18 +16,18 @@ use tokio::sync::broadcast::{self, error::RecvError};
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
-/// Why a connection is closed whose place another viewer got; the page does not come back by itself then.
+/// Close code for a viewer whose place another viewer has taken; the page does not reconnect then.
 const DISPLACED: u16 = 4001;
-/// A last message is taken within this time, or not at all.
-const FAREWELL: Duration = Duration::from_secs(1);
+/// Time limit for the last message.
+const LAST_MESSAGE: Duration = Duration::from_secs(1);
 
-/// What is to be sent, apart from frames.
+/// A message to a viewer other than a frame.
 enum Answer {
     Refusal(Utf8Bytes),
     Farewell(CloseFrame),
 }
 
-/// A viewer's connection, from its beginning to its end.
+/// Serves a viewer from the upgrade to the end of its connection.
 pub(crate) async fn attend(
     state: &ServerState,
     frames: broadcast::Receiver<Utf8Bytes>,
@@ -38,27 +38,27 @@ pub(crate) async fn attend(
     let (answers, waiting) = mpsc::channel(state.limits.answers);
     let first = [state.setup(&place), state.feed().past()];
     let mut sending = pin!(send(sink, first, frames, waiting, &state.limits));
-    let farewell = tokio::select! {
+    let close = tokio::select! {
         biased;
         () = place.displaced() => Some(CloseFrame {
             code: DISPLACED,
             reason: Utf8Bytes::from_static("another viewer with the token has this place"),
         }),
-        farewell = read(stream, state, &place, &answers) => farewell,
+        close = read(stream, state, &place, &answers) => close,
         () = &mut sending => None,
     };
-    // a viewer that is gone stops nothing, unless it operated
+    // the loss of a viewer has no effect on the machine unless it is the operator
     state.role.leave(place.number);
     drop(place);
-    if let Some(frame) = farewell
+    if let Some(frame) = close
         && answers.try_send(Answer::Farewell(frame)).is_ok()
     {
-        // who does not take it is gone without
-        let _ = timeout(FAREWELL, sending).await;
+        // the connection is closed even if the viewer does not read the last message
+        let _ = timeout(LAST_MESSAGE, sending).await;
     }
 }
 
-/// Sends what a new viewer has to know, then frames, answers and pings, until the viewer is gone or was told to go.
+/// Sends setup and history, then frames, answers and pings, until the connection ends or is closed.
 async fn send(
     mut sink: SplitSink<WebSocket, Frame>,
     first: [Value; 2],
@@ -89,7 +89,7 @@ async fn send(
             _ = pings.tick() => Frame::Ping(Bytes::new()),
             frame = frames.recv() => match frame {
                 Ok(text) => Frame::Text(text),
-                // who is behind gets the newer ones
+                // a slow viewer skips frames
                 Err(RecvError::Lagged(_)) => continue,
                 Err(RecvError::Closed) => return,
             },
@@ -100,29 +100,31 @@ async fn send(
     }
 }
 
-/// Does what a viewer asks for, until it is gone; with what words it is to be sent away, if it is.
+/// Executes a viewer's messages until its connection ends. Returns the reason if the server closes the connection.
 async fn read(
     mut stream: SplitStream<WebSocket>,
     state: &ServerState,
     place: &Place,
     answers: &mpsc::Sender<Answer>,
 ) -> Option<CloseFrame> {
-    let mut conduct = Conduct::new();
+    let mut conduct = MessageCount::new();
     loop {
         let message = timeout(state.limits.silence, stream.next()).await.ok()??;
         let heeded = match message {
-            Ok(Frame::Text(text)) => conduct.heed(state, place, text.as_str()),
-            Ok(Frame::Ping(_) | Frame::Pong(_)) if conduct.is_bearable(&state.limits) => continue,
-            // binary, too long, too many, closed, broken
+            Ok(Frame::Text(text)) => conduct.execute(state, place, text.as_str()),
+            Ok(Frame::Ping(_) | Frame::Pong(_)) if conduct.is_within_rate(&state.limits) => {
+                continue;
+            }
+            // binary message, too long, closed or broken connection
             _ => return None,
         };
         let (reason, is_expelled) = match heeded {
-            Heeded::Done => continue,
-            Heeded::Refused(reason) => (reason, false),
-            Heeded::Expelled(reason) => (reason, true),
+            Outcome::Done => continue,
+            Outcome::Refused(reason) => (reason, false),
+            Outcome::Expelled(reason) => (reason, true),
         };
         let refusal = json!({ "type": "refused", "reason": reason }).to_string().into();
-        // who takes no answers asks for nothing more
+        // a full queue of answers closes the connection
         answers.try_send(Answer::Refusal(refusal)).ok()?;
         if is_expelled {
             let reason = Utf8Bytes::from_static("see the last message");
@@ -131,29 +133,29 @@ async fn read(
     }
 }
 
-/// What became of a message.
-enum Heeded {
+/// Result of a message.
+enum Outcome {
     Done,
-    /// Not done, and why.
+    /// Not executed, with the reason.
     Refused(String),
-    /// Not done, and the viewer has to go.
+    /// Not executed; the connection is closed, with the reason.
     Expelled(String),
 }
 
-/// How a viewer behaves.
-struct Conduct {
+/// Counts a viewer's messages and wrong tokens.
+struct MessageCount {
     since: Instant,
     messages: u32,
     wrong: u32,
 }
 
-impl Conduct {
+impl MessageCount {
     fn new() -> Self {
         Self { since: Instant::now(), messages: 0, wrong: 0 }
     }
 
-    /// Whether it has not sent too much.
-    fn is_bearable(&mut self, limits: &Limits) -> bool {
+    /// Counts a message; whether the rate is within the limit.
+    fn is_within_rate(&mut self, limits: &Limits) -> bool {
         if self.since.elapsed() >= Duration::from_secs(1) {
             (self.since, self.messages) = (Instant::now(), 0);
         }
@@ -161,16 +163,16 @@ impl Conduct {
         self.messages <= limits.messages
     }
 
-    fn heed(&mut self, state: &ServerState, place: &Place, text: &str) -> Heeded {
+    fn execute(&mut self, state: &ServerState, place: &Place, text: &str) -> Outcome {
         let message = Message::parse(text);
-        // an emergency stop counts however much came before it
+        // an emergency stop is executed even when the rate limit is exceeded
         let is_emergency = matches!(message, Ok(Message::EmergencyStop { .. }));
-        if !self.is_bearable(&state.limits) && !is_emergency {
-            return Heeded::Expelled("too many messages".into());
+        if !self.is_within_rate(&state.limits) && !is_emergency {
+            return Outcome::Expelled("too many messages".into());
         }
         let message = match message {
             Ok(message) => message,
-            Err(reason) => return Heeded::Expelled(reason),
+            Err(reason) => return Outcome::Expelled(reason),
         };
         match message.token() {
             Some(token) if state.token.is(token) => place.present_token(),
@@ -178,15 +180,15 @@ impl Conduct {
                 self.wrong += 1;
                 let reason = "a wrong token: open the address that the program printed".to_string();
                 return match self.wrong >= state.limits.wrong_tokens {
-                    true => Heeded::Expelled(reason),
-                    false => Heeded::Refused(reason),
+                    true => Outcome::Expelled(reason),
+                    false => Outcome::Refused(reason),
                 };
             }
             None => {}
         }
         match state.carry_out(place.number, message) {
-            Ok(()) => Heeded::Done,
-            Err(reason) => Heeded::Refused(reason),
+            Ok(()) => Outcome::Done,
+            Err(reason) => Outcome::Refused(reason),
         }
     }
 }

@@ -1,7 +1,7 @@
-//! Places of viewers. One is reserved before a connection becomes a viewer's, and given back when it ends.
+//! Places of viewers. A place is reserved before a connection is upgraded, and released when it ends.
 //!
-//! Viewers without the token leave some places free. Who presents the token always gets one: where all are taken,
-//! the viewer makes room that has been there longest and does not operate, one without the token before one with it.
+//! Some places are reserved for viewers with the token. Such a viewer always gets one. Where all are taken, it
+//! replaces the oldest viewer without the token, else the oldest with it, but never the operator.
 
 use crate::limits::Limits;
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use tokio::sync::Notify;
 /// All places.
 pub(crate) struct Viewers {
     places: usize,
-    /// Places that are left free by viewers without the token.
+    /// Places reserved for viewers with the token.
     with_token: usize,
     taken: Mutex<Taken>,
 }
@@ -20,7 +20,7 @@ pub(crate) struct Viewers {
 struct Taken {
     /// Number of the newest viewer.
     last: u64,
-    /// By number, and so in the order in which they came.
+    /// Viewers by number, and so by time of arrival.
     viewers: BTreeMap<u64, Viewer>,
 }
 
@@ -29,35 +29,35 @@ struct Viewer {
     displaced: Arc<Notify>,
 }
 
-/// A viewer's place; given back when dropped.
+/// A viewer's place, released on drop.
 pub(crate) struct Place {
     /// Number of the viewer.
     pub(crate) number: u64,
-    /// Whether it came with the token.
+    /// Whether the viewer sent the token with its request.
     pub(crate) has_token: bool,
     displaced: Arc<Notify>,
     all: Arc<Viewers>,
 }
 
 impl Viewers {
-    /// As many places as the limits say, all of them free.
+    /// Places according to the limits, all free.
     pub(crate) fn new(limits: &Limits) -> Arc<Self> {
         let (places, with_token) = (limits.viewers, limits.with_token);
         Arc::new(Self { places, with_token, taken: Mutex::default() })
     }
 
     fn taken(&self) -> MutexGuard<'_, Taken> {
-        // a list is whole whatever happened to the thread that had it
+        // the map stays valid after a panic of another thread: it is only inserted into and removed from
         self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How many there are.
+    /// Number of viewers.
     pub(crate) fn count(&self) -> usize {
         self.taken().viewers.len()
     }
 
-    /// A place for a viewer who came with the token or without, while somebody operates or nobody does; none where
-    /// there is none.
+    /// Reserves a place for a viewer with or without the token; `operator` is never displaced. `None` if no place
+    /// can be freed.
     pub(crate) fn reserve(
         self: &Arc<Self>,
         has_token: bool,
@@ -84,14 +84,14 @@ impl Viewers {
 }
 
 impl Place {
-    /// The viewer has sent the token with a message.
+    /// Records that the viewer has sent the token with a message.
     pub(crate) fn present_token(&self) {
         if let Some(viewer) = self.all.taken().viewers.get_mut(&self.number) {
             viewer.has_token = true;
         }
     }
 
-    /// Waits until another viewer has the place.
+    /// Waits until another viewer takes over the place.
     pub(crate) async fn displaced(&self) {
         self.displaced.notified().await;
     }
@@ -142,7 +142,7 @@ mod tests {
         let first = all.reserve(false, None).unwrap();
         let second = all.reserve(false, None).unwrap();
         let third = all.reserve(true, None).unwrap();
-        // by a message, which counts as much
+        // a token in a message counts like one in the request
         first.present_token();
         let mut late = Vec::new();
         for gone in [&second, &first, &third] {
@@ -152,7 +152,7 @@ mod tests {
             assert_eq!(all.count(), 4);
         }
         assert!(!is_displaced(&operator));
-        // who was displaced takes nobody else's place away when it has gone
+        // releasing a displaced viewer's place leaves the new holder's
         drop((first, second, third));
         assert_eq!(all.count(), 4);
         assert!(all.reserve(false, Some(operator.number)).is_none());

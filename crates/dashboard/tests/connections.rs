@@ -1,4 +1,4 @@
-//! Connections that ask for nothing, take nothing, or are too many: nobody is shut out by them.
+//! Idle, slow and excess connections leave the page reachable for others.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -17,13 +17,13 @@ use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
-/// Longer than this nothing takes.
+/// Time limit for every exchange of the tests.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Places for viewers, and how many of them those without the token leave free.
+/// Places for viewers, and how many of them are reserved for viewers with the token.
 const PLACES: usize = 32;
 const WITH_TOKEN: usize = 8;
 
-/// A dashboard on a port of its own, and the desk behind it.
+/// A dashboard on a free port, and its desk.
 struct Served {
     dashboard: Dashboard,
     desk: Arc<Desk>,
@@ -58,7 +58,7 @@ impl Served {
         stream
     }
 
-    /// A viewer, if there is a place for it.
+    /// Connects a viewer, if there is a place for it.
     fn viewer(&self, has_token: bool) -> Option<Viewer> {
         let token = has_token.then_some(self.token.as_str());
         viewer(self.connect(), &self.host, token)
@@ -91,7 +91,7 @@ fn viewer(stream: TcpStream, host: &str, token: Option<&str>) -> Option<Viewer> 
     request.headers_mut().insert("Sec-WebSocket-Protocol", protocols.parse().unwrap());
     match tungstenite::client(request, stream) {
         Ok((socket, answer)) => {
-            // the token is not sent back
+            // the server does not send the token back
             assert_eq!(answer.headers()["Sec-WebSocket-Protocol"], "hydroboom");
             Some(socket)
         }
@@ -102,7 +102,7 @@ fn viewer(stream: TcpStream, host: &str, token: Option<&str>) -> Option<Viewer> 
     }
 }
 
-/// The next message that is one, if the connection has not ended.
+/// The next text message, unless the connection has ended.
 fn next(viewer: &mut Viewer) -> Option<Value> {
     loop {
         match viewer.read() {
@@ -113,7 +113,7 @@ fn next(viewer: &mut Viewer) -> Option<Value> {
     }
 }
 
-/// How a connection ends: why, where it was said.
+/// Close code of a connection, where the server has sent one.
 fn ending(viewer: &mut Viewer) -> Option<u16> {
     loop {
         match viewer.read() {
@@ -124,7 +124,7 @@ fn ending(viewer: &mut Viewer) -> Option<u16> {
     }
 }
 
-/// A record of a machine, so that there are frames.
+/// A record, without which there are no frames.
 fn record() -> Record {
     let model = Description::uia_single_boom().unwrap();
     let motion = model.motion(model.numbers.fast);
@@ -139,7 +139,7 @@ fn a_request_that_does_not_come_to_its_end_is_closed() {
     let mut silent = served.connect();
     let mut half = served.connect();
     write!(half, "GET / HTTP/1.1\r\nHost: {}\r\nAcc", served.host).unwrap();
-    // a byte now and then makes it no longer
+    // single bytes in between do not extend the time limit
     let mut slow = served.connect();
     slow.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
     let begun = Instant::now();
@@ -152,7 +152,7 @@ fn a_request_that_does_not_come_to_its_end_is_closed() {
         }
     }
     for stream in [&mut silent, &mut half] {
-        // an end or a reset, not a time-out
+        // the server closes or resets the connection: this is no time-out of the test
         let end = stream.read_to_end(&mut answer);
         assert!(end.is_ok_and(|count| count == 0));
     }
@@ -171,14 +171,14 @@ fn of_fifty_who_come_at_once_as_many_get_in_as_there_are_places() {
             let coming: Vec<_> = streams.into_iter().map(come).collect();
             coming.into_iter().map(|viewer| viewer.join().unwrap()).collect()
         });
-        // who came with the token got in, and the first of them made room for the last
+        // viewers with the token got in; the last of them replaced the first
         let inside = all_at_once(viewers.iter_mut().flatten());
         assert_eq!(inside, expected, "with the token: {has_token}");
         assert_eq!(viewers.iter().flatten().count(), if has_token { 50 } else { expected });
     }
 }
 
-/// How many of them are inside.
+/// Number of viewers that were admitted.
 fn all_at_once<'a>(viewers: impl Iterator<Item = &'a mut Viewer>) -> usize {
     std::thread::scope(|scope| {
         let looking: Vec<_> = viewers.map(|viewer| scope.spawn(|| is_inside(viewer))).collect();
@@ -186,12 +186,12 @@ fn all_at_once<'a>(viewers: impl Iterator<Item = &'a mut Viewer>) -> usize {
     })
 }
 
-/// Whether a new viewer is told what it has to know, and stays.
+/// Whether a new viewer receives setup and history, and stays connected.
 fn is_inside(viewer: &mut Viewer) -> bool {
     next(viewer).is_some() && next(viewer).is_some() && is_open(viewer)
 }
 
-/// Whether nothing comes, and not an end either: before the first record there are no frames.
+/// Whether the connection is open and silent: there are no frames before the first record.
 fn is_open(viewer: &mut Viewer) -> bool {
     viewer.get_ref().set_read_timeout(Some(Duration::from_millis(300))).unwrap();
     let begun = Instant::now();
@@ -210,7 +210,7 @@ fn is_open(viewer: &mut Viewer) -> bool {
 #[test]
 fn a_full_house_makes_room_for_the_token_and_never_at_the_operators_cost() {
     let served = Served::new();
-    // the operator has been there longest
+    // the operator is the oldest viewer
     let mut operator = served.viewer(true).unwrap();
     let take = json!({ "command": "take-role", "token": served.token }).to_string();
     operator.send(Message::text(take)).unwrap();
@@ -221,7 +221,7 @@ fn a_full_house_makes_room_for_the_token_and_never_at_the_operators_cost() {
     while !served.desk.is_attended() {
         std::thread::sleep(Duration::from_millis(1));
     }
-    // one more: who came first without the token goes, and is told why
+    // one more viewer: the oldest without the token is displaced, with the reason
     others.push(served.viewer(true).unwrap());
     assert_eq!(ending(&mut lookers[0]), Some(4001));
     assert!(served.viewer(false).is_none());
@@ -231,7 +231,7 @@ fn a_full_house_makes_room_for_the_token_and_never_at_the_operators_cost() {
     let alive = || Message::text(json!({ "command": "alive" }).to_string());
     operator.send(alive()).unwrap();
     assert_eq!(next(&mut operator).unwrap()["type"], "setup");
-    // a place that is given back is there for the next one
+    // a released place is free for the next viewer
     drop(lookers);
     let begun = Instant::now();
     while served.viewer(false).is_none() {
@@ -245,11 +245,11 @@ fn a_viewer_that_takes_no_frames_can_still_stop_the_machine() {
     let mut slow = served.viewer(true).unwrap();
     let mut good = served.viewer(true).unwrap();
     served.dashboard.see(&record());
-    // more than the buffers between here and there hold
+    // more than the socket buffers hold
     for _ in 0..12 {
         served.dashboard.say(&"x".repeat(1_000_000));
     }
-    // one that takes them shows when they have been sent
+    // a viewer that reads its messages shows that they were sent
     let count = |m: &Value| m["news"]["notices"].as_array().map(Vec::len);
     while next(&mut good).is_none_or(|m| count(&m) != Some(12)) {}
     std::thread::sleep(Duration::from_millis(500));
@@ -264,7 +264,7 @@ fn a_viewer_that_answers_no_ping_is_gone_and_one_that_does_is_not() {
     let served = Served::new();
     let mut lively = served.viewer(false).unwrap();
     let mut dead = served.viewer(true).unwrap();
-    // nothing is read of it, and so no ping is answered, until it has been given up
+    // the test reads nothing, so no ping is answered until the server closes the connection
     let begun = Instant::now();
     lively.get_ref().set_read_timeout(Some(Duration::from_millis(100))).unwrap();
     while begun.elapsed() < Duration::from_secs(13) {
@@ -277,10 +277,10 @@ fn a_viewer_that_answers_no_ping_is_gone_and_one_that_does_is_not() {
         }
     }
     let end = std::iter::from_fn(|| Some(dead.read())).find_map(Result::err).unwrap();
-    // the connection is gone, and has not only nothing to say
+    // the connection is closed, and not only silent
     let is_silent = |kind| matches!(kind, ErrorKind::WouldBlock | ErrorKind::TimedOut);
     assert!(!matches!(&end, tungstenite::Error::Io(error) if is_silent(error.kind())), "{end}");
-    // who is gone has no place any more: all of them can be taken
+    // a closed connection holds no place: all of them can be taken
     drop(lively);
     std::thread::sleep(Duration::from_millis(200));
     let mut all: Vec<Viewer> = (0..PLACES).map(|_| served.viewer(true).unwrap()).collect();
