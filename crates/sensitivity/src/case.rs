@@ -1,4 +1,4 @@
-//! One machine, one motion, and the outputs that are looked at, over any number.
+//! One machine, one motion and the outputs under study, generic over the number type.
 
 use crate::closed_loop::{follow, motor_speeds};
 use crate::error::SensitivityError;
@@ -10,28 +10,28 @@ use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
 use hydroboom_identify::Number;
 
-/// Segments of the published model.
+/// Number of segments of the published model.
 pub(crate) const SEGMENTS: usize = 3;
 
-/// What is looked at: a machine as described, a motion, and outputs.
+/// The case under study: a machine as described, a motion and a list of outputs.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// The machine as described: what its controllers know, and what varies.
+    /// Nominal description: it varies in the machine and stays fixed in the controllers.
     pub description: Description,
-    /// The motion.
+    /// Reference motion.
     pub motion: OutAndBack<f64>,
-    /// The outputs.
+    /// Outputs, in the order of all results.
     pub outputs: Vec<Output>,
-    /// What the simulation beside the machine drives the motor with; none where no strategy asks for it.
+    /// Motor speeds of the simulation that runs beside the machine \[rev/s\]; `None` where no strategy uses them.
     simulated: Option<Vec<f64>>,
 }
 
 impl Case {
-    /// A machine along its motion at a speed \[m/s\].
+    /// A machine on its reference motion at a speed \[m/s\]; the speed must be positive and within the motion's limits.
     ///
     /// # Errors
     ///
-    /// [`SensitivityError`] when there is no such model, or the simulation beside the machine cannot follow.
+    /// [`SensitivityError`] if the model cannot be built or the simulation fails.
     pub fn new(
         description: &Description,
         speed: f64,
@@ -54,7 +54,7 @@ impl Case {
     ///
     /// # Errors
     ///
-    /// [`SensitivityError`] when there is no such machine, or it cannot follow.
+    /// [`SensitivityError`] if the model cannot be built or the simulation fails.
     pub fn evaluate<T: Number>(&self, numbers: &Numbers<T>) -> Result<Vec<T>, SensitivityError> {
         let mut runs: Vec<(Strategy, [T; 2])> = Vec::new();
         let mut values = Vec::with_capacity(self.outputs.len());

@@ -1,4 +1,4 @@
-//! A motion under a strategy, machine and controllers over any number.
+//! Closed-loop simulation of a motion under a strategy, generic over the number type.
 
 use crate::case::SEGMENTS;
 use crate::error::SensitivityError;
@@ -13,12 +13,12 @@ use hydroboom_model::{Crane, CraneState, Input};
 /// Steps of the implicit scheme in a control period.
 const STEPS: u32 = 2;
 
-/// The benchmark controller as described, over another number: its parameters do not vary.
+/// The benchmark controller as described, converted to another number type: its parameters do not vary.
 fn controller<T: Number>(description: &Description) -> Benchmark<T> {
     description.benchmark_over(&Numbers::from_array(description.numbers.to_array().map(T::lit)))
 }
 
-/// A machine with these parameters, at rest at a stroke.
+/// A machine with these parameters, in equilibrium at a stroke \[m\].
 pub(crate) fn machine<T: Number>(
     description: &Description,
     numbers: &Numbers<T>,
@@ -30,7 +30,7 @@ pub(crate) fn machine<T: Number>(
     Ok((crane, state))
 }
 
-/// What a machine does in each control period: shown before the motor speed of the period is decided.
+/// Closed loop of machine and controller, with the machine's state at the beginning of each control period.
 struct Loop<'a, T> {
     description: &'a Description,
     motion: &'a OutAndBack<f64>,
@@ -40,7 +40,7 @@ struct Loop<'a, T> {
 }
 
 impl<T: Number> Loop<'_, T> {
-    /// Runs the motion; `decide` gives the speed that is asked of the motor.
+    /// Runs the motion; `decide` returns the commanded motor speed.
     fn run(
         mut self,
         what: &str,
@@ -77,8 +77,8 @@ fn over<T: Number>(reference: &SetPoint<f64>) -> SetPoint<T> {
     SetPoint { position: T::lit(reference.position), velocity: T::lit(reference.velocity) }
 }
 
-/// RMS tracking error \[m\], and RMS swing of p_A \[Pa\], of a machine with these parameters under a strategy.
-/// `simulated` is what the simulation beside it drives the motor with \[rev/s\].
+/// RMS tracking error \[m\], and standard deviation of p_A \[Pa\], of a machine with these parameters under a
+/// strategy. `simulated` holds the motor speeds of the parallel simulation \[rev/s\].
 pub(crate) fn follow<T: Number>(
     description: &Description,
     numbers: &Numbers<T>,
@@ -113,8 +113,8 @@ pub(crate) fn follow<T: Number>(
     Ok([(square / count).sqrt(), swing.sqrt()])
 }
 
-/// Motor speeds \[rev/s\] of the machine as described under the benchmark controller: what the simulation beside the
-/// machine drives the motor with.
+/// Commanded motor speeds \[rev/s\] of the nominal machine under the benchmark controller, one a control period:
+/// the feedforward of the strategies that simulate the crane.
 pub(crate) fn motor_speeds(
     description: &Description,
     motion: &OutAndBack<f64>,

@@ -1,6 +1,7 @@
-//! The machine re-run with a key at both ends of what is known of it.
+//! One-at-a-time re-runs with a key at both ends of its uncertainty interval.
 //!
-//! Near a minimum a slope foretells a decrease that does not come, and may lead below zero: there the ends tell what is so.
+//! Near a minimum a linear extrapolation predicts a decrease that does not exist, even to negative values. The re-run
+//! gives the true values there.
 
 use crate::case::Case;
 use hydroboom_description::Description;
@@ -8,22 +9,22 @@ use hydroboom_description::schema::{KEYS, Numbers};
 use hydroboom_identify::Free;
 use rayon::prelude::*;
 
-/// Values of a key \[SI\], less and more: θ e^∓s with deviation s of ln θ, no further than the key's limits.
+/// Lower and upper value of a key \[SI\]: θ e^∓s with s the standard deviation of ln θ, clipped to the key's limits.
 pub fn end_values(description: &Description, key: Free, deviation: f64) -> [f64; 2] {
     let (value, limits) = (key.value(description), &KEYS[key.place]);
     [-deviation, deviation]
         .map(|by| (value * by.exp()).clamp(limits.to_si(limits.low), limits.to_si(limits.high)))
 }
 
-/// Numbers of the machine with a key at another value \[SI\].
+/// Parameters of the machine with one key set to another value \[SI\].
 pub fn with_value(description: &Description, key: Free, value: f64) -> Numbers<f64> {
     let mut numbers = description.numbers.to_array();
     numbers[key.place] = value;
     Numbers::from_array(numbers)
 }
 
-/// Outputs of the case, in its order and in SI units, with each key at both ends: none where there is no such machine, or it cannot follow. `progress` is
-/// told of each key that is done.
+/// Outputs of the case, in its order and in SI units, with each key at its lower and upper value. `None` where the
+/// machine cannot be built or simulated. `progress` is called after each key.
 pub fn at_ends(
     case: &Case,
     ends: &[(Free, [f64; 2])],

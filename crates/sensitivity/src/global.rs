@@ -1,4 +1,4 @@
-//! Sobol indices: what share of an output's spread each key has, alone and with all it acts together with.
+//! Sobol indices: the share of an output's variance due to each key, alone and including interactions.
 
 use crate::case::Case;
 use crate::error::SensitivityError;
@@ -8,21 +8,21 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-/// Rows drawn anew for the bounds.
+/// Bootstrap resamples for the bounds.
 const RESAMPLES: usize = 400;
-/// Share of the resamples outside the bounds, on either side.
+/// Share of the resamples outside the bounds, on either side: 95 % intervals.
 const OUTSIDE: f64 = 0.025;
 
-/// What is asked of a global study.
+/// Settings of a global study.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Study {
-    /// Rows: each takes two runs, and one more for every key.
+    /// Number of rows; each takes two runs, and one more for every key.
     pub rows: usize,
-    /// Seed of the points.
+    /// Seed of the sample points.
     pub seed: u64,
 }
 
-/// An index with bounds that hold the true one in nineteen cases of twenty.
+/// A Sobol index with its 95 % bootstrap interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Index {
     /// Estimate.
@@ -40,25 +40,25 @@ pub struct Sobol {
     pub mean: f64,
     /// Standard deviation of the output \[SI\].
     pub deviation: f64,
-    /// First-order indices: the share of the variance that a key has alone.
+    /// First-order indices: the share of the variance due to each key alone, in the order of the keys.
     pub first: Vec<Index>,
-    /// Total indices: the share that would be left if all other keys were known.
+    /// Total-effect indices: the share of the variance that remains if all other keys are fixed.
     pub total: Vec<Index>,
 }
 
 /// Outputs of one row: at A, at B, and at A with each key of B, as `f[point][output]`.
 type Row = Vec<Vec<f64>>;
 
-/// Indices for each output of a case, and how many rows could be simulated whole. Each key is drawn evenly in ln θ, with
-/// the deviation its provenance stands for. `go_on` is told after each row and says whether to; what is done until then
-/// counts.
+/// Sobol indices for each output of a case, and the number of rows in which all runs succeeded. Each key is uniformly
+/// distributed in ln θ, with the standard deviation of its provenance. `go_on` is called before each
+/// row; if it returns false, the row is skipped and the result comes from the rows done.
 ///
 /// Estimators: Saltelli et al. 2010 (doi:10.1016/j.cpc.2009.09.018) for the first order, Jansen 1999
 /// (doi:10.1016/S0010-4655(98)00154-4) for the total; bounds by bootstrap over rows.
 ///
 /// # Errors
 ///
-/// [`SensitivityError::Nothing`] when no row could be simulated.
+/// [`SensitivityError::Nothing`] if no row could be simulated.
 pub fn sobol(
     case: &Case,
     free: &[Free],
@@ -67,7 +67,7 @@ pub fn sobol(
 ) -> Result<(Vec<Sobol>, usize), SensitivityError> {
     let origins: Vec<String> =
         case.description.entries().map(|(_, _, o)| o.provenance.clone()).collect();
-    // an even spread of half-width √3 σ has the deviation σ
+    // a uniform distribution of half-width √3 σ has standard deviation σ
     let widths: Vec<f64> =
         free.iter().map(|key| 3.0_f64.sqrt() * prior(&origins[key.place])).collect();
     let rows: Vec<Row> = (0..study.rows)
@@ -76,7 +76,7 @@ pub fn sobol(
             if !go_on() {
                 return None;
             }
-            // a stream of its own for each row, so that they can be drawn in any order
+            // each row has its own random stream, so that rows can be drawn in any order
             let stream = study.seed ^ (row as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
             let mut random = Pcg64Mcg::seed_from_u64(stream);
             let mut point = || -> Vec<f64> {
@@ -103,7 +103,7 @@ pub fn sobol(
     Ok((found.collect(), rows.len()))
 }
 
-/// The outputs with the keys moved by shares of ln θ; none where there is no such machine.
+/// The outputs with the keys moved by `shift` in ln θ; `None` where the machine cannot be built or simulated.
 fn evaluated(case: &Case, free: &[Free], shift: &[f64]) -> Option<Vec<f64>> {
     let mut numbers = case.description.numbers.to_array();
     for (key, shift) in free.iter().zip(shift) {
@@ -137,7 +137,7 @@ fn spread(rows: &[Row], output: usize, draw: &[usize]) -> (f64, f64) {
     (mean, square.sqrt())
 }
 
-/// S = E[f(B) (f(A with B's key) − f(A))]/V. The mean is taken off f(B) first: it changes nothing but the scatter.
+/// S = E[f(B) (f(A with B's key) − f(A))]/V. Subtracting the mean from f(B) only reduces the estimator's variance.
 fn first_order(rows: &[Row], output: usize, key: usize, draw: &[usize]) -> f64 {
     let (mean, deviation) = spread(rows, output, draw);
     let sum: f64 = draw
@@ -162,7 +162,7 @@ fn total_order(rows: &[Row], output: usize, key: usize, draw: &[usize]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Rows of Ishigami's function, whose indices are known in closed form.
+    /// Rows of the Ishigami function, whose indices are known in closed form.
     #[test]
     fn indices_of_a_known_function_are_found_within_their_bounds() {
         let (a, b) = (7.0, 0.1);

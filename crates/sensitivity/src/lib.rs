@@ -1,13 +1,13 @@
-//! Which of a crane's parameters matter, and for what.
+//! Sensitivity of tracking errors, pressures and eigenfrequency to the parameters of a crane.
 //!
 //! ```text
 //! Case (crane, outputs) -> outputs over any number -> local: exact slopes, by dual numbers
-//!                                                 |-> ends: re-run at both ends of what is known of a key
+//!                                                 |-> ends: re-run at both ends of a key's uncertainty interval
 //!                                                 \-> global: Sobol indices, by many runs
 //! ```
 //!
-//! What varies is the machine; its controllers, and the simulation beside it, keep the described parameters: that is how
-//! a machine differs from what is known of it.
+//! Only the machine's parameters vary. Its controllers and the simulation beside it keep the nominal ones: this is the
+//! model mismatch between a real crane and its description.
 
 mod case;
 mod closed_loop;

@@ -1,4 +1,4 @@
-//! Exact slopes at the machine as described.
+//! Local sensitivities: exact derivatives at the nominal parameters, by dual numbers.
 
 use crate::case::Case;
 use crate::error::SensitivityError;
@@ -7,26 +7,26 @@ use hydroboom_identify::{Free, prior};
 use hydroboom_math::Dual;
 use rayon::prelude::*;
 
-/// Keys that one evaluation is differentiated by.
+/// Number of keys differentiated in one evaluation.
 const TOGETHER: usize = 4;
 
-/// How the outputs change with one key.
+/// Derivatives of the outputs by one key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Local {
     /// The key.
     pub key: Free,
-    /// What is known of it: deviation of ln θ, from its provenance.
+    /// Standard deviation of ln θ, from the key's provenance.
     pub known: f64,
-    /// Slopes of the outputs along ln θ, in SI units and the case's order.
+    /// Derivatives d output/d ln θ, in SI units and in the case's order.
     pub slopes: Vec<f64>,
 }
 
-/// The outputs of the machine as described, and how they change with each key. `progress` is told the share that is
-/// done.
+/// Nominal outputs in SI units, and their derivatives by ln θ of each key. `progress` is called after each
+/// evaluation, which differentiates by four keys.
 ///
 /// # Errors
 ///
-/// [`SensitivityError`] when an output cannot be computed.
+/// [`SensitivityError`] if an output cannot be computed.
 pub fn local(
     case: &Case,
     free: &[Free],

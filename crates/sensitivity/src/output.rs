@@ -1,20 +1,20 @@
-//! What parameters may have an effect on.
+//! Outputs of a sensitivity study.
 
 use hydroboom_control::strategy::Strategy;
 
-/// What parameters may have an effect on.
+/// A scalar result of a simulation, differentiable by the parameters unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
-    /// RMS tracking error of a strategy.
+    /// RMS tracking error under a strategy \[m\].
     Tracking(Strategy),
-    /// Swing of p_A under a strategy: its RMS about its own mean.
+    /// Standard deviation of p_A under a strategy \[Pa\].
     Pressure(Strategy),
-    /// Frequency at which the boom rings with the load held.
+    /// Eigenfrequency of boom and oil with the cylinder locked \[Hz\].
     Eigenfrequency,
 }
 
 impl Output {
-    /// Those of the published strategies and the eigenfrequency: all that can be differentiated.
+    /// Outputs of the published strategies and the eigenfrequency: all have derivatives.
     pub const ALL: [Self; 9] = [
         Self::Tracking(Strategy::ALL[0]),
         Self::Tracking(Strategy::ALL[1]),
@@ -36,21 +36,21 @@ impl Output {
         }
     }
 
-    /// Those of the scheduled LQR, whose estimator is not written over dual numbers: the machine can be re-run, and has no slopes.
+    /// Outputs of the scheduled LQR, whose estimator does not support dual numbers: re-runs only, no derivatives.
     pub const OF_SCHEDULED_LQR: [Self; 2] =
         [Self::Tracking(Strategy::ScheduledLqr), Self::Pressure(Strategy::ScheduledLqr)];
 
-    /// Whether it can be differentiated.
+    /// Whether the output has derivatives.
     pub fn has_slopes(self) -> bool {
         Self::ALL.contains(&self)
     }
 
-    /// The output of this name.
+    /// Parses a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().chain(Self::OF_SCHEDULED_LQR).find(|output| output.name() == name)
     }
 
-    /// What it is, for people.
+    /// Title in tables.
     pub fn title(self) -> String {
         match self {
             Self::Tracking(strategy) => format!("RMS true tracking error, {}", strategy.name()),
@@ -59,7 +59,7 @@ impl Output {
         }
     }
 
-    /// The unit it is shown in, and its size in SI units.
+    /// Display unit, and its size in SI units.
     pub fn unit(self) -> (&'static str, f64) {
         match self {
             Self::Tracking(_) => ("mm", 1e-3),

@@ -1,4 +1,4 @@
-//! The frequency of the locked crane, over any number.
+//! Eigenfrequency of the crane with locked cylinder, generic over the number type.
 
 use crate::case::SEGMENTS;
 use crate::error::SensitivityError;
@@ -9,14 +9,14 @@ use hydroboom_model::{CraneState, Input};
 
 /// Duration of the oscillation test \[s\].
 const DURATION: f64 = 3.0;
-/// Interval at which p_A is looked at \[s\].
+/// Sampling interval of p_A \[s\].
 const INTERVAL: f64 = 1e-3;
 
-/// Frequency \[Hz\] at which the boom rings at mid-stroke when it is dropped onto its locked cylinder, f = n/Δt between
+/// Eigenfrequency \[Hz\] at mid-stroke: the boom is dropped onto its locked cylinder, and f = n/Δt is measured between
 /// upward crossings of p_A's mean (section 5.2.2).
 ///
-/// A crossing's time moves with the parameters as the pressure does there: t' = -p'/(dp/dt). The linear interpolation
-/// between two samples, in dual numbers, has just that slope.
+/// The derivative of a crossing's time is t' = -p'/(dp/dt). Linear interpolation between two samples in dual numbers
+/// gives exactly this derivative.
 pub(crate) fn eigenfrequency<T: Number>(
     description: &Description,
     numbers: &Numbers<T>,
@@ -40,14 +40,14 @@ pub(crate) fn eigenfrequency<T: Number>(
     frequency(&pressure).ok_or(SensitivityError::Silent)
 }
 
-/// n/Δt between the first and the last upward crossing of the mean over the whole periods between them.
+/// n/Δt between the first and the last upward crossing of the mean; the mean is taken over these whole periods.
 fn frequency<T: Number>(values: &[T]) -> Option<T> {
     let mean_of = |part: &[T]| {
         part.iter().fold(T::zero(), |sum, v| sum + *v) / T::lit(part.len().max(1) as f64)
     };
     let mut mean = mean_of(values);
     let mut found: Option<T> = None;
-    // the mean over whole periods is not known before the crossings are
+    // fixed-point iteration: the mean depends on the crossings, and these on the mean
     for _ in 0..5 {
         let level = mean.plain();
         let places: Vec<usize> = (1..values.len())

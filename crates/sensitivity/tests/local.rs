@@ -1,4 +1,4 @@
-//! Exact slopes against finite differences.
+//! Exact derivatives against finite differences.
 
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -8,7 +8,7 @@ use hydroboom_sensitivity::{Case, Output, local};
 #[test]
 fn slopes_through_the_closed_loop_are_those_of_finite_differences() {
     let mut crane = Description::uia_single_boom().unwrap();
-    // short, but with every phase of the motion in it
+    // short, with every phase of the motion
     for assignment in ["motion.end_mm=250", "motion.dwell_s=1", "motion.rest_s=0.5"] {
         crane.set(assignment).unwrap();
     }
@@ -33,7 +33,7 @@ fn slopes_through_the_closed_loop_are_those_of_finite_differences() {
         for (k, output) in case.outputs.iter().enumerate() {
             let finite = (up[k] - down[k]) / (2.0 * step);
             let (slope, size) = (l.slopes[k], plain[k]);
-            // kinks of valves pass at other times with other parameters
+            // valves switch at times that depend on the parameters: the difference quotient is only approximate
             let apart = (slope - finite).abs();
             assert!(
                 apart < 0.02 * finite.abs() + 2e-3 * size,
@@ -55,7 +55,7 @@ fn a_stiffer_boom_rings_faster_and_a_heavier_load_slower() {
     let case = Case::new(&crane, 0.1, &[Output::Eigenfrequency]).unwrap();
     let (values, found) = local(&case, &free, &|| {}).unwrap();
     let share = |k: usize| found[k].slopes[0] / values[0];
-    // between an oil spring alone and a boom alone: less than half a per cent for each per cent
+    // the exponent lies between those of a pure oil spring and of a pure boom
     assert!((-0.5..-0.3).contains(&share(0)), "{}", share(0));
     assert!((0.01..0.5).contains(&share(1)), "{}", share(1));
 }
