@@ -1,58 +1,58 @@
-//! Why a file cannot be read or written.
+//! Errors of reading and writing files.
 
 use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
-/// Why a file cannot be read or written.
+/// Reason why a file cannot be read or written.
 #[derive(Debug, Error)]
 pub enum FileError {
-    /// The system refuses to read it.
+    /// The operating system refuses to read the file.
     #[error("{} cannot be read: {error}", path.display())]
     Read {
-        /// The file, as it was named.
+        /// Path, as given by the user.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// It holds more than such a file can.
+    /// The file is longer than its kind allows.
     #[error(
         "{} is too long: a {what} may have at most {limit_kb} kB{}",
         path.display(),
         if *is_device { " (it is a device)" } else { "" }
     )]
     TooLong {
-        /// The file, as it was named.
+        /// Path, as given by the user.
         path: PathBuf,
-        /// What it was read as.
+        /// Kind of the file.
         what: &'static str,
-        /// Most that is read \[kB\].
+        /// Largest allowed size \[kB\].
         limit_kb: u64,
-        /// Whether it is a device, which may have no end.
+        /// Whether it is a device, which may be endless.
         is_device: bool,
     },
-    /// It is not UTF-8.
+    /// The file is not UTF-8 text.
     #[error("{} is not a text file (UTF-8): byte {at} is not valid", path.display())]
     NotText {
-        /// The file, as it was named.
+        /// Path, as given by the user.
         path: PathBuf,
-        /// Number of the first byte that is wrong, from 0.
+        /// Offset of the first invalid byte.
         at: usize,
     },
-    /// The system refuses to write it.
+    /// The operating system refuses to write the file.
     #[error("{} cannot be written: {error}", path.display())]
     Write {
-        /// The file, as it was named.
+        /// Path, as given by the user.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         error: io::Error,
     },
-    /// It is one of the inputs.
+    /// The output is one of the inputs.
     #[error("{} cannot be written: it is the input {}", path.display(), input.display())]
     IsInput {
-        /// The output, as it was named.
+        /// Path of the output, as given by the user.
         path: PathBuf,
-        /// The input, as it was named.
+        /// Path of the input, as given by the user.
         input: PathBuf,
     },
 }

@@ -1,4 +1,4 @@
-//! A folder that is written whole or not at all.
+//! A folder that is written atomically: complete or not at all.
 
 use crate::FileError;
 use crate::place::folder_of;
@@ -9,8 +9,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// A new folder that is being filled beside its place; one that is dropped before
-/// [`finish`](Folder::finish) leaves nothing.
+/// A new folder, filled under a temporary name beside its final place. Dropping it before
+/// [`finish`](Folder::finish) deletes it.
 #[derive(Debug)]
 pub struct Folder {
     at: PathBuf,
@@ -18,11 +18,11 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Begins a folder, which must not be there yet.
+    /// Creates the temporary folder; the final one must not exist.
     ///
     /// # Errors
     ///
-    /// [`FileError::Write`] when it is there, or cannot be made.
+    /// [`FileError::Write`] if the final folder exists or the temporary one cannot be created.
     pub fn begin(at: &Path) -> Result<Self, FileError> {
         let failed = |error| FileError::Write { path: at.into(), error };
         if fs::symlink_metadata(at).is_ok() {
@@ -33,33 +33,33 @@ impl Folder {
         let beside = tempfile::Builder::new()
             .prefix(&prefix)
             .suffix(".partial")
-            // less what the user's mask takes away
+            // the process's umask reduces these permissions
             .permissions(Permissions::from_mode(0o777))
             .tempdir_in(folder_of(at))
             .map_err(failed)?;
         Ok(Self { at: at.into(), beside })
     }
 
-    /// Where it is filled.
+    /// Path of the temporary folder.
     pub fn path(&self) -> &Path {
         self.beside.path()
     }
 
-    /// Gives it its name.
+    /// Renames the folder to its final name.
     ///
     /// # Errors
     ///
-    /// [`FileError::Write`] when something came there in the meantime, or the system refuses.
+    /// [`FileError::Write`] if the final name has been taken since, or the system refuses.
     pub fn finish(self) -> Result<(), FileError> {
         let Self { at, beside } = self;
         let done = match fs::symlink_metadata(&at) {
-            // a rename would put it over an empty folder
+            // a rename would replace an empty folder
             Ok(_) => Err(io::ErrorKind::AlreadyExists.into()),
             Err(_) => fs::rename(beside.path(), &at),
         };
         match done {
             Ok(()) => {
-                // it is not there any more under that name, and nothing is to be removed
+                // the temporary name is gone: disarm the deletion on drop
                 let _ = beside.keep();
                 let _ = File::open(folder_of(&at)).and_then(|folder| folder.sync_all());
                 Ok(())

@@ -1,37 +1,36 @@
-//! What a path names, by whichever way it is reached.
+//! Identity of a file, independent of the path by which it is reached.
 
 use crate::place::resolved;
 use std::fs;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
-/// What a path names: its device and inode, and the path without links. Two paths name the same file
-/// where either agrees: a hard link shares the inode, and a file that was replaced since shares the
-/// path.
+/// Identity of a file: device and inode, and the path with links resolved. Two paths name the same file if either
+/// agrees. A hard link shares the inode; a file that was replaced since shares the path.
 #[derive(Clone, Debug)]
 pub struct Identity {
     /// Path without links or `..`; its last part need not exist.
     path: PathBuf,
-    /// Device and inode of a file that exists.
+    /// Device and inode, if the file exists.
     node: Option<(u64, u64)>,
 }
 
 impl Identity {
-    /// What a path names; none for what holds no content of its own (a pipe, a terminal, `/dev/null`)
-    /// and for what cannot be looked at.
+    /// Identity of a path; `None` for a file without content of its own (a pipe, a terminal, `/dev/null`) and for a
+    /// path that cannot be resolved.
     pub fn of(path: &Path) -> Option<Self> {
         let node = match fs::metadata(path) {
             Ok(found) if found.is_file() || found.file_type().is_block_device() => {
                 Some((found.dev(), found.ino()))
             }
             Ok(_) => return None,
-            // not there yet
+            // the file does not exist yet
             Err(_) => None,
         };
         Some(Self { path: resolved(path)?, node })
     }
 
-    /// Whether there is such a file.
+    /// Whether the file exists.
     pub(crate) fn is_file(&self) -> bool {
         self.node.is_some()
     }

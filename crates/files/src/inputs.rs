@@ -1,4 +1,4 @@
-//! Inputs: read within bounds, and never written over.
+//! Input files: size-limited reading, and protection against overwriting.
 
 use crate::{FileError, Identity};
 use std::fs::File;
@@ -9,26 +9,26 @@ use std::sync::{Mutex, PoisonError};
 
 /// An input of this process.
 struct Input {
-    /// As it was named.
+    /// Path, as given by the user.
     path: PathBuf,
     identity: Identity,
-    /// Held open, so that no other file gets its inode where it is deleted.
+    /// Kept open, so that its inode is not reused if the file is deleted.
     _file: Option<File>,
 }
 
 /// Inputs of this process.
 static INPUTS: Mutex<Vec<Input>> = Mutex::new(Vec::new());
 
-/// Keeps a file from being written by this process.
+/// Registers a file as an input, which this process refuses to write from then on.
 pub fn protect(path: &Path) {
     let Some(identity) = Identity::of(path) else { return };
     let file = identity.is_file().then(|| File::open(path).ok()).flatten();
-    // a list is whole after each push
+    // the list stays valid after a panic of another thread
     let mut inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
     inputs.push(Input { path: path.into(), identity, _file: file });
 }
 
-/// Refuses an output that is an input.
+/// Returns an error if an output is one of the inputs.
 pub(crate) fn refuse_input(path: &Path) -> Result<(), FileError> {
     let Some(output) = Identity::of(path) else { return Ok(()) };
     let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
@@ -38,12 +38,12 @@ pub(crate) fn refuse_input(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Reads a file of at most so many bytes, and keeps it from being written. `what` says in one word
-/// or two what the file is.
+/// Reads a file of at most `limit` bytes and registers it as an input. `what` names the kind of the file in error
+/// messages.
 ///
 /// # Errors
 ///
-/// [`FileError`] when it cannot be read or is longer; a device without end is left after the limit.
+/// [`FileError`] if the file cannot be read or is longer than `limit`. An endless device is read up to the limit.
 pub fn bytes(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>, FileError> {
     protect(path);
     bounded(path, what, limit)
@@ -66,17 +66,17 @@ fn bounded(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>, FileE
     }
 }
 
-/// Reads a text file of at most so many bytes; see [`bytes`].
+/// Reads a text file of at most `limit` bytes; see [`bytes`].
 ///
 /// # Errors
 ///
-/// [`FileError`] when it cannot be read, is longer, or no text.
+/// [`FileError`] if the file cannot be read, is longer than `limit`, or is not UTF-8.
 pub fn text(path: &Path, what: &'static str, limit: u64) -> Result<String, FileError> {
     decoded(path, bytes(path, what, limit)?)
 }
 
-/// The same of a file that this program writes again: its own record of something, as of an
-/// interrupted search.
+/// Like [`text`], for a file that this program will overwrite, such as the saved state of an interrupted search: it is
+/// not registered as an input.
 ///
 /// # Errors
 ///

@@ -1,13 +1,12 @@
-//! Files: inputs are read within bounds, outputs written whole and never over an input.
+//! File access: inputs are read up to a size limit, outputs are written atomically and never over an input.
 //!
-//! Everything that a command writes goes through [`Output`]:
+//! Every file that a command writes goes through [`Output`]:
 //!
-//! - A regular file is written beside its place, put on the disk, and then renamed: whoever looks
-//!   finds what was there before, or all of the new. Its permissions stay, and its owner where the
-//!   process may set it.
-//! - A symbolic link stays; what it points to is written whole.
-//! - A device, a pipe, `/dev/stdout` or `/dev/fd/3` is written in place, and never replaced.
-//! - A file that was read, or named as an input, is refused, by whatever path or link it is named.
+//! - A regular file is written under a temporary name, synced, and renamed. A reader sees the old file or the complete
+//!   new one. The permissions are kept, and the owner where the process may set it.
+//! - A symbolic link is kept; its target is replaced in the same way.
+//! - A device, a pipe, `/dev/stdout` or `/dev/fd/3` is written in place.
+//! - A file that was read, or named as an input, is refused, whatever path or link leads to it.
 
 mod error;
 mod folder;

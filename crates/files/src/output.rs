@@ -1,4 +1,4 @@
-//! A file that is being written.
+//! An output file that is written atomically.
 
 use crate::FileError;
 use crate::inputs::refuse_input;
@@ -11,34 +11,34 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
-/// A file that is being written. [`finish`](Output::finish) gives it its name; one that is dropped
-/// before leaves nothing. Whoever is killed leaves `NAME.XXXXXX.partial` beside the place.
+/// An output file. [`finish`](Output::finish) gives it its final name; dropping it before deletes it. A killed process
+/// leaves `NAME.XXXXXX.partial` in the same folder.
 #[derive(Debug)]
 pub struct Output {
-    /// As it was named.
+    /// Path, as given by the user.
     path: PathBuf,
     kind: Kind,
 }
 
 #[derive(Debug)]
 enum Kind {
-    /// Written in place.
+    /// Device or pipe, written in place.
     InPlace(File),
-    /// Written beside its place, which is the second.
+    /// Regular file: the temporary file and its final path.
     Whole(NamedTempFile, PathBuf),
 }
 
 impl Output {
-    /// Begins a file.
+    /// Opens an output.
     ///
     /// # Errors
     ///
-    /// [`FileError`] when it is an input, or cannot be written.
+    /// [`FileError`] if the file is an input or cannot be written.
     pub fn begin(path: &Path) -> Result<Self, FileError> {
         refuse_input(path)?;
         let kind = match place(path) {
             Place::Standard(stream) => standard(stream).map(Kind::InPlace),
-            // appended: the file behind an open one may hold what others wrote
+            // append: the file behind an open descriptor may hold the output of other processes
             Place::Device(at) => OpenOptions::new().append(true).open(at).map(Kind::InPlace),
             Place::Whole(at) => beside(&at).map(|file| Kind::Whole(file, at)),
         };
@@ -46,17 +46,17 @@ impl Output {
         Ok(Self { path: path.into(), kind })
     }
 
-    /// Puts what was written on the disk, and gives it its name.
+    /// Syncs the file and gives it its final name.
     ///
     /// # Errors
     ///
-    /// [`FileError`] when that fails; a regular file is then as it was before.
+    /// [`FileError`] if that fails; an existing regular file is then unchanged.
     pub fn finish(self) -> Result<(), FileError> {
         let Self { path, kind } = self;
         let done = match kind {
             Kind::InPlace(mut file) => file.flush(),
             Kind::Whole(file, at) => {
-                // an input that came there since, too
+                // an input may have been registered since the file was opened
                 refuse_input(&path)?;
                 named(file, &at)
             }
@@ -64,11 +64,12 @@ impl Output {
         done.map_err(|error| FileError::Write { path, error })
     }
 
-    /// Leaves what was written beside its place, unfinished, for what cannot be written again; returns where it is.
+    /// Keeps the unfinished file under its temporary name and returns that path, for data that cannot be produced
+    /// again.
     ///
     /// # Errors
     ///
-    /// [`FileError`] when it cannot be kept.
+    /// [`FileError`] if the file cannot be kept.
     pub fn leave(self) -> Result<PathBuf, FileError> {
         let Self { path, kind } = self;
         match kind {
@@ -81,12 +82,12 @@ impl Output {
         }
     }
 
-    /// The path, as it was named.
+    /// Path, as given by the user.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// An error of writing, with the name of the file.
+    /// Wraps a write error with the file's name.
     pub fn failed(&self, error: io::Error) -> FileError {
         FileError::Write { path: self.path.clone(), error }
     }
@@ -109,32 +110,32 @@ impl Write for Output {
     }
 }
 
-/// Writes a file.
+/// Writes a file atomically.
 ///
 /// # Errors
 ///
-/// [`FileError`] when it is an input, or cannot be written.
+/// [`FileError`] if the file is an input or cannot be written.
 pub fn write(path: &Path, content: &[u8]) -> Result<(), FileError> {
     let mut output = Output::begin(path)?;
     output.write_all(content).map_err(|error| output.failed(error))?;
     output.finish()
 }
 
-/// Makes a folder for outputs, where it is not there yet.
+/// Creates a folder for outputs if it does not exist.
 ///
 /// # Errors
 ///
-/// [`FileError::Write`] when it cannot be made.
+/// [`FileError::Write`] if it cannot be created.
 pub fn folder(path: &Path) -> Result<(), FileError> {
     fs::create_dir_all(path).map_err(|error| FileError::Write { path: path.into(), error })
 }
 
-/// Tries whether a file could be begun, and leaves nothing; a pipe is not opened, which would wait for
-/// its reader.
+/// Checks whether an output could be opened, without creating it. A pipe is not opened: that would block until a reader
+/// comes.
 ///
 /// # Errors
 ///
-/// [`FileError`] as [`Output::begin`] would give it.
+/// The error that [`Output::begin`] would return.
 pub fn try_place(path: &Path) -> Result<(), FileError> {
     match place(path) {
         Place::Whole(_) => Output::begin(path).map(|_| ()),
@@ -142,11 +143,11 @@ pub fn try_place(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// Puts a file on the disk and gives it its name.
+/// Syncs a temporary file and renames it.
 fn named(file: NamedTempFile, at: &Path) -> io::Result<()> {
     file.as_file().sync_all()?;
     file.persist(at).map_err(|error| error.error)?;
-    // the new name, too; not every file system can
+    // syncs the folder's new entry as well; some file systems do not support that
     let _ = File::open(folder_of(at)).and_then(|folder| folder.sync_all());
     Ok(())
 }
@@ -159,12 +160,12 @@ fn standard(stream: Stream) -> io::Result<File> {
     own.map(File::from)
 }
 
-/// A file beside a place, with the permissions of the one that is there.
+/// A temporary file in the folder of `at`, with the permissions of an existing file there.
 fn beside(at: &Path) -> io::Result<NamedTempFile> {
     let before = match fs::metadata(at) {
         Ok(found) if found.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
         Ok(found) => {
-            // renaming asks nothing of the file that is replaced: one that is write-protected stays
+            // a rename ignores the permissions of the replaced file: this refuses a write-protected one
             OpenOptions::new().append(true).open(at)?;
             Some(found)
         }
@@ -174,7 +175,7 @@ fn beside(at: &Path) -> io::Result<NamedTempFile> {
     let Some(name) = at.file_name() else { return Err(io::ErrorKind::IsADirectory.into()) };
     let mut prefix = name.to_owned();
     prefix.push(".");
-    // a long name leaves no room for more
+    // keeps the temporary name within the file system's limit
     if prefix.len() > LONGEST_PREFIX {
         prefix = OsString::from("output.");
     }
@@ -186,7 +187,7 @@ fn beside(at: &Path) -> io::Result<NamedTempFile> {
     let file = tempfile::Builder::new()
         .prefix(&prefix)
         .suffix(".partial")
-        // less what the user's mask takes away
+        // the process's umask reduces these permissions
         .permissions(Permissions::from_mode(0o666))
         .tempfile_in(folder_of(at))?;
     if let Some(before) = before {
@@ -195,14 +196,14 @@ fn beside(at: &Path) -> io::Result<NamedTempFile> {
     Ok(file)
 }
 
-/// Names end at 255 bytes, of which six letters and `.partial` are ours.
+/// File names have at most 255 bytes, of which six random letters and `.partial` are appended.
 const LONGEST_PREFIX: usize = 240;
 
-/// Gives a file owner and permissions of the one that it replaces.
+/// Copies owner and permissions of the file that is replaced.
 fn keep(file: &File, before: &Metadata) -> io::Result<()> {
     let now = file.metadata()?;
     if (now.uid(), now.gid()) != (before.uid(), before.gid()) {
-        // only root may give a file away
+        // only root may change the owner
         let _ = fchown(file, Some(before.uid()), Some(before.gid()));
     }
     file.set_permissions(before.permissions())

@@ -1,23 +1,23 @@
-//! Where an output that is named comes to lie.
+//! Resolution of an output's path.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Links that are followed before a path is given up, as the kernel does.
+/// Symbolic links followed before a path is refused; the same limit as in the Linux kernel.
 const MOST_LINKS: usize = 40;
 
-/// Where an output comes to lie.
+/// How and where an output is written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     /// A device, a pipe or an open file of a process: written in place.
     Device(PathBuf),
     /// Standard output or standard error of this process.
     Standard(Stream),
-    /// A regular file, there or not yet: written beside its place and renamed.
+    /// A regular file, existing or new: written under a temporary name and renamed.
     Whole(PathBuf),
 }
 
-/// A stream that this process was started with.
+/// A standard stream of this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stream {
     Output,
@@ -37,7 +37,7 @@ pub(crate) fn place(path: &Path) -> Place {
             }
             _ => {}
         }
-        // an open file of a process: its owner writes there too, and a renamed file would not reach him
+        // an open file of a process must keep its inode: its owner would not see a renamed file
         if at.starts_with("/proc") || at.starts_with("/dev/fd") {
             return Place::Device(at);
         }
@@ -61,7 +61,7 @@ pub(crate) fn resolved(path: &Path) -> Option<PathBuf> {
     Some(folder_of(&at).canonicalize().ok()?.join(at.file_name()?))
 }
 
-/// The folder that a file lies in.
+/// The folder of a file.
 pub(crate) fn folder_of(file: &Path) -> &Path {
     match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

@@ -1,4 +1,4 @@
-//! What becomes of files that are there, of links, pipes and devices.
+//! Outputs over existing files, links, pipes and devices.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -57,7 +57,7 @@ fn a_link_stays_and_its_target_is_written() {
     let (first, second) = (dir.path().join("latest"), dir.path().join("link"));
     symlink("kept/run.csv", &second).unwrap();
     symlink("link", &first).unwrap();
-    // the target is not there yet, then it is
+    // first without, then with an existing target
     for content in ["one", "two"] {
         write(&first, content.as_bytes()).unwrap();
         assert!(fs::symlink_metadata(&first).unwrap().is_symlink());
@@ -117,7 +117,7 @@ fn a_pipe_is_written_in_place() {
     let pipe = dir.path().join("pipe");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let reader = Command::new("cat").arg(&pipe).stdout(Stdio::piped()).spawn().unwrap();
-    // a pipe that was read from is no content to be kept
+    // a pipe that was read has no content to be protected
     protect(&pipe);
     write(&pipe, b"through").unwrap();
     assert_eq!(reader.wait_with_output().unwrap().stdout, b"through");
@@ -155,7 +155,7 @@ fn a_place_that_is_no_place_is_told() {
     assert_eq!(names(dir.path()), ["a", "b", "file"]);
 }
 
-/// Who removes the unfinished file is told so when it should get its name.
+/// If the temporary file has been removed, finishing reports an error.
 #[test]
 fn a_file_that_is_removed_while_written_is_told() {
     let dir = TempDir::new().unwrap();
