@@ -1,5 +1,6 @@
-/* A simulated crane, live, from any language that calls C. A crane is used by one thread at a time; any number of cranes
- * may be open. Nothing here ends the program: what cannot be done is said. */
+/* C interface of a simulated crane, for any language that can call C. One crane is used by one thread at a time; any
+ * number of cranes may be open. No function ends the program. Functions that return int return 0 for success and 1 for
+ * an error, whose text hydroboom_message gives. */
 #ifndef HYDROBOOM_LIVE_H
 #define HYDROBOOM_LIVE_H
 
@@ -11,54 +12,54 @@ extern "C" {
 
 typedef struct hydroboom hydroboom;
 
-/* A crane as it was when it was saved. */
+/* A saved state of a crane, with its keys. */
 typedef struct hydroboom_saved hydroboom_saved;
 
-/* A crane at rest where its file says. `path`: a crane file, or NULL for the paper's crane. `settings`: keys to set otherwise,
- * one a line ("payload.mass_kg=340"), or NULL. NULL where there is no such crane; then the reason is in `message`, which
- * has room for `size` bytes and may be NULL. */
+/* Opens a crane in equilibrium at the initial position of its file. `path`: a crane file, or NULL for the paper's crane.
+ * `settings`: changed keys, one a line ("payload.mass_kg=340"), or NULL. Returns NULL on an error and writes the reason
+ * to `message`, which has room for `size` bytes and may be NULL. */
 hydroboom *hydroboom_open(const char *path, const char *settings, char *message, size_t size);
 
-/* Moves on: pump speed [rev/s], positive where it lifts; 3/2 valve (1 energised, 0 load held); duration [s], a whole number
- * of the crane file's simulation period. 0 where that went well. */
+/* Simulates `duration_s` [s], a whole number of simulation periods of the crane file, with constant inputs: pump speed
+ * [rev/s], positive for lifting, and 3/2 valve (1 energised, 0 load held). */
 int hydroboom_advance(hydroboom *crane, double pump_speed_rev_s, double holding_valve, double duration_s);
 
 /* Time since the start [s]. */
 double hydroboom_time(const hydroboom *crane);
 
-/* What can be seen: how many numbers, and name and unit of each, NULL beyond the last. */
+/* Number of outputs, and name and unit of each; NULL for an index out of range. */
 size_t hydroboom_output_count(void);
 const char *hydroboom_output_name(size_t output);
 const char *hydroboom_output_unit(size_t output);
 
-/* All of that now; `values` has room for `count` numbers. 0 where that went well. */
+/* Writes all outputs to `values`, which has room for `count` numbers. */
 int hydroboom_read(const hydroboom *crane, double values[], size_t count);
 
-/* What it remembers: how many numbers, and the name of each with its unit ("pressure_a_pa"), NULL beyond the last; it depends
- * on the crane's number of segments. Names are valid until a reset, a restored state or the crane's end. */
+/* Number of states, which depends on the crane's number of segments, and the name of each with its unit
+ * ("pressure_a_pa"); NULL for an index out of range. Names are valid until the crane is reset, restored or closed. */
 size_t hydroboom_state_count(const hydroboom *crane);
 const char *hydroboom_state_name(const hydroboom *crane, size_t state);
 
-/* All of that now; `values` has room for `count` numbers. 0 where that went well. */
+/* Writes all states to `values`, which has room for `count` numbers. */
 int hydroboom_read_states(const hydroboom *crane, double values[], size_t count);
 
-/* One of the outputs ("pressure_a") or states ("pressure_a_pa") by its name. 0 where there is one. */
+/* Writes one output ("pressure_a") or state ("pressure_a_pa"), by its name, to `value`. */
 int hydroboom_value(const hydroboom *crane, const char *name, double *value);
 
-/* Back to rest where the crane file says, at time 0, with all keys as they are set now. 0 where that went well; otherwise the
- * crane stays as it is. */
+/* Returns to equilibrium at the crane file's initial position and to time 0, with the current keys. On an error the crane
+ * is unchanged. */
 int hydroboom_reset(hydroboom *crane);
 
-/* A copy of the crane as it is now, time and keys included; NULL where there is none. It can be restored any number of times, to
- * any crane, after which that goes on exactly as this one would have; and is released in the end. */
+/* Saves state, time and keys; NULL on an error. The copy can be restored any number of times, to any crane, which then
+ * continues exactly as this one would have. Release it with hydroboom_release. */
 hydroboom_saved *hydroboom_save(const hydroboom *crane);
 int hydroboom_restore(hydroboom *crane, const hydroboom_saved *saved);
 void hydroboom_release(hydroboom_saved *saved);
 
-/* Sets a key of the crane file while the crane moves ("payload.mass_kg=120"). 0 where that went well. */
+/* Sets a key of the crane file during the simulation ("payload.mass_kg=120"). */
 int hydroboom_set(hydroboom *crane, const char *assignment);
 
-/* Why the last call on this crane did not go well; "" where none was. Valid until the next call on it. */
+/* Error text of the last call on this crane; "" after success. Valid until the next call on it. */
 const char *hydroboom_message(const hydroboom *crane);
 
 void hydroboom_close(hydroboom *crane);

@@ -1,7 +1,7 @@
-//! A simulated crane as a C library: `include/hydroboom_live.h` says what each function does.
+//! A simulated crane as a C library; `include/hydroboom_live.h` documents each function.
 //!
-//! Every pointer comes from a caller that the compiler knows nothing of. What can be checked is (null, sizes, text that is
-//! UTF-8); what cannot (that a pointer is what the header asks for) is the caller's promise, as in every C library.
+//! Null pointers, sizes and UTF-8 are checked. The validity of a non-null pointer is the caller's obligation, as
+//! stated in the header.
 
 #![expect(unsafe_code, reason = "functions for C are called with pointers")]
 
@@ -13,22 +13,22 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr::{null, null_mut};
 use std::sync::LazyLock;
 
-/// A crane with all that it is described by.
+/// A simulated crane with its description.
 struct Simulated {
     description: Description,
     plant: Box<dyn Plant>,
-    /// Names of its states, with their units.
+    /// Names of the states, with their units.
     state_names: Vec<CString>,
 }
 
 impl Simulated {
-    /// A crane at rest where its description starts.
+    /// A crane at rest at the initial position of its description.
     fn new(description: Description) -> Result<Self, String> {
         let n = &description.numbers;
         let start = description.start(n.motion_start);
         let plant = plant(&description, &start, Scheme::Published, n.simulation_period)
             .map_err(|e| e.to_string())?;
-        let state_names = plant.state_names().into_iter().map(spoken).collect();
+        let state_names = plant.state_names().into_iter().map(c_string).collect();
         Ok(Self { description, plant, state_names })
     }
 
@@ -41,52 +41,52 @@ impl Simulated {
     }
 }
 
-/// A crane that C holds a pointer to.
+/// The object behind the crane pointer of the C interface.
 pub struct Live {
     crane: Simulated,
     message: CString,
 }
 
-/// A crane as it was when it was saved.
+/// A copy of a crane's state and description at one instant.
 pub struct Saved(Simulated);
 
-/// Names and units of what can be seen, as C reads them.
+/// Names and units of the outputs, as C strings.
 static NAMES: LazyLock<[Vec<CString>; 2]> =
-    LazyLock::new(|| [Outputs::NAMES, Outputs::UNITS].map(|all| all.map(spoken).to_vec()));
+    LazyLock::new(|| [Outputs::NAMES, Outputs::UNITS].map(|all| all.map(c_string).to_vec()));
 
-/// Name (0) or unit (1) of an output; null beyond the last.
+/// Name (0) or unit (1) of an output; null for an index out of range.
 fn listed_text(kind: usize, output: usize) -> *const c_char {
     let found = || NAMES.get(kind).and_then(|all| all.get(output)).map(|text| text.as_ptr());
     guarded(|| Ok(found().unwrap_or(null()))).unwrap_or(null())
 }
 
-/// Text as C reads it: a zero within would end it.
-fn spoken(text: impl Into<String>) -> CString {
+/// Converts text to a C string; an inner zero byte, which would end it, becomes a space.
+fn c_string(text: impl Into<String>) -> CString {
     CString::new(text.into().replace('\0', " ")).unwrap_or_default()
 }
 
-/// Text from C; none for a null pointer.
+/// Borrows a C string as text; `None` for a null pointer.
 ///
 /// # Safety
 ///
-/// The pointer is null, or a text that ends with a zero and stays as it is for `'a`.
-unsafe fn heard<'a>(text: *const c_char) -> Result<Option<&'a str>, String> {
+/// The pointer is null, or a zero-terminated text that does not change during `'a`.
+unsafe fn borrowed_text<'a>(text: *const c_char) -> Result<Option<&'a str>, String> {
     if text.is_null() {
         return Ok(None);
     }
-    // SAFETY: not null, and by this function's own condition a text that ends
+    // SAFETY: not null, and by this function's own condition zero-terminated
     let text = unsafe { CStr::from_ptr(text) };
     text.to_str().map(Some).map_err(|_| "the text is not UTF-8".to_string())
 }
 
-/// What `work` says; a bug in it is said too and does not unwind into C, which could not bear that.
+/// Runs `work` and converts a panic to an error: unwinding into C is undefined behaviour.
 fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work))
         .unwrap_or_else(|_| Err("a bug in Hydroboom: this call panicked".into()))
 }
 
-/// All that is wrong with a crane file or a setting, and what to do about it.
-fn listed(error: &DescriptionError) -> String {
+/// All errors of a crane file or a setting, with their remedies, as one text.
+fn all_errors(error: &DescriptionError) -> String {
     let of = |p: &Problem| match &p.help {
         Some(help) => format!("{} ({help})", p.message),
         None => p.message.clone(),
@@ -103,19 +103,19 @@ fn opened(path: Option<&str>, settings: Option<&str>) -> Result<Live, String> {
             Description::parse(path, &text)
         }
     }
-    .map_err(|e| listed(&e))?;
+    .map_err(|e| all_errors(&e))?;
     for line in settings.unwrap_or_default().lines().filter(|line| !line.trim().is_empty()) {
-        description.set(line.trim()).map_err(|e| listed(&e))?;
+        description.set(line.trim()).map_err(|e| all_errors(&e))?;
     }
     Ok(Live { crane: Simulated::new(description)?, message: CString::default() })
 }
 
 impl Live {
-    /// Does something, keeps why it did not go well, and says which it was as C does.
-    fn told(&mut self, work: impl FnOnce(&mut Self) -> Result<(), String>) -> c_int {
-        let said = guarded(|| work(self));
-        self.message = spoken(said.as_ref().err().cloned().unwrap_or_default());
-        c_int::from(said.is_err())
+    /// Runs `work`, stores the message of a failure, and returns C's status: 0 for success, 1 for failure.
+    fn run(&mut self, work: impl FnOnce(&mut Self) -> Result<(), String>) -> c_int {
+        let outcome = guarded(|| work(self));
+        self.message = c_string(outcome.as_ref().err().cloned().unwrap_or_default());
+        c_int::from(outcome.is_err())
     }
 
     fn advance(&mut self, input: Input<f64>, duration: f64) -> Result<(), String> {
@@ -133,13 +133,13 @@ impl Live {
 
     fn set(&mut self, assignment: &str) -> Result<(), String> {
         let mut changed = self.crane.description.clone();
-        changed.set(assignment).map_err(|e| listed(&e))?;
+        changed.set(assignment).map_err(|e| all_errors(&e))?;
         self.crane.plant.set_parameters(&changed).map_err(|e| e.to_string())?;
         self.crane.description = changed;
         Ok(())
     }
 
-    /// An output or a state by its name.
+    /// Value of an output or a state by its name.
     fn value(&self, name: &str) -> Option<f64> {
         if let Some(k) = Outputs::NAMES.iter().position(|own| *own == name) {
             return self.crane.plant.outputs().to_array().get(k).copied();
@@ -150,7 +150,7 @@ impl Live {
     }
 }
 
-/// Numbers put where a caller has room for them: 0, or 1 where there is none.
+/// Copies the values into the caller's buffer. Returns 0, or 1 if the buffer is null or too small.
 ///
 /// # Safety
 ///
@@ -159,7 +159,7 @@ unsafe fn put(seen: &[f64], values: *mut f64, count: usize) -> c_int {
     if values.is_null() || count < seen.len() {
         return 1;
     }
-    // SAFETY: there is room for `count` numbers, which are no fewer than are seen; what is seen is memory of our own
+    // SAFETY: the buffer has room for `count` numbers, at least as many as are copied, and does not overlap
     unsafe { values.copy_from_nonoverlapping(seen.as_ptr(), seen.len()) };
     0
 }
@@ -168,7 +168,7 @@ unsafe fn put(seen: &[f64], values: *mut f64, count: usize) -> c_int {
 ///
 /// # Safety
 ///
-/// `path` and `settings` are null or texts that end with a zero; `message` is null or has room for `size` bytes.
+/// `path` and `settings` are null or zero-terminated; `message` is null or has room for `size` bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroboom_open(
     path: *const c_char,
@@ -177,18 +177,18 @@ pub unsafe extern "C" fn hydroboom_open(
     size: usize,
 ) -> *mut Live {
     let made = guarded(|| {
-        // SAFETY: both are null or texts that end, by this function's own condition
-        let (path, settings) = unsafe { (heard(path)?, heard(settings)?) };
+        // SAFETY: both are null or zero-terminated, by this function's own condition
+        let (path, settings) = unsafe { (borrowed_text(path)?, borrowed_text(settings)?) };
         opened(path, settings)
     });
     match made {
         Ok(live) => Box::into_raw(Box::new(live)),
         Err(reason) => {
-            let reason = spoken(reason);
+            let reason = c_string(reason);
             let count = reason.as_bytes().len().min(size.saturating_sub(1));
             if !message.is_null() && size > 0 {
-                // SAFETY: there is room for `size` bytes, of which `count` and the zero behind are no more; the reason is
-                // memory of our own and does not overlap
+                // SAFETY: the buffer has room for `size` bytes, at least `count` and the final zero, and does not
+                // overlap with the message
                 unsafe {
                     message.copy_from_nonoverlapping(reason.as_ptr(), count);
                     message.add(count).write(0);
@@ -203,7 +203,7 @@ pub unsafe extern "C" fn hydroboom_open(
 ///
 /// # Safety
 ///
-/// `crane` is null or from [`hydroboom_open`], not closed, and used by this thread alone for now.
+/// `crane` is null or from [`hydroboom_open`], not closed, and not used by another thread during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroboom_advance(
     crane: *mut Live,
@@ -211,9 +211,9 @@ pub unsafe extern "C" fn hydroboom_advance(
     holding_valve: f64,
     duration_s: f64,
 ) -> c_int {
-    // SAFETY: null, or a crane of ours that nobody else uses, by this function's own condition
+    // SAFETY: null, or a valid crane that no other thread uses, by this function's own condition
     let Some(live) = (unsafe { crane.as_mut() }) else { return 1 };
-    live.told(|l| l.advance(Input { pump_speed: pump_speed_rev_s, holding_valve }, duration_s))
+    live.run(|l| l.advance(Input { pump_speed: pump_speed_rev_s, holding_valve }, duration_s))
 }
 
 /// See the header.
@@ -309,7 +309,7 @@ pub unsafe extern "C" fn hydroboom_read_states(
 ///
 /// # Safety
 ///
-/// As for [`hydroboom_advance`]; `name` is null or a text that ends with a zero; `value` is null or has room for a number.
+/// As for [`hydroboom_advance`]; `name` is null or zero-terminated; `value` is null or has room for a number.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroboom_value(
     crane: *const Live,
@@ -318,8 +318,8 @@ pub unsafe extern "C" fn hydroboom_value(
 ) -> c_int {
     // SAFETY: as in `hydroboom_advance`
     let Some(live) = (unsafe { crane.as_ref() }) else { return 1 };
-    // SAFETY: null or a text that ends, by this function's own condition
-    let Ok(Some(name)) = (unsafe { heard(name) }) else { return 1 };
+    // SAFETY: null or zero-terminated, by this function's own condition
+    let Ok(Some(name)) = (unsafe { borrowed_text(name) }) else { return 1 };
     let Ok(Some(found)) = guarded(|| Ok(live.value(name))) else { return 1 };
     // SAFETY: null or room for a number, by this function's own condition
     unsafe { put(&[found], value, 1) }
@@ -334,7 +334,7 @@ pub unsafe extern "C" fn hydroboom_value(
 pub unsafe extern "C" fn hydroboom_reset(crane: *mut Live) -> c_int {
     // SAFETY: as in `hydroboom_advance`
     let Some(live) = (unsafe { crane.as_mut() }) else { return 1 };
-    live.told(|l| {
+    live.run(|l| {
         l.crane = Simulated::new(l.crane.description.clone())?;
         Ok(())
     })
@@ -361,9 +361,9 @@ pub unsafe extern "C" fn hydroboom_save(crane: *const Live) -> *mut Saved {
 pub unsafe extern "C" fn hydroboom_restore(crane: *mut Live, saved: *const Saved) -> c_int {
     // SAFETY: as in `hydroboom_advance`
     let Some(live) = (unsafe { crane.as_mut() }) else { return 1 };
-    // SAFETY: null, or saved by us and not released, by this function's own condition
+    // SAFETY: null, or from `hydroboom_save` and not released, by this function's own condition
     let saved = unsafe { saved.as_ref() };
-    live.told(|l| {
+    live.run(|l| {
         l.crane = saved.ok_or("there is no saved state")?.0.copied();
         Ok(())
     })
@@ -373,13 +373,13 @@ pub unsafe extern "C" fn hydroboom_restore(crane: *mut Live, saved: *const Saved
 ///
 /// # Safety
 ///
-/// `saved` is null or from [`hydroboom_save`] and not released; it is not used any more.
+/// `saved` is null or from [`hydroboom_save`] and not released; it must not be used afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroboom_release(saved: *mut Saved) {
     if !saved.is_null() {
-        // SAFETY: it was made by `Box::into_raw` and is released once, by this function's own condition
+        // SAFETY: made by `Box::into_raw` and released once, by this function's own condition
         let saved = unsafe { Box::from_raw(saved) };
-        // nothing could be told of it here
+        // this function has no way to report an error
         let _ = guarded(move || {
             drop(saved);
             Ok(())
@@ -391,14 +391,14 @@ pub unsafe extern "C" fn hydroboom_release(saved: *mut Saved) {
 ///
 /// # Safety
 ///
-/// As for [`hydroboom_advance`]; `assignment` is null or a text that ends with a zero.
+/// As for [`hydroboom_advance`]; `assignment` is null or zero-terminated.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroboom_set(crane: *mut Live, assignment: *const c_char) -> c_int {
     // SAFETY: as in `hydroboom_advance`
     let Some(live) = (unsafe { crane.as_mut() }) else { return 1 };
-    // SAFETY: null or a text that ends, by this function's own condition
-    let assignment = unsafe { heard(assignment) };
-    live.told(|l| l.set(assignment?.ok_or("there is nothing to set")?))
+    // SAFETY: null or zero-terminated, by this function's own condition
+    let assignment = unsafe { borrowed_text(assignment) };
+    live.run(|l| l.set(assignment?.ok_or("there is nothing to set")?))
 }
 
 /// See the header.
@@ -416,13 +416,13 @@ pub unsafe extern "C" fn hydroboom_message(crane: *const Live) -> *const c_char 
 ///
 /// # Safety
 ///
-/// `crane` is null or from [`hydroboom_open`] and not closed; it is not used any more.
+/// `crane` is null or from [`hydroboom_open`] and not closed; it must not be used afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hydroboom_close(crane: *mut Live) {
     if !crane.is_null() {
-        // SAFETY: it was made by `Box::into_raw` and is closed once, by this function's own condition
+        // SAFETY: made by `Box::into_raw` and closed once, by this function's own condition
         let live = unsafe { Box::from_raw(crane) };
-        // nothing could be told of it here
+        // this function has no way to report an error
         let _ = guarded(move || {
             drop(live);
             Ok(())

@@ -1,4 +1,4 @@
-//! The library, called by a program in C and by Python, beside the model in Rust.
+//! The library called from C and from Python gives the results of the Rust model.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -8,7 +8,7 @@ use hydroboom_plant::plant;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The folder in which cargo puts the library, beside this test.
+/// The folder of the library that cargo has built, the parent of this test's.
 fn built() -> PathBuf {
     std::env::current_exe().unwrap().parent().unwrap().to_path_buf()
 }
@@ -60,7 +60,7 @@ fn python() -> bool {
     is_here
 }
 
-/// The example of docs/export-c.md, in a folder that looks to it as the project's does.
+/// The example of docs/export-c.md, in a folder laid out like the project.
 #[test]
 fn the_example_in_python_prints_numbers() {
     if !python() {
