@@ -17,13 +17,13 @@ pub struct Dual<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Dual<T, N> {
-    /// A value that does not change along any direction.
+    /// A constant: all derivatives are zero.
     #[inline(always)]
     pub fn constant(value: T) -> Self {
         Self { value, slope: [T::zero(); N] }
     }
 
-    /// The variable of the given `direction`, at `value`.
+    /// An independent variable at `value`, with derivative one in `direction` (0 to N − 1).
     #[inline(always)]
     pub fn variable(value: T, direction: usize) -> Self {
         Self { value, slope: from_fn(|i| if i == direction { T::one() } else { T::zero() }) }

@@ -17,21 +17,21 @@
 
 use crate::Real;
 
-/// A binary floating-point number: what the functions need beyond arithmetic.
+/// Bit-level operations on a binary floating-point number that the functions need beyond arithmetic.
 pub trait Binary: Real {
     /// ln 2 as a short leading part, exact when multiplied by a small integer, and the rest.
     const LN_2: [f64; 2];
     /// pi/2 as a short leading part, exact when multiplied by a small integer, and the rest.
     const FRAC_PI_2: [f64; 2];
-    /// Added to a number below 2^51 (2^22 in single precision) it leaves the nearest integer, ties
-    /// to even, in the last bits of the sum; subtracted again, as a number.
+    /// Adding this to a number below 2^51 (2^22 in single precision) rounds it to the nearest integer, ties to even.
+    /// The last bits of the sum hold the integer; subtracting it again yields the integer as a number.
     const ROUNDER: f64;
     /// Largest exponent of a normal number and its reciprocal.
     const LARGEST_EXPONENT: f64;
 
-    /// Two to the power of the integer in the last bits.
+    /// Two to the power of the integer held in the last bits.
     fn power_of_two(held: Self) -> Self;
-    /// A sine and cosine turned by the number of quarters in the last bits.
+    /// Sine and cosine rotated by the number of quarter turns held in the last bits.
     fn turn(held: Self, sin: Self, cos: Self) -> (Self, Self);
     /// `(m, e)` with `self = m 2^e` and m in sqrt(1/2) .. sqrt(2), for positive normal numbers.
     fn split(self) -> (Self, Self);
@@ -42,7 +42,7 @@ pub trait Binary: Real {
 #[inline(always)]
 fn exp_parts<T: Binary>(held: T, p: T, most: f64) -> (T, T) {
     // p coth p is even in p: a polynomial in y that is exact at zero and at four Chebyshev nodes,
-    // off by 1.2e-15 at most; its coefficients are those in (2p)²
+    // with an error of at most 1.2e-15; its coefficients are those in (2p)²
     const COTH: [f64; 4] = [
         4.0 * 0.083_333_333_333_032_07,
         16.0 * -0.001_388_888_864_517_123_7,
@@ -53,12 +53,12 @@ fn exp_parts<T: Binary>(held: T, p: T, most: f64) -> (T, T) {
     let y = p * p;
     let y2 = y * y;
     let q = y2.mul_add(y2.mul_add(c3, y.mul_add(c2, c1)), y.mul_add(c0, T::one()));
-    // limiting the scale costs no time; limiting x beforehand would make all else wait
+    // limiting the scale is not on the critical path of operations; limiting x would be
     let limited = held.clamp(T::lit(T::ROUNDER - most), T::lit(T::ROUNDER + most));
     (T::power_of_two(limited), q)
 }
 
-/// e^x.
+/// e^x; range and error bound in the [module](self).
 #[inline(always)]
 pub fn exp<T: Binary>(x: T) -> T {
     let rounder = T::lit(T::ROUNDER);
@@ -75,16 +75,16 @@ pub fn exp<T: Binary>(x: T) -> T {
 pub fn tanh<T: Binary>(x: T) -> T {
     let rounder = T::lit(T::ROUNDER);
     let held = x.mul_add(T::lit(2.0 * core::f64::consts::LOG2_E), rounder);
-    // one constant will do: where k is large, the slope is small
+    // one constant is accurate enough: where k is large, the derivative is small
     let p = (held - rounder).mul_add(T::lit(-0.5 * core::f64::consts::LN_2), x);
-    // beyond 2^60 adding or subtracting one is lost, and the result is one
+    // beyond 2^60 adding or subtracting one is below the rounding, and the result is one
     let (scale, q) = exp_parts(held, p, 60.0);
     // the scale is exactly one near zero, which leaves p/q
     let (less, more) = (scale - T::one(), scale + T::one());
     less.mul_add(q, more * p) / more.mul_add(q, less * p)
 }
 
-/// Natural logarithm, from the series of 2 atanh((m-1)/(m+1)).
+/// Natural logarithm of a positive normal number, from the series of 2 atanh((m-1)/(m+1)).
 #[inline(always)]
 pub fn ln<T: Binary>(x: T) -> T {
     let (m, e) = x.split();
@@ -98,7 +98,7 @@ pub fn ln<T: Binary>(x: T) -> T {
     e * T::lit(T::LN_2[0]) + (two_s + (two_s * y * series + e * T::lit(T::LN_2[1])))
 }
 
-/// Sine and cosine of an angle \[rad\].
+/// Sine and cosine of an angle \[rad\], |x| up to 1e4.
 #[inline(always)]
 pub fn sin_cos<T: Binary>(x: T) -> (T, T) {
     let rounder = T::lit(T::ROUNDER);
@@ -106,8 +106,8 @@ pub fn sin_cos<T: Binary>(x: T) -> (T, T) {
     let n = quarters - rounder;
     let r = n.mul_add(T::lit(-T::FRAC_PI_2[1]), n.mul_add(T::lit(-T::FRAC_PI_2[0]), x));
 
-    // sin r = r + r³ P(r²), cos r = 1 − r²/2 + r⁴ Q(r²): P and Q meet them at six Chebyshev nodes on
-    // |r| <= pi/4, which leaves errors of 1.4e-17 and 1e-18
+    // sin r = r + r³ P(r²), cos r = 1 − r²/2 + r⁴ Q(r²): P and Q interpolate at six Chebyshev nodes on
+    // |r| <= pi/4, with errors of 1.4e-17 and 1e-18
     const SIN: [f64; 6] = [
         -0.166_666_666_666_666_66,
         0.008_333_333_333_330_948,

@@ -1,4 +1,4 @@
-//! Plain floating point: the number of the real-time path.
+//! Plain floating point: the number type of the real-time path.
 
 use crate::{
     Real,
@@ -54,7 +54,7 @@ macro_rules! real {
             fn interpolate(table: &[Self], place: Self) -> Self {
                 let last = table.len().saturating_sub(1);
                 let place = Real::clamp(place, 0.0, last as $Float);
-                // truncation takes NaN to the first entry, whose weight is NaN then
+                // the cast maps NaN to the first entry; its weight is NaN then, and so is the result
                 let first = (place as usize).min(last.saturating_sub(1));
                 let entry = |k: usize| table.get(k).copied().unwrap_or(0.0);
                 let weight = |k: usize| Real::max(1.0 - (place - k as $Float).abs(), 0.0);
@@ -102,10 +102,10 @@ impl Binary for f64 {
     #[inline(always)]
     fn split(self) -> (Self, Self) {
         let bits = self.to_bits() as i64;
-        // wrapping: what is not positive has bits far below, and leaves as NaN
+        // wrapping: numbers that are not positive are replaced by NaN below
         let e = bits.wrapping_sub(core::f64::consts::FRAC_1_SQRT_2.to_bits() as i64) >> 52;
         let m = f64::from_bits(bits.wrapping_sub(e << 52) as u64);
-        // NaN, infinities and numbers that are not positive leave as NaN
+        // NaN, infinities and numbers that are not positive give NaN
         (if self > 0.0 && self < f64::INFINITY { m } else { f64::NAN }, e as f64)
     }
 }

@@ -100,7 +100,7 @@ impl<const W: usize> Real for Lanes<W> {
     }
     #[inline(always)]
     fn select(mask: LaneMask<W>, yes: Self, no: Self) -> Self {
-        // by bits, so that no lane branches
+        // by bit masks, so that no lane branches
         Self(from_fn(|i| {
             let m = mask.0[i];
             f64::from_bits((yes.0[i].to_bits() & m) | (no.0[i].to_bits() & !m))

@@ -1,17 +1,17 @@
-//! The numbers a model is evaluated with.
+//! Number types for evaluating the model.
 //!
-//! Model and controllers are written once, over a scalar [`Real`]. What a run yields is a choice
-//! of that scalar:
+//! Model and controllers are written once, generic over the scalar trait [`Real`]. The scalar type determines the
+//! result of a run:
 //!
-//! | scalar | yields |
+//! | scalar | result |
 //! |---|---|
 //! | `f64`, `f32` | one simulation |
 //! | [`Lanes`] | several simulations side by side, one per SIMD lane |
 //! | [`Dual`] | a simulation and its exact derivatives |
 //!
-//! `exp`, `tanh`, `ln` and `sin_cos` are our own, written with additions, multiplications and one
-//! division ([`elementary`] states their error bounds). So every lane of a batch, and the same
-//! operations printed in another language, give the bits that `f64` gives here.
+//! `exp`, `tanh`, `ln` and `sin_cos` are our own, written with additions, multiplications and one division
+//! ([`elementary`] states their error bounds). Every lane of a batch, and the same operations in generated code of
+//! another language, therefore give the same bits as `f64` here.
 //!
 //! ```
 //! use hydroboom_math::{Dual, Real};
@@ -24,7 +24,7 @@
 //! assert!((piston.slope[0] - std::f64::consts::FRAC_PI_2 * 0.065).abs() < 1e-15);
 //! ```
 #![cfg_attr(not(feature = "std"), no_std)]
-// what runs in the control cycle cannot panic
+// code of the control cycle must not panic
 #![deny(
     clippy::disallowed_methods,
     clippy::expect_used,

@@ -2,10 +2,10 @@
 
 use crate::Real;
 
-/// A square matrix factored as L U without row exchanges.
+/// LU factors of a square matrix, without pivoting.
 ///
-/// For matrices whose pivots cannot vanish, such as `1 - h J` of a dissipative network; being free
-/// of choices it works for lanes and duals.
+/// For matrices whose pivots cannot vanish, such as `1 - h J` of a dissipative network. Without pivoting there is no
+/// branch on a value, so it works for lanes and dual numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Factored<T, const M: usize> {
     /// U on and above the diagonal, the multipliers of L below it.
@@ -15,7 +15,7 @@ pub struct Factored<T, const M: usize> {
 }
 
 impl<T: Real, const M: usize> Factored<T, M> {
-    /// The factors of `matrix` (rows first).
+    /// Factors `matrix`, given by rows. A zero pivot gives infinities or NaN.
     #[inline(always)]
     pub fn new(mut matrix: [[T; M]; M]) -> Self {
         let mut inverse_pivots = [T::zero(); M];
@@ -32,7 +32,7 @@ impl<T: Real, const M: usize> Factored<T, M> {
         Self { entries: matrix, inverse_pivots }
     }
 
-    /// The solution for one right-hand side.
+    /// The solution of `matrix * x = rhs` for one right-hand side.
     #[inline(always)]
     pub fn solve(&self, mut x: [T; M]) -> [T; M] {
         for i in 1..M {
@@ -50,9 +50,9 @@ impl<T: Real, const M: usize> Factored<T, M> {
     }
 }
 
-/// Solves the leading `count` equations of `matrix * x = rhs` in place, with row exchanges.
+/// Solves the leading `count` equations of `matrix * x = rhs` in place, with partial pivoting.
 ///
-/// For set-up work on plain numbers. Returns `None` when a pivot vanishes or is not finite.
+/// For set-up code on plain numbers. Returns `None` if a pivot is zero or not finite.
 pub fn solve_pivoted<const M: usize>(
     matrix: &mut [[f64; M]; M],
     rhs: &mut [f64; M],
@@ -87,7 +87,7 @@ pub fn solve_pivoted<const M: usize>(
 mod tests {
     use super::*;
 
-    /// Diagonally dominant, with a zero where elimination without exchanges would not care.
+    /// Diagonally dominant, with a zero entry below the diagonal.
     const MATRIX: [[f64; 3]; 3] = [[4.0, -1.0, 0.5], [1.0, 3.0, -1.0], [0.0, 0.25, 2.0]];
     const X: [f64; 3] = [1.5, -2.0, 0.25];
 

@@ -3,14 +3,14 @@
 use core::fmt::Debug;
 use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-/// A number the model can be evaluated with.
+/// A number type for evaluating the model.
 ///
-/// Model code uses what is named here and nothing else: no `if` on a number, no `==`, no way back
-/// to `f64`. A choice is written with [`select`](Real::select); both of its arms are evaluated, so
-/// each must stay finite over the whole domain. (`a < b` does not compile in model code. The
-/// compiler then suggests a `PartialOrd` bound; write `a.lt(b)` instead.)
+/// Model code uses only the operations of this trait: no `if` on a number, no `==`, no conversion back to `f64`. A
+/// choice is written with [`select`](Real::select); both of its arms are evaluated, so each must stay finite over the
+/// whole domain. (`a < b` does not compile in model code. The compiler then suggests a `PartialOrd` bound; write
+/// `a.lt(b)` instead.)
 ///
-/// NaN passes through every function, the provided `min`, `max` and `clamp` of `self` included.
+/// NaN propagates through every function, including the provided `min`, `max` and `clamp` of `self`.
 pub trait Real:
     Copy
     + Debug
@@ -20,7 +20,7 @@ pub trait Real:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// The answer to a comparison: a truth value, one per lane, or a recorded condition.
+    /// Result of a comparison: a truth value, one per lane, or a recorded condition.
     type Mask: Copy
         + Debug
         + BitAnd<Output = Self::Mask>
@@ -35,17 +35,17 @@ pub trait Real:
     /// `yes` where `mask` holds, `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
 
-    /// Whether `mask` holds in any lane. For leaving out work that every lane would discard, and for
-    /// nothing else: a number that records what is done to it answers yes.
+    /// Whether `mask` holds in any lane. Only for skipping work whose result every lane would discard. A type that
+    /// records operations for code generation answers true.
     fn any(mask: Self::Mask) -> bool;
-    /// Whether an iteration whose last change was `self` has to go on. Derivatives settle an
-    /// iteration later than their value: numbers that carry some always go on.
+    /// Whether an iteration whose last change was `self` has not converged to `tolerance`. Derivatives converge one
+    /// iteration later than the value: dual numbers always answer true.
     #[inline(always)]
     fn still_changes(self, tolerance: Self) -> Self::Mask {
         tolerance.lt(self)
     }
 
-    /// `self * factor + term`, rounded once: one instruction, and one rounding, in place of two.
+    /// `self * factor + term` with a single rounding (fused multiply-add).
     fn mul_add(self, factor: Self, term: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
@@ -78,31 +78,31 @@ pub trait Real:
     fn square(self) -> Self {
         self * self
     }
-    /// The smaller of two numbers; NaN if `self` is.
+    /// The smaller of two numbers; NaN if `self` is NaN.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self::select(other.lt(self), other, self)
     }
-    /// The larger of two numbers; NaN if `self` is.
+    /// The larger of two numbers; NaN if `self` is NaN.
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self::select(self.lt(other), other, self)
     }
-    /// `self` limited to `low..=high`; NaN if `self` is.
+    /// `self` limited to `low..=high`; NaN if `self` is NaN.
     #[inline(always)]
     fn clamp(self, low: Self, high: Self) -> Self {
         self.max(low).min(high)
     }
-    /// A positive number to any power.
+    /// `self^exponent` for positive `self`.
     #[inline(always)]
     fn powf(self, exponent: Self) -> Self {
         (exponent * self.ln()).exp()
     }
-    /// Linear interpolation in a table of equidistant entries, `place` entries from the first; beyond either end, the entry at
-    /// that end; zero in an empty table. NaN where `place` is.
+    /// Linear interpolation in a table of equidistant entries at index `place`. Beyond either end the result is the
+    /// entry at that end; an empty table gives zero. NaN if `place` is NaN.
     ///
-    /// The entries must be finite. Here each is weighted by its hat function, `max(0, 1 − |place − k|)`; plain floating point
-    /// reads the two entries whose weight is not zero, with the same result.
+    /// The entries must be finite. Here each is weighted by its hat function, `max(0, 1 − |place − k|)`. Plain floating
+    /// point reads only the two entries with a weight other than zero, with the same result.
     fn interpolate(table: &[Self], place: Self) -> Self {
         let last = Self::lit(table.len().saturating_sub(1) as f64);
         let place = place.clamp(Self::zero(), last);
@@ -111,11 +111,11 @@ pub trait Real:
             entry.mul_add(weight, sum)
         })
     }
-    /// `body` for each of `rows`, from the first to the last: shown the row's number, the row, and what the one before carried on,
-    /// it gives what is carried on and a row of its own. Returned is what the last one carried on, and the rows that were made.
+    /// A loop over `rows` with loop-carried values. `body` receives the index, the row and the carried values, and
+    /// returns the next carried values and an output row. The result is the last carried values and all output rows.
     ///
-    /// Plain numbers, lanes and duals do just that. A number that records what is done to it records `body` once, as a loop: what
-    /// differs from row to row has to come from the row, its number or what is carried.
+    /// Plain numbers, lanes and dual numbers execute the loop. A type that records operations for code generation
+    /// records `body` once: all that differs between rows must come from the index, the row or the carried values.
     #[inline(always)]
     fn repeat<const R: usize, const N: usize, const W: usize, const K: usize>(
         rows: &[[Self; R]; K],
@@ -128,7 +128,8 @@ pub trait Real:
         }
         (carried, made)
     }
-    /// The same where `mask` holds in any lane. Elsewhere nothing is done: what is carried stays as it is, and the rows made are zero.
+    /// Like `repeat`, but executed only if `mask` holds in any lane. Otherwise the carried values are returned
+    /// unchanged and the output rows are zero.
     #[inline(always)]
     fn repeat_where<const R: usize, const N: usize, const W: usize, const K: usize>(
         mask: Self::Mask,
@@ -145,7 +146,7 @@ pub trait Real:
     #[inline(always)]
     #[expect(clippy::eq_op, reason = "the difference is zero for finite numbers only")]
     fn is_finite(self) -> Self::Mask {
-        // NaN and the infinities give NaN, which is not below anything
+        // NaN and infinities give NaN, for which the comparison is false
         (self - self).lt(Self::one())
     }
 }

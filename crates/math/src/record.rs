@@ -2,8 +2,8 @@
 
 /// Declares a record whose fields are all of the same number type.
 ///
-/// Besides the struct it makes the tables that logs, exports and dashboards read (`NAMES`,
-/// `UNITS`, `MEANINGS`) and the conversions an integrator needs (`from_array`, `to_array`, `map`).
+/// Besides the struct it generates the tables for logs, exports and dashboards (`NAMES`, `UNITS`, `MEANINGS`) and the
+/// conversions for an integrator (`from_array`, `to_array`, `map`).
 ///
 /// ```
 /// hydroboom_math::record! {
@@ -40,7 +40,7 @@ macro_rules! record {
             pub const NAMES: [&'static str; [$($unit),+].len()] = [$(stringify!($field)),+];
             /// Units, in declaration order.
             pub const UNITS: [&'static str; [$($unit),+].len()] = [$($unit),+];
-            /// What the fields mean, in declaration order: their documentation.
+            /// Meanings of the fields, in declaration order: their documentation.
             pub const MEANINGS: [&'static str; [$($unit),+].len()] = [$(concat!($($doc),*)),+];
         }
 

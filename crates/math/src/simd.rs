@@ -1,16 +1,15 @@
-//! The machine's widest vector instructions, chosen at run time.
+//! Run-time selection of the machine's widest vector instructions.
 //!
-//! A [`Kernel`] is compiled once for each instruction set and run with the best one present. What
-//! it computes does not depend on the choice: no instruction set rounds additions,
-//! multiplications, divisions or roots differently, and two operations are fused where the source
-//! says `mul_add` and nowhere else.
+//! A [`Kernel`] is compiled once for each instruction set and run with the best one present. Its result does not depend
+//! on the instruction set: all round additions, multiplications, divisions and roots alike, and two operations are
+//! fused only where the source says `mul_add`.
 
-/// Work to be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so
-/// must be what it calls, or the callee stays with the instructions of the default build.
+/// Code to be compiled for several instruction sets. `run` and all functions that it calls must be
+/// `#[inline(always)]`; other functions keep the instructions of the default build.
 pub trait Kernel {
-    /// What the work yields.
+    /// Result of the kernel.
     type Output;
-    /// Does the work.
+    /// Executes the kernel.
     fn run(self) -> Self::Output;
 }
 

@@ -4,7 +4,7 @@ use hydroboom_math::{Dual, Lanes, Real};
 
 const TABLE: [f64; 5] = [3.0, -1.0, 4.5, 4.5, 1e3];
 
-/// Numbers that read two entries and numbers that weigh all agree to the last bit.
+/// Types that read two entries and types that weight all entries agree to the last bit.
 #[test]
 fn every_number_interpolates_alike() {
     let table = TABLE.map(Dual::<f64, 1>::constant);
@@ -29,7 +29,7 @@ fn a_table_is_linear_between_its_entries_and_constant_beyond_its_ends() {
     assert_eq!(f64::interpolate(&[2.0], 5.0), 2.0);
 }
 
-/// The slope of an entry and of the place.
+/// Derivatives by an entry and by the index.
 #[test]
 fn the_slope_is_that_of_the_line_between_two_entries() {
     let table = TABLE.map(Dual::<f64, 1>::constant);

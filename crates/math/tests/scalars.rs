@@ -1,4 +1,4 @@
-//! The numbers agree with each other and with independent implementations.
+//! The number types agree with each other and with independent implementations.
 
 use hydroboom_math::{Dual, Lanes, Real};
 use num_dual::{DualNum, DualSVec64};
@@ -122,7 +122,7 @@ fn logarithm_of_what_has_none_is_nan() {
     }
 }
 
-/// The bits of the standard library's, which panics where the bounds are unordered or NaN.
+/// Same bits as the standard library's `clamp`, which panics for unordered or NaN bounds.
 #[test]
 fn limits_are_those_of_the_standard_library_and_never_panic() {
     let values =
