@@ -1,23 +1,22 @@
-//! Air that dissolves under pressure and comes out again: the oil's stiffness depends on what its
-//! pressure has been.
+//! Dissolved air: oil dissolves air under pressure and releases it again, so its stiffness depends on the pressure
+//! history.
 
 use hydroboom_description::Description;
 use hydroboom_model::Nodes;
 
-/// Dissolved air in every node.
+/// State of the dissolved air in every node of the circuit.
 ///
 /// ```text
 /// s' = (S min(p/p_c1, 1) − s)/τ,   τ = τ_d while air dissolves, τ_r while it comes out
 /// ```
 ///
-/// The oil stiffens at a pressure lower by s. Compressed quickly, it has not dissolved its air yet
-/// and is softer than on the way back: a loop. Equation: first-order exchange towards Henry's law;
-/// ours.
+/// The transition pressure of the bulk modulus is lower by s. Oil that is compressed quickly has not dissolved its air
+/// and is softer than on expansion: a hysteresis loop. The model is a first-order approach to Henry's law, our own.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Air {
-    /// Shift of the transition with all air dissolved, S \[Pa\].
+    /// Shift S of the transition pressure with all air dissolved \[Pa\].
     most: f64,
-    /// Pressure at which that is so \[Pa\].
+    /// Pressure above which all air dissolves, p_c1 \[Pa\].
     all_dissolved: f64,
     /// τ_d and τ_r \[s\].
     times: [f64; 2],
@@ -25,8 +24,7 @@ pub(crate) struct Air {
 }
 
 impl Air {
-    /// Air that has long been at the given pressures \[Pa\]; none where the crane has no
-    /// hysteresis.
+    /// Air in equilibrium with the given pressures \[Pa\]; `None` if the crane has no hysteresis.
     pub(crate) fn new(description: &Description, pressures: &Nodes<f64>) -> Option<Self> {
         let n = &description.numbers;
         let mut air = Self {
@@ -43,12 +41,12 @@ impl Air {
         self.most * (pressure / self.all_dissolved).clamp(0.0, 1.0)
     }
 
-    /// The shift of every node \[Pa\].
+    /// Shift s of every node \[Pa\].
     pub(crate) fn shift(&self) -> Nodes<f64> {
         self.shift
     }
 
-    /// Lets air dissolve or come out for `time` \[s\] at the given pressures \[Pa\].
+    /// Integrates the exchange of air over `time` \[s\] at the given pressures \[Pa\].
     pub(crate) fn advance(&mut self, pressures: &Nodes<f64>, time: f64) {
         let now = self.shift.to_array();
         let towards = pressures.map(|p| self.settled(p)).to_array();
@@ -71,7 +69,7 @@ mod tests {
         let oil = crane.crane::<3>().unwrap().circuit.oil;
         let held = |from: f64| {
             let mut air = Air::new(&crane, &Nodes::default().map(|_: f64| from)).unwrap();
-            // a second at 30 bar: too short to settle from either side
+            // one second at 30 bar: less than the time constants, so the two directions differ
             air.advance(&Nodes::default().map(|_: f64| 30e5), 1.0);
             oil.with_dissolved_air(air.shift().a).bulk_modulus(30e5)
         };

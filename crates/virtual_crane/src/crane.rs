@@ -1,4 +1,4 @@
-//! The virtual crane, one control period at a time.
+//! The virtual crane, advanced one control period at a time.
 
 use crate::equipment::{Equipment, Stepping};
 use crate::signals::Truth;
@@ -9,12 +9,12 @@ use hydroboom_description::Description;
 use hydroboom_model::{Outputs, SimulationError, Start};
 use hydroboom_plant::{Plant, PlantError, plant};
 
-/// A crane with all that stands between it and a controller. A copy goes on from the same moment.
+/// A simulated crane with drive, valve, sensors and fieldbus. A clone continues from the same state.
 pub struct VirtualCrane {
     plant: Box<dyn Plant>,
-    /// Of the plant, now.
+    /// Current outputs of the plant.
     outputs: Outputs<f64>,
-    /// Steps in a control period.
+    /// Integration steps in a control period.
     steps: u32,
     equipment: Equipment,
 }
@@ -31,11 +31,11 @@ impl Clone for VirtualCrane {
 }
 
 impl VirtualCrane {
-    /// A crane at rest at `start`, 3/2 valve energised unless the pump sides have no load at all.
+    /// A crane in equilibrium at `start`; the 3/2 valve is energised unless the pump sides carry no load.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when the description gives no model or its steps do not suit each other.
+    /// [`PlantError`] if the description gives no model or its step sizes are not compatible.
     pub fn new(description: &Description, start: &Start) -> Result<Self, PlantError> {
         let Stepping { scheme, step, count } = Stepping::of(description);
         let mut plant = plant(&Equipment::warmed(description), start, scheme, step)?;
@@ -48,33 +48,33 @@ impl VirtualCrane {
         Ok(Self { plant, outputs, steps: count, equipment })
     }
 
-    /// The same from now on without the drive's dead time; its lag stays.
+    /// Removes the drive's dead time from now on; its lag remains.
     pub fn without_dead_time(mut self) -> Self {
         self.equipment.remove_dead_time();
         self
     }
 
-    /// What has arrived at the controller.
+    /// Signals that have arrived at the controller over the fieldbus.
     pub fn signals(&self) -> AxisSignals<f64> {
         self.equipment.signals()
     }
 
-    /// The same with its number, and the time at which it was sampled.
+    /// The same signals with their sequence number and sampling time.
     pub fn measurement(&self) -> Measurement {
         self.equipment.measurement()
     }
 
-    /// State of the load-holding valve as its position switch shows it; none where there is no switch.
+    /// State of the load-holding valve by its position switch; `None` without a switch.
     pub fn valve(&self) -> Option<ValveState> {
         self.equipment.valve_state()
     }
 
-    /// What nobody sees.
+    /// True quantities, without sensor errors and delay.
     pub fn truth(&self) -> Truth {
         self.equipment.truth(&self.outputs)
     }
 
-    /// The model inside.
+    /// The plant model.
     pub fn plant(&self) -> &dyn Plant {
         self.plant.as_ref()
     }
@@ -89,23 +89,23 @@ impl VirtualCrane {
         self.equipment.period()
     }
 
-    /// Lifts the whole boom by an angle \[rad\] with the oil in both chambers locked in, so that it
-    /// will drop onto its cylinder.
+    /// Rotates the whole boom upwards by an angle \[rad\] with the oil in both chambers locked in; it then drops onto
+    /// its cylinder.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the lifted state is not valid.
+    /// [`SimulationError`] if the lifted state is not valid.
     pub fn lift(&mut self, angle: f64) -> Result<(), SimulationError> {
         self.plant.lift(angle)?;
         self.outputs = self.plant.outputs();
         Ok(())
     }
 
-    /// Hangs another payload \[kg\] on the boom, at the same place.
+    /// Replaces the payload \[kg\]; its position on the boom stays.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when there is no crane with such a payload.
+    /// [`PlantError`] if no crane can be built with this payload.
     pub fn set_payload(&mut self, mass: f64) -> Result<(), PlantError> {
         let heavier = self.equipment.with_payload(mass);
         self.plant.set_parameters(&heavier)?;
@@ -115,11 +115,11 @@ impl VirtualCrane {
         Ok(())
     }
 
-    /// Goes on as another crane of the same number of segments: after a line burst, say.
+    /// Replaces the description during the run, for example by one with a burst line. The number of segments must stay.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when there is no such crane.
+    /// [`PlantError`] if no crane can be built from it.
     pub fn set_description(&mut self, description: &Description) -> Result<(), PlantError> {
         let changed = self.equipment.with_description(description);
         self.plant.set_parameters(&changed)?;
@@ -129,11 +129,11 @@ impl VirtualCrane {
         Ok(())
     }
 
-    /// One control period under a command.
+    /// Simulates one control period under a command.
     ///
     /// # Errors
     ///
-    /// [`SimulationError`] when the crane leaves what the model holds for.
+    /// [`SimulationError`] if the state leaves the model's range of validity.
     pub fn advance(&mut self, command: &AxisCommand<f64>) -> Result<(), SimulationError> {
         let Some(command) = self.equipment.begin(command) else {
             return Err(SimulationError::Input { time: self.time() });
@@ -152,7 +152,7 @@ impl VirtualCrane {
         if self.equipment.slow_is_due() {
             let losses = self.plant.power(&self.equipment.input()).losses();
             if let Some(warmer) = self.equipment.warm(losses, &self.outputs) {
-                // the number of segments is what it was, and so the type has room for them
+                // the number of segments is unchanged, so the plant's type fits
                 self.plant.set_parameters(&warmer).expect("as many segments as at the start");
             }
             if let Some(shift) = self.equipment.dissolve(&self.outputs) {

@@ -1,4 +1,4 @@
-//! The shaft that drive and pump share.
+//! Motor and shaft of the pump.
 
 use hydroboom_model::drive::{Drive, DriveState, parts};
 
@@ -7,12 +7,12 @@ use hydroboom_model::drive::{Drive, DriveState, parts};
 pub(crate) struct Shaft {
     /// The motor.
     pub motor: DriveState<f64>,
-    /// Turns of the shaft \[rev\], within one.
+    /// Angle of the shaft \[rev\], 0 to 1.
     pub angle: f64,
 }
 
 impl Shaft {
-    /// At rest.
+    /// A shaft at standstill.
     pub(crate) fn still() -> Self {
         Self { motor: DriveState::steady(0.0), angle: 0.0 }
     }
@@ -22,8 +22,8 @@ impl Shaft {
         self.angle = turned(self.angle, self.motor.speed, time);
     }
 
-    /// Moves the motor on by `step` \[s\], asked for `wanted` \[rev/s\] against a load torque \[N·m\] that is positive where it brakes positive
-    /// speed. Returns its mean speed \[rev/s\] over the step.
+    /// Advances the motor by `step` \[s\] at the commanded speed `wanted` \[rev/s\]. `load` is the load torque \[N·m\],
+    /// positive where it brakes positive speed. Returns the mean speed \[rev/s\] over the step.
     pub(crate) fn drive(&mut self, drive: &Drive<f64>, wanted: f64, load: f64, step: f64) -> f64 {
         let Self { motor, angle } = self;
         let parts = parts(drive.frequency, step);
@@ -54,7 +54,7 @@ mod tests {
         };
         let (mut shaft, step) = (Shaft::still(), 1e-4);
         let way: f64 = (0..5000).map(|_| step * shaft.drive(&drive, 10.3, 0.0, step)).sum();
-        // by its mean speeds; within what parts of first order leave while it speeds up
+        // from mean speeds; the tolerance is the error of piecewise first-order integration during acceleration
         assert!((way - way.floor() - shaft.angle).abs() < 1e-3, "{way} rev, {}", shaft.angle);
     }
 }

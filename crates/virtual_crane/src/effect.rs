@@ -1,4 +1,4 @@
-//! What a real crane has and the published model leaves out, by name, to be switched off.
+//! Effects of real cranes beyond the published model, by name, so that each can be switched off.
 
 use hydroboom_description::schema::KEYS;
 use hydroboom_description::{Description, DescriptionError};
@@ -10,13 +10,13 @@ pub enum Effect {
     Segments,
     /// Payload with inertia, off the boom's axis.
     PayloadShape,
-    /// Base frame that gives way, bearings with play.
+    /// Compliance of the base frame, and bearing play.
     Base,
     /// LuGre friction in place of the published law.
     Friction,
-    /// Pump leakage that grows with pressure and speed.
+    /// Pump leakage that increases with pressure and speed.
     Slip,
-    /// Torque lost in the pump.
+    /// Torque losses of the pump.
     TorqueLosses,
     /// Flow ripple of the pump's pistons.
     Ripple,
@@ -24,18 +24,18 @@ pub enum Effect {
     Drive,
     /// Delay of the 3/2 valve and its pilot lines.
     Valve,
-    /// Air that dissolves and comes out again.
+    /// Dissolved air, with hysteresis.
     Air,
-    /// Oil that is warmer or colder than its parameters.
+    /// Oil temperature other than the reference temperature.
     Temperature,
-    /// Errors, noise, resolution and bandwidth of the sensors.
+    /// Offset, noise, resolution and bandwidth of the sensors.
     Sensors,
     /// Delay of the fieldbus.
     Fieldbus,
 }
 
 impl Effect {
-    /// All of them.
+    /// All effects.
     pub const ALL: [Self; 13] = [
         Self::Segments,
         Self::PayloadShape,
@@ -52,7 +52,7 @@ impl Effect {
         Self::Fieldbus,
     ];
 
-    /// Name at the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Segments => "segments",
@@ -71,12 +71,12 @@ impl Effect {
         }
     }
 
-    /// The effect with this name.
+    /// Parses a name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|effect| effect.name() == name)
     }
 
-    /// Keys that make it: a whole section, or a key. Off is their value where a file lacks them.
+    /// Keys of the effect: whole sections or single keys. Their defaults switch it off.
     fn keys(self) -> &'static [&'static str] {
         match self {
             Self::Segments | Self::PayloadShape | Self::Friction => &[],
@@ -93,7 +93,7 @@ impl Effect {
         }
     }
 
-    /// Overrides beside those keys.
+    /// Further overrides that switching off needs.
     fn overrides(self) -> &'static [&'static str] {
         match self {
             Self::Segments => &["boom.segments=3"],
@@ -103,11 +103,11 @@ impl Effect {
         }
     }
 
-    /// Switches the effect off.
+    /// Switches the effect off in a description.
     ///
     /// # Errors
     ///
-    /// [`DescriptionError`] where the machine is not possible without it.
+    /// [`DescriptionError`] if the crane is not valid without it.
     pub fn remove_from(self, description: &mut Description) -> Result<(), DescriptionError> {
         for key in KEYS {
             let path = key.path();

@@ -1,5 +1,5 @@
-//! All that stands between a controller and a plant: drive, pump shaft, valve, sensors, fieldbus, and the
-//! oil's temperature and air.
+//! Equipment between controller and plant: drive, pump shaft, valve, sensors, fieldbus, and the oil's temperature
+//! and air.
 
 use crate::air::Air;
 use crate::drive::Shaft;
@@ -21,25 +21,25 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use std::collections::VecDeque;
 
-/// Control periods between two looks at what changes slowly, the oil's heat and air.
+/// Control periods between two updates of the slow states, oil temperature and dissolved air.
 const SLOW_EVERY: u64 = 20;
 
-/// Commanded motor speeds on their way through the drive's dead time.
+/// Dead time of the drive: a queue of commanded motor speeds.
 #[derive(Clone)]
 struct CommandDelay {
     dead_time: DeadTime<f64>,
-    /// Commands \[rev/s\], the latest first.
+    /// Commands \[rev/s\], latest first.
     sent: VecDeque<f64>,
 }
 
 impl CommandDelay {
-    /// A dead time in control periods \[s\], before which nothing was commanded.
+    /// A dead time and control period \[s\], with all earlier commands zero.
     fn new(time: f64, period: f64) -> Self {
         let dead_time = DeadTime::of(time, period);
         Self { dead_time, sent: std::iter::repeat_n(0.0, dead_time.reach() + 1).collect() }
     }
 
-    /// Sends a command; what arrives in the same period.
+    /// Adds a command and returns the delayed one of the same period.
     fn exchange(&mut self, speed: f64) -> f64 {
         self.sent.pop_back();
         self.sent.push_front(speed);
@@ -47,18 +47,18 @@ impl CommandDelay {
     }
 }
 
-/// How a virtual crane's plant moves in time.
+/// Integration method and step size of the plant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stepping {
     pub scheme: Scheme,
-    /// Step \[s\].
+    /// Step size \[s\].
     pub step: f64,
     /// Steps in a control period.
     pub count: u32,
 }
 
 impl Stepping {
-    /// As the description asks, a whole number of steps in a control period.
+    /// The description's step size, reduced so that a whole number of steps fills a control period.
     pub(crate) fn of(description: &Description) -> Self {
         let n = &description.numbers;
         let (scheme, wanted) = match n.virtual_step > 0.0 {
@@ -66,7 +66,7 @@ impl Stepping {
             false => (Scheme::Published, n.simulation_period),
         };
         let count = (n.control_period / wanted * (1.0 - 1e-12)).ceil().max(1.0);
-        // a step that fits already stays as it is, to the last bit
+        // keeps a step size that already fits, to the last bit
         let step = match (count * wanted / n.control_period - 1.0).abs() < 1e-12 {
             true => wanted,
             false => n.control_period / count,
@@ -75,28 +75,28 @@ impl Stepping {
     }
 }
 
-/// The equipment of one crane. It is told what the plant shows and says what acts on it.
+/// Equipment of one crane. It receives the plant's outputs and returns the plant's inputs.
 #[derive(Clone)]
 pub(crate) struct Equipment {
     period: f64,
-    /// None: the motor follows at once, within its limits, as the model's does.
+    /// `None`: the motor follows without lag, within its limits, as in the published model.
     drive: Option<Drive<f64>>,
-    /// Before the drive; none where it begins to answer at once.
+    /// Dead time before the drive's lag; `None` for zero.
     dead_time: Option<CommandDelay>,
     limits: ActuatorLimits<f64>,
     shaft: Shaft,
     pump: PumpShaft,
-    /// None: the valve switches at once.
+    /// `None`: the valve switches without delay.
     valve: Option<SwitchingValve>,
     pilot: f64,
     has_position_switch: bool,
     temperature: Temperature,
     air: Option<Air>,
-    /// Power that is lost as heat \[W\].
+    /// Power dissipated as heat \[W\].
     heat: f64,
-    /// Of position, then of the five pressures in the order of [`AxisSignals`].
+    /// Sensors of position, then of the five pressures in the order of [`AxisSignals`].
     sensors: [Sensor; 6],
-    /// Whether a sensor must be shown every step, not only what it samples.
+    /// Whether a sensor has a lag, so that it needs the value of every step and not only samples.
     sensors_lag: bool,
     to_crane: Fieldbus<AxisCommand<f64>>,
     to_controller: Fieldbus<AxisSignals<f64>>,
@@ -106,8 +106,8 @@ pub(crate) struct Equipment {
 }
 
 impl Equipment {
-    /// The equipment of a crane whose plant shows `outputs` and moves in steps of `step` \[s\], 3/2
-    /// valve energised unless the pump sides have no load at all.
+    /// The equipment of a plant with initial `outputs`, integrated in steps of `step` \[s\]. The 3/2 valve is energised
+    /// unless the pump sides carry no load.
     pub(crate) fn new(
         description: &Description,
         start: &Start,
@@ -138,7 +138,7 @@ impl Equipment {
             true => n.pressure_span / n.pressure_bits.exp2(),
             false => 0.0,
         };
-        // without any of a transducer's effects it reads the pressure itself, suction included
+        // a transducer without error, noise and resolution passes the pressure itself, below zero gauge too
         let ideal = n.pressure_error + n.pressure_noise + resolution == 0.0;
         let range = match ideal {
             true => [f64::NEG_INFINITY, f64::INFINITY],
@@ -193,24 +193,24 @@ impl Equipment {
         }
     }
 
-    /// The crane as the oil's first temperature makes it.
+    /// The crane's description at the oil's initial temperature.
     pub(crate) fn warmed(description: &Description) -> Description {
         Temperature::new(description).description()
     }
 
-    /// What has arrived at the controller.
+    /// Signals that have arrived at the controller over the fieldbus.
     pub(crate) fn signals(&self) -> AxisSignals<f64> {
         self.signals
     }
 
-    /// The same with its number, and the time at which it was sampled.
+    /// The same signals with their sequence number and sampling time.
     pub(crate) fn measurement(&self) -> Measurement {
         let late = self.to_controller.cycles() as u64;
         let time = self.periods.saturating_sub(late) as f64 * self.period;
         Measurement::new(self.periods + 1, time, [self.signals])
     }
 
-    /// State of the load-holding valve as its position switch shows it; none where there is no switch.
+    /// State of the load-holding valve by its position switch; `None` without a switch.
     pub(crate) fn valve_state(&self) -> Option<ValveState> {
         self.has_position_switch.then_some(match self.pilot > 0.5 {
             true => ValveState::Open,
@@ -218,7 +218,7 @@ impl Equipment {
         })
     }
 
-    /// What nobody sees.
+    /// True quantities, without sensor errors and delay.
     pub(crate) fn truth(&self, outputs: &Outputs<f64>) -> Truth {
         Truth {
             outputs: *outputs,
@@ -242,23 +242,23 @@ impl Equipment {
         self.period
     }
 
-    /// The crane with another payload \[kg\].
+    /// Replaces the payload \[kg\]; returns the new description at the oil's temperature.
     pub(crate) fn with_payload(&mut self, mass: f64) -> Description {
         self.temperature.with_payload(mass)
     }
 
-    /// The crane as described anew, at the oil's temperature.
+    /// Replaces the description; returns it at the oil's temperature.
     pub(crate) fn with_description(&mut self, description: &Description) -> Description {
         self.temperature.with_description(description)
     }
 
-    /// From now on the drive begins to answer at once.
+    /// Removes the drive's dead time from now on.
     pub(crate) fn remove_dead_time(&mut self) {
         self.dead_time = None;
     }
 
-    /// Begins a control period with what the controller sends; what arrives at the crane, or none
-    /// where it is not a number.
+    /// Begins a control period with the controller's command. Returns the command that arrives at the crane, or
+    /// `None` if it is not a finite number.
     pub(crate) fn begin(&mut self, command: &AxisCommand<f64>) -> Option<AxisCommand<f64>> {
         let mut command = self.to_crane.exchange(*command);
         if !(command.motor_speed.is_finite() && command.holding_valve.is_finite()) {
@@ -277,17 +277,17 @@ impl Equipment {
         Some(command)
     }
 
-    /// Whether what acts on the plant is the same during a whole control period.
+    /// Whether the plant's input is constant over a control period.
     pub(crate) fn is_steady(&self) -> bool {
         self.drive.is_none() && self.valve.is_none() && !self.sensors_lag && self.pump.ripple == 0.0
     }
 
-    /// What acts on the plant for a whole steady period.
+    /// Plant input for a whole period with constant input.
     pub(crate) fn input(&self) -> Input<f64> {
         Input { pump_speed: self.shaft.motor.speed, holding_valve: self.pilot }
     }
 
-    /// What acts on the plant in the next step of `step` \[s\].
+    /// Plant input for the next step of `step` \[s\].
     pub(crate) fn step(
         &mut self,
         command: &AxisCommand<f64>,
@@ -308,19 +308,19 @@ impl Equipment {
         if let Some(valve) = &mut self.valve {
             self.pilot = valve.advance(command.holding_valve);
         }
-        // the ripple in the middle of the step
+        // ripple at the middle of the step
         let delivery = self.pump.delivery(angle + 0.5 * step * mean_speed);
         Input { pump_speed: mean_speed * delivery, holding_valve: self.pilot }
     }
 
-    /// Shows the sensors what a step made of the plant.
+    /// Updates the sensors with the outputs after a step.
     pub(crate) fn see(&mut self, outputs: &Outputs<f64>) {
         if self.sensors_lag {
             self.show(outputs);
         }
     }
 
-    /// Ends a control period: samples, and sends to the controller.
+    /// Ends a control period: samples the sensors and sends the readings to the controller.
     pub(crate) fn end(&mut self, outputs: &Outputs<f64>) {
         self.periods += 1;
         if !self.sensors_lag {
@@ -346,21 +346,21 @@ impl Equipment {
         self.sensors.iter_mut().zip(seen).for_each(|(sensor, value)| sensor.follow(value));
     }
 
-    /// Whether it is time, in the period under way, to look at what changes slowly.
+    /// Whether the slow states are to be updated in the current period.
     pub(crate) fn slow_is_due(&self) -> bool {
         (self.periods + 1).is_multiple_of(SLOW_EVERY)
     }
 
-    /// Warms the oil with what the plant loses \[W\]; the crane's description where it has changed
-    /// enough to matter.
+    /// Heats the oil by the plant's losses \[W\]. Returns the new description if the temperature has changed by more
+    /// than the update threshold.
     pub(crate) fn warm(&mut self, losses: f64, o: &Outputs<f64>) -> Option<Description> {
         let difference = o.pressure_pump_a - o.pressure_pump_b;
         self.heat = losses + self.pump.heat(difference, self.shaft.motor.speed);
         self.temperature.advance(self.heat, self.period * SLOW_EVERY as f64)
     }
 
-    /// Lets the oil's air dissolve or come out since the last look; what it then does to the pressure
-    /// at which the oil stiffens, node by node \[Pa\]. None where the crane has no such effect.
+    /// Integrates the dissolved air since the last update. Returns the shift of the transition pressure of every node
+    /// \[Pa\]; `None` if the crane has no dissolved air.
     pub(crate) fn dissolve(&mut self, outputs: &Outputs<f64>) -> Option<Nodes<f64>> {
         let time = self.period * SLOW_EVERY as f64;
         let air = self.air.as_mut()?;
@@ -368,7 +368,7 @@ impl Equipment {
         Some(air.shift())
     }
 
-    /// What the dissolved air does now.
+    /// Current shift of the transition pressure by dissolved air \[Pa\].
     pub(crate) fn dissolved(&self) -> Option<Nodes<f64>> {
         self.air.as_ref().map(Air::shift)
     }

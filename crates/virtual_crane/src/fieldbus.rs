@@ -1,25 +1,25 @@
-//! The fieldbus: what is sent now arrives a whole number of control cycles later.
+//! Fieldbus delay of a whole number of control cycles.
 
 use std::collections::VecDeque;
 
-/// Messages on their way.
+/// Queue of messages in transit.
 #[derive(Clone, Debug)]
 pub(crate) struct Fieldbus<M> {
     on_the_way: VecDeque<M>,
 }
 
 impl<M: Clone> Fieldbus<M> {
-    /// A bus with the given delay \[cycles\], on which `first` was sent long ago.
+    /// A bus with the given delay \[cycles\], filled with the message `first`.
     pub(crate) fn new(cycles: usize, first: M) -> Self {
         Self { on_the_way: std::iter::repeat_n(first, cycles).collect() }
     }
 
-    /// Its delay \[cycles\].
+    /// Delay \[cycles\].
     pub(crate) fn cycles(&self) -> usize {
         self.on_the_way.len()
     }
 
-    /// Sends a message; what arrives in the same cycle.
+    /// Sends a message and returns the one that arrives in the same cycle.
     pub(crate) fn exchange(&mut self, message: M) -> M {
         self.on_the_way.push_back(message.clone());
         self.on_the_way.pop_front().unwrap_or(message)

@@ -1,4 +1,4 @@
-//! Several virtual cranes moving together, their plants side by side in SIMD lanes.
+//! Batch simulation of several virtual cranes, with their plants in SIMD lanes.
 
 use crate::equipment::{Equipment, Stepping};
 use crate::signals::Truth;
@@ -8,24 +8,24 @@ use hydroboom_description::Description;
 use hydroboom_model::{Outputs, Scheme, SimulationError, Start};
 use hydroboom_plant::{PlantError, SideBySide};
 
-/// `W` virtual cranes of the same make; each gives what a [`VirtualCrane`](crate::VirtualCrane)
-/// gives alone, to the last bit.
+/// A batch of `W` virtual cranes with the same structure. Each gives the results of a single
+/// [`VirtualCrane`](crate::VirtualCrane), to the last bit.
 pub struct Fleet<const W: usize> {
     plants: SideBySide<W>,
     outputs: [Outputs<f64>; W],
-    /// Steps in a control period.
+    /// Integration steps in a control period.
     steps: u32,
     equipment: [Equipment; W],
     stopped: [Option<SimulationError>; W],
 }
 
 impl<const W: usize> Fleet<W> {
-    /// Cranes at rest. None where they are not of the same make, do not take steps of the same
-    /// length, or do not use the implicit scheme; such cranes can only be simulated one by one.
+    /// Cranes in equilibrium. `None` if they differ in structure or step size, or do not use the implicit scheme; such
+    /// cranes must be simulated one by one.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when a description gives no model.
+    /// [`PlantError`] if a description gives no model.
     pub fn new(
         descriptions: &[Description; W],
         starts: &[Start; W],
@@ -55,37 +55,37 @@ impl<const W: usize> Fleet<W> {
         Ok(Some(Self { plants, outputs, steps, equipment, stopped: [None; W] }))
     }
 
-    /// What has arrived at one crane's controller.
+    /// Signals that have arrived at the controller of one crane.
     pub fn signals(&self, lane: usize) -> AxisSignals<f64> {
         self.equipment[lane].signals()
     }
 
-    /// The same with its number, and the time at which it was sampled.
+    /// The same signals with their sequence number and sampling time.
     pub fn measurement(&self, lane: usize) -> Measurement {
         self.equipment[lane].measurement()
     }
 
-    /// What nobody sees of it.
+    /// True quantities of one crane, without sensor errors and delay.
     pub fn truth(&self, lane: usize) -> Truth {
         self.equipment[lane].truth(&self.outputs[lane])
     }
 
-    /// Why a crane could not go on; none while it does. A crane that has stopped stays where it was.
+    /// Error that has stopped a crane; `None` while it runs. A stopped crane keeps its last valid state.
     pub fn stopped(&self, lane: usize) -> Option<SimulationError> {
         self.stopped[lane].or(self.plants.stopped(lane))
     }
 
-    /// Hangs another payload \[kg\] on one crane's boom, at the same place.
+    /// Replaces the payload \[kg\] of one crane; its position on the boom stays.
     ///
     /// # Errors
     ///
-    /// [`PlantError`] when there is no crane with such a payload.
+    /// [`PlantError`] if no crane can be built with this payload.
     pub fn set_payload(&mut self, lane: usize, mass: f64) -> Result<(), PlantError> {
         let heavier = self.equipment[lane].with_payload(mass);
         self.plants.set_parameters(lane, &heavier, self.equipment[lane].dissolved())
     }
 
-    /// One control period, each crane under its own command.
+    /// Simulates one control period, each crane under its own command.
     pub fn advance(&mut self, commands: &[AxisCommand<f64>; W]) {
         let still = AxisCommand { motor_speed: 0.0, holding_valve: 0.0 };
         let commands: [AxisCommand<f64>; W] = std::array::from_fn(|lane| {
@@ -114,7 +114,7 @@ impl<const W: usize> Fleet<W> {
         }
     }
 
-    /// Heat and air of every crane.
+    /// Updates the slow states of every crane: oil temperature and dissolved air.
     fn slowly(&mut self) {
         let mut shifts = [None; W];
         for lane in 0..W {
@@ -123,7 +123,7 @@ impl<const W: usize> Fleet<W> {
             let warmer = equipment.warm(losses, outputs);
             shifts[lane] = equipment.dissolve(outputs);
             if let Some(warmer) = warmer {
-                // only numbers have changed, within what gave a model before
+                // only parameter values have changed, within the range that gave a model before
                 self.plants
                     .set_parameters(lane, &warmer, shifts[lane])
                     .expect("as many segments as at the start");

@@ -1,16 +1,15 @@
-//! A first-order lag, exact for inputs that hold over a step.
+//! First-order lag, discretised exactly for inputs that are constant over a step.
 
 /// `τ y' + y = u`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lag {
-    /// Share of the way to its input that the output goes in one step.
+    /// Gain of one step, 1 − exp(−step/τ).
     share: f64,
     output: f64,
 }
 
 impl Lag {
-    /// A lag with the time constant and step \[s\], settled at `output`; none for a time constant of
-    /// zero.
+    /// A lag with time constant and step \[s\], in steady state at `output`. A time constant of zero gives no lag.
     pub(crate) fn new(time_constant: f64, step: f64, output: f64) -> Self {
         let share = match time_constant > 0.0 {
             true => -(-step / time_constant).exp_m1(),
@@ -19,9 +18,9 @@ impl Lag {
         Self { share, output }
     }
 
-    /// The output after one more step with the given input.
+    /// Advances by one step with the given input; returns the output.
     pub(crate) fn advance(&mut self, input: f64) -> f64 {
-        // a share of one gives the input itself, to the last bit
+        // a gain of one returns the input, to the last bit
         self.output = match self.share < 1.0 {
             true => self.output + self.share * (input - self.output),
             false => input,
@@ -29,7 +28,7 @@ impl Lag {
         self.output
     }
 
-    /// The output now.
+    /// Current output.
     pub(crate) fn output(&self) -> f64 {
         self.output
     }

@@ -1,14 +1,14 @@
-//! A crane that stands in for a real one: the model at high fidelity between the equipment that
-//! stands between a controller and a machine.
+//! Virtual crane: the high-fidelity model together with the equipment between a controller and a real crane. It
+//! replaces the machine in tests.
 //!
 //! ```text
 //! command -> fieldbus -> servo drive, ripple -> pump  \
-//!         -> fieldbus -> 3/2 valve, pilot lines       -> model with elastic base, slip, warm and airy oil
+//!         -> fieldbus -> 3/2 valve, pilot lines       -> model: elastic base, slip, oil temperature and air
 //! reading <- fieldbus <- analogue inputs <- sensors   /
 //! ```
 //!
-//! Each part is off where the crane file does not mention it; with all of them off a
-//! [`VirtualCrane`] is the model, bit for bit. Nothing it yields is a measurement.
+//! Each effect is off if the crane file does not contain its keys. With all effects off a [`VirtualCrane`] equals the
+//! model, bit for bit. Its results are simulated, not measured.
 
 mod air;
 mod crane;

@@ -1,8 +1,8 @@
-//! What the pump does beyond the model: ripple, and the torque it asks for.
+//! Pump effects beyond the model: flow ripple and torque losses.
 
 use std::f64::consts::TAU;
 
-/// The pump as its shaft sees it.
+/// Torque and ripple of the pump at its shaft.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PumpShaft {
     /// Displacement \[m³/rev\].
@@ -11,33 +11,33 @@ pub(crate) struct PumpShaft {
     pub pistons: f64,
     /// Amplitude of the flow ripple, as a share of the flow.
     pub ripple: f64,
-    /// Torque lost at any speed \[N·m\].
+    /// Torque loss independent of speed \[N·m\].
     pub loss: f64,
-    /// Torque lost as a share of the hydraulic torque.
+    /// Torque loss as a share of the hydraulic torque.
     pub loss_share: f64,
-    /// Torque lost to viscous drag \[N·m per rev/s\].
+    /// Torque loss by viscous drag \[N·m per rev/s\].
     pub loss_speed: f64,
 }
 
 impl PumpShaft {
-    /// Share of the mean flow that is delivered at a shaft angle \[rev\]: each piston in turn
-    /// brings its oil to the pressure of the outlet.
+    /// Instantaneous flow over mean flow at a shaft angle \[rev\]. The ripple arises as each piston's oil is
+    /// compressed to the outlet pressure.
     pub(crate) fn delivery(&self, angle: f64) -> f64 {
         1.0 + self.ripple * (TAU * self.pistons * angle).cos()
     }
 
-    /// Torque \[N·m\] that the pump asks of the motor at a pressure difference p_PA − p_PB \[Pa\]
-    /// and speed \[rev/s\]. Losses oppose the motion, whichever way the power flows.
+    /// Torque \[N·m\] at the pump's shaft at a pressure difference p_PA − p_PB \[Pa\] and speed \[rev/s\]. Losses
+    /// oppose the motion in motoring and pumping operation.
     pub(crate) fn torque(&self, difference: f64, speed: f64) -> f64 {
         let hydraulic = self.displacement * difference / TAU;
-        // dry friction reverses over a tenth of a revolution per second
+        // smooths the sign of Coulomb friction over ±0.1 rev/s
         let direction = (10.0 * speed).clamp(-1.0, 1.0);
         hydraulic
             + direction * (self.loss + self.loss_share * hydraulic.abs())
             + self.loss_speed * speed
     }
 
-    /// Power \[W\] that torque losses turn into heat at the same conditions.
+    /// Power \[W\] of the torque losses at the same conditions.
     pub(crate) fn heat(&self, difference: f64, speed: f64) -> f64 {
         let hydraulic = self.displacement * difference / TAU;
         (self.torque(difference, speed) - hydraulic) * speed * TAU

@@ -1,23 +1,23 @@
-//! Sensors and their inputs: bandwidth, constant error, noise, range, resolution.
+//! Sensor model: bandwidth, offset, noise, range and resolution.
 
 use crate::lag::Lag;
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// What a sensor makes of a quantity; all in the quantity's unit.
+/// Properties of a sensor, all in the unit of the measured quantity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SensorData {
-    /// Constant error.
+    /// Constant offset.
     pub error: f64,
-    /// Noise, RMS.
+    /// RMS noise.
     pub noise: f64,
-    /// Smallest step; zero for none.
+    /// Resolution (quantisation step); zero for none.
     pub resolution: f64,
-    /// Smallest and largest value it can tell.
+    /// Smallest and largest value of the measuring range.
     pub range: [f64; 2],
 }
 
-/// A sensor at work.
+/// A sensor with its state.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sensor {
     data: SensorData,
@@ -25,8 +25,8 @@ pub(crate) struct Sensor {
 }
 
 impl Sensor {
-    /// A sensor with a bandwidth \[Hz\] (zero for none), moved in steps of `step` \[s\], that has
-    /// long seen `value`.
+    /// A sensor with a bandwidth \[Hz\] (zero for no lag), updated in steps of `step` \[s\], in steady state at
+    /// `value`.
     pub(crate) fn new(data: SensorData, bandwidth: f64, step: f64, value: f64) -> Self {
         let time_constant = match bandwidth > 0.0 {
             true => 1.0 / (std::f64::consts::TAU * bandwidth),
@@ -35,12 +35,12 @@ impl Sensor {
         Self { data, lag: Lag::new(time_constant, step, value) }
     }
 
-    /// Follows the quantity for one step.
+    /// Updates the lag with the quantity's value after a step.
     pub(crate) fn follow(&mut self, value: f64) {
         self.lag.advance(value);
     }
 
-    /// What is read now.
+    /// Current reading.
     pub(crate) fn sample(&self, random: &mut impl Rng) -> f64 {
         let d = &self.data;
         let mut value = self.lag.output() + d.error;
@@ -73,10 +73,10 @@ mod tests {
         let errors: Vec<f64> = (0..count).map(|_| sensor.sample(&mut random) - 7.3).collect();
         let mean = errors.iter().sum::<f64>() / f64::from(count);
         let rms = (errors.iter().map(|e| e * e).sum::<f64>() / f64::from(count)).sqrt();
-        // five standard deviations of mean and RMS over so many samples
+        // five standard deviations of the mean and RMS of this number of samples
         assert!(mean.abs() < 5.0 * 0.05 / 200.0, "{mean}");
         assert!((rms / 0.05 - 1.0).abs() < 5.0 / (2.0 * 40_000.0_f64).sqrt(), "{rms}");
-        // white: neighbours know nothing of each other
+        // white noise: successive errors are uncorrelated
         let products: f64 = errors.windows(2).map(|pair| pair[0] * pair[1]).sum();
         assert!((products / f64::from(count)).abs() < 5.0 * 0.05 * 0.05 / 200.0);
     }

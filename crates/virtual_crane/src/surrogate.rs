@@ -1,13 +1,13 @@
-//! The model in a machine's place: the virtual crane with its equipment off, but for the drive.
+//! Surrogate plant: the virtual crane with all equipment but the drive switched off.
 
 use hydroboom_description::Description;
 
-/// A model as a machine of its own: ideal sensors and valve, constant temperature and air, one implicit step a control period. The drive stays,
-/// with all the delay from command to reading in its dead time, that of the fieldbus too (the typical one where the crane file has none): what is read of it is then
-/// what is read of the machine, at the same time.
+/// The surrogate plant of a description: ideal sensors and valve, constant oil temperature, no dissolved air, one
+/// implicit step a control period. The drive stays. Its dead time includes the fieldbus delay (the typical one if the
+/// crane file has none), so that the surrogate's readings have the machine's timing.
 ///
-/// The published scheme chatters at the load-holding valves and loses oil by it where that is soft, up to 0.7 % of what is pumped: implicit steps do
-/// not.
+/// The explicit scheme chatters at the load-holding valves where the oil is soft, and loses up to 0.7 % of the pumped
+/// volume by it; the implicit scheme does not.
 pub fn surrogate(model: &Description) -> Description {
     let mut machine = model.without_equipment();
     let (n, of) = (&mut machine.numbers, &model.numbers);
@@ -22,7 +22,7 @@ pub fn surrogate(model: &Description) -> Description {
     machine
 }
 
-/// Delay of commands and readings by the fieldbus, together \[s\]: the typical one where the crane file has none.
+/// Sum of the fieldbus delays of command and reading \[s\]; the typical one if the crane file has none.
 pub fn fieldbus_delay(model: &Description) -> f64 {
     let n = model.virtual_crane().0.numbers;
     2.0 * n.fieldbus_delay.round() * n.control_period

@@ -1,22 +1,22 @@
-//! Oil that warms: viscosity, leakage and air follow.
+//! Oil temperature, and its effect on viscosity, leakage and air.
 
 use hydroboom_description::{Description, Numbers};
 
-/// Parameters change by steps no larger than this \[K\].
+/// Temperature change after which the parameters are updated \[K\].
 const STEP: f64 = 0.25;
 
-/// The oil's temperature, and the crane as described at the reference temperature.
+/// The oil's temperature, and the description at the reference temperature.
 #[derive(Clone, Debug)]
 pub(crate) struct Temperature {
     described: Description,
-    /// Now \[°C\].
+    /// Current temperature \[°C\].
     oil: f64,
-    /// That of the parameters in use.
+    /// Temperature of the parameters in use \[°C\].
     applied: f64,
 }
 
 impl Temperature {
-    /// Oil at its first temperature.
+    /// Oil at its initial temperature.
     pub(crate) fn new(description: &Description) -> Self {
         let oil = description.numbers.oil_temperature;
         Self { described: description.clone(), oil, applied: oil }
@@ -33,14 +33,14 @@ impl Temperature {
         (-n.viscosity_slope * (self.oil - n.reference_temperature)).exp()
     }
 
-    /// Pressure \[Pa\] at which oil without dissolved air stiffens, at its temperature.
+    /// Transition pressure \[Pa\] of oil without dissolved air, at its temperature.
     pub(crate) fn transition_pressure(&self) -> f64 {
         let n = &self.described.numbers;
         (n.transition + n.air_slope * (self.oil - n.reference_temperature)).max(0.0)
     }
 
-    /// The crane at the oil's temperature: viscous friction and drag grow with the viscosity, gaps
-    /// leak in inverse proportion, and the pressure at which the oil stiffens moves with its air.
+    /// The description at the oil's temperature. Viscous friction and drag are proportional to the viscosity, leakage
+    /// is inversely proportional, and the transition pressure depends on the temperature of the air.
     pub(crate) fn description(&self) -> Description {
         let n = &self.described.numbers;
         let viscosity = self.relative_viscosity();
@@ -56,20 +56,20 @@ impl Temperature {
         description
     }
 
-    /// The crane with another payload \[kg\] from now on.
+    /// Replaces the payload \[kg\]; returns the new description at the oil's temperature.
     pub(crate) fn with_payload(&mut self, mass: f64) -> Description {
         self.described.numbers.payload = mass;
         self.description()
     }
 
-    /// Another crane from now on, at the same temperature.
+    /// Replaces the description at the same temperature.
     pub(crate) fn with_description(&mut self, described: &Description) -> Description {
         self.described = described.clone();
         self.description()
     }
 
-    /// Heats the oil with `heat` \[W\] for `time` \[s\]; the crane's description where it has
-    /// changed enough to matter.
+    /// Heats the oil with `heat` \[W\] for `time` \[s\]. Returns the new description if the temperature has changed
+    /// by more than the update threshold.
     pub(crate) fn advance(&mut self, heat: f64, time: f64) -> Option<Description> {
         let n = &self.described.numbers;
         if n.heat_capacity <= 0.0 {
@@ -110,7 +110,7 @@ mod tests {
         for _ in 0..8 * 3600 {
             temperature.advance(300.0, 1.0);
         }
-        // 300 W over 12 W/K, all but e^-11.5 of it
+        // steady state 300 W / (12 W/K) above ambient; e^-11.5 of the transient is left
         assert!((temperature.oil() - 45.0).abs() < 1e-3, "{}", temperature.oil());
     }
 

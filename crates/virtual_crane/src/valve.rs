@@ -1,19 +1,19 @@
-//! The 3/2 valve and the pilot lines behind it.
+//! Delay of the 3/2 valve and its pilot lines.
 
 use crate::lag::Lag;
 use std::collections::VecDeque;
 
-/// From the command of the 3/2 valve to the pilots' share of the pilot pressure.
+/// Dynamics from the command of the 3/2 valve to the share of the pilot pressure at the pilots.
 #[derive(Clone, Debug)]
 pub(crate) struct SwitchingValve {
-    /// Commands that have not taken effect yet, the oldest first, one a step.
+    /// Commands within the dead time, oldest first, one a step.
     pending: VecDeque<f64>,
     lines: Lag,
 }
 
 impl SwitchingValve {
-    /// A valve that has long been in one position, with its dead time and the lines' time constant
-    /// \[s\], moved in steps of `step` \[s\].
+    /// A valve in steady state at `position`, with its dead time and the lines' time constant \[s\], updated in steps
+    /// of `step` \[s\].
     pub(crate) fn new(delay: f64, lines: f64, step: f64, position: f64) -> Self {
         let pending = (delay / step).round() as usize;
         Self {
@@ -22,7 +22,7 @@ impl SwitchingValve {
         }
     }
 
-    /// Position one step later, 0 to 1.
+    /// Advances by one step; returns the position, 0 to 1.
     pub(crate) fn advance(&mut self, command: f64) -> f64 {
         self.pending.push_back(command);
         let effective = self.pending.pop_front().unwrap_or(command);

@@ -1,4 +1,4 @@
-//! What the virtual crane promises.
+//! Promises of the virtual crane.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -17,7 +17,7 @@ fn crane(overrides: &[&str]) -> Description {
     crane
 }
 
-/// A lively command: speeds that change every period.
+/// A command that changes in every period.
 fn command(k: u32) -> AxisCommand<f64> {
     let t = f64::from(k) * 1e-3;
     AxisCommand { motor_speed: 12.0 * (3.0 * t).sin() + 4.0 * (41.0 * t).sin(), holding_valve: 1.0 }
@@ -57,7 +57,7 @@ fn without_its_effects_it_is_the_model_to_the_last_bit() {
 
 #[test]
 fn every_effect_can_be_switched_off_and_does_something() {
-    // off its reference temperature, and with transducers that err, so that all show
+    // away from the reference temperature, and with transducer errors, so that all effects matter
     let all = crane(&["temperature.oil_c=25", "sensors.pressure_error_percent=0.25"]);
     let with = readings(&all, 600);
     for effect in Effect::ALL {
@@ -65,7 +65,7 @@ fn every_effect_can_be_switched_off_and_does_something() {
         let mut less = all.clone();
         effect.remove_from(&mut less).unwrap();
         if effect == Effect::TorqueLosses {
-            // seen by the motor, and by nothing else while it is strong enough
+            // affects only the motor, as long as its torque limit is not reached
             let torque = |d: &Description| {
                 let mut crane = VirtualCrane::new(d, &d.start(0.25)).unwrap();
                 (0..100).for_each(|k| crane.advance(&command(k)).unwrap());
@@ -75,7 +75,7 @@ fn every_effect_can_be_switched_off_and_does_something() {
             continue;
         }
         if effect == Effect::Valve {
-            // it has long been open here; see the next test
+            // the valve is already open here; see the next test
             continue;
         }
         let without = readings(&less, 600);
@@ -128,7 +128,7 @@ fn the_same_seed_gives_the_same_readings_and_another_one_others() {
 
 #[test]
 fn its_own_error_is_below_the_noise_of_its_sensors() {
-    // the noise-free crane at its step against a fourth of it
+    // the noise-free crane with its step size, against a fourth of it
     let mut quiet = crane(&[]);
     Effect::Sensors.remove_from(&mut quiet).unwrap();
     let step = quiet.numbers.virtual_step;
@@ -153,7 +153,7 @@ fn cranes_side_by_side_do_what_each_does_alone() {
         crane(&[]),
         crane(&["payload.mass_kg=100", "temperature.oil_c=25", "virtual.seed=5"]),
         crane(&["friction.coulomb_n=400", "drive.bandwidth_hz=20"]),
-        // strikes its lower stop, where a step needs parts that the others do not need
+        // reaches its lower end stop, where a step solves an additional contact
         crane(&["motion.start_mm=10", "oil.air_shift_bar=3"]),
     ];
     let starts = cranes.each_ref().map(|c| {
@@ -193,7 +193,7 @@ fn cranes_of_another_make_are_not_simulated_side_by_side() {
     assert!(Fleet::new(&cranes, &starts).unwrap().is_none());
 }
 
-/// Errors of piston position and pressure, RMS over a second, against a reference \[m, Pa\].
+/// RMS errors of piston position and pressure over a second, against a reference \[m, Pa\].
 fn errors(coarse: &[Truth], fine: &[Truth]) -> [f64; 2] {
     let rms = |of: fn(&Truth) -> f64| {
         let pairs = coarse.iter().zip(fine);
@@ -205,7 +205,7 @@ fn errors(coarse: &[Truth], fine: &[Truth]) -> [f64; 2] {
 
 #[test]
 fn halving_the_step_quarters_the_error() {
-    // pump sides at the load's pressure, so that nothing jumps at the start
+    // pump sides at the load's pressure: no transient at the start
     let described = crane(&["start.preload_percent=100"]);
     let run = |step_us: f64| -> Vec<Truth> {
         let mut described = described.clone();
@@ -228,14 +228,14 @@ fn halving_the_step_quarters_the_error() {
 
 #[test]
 fn motor_and_sensors_stay_within_their_limits() {
-    // strong enough that no load overpowers it, which no slew limit could prevent
+    // no load can exceed this torque limit: only the slew limit matters
     let described = crane(&["sensors.pressure_span_bar=80", "drive.max_torque_nm=500"]);
     let n = &described.numbers;
     let mut crane = VirtualCrane::new(&described, &described.start(0.25)).unwrap();
     let mut before = 0.0;
     let (mut fastest, mut steepest, mut highest) = (0.0_f64, 0.0_f64, 0.0_f64);
     for k in 0..1500 {
-        // far more than the motor has, to and fro
+        // square wave far beyond the motor's speed limit
         let motor_speed = if (k / 250) % 2 == 0 { 400.0 } else { -400.0 };
         crane.advance(&AxisCommand { motor_speed, holding_valve: 1.0 }).unwrap();
         let truth = crane.truth();
@@ -246,14 +246,14 @@ fn motor_and_sensors_stay_within_their_limits() {
     }
     assert!(fastest <= n.motor_speed && fastest > 0.99 * n.motor_speed, "{fastest} rev/s");
     assert!(steepest <= n.motor_slew * (1.0 + 1e-9) && steepest > 0.5 * n.motor_slew, "{steepest}");
-    // the transducer's last digit may round beyond its span, by half of itself
+    // rounding to the resolution may exceed the span by half a digit
     let digit = n.pressure_span / n.pressure_bits.exp2();
     assert!(highest <= n.pressure_span + 0.5 * digit && highest > 0.99 * n.pressure_span);
 }
 
 #[test]
 fn a_motor_too_weak_for_its_load_lets_it_down() {
-    // 68 bar at 10.6 cm3 ask for 11.5 N m and the losses
+    // 68 bar at 10.6 cm3 need 11.5 N·m and the losses
     let described = crane(&["drive.max_torque_nm=6"]);
     let mut crane = VirtualCrane::new(&described, &described.start(0.25)).unwrap();
     for _ in 0..1000 {
