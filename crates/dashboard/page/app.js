@@ -202,7 +202,7 @@ function draw() {
     $("alarm-advice").textContent = frame.advice;
   }
   $("role").textContent = page.isOperator ? "Give the operator's role back" : "Take the operator's role";
-  $("role-now").textContent = page.isOperator ? "you operate" : frame.operator == null ? "nobody operates" : "somebody else operates";
+  $("role-now").textContent = page.isOperator ? "you operate" : frame.operator == null ? "no operator" : "somebody else operates";
   $("viewers").textContent = `${frame.viewers} viewer${frame.viewers === 1 ? "" : "s"}`;
   estimates(frame.estimated);
   $("missed").textContent = frame.missed ? `releases missed: simulation ${frame.missed[0]}, control ${frame.missed[1]}` : "";

@@ -1,4 +1,4 @@
-//! Channels as they were logged.
+//! Logged channels.
 
 use crate::error::MeasurementError;
 use crate::heading::Heading;
@@ -8,53 +8,54 @@ use crate::unit::Unit;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Channels that a message names, at most.
+/// Largest number of channels listed in a message.
 const MOST_NAMED: usize = 40;
 
-/// What one sensor gave.
+/// The samples of one logged quantity.
 #[derive(Clone, Debug)]
 pub struct Channel {
     /// Name, without its unit.
     pub name: String,
     /// The column's heading, as logged.
     pub heading: String,
-    /// Unit, where the log states it.
+    /// Unit, if the log states it.
     pub unit: Option<Unit>,
-    /// What the log states as the unit, where that is none that is known.
+    /// The text that the log states as the unit, if it is no known unit.
     pub unknown_unit: Option<String>,
-    /// Times \[s\], never going back; shared by channels that were sampled together.
+    /// Times \[s\], non-decreasing; shared by channels that were sampled together.
     pub time: Arc<[f64]>,
-    /// Samples at which a new segment begins, but for the first: the clock was set there, or samples are missing.
+    /// Indices of the samples at which a new segment begins, without the first segment: there the clock was set or
+    /// samples are missing.
     pub breaks: Arc<[usize]>,
-    /// Values in the log's unit; NaN where one is missing.
+    /// Values in the log's unit; NaN for a missing sample.
     pub values: Vec<f64>,
 }
 
-/// A part of a channel in which its clock runs on.
+/// A part of a channel without a step of its clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
     /// Time of its first sample \[s\].
     pub begin: f64,
     /// Time of its last sample \[s\].
     pub end: f64,
-    /// How many samples it has.
+    /// Number of samples.
     pub samples: usize,
 }
 
-/// A log as it was read.
+/// A log with all of its channels.
 #[derive(Clone, Debug)]
 pub struct Measurement {
-    /// Name of its file.
+    /// Name of the file.
     pub name: String,
-    /// Its channels.
+    /// Channels, in the order of the file.
     pub channels: Vec<Channel>,
-    /// What had to be done to read it.
+    /// Repairs and omissions while reading, as sentences for the user.
     pub remarks: Vec<String>,
-    /// The column that its times were found in; none where each signal has times of its own, or the format says which is the time.
+    /// The column that holds the time; `None` if each signal has its own times or the format defines the time.
     pub time: Option<TimeColumn>,
 }
 
-/// Smallest, mean and largest of the values that are there.
+/// Smallest, mean and largest valid value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// Smallest.
@@ -63,34 +64,34 @@ pub struct Range {
     pub mean: f64,
     /// Largest.
     pub high: f64,
-    /// Values that are missing.
+    /// Number of missing values.
     pub missing: usize,
 }
 
 impl Channel {
-    /// A channel whose unit is stated in its heading, or nowhere.
+    /// A channel whose unit is stated in its heading or not at all.
     pub fn new(heading: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
         Self::of(Heading::parse(heading), heading, time, values)
     }
 
-    /// A channel whose unit is stated beside its heading; where that is empty, the heading's own counts.
+    /// A channel whose unit is stated apart from its heading; if `unit` is empty, the heading's unit applies.
     pub fn with_unit(heading: &str, unit: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
         Self::of(Heading::with_unit(heading, unit), heading, time, values)
     }
 
-    /// A channel whose heading has been read.
+    /// A channel with a parsed heading.
     pub(crate) fn of(read: Heading, heading: &str, time: Arc<[f64]>, values: Vec<f64>) -> Self {
         let Heading { name, unit, unknown_unit } = read;
         let breaks = Arc::from([]);
         Self { name, heading: heading.into(), unit, unknown_unit, time, breaks, values }
     }
 
-    /// The same with segments that begin at some samples, which increase.
+    /// The channel with segments that begin at the sample indices `breaks`, in increasing order.
     pub fn broken_at(self, breaks: Arc<[usize]>) -> Self {
         Self { breaks, ..self }
     }
 
-    /// Its segments, one after the other.
+    /// The segments in order of time.
     pub fn segments(&self) -> Vec<Segment> {
         let begins = std::iter::once(0).chain(self.breaks.iter().copied());
         let ends = self.breaks.iter().copied().chain([self.time.len()]);
@@ -101,7 +102,7 @@ impl Channel {
         begins.zip(ends).filter_map(segment).collect()
     }
 
-    /// Smallest, mean and largest; none where no value is there.
+    /// Smallest, mean and largest value; `None` if all values are missing.
     pub fn range(&self) -> Option<Range> {
         let there = || self.values.iter().filter(|v| v.is_finite());
         let count = there().count();
@@ -115,7 +116,7 @@ impl Channel {
 }
 
 impl Measurement {
-    /// What all channels are called, for messages.
+    /// Headings of all channels, for messages.
     pub fn headings(&self) -> String {
         let more = self.channels.len().saturating_sub(MOST_NAMED);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
@@ -123,7 +124,7 @@ impl Measurement {
         format!("{}{more}", named.collect::<Vec<_>>().join(", "))
     }
 
-    /// What a mapping calls the channels of this log, in their order, as [`Self::address`].
+    /// Names of all channels in a mapping, in the order of the channels; see [`Self::address`].
     pub fn addresses(&self) -> Vec<String> {
         let mut count: HashMap<&str, usize> = HashMap::new();
         for channel in &self.channels {
@@ -143,7 +144,7 @@ impl Measurement {
         all
     }
 
-    /// What a mapping calls a channel of this log: its heading, and `#2` behind it for the second that has the same.
+    /// Name of a channel in a mapping: its heading, followed by `#2` for the second channel with the same heading.
     pub fn address(&self, channel: &Channel) -> String {
         let same: Vec<&Channel> =
             self.channels.iter().filter(|c| c.heading == channel.heading).collect();
@@ -153,7 +154,7 @@ impl Measurement {
         }
     }
 
-    /// Channels that a name stands for: those with the heading, or else those with the name.
+    /// Channels with this heading, or else with this name.
     fn called(&self, name: &str) -> Vec<&Channel> {
         let by_heading: Vec<&Channel> =
             self.channels.iter().filter(|c| c.heading == name).collect();
@@ -163,11 +164,11 @@ impl Measurement {
         }
     }
 
-    /// The channel that a mapping names for a signal.
+    /// The channel that a mapping assigns to a signal.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] when there is none, or when several are called so.
+    /// [`MeasurementError::Mapping`] if no channel or several have this name.
     pub(crate) fn named(&self, signal: Signal, column: &str) -> Result<&Channel, MeasurementError> {
         let called = self.called(column);
         let wrong = |reason: String| MeasurementError::Mapping { file: self.name.clone(), reason };
@@ -191,13 +192,13 @@ impl Measurement {
         }
     }
 
-    /// The same as [`Self::channel`], to be changed.
+    /// Mutable variant of [`Self::channel`].
     pub(crate) fn channel_mut(&mut self, name: &str) -> Option<&mut Channel> {
         let found = std::ptr::from_ref(self.channel(name)?);
         self.channels.iter_mut().find(|c| std::ptr::eq(std::ptr::from_ref(*c), found))
     }
 
-    /// A channel by its heading or name, where no other is called so; of several the second is `name#2`.
+    /// The channel with this heading or name, if it is unique; `name#2` is the second of several.
     pub fn channel(&self, name: &str) -> Option<&Channel> {
         match self.called(name).as_slice() {
             [one] => Some(one),

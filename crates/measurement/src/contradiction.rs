@@ -1,21 +1,22 @@
-//! Signals that contradict each other: a sign, two columns exchanged, a valve that is said to be shut.
+//! Consistency checks between signals: wrong sign, exchanged columns, valve state against motion.
 
 use crate::signal::Signal;
 use crate::signals::{Signals, Track};
 use crate::suspicion::Suspicion;
 
-/// Time over which the piston's speed is taken \[s\]: long beside the noise of an encoder, short beside a movement.
+/// Difference interval for the piston's speed \[s\]: long enough for the encoder's noise, short compared with a
+/// movement.
 const SPAN: f64 = 0.1;
-/// Times at which signals are compared, at most.
+/// Largest number of times at which signals are compared.
 const MOST_TIMES: usize = 5_000;
-/// Least travel by which a piston has moved \[m\].
+/// Smallest change of position that counts as a movement \[m\].
 const TRAVEL: f64 = 0.02;
 /// Correlation below which two signals have opposite signs.
 const OPPOSITE: f64 = -0.5;
-/// Pressures are exchanged where exchanging them leaves less of their differences than this share.
+/// Pressures count as exchanged if exchanging them reduces their differences to less than this share.
 const EXCHANGED: f64 = 0.3;
 
-/// What of some signals cannot be true together.
+/// All contradictions between the signals.
 pub(crate) fn contradictions(signals: &Signals) -> Vec<Suspicion> {
     let checks = [against_the_piston, shut_and_moving, exchanged];
     checks.iter().filter_map(|check| check(signals)).collect()
@@ -25,7 +26,7 @@ fn suspicion(signal: Signal, text: String) -> Suspicion {
     Suspicion { signal, text, is_unusable: false }
 }
 
-/// Evenly spaced times within a signal \[s\].
+/// Evenly spaced times within a signal's duration \[s\].
 fn times(track: &Track) -> Vec<f64> {
     let (Some(first), Some(last)) = (track.time().first(), track.time().last()) else {
         return Vec::new();
@@ -34,7 +35,7 @@ fn times(track: &Track) -> Vec<f64> {
     (0..count).map(|k| first + (last - first) * (k as f64 + 0.5) / count as f64).collect()
 }
 
-/// By how much a signal changes in all.
+/// Range of a signal: largest minus smallest value, in its unit.
 fn travel(track: &Track) -> f64 {
     let (low, high) = track
         .values()
@@ -43,7 +44,7 @@ fn travel(track: &Track) -> f64 {
     high - low
 }
 
-/// Speeds of piston \[m/s\] and motor \[rev/s\] at the same times; none where the piston does not move.
+/// Speeds of piston \[m/s\] and motor \[rev/s\] at the same times; `None` if the piston does not move.
 pub(crate) fn speeds(signals: &Signals) -> Option<Vec<(f64, f64)>> {
     let (position, motor) = (signals.get(Signal::Stroke)?, signals.get(Signal::MotorSpeed)?);
     if travel(position) < TRAVEL {
@@ -56,10 +57,10 @@ pub(crate) fn speeds(signals: &Signals) -> Option<Vec<(f64, f64)>> {
     Some(times(position).into_iter().filter_map(pair).collect())
 }
 
-/// The motor's speed, where it has the other sign than the piston's.
+/// Detects a motor speed with the sign opposite to the piston's speed.
 fn against_the_piston(signals: &Signals) -> Option<Suspicion> {
     let pairs = speeds(signals)?;
-    // about zero: leakage alone turns the motor at rest
+    // correlation about zero, not about the mean: at rest the motor turns only because of leakage
     let of = |product: &dyn Fn(&(f64, f64)) -> f64| pairs.iter().map(product).sum::<f64>();
     let (both, speed, motor) = (of(&|p| p.0 * p.1), of(&|p| p.0 * p.0), of(&|p| p.1 * p.1));
     (both < OPPOSITE * (speed * motor).sqrt()).then(|| {
@@ -68,7 +69,7 @@ fn against_the_piston(signals: &Signals) -> Option<Suspicion> {
     })
 }
 
-/// A load-holding valve that is shut throughout while the piston moves.
+/// Detects a load-holding valve that is logged as closed while the piston moves.
 fn shut_and_moving(signals: &Signals) -> Option<Suspicion> {
     let (position, valve) = (signals.get(Signal::Stroke)?, signals.get(Signal::HoldingValve)?);
     let is_shut = valve.values().iter().all(|v| *v < 0.5);
@@ -81,7 +82,7 @@ fn shut_and_moving(signals: &Signals) -> Option<Suspicion> {
     })
 }
 
-/// Pressures of the two sides of the cylinder, where each is that of the pump's other side.
+/// Detects cylinder pressures that follow the opposite pump sides.
 fn exchanged(signals: &Signals) -> Option<Suspicion> {
     let [a, b, pump_a, pump_b] =
         [Signal::PressureA, Signal::PressureB, Signal::PressurePumpA, Signal::PressurePumpB]

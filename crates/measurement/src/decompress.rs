@@ -1,9 +1,9 @@
-//! Packed data of a file, unpacked within bounded memory.
+//! Decompression within bounded memory.
 
 use flate2::read::ZlibDecoder;
 use std::io::Read;
 
-/// How data are packed.
+/// Compression method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Packing {
     Deflate,
@@ -11,11 +11,12 @@ pub(crate) enum Packing {
     Lz4,
 }
 
-/// Unpacks what says to have some bytes. Memory is taken as it is filled, and for no more than these: a damaged size takes none.
+/// Decompresses data of a stated size. Memory grows with the output, up to the stated size: a corrupt size allocates
+/// nothing.
 ///
 /// # Errors
 ///
-/// What is damaged.
+/// Description of the damage.
 pub(crate) fn unpack(
     packing: Packing,
     packed: &[u8],

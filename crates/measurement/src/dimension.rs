@@ -1,6 +1,6 @@
-//! What a unit measures.
+//! Physical dimensions of units.
 
-/// What a unit measures.
+/// Physical dimension of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// Length.
@@ -11,19 +11,19 @@ pub enum Dimension {
     Acceleration,
     /// Pressure.
     Pressure,
-    /// Rotational speed, rate of an angle.
+    /// Rotational speed, or rate of an angle.
     Rotation,
     /// Angle.
     Angle,
     /// Time.
     Time,
-    /// Frequency: of an inverter, say, whose motor turns as its pole pairs have it.
+    /// Frequency, for example of an inverter: motor speed is frequency over pole pairs.
     Frequency,
-    /// Voltage, of a valve's command.
+    /// Voltage, for example of a valve's command.
     Voltage,
     /// Electric current.
     Current,
-    /// A share, a switch.
+    /// Dimensionless: a share or a switch.
     Share,
     /// Temperature.
     Temperature,
@@ -42,7 +42,7 @@ pub enum Dimension {
 }
 
 impl Dimension {
-    /// In words, with its article.
+    /// Name with its article, for messages.
     pub fn words(self) -> &'static str {
         match self {
             Self::Length => "a length",

@@ -1,74 +1,74 @@
-//! Why a log cannot be used.
+//! Errors of reading a log.
 
 use thiserror::Error;
 
-/// Why a log cannot be used.
+/// Reason why a log cannot be used.
 #[derive(Debug, Error)]
 pub enum MeasurementError {
     /// The file cannot be read.
     #[error("{file}: {error}")]
     File {
-        /// Its path.
+        /// Path of the file.
         file: String,
-        /// What the system says.
+        /// Error of the operating system.
         error: std::io::Error,
     },
-    /// It is a folder, a pipe or a device.
+    /// The path is a folder, a pipe or a device.
     #[error("{file} is no regular file: a log is read more than once, so write it to a file first")]
     NoFile {
-        /// Its path.
+        /// Path of the file.
         file: String,
     },
-    /// There is nothing, or not enough, in it.
+    /// The file is empty, or has too few rows.
     #[error("{file}: {found}; a log has a header and two rows of numbers at least")]
     Empty {
-        /// Its path.
+        /// Path of the file.
         file: String,
-        /// What is there.
+        /// Description of its content.
         found: String,
     },
-    /// A cell is no number.
+    /// A cell is not a number.
     #[error("{file}, line {line}, column `{column}`: \"{text}\" is not a number; {advice}")]
     Cell {
-        /// Its path.
+        /// Path of the file.
         file: String,
-        /// Line, counted from one.
+        /// Line number, from 1.
         line: u64,
         /// Name of the column.
         column: String,
-        /// What was read.
+        /// Text of the cell.
         text: String,
-        /// What to do.
+        /// Remedy.
         advice: &'static str,
     },
-    /// The format is not understood.
+    /// The format is unknown, or the file is damaged.
     #[error("{file}: {reason}")]
     Format {
-        /// Its path.
+        /// Path of the file.
         file: String,
-        /// What is wrong.
+        /// Reason for the failure.
         reason: String,
     },
-    /// A mapping is wrong.
+    /// A mapping is invalid.
     #[error("{file}: {reason}")]
     Mapping {
-        /// Its path.
+        /// Path of the mapping or the log.
         file: String,
-        /// What is wrong, and what is allowed.
+        /// Reason for the failure, and the allowed values.
         reason: String,
     },
-    /// A signal that is needed has no column.
+    /// A required signal has no column.
     #[error(
         "no column for {missing}; the log has: {columns}{misfits}. Name it in a mapping: [log.{key}] column = \"...\""
     )]
     Missing {
-        /// What is missing.
+        /// Name of the missing signal.
         missing: String,
         /// Its key in a mapping.
         key: &'static str,
-        /// Columns that are there.
+        /// Columns of the log.
         columns: String,
-        /// Columns that are called so, and of another quantity.
+        /// Columns with the signal's name but another dimension.
         misfits: String,
     },
 }

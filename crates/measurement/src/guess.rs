@@ -1,4 +1,4 @@
-//! Which column is which signal, as far as names, units and sizes tell.
+//! Automatic assignment of columns to signals, by names, units and magnitudes.
 
 use crate::channel::{Channel, Measurement};
 use crate::dimension::Dimension;
@@ -6,7 +6,7 @@ use crate::mapping::{Entry, Mapping};
 use crate::signal::Signal;
 use crate::unit::Unit;
 
-/// Names of columns that are not what was measured.
+/// Name parts of columns that are not measured quantities.
 const OTHERS: [&str; 12] = [
     "ref",
     "simulated",
@@ -21,20 +21,20 @@ const OTHERS: [&str; 12] = [
     "deviation",
     "innovation",
 ];
-/// Columns that are named of those that are called the same, at most.
+/// Largest number of equally named columns that a message lists.
 const MOST_NAMED: usize = 40;
-/// A name that is as likely is the signal's own.
+/// Score at or above which a name is the signal's own.
 const OWN: f64 = 0.9;
-/// A column may be a signal too that is so likely beside the one that was taken.
-const RIVAL: f64 = 0.75;
+/// Share of the assigned column's score above which another column is reported as an alternative.
+const ALTERNATIVE: f64 = 0.75;
 
 impl Mapping {
-    /// What the columns are, as far as their names, units and sizes tell.
+    /// Assigns columns to signals by their names, units and magnitudes.
     pub fn guess(log: &Measurement) -> Self {
         let mut candidates: Vec<(f64, Signal, &Channel)> = Vec::new();
         for channel in &log.channels {
             for signal in Signal::ALL {
-                let score = likeness(signal, channel);
+                let score = column_score(signal, channel);
                 if score > 0.0 {
                     candidates.push((score, signal, channel));
                 }
@@ -42,10 +42,10 @@ impl Mapping {
         }
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
         let mut mapping = Self::default();
-        // what several columns are called that are as likely, for a signal
+        // names with equal scores for one signal
         let mut doubtful: Vec<(Signal, f64, &str)> = Vec::new();
         for (score, signal, channel) in &candidates {
-            // of thousands of columns most end here: what follows looks at all of them
+            // early exit for most of thousands of columns: the check below is quadratic
             let called = last_part(&channel.name);
             if mapping.entries.contains_key(signal) || doubtful.contains(&(*signal, *score, called))
             {
@@ -55,7 +55,7 @@ impl Mapping {
             if mapping.entries.values().any(|e| e.column == column) {
                 continue;
             }
-            // of several that are called the same, which one is meant is for a mapping to say
+            // between equally named columns only a mapping can decide
             let is_other = |c: &&(f64, Signal, &Channel)| {
                 c.0 == *score
                     && c.1 == *signal
@@ -67,7 +67,7 @@ impl Mapping {
                 continue;
             }
             let mut entry = Entry { is_column_guessed: true, ..Entry::of(&column) };
-            // a unit that is stated and unknown is no reason to guess another: it is told where the mapping is used
+            // no unit is guessed in place of an unknown stated one; the error is reported on use
             if let Ok((unit, is_guessed)) = entry.unit_of(*signal, channel) {
                 (entry.unit, entry.is_unit_guessed) = (Some(unit), is_guessed);
             }
@@ -76,12 +76,12 @@ impl Mapping {
         mapping
     }
 
-    /// Signals for which several columns stand that are called the same and differ, with what those are called.
+    /// Signals with several equally named columns that differ, and the names of these columns.
     pub(crate) fn ambiguous(log: &Measurement) -> Vec<(Signal, Vec<String>)> {
         let mut found = Vec::new();
         for signal in Signal::ALL {
             let likely: Vec<(f64, &Channel)> =
-                log.channels.iter().map(|c| (likeness(signal, c), c)).collect();
+                log.channels.iter().map(|c| (column_score(signal, c), c)).collect();
             let best = likely.iter().map(|(score, _)| *score).fold(0.0, f64::max);
             let best: Vec<&Channel> =
                 likely.iter().filter(|(s, _)| best > 0.0 && *s == best).map(|(_, c)| *c).collect();
@@ -97,18 +97,19 @@ impl Mapping {
         found
     }
 
-    /// Columns that may be a signal too for which another one was guessed, where they differ and are taken for nothing else.
-    pub(crate) fn rivals(&self, log: &Measurement) -> Vec<(Signal, Vec<String>)> {
+    /// Signals that were assigned a column while another, different column without a signal scores almost as high.
+    pub(crate) fn alternatives(&self, log: &Measurement) -> Vec<(Signal, Vec<String>)> {
         let taken: Vec<&Channel> =
             self.entries.values().filter_map(|e| log.channel(&e.column)).collect();
         let is_free = |c: &Channel| !taken.iter().any(|t| is_same(t, c));
         let mut found = Vec::new();
         for (signal, entry) in self.entries.iter().filter(|(_, e)| e.is_column_guessed) {
-            let least = RIVAL * log.channel(&entry.column).map_or(0.0, |c| likeness(*signal, c));
+            let least =
+                ALTERNATIVE * log.channel(&entry.column).map_or(0.0, |c| column_score(*signal, c));
             let others: Vec<String> = log
                 .channels
                 .iter()
-                .filter(|c| likeness(*signal, c) >= least.max(f64::MIN_POSITIVE) && is_free(c))
+                .filter(|c| column_score(*signal, c) >= least.max(f64::MIN_POSITIVE) && is_free(c))
                 .take(MOST_NAMED)
                 .map(|c| format!("\"{}\"", log.address(c)))
                 .collect();
@@ -119,13 +120,13 @@ impl Mapping {
         found
     }
 
-    /// Columns that are named as a signal, in a unit that is none of it.
+    /// Columns with a signal's name but a unit of another dimension.
     pub(crate) fn misfits(log: &Measurement) -> Vec<(Signal, &Channel)> {
         let mut found = Vec::new();
         for channel in log.channels.iter().filter(|c| c.unit.is_some()) {
             for signal in Signal::ALL {
                 if channel.unit.is_some_and(|u| !signal.accepts(u.dimension))
-                    && likeness_of_name(signal, channel) >= OWN
+                    && name_score(signal, channel) >= OWN
                 {
                     found.push((signal, channel));
                 }
@@ -135,7 +136,7 @@ impl Mapping {
     }
 }
 
-/// What a name ends with: of `/cyl1.position` and `/cyl2.position` the same.
+/// Last part of a path: equal for `/cyl1.position` and `/cyl2.position`.
 fn last_part(name: &str) -> &str {
     name.rsplit(['.', '/']).next().unwrap_or(name)
 }
@@ -148,13 +149,13 @@ fn is_same(a: &Channel, b: &Channel) -> bool {
     std::ptr::eq(a, b) || (same(&a.values, &b.values) && same(&a.time, &b.time))
 }
 
-/// The unit people use most.
+/// The most common unit of a signal.
 fn first_unit(signal: Signal) -> Unit {
     let name = signal.shown().0;
     Unit::find(name).unwrap_or(Unit::ALL[0])
 }
 
-/// The unit in which a column's numbers have a likely size.
+/// The unit for which a column's magnitude is plausible.
 pub(crate) fn by_size(signal: Signal, channel: &Channel, scale: f64) -> Unit {
     let largest = channel.range().map_or(0.0, |r| r.low.abs().max(r.high.abs())) * scale.abs();
     let name = match signal.dimension() {
@@ -166,16 +167,16 @@ pub(crate) fn by_size(signal: Signal, channel: &Channel, scale: f64) -> Unit {
     Unit::find(name).unwrap_or_else(|| first_unit(signal))
 }
 
-/// How likely a column is a signal: zero for not at all.
-fn likeness(signal: Signal, channel: &Channel) -> f64 {
+/// Score of a column as a signal, 0 to 1; zero excludes it.
+fn column_score(signal: Signal, channel: &Channel) -> f64 {
     match channel.unit.is_none_or(|u| signal.accepts(u.dimension)) && channel.range().is_some() {
-        true => likeness_of_name(signal, channel),
+        true => name_score(signal, channel),
         false => 0.0,
     }
 }
 
-/// How likely a column's name is a signal's: zero for not at all.
-fn likeness_of_name(signal: Signal, channel: &Channel) -> f64 {
+/// Score of a column's name for a signal, 0 to 1; zero excludes it.
+fn name_score(signal: Signal, channel: &Channel) -> f64 {
     let small = channel.name.to_lowercase();
     let words: Vec<&str> =
         small.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).collect();
@@ -186,14 +187,14 @@ fn likeness_of_name(signal: Signal, channel: &Channel) -> f64 {
         return 0.0;
     }
     let whole: String = words.concat();
-    // `p1_pressure`, `s1_position`: what it is of, said once more
+    // `p1_pressure`, `s1_position`: the name repeats the dimension
     let said = match signal.dimension() {
         Dimension::Pressure => "pressure",
         Dimension::Length => "position",
         _ => "",
     };
     let short: String = words.iter().copied().filter(|word| *word != said).collect();
-    // a variable of a PLC: the last part counts, without its prefix of type
+    // a PLC variable: its last part, without the type prefix
     let last = channel.name.rsplit(['.', '/']).next().unwrap_or("");
     let last: String = last.chars().filter(|c| c.is_alphanumeric()).collect();
     let bare = last.trim_start_matches(['f', 'l', 'r', 'n', 'b']);

@@ -8,13 +8,13 @@ use crate::unit::Unit;
 pub struct Heading {
     /// Name, without its unit.
     pub name: String,
-    /// The unit that is stated.
+    /// Stated unit.
     pub unit: Option<Unit>,
-    /// What is stated as a unit, and is none that is known.
+    /// Text stated as a unit that is no known unit.
     pub unknown_unit: Option<String>,
 }
 
-/// Names of columns that hold the time, in small letters.
+/// Names of time columns, in small letters.
 pub(crate) const TIMES: [&str; 15] = [
     "t",
     "time",
@@ -32,21 +32,21 @@ pub(crate) const TIMES: [&str; 15] = [
     "uhrzeit",
     "x_value",
 ];
-/// Words in parentheses that are no units.
+/// Words in parentheses that are not units.
 const REMARKS: [&str; 36] = [
     "raw", "set", "act", "ist", "soll", "abs", "rel", "ref", "sim", "cmd", "meas", "calc", "real",
     "left", "right", "top", "rod", "base", "filt", "avg", "mean", "max", "pk", "rms", "ai", "ao",
     "di", "do", "old", "new", "model", "gauge", "roh", "head", "est", "pos",
 ];
-/// What stands where a unit stands, and says that there is none. TwinCAT Scope writes `(None)`.
+/// Entries in the place of a unit that mean no unit. TwinCAT Scope writes `(None)`.
 const NO_UNIT: [&str; 8] = ["none", "n/a", "na", "null", "keine", "unitless", "no unit", "?"];
-/// Words that are lengths: of their names alone `_in` is the unit.
+/// Names of lengths: only after these is the ending `_in` a unit (inch).
 const LENGTHS: [&str; 8] =
     ["stroke", "position", "length", "displacement", "extension", "travel", "x", "xcyl"];
 
 impl Heading {
-    /// A heading with its unit, as people write it: `p_A_bar`, `p_A [bar]`, `p_A (bar)`, `p_A / bar`, `p_A, bar`, `p_A in bar`.
-    /// Endings that are part of a name are none: `p_PA`, `pressure_1`, `x (1)`, `p_min`.
+    /// Parses a heading with its unit in any common form: `p_A_bar`, `p_A [bar]`, `p_A (bar)`, `p_A / bar`, `p_A, bar`,
+    /// `p_A in bar`. Endings that belong to the name are no units: `p_PA`, `pressure_1`, `x (1)`, `p_min`.
     pub fn parse(text: &str) -> Self {
         let text = text.trim().trim_matches('"').trim();
         bracketed(text)
@@ -56,8 +56,8 @@ impl Heading {
             .unwrap_or_else(|| Self { name: text.into(), ..Self::default() })
     }
 
-    /// A heading whose unit is stated elsewhere: in a row of units, in a field of the file. An empty one leaves what the
-    /// heading itself says.
+    /// A heading whose unit is stated elsewhere, in a row of units or a field of the file. If `unit` is empty, the
+    /// heading's own unit applies.
     pub fn with_unit(text: &str, unit: &str) -> Self {
         let heading = Self::parse(text);
         let unit = unit.trim().trim_start_matches('#').trim();
@@ -73,7 +73,7 @@ impl Heading {
         }
     }
 
-    /// Whether the name is one that times have.
+    /// Whether the name is a usual name of a time.
     pub(crate) fn is_named_as_time(&self) -> bool {
         TIMES.contains(&self.name.to_lowercase().as_str())
             && self.unit.is_none_or(|u| u.dimension == Dimension::Time)
@@ -96,15 +96,15 @@ fn bracketed(text: &str) -> Option<Heading> {
     let (open, close) = [('[', ']'), ('(', ')')].into_iter().find(|(_, c)| text.ends_with(*c))?;
     let inside_from = opening(text, open, close)?;
     let (before, inside) = (&text[..inside_from], &text[inside_from + 1..text.len() - 1]);
-    // `aAxis[8]`, `x (1)`: one of several
+    // an index, as in `aAxis[8]`, `x (1)`
     if before.trim().is_empty() || inside.trim().is_empty() || inside.trim().parse::<f64>().is_ok()
     {
         return None;
     }
-    // `bar (g)` behind a name, `p_A bar (abs)`, is not looked for: only what is in the brackets counts
+    // in `p_A bar (abs)` only the text in brackets is examined
     let is_letter = inside.trim().len() == 1;
     match Unit::find(inside) {
-        // `Pressure (A)`: a side of the cylinder
+        // `Pressure (A)` names a side of the cylinder
         Some(unit) if !(open == '(' && is_letter && unit.dimension == Dimension::Current) => {
             Some(Heading::known(before, unit))
         }
@@ -113,7 +113,7 @@ fn bracketed(text: &str) -> Option<Heading> {
     }
 }
 
-/// Where the bracket opens that closes at the end.
+/// Position of the opening bracket that matches the closing one at the end.
 fn opening(text: &str, open: char, close: char) -> Option<usize> {
     let mut depth = 0_usize;
     for (k, c) in text.char_indices().rev() {
@@ -129,7 +129,7 @@ fn opening(text: &str, open: char, close: char) -> Option<usize> {
     None
 }
 
-/// Whether what stands where units stand is meant as one.
+/// Whether a text in the place of a unit is meant as a unit.
 fn is_word(text: &str, is_surely: bool) -> bool {
     let small = text.trim().to_lowercase();
     let has_letter = small.chars().any(char::is_alphabetic);
@@ -144,7 +144,7 @@ fn is_word(text: &str, is_surely: bool) -> bool {
         && !small.contains('_')
 }
 
-/// `x / unit`, and `x/unit` where that is no path.
+/// `x / unit`, and `x/unit` unless it is a path.
 fn after_slash(text: &str) -> Option<Heading> {
     for (k, _) in text.match_indices('/') {
         let (before, after) = (&text[..k], &text[k + 1..]);
@@ -152,7 +152,7 @@ fn after_slash(text: &str) -> Option<Heading> {
         if before.trim().is_empty() || after.trim().is_empty() {
             continue;
         }
-        // `cylinder/A`, `plant/p/N` are parts of something
+        // `cylinder/A`, `plant/p/N` are paths
         let is_letter = after.trim().len() == 1 && !matches!(after.trim(), "s" | "m" | "V");
         if let Some(unit) = Unit::find(after)
             && (is_spaced || !is_letter)
@@ -190,7 +190,7 @@ fn ending(text: &str) -> Option<Heading> {
             [one] => Unit::find(one).filter(|unit| is_ending(one, *unit, name)),
             _ if count == 1 || last.iter().any(|w| w.is_empty()) => None,
             _ => together.iter().find_map(|spelled| Unit::find(spelled)).filter(|unit| {
-                // `bar_abs`, `deg_s`; a part that is not a unit's own is a name's
+                // `bar_abs`, `deg_s`; a part that is not a unit by itself belongs to the name
                 !matches!(unit.dimension, Dimension::Share | Dimension::Mass)
             }),
         };
@@ -203,13 +203,13 @@ fn ending(text: &str) -> Option<Heading> {
     None
 }
 
-/// Whether the last word of a name is its unit, where it may be a part of the name as well.
+/// Whether the last word of a name is its unit, where it may also be a part of the name.
 fn is_ending(word: &str, unit: Unit, name: &str) -> bool {
     let small: String =
         name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
     let is_symbol = small.chars().count() == 1;
     match word {
-        // an inlet, a largest and a smallest, chambers and pump sides
+        // `_in` after other names means inlet, `_min` minimum, `_a` a chamber
         "in" | "ft" => LENGTHS.iter().any(|length| small.ends_with(length)),
         "min" | "h" | "d" | "std" => TIMES.iter().any(|time| small.ends_with(time)),
         "a" | "n" | "k" | "w" | "PA" | "at" | "C" | "c" | "F" | "f" | "K" | "A" | "N" | "W"

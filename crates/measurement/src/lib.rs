@@ -1,11 +1,11 @@
-//! Logs of real machines: read, understood, and put on a common time base.
+//! Logs of real machines: reading, assignment of columns to signals, and conversion to SI units.
 //!
 //! ```text
 //! file -csv, MAT, MCAP, MDF-> Measurement (channels as logged) -Mapping-> Signals (the model's, in SI units)
 //! ```
 //!
-//! A channel keeps its own time base as long as it can: what is uneven, missing or late is seen there
-//! and told, not hidden by a resampling.
+//! Each channel keeps its own time base until two signals are compared. Uneven, missing or delayed samples are reported
+//! there; resampling would hide them.
 
 mod channel;
 mod contradiction;

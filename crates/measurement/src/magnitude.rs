@@ -1,4 +1,4 @@
-//! Units that were guessed, held against what a crane says of the size of its signals.
+//! Plausibility of guessed units against the magnitudes that a crane's model predicts.
 
 use crate::channel::Measurement;
 use crate::contradiction::speeds;
@@ -8,26 +8,27 @@ use crate::signals::Signals;
 use crate::suspicion::Suspicion;
 use crate::unit::Unit;
 
-/// What a crane says of the size of its signals.
+/// Expected magnitudes of a crane's signals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
-    /// Least and largest pressure on the piston side at rest over the stroke \[Pa\].
+    /// Smallest and largest piston-side pressure in equilibrium over the stroke \[Pa\].
     pub holding_pressure: [f64; 2],
-    /// How far the piston goes in a revolution of the motor \[m/rev\].
+    /// Piston travel per revolution of the motor \[m/rev\].
     pub travel: f64,
 }
 
-/// A size that is off by no more than this factor may be another load, a leakage or acceleration: the unit may be right.
+/// Ratio of measured to expected magnitude up to which a unit is plausible; other loads, leakage and acceleration
+/// explain it.
 const PLAUSIBLE: f64 = 3.0;
-/// A unit is named that brings it within this factor.
+/// Another unit is proposed if it brings the ratio within this factor.
 const NEAR: f64 = 2.0;
-/// Units that people write such signals in.
+/// Usual units of pressures.
 const PRESSURES: [&str; 6] = ["bar", "MPa", "psi", "kPa", "mbar", "Pa"];
 const ROTATIONS: [&str; 4] = ["rpm", "rad/s", "rev/s", "deg/s"];
 
 impl Mapping {
-    /// Guessed units that do not fit the crane, and the one that would: a load pressure that the crane does not rest at, a motor's speed that does not move the piston
-    /// so fast. A unit that is stated is believed.
+    /// Guessed units whose magnitudes do not fit the crane, with the unit that would fit. Checked are the load pressure
+    /// against equilibrium, and the motor speed against the piston speed. Stated units are not questioned.
     pub fn unit_suspicions(&self, log: &Measurement, expected: &Expected) -> Vec<Suspicion> {
         let mut found = Vec::new();
         let pressures = [Signal::PressureA, Signal::PressurePumpA];
@@ -81,7 +82,7 @@ impl Mapping {
         let (both, square) = pairs.iter().fold((0.0, 0.0), |(both, square), (piston, motor)| {
             (both + piston * motor, square + motor * motor)
         });
-        // the motor turns so many times what the piston's speed asks for
+        // least-squares ratio of the motor speed to the one that the piston speed requires
         let ratio = expected.travel * square / both.abs();
         let other = fitting(ratio, &unit, &ROTATIONS)?;
         let text = format!(
@@ -97,7 +98,8 @@ impl Mapping {
     }
 }
 
-/// The unit that brings a size, which is this factor of what is expected, nearest to it; none where it is plausible, or no unit does.
+/// The unit that brings `ratio` (measured over expected magnitude) nearest to 1. `None` if the ratio is plausible or no
+/// unit brings it within [`NEAR`].
 fn fitting(ratio: f64, taken: &Unit, names: &[&str]) -> Option<Unit> {
     let off = |ratio: f64| ratio.ln().abs();
     if !ratio.is_finite() || ratio <= 0.0 || off(ratio) <= PLAUSIBLE.ln() {

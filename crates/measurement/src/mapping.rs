@@ -1,4 +1,4 @@
-//! Which column is which signal.
+//! Assignment of columns to signals.
 
 use crate::channel::{Channel, Measurement};
 use crate::error::MeasurementError;
@@ -8,43 +8,43 @@ use crate::time_column::TimeColumn;
 use crate::unit::{Unit, UnitError};
 use std::collections::BTreeMap;
 
-/// A column that holds a signal: `signal = sign (scale column + offset)` in a unit, as it was `delay` before, on a clock that
-/// may run fast.
+/// The column of a signal: `signal = sign (scale column + offset)` in a unit, logged with a delay and by a clock
+/// with a rate error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// Heading or name of the column.
     pub column: String,
-    /// Unit of what comes of scale and offset; the one that the log states for the column where none.
+    /// Unit after scale and offset; `None` for the unit stated in the log.
     pub unit: Option<Unit>,
-    /// What the column is multiplied by.
+    /// Factor on the column.
     pub scale: f64,
-    /// −1 where the column counts the other way.
+    /// 1, or −1 if the column has the opposite sign.
     pub sign: f64,
-    /// What is added to the scaled column, in the unit.
+    /// Offset added to the scaled column, in the unit.
     pub offset: f64,
-    /// How late the column is \[s\].
+    /// Delay of the column \[s\].
     pub delay: f64,
-    /// How much too fast the column's clock runs: it counts 1 + drift seconds in one.
+    /// Relative rate error of the column's clock: it counts 1 + drift seconds in one.
     pub drift: f64,
-    /// Time constant of a first-order filter that the column went through \[s\]; zero for none.
+    /// Time constant of the first-order filter in the measurement chain \[s\]; zero for none.
     pub filter: f64,
-    /// Whether the column was found by its name, and named by nobody.
+    /// Whether the column was found by its name and not stated by the user.
     pub is_column_guessed: bool,
-    /// Whether the unit was found by the size of the numbers, and stated nowhere.
+    /// Whether the unit was found by magnitude and not stated.
     pub is_unit_guessed: bool,
 }
 
-/// Which column is which signal.
+/// Assignment of a log's columns to signals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mapping {
-    /// The time's column, where it is not named as one.
+    /// The time column, if it is not found by its name.
     pub time: TimeColumn,
-    /// The columns.
+    /// Column of each signal.
     pub entries: BTreeMap<Signal, Entry>,
 }
 
 impl Entry {
-    /// A column as it is.
+    /// A column without scale, offset, delay or filter.
     pub fn of(column: &str) -> Self {
         Self {
             column: column.into(),
@@ -60,21 +60,22 @@ impl Entry {
         }
     }
 
-    /// When a sample was taken that its channel has at a time \[s\], for a channel that begins at another.
+    /// True sampling time \[s\] of a sample that is logged at `time` in a channel that begins at `begin` \[s\].
     pub fn taken(&self, time: f64, begin: f64) -> f64 {
         begin + (time - begin) / (1.0 + self.drift) - self.delay
     }
 
-    /// A number of the column in SI units, for the unit that it is in.
+    /// Converts a number of the column with this unit to SI units.
     pub fn si(&self, unit: &Unit, number: f64) -> f64 {
         unit.si(self.sign * (self.scale * number + self.offset))
     }
 
-    /// The unit that a channel is in as a signal: the mapping's, the log's, or one that fits its size.
+    /// Unit of a channel as a signal, and whether it is guessed: stated by the mapping, by the log, or guessed by
+    /// magnitude.
     ///
     /// # Errors
     ///
-    /// What is wrong, and what to write: the log states a unit that is unknown or measures something else.
+    /// The reason and the remedy, if the log states a unit that is unknown or of another dimension.
     pub fn unit_of(&self, signal: Signal, channel: &Channel) -> Result<(Unit, bool), String> {
         if let Some(unit) = self.unit {
             return Ok((unit, self.is_unit_guessed));
@@ -113,12 +114,12 @@ impl Entry {
 }
 
 impl Mapping {
-    /// This mapping, completed by what is guessed of what it does not name, with the unit of each column.
+    /// Completes the mapping with guesses for the signals that it does not name, and with the unit of each column.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] where it names a column that is not there, or the log states a unit that is unknown or of
-    /// the wrong dimension.
+    /// [`MeasurementError::Mapping`] if the mapping names a column that the log lacks, or if the log states a unit
+    /// that is unknown or of another dimension.
     pub fn completed(self, log: &Measurement) -> Result<Self, MeasurementError> {
         let (mapping, refused) = self.completed_where_known(log)?;
         match refused.into_iter().next() {
@@ -127,11 +128,12 @@ impl Mapping {
         }
     }
 
-    /// The same without the columns whose units are unknown or of the wrong dimension, and what is wrong with each of them.
+    /// Like [`Self::completed`], but leaves out columns whose unit is unknown or of another dimension, and returns
+    /// the reason for each.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] where it names a column that is not there.
+    /// [`MeasurementError::Mapping`] if the mapping names a column that the log lacks.
     pub fn completed_where_known(
         mut self,
         log: &Measurement,
@@ -164,12 +166,12 @@ impl Mapping {
         Ok((self, refused))
     }
 
-    /// What is taken without being stated anywhere: units by the size of numbers. Sentences, each with what to write.
+    /// Units assumed by magnitude because none is stated, as sentences with the line that states them.
     pub fn assumptions(&self, log: &Measurement) -> Vec<String> {
         let mut said = Vec::new();
         for (signal, entry) in &self.entries {
             let Some(unit) = entry.unit.filter(|_| entry.is_unit_guessed) else { continue };
-            // of a switch nobody states one
+            // the state of a switch has no unit
             if *signal != Signal::HoldingValve {
                 said.push(format!(
                     "\"{}\" has no unit: {} is taken in {} by its size; [log.{}] column = {:?}, unit = \"...\" in a mapping states it",
@@ -192,7 +194,7 @@ impl Mapping {
                 ));
             }
         }
-        for (signal, others) in self.rivals(log) {
+        for (signal, others) in self.alternatives(log) {
             said.push(format!(
                 "{} may be {} too, and differs from \"{}\": [log.{}] column = \"...\" in a mapping says which",
                 others.join(", "),

@@ -1,4 +1,4 @@
-//! A mapping as TOML, read and written.
+//! Reading and writing of a mapping as TOML.
 
 use crate::error::MeasurementError;
 use crate::mapping::{Entry, Mapping};
@@ -7,7 +7,7 @@ use crate::time_column::TimeColumn;
 use crate::unit::{Unit, UnitError};
 use std::fmt::Write;
 
-/// A clock is not off by more \[ppm\].
+/// Largest rate error of a clock \[ppm\].
 const MOST_DRIFT: f64 = 1e5;
 /// Keys of a column.
 const KEYS: &str = "column, unit, scale, sign, offset, delay_ms, drift_ppm, filter_ms";
@@ -15,11 +15,11 @@ const KEYS: &str = "column, unit, scale, sign, offset, delay_ms, drift_ppm, filt
 const TIME_KEYS: &str = "column, unit, scale, offset";
 
 impl Mapping {
-    /// A mapping from the `[log]` table of a TOML text; signals are keys, each a column's name or a table.
+    /// Reads the `[log]` table of a TOML text; keys are signals, values a column's name or a table.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] with what is wrong and what is allowed.
+    /// [`MeasurementError::Mapping`] with the reason and the allowed values.
     pub fn parse(file: &str, text: &str) -> Result<Self, MeasurementError> {
         let wrong = |reason: String| MeasurementError::Mapping { file: file.into(), reason };
         let whole: toml::Table = text.parse().map_err(|e| wrong(place(&e, text)))?;
@@ -60,7 +60,7 @@ impl Mapping {
         Ok(mapping)
     }
 
-    /// As a `[log]` table, to be written to a file. What nobody stated is marked as guessed.
+    /// The `[log]` table of the mapping as TOML; guessed entries are marked by a comment.
     pub fn to_toml(&self) -> String {
         let mut text = String::from("[log]\n");
         // writing to a String cannot fail
@@ -123,7 +123,7 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.into()).to_string()
 }
 
-/// What is wrong with a TOML text, and where, without the text itself.
+/// Reason and position of a TOML error, without the text itself.
 fn place(error: &toml::de::Error, text: &str) -> String {
     let line = error.span().map_or(0, |span| {
         let before = text.as_bytes().get(..span.start).unwrap_or_default();
@@ -207,7 +207,7 @@ fn not_understood(key: &str, value: &toml::Value, keys: &str) -> String {
     format!(".{key} is not understood: {keys} are")
 }
 
-/// The unit that a mapping states for a signal.
+/// Parses the unit that a mapping states for a signal.
 fn unit(signal: Signal, text: &str) -> Result<Unit, UnitError> {
     match Unit::from_text(text) {
         Ok(unit) if signal.accepts(unit.dimension) => Ok(unit),

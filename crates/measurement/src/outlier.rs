@@ -1,4 +1,4 @@
-//! Samples that no sensor of the machine can have measured.
+//! Removal of samples outside the range of any sensor of the machine.
 
 use crate::channel::Measurement;
 use crate::dimension::Dimension;
@@ -6,18 +6,19 @@ use crate::mapping::Mapping;
 use crate::signal::Signal;
 use std::ops::Range;
 
-/// Pressures that a gauge of a crane can show \[Pa\]: not below vacuum, and ten times what pumps of cranes deliver at most.
+/// Range of gauge pressures \[Pa\]: from below vacuum to ten times the highest pressure of a crane's pumps.
 const PRESSURES: Range<f64> = -1.2e5..4000e5;
-/// Positions that an encoder can show, in strokes of the cylinder: its own length too.
+/// Range of positions in strokes of the cylinder; it includes the cylinder's own length.
 const STROKES: Range<f64> = -5.0..10.0;
-/// Speeds that an encoder can show, in largest speeds of the motor.
+/// Largest speed in multiples of the motor's largest speed.
 const SPEEDS: f64 = 5.0;
-/// Largest share of a signal's samples that are outliers: of more, unit or signal is another.
+/// Largest share of outliers in a signal; more indicate another unit or signal.
 const MOST: f64 = 0.01;
 
 impl Mapping {
-    /// Takes samples out of a log that no sensor can have measured (lost telegrams, as -9999 or 65535), for a cylinder with a stroke \[m\] and
-    /// a motor with a largest speed \[rev/s\]: they are missing from then on. Says how many there are of each signal, and where.
+    /// Replaces samples outside the range of any sensor (lost telegrams, such as -9999 or 65535) by NaN, for a
+    /// cylinder with a stroke \[m\] and a motor with a largest speed \[rev/s\]. Adds a remark with count and place
+    /// for each signal.
     pub fn without_outliers(
         &self,
         log: &mut Measurement,
@@ -51,7 +52,7 @@ impl Mapping {
     }
 }
 
-/// What a sensor of a signal can show, in SI units.
+/// Range of a sensor of this signal, in SI units.
 fn plausible(signal: Signal, stroke: f64, motor_speed: f64) -> Range<f64> {
     match signal.dimension() {
         Dimension::Pressure => PRESSURES,

@@ -1,4 +1,4 @@
-//! Parquet files: columns of numbers, row by row; one of them the time. Only with the feature `parquet`.
+//! Parquet files: columns of numbers with a common time column. Only with the feature `parquet`.
 
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
@@ -18,11 +18,11 @@ use parquet::schema::types::ColumnDescriptor;
 use std::fs::File;
 use std::path::Path;
 
-/// Rows that are read at once.
+/// Number of rows read at once.
 const ROWS: usize = 1024;
-/// Rows from which the time's unit is judged.
+/// Number of rows from which the time's unit is determined.
 const FIRST: usize = 2000;
-/// Columns, at most.
+/// Largest number of columns.
 const MOST_COLUMNS: usize = 4000;
 
 /// A column of numbers.
@@ -30,34 +30,36 @@ struct Field {
     index: usize,
     heading: String,
     read: Heading,
-    /// What kind of time it is, where the file says so.
+    /// Logical type of a time, if the schema declares one.
     of_time: Option<OfTime>,
-    /// Whether its integers have no sign.
+    /// Whether its integers are unsigned.
     is_unsigned: bool,
 }
 
-/// A column that the file says to be of times.
+/// A column that the schema declares as a time.
 #[derive(Clone, Copy)]
 struct OfTime {
-    /// One of its numbers \[s\].
+    /// Size of one unit of its numbers \[s\].
     factor: f64,
-    /// Whether it has a date, and is not of the day alone.
+    /// Whether it is a date with a time; otherwise it is a time of day.
     is_stamp: bool,
 }
 
-/// How the time's numbers become seconds.
+/// Conversion of the time's numbers to seconds.
 struct Clock {
-    /// What is taken off whole numbers first: since 1970 they have no digits left for parts of a second.
+    /// Offset subtracted from integers first: a double of nanoseconds since 1970 does not resolve fine fractions of a
+    /// second.
     zero: i64,
     factor: f64,
     offset: f64,
 }
 
-/// Reads a Parquet file. The time is the column that `time` names, else one of timestamps, else one that is named as a time.
+/// Reads a Parquet file. The time is the column that `time` names, else a column of timestamps, else one named as a
+/// time.
 ///
 /// # Errors
 ///
-/// [`MeasurementError`] when nothing in it can be used, with what is there.
+/// [`MeasurementError`] if the file has no usable signal, with a description of its content.
 pub(crate) fn read(
     path: &Path,
     time: Option<&TimeColumn>,
@@ -107,7 +109,7 @@ pub(crate) fn read(
     assembly.finish()
 }
 
-/// Whether all parts of the columns lie within the file: the library does not ask.
+/// Whether all column chunks lie within the file, which the library does not check.
 fn is_sound(reader: &SerializedFileReader<File>, size: u64) -> bool {
     let within = |from: i64, count: i64| {
         let end = from.checked_add(count).and_then(|end| u64::try_from(end).ok());
@@ -124,7 +126,7 @@ fn is_sound(reader: &SerializedFileReader<File>, size: u64) -> bool {
     })
 }
 
-/// Columns of numbers; the others are named.
+/// The numeric columns; other columns are named in a remark.
 fn fields(reader: &SerializedFileReader<File>, remarks: &mut Vec<String>) -> Vec<Field> {
     let schema = reader.metadata().file_metadata().schema_descr();
     let (mut fields, mut others) = (Vec::new(), Vec::new());
@@ -154,7 +156,7 @@ fn fields(reader: &SerializedFileReader<File>, remarks: &mut Vec<String>) -> Vec
     fields
 }
 
-/// What kind of time a column is; none of other columns.
+/// Logical type of a time column; `None` for other columns.
 fn of_time(column: &ColumnDescriptor) -> Option<OfTime> {
     let factor = |unit| match unit {
         TimeUnit::MILLIS => 1e-3,
@@ -175,7 +177,7 @@ fn of_time(column: &ColumnDescriptor) -> Option<OfTime> {
     Some(OfTime { factor, is_stamp })
 }
 
-/// Whether a column's integers have no sign: they are stored as those with one of as many bits.
+/// Whether a column's integers are unsigned: they are stored like signed ones of the same size.
 fn is_unsigned(column: &ColumnDescriptor) -> bool {
     use ConvertedType::{UINT_8, UINT_16, UINT_32, UINT_64};
     match column.logical_type_ref() {
@@ -184,7 +186,7 @@ fn is_unsigned(column: &ColumnDescriptor) -> bool {
     }
 }
 
-/// Which column is the time.
+/// Determines the time column.
 fn time_field(fields: &[Field], time: Option<&TimeColumn>) -> Result<usize, String> {
     let all = || fields.iter().map(|f| f.heading.as_str()).collect::<Vec<_>>().join(", ");
     if let Some(wanted) = time.and_then(|t| t.column.as_deref()) {
@@ -204,7 +206,7 @@ fn time_field(fields: &[Field], time: Option<&TimeColumn>) -> Result<usize, Stri
     })
 }
 
-/// How the time's numbers become seconds: as stated, or judged by the first ones.
+/// Conversion of the time's numbers to seconds, as stated or determined from the first rows.
 fn clock(
     reader: &SerializedFileReader<File>,
     time: &Field,
@@ -234,7 +236,7 @@ fn clock(
     Ok(Clock { zero, factor: scale * unit, offset })
 }
 
-/// Reads all rows; those without a time are counted.
+/// Reads all rows; rows without a time are counted.
 fn rows(
     reader: &SerializedFileReader<File>,
     time: &Field,
@@ -274,14 +276,14 @@ fn rows(
     Ok(())
 }
 
-/// The next numbers of a column, NaN where there is none; from whole ones a number is taken off first.
+/// The next numbers of a column, NaN for missing ones; `zero` is subtracted from integers.
 fn numbers(
     column: &mut ColumnReader,
     rows: usize,
     zero: i64,
     is_unsigned: bool,
 ) -> ParquetResult<Vec<f64>> {
-    // what has no sign may be twice as large as what is taken off
+    // i128: an unsigned number minus the offset may exceed 64 bits
     let from_zero = |value: i128| (value - i128::from(zero)) as f64;
     match column {
         ColumnReader::BoolColumnReader(c) => typed(c, rows, |v| f64::from(u8::from(*v))),
@@ -311,7 +313,7 @@ fn typed<T: DataType>(
     let (records, count, _) = column.read_records(rows, Some(&mut levels), None, &mut values)?;
     let finite = |v: &T::T| Some(number(v)).filter(|v| v.is_finite()).unwrap_or(f64::NAN);
     let mut there = values.iter().take(count).map(finite);
-    // where a value may be missing, a level says of each row whether it is there: the deepest
+    // in a column with missing values, the deepest definition level marks a row with a value
     let deepest = levels.iter().copied().max().unwrap_or(0);
     if levels.len() < records || count == records {
         return Ok(there.collect());

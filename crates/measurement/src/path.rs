@@ -3,12 +3,12 @@
 use crate::heading::Heading;
 use crate::unit::Unit;
 
-/// A path's name and unit. The unit is stated in its last part, before an index; what that is part of says none.
+/// Name and unit of a path. The unit is stated in its last part, before an index; enclosing parts state none.
 pub(crate) fn heading(path: &str) -> Heading {
     let last = path.rfind('.').map_or(0, |dot| dot + 1);
     let (before, last) = path.split_at(last);
     let (field, index) = last.split_at(last.find('[').unwrap_or(last.len()));
-    // `p [bar]` and `p[bar]` state a unit, `p[2]` and `position[boom]` are one of several
+    // `p [bar]` and `p[bar]` state a unit, `p[2]` and `position[boom]` an index
     let inside = index.strip_prefix('[').and_then(|i| i.strip_suffix(']'));
     let is_unit = |inside: &str| field.ends_with(' ') || Unit::find(inside).is_some();
     let is_index = inside.is_some_and(|i| i.parse::<usize>().is_ok() || !is_unit(i));

@@ -1,4 +1,4 @@
-//! A log from a file, whatever its kind.
+//! Reading of a log in any supported format.
 
 use crate::channel::Measurement;
 use crate::error::MeasurementError;
@@ -9,12 +9,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// How a Parquet file begins.
+/// First bytes of a Parquet file.
 const PARQUET: &[u8] = b"PAR1";
 
-/// How MAT files of level 5 to 7, and HDF5 files, begin.
+/// First bytes of MAT files of level 5 to 7, and of HDF5 files.
 const MAT: [&[u8]; 2] = [b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"];
-/// How files begin that are often taken for logs, and what they are.
+/// First bytes of other files that are often taken for logs, and their names.
 const OTHERS: [(&[u8], &str); 4] = [
     (b"\x1f\x8b", "packed by gzip: unpack it"),
     (b"PK\x03\x04", "a spreadsheet or a ZIP archive: save the table as CSV"),
@@ -22,15 +22,15 @@ const OTHERS: [(&[u8], &str); 4] = [
     (b"%PDF", "a PDF document"),
 ];
 
-/// Reads a log: MCAP, MDF and Parquet by how they begin, MAT by its name, anything else as delimited text. `time` says
-/// how the time of its rows is found, where its names do not.
+/// Reads a log: MCAP, MDF and Parquet by their first bytes, MAT by the file's name, anything else as delimited text.
+/// `time` states the source of the rows' time, if the names do not show it.
 ///
 /// # Errors
 ///
-/// [`MeasurementError`] with the place of what cannot be used.
+/// [`MeasurementError`] with the place of the unusable part.
 pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
-    // a pipe cannot be read from its beginning again
+    // the format is detected first, and a pipe cannot be rewound
     if !std::fs::metadata(path).map_err(failed)?.is_file() {
         return Err(MeasurementError::NoFile { file: path.display().to_string() });
     }
@@ -49,7 +49,7 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
             ),
         }),
     };
-    // their own times have a unit, so that another one is of a column that has to be named
+    // the times of these formats have a unit: another one needs a named column
     let nameless = |times: &str, stated: fn(&TimeColumn) -> bool| match time {
         Some(t) if t.column.is_none() && stated(t) => Err(MeasurementError::Mapping {
             file: path.display().to_string(),
@@ -60,7 +60,7 @@ pub fn read(path: &Path, time: Option<&TimeColumn>) -> Result<Measurement, Measu
     let is_mat = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"))
         || MAT.iter().any(|b| begins.starts_with(b));
     match begins.as_slice() {
-        // what follows may be damaged: that is for the reader to say
+        // the rest of the signature may be damaged, which the reader reports
         begins if begins.starts_with(&mcap::MAGIC[..5]) => counted("an MCAP file")
             .and_then(|()| {
                 nameless(
@@ -97,11 +97,11 @@ fn parquet(path: &Path, _: Option<&TimeColumn>) -> Result<Measurement, Measureme
     Err(MeasurementError::Format { file: path.display().to_string(), reason })
 }
 
-/// SHA-256 of a file, in hexadecimal: which log a parameter was tuned to.
+/// SHA-256 of a file in hexadecimal, which identifies the log that a parameter was tuned to.
 ///
 /// # Errors
 ///
-/// [`MeasurementError::File`] when it cannot be read.
+/// [`MeasurementError::File`] if the file cannot be read.
 pub fn digest(path: &Path) -> Result<String, MeasurementError> {
     let failed = |error| MeasurementError::File { file: path.display().to_string(), error };
     let mut file = File::open(path).map_err(failed)?;
@@ -116,7 +116,7 @@ pub fn digest(path: &Path) -> Result<String, MeasurementError> {
     Ok(hexadecimal(hasher))
 }
 
-/// The same of bytes in memory.
+/// SHA-256 of bytes in memory, in hexadecimal.
 pub fn digest_of(bytes: &[u8]) -> String {
     let mut hasher = Sha256::new();
     hasher.update(bytes);

@@ -1,34 +1,34 @@
-//! Rows in the order of their times: what a clock did is found, said, and kept as segments.
+//! Rows in the order of their times, divided into segments where the clock steps.
 //!
-//! A clock that is set back, that jumps, or that stands still while samples are lost begins a new segment. A few rows that do not fit, while the
-//! rows after them go on where those before ended, are left out.
+//! A clock that is set back, jumps forward, or stands still while samples are lost begins a new segment. A few rows
+//! with inconsistent times are left out if the rows after them continue those before.
 
 use crate::error::MeasurementError;
 use crate::thinning::Columns;
 
-/// Rows from whose times the usual interval is found.
+/// Number of rows from which the usual interval is determined.
 const FIRST: usize = 64;
-/// So many rows that do not go on where the last one ended begin a new segment; fewer are strays.
+/// Number of successive rows with inconsistent times that begin a new segment; fewer are left out.
 const HELD: usize = 16;
-/// An interval so many times as long as the usual one is a gap.
+/// Ratio of an interval to the usual one above which it is a gap.
 const GAP: f64 = 5.0;
-/// A segment whose clock was set back, or by more than a day, is shown so long after the one before \[s\].
+/// Smallest time between segments \[s\], in place of a logged difference that is negative or above a day.
 const AFTER: f64 = 1.0;
 const DAY: f64 = 86_400.0;
-/// Times are smaller \[s\]: three thousand years. Beyond, a clock has no digits left for its steps.
+/// Largest time \[s\]: three thousand years. Beyond it a double does not resolve the sampling interval.
 const LARGEST: f64 = 1e11;
-/// Segments, at most: a column that jumps more often is no time.
+/// Largest number of segments; a column with more steps is not a time.
 const MOST_SEGMENTS: usize = 10_000;
-/// Segments that are told one by one.
-const TOLD: usize = 5;
+/// Largest number of segments that remarks list one by one.
+const MOST_LISTED: usize = 5;
 
-/// Where a new segment begins.
+/// Beginning of a new segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Break {
     line: u64,
-    /// Times as logged \[s\].
+    /// Logged times before and after \[s\].
     logged: (f64, f64),
-    /// Time at which the segment is shown \[s\].
+    /// Output time at the beginning of the segment \[s\].
     shown: f64,
 }
 
@@ -37,21 +37,21 @@ struct Held {
     row: Vec<f64>,
 }
 
-/// Rows that are recorded one after the other; the first number of each is its time \[s\].
+/// Sequential recording of rows; the first number of each is its time \[s\].
 pub(crate) struct Recording {
     columns: Columns,
-    /// An interval that is longer is a gap \[s\].
+    /// Interval above which there is a gap \[s\].
     limit: f64,
     /// Time of the last row, as logged \[s\].
     last: Option<f64>,
-    /// What is added to times as logged \[s\].
+    /// Difference of output time to logged time \[s\].
     shift: f64,
-    /// Time of the last row, as it is shown \[s\].
+    /// Output time of the last row \[s\].
     shown: f64,
     held: Vec<Held>,
     is_begun: bool,
     breaks: Vec<Break>,
-    /// Rows that came.
+    /// Number of rows received.
     pub(crate) count: u64,
     repeated: u64,
     first_repeated: u64,
@@ -60,20 +60,20 @@ pub(crate) struct Recording {
     jumps: u64,
 }
 
-/// What came of a recording.
+/// Result of a recording.
 pub(crate) struct Recorded {
     /// Times, increasing \[s\].
     pub(crate) time: Vec<f64>,
     /// The other columns.
     pub(crate) columns: Vec<Vec<f64>>,
-    /// Rows at which a segment begins, but for the first.
+    /// Rows at which a segment begins, without the first segment.
     pub(crate) breaks: Vec<usize>,
-    /// What is to be said.
+    /// Sentences about rows left out, repeated times and segments.
     pub(crate) remarks: Vec<String>,
 }
 
 impl Recording {
-    /// A recording of so many columns beside the time, of so many numbers at most.
+    /// A recording of `columns` columns besides the time, which keeps at most `most` numbers.
     pub(crate) fn new(columns: usize, most: usize) -> Self {
         Self {
             columns: Columns::new(columns + 1, most),
@@ -93,22 +93,22 @@ impl Recording {
         }
     }
 
-    /// Adds a column; in the rows before nothing is there.
+    /// Adds a column; earlier rows have no value in it.
     pub(crate) fn add_column(&mut self) {
         self.columns.add_column();
     }
 
-    /// How many numbers are kept with so many columns more.
+    /// Count of numbers kept if `more` columns were added.
     pub(crate) fn numbers_with(&self, more: usize) -> usize {
         self.columns.numbers_with(more)
     }
 
-    /// Averages each two rows, and so those to come.
+    /// Averages pairs of rows, those kept and those to come.
     pub(crate) fn halve(&mut self) {
         self.columns.halve();
     }
 
-    /// Adds a row: its time \[s\], then the other columns. A row without a time is left to the caller.
+    /// Adds a row: its time \[s\], then the other columns. The time must not be missing.
     pub(crate) fn push(&mut self, line: u64, row: &[f64]) {
         self.count += 1;
         if row[0].abs() > LARGEST {
@@ -116,7 +116,7 @@ impl Recording {
             self.strays += 1;
             return;
         }
-        // no time, as `finish` says: nothing more is kept of it
+        // too many steps for a time: `finish` returns the error, and nothing more is kept
         if self.jumps as usize > MOST_SEGMENTS {
             return;
         }
@@ -130,7 +130,7 @@ impl Recording {
         }
     }
 
-    /// The usual interval is known now.
+    /// Starts recording once the usual interval is known.
     fn begin(&mut self) {
         self.is_begun = true;
         let first = std::mem::take(&mut self.held);
@@ -154,7 +154,7 @@ impl Recording {
                 self.take(line, row);
             }
             (false, true) if step == 0.0 => self.repeat(line),
-            // where rows are held because samples are missing, the clock went on meanwhile
+            // the pending rows follow a gap: the clock has continued meanwhile
             (false, _) => {
                 self.held.push(Held { line, row: row.to_vec() });
                 if self.held.len() >= HELD {
@@ -164,7 +164,7 @@ impl Recording {
         }
     }
 
-    /// The row at a line has the time of the one before.
+    /// Handles a row with the time of the row before.
     fn repeat(&mut self, line: u64) {
         if self.repeated == 0 {
             self.first_repeated = line;
@@ -176,7 +176,7 @@ impl Recording {
         let time = row[0];
         self.last = Some(time);
         let shown = time + self.shift;
-        // of times that are huge a small step is lost
+        // a huge time does not resolve a small step
         if shown <= self.shown {
             return self.repeat(line);
         }
@@ -189,7 +189,7 @@ impl Recording {
         self.columns.push(&shifted);
     }
 
-    /// The rows that are held do not belong here.
+    /// Leaves out the pending rows.
     fn left_out(&mut self) {
         if self.strays == 0 {
             self.first_stray = self.held.first().map_or(0, |h| h.line);
@@ -198,7 +198,7 @@ impl Recording {
         self.held.clear();
     }
 
-    /// The first row that is held begins a segment.
+    /// Begins a segment with the first pending row.
     fn new_segment(&mut self) {
         let held = std::mem::take(&mut self.held);
         let (Some(first), Some(last)) = (held.first(), self.last) else { return };
@@ -209,7 +209,7 @@ impl Recording {
             self.shift += last + after - time;
         }
         self.jumps += 1;
-        if self.breaks.len() < TOLD {
+        if self.breaks.len() < MOST_LISTED {
             self.breaks.push(Break { line, logged: (last, time), shown: time + self.shift });
         }
         self.columns.begin_segment();
@@ -222,11 +222,11 @@ impl Recording {
         }
     }
 
-    /// What came of it. `unit` names rows: "line", "row", "message".
+    /// Finishes the recording. `unit` names the rows in messages: "line", "row", "message".
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Format`] where the time jumps so often that it is none.
+    /// [`MeasurementError::Format`] if the time has too many steps.
     pub(crate) fn finish(mut self, file: &str, unit: &str) -> Result<Recorded, MeasurementError> {
         if !self.is_begun {
             self.begin();
@@ -237,7 +237,7 @@ impl Recording {
             true => self.new_segment(),
             false => self.left_out(),
         }
-        // what was held again while it was placed
+        // rows that became pending again while they were placed
         self.left_out();
         if self.jumps as usize > MOST_SEGMENTS {
             let reason = format!(
@@ -301,7 +301,7 @@ impl Recording {
     }
 }
 
-/// Longest step within a segment \[s\]: 5 times the 90th percentile of the intervals; none where no time increases.
+/// Longest interval within a segment \[s\]: 5 times the 90th percentile of the intervals; `None` if no time increases.
 fn gap(rows: &[Held]) -> Option<f64> {
     let steps = rows.windows(2).map(|w| w[1].row[0] - w[0].row[0]);
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
@@ -338,7 +338,7 @@ mod tests {
             assert!((all.time[999] - all.time[500] - 4.99).abs() < 1e-6);
             assert!(all.remarks.len() == 1 && all.remarks[0].contains(kind), "{:?}", all.remarks);
         }
-        // samples that are missing, and a log that ends soon after
+        // a gap shortly before the end of the log
         let all = recorded(even(0.0, 500).chain(even(5.5, 5)));
         assert_eq!((all.breaks, all.time.len()), (vec![500], 505));
     }
@@ -360,7 +360,7 @@ mod tests {
         }
         let all = recorded(even(0.0, 300).flat_map(|t| [t, t]));
         assert_eq!(all.time.len(), 300);
-        // the first of each
+        // the first of each pair with the same time
         assert_eq!(all.columns[0][7], 14.0);
         assert!(all.remarks[0].contains("300 rows repeat"), "{:?}", all.remarks);
     }
@@ -371,7 +371,7 @@ mod tests {
         let all = recorded(even(0.0, 500).chain(slow));
         assert_eq!(all.breaks.len(), 1, "{:?}", all.remarks);
         assert_eq!(all.time.len(), 700);
-        // steps of a solver, short and long, are none
+        // the varying step size of a solver is no gap
         let solver = (0..300).scan(0.0, |t, k| {
             *t += if k % 4 == 0 { 0.04 } else { 0.01 };
             Some(*t)

@@ -1,4 +1,4 @@
-//! Columns that were sampled together, as formats with whole arrays have them (MAT, MDF), on their way to channels.
+//! Columns that were sampled together, from formats with whole arrays (MAT, MDF), and their conversion to channels.
 
 use crate::channel::{Channel, Measurement};
 use crate::error::MeasurementError;
@@ -16,7 +16,7 @@ pub(crate) struct Column {
     values: Vec<f64>,
 }
 
-/// Columns with the time that they share.
+/// Columns with a common time.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
     pub(crate) time: Column,
@@ -24,32 +24,32 @@ pub(crate) struct Samples {
 }
 
 impl Column {
-    /// A column, its unit from its heading.
+    /// A column whose unit is in its heading.
     pub(crate) fn new(heading: &str, values: Vec<f64>) -> Self {
         Self { heading: heading.into(), read: Heading::parse(heading), values }
     }
 
-    /// A column whose heading has been read.
+    /// A column with a parsed heading.
     pub(crate) fn of(heading: &str, read: Heading, values: Vec<f64>) -> Self {
         Self { heading: heading.into(), read, values }
     }
 
-    /// How many values it has.
+    /// Number of values.
     pub(crate) fn len(&self) -> usize {
         self.values.len()
     }
 }
 
-/// A log that is put together from columns.
+/// Builder of a log from columns.
 pub(crate) struct Assembly<'a> {
     file: String,
-    /// What a mapping says of the time.
+    /// The mapping's statements about the time.
     stated: Option<&'a TimeColumn>,
     channels: Vec<Channel>,
     remarks: Vec<String>,
-    /// What times that are far away are counted from \[s\].
+    /// Origin of times that are far from zero \[s\].
     begin: Option<f64>,
-    /// The columns that its times were found in.
+    /// The time columns found.
     times: Vec<TimeColumn>,
 }
 
@@ -65,16 +65,16 @@ impl<'a> Assembly<'a> {
         }
     }
 
-    /// Says something about the log.
+    /// Adds a remark about the log.
     pub(crate) fn remark(&mut self, text: String) {
         self.remarks.push(text);
     }
 
-    /// Adds columns with the time that they share.
+    /// Adds columns with their common time.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError`] when that is no time.
+    /// [`MeasurementError`] if that column is not a time.
     pub(crate) fn add(&mut self, samples: Samples) -> Result<(), MeasurementError> {
         let Samples { time: Column { heading, read, values: mut time }, columns } = samples;
         let found = time.iter().filter(|t| t.is_finite()).count();
@@ -88,7 +88,7 @@ impl<'a> Assembly<'a> {
         let unit = self.unit(&heading, &read, &time)?;
         self.times.push(TimeColumn::found(&heading, Some(unit)));
         let begin = self.begin(time.iter().copied().find(|t| t.is_finite()).unwrap_or(0.0) * unit);
-        // which samples are kept, and at what times
+        // determines which samples are kept, and their times
         let mut recording = Recording::new(1, usize::MAX);
         for (k, number) in time.iter().enumerate().filter(|(_, t)| t.is_finite()) {
             recording.push(k as u64 + 1, &[(number - begin / unit) * unit, k as f64]);
@@ -134,7 +134,7 @@ impl<'a> Assembly<'a> {
         }
     }
 
-    /// What times are counted from \[s\]: zero, or the first that is far away.
+    /// Origin of the times \[s\]: zero, or the first time if that is far from zero.
     fn begin(&mut self, first: f64) -> f64 {
         if first.abs() > FAR && self.begin.is_none() {
             self.begin = Some(first);
@@ -143,7 +143,7 @@ impl<'a> Assembly<'a> {
         if first.abs() > FAR { self.begin.unwrap_or(0.0) } else { 0.0 }
     }
 
-    /// One of a time's numbers \[s\].
+    /// Size of one unit of a time's numbers \[s\].
     fn unit(
         &mut self,
         heading: &str,
@@ -159,11 +159,11 @@ impl<'a> Assembly<'a> {
         Ok(factor)
     }
 
-    /// The log.
+    /// The finished log.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Format`] when no column was added, with what was left out.
+    /// [`MeasurementError::Format`] if no column was added, with the parts left out.
     pub(crate) fn finish(self) -> Result<Measurement, MeasurementError> {
         if self.channels.is_empty() {
             let reason = match self.remarks.is_empty() {
@@ -201,10 +201,10 @@ mod tests {
             ("t", [1.7e9, 1.7e9 + 0.5, 1.7e9 + 1.0], [0.0, 0.5, 1.0]),
             ("t", [1.7e12, 1.7e12 + 500.0, 1.7e12 + 1000.0], [0.0, 0.5, 1.0]),
             ("t", [day, day + 1.0 / DAY, day + 2.0 / DAY], [0.0, 1.0, 2.0]),
-            // before 1970, or counted down to an event
+            // before 1970, or a countdown to an event
             ("t_s", [-2e9, -2e9 + 0.5, -2e9 + 1.0], [0.0, 0.5, 1.0]),
             ("datenum", [day, day + 1.0, day + 2.0], [0.0, DAY, 2.0 * DAY]),
-            // seconds of a clock that ran for a week
+            // a clock that has counted seconds for a week
             ("t", [739_000.0, 739_000.01, 739_000.02], [739_000.0, 739_000.01, 739_000.02]),
         ] {
             let log = log(name, &time);

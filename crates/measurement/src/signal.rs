@@ -1,4 +1,4 @@
-//! What a model knows of a machine, and what people call it.
+//! Signals of a crane model, and usual names of their columns.
 
 use crate::dimension::Dimension;
 
@@ -17,22 +17,22 @@ pub enum Signal {
     PressurePumpB,
     /// Pressure in the accumulator.
     PressureAccumulator,
-    /// Motor speed, read.
+    /// Motor speed, measured.
     MotorSpeed,
-    /// Motor speed, asked for.
+    /// Motor speed, commanded.
     MotorCommand,
-    /// Load-holding valve, 1 open.
+    /// Load-holding valve, 1 for open.
     HoldingValve,
     /// Command of a proportional valve.
     ValveCommand,
-    /// Pressure of a valve's supply.
+    /// Supply pressure of a valve.
     PressureSupply,
-    /// Pressure of a valve's tank line.
+    /// Tank-line pressure of a valve.
     PressureTank,
 }
 
 impl Signal {
-    /// All of them.
+    /// All signals.
     pub const ALL: [Self; 12] = [
         Self::Stroke,
         Self::PressurePumpA,
@@ -48,7 +48,7 @@ impl Signal {
         Self::PressureTank,
     ];
 
-    /// Those that a model and a log are compared in.
+    /// Signals in which model and log are compared.
     pub const COMPARED: [Self; 6] = [
         Self::Stroke,
         Self::PressurePumpA,
@@ -94,7 +94,7 @@ impl Signal {
         }
     }
 
-    /// The unit it is shown in, and its size in SI units.
+    /// Display unit, and its size in SI units.
     pub fn shown(self) -> (&'static str, f64) {
         match self.dimension() {
             Dimension::Length => ("mm", 1e-3),
@@ -105,7 +105,7 @@ impl Signal {
         }
     }
 
-    /// What it is of.
+    /// Physical dimension.
     pub fn dimension(self) -> Dimension {
         match self {
             Self::Stroke => Dimension::Length,
@@ -116,18 +116,19 @@ impl Signal {
         }
     }
 
-    /// Whether a column of a dimension can be it. A valve's command may be a share of what full travel takes.
+    /// Whether a column of this dimension can be the signal. A valve's command may be a share of the command for full
+    /// travel.
     pub fn accepts(self, dimension: Dimension) -> bool {
         dimension == self.dimension()
             || (self == Self::ValveCommand && dimension == Dimension::Share)
     }
 
-    /// The signal of a key.
+    /// Parses a key.
     pub fn from_key(key: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|signal| signal.key() == key)
     }
 
-    /// What people call it, in small letters without anything between them; the most telling first.
+    /// Usual column names, in small letters without separators; the most specific first.
     pub(crate) fn names(self) -> &'static [&'static str] {
         match self {
             Self::Stroke => &[

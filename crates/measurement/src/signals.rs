@@ -1,4 +1,4 @@
-//! The signals of a log, in SI units.
+//! Signals of a log in SI units.
 
 use crate::channel::{Channel, Measurement};
 use crate::dimension::Dimension;
@@ -8,31 +8,31 @@ use crate::signal::Signal;
 use crate::time_base::TimeBase;
 use std::collections::BTreeMap;
 
-/// One signal over time.
+/// Samples of one signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
     /// Times \[s\].
     time: Vec<f64>,
     /// Values in SI units.
     values: Vec<f64>,
-    /// Nothing is known between samples that are further apart \[s\].
+    /// Largest interval between samples that is interpolated \[s\]; a longer one is a gap.
     reach: f64,
-    /// Time constant of a first-order filter that it went through \[s\].
+    /// Time constant of the first-order filter in the measurement chain \[s\]; zero for none.
     filter: f64,
     /// Times at which a new segment begins \[s\].
     breaks: Vec<f64>,
-    /// What its values measure, where that may be one of several.
+    /// Dimension of the values, where a signal may have one of several.
     dimension: Option<Dimension>,
 }
 
-/// Signals with their times.
+/// Measured signals with their times.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Signals {
     tracks: BTreeMap<Signal, Track>,
 }
 
 impl Track {
-    /// A signal from its samples; those that are missing or repeat a time are left out.
+    /// A signal from its samples; missing ones and those that repeat a time are left out.
     pub fn new(time: &[f64], values: &[f64]) -> Self {
         let mut kept: (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         for (t, v) in time.iter().zip(values).filter(|(t, v)| t.is_finite() && v.is_finite()) {
@@ -52,29 +52,29 @@ impl Track {
         }
     }
 
-    /// From one sample to the next, in the median \[s\]; zero of fewer than two.
+    /// Median sampling interval \[s\]; zero for fewer than two samples.
     pub fn interval(&self) -> f64 {
         TimeBase::of(&self.time).map_or(0.0, |base| base.interval)
     }
 
-    /// The same, seen through a first-order filter with a time constant \[s\]; zero for none.
+    /// Sets the time constant \[s\] of the first-order filter that the samples have passed; zero for none.
     pub fn filtered(self, filter: f64) -> Self {
         Self { filter, ..self }
     }
 
-    /// The same with segments that begin at some times \[s\], which increase: nothing is known between the last sample before and
-    /// the first one after.
+    /// Sets the times \[s\] at which new segments begin, in increasing order. There is no interpolation between the
+    /// last sample before and the first one after.
     pub fn broken_at(self, breaks: Vec<f64>) -> Self {
         Self { breaks, ..self }
     }
 
-    /// Whether a segment begins after a time and not after another \[s\].
+    /// Whether a segment begins after `from` and not after `to` \[s\].
     fn is_broken(&self, from: f64, to: f64) -> bool {
         let next = self.breaks.partition_point(|b| *b <= from);
         self.breaks.get(next).is_some_and(|b| *b <= to)
     }
 
-    /// Where its clock was set: the last sample before and the first one after \[s\].
+    /// Steps of the clock: times of the last sample before and the first one after \[s\].
     fn jumps(&self) -> Vec<(f64, f64)> {
         let around = |b: &f64| {
             let next = self.time.partition_point(|t| t < b);
@@ -83,7 +83,7 @@ impl Track {
         self.breaks.iter().filter_map(around).collect()
     }
 
-    /// The parts in which something is known of it throughout \[s\].
+    /// Intervals without a gap \[s\].
     pub fn stretches(&self) -> Vec<(f64, f64)> {
         let Some(first) = self.time.first() else { return Vec::new() };
         let mut stretches = vec![(*first, *first)];
@@ -97,17 +97,17 @@ impl Track {
         stretches
     }
 
-    /// The same, with what its values measure: of a valve's command volts, or a share of full travel.
+    /// Sets the dimension of the values: voltage of a valve's command, or a share of full travel.
     pub fn measured_as(self, dimension: Dimension) -> Self {
         Self { dimension: Some(dimension), ..self }
     }
 
-    /// Whether its values are shares of the whole.
+    /// Whether its values are shares of full travel.
     pub fn is_share(&self) -> bool {
         self.dimension == Some(Dimension::Share)
     }
 
-    /// Time constant of the first-order filter that it went through \[s\]; zero for none.
+    /// Time constant of the first-order filter that the samples have passed \[s\]; zero for none.
     pub fn filter(&self) -> f64 {
         self.filter
     }
@@ -122,7 +122,7 @@ impl Track {
         &self.values
     }
 
-    /// The value at a time \[s\], between samples on the straight line; none in a gap, before or after.
+    /// Value at a time \[s\], interpolated linearly; `None` in a gap, before the first and after the last sample.
     pub fn at(&self, time: f64) -> Option<f64> {
         let next = self.time.partition_point(|t| *t <= time);
         let before = next.checked_sub(1)?;
@@ -137,7 +137,7 @@ impl Track {
         Some(self.values[before] + share * (self.values[next] - self.values[before]))
     }
 
-    /// The last value at or before a time \[s\], however old; the first one before all.
+    /// Last value at or before a time \[s\] (zero-order hold); before all samples the first one.
     pub fn held(&self, time: f64) -> Option<f64> {
         let next = self.time.partition_point(|t| *t <= time);
         self.values.get(next.saturating_sub(1)).copied()
@@ -145,11 +145,12 @@ impl Track {
 }
 
 impl Signals {
-    /// The signals of a log by a mapping.
+    /// The signals that a mapping assigns to the log's columns.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Mapping`] when it names a column that is not there, or a unit is unknown or of the wrong dimension.
+    /// [`MeasurementError::Mapping`] if the mapping names a column that the log lacks, or a unit is unknown or of
+    /// another dimension.
     pub fn of(log: &Measurement, mapping: &Mapping) -> Result<Self, MeasurementError> {
         let mut tracks = BTreeMap::new();
         for (signal, entry) in &mapping.entries {
@@ -171,7 +172,7 @@ impl Signals {
         Ok(Self { tracks })
     }
 
-    /// A signal, if it was measured.
+    /// A signal; `None` if it was not measured.
     pub fn get(&self, signal: Signal) -> Option<&Track> {
         self.tracks.get(&signal)
     }
@@ -181,11 +182,11 @@ impl Signals {
         self.tracks.insert(signal, track);
     }
 
-    /// A signal that is needed.
+    /// A required signal.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Missing`] when there is none.
+    /// [`MeasurementError::Missing`] if it was not measured.
     pub fn need(&self, signal: Signal, log: &Measurement) -> Result<&Track, MeasurementError> {
         self.get(signal).ok_or_else(|| {
             let misfits = Mapping::misfits(log).into_iter().filter(|(of, _)| *of == signal);
@@ -202,8 +203,8 @@ impl Signals {
         })
     }
 
-    /// The parts of a log in which a signal is known throughout, and in which no clock of that signal or of some others was set \[s\].
-    /// Where a signal is logged so unevenly that this leaves less than half of it, only clocks count.
+    /// Intervals \[s\] in which the driving signal has no gap, and no clock of it or of the `others` was set. If gaps
+    /// leave less than half of an unevenly logged signal, only the clock steps divide it.
     pub fn segments(&self, driving: Signal, others: &[Signal]) -> Vec<(f64, f64)> {
         let Some(track) = self.get(driving) else { return Vec::new() };
         let (Some(first), Some(last)) = (track.time.first(), track.time.last()) else {
@@ -211,7 +212,7 @@ impl Signals {
         };
         let mut parts = track.stretches();
         let known: f64 = parts.iter().map(|(from, to)| to - from).sum();
-        // a clock that was set leaves no time out that counts
+        // a gap from a clock step is not counted as missing time
         let (mut all, mut set) = (last - first, Vec::new());
         for (from, to) in track.jumps() {
             all -= to - from;
@@ -231,7 +232,8 @@ impl Signals {
         parts
     }
 
-    /// From when to when all of some signals were measured \[s\]; none where one has no sample, or they have no time in common.
+    /// Interval in which all these signals were measured \[s\]; `None` if one has no sample or they have no common
+    /// interval.
     pub fn overlap(&self, signals: &[Signal]) -> Option<(f64, f64)> {
         let (mut begin, mut end) = (f64::NEG_INFINITY, f64::INFINITY);
         for track in signals.iter().filter_map(|s| self.get(*s)) {

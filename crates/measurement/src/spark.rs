@@ -1,8 +1,8 @@
-//! A signal in one line of text.
+//! Sparkline: a signal as one line of text.
 
 const STEPS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// A line of `width` characters from the lowest to the highest value; a blank where nothing is there.
+/// A line of `width` characters, scaled from the lowest to the highest value; blank for missing values.
 pub fn sparkline(values: &[f64], width: usize) -> String {
     let there = || values.iter().copied().filter(|v| v.is_finite());
     let (low, high) =

@@ -1,4 +1,4 @@
-//! What looks wrong with the size of signals.
+//! Plausibility checks of signals and units.
 
 use crate::channel::{Channel, Measurement};
 use crate::contradiction::contradictions;
@@ -10,26 +10,26 @@ use crate::unit::Unit;
 use crate::unit_table::ATMOSPHERE;
 use std::fmt::Write;
 
-/// Units that are named as what a signal may be in, at most.
+/// Largest number of candidate units in a message.
 const MOST_NAMED: usize = 4;
 
-/// Something about a signal that looks wrong.
+/// An implausible property of a signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspicion {
     /// The signal.
     pub signal: Signal,
-    /// What looks wrong, and what it may be.
+    /// Description and possible cause, with the line that mends the mapping.
     pub text: String,
-    /// Whether the signal is of no use as it is: of an absolute pressure it is, but for its zero.
+    /// Whether the signal cannot be used without a correction. An absolute pressure can: only its zero differs.
     pub is_unusable: bool,
 }
 
-/// A gauge pressure that rests here may be an absolute one of the open air \[Pa\].
+/// Range of the atmospheric pressure \[Pa\]: a gauge pressure that rests here may be an absolute one.
 const OPEN_AIR: std::ops::Range<f64> = 0.98e5..1.05e5;
-/// It rests there for so much of the log.
+/// Share of the log in which it must rest there.
 const RESTING: f64 = 0.1;
 
-/// What speaks for an absolute pressure, in a channel that is taken for gauge pressure.
+/// Evidence of an absolute pressure in a channel that is assigned as a gauge pressure.
 fn absolute(signal: Signal, entry: &Entry, unit: &Unit, channel: &Channel) -> Option<String> {
     if signal.dimension() != Dimension::Pressure || unit.offset != 0.0 || entry.offset != 0.0 {
         return None;
@@ -67,8 +67,8 @@ fn absolute(signal: Signal, entry: &Entry, unit: &Unit, channel: &Channel) -> Op
 }
 
 impl Mapping {
-    /// What looks wrong with units and sizes, and what of several signals cannot be true together, for a cylinder with a stroke \[m\] and a motor with a largest speed
-    /// \[rev/s\].
+    /// Implausible units and magnitudes, and contradictions between signals, for a cylinder with a stroke \[m\] and a
+    /// motor with a largest speed \[rev/s\].
     pub fn suspicions(&self, log: &Measurement, stroke: f64, motor_speed: f64) -> Vec<Suspicion> {
         let mut found = Vec::new();
         for (signal, entry) in &self.entries {
@@ -87,7 +87,7 @@ impl Mapping {
                         && high <= 1.02 * stroke + 5e-3
                         && high > 1e-3 * stroke
                 }
-                // a tank line has none
+                // a tank line's pressure may be zero
                 Dimension::Pressure => {
                     let least = if *signal == Signal::PressureTank { -1.2e5 } else { 0.2e5 };
                     low >= -1.2e5 && high <= 600e5 && high > least
@@ -116,7 +116,7 @@ impl Mapping {
                 .map(|u| u.name)
                 .take(MOST_NAMED)
                 .collect();
-            // a length that moves by what the piston can, elsewhere: the cylinder's own length, say
+            // a length with the range of the stroke but another zero, for example of the whole cylinder
             let is_shifted = signal.dimension() == Dimension::Length
                 && (0.05 * stroke..=stroke).contains(&(high - low));
             match (better.as_slice(), fits(-high, -low)) {
@@ -135,7 +135,7 @@ impl Mapping {
             }
             found.push(Suspicion { signal: *signal, text, is_unusable: true });
         }
-        // a mapping that cannot be used is refused where it is
+        // an invalid mapping is reported where it is used
         let signals = Signals::of(log, self).unwrap_or_default();
         found.extend(contradictions(&signals));
         found

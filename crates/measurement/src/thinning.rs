@@ -1,20 +1,19 @@
-//! Rows of a log within bounded memory.
+//! Reduction of a log's rows to bounded memory.
 
-/// Numbers that are kept at most, over all columns: 160 MB. A log that has more is averaged over 2, 4, 8 ...
-/// rows.
+/// Largest count of numbers kept over all columns: 160 MB. A longer log is averaged over 2, 4, 8 ... rows.
 pub(crate) const MOST: usize = 20_000_000;
 
-/// Columns that are filled row by row, and thinned when they become too long. Rows of different segments are never averaged
+/// Columns filled row by row, and averaged when the limit is exceeded. Rows of different segments are never averaged
 /// together.
 pub(crate) struct Columns {
     columns: Vec<Vec<f64>>,
     most_rows: usize,
-    /// Rows that make one.
+    /// Number of rows that are averaged to one.
     pub(crate) stride: u64,
     sums: Vec<f64>,
     counts: Vec<u32>,
     pending: u64,
-    /// Rows at which a segment begins, but for the first.
+    /// Rows at which a segment begins, without the first segment.
     breaks: Vec<usize>,
 }
 
@@ -31,7 +30,7 @@ impl Columns {
         }
     }
 
-    /// Adds a row; what is missing is NaN.
+    /// Adds a row; missing values are NaN.
     pub(crate) fn push(&mut self, row: &[f64]) {
         for (k, value) in row.iter().enumerate().filter(|(_, v)| v.is_finite()) {
             self.sums[k] += value;
@@ -43,13 +42,13 @@ impl Columns {
         }
     }
 
-    /// The next row begins a segment. What was not enough for an averaged row is left out.
+    /// Begins a segment with the next row. An incomplete average of the segment before is left out.
     pub(crate) fn begin_segment(&mut self) {
         self.sums.fill(0.0);
         self.counts.fill(0);
         self.pending = 0;
         let rows = self.rows();
-        // nothing came of the segment before
+        // no break if the segment before left no row
         if self.breaks.last().copied().unwrap_or(0) < rows {
             self.breaks.push(rows);
         }
@@ -70,19 +69,19 @@ impl Columns {
         }
     }
 
-    /// Adds a column; in the rows before nothing is there.
+    /// Adds a column; earlier rows have no value in it.
     pub(crate) fn add_column(&mut self) {
         self.columns.push(vec![f64::NAN; self.rows()]);
         self.sums.push(0.0);
         self.counts.push(0);
     }
 
-    /// How many numbers are kept with so many columns more.
+    /// Count of numbers kept if `more` columns were added.
     pub(crate) fn numbers_with(&self, more: usize) -> usize {
         self.rows() * (self.columns.len() + more)
     }
 
-    /// Each two rows of a segment become one; the last of an odd number is left out.
+    /// Averages pairs of rows within each segment; the last of an odd number is left out.
     pub(crate) fn halve(&mut self) {
         let rows = self.rows();
         let mut begins = vec![0];
@@ -109,7 +108,7 @@ impl Columns {
         self.stride *= 2;
     }
 
-    /// The columns, and the rows at which a segment begins, but for the first.
+    /// The columns, and the rows at which a segment begins, without the first segment.
     pub(crate) fn finish(mut self) -> (Vec<Vec<f64>>, Vec<usize>) {
         let rows = self.rows();
         self.breaks.retain(|b| *b < rows);
@@ -117,7 +116,7 @@ impl Columns {
     }
 }
 
-/// The mean of two values, or the one that is there.
+/// The mean of two values, or the one that is not missing.
 fn mean(a: f64, b: f64) -> f64 {
     match (a.is_finite(), b.is_finite()) {
         (true, false) => a,
@@ -148,7 +147,7 @@ mod tests {
 
     #[test]
     fn no_average_is_taken_over_a_break() {
-        // segments of 777 rows, each of one value: averaged within themselves they keep it
+        // each segment has one constant value, which averaging within segments keeps
         let mut columns = Columns::new(1, 500);
         for k in 0..50_000_u32 {
             if k % 777 == 0 && k > 0 {
@@ -159,7 +158,7 @@ mod tests {
         assert!(columns.stride >= 64);
         let (kept, breaks) = columns.finish();
         assert!(kept[0].iter().all(|v| v.fract() == 0.0), "{:?}", kept[0]);
-        // where the value changes a segment begins, and nowhere else
+        // segments begin exactly where the value changes
         let changes: Vec<usize> =
             (1..kept[0].len()).filter(|k| kept[0][*k] != kept[0][k - 1]).collect();
         assert_eq!(breaks, changes);

@@ -1,6 +1,6 @@
-//! How a channel was sampled.
+//! Sampling properties of a channel.
 
-/// What is known of a channel's times.
+/// Properties of a channel's sampling times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeBase {
     /// First time \[s\].
@@ -9,15 +9,15 @@ pub struct TimeBase {
     pub end: f64,
     /// Usual interval: the median \[s\].
     pub interval: f64,
-    /// Largest departure of an interval from the usual one, where nothing is missing \[s\].
+    /// Largest deviation of an interval from the usual one, gaps excluded \[s\].
     pub jitter: f64,
-    /// Where samples are missing.
+    /// Gaps, where samples are missing.
     pub gaps: Vec<Gap>,
-    /// Samples that have the same time as the one before.
+    /// Number of samples with the same time as the one before.
     pub repeated: usize,
 }
 
-/// Where samples are missing.
+/// An interval with missing samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
     /// Time of the last sample before \[s\].
@@ -26,11 +26,11 @@ pub struct Gap {
     pub to: f64,
 }
 
-/// An interval so many times as long as the usual one is a gap.
+/// Ratio of an interval to the median above which it is a gap.
 const GAP: f64 = 2.5;
 
 impl TimeBase {
-    /// The time base of some times \[s\]; none of fewer than two.
+    /// Properties of some times \[s\], in non-decreasing order; `None` without two different times.
     pub fn of(time: &[f64]) -> Option<Self> {
         let (begin, end) = (*time.first()?, *time.last()?);
         let mut intervals: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();

@@ -1,28 +1,28 @@
-//! How the time of a log's rows is found.
+//! Source of the times of a log's rows.
 
 use crate::dimension::Dimension;
 use crate::unit::Unit;
 use crate::unit_table::UNITS;
 
-/// How the time of a log's rows is found, where a mapping says so: `time = unit (scale column + offset)`.
+/// Source of the times of a log's rows, as a mapping states it: `time = unit (scale column + offset)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeColumn {
     /// Heading or name of the column.
     pub column: Option<String>,
-    /// Its unit; the one that the log states where none.
+    /// Unit of the column; `None` for the unit stated in the log.
     pub unit: Option<Unit>,
-    /// What the column is multiplied by.
+    /// Factor on the column.
     pub scale: f64,
-    /// What is added then, in the unit.
+    /// Offset added to the scaled column, in the unit.
     pub offset: f64,
-    /// Interval of rows \[s\], where no column tells their time.
+    /// Sampling interval \[s\], for a log without a time column.
     pub sample_time: Option<f64>,
-    /// Whether column and unit were found by names, units and content, and stated by nobody.
+    /// Whether column and unit were found by names, units and content and not stated by the user.
     pub is_guessed: bool,
 }
 
 impl TimeColumn {
-    /// A column that was found, and the factor from its numbers to seconds, where it has numbers.
+    /// A time column found in the log, with the factor from its numbers to seconds, if it has numbers.
     pub(crate) fn found(heading: &str, factor: Option<f64>) -> Self {
         let is_it = |u: &&Unit| u.dimension == Dimension::Time && Some(u.factor) == factor;
         let unit = UNITS.iter().find(is_it).copied();

@@ -1,28 +1,29 @@
-//! Times in seconds of rows that come one after the other: the first rows are held until their numbers tell what they count.
+//! Conversion of sequential rows' times to seconds; the first rows are kept back until the unit can be determined.
 
 use crate::heading::Heading;
 use crate::time_column::TimeColumn;
 use crate::time_unit::{interval, resolve};
 
-/// Rows from which the unit is judged.
+/// Number of rows from which the unit is determined.
 const FIRST: usize = 64;
 
-/// From the numbers of a time to seconds.
+/// Conversion of a time's numbers to seconds.
 pub(crate) struct TimeScale {
     heading: String,
     read: Heading,
     stated: Option<TimeColumn>,
-    /// One of its numbers, where the format says so \[s\].
+    /// Size of one unit as the format defines it \[s\].
     own: Option<f64>,
-    /// What a number is multiplied by, and what is added then \[s\]; none while it is not known.
+    /// Factor and offset to seconds; `None` until they are determined.
     seconds: Option<(f64, f64)>,
     held: Vec<(u64, Vec<f64>)>,
-    /// What is to be said of it.
+    /// Remark about the assumed unit.
     pub(crate) remark: Option<String>,
 }
 
 impl TimeScale {
-    /// The scale of a time that is called so, as a mapping states it, else as the format says, else as its numbers tell.
+    /// The conversion for a time with this heading: stated by a mapping, else by the format, else determined from
+    /// numbers.
     pub(crate) fn new(
         heading: &str,
         read: &Heading,
@@ -40,7 +41,8 @@ impl TimeScale {
         }
     }
 
-    /// Adds a row, whose first number is a time as it was logged. Calls with each row whose time is known in seconds now, in order.
+    /// Adds a row whose first number is a logged time. Calls `each` with all rows whose time in seconds is now known,
+    /// in order.
     ///
     /// # Errors
     ///
@@ -60,7 +62,7 @@ impl TimeScale {
         if self.held.len() < FIRST { Ok(()) } else { self.finish(each) }
     }
 
-    /// No more rows come before the unit is judged: calls with those that are held.
+    /// Determines the unit without further rows, and calls `each` with the rows kept back.
     ///
     /// # Errors
     ///

@@ -1,28 +1,28 @@
-//! What a time counts: as it is stated, or judged by its numbers.
+//! Unit of a time: stated, or determined from its numbers.
 
 use crate::dimension::Dimension;
 use crate::heading::Heading;
 use crate::time_column::TimeColumn;
 use crate::unit::Unit;
 
-/// Times that are larger are counted from something far away, and are shown from the first one on \[s\].
+/// Times above this are relative to a distant origin, and are output relative to the first one \[s\].
 pub(crate) const FAR: f64 = 1e7;
 pub(crate) const DAY: f64 = 86_400.0;
 /// Seconds since 1970 of the years 1990 to 2100.
 const EPOCH: std::ops::Range<f64> = 6.3e8..4.2e9;
-/// Days of MATLAB's datenum of about the same years.
+/// Days of MATLAB's datenum in about the same years.
 const DATENUM: std::ops::Range<f64> = 7.2e5..7.7e5;
-/// Days of a spreadsheet's dates of about the same years.
+/// Days of a spreadsheet's dates in about the same years.
 const SPREADSHEET: std::ops::Range<f64> = 3.2e4..7.4e4;
-/// Intervals of rows that logs of machines have, at most \[s\].
+/// Largest row interval of a machine's log \[s\].
 const LONGEST: f64 = 0.5;
 
-/// What one of a time's numbers is \[s\], and what is to be said of it: as a mapping states it, as the format says (`own`), as the heading says, else as its
-/// first number and the usual interval tell.
+/// Size of one unit of a time's numbers \[s\], with a remark if it is assumed. Sources in order of priority: mapping,
+/// format (`own`), heading, and last the first number with the usual interval.
 ///
 /// # Errors
 ///
-/// What is wrong, and what to write: a unit that is unknown or of no time, or numbers that do not tell it.
+/// Reason and remedy: a unit that is unknown or not of a time, or numbers that leave the unit undetermined.
 pub(crate) fn resolve(
     heading: &str,
     read: &Heading,
@@ -54,7 +54,7 @@ pub(crate) fn resolve(
     if let Some(unit) = read.unit {
         return of_time(unit);
     }
-    // whoever states a factor has it lead to seconds
+    // a stated factor converts to seconds
     if stated.is_some_and(|s| s.scale != 1.0) {
         return Ok((1.0, None));
     }
@@ -76,7 +76,7 @@ pub(crate) fn resolve(
     Ok((factor, Some(remark)))
 }
 
-/// What numbers count \[s\], from the first one and their usual interval.
+/// Size of one unit \[s\], from the first number and the usual interval.
 fn by_content(first: f64, interval: f64) -> Option<(f64, &'static str)> {
     let is_fine = |factor: f64| interval * factor <= 10.0;
     for (factor, what) in [
@@ -89,7 +89,7 @@ fn by_content(first: f64, interval: f64) -> Option<(f64, &'static str)> {
             return Some((factor, what));
         }
     }
-    // days whose steps would be below a tenth of a millisecond if they were seconds
+    // as seconds such steps would be below a tenth of a millisecond: the numbers are days
     let is_days = interval < 1e-4;
     if is_days && DATENUM.contains(&first) {
         return Some((DAY, "days, MATLAB's datenum"));
@@ -109,7 +109,7 @@ fn by_content(first: f64, interval: f64) -> Option<(f64, &'static str)> {
     }
 }
 
-/// The median of the steps that go on.
+/// Median of the positive steps.
 pub(crate) fn interval(numbers: &[f64]) -> Option<f64> {
     let steps = numbers.windows(2).map(|w| w[1] - w[0]);
     let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();

@@ -1,4 +1,4 @@
-//! Units as people write them.
+//! Units, with their usual spellings.
 
 use crate::dimension::Dimension;
 use crate::unit_table::UNITS;
@@ -7,61 +7,62 @@ use thiserror::Error;
 /// A unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    /// As people write it.
+    /// Usual spelling.
     pub name: &'static str,
-    /// What it measures.
+    /// Physical dimension.
     pub dimension: Dimension,
-    /// One of it in SI units (rotation in rev/s, angles in rad, shares in 1).
+    /// Size in SI units (rotation in rev/s, angles in rad, shares in 1).
     pub factor: f64,
-    /// What zero of it is in SI units: of temperatures, and of absolute pressures as gauge pressures.
+    /// SI value of its zero: for temperatures, and for absolute pressures as gauge pressures.
     pub offset: f64,
-    /// Other ways to write it, as [`normal`] leaves them, in small letters.
+    /// Other spellings, normalised by [`normal`], in small letters.
     pub(crate) spellings: &'static [&'static str],
 }
 
-/// A unit that cannot be used.
+/// Reason why a unit cannot be used.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum UnitError {
-    /// It is not known.
+    /// The unit is not known.
     #[error("\"{text}\" is no known unit; {nearest}")]
     Unknown {
         /// What was read.
         text: String,
-        /// The known unit that is written most alike, or all of the wanted dimension where none is.
+        /// The known unit with the most similar spelling, or all units of the wanted dimension if none is similar.
         nearest: String,
     },
-    /// It measures something else.
+    /// The unit has another dimension.
     #[error("\"{text}\" is {}, not {}: one of {}", found.words(), wanted.words(), Unit::names(*wanted))]
     Dimension {
         /// What was read.
         text: String,
-        /// What it measures.
+        /// Dimension of the unit read.
         found: Dimension,
-        /// What is wanted.
+        /// Required dimension.
         wanted: Dimension,
     },
 }
 
 impl Unit {
-    /// All that are known.
+    /// All known units.
     pub const ALL: &'static [Self] = &UNITS;
 
-    /// A unit from its name or another way to write it: with a Greek mu or a micro sign, raised digits, in brackets or
-    /// quotes, with what it measures in parentheses, `V (Voltage)`. Mega and milli are told apart.
+    /// Parses a unit in any spelling: with a Greek mu or a micro sign, superscript digits, in brackets or quotes, or
+    /// with its dimension in parentheses, `V (Voltage)`. Mega and milli are distinguished.
     ///
     /// # Errors
     ///
-    /// [`UnitError::Unknown`] with the nearest that is known.
+    /// [`UnitError::Unknown`] with the most similar known unit.
     pub fn from_text(text: &str) -> Result<Self, UnitError> {
         Self::find(text)
             .ok_or_else(|| UnitError::Unknown { text: excerpt(text), nearest: nearest(text, None) })
     }
 
-    /// The same of a dimension that is wanted.
+    /// Parses a unit of a required dimension.
     ///
     /// # Errors
     ///
-    /// [`UnitError`] where it is not known, with the nearest of that dimension, or where it measures something else.
+    /// [`UnitError`] if the unit is unknown, with the most similar one of that dimension, or if it has another
+    /// dimension.
     pub fn of_dimension(text: &str, wanted: Dimension) -> Result<Self, UnitError> {
         match Self::find(text) {
             Some(unit) if unit.dimension == wanted => Ok(unit),
@@ -75,18 +76,18 @@ impl Unit {
         }
     }
 
-    /// A number of it in SI units.
+    /// Converts a number with this unit to SI units.
     pub fn si(&self, number: f64) -> f64 {
         number * self.factor + self.offset
     }
 
-    /// Names of all units of a dimension, the usual one first.
+    /// Names of all units of a dimension, the most common first.
     pub fn names(dimension: Dimension) -> String {
         let all = Self::ALL.iter().filter(|u| u.dimension == dimension);
         all.map(|u| u.name).collect::<Vec<_>>().join(", ")
     }
 
-    /// The unit that a text is, if it is one.
+    /// Looks up the unit of a text.
     pub(crate) fn find(text: &str) -> Option<Self> {
         let text = stripped(text);
         let whole = Self::spelled(&normal(text));
@@ -112,7 +113,7 @@ impl Unit {
         let exact = Self::ALL.iter().find(|u| u.name == normal);
         exact.copied().or_else(|| {
             let small = normal.to_lowercase();
-            // of units that differ in capitals, mega is meant where milli makes no sense
+            // between units that differ only in capitals, mega is chosen where milli makes no sense
             let is_one = |u: &&Self| {
                 u.spellings.contains(&small.as_str())
                     || (u.name.to_lowercase() == small && !matches!(u.name, "mPa" | "MW" | "MN"))
@@ -122,7 +123,7 @@ impl Unit {
     }
 }
 
-/// Without quotes, brackets and a sign of a comment around it.
+/// Removes surrounding quotes, brackets and a comment sign.
 fn stripped(text: &str) -> &str {
     let mut text = text.trim();
     loop {
@@ -143,11 +144,11 @@ fn stripped(text: &str) -> &str {
     }
 }
 
-/// What stands before "absolute", however that is written: `bar (abs.)`, `kPa absolut`, `hPa(a)`.
+/// The text before "absolute" in any spelling: `bar (abs.)`, `kPa absolut`, `hPa(a)`.
 fn without_absolute(text: &str) -> Option<&str> {
     let text = text.trim().trim_end_matches([')', ']']).trim_end_matches('.');
     let word = text.rfind(|c: char| !c.is_alphabetic()).map_or(0, |at| at + 1);
-    // a separator is of one byte or more
+    // the separator may be a character of several bytes
     let word = (word..text.len()).find(|at| text.is_char_boundary(*at))?;
     let is_absolute = ["a", "abs", "absolut", "absolute"]
         .iter()
@@ -156,7 +157,7 @@ fn without_absolute(text: &str) -> Option<&str> {
     (is_absolute && word > 0 && !before.is_empty()).then_some(before)
 }
 
-/// One way of writing: `u` for micro, digits that are not raised, no blanks, dots, crosses, carets.
+/// Normalised spelling: `u` for micro, plain digits, without blanks, dots, crosses and carets.
 fn normal(text: &str) -> String {
     let mut normal = String::with_capacity(text.len());
     for c in text.chars() {
@@ -184,10 +185,10 @@ fn excerpt(text: &str) -> String {
     text.trim().chars().take(40).collect()
 }
 
-/// A unit that is written less alike is not meant.
+/// Smallest similarity of a spelling that is proposed.
 const ALIKE: f64 = 0.4;
 
-/// The unit that is written most like a text, of a dimension where one is wanted; the dimension's units where none is like it.
+/// The unit of the dimension, if given, with the most similar spelling; all units of it if none is similar.
 fn nearest(text: &str, wanted: Option<Dimension>) -> String {
     let small = normal(&excerpt(stripped(text))).to_lowercase();
     let alike = |spelling: &str| strsim::normalized_damerau_levenshtein(&small, spelling);
@@ -196,7 +197,7 @@ fn nearest(text: &str, wanted: Option<Dimension>) -> String {
         unit.spellings.iter().map(|s| alike(s)).fold(name, f64::max)
     };
     let fitting = Unit::ALL.iter().filter(|u| wanted.is_none_or(|d| u.dimension == d));
-    // the first of those that are as much alike, which is the usual one
+    // between equally similar units the first, which is the most common
     let best = fitting.rev().max_by(|a, b| of(a).total_cmp(&of(b)));
     match (best.filter(|unit| of(unit) >= ALIKE), wanted) {
         (Some(unit), _) => format!("the nearest is {}", unit.name),
@@ -230,7 +231,7 @@ mod tests {
                 assert!((unit.si(*count) / quantity - 1.0).abs() < 1e-6, "{name}");
             }
         }
-        // zeros that are elsewhere: absolute pressure as gauge pressure, temperatures
+        // units with another zero: absolute pressure as gauge pressure, temperatures
         for (name, number, si) in [
             ("bar abs", 1.013_25, 0.0),
             ("bara", 71.013_25, 70e5),
@@ -284,7 +285,7 @@ mod tests {
         }
         let unknown = |text: &str| Unit::from_text(text).unwrap_err().to_string();
         assert_eq!(unknown("barr"), "\"barr\" is no known unit; the nearest is bar");
-        // no gauge pressure, whatever stands before
+        // not a gauge pressure, whatever the unit
         for text in ["kgf/cm2 (abs)", "Torr abs", "barr (absolute)"] {
             assert!(Unit::from_text(text).is_err(), "{text}");
         }

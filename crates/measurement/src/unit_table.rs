@@ -1,13 +1,13 @@
-//! All units that are known.
+//! Table of all known units.
 //!
-//! Source of factors: BIPM, *The International System of Units*, 9th edition, 2019; NIST Special Publication 811, appendix B
-//! (inch, foot, psi, kgf, gallon).
+//! Source of factors: BIPM, *The International System of Units*, 9th edition, 2019; NIST Special Publication 811,
+//! appendix B (inch, foot, psi, kgf, gallon).
 
 use crate::dimension::Dimension;
 use crate::unit::Unit;
 use std::f64::consts::{PI, TAU};
 
-/// Pressure of the atmosphere \[Pa\]: what absolute pressures are above those that the model has.
+/// Atmospheric pressure \[Pa\]: difference of absolute and gauge pressure.
 pub(crate) const ATMOSPHERE: f64 = 101_325.0;
 
 const PSI: f64 = 6_894.757_293_168_361;
@@ -27,7 +27,7 @@ const fn unit(
     Unit { name, dimension, factor, offset: 0.0, spellings }
 }
 
-/// A unit of absolute pressure: as gauge pressure, it is an atmosphere less.
+/// A unit of absolute pressure: its offset to gauge pressure is minus one atmosphere.
 const fn absolute(name: &'static str, factor: f64, spellings: &'static [&'static str]) -> Unit {
     Unit { name, dimension: Dimension::Pressure, factor, offset: -ATMOSPHERE, spellings }
 }
@@ -41,7 +41,7 @@ const fn temperature(
     Unit { name, dimension: Dimension::Temperature, factor, offset, spellings }
 }
 
-/// Of several units of a dimension the usual one is first. Spellings are in small letters, without blanks, dots and carets.
+/// The most common unit of a dimension is first. Spellings are in small letters, without blanks, dots and carets.
 pub(crate) const UNITS: [Unit; 100] = [
     unit(
         "mm",

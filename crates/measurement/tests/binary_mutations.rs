@@ -1,6 +1,7 @@
 //! Damaged files of binary formats: whatever a file holds, it is read or refused, within seconds and bounded memory.
 //!
-//! 300 for each format; `HYDROBOOM_MUTATIONS=10000 cargo test -p hydroboom-measurement --release --test binary_mutations` tries more.
+//! 300 for each format; `HYDROBOOM_MUTATIONS=10000 cargo test -p hydroboom-measurement --release --test
+//! binary_mutations` tries more.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 

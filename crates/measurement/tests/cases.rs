@@ -1,7 +1,7 @@
 //! Logs of one motion in the forms that export files take, each read rightly or refused with its reason.
 //!
-//! Each form is made here. Where the environment variable `HYDROBOOM_CASES` names a folder with files of the same names, which hold a simulated lift, those are
-//! read too.
+//! Each form is made here. Where the environment variable `HYDROBOOM_CASES` names a folder with files of the same
+//! names, which hold a simulated lift, those are read too.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 

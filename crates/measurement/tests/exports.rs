@@ -43,7 +43,8 @@ fn a_labview_measurement_with_notes() {
     assert_eq!((at(&log, "Pressure A", 0.1), at(&log, "Stroke", 0.1)), (7.1, 150.0));
 }
 
-/// `ladisk/lvm_read`, pull request 14, and files with `X_Columns No`: separated by commas, rows without a time, their interval in the head.
+/// `ladisk/lvm_read`, pull request 14, and files with `X_Columns No`: separated by commas, rows without a time, their
+/// interval in the head.
 #[test]
 fn a_labview_measurement_without_times() {
     for (separator, comma) in [("\t", ","), (",", ".")] {
@@ -59,7 +60,8 @@ fn a_labview_measurement_without_times() {
     }
 }
 
-/// `ngscopeclient/scopehal`, issues 408 and 429: a head of comments, a date with dots within its seconds, times from before the trigger on.
+/// `ngscopeclient/scopehal`, issues 408 and 429: a head of comments, a date with dots within its seconds, times from
+/// before the trigger on.
 #[test]
 fn an_acquisition_of_digilent_waveforms() {
     let text = format!(
@@ -110,8 +112,8 @@ fn units_above_names_with_german_dates() {
     assert!(log.remarks.iter().any(|r| r.contains("DeviceName")), "{:?}", log.remarks);
 }
 
-/// TwinCAT Scope with its timelines exported for each sample time: several channels below one time column; and with ticks of
-/// 100 ns.
+/// TwinCAT Scope with its timelines exported for each sample time: several channels below one time column; and with
+/// ticks of 100 ns.
 #[test]
 fn a_scope_export_with_a_time_column_for_each_sample_time() {
     let text = format!(

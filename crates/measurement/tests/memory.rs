@@ -18,7 +18,8 @@ use std::path::{Path, PathBuf};
 
 /// Numbers that are more than are kept.
 const NUMBERS: usize = 24_000_000;
-/// Memory that reading takes at most \[kB\]: 160 MB of numbers, as much again while they grow, and what the test itself needs.
+/// Memory that reading takes at most \[kB\]: 160 MB of numbers, as much again while they grow, and what the test
+/// itself needs.
 const MOST_MEMORY: u64 = 500_000;
 
 /// Rows, and signals of each.

@@ -1,15 +1,15 @@
-//! What a cell of a table holds.
+//! Content of a table's cell.
 
-/// What a cell of a table holds.
+/// Content of a table's cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Cell {
     /// A finite number.
     Number(f64),
-    /// Nothing was measured.
+    /// No value.
     Missing,
     /// A date, a time of a day, both, or a duration.
     Stamp(Stamp),
-    /// Anything else.
+    /// Any other text.
     Text,
 }
 
@@ -18,37 +18,37 @@ pub(super) enum Cell {
 pub(super) struct Stamp {
     /// Days since 1970, where there is a date.
     pub(super) day: Option<i64>,
-    /// Seconds of the day, or of the duration, where there are.
+    /// Seconds of the day or of the duration, if given.
     pub(super) seconds: Option<f64>,
 }
 
-/// How the numbers of a table are written.
+/// Number format of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Decimal {
-    /// Whether the decimal mark is a comma and not a point.
+    /// Whether the decimal mark is a comma; otherwise it is a point.
     pub(super) is_comma: bool,
-    /// What the other mark is where groups of three digits stand behind it.
+    /// Meaning of the other mark between groups of three digits.
     pub(super) other: OtherMark,
 }
 
-/// What a point is among decimal commas, and a comma among decimal points.
+/// Meaning of a point in a table with decimal commas, and of a comma in one with decimal points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum OtherMark {
-    /// A mark of thousands: numbers have shown which mark is the decimal one.
+    /// Thousands separator: other numbers show which mark is the decimal one.
     Thousands,
-    /// A decimal mark too: other numbers have it with fewer or more digits behind it.
+    /// A second decimal mark: other numbers have fewer or more than three digits after it.
     Decimal,
-    /// Not known: `2.254` may be two or two thousand.
+    /// Undetermined: `2.254` may be two or two thousand.
     Unknown,
 }
 
 impl Decimal {
-    /// With this decimal mark, before anything is known of the other.
+    /// A format with this decimal mark; the other mark is undetermined.
     pub(super) const fn mark(is_comma: bool) -> Self {
         Self { is_comma, other: OtherMark::Unknown }
     }
 
-    /// With the same decimal mark, and what the texts of some cells show of the other.
+    /// The same format with the other mark determined from the texts of some cells.
     pub(super) fn judged<'a>(self, texts: impl Iterator<Item = &'a str>) -> Self {
         let (decimal, other) = if self.is_comma { (',', '.') } else { ('.', ',') };
         let (mut is_shown, mut is_contradicted) = (false, false);
@@ -69,7 +69,8 @@ impl Decimal {
     }
 }
 
-/// Whether a text is a whole number with a mark between groups of three digits: `2.254`, `-12.345.678`, and not `0.254`.
+/// Whether a text is a whole number with a mark between groups of three digits: `2.254`, `-12.345.678`, and not
+/// `0.254`.
 fn is_grouped(text: &str, mark: char) -> bool {
     let mut groups = text.trim_start_matches(['-', '+', '−']).split(mark);
     let is_digits = |g: &str| !g.is_empty() && g.bytes().all(|b| b.is_ascii_digit());
@@ -83,7 +84,7 @@ fn is_grouped(text: &str, mark: char) -> bool {
         && count > 0
 }
 
-/// Words that mean that nothing is there.
+/// Words for a missing value.
 const MISSING: [&str; 17] = [
     "nan",
     "na",
@@ -103,21 +104,21 @@ const MISSING: [&str; 17] = [
     "overflow",
     "-nan",
 ];
-/// Switches.
+/// Words for the state "on" of a switch.
 const ON: [&str; 6] = ["true", "on", "wahr", "ein", "yes", "ja"];
 const OFF: [&str; 6] = ["false", "off", "falsch", "aus", "no", "nein"];
-/// A cell that is longer is text.
+/// Longest text that is parsed as a number or time; longer cells are text.
 const LONGEST: usize = 64;
 
 impl Cell {
-    /// Reads a cell.
+    /// Parses a cell.
     pub(super) fn read(text: &str, decimal: Decimal) -> Self {
         let text = text.trim().trim_matches('"').trim();
         if text.is_empty() {
             return Self::Missing;
         }
         let first = text.as_bytes()[0];
-        // most cells are plain numbers
+        // fast path for plain numbers
         if !decimal.is_comma
             && (first.is_ascii_digit() || first == b'-')
             && let Ok(value) = text.parse::<f64>()
@@ -151,7 +152,7 @@ impl Cell {
         if value.is_finite() { Self::Number(value) } else { Self::Missing }
     }
 
-    /// Its number; NaN where there is none.
+    /// The number; NaN for other content.
     pub(super) fn number(self) -> f64 {
         match self {
             Self::Number(value) => value,
@@ -165,7 +166,7 @@ impl Cell {
     }
 }
 
-/// A number as people write it: thousands apart, Fortran's exponent, a raised minus.
+/// Parses a number with thousands separators, Fortran's exponent `D` or a Unicode minus.
 fn number(text: &str, decimal: Decimal) -> Option<f64> {
     let has_digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit() || c == '.' || c == ',');
     if !text.contains(|c: char| c.is_ascii_digit())
@@ -195,7 +196,7 @@ fn number(text: &str, decimal: Decimal) -> Option<f64> {
             c => plain.push(c),
         }
     }
-    // a sign of thousands stands before three digits
+    // a thousands separator is followed by three digits
     let parts: Vec<&str> = match thousands {
         Some(sign) => text.split(sign).skip(1).collect(),
         None => Vec::new(),
@@ -208,8 +209,8 @@ fn number(text: &str, decimal: Decimal) -> Option<f64> {
 }
 
 impl Stamp {
-    /// A date (`2024-01-31`, `31.01.2024`, `1/31/2024`), a time of a day or a duration (`10:00:00,123`, `00:01:02.5 PM`), or both with a blank or a `T`
-    /// between; with a zone (`Z`, `+01:00`), which is taken off a date with a time.
+    /// A date (`2024-01-31`, `31.01.2024`, `1/31/2024`), a time of a day or a duration (`10:00:00,123`, `00:01:02.5
+    /// PM`), or both separated by a blank or a `T`. The offset of a time zone (`Z`, `+01:00`) is subtracted.
     fn read(text: &str) -> Option<Self> {
         let text = text.trim_end_matches(['Z', 'z']).trim();
         let (text, noon) = match text.to_ascii_uppercase() {
@@ -221,7 +222,7 @@ impl Stamp {
         let (date, clock) = match parts.as_slice() {
             [one] if one.contains(':') => (None, Some(*one)),
             [one] => (Some(*one), None),
-            // `0 days 00:00:01.5`, as a table of Python has it
+            // `0 days 00:00:01.5`, pandas' format of a duration
             [days, word, clock] if word.starts_with("day") => {
                 let days: f64 = days.parse().ok()?;
                 let seconds = clock_seconds(clock)? + days * 86_400.0;
@@ -259,7 +260,7 @@ fn clock_seconds(text: &str) -> Option<f64> {
     let (hours, minutes, seconds) = match fields.as_slice() {
         [h, m] => (whole(h)?, whole(m)?, 0.0),
         [h, m, s] => (whole(h)?, whole(m)?, decimal(s)?),
-        // milliseconds or microseconds behind a fourth colon
+        // milliseconds or microseconds after a third colon
         [h, m, s, fraction] => {
             let small = f64::from(whole(fraction)?) / 10_f64.powi(fraction.len() as i32);
             (whole(h)?, whole(m)?, f64::from(whole(s)?) + small)
@@ -270,7 +271,7 @@ fn clock_seconds(text: &str) -> Option<f64> {
         .then(|| sign * (f64::from(hours) * 3600.0 + f64::from(minutes) * 60.0 + seconds))
 }
 
-/// Seconds by which the zone of `10:00:00+01:00`, `10:00:00-0330` or `10:00:00+01` is ahead of UTC; zero without one.
+/// Offset from UTC \[s\] of the zone in `10:00:00+01:00`, `10:00:00-0330` or `10:00:00+01`; zero without a zone.
 fn zone(text: &str) -> f64 {
     let Some(at) = text.rfind(['+', '-']).filter(|at| *at > 0) else { return 0.0 };
     let digits: String = text[at + 1..].chars().filter(char::is_ascii_digit).collect();
@@ -291,7 +292,7 @@ fn day(text: &str) -> Option<i64> {
     let sign = text.chars().find(|c| !c.is_ascii_digit())?;
     let fields: Vec<&str> = text.split(sign).filter(|field| !field.is_empty()).collect();
     let [a, b, c] = fields.as_slice() else { return None };
-    // `1.2.3` is a version
+    // `1.2.3` is a version number
     if a.len() < 2 && c.len() < 2 {
         return None;
     }
@@ -310,8 +311,8 @@ fn day(text: &str) -> Option<i64> {
     is_date.then(|| days_since_1970(year, month, day))
 }
 
-/// Days from 1 January 1970 to a date of the Gregorian calendar: years are counted from March, so that the leap day is their
-/// last.
+/// Days from 1 January 1970 to a date of the Gregorian calendar. Years begin in March here, so that the leap day is the
+/// last day.
 fn days_since_1970(year: i64, month: i64, day: i64) -> i64 {
     let year = if month <= 2 { year - 1 } else { year };
     let months_since_march = (month + 9) % 12;
@@ -373,10 +374,10 @@ mod tests {
         assert_eq!(Cell::read("0.254", german), Cell::Number(0.254));
         let english = judged(false, &["0.01", "2,254"]);
         assert_eq!(Cell::read("2,254", english), Cell::Number(2254.0));
-        // points that are decimal marks too
+        // a point that is used as a decimal mark too
         let mixed = judged(true, &["0,010", "12.5", "2.254"]);
         assert_eq!(Cell::read("2.254", mixed), Cell::Number(2.254));
-        // nothing shows which
+        // undetermined
         assert_eq!(Cell::read("2.254", judged(true, &["3,170", "2.254"])), Cell::Text);
         assert_eq!(Cell::read("2,254", judged(false, &["3", "2,254"])), Cell::Text);
     }

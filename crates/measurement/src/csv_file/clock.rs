@@ -1,10 +1,10 @@
-//! Cells of rows as times.
+//! Conversion of the cells of rows to times.
 
 use super::cell::{Cell, Stamp};
 use super::times::Source;
 use crate::time_unit::DAY;
 
-/// What far times of a table are counted from; all its clocks share it.
+/// Origin of the times of a table that are far from zero; shared by all its clocks.
 #[derive(Default)]
 pub(super) struct Origin {
     /// Day of the first stamp that has a date.
@@ -13,13 +13,13 @@ pub(super) struct Origin {
     pub(super) zero: Option<f64>,
 }
 
-/// Turns the cells of rows into times \[s\].
+/// Converts the cells of rows to times \[s\].
 pub(super) struct Clock {
     source: Source,
     count: u64,
-    /// Seconds of the day of the last stamp, where one has been read.
+    /// Seconds of the day of the last stamp.
     last: Option<f64>,
-    /// Days that a clock without a date went on \[s\].
+    /// Duration of the days that have passed for a clock without a date \[s\].
     days_on: f64,
 }
 
@@ -28,7 +28,7 @@ impl Clock {
         Self { source, count: 0, last: None, days_on: 0.0 }
     }
 
-    /// The time of a row \[s\]; none where it has none.
+    /// The time of a row \[s\]; `None` if its cells hold no time.
     pub(super) fn time(&mut self, row: &[Cell], origin: &mut Origin) -> Option<f64> {
         let cell = |k: usize| row.get(k).copied().unwrap_or(Cell::Missing);
         match self.source {
@@ -41,7 +41,7 @@ impl Clock {
                 if !is_far {
                     return Some(number * factor + offset);
                 }
-                // the difference first: a number since 1970 has no digits left for parts of a second
+                // subtracts first: a double of seconds since 1970 does not resolve fine fractions of a second
                 let zero = *origin.zero.get_or_insert(number * factor + offset);
                 Some((number - (zero - offset) / factor) * factor)
             }
@@ -59,7 +59,7 @@ impl Clock {
                         let zero = *origin.zero.get_or_insert(time);
                         Some(time - zero)
                     }
-                    // a time of the day goes on after midnight
+                    // a time of day that decreases has passed midnight
                     None => {
                         let zero = *origin.zero.get_or_insert(seconds);
                         if self.last.unwrap_or(zero) - seconds > 0.5 * DAY {

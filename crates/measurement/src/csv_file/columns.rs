@@ -1,18 +1,18 @@
-//! The columns of a table, from what stands above them.
+//! Columns of a table, from the rows above its numbers.
 
 use super::cell::Cell;
 use super::style::Style;
 use crate::heading::Heading;
 use crate::unit::Unit;
 
-/// What the cells of a column are.
+/// Content of a column's cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
     /// Numbers.
     Number,
     /// Dates and times.
     Stamp,
-    /// Words.
+    /// Texts.
     Text,
 }
 
@@ -21,13 +21,13 @@ pub(super) struct Column {
     pub(super) heading: String,
     pub(super) read: Heading,
     pub(super) kind: Kind,
-    /// Whether TwinCAT Scope says that it is a time, in ms.
+    /// Whether it is a time column of TwinCAT Scope, in ms.
     pub(super) is_scope_time: bool,
-    /// Interval that the head promises \[s\].
+    /// Sampling interval stated in the head \[s\].
     pub(super) interval: Option<f64>,
 }
 
-/// The columns.
+/// The columns of a table.
 pub(super) fn columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
     let mut columns = match is_scope(style) {
         true => scope_columns(style, remarks),
@@ -49,7 +49,7 @@ pub(super) fn columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
     columns
 }
 
-/// A heading, its unit from a line below it, or from itself.
+/// A column's heading; its unit comes from the line below, or else from the heading.
 fn column(heading: &str, below: &str) -> Column {
     Column {
         heading: heading.into(),
@@ -60,12 +60,12 @@ fn column(heading: &str, below: &str) -> Column {
     }
 }
 
-/// Without a sign of a comment.
+/// Removes a comment sign.
 fn bare(text: &str) -> &str {
     text.trim_start_matches(['#', '%', '!']).trim_start_matches("//").trim()
 }
 
-/// Where the first cell is but the sign of a comment, the others stand one further.
+/// Removes a first cell that contains only a comment sign, so that the names match their columns.
 fn without_sign(row: &[String]) -> &[String] {
     match row.first() {
         Some(first) if bare(first).is_empty() && !first.is_empty() => &row[1..],
@@ -81,7 +81,7 @@ fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
         let most = style.width.max(2);
         row.len() + 1 >= most && row.len() <= most + 1 && named(row) * 2 > style.width
     };
-    // LabVIEW ends each of its heads with a line that says so, and names units by a label
+    // LabVIEW ends each head with a marker line, and labels the row of units
     let is_end = |row: &Vec<String>| is_label(row, "***End_of_Header***");
     let from = style.head.iter().rposition(is_end).map_or(0, |k| k + 1);
     let labelled = style.head.iter().find(|row| from > 0 && is_label(row, "Y_Unit_Label"));
@@ -92,9 +92,9 @@ fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
         let there = row.iter().filter(|c| !bare(c).is_empty());
         row.iter().filter(is_unit).count() * 2 > there.count().max(1)
     };
-    // types, say, are the same all along
+    // a row with equal cells holds types or the like
     let is_uniform = |row: &[String]| row.len() > 2 && row.iter().skip(1).all(|c| *c == row[1]);
-    // names stand above units; without units, or where nothing stands above them, the lowest row has the names
+    // names stand above units; without a row of units the lowest row holds the names
     let is_name = |k: &&usize| !is_uniform(rows[**k]) && !are_units(rows[**k]);
     let is_whole = |k: &usize| rows[*k].len() <= style.width + 1 && are_units(rows[*k]);
     let units = (0..rows.len()).rev().find(is_whole);
@@ -108,7 +108,7 @@ fn plain_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
         let unit = |k: usize| units.and_then(|u| u.get(k)).map_or("", |u| bare(u));
         return (1..=style.width).map(|k| column(&format!("column_{k}"), unit(k - 1))).collect();
     };
-    // LabVIEW, where rows have no time of their own
+    // LabVIEW, if rows have no time of their own
     let steps = style.head.iter().find(|row| is_label(row, "Delta_X"));
     let is_empty =
         |k: usize| style.sample.iter().all(|row| matches!(row.get(k), None | Some(Cell::Missing)));
@@ -131,7 +131,7 @@ fn is_label(row: &[String], label: &str) -> bool {
     row.first().is_some_and(|c| c.eq_ignore_ascii_case(label))
 }
 
-/// Whether it is an export of TwinCAT Scope: each channel has a column below its label, `Name`, and one below its name.
+/// Detects an export of TwinCAT Scope: each channel has a column of its label, `Name`, and one of its values.
 fn is_scope(style: &Style) -> bool {
     let labels =
         ["SampleTime[ms]", "SymbolComment", "Data-Type", "Starttime of export", "SymbolName"];
@@ -141,14 +141,14 @@ fn is_scope(style: &Style) -> bool {
             && row.iter().step_by(2).all(|c| c.is_empty() || c.eq_ignore_ascii_case("Name"))
             && is_label(row, "Name")
     });
-    // a head of names alone, above numbers
+    // a head of only names above numbers
     let is_bare = style.head.len() == 1
         && is_label(&style.head[0], "Name")
         && style.sample.iter().any(|row| matches!(row.first(), Some(Cell::Number(_))));
     is_in_pairs || is_bare || (is_said && style.head.iter().any(|row| is_label(row, "Name")))
 }
 
-/// TwinCAT Scope: a block of rows, each beginning with its label, which stands above every time column too.
+/// Columns of TwinCAT Scope: each row of its head begins with a label, repeated above every time column.
 fn scope_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
     let row = |label: &str| {
         let is_it = |row: &&Vec<String>| is_label(row, label);
@@ -157,7 +157,7 @@ fn scope_columns(style: &Style, remarks: &mut Vec<String>) -> Vec<Column> {
     let none = Vec::new();
     let names = row("Name").unwrap_or(&none);
     let (samples, units) = (row("SampleTime[ms]"), row("Unit"));
-    // exported without time columns, the numbers have no cell below the labels
+    // an export without time columns has no cell below the labels
     let has_times = style.width + 1 >= names.len();
     let mut columns = Vec::new();
     for (k, name) in names.iter().enumerate() {

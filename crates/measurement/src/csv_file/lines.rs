@@ -1,32 +1,32 @@
-//! Lines of a text file, whatever its encoding, and the cells of a line.
+//! Lines of a text file in any encoding, and the cells of a line.
 
 use csv_core::ReadRecordResult;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Error, ErrorKind, Read};
 
-/// Bytes of a line, at most.
+/// Longest line \[bytes\].
 const LONGEST_LINE: u64 = 16 << 20;
-/// Bytes that tell the encoding.
+/// Number of bytes from which the encoding is detected.
 const BEGINNING: usize = 4096;
 
-/// Lines of a text file.
+/// Line reader of a text file.
 pub(super) struct Lines {
     source: Box<dyn BufRead>,
     /// Byte that ends a line.
     end: u8,
-    /// Bytes of the line that was read last.
+    /// Bytes of the current line.
     line: Vec<u8>,
-    /// Number of the line that was read last, counted from one.
+    /// Number of the current line, from 1.
     pub(super) number: u64,
     /// Whether the text is in UTF-16.
     pub(super) is_utf_16: bool,
-    /// Whether the line that was read last has no end: the last of a file, which may have been cut off in it.
+    /// Whether the current line has no line end: the last line of a file, which may have been truncated.
     pub(super) is_cut: bool,
 }
 
 impl Lines {
-    /// The lines of a file, in UTF-8, UTF-16 or Windows-1252; none if it is no text.
+    /// Opens a text file in UTF-8, UTF-16 or Windows-1252; `None` if it is not text.
     pub(super) fn of(mut file: File) -> std::io::Result<Option<Self>> {
         let mut beginning = Vec::new();
         file.by_ref().take(BEGINNING as u64).read_to_end(&mut beginning)?;
@@ -34,7 +34,7 @@ impl Lines {
         if utf_16.is_none() && beginning.contains(&0) {
             return Ok(None);
         }
-        // Macintosh of old
+        // line ends of old Macintosh systems
         let is_carriage_return = !beginning.contains(&b'\n') && beginning.contains(&b'\r');
         let has_mark = beginning.starts_with(&[0xef, 0xbb, 0xbf]);
         let skipped = if has_mark { 3 } else { 0 };
@@ -57,7 +57,7 @@ impl Lines {
         }))
     }
 
-    /// The next line, without its end; none at the end of the file.
+    /// The next line without its line end; `None` at the end of the file.
     pub(super) fn next(&mut self) -> std::io::Result<Option<&[u8]>> {
         self.line.clear();
         let mut bounded = self.source.by_ref().take(LONGEST_LINE);
@@ -78,7 +78,7 @@ impl Lines {
     }
 }
 
-/// A line as text: where it is no UTF-8, each byte is a character, as in Windows-1252 but for rare signs.
+/// Decodes a line: as UTF-8, or else byte by byte as Windows-1252 except for rare characters.
 pub(super) fn text(line: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(line) {
         Ok(text) => Cow::Borrowed(text),
@@ -86,7 +86,7 @@ pub(super) fn text(line: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// The encoding, where it is UTF-16: by its mark, or because every other byte of what is mostly digits is zero.
+/// The variant of UTF-16, by its byte-order mark or because every other byte is zero.
 fn utf_16(beginning: &[u8]) -> Option<&'static encoding_rs::Encoding> {
     if beginning.starts_with(&[0xff, 0xfe]) {
         return Some(encoding_rs::UTF_16LE);
@@ -104,10 +104,10 @@ fn utf_16(beginning: &[u8]) -> Option<&'static encoding_rs::Encoding> {
     }
 }
 
-/// What stands between cells.
+/// Separator between cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Separator {
-    /// A sign.
+    /// One character.
     Sign(u8),
     /// Any number of blanks and tabs.
     Blanks,
@@ -122,7 +122,8 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Takes a line apart. Signs within quotes do not separate; a quote that is not closed in its line is a sign like any other.
+    /// Splits a line. Separators within quotes do not count; a quote that is not closed in its line is an ordinary
+    /// character.
     pub(super) fn split(&mut self, line: &str, separator: Separator) {
         self.text.clear();
         self.begins.clear();
@@ -170,7 +171,7 @@ impl Cells {
         let mut output = vec![0; line.len() + 2];
         let mut ends = vec![0; line.bytes().filter(|b| *b == sign).count() + 2];
         let (mut read, mut written, mut cells) = (0, 0, 0);
-        // the line, and then its end
+        // once for the line, then for its end
         for _ in 0..4 {
             let input = line.as_bytes().get(read..).unwrap_or_default();
             let (result, nin, nout, nend) =

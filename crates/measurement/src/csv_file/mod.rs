@@ -1,11 +1,11 @@
-//! Delimited text: anybody's, and the exports of TwinCAT Scope and Simulink.
+//! Delimited text of any origin, including exports of TwinCAT Scope and Simulink.
 //!
 //! ```text
 //! lines -separator, decimal sign, head-> columns -names, units, content-> times -rows-> channels
 //! ```
 //!
-//! Each time column begins a group of columns that were sampled together: exports in which every channel has a time column of
-//! its own are read as what they are. What cannot be read is counted and said; a log is refused where nothing usable is left.
+//! Each time column begins a group of columns that were sampled together, so that an export with a time column for each
+//! channel keeps its times. Unreadable parts are counted and reported; a log without any usable part is refused.
 
 mod cell;
 mod clock;
@@ -27,13 +27,13 @@ use std::sync::Arc;
 use style::Style;
 use times::{Source, Times};
 
-/// Lines that are looked at first, and bytes of them, at most.
+/// Largest number of lines from which the format is detected.
 const FIRST_LINES: usize = 2_000;
 const FIRST_BYTES: usize = 32 << 20;
-/// Columns, at most.
+/// Largest number of columns.
 const MOST_COLUMNS: usize = 20_000;
-/// Names that are told of columns that are left out.
-const TOLD: usize = 5;
+/// Largest number of omitted columns that a message names.
+const MOST_LISTED: usize = 5;
 
 pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, MeasurementError> {
     let file = path.display().to_string();
@@ -71,9 +71,10 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
     let words: Vec<&str> =
         columns.iter().filter(|c| c.kind == Kind::Text).map(|c| c.heading.as_str()).collect();
     if !words.is_empty() {
-        let more = words.len().saturating_sub(TOLD);
+        let more = words.len().saturating_sub(MOST_LISTED);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        let named: Vec<String> = words.iter().take(TOLD).map(|w| format!("\"{w}\"")).collect();
+        let named: Vec<String> =
+            words.iter().take(MOST_LISTED).map(|w| format!("\"{w}\"")).collect();
         remarks.push(format!("columns of text are left out: {}{more}", named.join(", ")));
     }
     let bases = Times { file: &file, style: &style, columns: &columns, wanted: time }
@@ -129,7 +130,7 @@ pub(crate) fn read(path: &Path, time: &TimeColumn) -> Result<Measurement, Measur
     Ok(Measurement { name: file, channels, remarks, time: found })
 }
 
-/// The column of times, where there is one.
+/// The time column, if all columns share one.
 fn found(columns: &[columns::Column], bases: &[times::Base]) -> Option<TimeColumn> {
     let [base] = bases else { return None };
     match base.source {

@@ -1,4 +1,4 @@
-//! Rows of numbers, one after the other: what cannot be read is counted.
+//! Reader of the rows of numbers; unreadable rows are counted.
 
 use super::cell::Cell;
 use super::clock::{Clock, Origin};
@@ -9,39 +9,39 @@ use super::times::Base;
 use crate::recording::Recording;
 use crate::thinning::MOST;
 
-/// Rows of numbers.
+/// State of reading the rows.
 pub(super) struct Rows<'a> {
     style: &'a Style,
     columns: &'a [Column],
     bases: Vec<(Clock, Vec<usize>, Recording)>,
-    /// What far times are counted from \[s\].
+    /// Origin of times that are far from zero \[s\].
     pub(super) origin: Origin,
-    /// Whether the table says that it ends here.
+    /// Whether the table's end marker has been read.
     pub(super) is_ended: bool,
     count: u64,
     cells: Cells,
     row: Vec<Cell>,
     numbers: Vec<f64>,
-    comments: Odd,
-    words: Odd,
-    short: Odd,
-    long: Odd,
-    timeless: Odd,
-    bad: Odd,
-    cut: Odd,
-    /// Line of a head with the columns in another order.
+    comments: Irregular,
+    words: Irregular,
+    short: Irregular,
+    long: Irregular,
+    timeless: Irregular,
+    bad: Irregular,
+    cut: Irregular,
+    /// Line number of a later head with the columns in another order.
     other_head: Option<u64>,
 }
 
-/// What is odd: how often, and where first.
+/// Count of irregular rows of one kind, with the first line number.
 #[derive(Default)]
-struct Odd {
+struct Irregular {
     count: u64,
     line: u64,
     what: String,
 }
 
-impl Odd {
+impl Irregular {
     fn add(&mut self, line: u64, what: &str) {
         self.count += 1;
         if self.count == 1 {
@@ -68,18 +68,19 @@ impl<'a> Rows<'a> {
             cells: Cells::default(),
             row: Vec::new(),
             numbers: Vec::new(),
-            comments: Odd::default(),
-            words: Odd::default(),
-            short: Odd::default(),
-            long: Odd::default(),
-            timeless: Odd::default(),
-            bad: Odd::default(),
-            cut: Odd::default(),
+            comments: Irregular::default(),
+            words: Irregular::default(),
+            short: Irregular::default(),
+            long: Irregular::default(),
+            timeless: Irregular::default(),
+            bad: Irregular::default(),
+            cut: Irregular::default(),
             other_head: None,
         }
     }
 
-    /// Adds a line; one that was cut off is left out where it is shorter than the others, since its last number may be too.
+    /// Adds a line. A truncated line that has fewer cells than the others is left out: its last number may be
+    /// incomplete.
     pub(super) fn add(&mut self, number: u64, line: &str, is_cut: bool) {
         if line.trim().is_empty() || self.is_ended {
             return;
@@ -112,7 +113,7 @@ impl<'a> Rows<'a> {
             numbers += u64::from(cell.is_data() && fits);
             self.row.push(if fits { cell } else { Cell::Missing });
         }
-        // a comment, a second head
+        // a comment or a repeated head
         if texts > 0 && (numbers == 0 || texts > numbers) {
             let is_comment = line.trim_start().starts_with(['#', '%', '!', '*'])
                 || line.trim_start().starts_with("//");
@@ -141,7 +142,7 @@ impl<'a> Rows<'a> {
         self.count += 1;
         let is_alone = self.bases.len() == 1;
         for (clock, members, recording) in &mut self.bases {
-            // a channel that was sampled less often has no time in this row
+            // the row has no time for a channel with a lower sampling rate
             let Some(time) = clock.time(&self.row, &mut self.origin) else {
                 if is_alone {
                     self.timeless.add(number, line);
@@ -155,7 +156,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Whether the line is a head with the same columns in another order: what follows it would be read as the wrong signals.
+    /// Whether the line is a head with the same columns in another order; the rows after it would be assigned wrongly.
     fn is_other_head(&self) -> bool {
         let names = || self.cells.iter().map(|text| text.trim().trim_matches('"').trim());
         let headings = || self.columns.iter().map(|c| c.heading.as_str());
@@ -169,7 +170,7 @@ impl<'a> Rows<'a> {
         found == known
     }
 
-    /// What was odd.
+    /// Sentences about the irregular rows.
     pub(super) fn remarks(&self) -> Vec<String> {
         let mut said = Vec::new();
         if let Some(line) = self.other_head {
@@ -177,7 +178,7 @@ impl<'a> Rows<'a> {
                 "line {line} is a head with the columns in another order: it and what follows are left out"
             ));
         }
-        let mut say = |odd: &Odd, what: &str, then: &str| {
+        let mut say = |odd: &Irregular, what: &str, then: &str| {
             if odd.count > 0 {
                 let shown =
                     if odd.what.is_empty() { String::new() } else { format!(" ({})", odd.what) };
@@ -188,13 +189,13 @@ impl<'a> Rows<'a> {
         say(&self.words, "rows that hold words in place of numbers", "left out");
         say(&self.timeless, "rows without a time", "left out");
         say(&self.bad, "cells that are no numbers", "they count as missing");
-        say(&self.short, "rows are shorter than the others", "what is not there is missing");
+        say(&self.short, "rows are shorter than the others", "their last cells count as missing");
         say(&self.cut, "rows are cut off by the end of the file", "left out");
-        say(&self.long, "rows are longer than the others", "what is more is left out");
+        say(&self.long, "rows are longer than the others", "the additional cells are left out");
         said
     }
 
-    /// How many rows there were, and what was recorded of each base.
+    /// Number of rows, and the recording of each time base.
     pub(super) fn finish(self) -> (u64, Vec<(Vec<usize>, Recording)>) {
         let bases = self.bases.into_iter().map(|(_, members, recording)| (members, recording));
         (self.count, bases.collect())

@@ -1,30 +1,30 @@
-//! How a table is written: what separates its cells, its decimal sign, where its numbers begin. Found from the first lines.
+//! Format of a table (separator, decimal mark, first row of numbers), detected from the first lines.
 
 use super::MOST_COLUMNS;
 use super::cell::{Cell, Decimal};
 use super::lines::{Cells, Separator};
 
-/// Rows of numbers that are looked at.
+/// Number of rows of numbers from which the format is detected.
 const SAMPLE: usize = 400;
 
-/// Cells that are looked at, at most.
+/// Largest number of cells that are parsed for that.
 const MOST_CELLS: usize = 2_000_000;
 
-/// How a table is written.
+/// Format of a table.
 pub(super) struct Style {
     pub(super) separator: Separator,
     pub(super) decimal: Decimal,
     /// Rows before the numbers.
     pub(super) head: Vec<Vec<String>>,
-    /// How many of the first lines come before the numbers.
+    /// Number of lines before the numbers.
     pub(super) first: usize,
-    /// Cells of a row of numbers.
+    /// Number of cells of a row of numbers.
     pub(super) width: usize,
     /// The first rows of numbers.
     pub(super) sample: Vec<Vec<Cell>>,
 }
 
-/// Ways to write, those first that are preferred where several read as much.
+/// Candidate formats, in order of preference where several parse the same amount of data.
 const WAYS: [(Separator, bool); 10] = [
     (Separator::Sign(b'\t'), false),
     (Separator::Sign(b'\t'), true),
@@ -38,17 +38,17 @@ const WAYS: [(Separator, bool); 10] = [
     (Separator::Sign(b':'), false),
 ];
 
-/// The lines, as one way reads them.
+/// The first lines, parsed in one candidate format.
 struct Reading {
     rows: Vec<Vec<Cell>>,
-    /// Numbers and times of a usual row.
+    /// Number of data cells of a typical row.
     usual: usize,
     width: usize,
     score: f64,
 }
 
 impl Reading {
-    /// None where no row has two numbers beside each other.
+    /// `None` if no row has two adjacent data cells.
     fn new(lines: &[String], (separator, decimal): (Separator, Decimal)) -> Option<Self> {
         let mut cells = Cells::default();
         let mut rows: Vec<Vec<Cell>> = Vec::new();
@@ -62,7 +62,7 @@ impl Reading {
                 break;
             }
         }
-        // rows of labels with a number behind each stand above tables, too
+        // rows with a label and a number may also stand above the table
         let is_table = |row: &Vec<Cell>| data(row) > texts(row);
         let has_table = rows.iter().any(|row| is_table(row) && data(row) >= 2);
         let counted = |row: &Vec<Cell>| if has_table && !is_table(row) { 0 } else { data(row) };
@@ -87,7 +87,7 @@ impl Reading {
         Some(Self { rows, usual, width, score })
     }
 
-    /// Columns of words: in half of the rows of numbers they have some.
+    /// Columns of text: at least half of the data rows have text there.
     fn words(&self) -> Vec<bool> {
         let rows = || self.rows.iter().filter(|row| data(row) * 10 >= self.usual * 6);
         let count = rows().count();
@@ -101,7 +101,7 @@ impl Reading {
             .collect()
     }
 
-    /// The first line of numbers: words stand in it where others have some, and nowhere else.
+    /// The first data row: it has text only in columns of text.
     fn first(&self) -> Option<usize> {
         let words = self.words();
         let first = self.rows.iter().position(|row| {
@@ -111,7 +111,7 @@ impl Reading {
             let is_whole = row.len() == self.width || data(row) * 10 >= self.usual * 6;
             is_whole && data(row) >= 2 && !row.iter().enumerate().any(is_label)
         })?;
-        // rows of numbers that are too short belong to the table and not to its head
+        // data rows with missing cells belong to the table, not to its head
         let is_short = |row: &&Vec<Cell>| data(row) >= 2 && texts(row) == 0;
         Some(first - self.rows[..first].iter().rev().take_while(is_short).count())
     }
@@ -125,7 +125,7 @@ fn texts(row: &[Cell]) -> usize {
     row.iter().filter(|cell| matches!(cell, Cell::Text)).count()
 }
 
-/// How numbers are written, for a separator and a decimal mark: the first rows show what the other mark is.
+/// Number format for a separator and a decimal mark; the first rows determine the meaning of the other mark.
 fn judged(lines: &[String], separator: Separator, is_comma: bool) -> Decimal {
     let mut cells = Cells::default();
     let texts: Vec<String> = lines
@@ -141,13 +141,13 @@ fn judged(lines: &[String], separator: Separator, is_comma: bool) -> Decimal {
 }
 
 impl Style {
-    /// How the first lines of a table are written; none where no row has two numbers beside each other.
+    /// Format of the first lines of a table; `None` if no row has two adjacent data cells.
     pub(super) fn find(lines: &[String]) -> Option<Self> {
         let mut best: Option<(f64, (Separator, Decimal), Reading)> = None;
         for (separator, is_comma) in WAYS {
             let way = (separator, judged(lines, separator, is_comma));
             let Some(reading) = Reading::new(lines, way) else { continue };
-            // signs that separate leave no doubt; blanks and colons stand within heads of such tables, too
+            // other separators are unambiguous; blanks and colons also occur within the heads of such tables
             let is_doubtful = matches!(separator, Separator::Blanks | Separator::Sign(b':'));
             let score = if is_doubtful { 0.9 * reading.score } else { reading.score };
             if best.as_ref().is_none_or(|(most, ..)| score > *most) {

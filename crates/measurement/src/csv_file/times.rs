@@ -1,4 +1,4 @@
-//! Which columns of a table hold times, and what they count: judged by names, units and content.
+//! Detection of a table's time columns and their unit, from names, units and content.
 
 use super::cell::Cell;
 use super::columns::{Column, Kind};
@@ -8,17 +8,17 @@ use crate::error::MeasurementError;
 use crate::time_column::TimeColumn;
 use crate::time_unit::{FAR, interval, resolve};
 
-/// Ticks of Windows' file time \[s\], which TwinCAT Scope writes.
+/// Tick of the Windows file time \[s\], used by TwinCAT Scope.
 const TICK: f64 = 1e-7;
 
-/// Where the time of some columns comes from.
+/// Source of the times of some columns.
 #[derive(Clone, Debug)]
 pub(super) enum Source {
-    /// A column of numbers: a factor to seconds, and what is added in seconds.
+    /// A column of numbers; time \[s\] = factor number + offset.
     Number { column: usize, factor: f64, offset: f64, is_far: bool },
-    /// A column of dates and times; where the dates stand in another, that too.
+    /// A column of dates and times; the column of dates if that is a separate one.
     Stamp { column: usize, date: Option<usize> },
-    /// Rows are counted \[s\].
+    /// Row count times an interval \[s\].
     Counted { interval: f64 },
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Base {
     pub(super) members: Vec<usize>,
 }
 
-/// The first rows, and how the time is to be found in them.
+/// The first rows, with the mapping's statements about the time.
 pub(super) struct Times<'a> {
     pub(super) file: &'a str,
     pub(super) style: &'a Style,
@@ -37,7 +37,7 @@ pub(super) struct Times<'a> {
 }
 
 impl Times<'_> {
-    /// The columns by their times.
+    /// Groups the columns by their times.
     pub(super) fn bases(&self, remarks: &mut Vec<String>) -> Result<Vec<Base>, MeasurementError> {
         let all = || (0..self.columns.len()).filter(|k| self.columns[*k].kind != Kind::Text);
         if let Some(interval) = self.wanted.sample_time {
@@ -67,7 +67,7 @@ impl Times<'_> {
         let is_time = |k: usize| times.contains(&k) || Some(k) == date;
         let mut bases: Vec<Base> = Vec::new();
         for (place, time) in times.iter().enumerate() {
-            // what stands before the first time belongs to it too
+            // columns before the first time column belong to it too
             let from = if place == 0 { 0 } else { *time };
             let to = times.get(place + 1).copied().unwrap_or(self.columns.len());
             let members: Vec<usize> =
@@ -80,7 +80,7 @@ impl Times<'_> {
         Ok(bases)
     }
 
-    /// Columns that are sampled as the head promises.
+    /// Columns with the sampling interval that the head states.
     fn counted(&self) -> Vec<Base> {
         let mut bases: Vec<Base> = Vec::new();
         let is_signal = |c: &Column| c.kind != Kind::Text && !c.read.is_named_as_time();
@@ -99,7 +99,7 @@ impl Times<'_> {
         bases
     }
 
-    /// The column that a mapping names; where each channel has a time of its own with the same name, all of them.
+    /// The time column named by a mapping; all columns of that name if each channel has its own.
     fn named(&self, name: &str) -> Result<Vec<usize>, MeasurementError> {
         let called = |is: &dyn Fn(&Column) -> bool| -> Vec<usize> {
             (0..self.columns.len()).filter(|k| is(&self.columns[*k])).collect()
@@ -131,7 +131,7 @@ impl Times<'_> {
         format!("{}{more}", all[..all.len().min(40)].join(", "))
     }
 
-    /// Columns that are times by name, unit and content; the first of them for all columns before the next.
+    /// Columns whose name, unit and content are those of a time. The first applies to all columns before the second.
     fn found(&self, remarks: &mut Vec<String>) -> Result<Vec<usize>, MeasurementError> {
         let score = |k: usize| -> f64 {
             let column = &self.columns[k];
@@ -141,10 +141,10 @@ impl Times<'_> {
             if column.kind == Kind::Text || (!is_stamp && !self.goes_on(k)) {
                 return 0.0;
             }
-            // a word says more than a letter, and a small letter more than a capital
+            // a word is stronger evidence than a letter, a small letter stronger than a capital one
             let by_name = match (is_named, column.read.name.as_str()) {
                 (true, "T") => 0.5,
-                // time in French, temperatures elsewhere
+                // "temps" is a time in French, and elsewhere temperatures
                 (true, name) if name.eq_ignore_ascii_case("temps") => 0.75,
                 (true, name) if name.chars().count() == 1 => 1.0,
                 (true, _) => 2.0,
@@ -163,7 +163,7 @@ impl Times<'_> {
         let Some((_, best)) = best else {
             return self.first_that_goes_on(remarks).map(|k| vec![k]);
         };
-        // a base of its own for each channel has the same name again, but for a number behind it
+        // with a time column for each channel, the names differ only in a number at the end
         let base = stem(&self.columns[best].read.name);
         let is_again = |k: &usize| {
             let name = &self.columns[*k].read.name;
@@ -176,7 +176,7 @@ impl Times<'_> {
         Ok((0..self.columns.len()).filter(is_again).collect())
     }
 
-    /// Without a column that is named as a time: the first one, if it increases by even steps.
+    /// Without a time column by name: the first column, if it increases in even steps.
     fn first_that_goes_on(&self, remarks: &mut Vec<String>) -> Result<usize, MeasurementError> {
         let first = self.columns.iter().position(|c| c.kind == Kind::Number);
         if let Some(first) = first
@@ -213,23 +213,24 @@ impl Times<'_> {
         })
     }
 
-    /// The first numbers of a column.
+    /// Numbers of a column in the first rows.
     fn numbers(&self, k: usize) -> Vec<f64> {
         let cells = self.style.sample.iter().filter_map(|row| row.get(k));
         cells.map(|c| c.number()).filter(|v| v.is_finite()).collect()
     }
 
-    /// Whether the first numbers of a column go on as a clock does: of twenty steps nineteen are not back, and half of them forth.
+    /// Whether a column increases like a clock in the first rows: at most one step in twenty is negative, and at
+    /// least half are positive.
     fn goes_on(&self, k: usize) -> bool {
         let numbers = self.numbers(k);
         let steps = numbers.len().saturating_sub(1);
         let back = numbers.windows(2).filter(|w| w[1] < w[0]).count();
         let on = numbers.windows(2).filter(|w| w[1] > w[0]).count();
-        // stamps that are coarser than the rows stand still between
+        // stamps with a coarser resolution than the row interval repeat
         steps == 0 || (on > 0 && back * 20 <= steps.max(20))
     }
 
-    /// Whether the first numbers of a column increase by even steps.
+    /// Whether a column increases in even steps in the first rows.
     fn is_even(&self, k: usize) -> bool {
         let numbers = self.numbers(k);
         let Some(usual) = interval(&numbers) else { return false };
@@ -238,7 +239,7 @@ impl Times<'_> {
         even * 20 >= numbers.len().saturating_sub(1) * 19
     }
 
-    /// A column of dates beside one of times of the day.
+    /// A column of dates next to a column of times of day.
     fn date_beside(&self, time: usize) -> Option<usize> {
         let stamp = |k: usize| {
             self.style.sample.iter().find_map(|row| match row.get(k) {
@@ -277,7 +278,7 @@ impl Times<'_> {
         })
     }
 
-    /// One of a column's numbers \[s\].
+    /// Size of one unit of a column's numbers \[s\].
     fn unit(
         &self,
         column: usize,
@@ -286,7 +287,7 @@ impl Times<'_> {
         remarks: &mut Vec<String>,
     ) -> Result<f64, MeasurementError> {
         let Column { heading, read, is_scope_time, .. } = &self.columns[column];
-        // a unit that is stated counts before
+        // a stated unit has priority
         let has_ticks = *is_scope_time && first > 1e15 && self.wanted.unit.is_none();
         if has_ticks {
             remarks.push("times are ticks of 100 ns, as TwinCAT Scope writes them".into());
@@ -299,7 +300,7 @@ impl Times<'_> {
     }
 }
 
-/// A name without a number behind it.
+/// A name without a number at its end.
 fn stem(name: &str) -> &str {
     name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches(['_', '.', '#', ' ', '-'])
 }

@@ -1,4 +1,4 @@
-//! Variables of a MAT file, put beside the times that they belong to.
+//! Assignment of a MAT file's variables to the times that they were sampled at.
 
 use super::simulink::{numbered, numbered_from, recording, structure_with_time};
 use super::value::{Matrix, Room, Value, Variable};
@@ -6,25 +6,25 @@ use crate::heading::Heading;
 use crate::path;
 use crate::sampled::{Column, Samples};
 
-/// What was found in a file.
+/// Signals found in a file.
 pub(super) struct Arranged {
     pub(super) samples: Vec<Samples>,
     pub(super) remarks: Vec<String>,
-    /// Paths of all numbers, for messages.
+    /// Paths of all numeric variables, for messages.
     pub(super) names: Vec<String>,
-    /// Whether the time that was asked for by name is there.
+    /// Whether the time variable named by the mapping exists.
     pub(super) has_wanted: bool,
     room: Room,
 }
 
-/// A time with the path of its variable.
+/// A time vector with the path of its variable.
 #[derive(Clone)]
 struct Time<'a> {
     path: String,
     values: &'a [f64],
 }
 
-/// Finds the times, and the signals that are as long. `wanted` is the name or path of the time, where it was given.
+/// Finds times and the signals of equal length. `wanted` is the name or path of the time variable, if given.
 pub(super) fn arrange(variables: &[Variable], wanted: Option<&str>) -> Arranged {
     let mut arranged = Arranged {
         samples: Vec::new(),
@@ -40,7 +40,7 @@ pub(super) fn arrange(variables: &[Variable], wanted: Option<&str>) -> Arranged 
 }
 
 impl Arranged {
-    /// The variables of a file, or the fields of a structure; times of what is around are for them too.
+    /// The variables of a file, or the fields of a structure; times of an enclosing scope apply there too.
     fn scope<'a>(
         &mut self,
         prefix: &str,
@@ -73,10 +73,10 @@ impl Arranged {
         times.extend(around.iter().cloned());
         self.names.extend(matrices.iter().map(|(name, _)| path(name)));
         let mut groups: Vec<Vec<Column>> = times.iter().map(|_| Vec::new()).collect();
-        let mut rivals: Vec<(usize, usize)> = Vec::new();
+        let mut same_lengths: Vec<(usize, usize)> = Vec::new();
         let mut others = Vec::new();
         for (name, matrix) in matrices {
-            // Time and Data only: the signal is the structure
+            // a structure of only Time and Data is itself the signal
             let heading = match name.eq_ignore_ascii_case("data") && !prefix.is_empty() {
                 true => prefix.to_string(),
                 false => path(name),
@@ -87,11 +87,11 @@ impl Arranged {
             };
             let mut fitting = (0..times.len()).filter(fits);
             let fitting = (fitting.next(), fitting.find(|k| *k < own));
-            if let (Some(taken), Some(rival)) = fitting
-                && times[taken].values != times[rival].values
-                && !rivals.contains(&(taken, rival))
+            if let (Some(taken), Some(other)) = fitting
+                && times[taken].values != times[other].values
+                && !same_lengths.contains(&(taken, other))
             {
-                rivals.push((taken, rival));
+                same_lengths.push((taken, other));
             }
             match fitting.0 {
                 Some(k) => {
@@ -108,10 +108,10 @@ impl Arranged {
                 None => others.push((heading, matrix)),
             }
         }
-        for (taken, rival) in rivals {
-            let (taken, rival) = (&times[taken].path, &times[rival].path);
+        for (taken, other) in same_lengths {
+            let (taken, other) = (&times[taken].path, &times[other].path);
             self.remarks.push(format!(
-                "{taken} and {rival} are times of one length: signals of that length are taken with {taken}; [log.time] column = \"...\" in a mapping says which"
+                "{taken} and {other} are times of one length: signals of that length are taken with {taken}; [log.time] column = \"...\" in a mapping says which"
             ));
         }
         for (time, columns) in times.iter().zip(groups).filter(|(_, columns)| !columns.is_empty()) {
@@ -174,7 +174,7 @@ impl Arranged {
     }
 }
 
-/// An array whose first row (To File) or first column is the time: it grows, and nothing else in the scope is a time.
+/// An array whose first row (To File) or first column is the time: it increases, and the scope has no other time.
 fn with_own_time(name: &str, matrix: &Matrix, room: &mut Room) -> Option<Samples> {
     let (rows, columns) = matrix.shape();
     let samples = if columns >= rows { [columns, rows] } else { [rows, columns] };
@@ -187,7 +187,7 @@ fn with_own_time(name: &str, matrix: &Matrix, room: &mut Room) -> Option<Samples
         let grows = time.windows(2).all(|w| w[1] >= w[0]) && time.first() < time.last();
         if grows {
             let mut signals = room.signals(matrix, samples)?;
-            // nothing is in it where there was no room
+            // without room the list is empty
             signals.drain(..signals.len().min(1));
             return Some(Samples {
                 time: Column::new(&format!("{name}_1"), time),

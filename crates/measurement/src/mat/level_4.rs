@@ -1,4 +1,4 @@
-//! MAT files of level 4: for each matrix five integers, its name, its numbers by columns.
+//! MAT files of level 4: each matrix has five integers, its name, and its numbers by columns.
 
 use super::numbers::{ByteOrder, Storage};
 use super::value::{Damage, MOST_NUMBERS, Matrix, Value, Variable};
@@ -6,11 +6,11 @@ use std::io::Read;
 
 const NO_MAT_FILE: &str = "neither a MAT file of level 4 nor of level 5 to 7";
 
-/// Reads all variables. A file that ends within one is read up to there, which is said.
+/// Reads all variables; a truncated file is read up to its end, with a remark.
 ///
 /// # Errors
 ///
-/// What is wrong with the first variable, or what is too large.
+/// Description of the damage in the first variable, or of a limit that it exceeds.
 pub(super) fn read(
     mut source: impl Read,
     remarks: &mut Vec<String>,
@@ -65,14 +65,14 @@ fn damaged_after(variables: &[Variable]) -> String {
     format!("the file is cut off or damaged after {name}: it is read up to there")
 }
 
-/// Bytes of a file; fewer where it ends. No more memory is taken than the file has bytes.
+/// Reads bytes; fewer at the end of the file. Allocates no more than the file's size.
 fn bytes(source: &mut impl Read, count: usize) -> Result<Vec<u8>, Damage> {
     let mut read = Vec::new();
     source.take(count as u64).read_to_end(&mut read).map_err(|e| e.to_string())?;
     Ok(read)
 }
 
-/// What stands before a matrix.
+/// Header of a matrix.
 struct Header {
     order: ByteOrder,
     storage: Storage,
@@ -81,7 +81,7 @@ struct Header {
     columns: usize,
     count: usize,
     is_complex: bool,
-    /// Length of the name, with the zero that ends it.
+    /// Length of the name, including its final zero byte.
     name: usize,
 }
 
@@ -94,14 +94,14 @@ enum Kind {
 
 impl Header {
     fn of(head: &[u8]) -> Option<Self> {
-        // the type is below 5000 in the file's own byte order
+        // the type code is below 5000 in the file's byte order
         let order = [ByteOrder::Little, ByteOrder::Big]
             .into_iter()
             .find(|order| head.len() == 20 && order.integer(head) < 5000)?;
         let integer = |k: usize| order.integer(&head[4 * k..]) as usize;
         let (code, rows, columns, imaginary, name) =
             (integer(0), integer(1), integer(2), integer(3), integer(4));
-        // thousands: 0 little, 1 big, above: VAX and Cray numbers
+        // thousands digit: 0 little endian, 1 big endian, above: VAX and Cray formats
         let is_ieee = code / 1000 == usize::from(order == ByteOrder::Big);
         let storage = match code / 10 % 10 {
             0 => Storage::Double,

@@ -1,4 +1,4 @@
-//! MAT files of level 5 to 7: elements with a tag each, compressed since level 7.
+//! MAT files of level 5 to 7: tagged elements, compressed since level 7.
 //!
 //! Layout after MathWorks, "MAT-File Format" (level 5): a header of 128 bytes, then elements of type, size and data.
 
@@ -7,22 +7,22 @@ use super::value::{Damage, MOST_NUMBERS, Matrix, Structure, Value, Variable};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
 
-/// Bytes of an element, unpacked, at most: all numbers that are kept as doubles, and some names.
+/// Largest size of a decompressed element \[bytes\]: all numbers that are kept, as doubles, and some names.
 const LARGEST_ELEMENT: u64 = 8 * MOST_NUMBERS as u64 + (1 << 20);
-/// Structures within structures, at most.
+/// Deepest nesting of structures.
 const DEEPEST: u32 = 16;
 
-/// What a matrix takes beside its numbers, in numbers: structures of a million empty fields are bounded too.
+/// Memory of a matrix besides its numbers, counted in numbers; it bounds structures with a million empty fields.
 const COST: usize = 16;
 
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 
-/// Reads all variables. A file that ends within one is read up to there, which is said.
+/// Reads all variables; a truncated file is read up to its end, with a remark.
 ///
 /// # Errors
 ///
-/// What is wrong with the first variable, or what is too large.
+/// Description of the damage in the first variable, or of a limit that it exceeds.
 pub(super) fn read(
     mut source: impl Read,
     remarks: &mut Vec<String>,
@@ -74,7 +74,7 @@ pub(super) fn read(
             }
         };
         match variable {
-            // a subsystem's data (of objects) has no name
+            // data of a subsystem (objects) has no name
             Ok(variable) if variable.name.is_empty() => {}
             Ok(variable) => variables.push(variable),
             Err(damage) if damage == too_large() => return Err(damage),
@@ -83,7 +83,7 @@ pub(super) fn read(
     }
 }
 
-/// The variables before what is damaged.
+/// The variables before the damaged one.
 fn up_to_there(
     variables: Vec<Variable>,
     damage: &str,
@@ -97,7 +97,7 @@ fn up_to_there(
     Ok(variables)
 }
 
-/// Bytes of a file; fewer where it ends. No more memory is taken than the file has bytes.
+/// Reads bytes; fewer at the end of the file. Allocates no more than the file's size.
 fn bytes(source: &mut impl Read, count: u64) -> Result<Vec<u8>, Damage> {
     let mut read = Vec::new();
     source.take(count).read_to_end(&mut read).map_err(|e| e.to_string())?;
@@ -130,7 +130,7 @@ fn variable(
     Elements { rest: data, order, numbers_left, remarks }.matrix(0)
 }
 
-/// Elements of a matrix, one after the other.
+/// Iterator over the elements of a matrix.
 struct Elements<'a> {
     rest: &'a [u8],
     order: ByteOrder,
@@ -144,14 +144,14 @@ impl<'a> Elements<'a> {
         let cut = || "an element is longer than what it is in".to_string();
         let (tag, after) = self.rest.split_at_checked(8).ok_or_else(cut)?;
         let first = self.order.integer(tag);
-        // up to four bytes of data stand in the tag itself, with their count before the type
+        // a small element holds up to four bytes in its tag, with their count before the type
         if let small @ 1.. = (first >> 16) as usize {
             self.rest = after;
             return Ok((first & 0xffff, tag.get(4..4 + small).ok_or_else(cut)?));
         }
         let size = self.order.integer(&tag[4..]) as usize;
         let data = after.get(..size).ok_or_else(cut)?;
-        // the last one may lack its padding
+        // the last element may lack its padding
         self.rest = &after[size.next_multiple_of(8).min(after.len())..];
         Ok((first, data))
     }
@@ -165,9 +165,9 @@ impl<'a> Elements<'a> {
         Ok(storage.numbers(data, self.order))
     }
 
-    /// A matrix of any class; its own tag is read already.
+    /// A matrix of any class; its tag has been read.
     fn matrix(&mut self, depth: u32) -> Result<Variable, Damage> {
-        // an empty field of a structure has no more than its tag
+        // an empty field of a structure consists of its tag only
         *self.numbers_left = self.numbers_left.checked_sub(COST).ok_or_else(too_large)?;
         if self.rest.is_empty() {
             let value = Value::Numbers(Matrix { dimensions: Vec::new(), values: Vec::new() });
@@ -179,7 +179,7 @@ impl<'a> Elements<'a> {
         let (_, flags) = self.element()?;
         let flags = self.order.integer(flags);
         let (class, is_complex) = (flags & 0xff, flags & 0x0800 != 0);
-        // objects of classes (string, table, timeseries ...) have no dimensions, but names
+        // objects of classes (string, table, timeseries ...) have names in place of dimensions
         if class == 17 {
             let name = text(self.element()?.1);
             let _system = self.element()?;
@@ -195,7 +195,7 @@ impl<'a> Elements<'a> {
         let value = match class {
             1 => Value::Unread("a cell array".into()),
             2 | 3 => {
-                // objects of old classes are structures with the class's name
+                // objects of old classes are structures with a class name
                 if class == 3 {
                     self.element()?;
                 }
@@ -286,7 +286,7 @@ fn storage(kind: u32) -> Option<Storage> {
 mod tests {
     use super::*;
 
-    /// A file that cannot be read any more after some bytes.
+    /// A file that fails to be read after some bytes.
     struct Failing<'a>(&'a [u8]);
 
     impl Read for Failing<'_> {

@@ -1,5 +1,5 @@
-//! MAT files of level 7.3: HDF5, in which matrices have their dimensions the other way round, structures are groups, and arrays
-//! of structures references into the group `#refs#`.
+//! MAT files of level 7.3: HDF5 with reversed dimensions. Structures are groups; arrays of structures hold references
+//! into the group `#refs#`.
 
 use super::numbers::{ByteOrder, Storage};
 use super::value::{Damage, MOST_NUMBERS, Matrix, Structure, Value, Variable};
@@ -8,24 +8,24 @@ use hdf5_reader::{Dataset, Datatype, Hdf5File, OpenOptions, ReferenceType};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Bytes of a matrix, at most: all numbers that are kept, as doubles.
+/// Largest size of a matrix \[bytes\]: all numbers that are kept, as doubles.
 const LARGEST: usize = 8 * MOST_NUMBERS;
-/// Bytes of a part of a matrix that is packed by itself, at most.
+/// Largest chunk of a matrix \[bytes\].
 const LARGEST_CHUNK: usize = 32 << 20;
-/// Structures within structures, at most.
+/// Deepest nesting of structures.
 const DEEPEST: u32 = 16;
-/// Elements of arrays of structures, times their fields, at most.
+/// Largest product of elements and fields of arrays of structures.
 const MOST_REFERENCES: usize = 10_000;
-/// Objects in the group `#refs#`, at most: cells are there too.
+/// Largest number of objects in the group `#refs#`, which holds cells too.
 const MOST_REFERRED: usize = 50_000;
-/// What a value takes beside its numbers, in numbers.
+/// Memory of a value besides its numbers, counted in numbers.
 const COST: usize = 16;
 
-/// Reads all variables. One that cannot be read is left out, which is said.
+/// Reads all variables; an unreadable one is left out, with a remark.
 ///
 /// # Errors
 ///
-/// What is wrong with the file, or what is too large.
+/// Description of the damage, or of a limit that the file exceeds.
 pub(super) fn read(path: &Path, remarks: &mut Vec<String>) -> Result<Vec<Variable>, Damage> {
     let options = OpenOptions::default()
         .with_chunk_cache_bytes(16 << 20)
@@ -61,14 +61,14 @@ fn words(error: hdf5_reader::error::Error) -> Damage {
     error.to_string()
 }
 
-/// What references lead to, by address.
-enum Referred {
+/// Target of a reference.
+enum Target {
     Dataset(Box<Dataset>),
     Group(Group),
 }
 
-/// Opens what references may lead to.
-fn referred(root: &Group) -> Result<HashMap<u64, Referred>, Damage> {
+/// Opens all possible targets of references, by address.
+fn referred(root: &Group) -> Result<HashMap<u64, Target>, Damage> {
     let refs = root.group("#refs#").map_err(words)?;
     let (groups, datasets) = refs.member_names().map_err(words)?;
     let count = groups.len() + datasets.len();
@@ -78,14 +78,14 @@ fn referred(root: &Group) -> Result<HashMap<u64, Referred>, Damage> {
         ));
     }
     let (groups, datasets) = refs.members().map_err(words)?;
-    let datasets = datasets.into_iter().map(|d| (d.address(), Referred::Dataset(Box::new(d))));
-    Ok(groups.into_iter().map(|g| (g.address(), Referred::Group(g))).chain(datasets).collect())
+    let datasets = datasets.into_iter().map(|d| (d.address(), Target::Dataset(Box::new(d))));
+    Ok(groups.into_iter().map(|g| (g.address(), Target::Group(g))).chain(datasets).collect())
 }
 
 struct Reader {
     root: Group,
-    /// What references lead to, once one was met.
-    referred: Option<HashMap<u64, Referred>>,
+    /// Targets of references, opened at the first reference.
+    referred: Option<HashMap<u64, Target>>,
     numbers_left: usize,
     references: usize,
 }
@@ -142,32 +142,32 @@ impl Reader {
         }
         let mut values = Vec::new();
         for address in addresses {
-            // taken out while it is read, so that nothing leads into itself
+            // removed from the map while it is read, so that cyclic references end
             let value = match self.referred.as_mut().and_then(|all| all.remove(&address)) {
-                Some(Referred::Dataset(dataset)) => {
+                Some(Target::Dataset(dataset)) => {
                     let value = self.dataset(&dataset, depth + 1);
-                    self.put_back(address, Referred::Dataset(dataset));
+                    self.put_back(address, Target::Dataset(dataset));
                     value?
                 }
-                Some(Referred::Group(group)) => {
+                Some(Target::Group(group)) => {
                     let value = self.group(&group, depth + 1);
-                    self.put_back(address, Referred::Group(group));
+                    self.put_back(address, Target::Group(group));
                     value?
                 }
-                None => Value::Unread("a reference that leads nowhere".into()),
+                None => Value::Unread("a dangling reference".into()),
             };
             values.push(value);
         }
         Ok(values)
     }
 
-    fn put_back(&mut self, address: u64, referred: Referred) {
+    fn put_back(&mut self, address: u64, referred: Target) {
         if let Some(all) = &mut self.referred {
             all.insert(address, referred);
         }
     }
 
-    /// A matrix, or what stands in its place.
+    /// A matrix; cell arrays and objects give [`Value::Unread`].
     fn dataset(&mut self, dataset: &Dataset, depth: u32) -> Result<Value, Damage> {
         self.charge(0)?;
         let class = class(dataset);
@@ -207,9 +207,9 @@ impl Reader {
     }
 }
 
-/// What a group is that is no structure, in MATLAB's words.
+/// MATLAB's name for a group that is not a structure.
 fn unread(group: &Group) -> Option<String> {
-    // rows, columns and numbers of a sparse matrix are beside each other
+    // a group with rows, columns and numbers is a sparse matrix
     if group.attribute("MATLAB_sparse").is_ok() {
         return Some("a sparse matrix".into());
     }
@@ -221,7 +221,7 @@ fn unread(group: &Group) -> Option<String> {
     }
 }
 
-/// What MATLAB calls the class of a variable.
+/// MATLAB's class name of a variable.
 fn class(dataset: &Dataset) -> Option<String> {
     let text = dataset.attribute("MATLAB_class").ok()?.read_string().ok()?;
     Some(text.trim_end_matches('\0').to_string())
@@ -231,7 +231,7 @@ fn is_reference(kind: &Datatype) -> bool {
     matches!(kind, Datatype::Reference { ref_type: ReferenceType::Object, size: 8 })
 }
 
-/// How the numbers of a matrix are stored.
+/// Storage format of a matrix's numbers.
 fn storage(kind: &Datatype) -> Option<(Storage, ByteOrder)> {
     use hdf5_reader::ByteOrder::BigEndian;
     let (storage, order) = match kind {

@@ -1,7 +1,7 @@
 //! MAT files of MATLAB, Simulink, dSPACE, Dymola and OpenModelica: levels 4 to 7.3.
 //!
 //! ```text
-//! file -level_4, level_5, level_7_3-> variables -arrange (times and what is as long), trajectory-> samples
+//! file -level_4, level_5, level_7_3-> variables -arrange (times, signals of equal length), trajectory-> samples
 //! ```
 
 mod arrange;
@@ -22,11 +22,11 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
-/// Reads a MAT file. The column of `time` is the name of the variable that holds it, or its path (`s.time`).
+/// Reads a MAT file. The column of `time` is the name of the time variable, or its path (`s.time`).
 ///
 /// # Errors
 ///
-/// [`MeasurementError`] when nothing in it can be used, with what is there.
+/// [`MeasurementError`] if the file has no usable signal, with a description of its content.
 pub(crate) fn read(
     path: &Path,
     time: Option<&TimeColumn>,

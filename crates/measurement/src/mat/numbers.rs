@@ -1,13 +1,13 @@
 //! Numbers of a MAT file, in either byte order.
 
-/// Order of the bytes of a number.
+/// Byte order of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ByteOrder {
     Little,
     Big,
 }
 
-/// How a number is stored.
+/// Storage type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Storage {
     Int8,
@@ -23,7 +23,7 @@ pub(super) enum Storage {
 }
 
 impl ByteOrder {
-    /// An integer of the first four bytes; zero where there are fewer.
+    /// Integer of the first four bytes; zero if there are fewer.
     pub(super) fn integer(self, bytes: &[u8]) -> u32 {
         let four = bytes.first_chunk::<4>().copied().unwrap_or_default();
         match self {
@@ -34,7 +34,7 @@ impl ByteOrder {
 }
 
 impl Storage {
-    /// Bytes of a number.
+    /// Size of a number \[bytes\].
     pub(super) fn size(self) -> usize {
         match self {
             Self::Int8 | Self::Uint8 => 1,
@@ -44,7 +44,7 @@ impl Storage {
         }
     }
 
-    /// The numbers of some bytes; what is not finite is NaN, bytes that make no whole number are left out.
+    /// Decodes numbers. Infinities become NaN; an incomplete number at the end is left out.
     pub(super) fn numbers(self, bytes: &[u8], order: ByteOrder) -> Vec<f64> {
         macro_rules! each {
             ($number:ty) => {

@@ -1,4 +1,4 @@
-//! What Simulink and dSPACE write into MAT files: structures with time, arrays whose first row is the time, and
+//! Conventions of Simulink and dSPACE in MAT files: structures with time, arrays whose first row is the time, and
 //! ControlDesk's structures of X and Y.
 
 use super::value::{Matrix, Room, Structure, Value};
@@ -41,7 +41,7 @@ pub(super) fn structure_with_time(
     Some(Samples { time: Column::new(&format!("{name}.time"), time.values.clone()), columns })
 }
 
-/// Columns of one signal, or of several in one matrix, whose heading has been read.
+/// Columns of a matrix with one or several signals and a parsed heading.
 pub(super) fn numbered(name: &str, read: &Heading, all: Vec<Vec<f64>>) -> Vec<Column> {
     match <[Vec<f64>; 1]>::try_from(all) {
         Ok([values]) => vec![Column::of(name, read.clone(), values)],
@@ -49,7 +49,7 @@ pub(super) fn numbered(name: &str, read: &Heading, all: Vec<Vec<f64>>) -> Vec<Co
     }
 }
 
-/// Columns that are numbered from a number on.
+/// Columns with numbers that start at a given one.
 pub(super) fn numbered_from(
     first: usize,
     name: &str,
@@ -109,7 +109,7 @@ pub(super) fn recording(
     Some(rasters)
 }
 
-/// The part of a model's path that tells: `Model Root/Position [mm]/Out1` is of the block, not of its port.
+/// Name of the block in a model's path, without its port: `Position [mm]` of `Model Root/Position [mm]/Out1`.
 fn block_of(path: &str) -> &str {
     let mut rest = path;
     loop {

@@ -1,15 +1,15 @@
-//! Results of Dymola and OpenModelica: MAT files of level 4 whose matrices `name`, `dataInfo` and `data_2` say
-//! which column is which variable.
+//! Results of Dymola and OpenModelica: MAT files of level 4 with the matrices `name`, `dataInfo` and `data_2`, which
+//! assign columns to variables.
 
 use super::value::{MOST_NUMBERS, MOST_ROWS, Matrix, Room, Value, Variable};
 use crate::heading::Heading;
 use crate::sampled::{Column, Samples};
 
-/// The signals of a result of a simulation; none where it is no such file.
+/// The signals of a simulation result; `None` if the file is not one.
 ///
 /// # Errors
 ///
-/// What is missing or does not fit together.
+/// The missing or inconsistent part.
 pub(super) fn samples(
     variables: &[Variable],
     remarks: &mut Vec<String>,
@@ -20,7 +20,7 @@ pub(super) fn samples(
     if !is_trajectory {
         return None;
     }
-    // transposed files have a variable a column, others a variable a row
+    // transposed files store each variable as a column, others as a row
     let is_transposed = class.get(3).is_none_or(|row| row.trim() == "binTrans");
     let texts = |name: &str| match of(name) {
         Some(Value::Text(rows)) if is_transposed => Some(columns_of(rows)),
@@ -51,7 +51,7 @@ struct Trajectories<'a> {
 
 impl Trajectories<'_> {
     fn samples(&self, remarks: &mut Vec<String>) -> Result<Samples, String> {
-        // data_2: the time, then a variable each
+        // data_2: the time, then the variables
         let (rows, columns) = self.data.shape();
         let (variables, samples) =
             if self.is_transposed { (rows, columns) } else { (columns, rows) };
@@ -85,7 +85,7 @@ impl Trajectories<'_> {
                     name.trim()
                 ));
             }
-            // several names of one variable are only kept while there is room
+            // further names of a variable are kept only while there is room
             let is_alias = std::mem::replace(&mut is_taken[variable - 1], true);
             if is_alias && (columns.len() + 2) * samples > MOST_NUMBERS {
                 aliases += 1;
@@ -111,7 +111,7 @@ impl Trajectories<'_> {
         Ok(Samples { time, columns })
     }
 
-    /// Number of the data matrix, and the column in it, negative where the sign is the other.
+    /// Number of the data matrix, and signed column in it; a negative one has the opposite sign.
     fn place(&self, name: usize) -> Option<(i64, i64)> {
         let (rows, columns) = self.info.shape();
         let at = |k: usize| match self.is_transposed {
@@ -121,8 +121,8 @@ impl Trajectories<'_> {
         Some((at(0)? as i64, at(1)? as i64))
     }
 
-    /// The name, with the unit in its description: `Position [m]`, `Angle [rad|deg]`, `Time in [s]`. A second one is only for
-    /// display.
+    /// The name, with the unit from its description: `Position [m]`, `Angle [rad|deg]`, `Time in [s]`. A second unit
+    /// is for display only.
     fn heading(&self, k: usize, name: &str) -> Heading {
         let bracket = |text: &String| {
             let (_, inner) = text.split_once('[')?;
@@ -134,7 +134,7 @@ impl Trajectories<'_> {
     }
 }
 
-/// Columns of a matrix of characters, as far as a result can have so many variables.
+/// Columns of a matrix of characters, up to the largest number of variables in a result.
 fn columns_of(rows: &[String]) -> Vec<String> {
     let characters: Vec<Vec<char>> = rows.iter().map(|r| r.chars().collect()).collect();
     let count = characters.iter().map(Vec::len).max().unwrap_or(0);

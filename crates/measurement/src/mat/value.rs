@@ -1,15 +1,15 @@
-//! What a variable of a MAT file holds.
+//! Content of a MAT file's variables.
 
-/// Numbers that are kept of a file at most: 160 MB.
+/// Largest count of numbers kept from a file: 160 MB.
 pub(super) const MOST_NUMBERS: usize = 20_000_000;
 
-/// Signals that are kept of a file at most.
+/// Largest number of signals kept from a file.
 const MOST_SIGNALS: usize = 20_000;
 
-/// Rows of characters that are kept of a matrix at most; what has more is no text.
+/// Largest number of character rows in a matrix; a longer one is not read as text.
 pub(super) const MOST_ROWS: usize = 1_000_000;
 
-/// Why a file is no MAT file, or is damaged: a sentence without the file's name.
+/// Reason why a file is not a MAT file or is damaged: a sentence without the file's name.
 pub(super) type Damage = String;
 
 /// A variable with its name.
@@ -18,47 +18,47 @@ pub(super) struct Variable {
     pub(super) value: Value,
 }
 
-/// What a variable, or a field of a structure, holds.
+/// Content of a variable, or of a field of a structure.
 pub(super) enum Value {
     Numbers(Matrix),
     /// Rows of characters.
     Text(Vec<String>),
     Structure(Structure),
-    /// Something that is not read; what it is, in MATLAB's words.
+    /// An unsupported class, by its MATLAB name.
     Unread(String),
 }
 
-/// Numbers by columns, as MATLAB keeps them.
+/// Numbers by columns, as in MATLAB.
 pub(super) struct Matrix {
     pub(super) dimensions: Vec<usize>,
     pub(super) values: Vec<f64>,
 }
 
-/// A structure, or an array of them: each field has as many values as the array has elements.
+/// A structure or an array of structures: each field has one value for each element.
 pub(super) struct Structure {
     pub(super) count: usize,
     pub(super) fields: Vec<(String, Vec<Value>)>,
 }
 
 impl Matrix {
-    /// Rows, and columns of all further dimensions.
+    /// Number of rows, and product of all further dimensions.
     pub(super) fn shape(&self) -> (usize, usize) {
         let rows = self.dimensions.first().copied().unwrap_or(0);
         (rows, self.values.len().checked_div(rows).unwrap_or(0))
     }
 
-    /// Whether it has one dimension longer than one.
+    /// Whether only one dimension is longer than one.
     pub(super) fn is_vector(&self) -> bool {
         self.values.len() > 1 && self.dimensions.iter().filter(|d| **d != 1).count() == 1
     }
 
-    /// Whether it has signals of so many samples.
+    /// Whether a dimension equals the number of samples, so that the matrix holds signals.
     pub(super) fn has_signals(&self, samples: usize) -> bool {
         let ends = [self.dimensions.first(), self.dimensions.last()];
         samples > 0 && !self.values.is_empty() && ends.contains(&Some(&samples))
     }
 
-    /// The signals in it that have as many samples as the time, where it has such.
+    /// The signals whose number of samples is that of the time.
     ///
     /// Samples run along the rows (N x k), or along the last dimension (k x N, and k x l x N of Simulink).
     fn signals(&self, samples: usize) -> Vec<Vec<f64>> {
@@ -66,7 +66,7 @@ impl Matrix {
         (0..count).map(|k| self.signal(k, samples)).collect()
     }
 
-    /// One of them.
+    /// The signal with index `k`.
     pub(super) fn signal(&self, k: usize, samples: usize) -> Vec<f64> {
         if self.dimensions.first() == Some(&samples) {
             return self.values.iter().skip(k * samples).take(samples).copied().collect();
@@ -76,7 +76,7 @@ impl Matrix {
     }
 }
 
-/// Room for the signals of a file: each takes memory beside its numbers.
+/// Remaining capacity for signals of a file, which bounds the memory besides the numbers.
 pub(super) struct Room {
     left: usize,
     left_out: usize,
@@ -87,7 +87,7 @@ impl Room {
         Self { left: MOST_SIGNALS, left_out: 0 }
     }
 
-    /// Whether there is room for so many signals more, which is taken then.
+    /// Reserves capacity for `count` signals; returns whether there was enough.
     pub(super) fn takes(&mut self, count: usize) -> bool {
         let is_room = count <= self.left;
         match is_room {
@@ -97,7 +97,8 @@ impl Room {
         is_room
     }
 
-    /// The signals of a matrix that have so many samples; none where no dimension is as long, and an empty list where there is no room.
+    /// The signals of a matrix with this number of samples. `None` if no dimension has that length, and an empty list
+    /// if the capacity is exhausted.
     pub(super) fn signals(&mut self, matrix: &Matrix, samples: usize) -> Option<Vec<Vec<f64>>> {
         if !matrix.has_signals(samples) {
             return None;
@@ -108,7 +109,7 @@ impl Room {
         }
     }
 
-    /// What is to be said of what there was no room for.
+    /// Sentence about the signals left out, if any.
     pub(super) fn remark(&self) -> Option<String> {
         (self.left_out > 0).then(|| {
             format!(
@@ -133,7 +134,7 @@ impl Structure {
 }
 
 impl Value {
-    /// Rows of characters, which are stored by columns.
+    /// Rows of characters from a matrix stored by columns.
     pub(super) fn of_characters(rows: usize, characters: &[char]) -> Self {
         let rows = if characters.is_empty() { 0 } else { rows };
         if rows > MOST_ROWS {
@@ -157,7 +158,7 @@ impl Value {
         }
     }
 
-    /// The first row of characters, where there is one that is not blank.
+    /// The first row of characters, unless it is blank.
     pub(super) fn text(&self) -> Option<&str> {
         match self {
             Self::Text(rows) => rows.first().map(|r| r.trim()).filter(|r| !r.is_empty()),

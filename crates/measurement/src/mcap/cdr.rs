@@ -1,20 +1,20 @@
-//! Numbers of a ROS 2 message in CDR, by their paths. Plain CDR (XCDR1) in either byte order is read, after OMG DDS-XTypes
-//! section 7.4.
+//! Numbers of a ROS 2 message in CDR, with their paths. Supported is plain CDR (XCDR1) in either byte order, after OMG
+//! DDS-XTypes section 7.4.
 
 use super::definition::{Count, Definition, Field, Kind};
 use super::json::LONGEST_ARRAY;
 use std::fmt::Write;
 
-/// Messages within messages, at most.
+/// Deepest nesting of messages.
 const DEEPEST: usize = 16;
-/// Elements of arrays in one message, at most: an array of messages without fields takes no bytes.
+/// Largest number of array elements in a message; arrays of messages without fields take no bytes.
 const MOST_ELEMENTS: usize = 10_000_000;
 
-/// Calls with every number and its path. Positions, velocities and efforts of a JointState are `position[name]`.
+/// Calls `each` with every number and its path. Positions, velocities and efforts of a JointState are `position[name]`.
 ///
 /// # Errors
 ///
-/// What does not fit the definition.
+/// The part of the data that does not fit the definition.
 pub(super) fn numbers(
     definition: &Definition,
     data: &[u8],
@@ -58,7 +58,7 @@ impl Reader<'_> {
         }
         let is_joints = name == "sensor_msgs/JointState";
         let mut joints: Vec<String> = Vec::new();
-        // a message without fields has a byte all the same
+        // a message without fields still has one byte
         if fields.is_empty() {
             self.bytes(1)?;
         }
@@ -77,7 +77,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A field's numbers; its texts are returned, as far as they are few.
+    /// Reads a field's numbers; returns its texts up to a limit.
     fn field(
         &mut self,
         definition: &Definition,
@@ -158,7 +158,7 @@ impl Reader<'_> {
         Ok(bytes)
     }
 
-    /// A number of so many bytes, which begins at a multiple of them.
+    /// An unsigned integer of `size` bytes, aligned to a multiple of `size`.
     fn uint(&mut self, size: usize) -> Result<u64, String> {
         self.at = self.at.next_multiple_of(size);
         let is_little = self.is_little;

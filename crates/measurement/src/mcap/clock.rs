@@ -1,4 +1,4 @@
-//! When messages were sampled: when they were logged, or what a field of theirs says.
+//! Sampling times of messages: their log time, or a field of the message.
 
 use crate::path;
 use crate::recording::Recording;
@@ -8,15 +8,15 @@ use crate::time_scale::TimeScale;
 /// [`crate::time_unit::FAR`] in whole seconds.
 const FAR: i64 = crate::time_unit::FAR as i64;
 
-/// What all messages' times are counted from.
+/// Time base shared by all messages.
 pub(super) struct Clock<'a> {
-    /// The field that holds the time, where a mapping names one.
+    /// The time field that a mapping names.
     stated: Option<(&'a TimeColumn, &'a str)>,
-    /// Zero, or the first time where it is far away; seconds and nanoseconds, so that no digit of these is lost.
+    /// Origin: zero, or the first time if that is far from zero. Seconds and nanoseconds, so that no digit is lost.
     begin: Option<(i64, i64)>,
 }
 
-/// When a message was sampled.
+/// Sampling time of a message.
 pub(super) enum Stamp {
     /// Seconds and nanoseconds.
     Exact(i64, i64),
@@ -30,7 +30,7 @@ impl<'a> Clock<'a> {
         Self { stated, begin: None }
     }
 
-    /// The time of a message; none where the field is not in it.
+    /// The sampling time of a message; `None` if it lacks the time field.
     pub(super) fn stamp(
         &self,
         log_time: u64,
@@ -40,7 +40,7 @@ impl<'a> Clock<'a> {
             let nanoseconds = (log_time % 1_000_000_000) as i64;
             return Some(Stamp::Exact((log_time / 1_000_000_000) as i64, nanoseconds));
         };
-        // a stamp is a time in two parts
+        // a ROS stamp has two parts
         let parts = field(&format!("{column}.sec")).zip(field(&format!("{column}.nanosec")));
         match parts {
             Some((seconds, nanoseconds)) if stated.scale == 1.0 && stated.offset == 0.0 => {
@@ -55,22 +55,22 @@ impl<'a> Clock<'a> {
         }
     }
 
-    /// How the field's numbers become seconds.
+    /// Conversion of the time field's numbers to seconds.
     pub(super) fn scale(&self) -> TimeScale {
         let column = self.stated.map_or("", |(_, column)| column);
         TimeScale::new(column, &path::heading(column), self.stated.map(|(stated, _)| stated), None)
     }
 
-    /// A time from where times are counted \[s\].
+    /// A time relative to the origin \[s\].
     pub(super) fn time(&mut self, seconds: i64, nanoseconds: i64) -> Option<f64> {
         let far = if seconds.saturating_abs() > FAR { (seconds, nanoseconds) } else { (0, 0) };
         let begin = *self.begin.get_or_insert(far);
-        // in one division, so that a time is the number that its decimals are read as
+        // a single division, so that the time equals its decimal text parsed as a double
         let whole = i128::from(seconds.checked_sub(begin.0)?) * 1_000_000_000;
         Some((whole + i128::from(nanoseconds.checked_sub(begin.1)?)) as f64 / 1e9)
     }
 
-    /// Records a row, whose first number is a time in seconds.
+    /// Records a row whose first number is a time in seconds.
     pub(super) fn record(&mut self, recording: &mut Recording, line: u64, row: &[f64]) {
         let whole = row[0].floor();
         let nanoseconds = ((row[0] - whole) * 1e9) as i64;
@@ -81,7 +81,7 @@ impl<'a> Clock<'a> {
         }
     }
 
-    /// Whether times are counted from something far away.
+    /// Whether the origin is far from zero.
     pub(super) fn is_far(&self) -> bool {
         self.begin.is_some_and(|begin| begin != (0, 0))
     }

@@ -1,4 +1,4 @@
-//! Messages as columns: a topic's numbers by their paths, within bounded memory over all topics.
+//! Messages as columns: a topic's numbers by their paths, with bounded memory over all topics.
 
 use super::clock::Clock;
 use super::container::Loss;
@@ -13,29 +13,30 @@ use crate::time_column::TimeColumn;
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
-/// Columns over all topics, at most.
+/// Largest number of columns over all topics.
 const MOST_COLUMNS: usize = 4000;
 
 /// Columns of all topics.
 pub(super) struct Log<'a> {
     clock: Clock<'a>,
     tables: Vec<Table>,
-    /// Where the messages of each channel go, by its address: it is held, so that there is no other in its place.
+    /// Destination of each channel's messages, by the topic's address. The topic is kept alive so that the address
+    /// stays unique.
     by_channel: HashMap<*const Topic, (Rc<Topic>, Rc<Place>)>,
-    /// The same by what they are. Of one topic there may be channels whose messages are not alike.
+    /// Destination by topic and schema: channels of one topic may have different schemas.
     by_kind: HashMap<Topic, Rc<Place>>,
-    /// Messages that are not read, by topic and what they are.
+    /// Count of unsupported messages, by topic and encoding.
     unread: BTreeMap<String, u64>,
     columns: usize,
     messages: u64,
     has_more_columns: bool,
 }
 
-/// Where the messages of a channel go.
+/// Destination of a channel's messages.
 enum Place {
-    /// A table, by its number.
+    /// Index of a table.
     Table(usize),
-    /// They are not read: which topic, and what they are.
+    /// Unsupported; the topic and the encoding.
     Unread(String),
 }
 
@@ -58,7 +59,7 @@ impl<'a> Log<'a> {
         let at = match &*self.place(message.topic) {
             Place::Table(at) => *at,
             Place::Unread(what) => {
-                // what is counted is bounded by the file's channels
+                // the number of entries is bounded by the file's channels
                 match self.unread.get_mut(what) {
                     Some(count) => *count += 1,
                     None => _ = self.unread.insert(what.clone(), 1),
@@ -77,13 +78,13 @@ impl<'a> Log<'a> {
         }
         self.tables[at].keep(message.log_time, &mut self.clock);
         self.messages += 1;
-        // a few rows more do no harm
+        // checked only now and then: 64 rows more are acceptable
         if self.messages.is_multiple_of(64) {
             self.thin(at, 0);
         }
     }
 
-    /// Where the messages of a channel go.
+    /// Destination of a channel's messages.
     fn place(&mut self, topic: &Rc<Topic>) -> Rc<Place> {
         if let Some((_, place)) = self.by_channel.get(&Rc::as_ptr(topic)) {
             return Rc::clone(place);
@@ -105,7 +106,8 @@ impl<'a> Log<'a> {
         place
     }
 
-    /// Averages the longest table's rows while there are too many numbers, or would be with new columns of one.
+    /// Averages the rows of the longest table while the limit of numbers is exceeded, counting `new` columns of table
+    /// `at`.
     fn thin(&mut self, at: usize, new: usize) {
         loop {
             let with_new = |(k, table): (usize, &Table)| {
@@ -121,11 +123,11 @@ impl<'a> Log<'a> {
         }
     }
 
-    /// The log, with what was lost of the file.
+    /// The log, with remarks on the parts of the file that were lost.
     ///
     /// # Errors
     ///
-    /// [`MeasurementError::Format`] when nothing in it can be used, with what is there.
+    /// [`MeasurementError::Format`] if the file has no usable signal, with a description of its content.
     pub(super) fn finish(
         mut self,
         file: &str,
@@ -164,7 +166,7 @@ impl<'a> Log<'a> {
             if table.data.count < 2 {
                 continue;
             }
-            // std_msgs/msg/Float64 and its like: the topic is the signal
+            // std_msgs/msg/Float64 and the like: the topic is the signal's name
             let is_single = table.paths.iter().filter(|p| !is_stamp(p)).count() == 1;
             let heading = |path: String| {
                 let heading = match path.as_str() {
@@ -190,7 +192,7 @@ impl<'a> Log<'a> {
     }
 }
 
-/// Whether a path is of a header's stamp, which is no signal.
+/// Whether a path belongs to a header's stamp, which is not a signal.
 fn is_stamp(path: &str) -> bool {
     path.ends_with("stamp.sec") || path.ends_with("stamp.nanosec")
 }
@@ -211,7 +213,7 @@ mod tests {
         let mut places = Vec::new();
         for data in ["float64 x", "float64[x] y"] {
             let place = log.place(&topic(data));
-            // of another channel that looks alike too
+            // also for another channel with the same topic and schema
             assert!((0..3).all(|_| Rc::ptr_eq(&log.place(&topic(data)), &place)), "{data}");
             places.push(place);
         }

@@ -1,4 +1,4 @@
-//! Messages of an MCAP file, one after the other, within bounded memory; what is damaged is found and told.
+//! Reader of an MCAP file's messages within bounded memory; damage is detected and reported.
 
 use super::records::{Chunk, Fields, MAGIC, Message, Schema, Topic, code};
 use crate::decompress::{self, Packing};
@@ -7,40 +7,40 @@ use std::collections::hash_map::Entry;
 use std::io::Read;
 use std::rc::Rc;
 
-/// Bytes of a record, and of a chunk when unpacked, at most.
+/// Largest size of a record, and of a decompressed chunk \[bytes\].
 const LARGEST: u64 = 128 << 20;
-/// Channels of a file, and schemas, at most.
+/// Largest number of channels, and of schemas.
 const MOST_CHANNELS: usize = 10_000;
-/// Bytes of all channels' names and schemas, at most.
+/// Largest total size of channel names and schemas \[bytes\].
 const MOST_DESCRIPTIONS: usize = 64 << 20;
-/// Bytes that are skipped at once.
+/// Buffer size for skipping \[bytes\].
 const PART: u64 = 1 << 16;
 
-/// What could not be read of a file.
+/// Parts of a file that could not be read.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Loss {
-    /// Whether the file ends before its data do.
+    /// Whether the file is truncated.
     pub is_cut_off: bool,
-    /// Chunks that are damaged, and are left out.
+    /// Number of damaged chunks, which are left out.
     pub chunks: u64,
-    /// From when to when they were logged, as far as they say \[ns\].
+    /// Range of log times of the damaged chunks, where known \[ns\].
     pub span: Option<(u64, u64)>,
-    /// Messages that belong to no channel, or are damaged themselves.
+    /// Number of messages that are damaged or belong to no channel.
     pub messages: u64,
-    /// Why the rest of the file cannot be read, where it is damaged in between.
+    /// Reason why the rest of the file cannot be read, if it is damaged in between.
     pub rest: Option<String>,
-    /// What was wrong with the first damaged chunk.
+    /// Damage of the first damaged chunk.
     pub chunk_reason: Option<String>,
-    /// What was wrong with the first damaged message.
+    /// Damage of the first damaged message.
     pub message_reason: Option<String>,
 }
 
-/// Why a file is not read any further.
+/// Reason why reading a file is aborted.
 #[derive(Debug)]
 pub enum Stop {
-    /// It cannot be read.
+    /// The file cannot be read.
     File(std::io::Error),
-    /// It is none, or none that can be read; a sentence without its name.
+    /// The file is not an MCAP file, or uses an unsupported feature; a sentence without the file's name.
     Format(String),
 }
 
@@ -50,12 +50,12 @@ impl Loss {
         *self == Self::default()
     }
 
-    /// Whether something is damaged: not the end alone is missing.
+    /// Whether there is damage other than truncation.
     pub fn is_damage(&self) -> bool {
         !Self { is_cut_off: false, ..self.clone() }.is_none()
     }
 
-    /// A sentence for each loss.
+    /// A sentence for each kind of loss.
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         if self.is_cut_off {
@@ -78,10 +78,10 @@ impl Loss {
         remarks
     }
 
-    /// A chunk, from when to when it was logged as far as it says.
+    /// Counts a damaged chunk with its range of log times, if known.
     fn chunk(&mut self, span: Option<(u64, u64)>, reason: String) {
         self.chunks += 1;
-        // without messages it says zero
+        // a chunk without messages states zero
         if let Some((begin, end)) = span.filter(|span| *span != (0, 0)) {
             let (from, to) = self.span.unwrap_or((begin, end));
             self.span = Some((from.min(begin), to.max(end)));
@@ -95,11 +95,11 @@ impl Loss {
     }
 }
 
-/// Calls with every message, in the file's order.
+/// Calls `each` with every message, in the file's order.
 ///
 /// # Errors
 ///
-/// [`Stop`] when it is no MCAP file or cannot be read within bounded memory, and what `each` returns.
+/// [`Stop`] if the file is not an MCAP file or exceeds the memory bounds, and the errors of `each`.
 pub fn messages(
     source: impl Read,
     each: impl FnMut(&Message<'_>) -> Result<(), Stop>,
@@ -125,7 +125,7 @@ pub fn messages(
             reader.loss.is_cut_off = true;
             break;
         };
-        // a chunk that its writer did not live to finish
+        // a chunk that its writer did not complete
         if code == code::CHUNK && length == u64::MAX {
             reader.loss.is_cut_off = true;
             break;
@@ -142,7 +142,7 @@ pub fn messages(
                 continue;
             }
             match is_large {
-                // nobody writes that: its length is damaged
+                // no writer produces such a record: its length is damaged
                 true => reader.loss.rest = Some(too_large()),
                 false => reader.loss.is_cut_off = true,
             }
@@ -158,7 +158,7 @@ pub fn messages(
             code::DATA_END => {
                 let stated = Fields(&record).u32().unwrap_or(0);
                 let is_damaged = stated != 0 && stated != crc.finalize();
-                // chunks that are damaged are told already; those with a checksum of their own are sound
+                // damaged chunks are reported already; chunks with a valid checksum are sound
                 if is_damaged && reader.has_unchecked {
                     return Err(Stop::Format(
                         "its checksum does not match its messages: some of them are damaged, and cannot be told from \
@@ -182,14 +182,14 @@ pub fn messages(
     Ok(reader.loss)
 }
 
-/// A file whose checksum is counted on the way.
+/// A file reader that computes the checksum of the data read.
 struct Hashed<R> {
     source: R,
     crc: crc32fast::Hasher,
 }
 
 impl<R: Read> Hashed<R> {
-    /// Bytes of a file; fewer where it ends. No more memory is taken than the file has bytes.
+    /// Reads bytes; fewer at the end of the file. Allocates no more than the file's size.
     fn bytes(&mut self, count: u64) -> Result<Vec<u8>, Stop> {
         let mut bytes = Vec::new();
         self.source.by_ref().take(count).read_to_end(&mut bytes).map_err(Stop::File)?;
@@ -197,7 +197,7 @@ impl<R: Read> Hashed<R> {
         Ok(bytes)
     }
 
-    /// Goes on by some bytes, and no further than the file goes; how many they were.
+    /// Skips bytes up to the end of the file; returns the number skipped.
     fn skip(&mut self, count: u64) -> Result<u64, Stop> {
         let mut skipped = 0;
         while skipped < count {
@@ -214,12 +214,12 @@ struct Reader<F> {
     each: F,
     schemas: HashMap<u16, Rc<Schema>>,
     channels: HashMap<u16, Rc<Topic>>,
-    /// Bytes of all of these.
+    /// Total size of channel names and schemas \[bytes\].
     described: usize,
     loss: Loss,
-    /// Records of the chunk that is read.
+    /// Records of the current chunk.
     unpacked: Vec<u8>,
-    /// Whether a message had no checksum but the file's.
+    /// Whether a message was covered only by the file's checksum.
     has_unchecked: bool,
 }
 
@@ -265,7 +265,7 @@ impl<F: FnMut(&Message<'_>) -> Result<(), Stop>> Reader<F> {
         Ok(())
     }
 
-    /// Counts a channel or schema of some bytes that is new.
+    /// Counts a new channel or schema of `size` bytes.
     fn describe(&mut self, size: usize) -> Result<(), Stop> {
         self.described += size;
         let many = |what| Err(Stop::Format(format!("it has more than {what}")));
@@ -317,7 +317,7 @@ impl<F: FnMut(&Message<'_>) -> Result<(), Stop>> Reader<F> {
 
 const UNKNOWN: &str = "chunks packed with";
 
-/// Unpacks a chunk and compares its checksum.
+/// Decompresses a chunk and verifies its checksum.
 fn unpack(chunk: &Chunk<'_>, unpacked: &mut Vec<u8>) -> Result<(), String> {
     let packing = match chunk.compression {
         "" => None,
@@ -342,7 +342,7 @@ fn unpack(chunk: &Chunk<'_>, unpacked: &mut Vec<u8>) -> Result<(), String> {
 }
 
 impl Fields<'_> {
-    /// Code and length of a record.
+    /// Operation code and length of a record.
     fn head(mut self) -> Option<(u8, u64)> {
         let (code, rest) = self.0.split_first()?;
         self.0 = rest;

@@ -1,8 +1,8 @@
-//! Definitions of ROS 2 messages (`ros2msg`): fields with their types, and the types that they are made of.
+//! Definitions of ROS 2 messages (`ros2msg`): fields, their types, and the nested message types.
 
 use std::collections::BTreeMap;
 
-/// What a field is, one of it.
+/// Type of a field's elements.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Kind {
     Bool,
@@ -11,16 +11,16 @@ pub(super) enum Kind {
     Float(usize),
     Text,
     WideText,
-    /// A message of its own, by its name without `msg/`.
+    /// A nested message, by its name without `msg/`.
     Message(String),
 }
 
-/// How many of it there are.
+/// Number of a field's elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Count {
     One,
     Exactly(usize),
-    /// As many as are written before them.
+    /// A sequence, preceded by its length.
     Any,
 }
 
@@ -31,7 +31,7 @@ pub(super) struct Field {
     pub(super) count: Count,
 }
 
-/// A message's fields, and those of all messages that are parts of it.
+/// Fields of a message and of all nested messages.
 #[derive(Clone, Debug)]
 pub(super) struct Definition {
     pub(super) name: String,
@@ -39,11 +39,12 @@ pub(super) struct Definition {
 }
 
 impl Definition {
-    /// A definition as MCAP files hold it: the message's own, then each part's, below a line of `=` and `MSG: name`.
+    /// Parses a definition as stored in MCAP files: the message, then each nested one below a line of `=` and `MSG:
+    /// name`.
     ///
     /// # Errors
     ///
-    /// The line that is not understood.
+    /// The line that cannot be parsed.
     pub(super) fn parse(name: &str, text: &str) -> Result<Self, String> {
         let own = short(name);
         let mut messages = BTreeMap::new();
@@ -71,12 +72,12 @@ impl Definition {
     }
 }
 
-/// `sensor_msgs/msg/JointState` and `sensor_msgs/JointState` are the same.
+/// Normalised name: `sensor_msgs/msg/JointState` and `sensor_msgs/JointState` are equal.
 fn short(name: &str) -> String {
     name.replace("/msg/", "/")
 }
 
-/// The field of a line; none of a comment or a constant.
+/// The field of a line; `None` for a comment or a constant.
 fn field(line: &str, within: &str) -> Result<Option<Field>, String> {
     let line = line.split('#').next().unwrap_or("").trim();
     let mut words = line.split_whitespace();
@@ -117,7 +118,7 @@ fn field(line: &str, within: &str) -> Result<Option<Field>, String> {
         "Header" => Kind::Message("std_msgs/Header".into()),
         "time" | "duration" => Kind::Message("builtin_interfaces/Time".into()),
         other if other.contains('/') => Kind::Message(short(other)),
-        // without a package: of the same one
+        // without a package: a type of the same package
         other => {
             let package = within.split('/').next().unwrap_or("");
             Kind::Message(format!("{package}/{other}"))

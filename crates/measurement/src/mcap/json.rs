@@ -1,17 +1,18 @@
-//! Numbers of a JSON message, however deep, by their paths: `cylinder.pressure_a`, `joints[2]`.
+//! Numbers of a nested JSON message, with their paths: `cylinder.pressure_a`, `joints[2]`.
 
 use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
 use std::borrow::Cow;
 use std::fmt;
 
-/// Longer arrays are no signals, but pictures and clouds of points.
+/// Longest array that is read as signals; longer ones are images or point clouds.
 pub(super) const LONGEST_ARRAY: usize = 64;
 
-/// Calls with every number and its path; true and false are 1 and 0, null is NaN. Python's NaN and Infinity are read.
+/// Calls `each` with every number and its path; true and false are 1 and 0, null is NaN. Python's NaN and Infinity are
+/// accepted.
 ///
 /// # Errors
 ///
-/// What is wrong with the message.
+/// The syntax error.
 pub(super) fn numbers(data: &[u8], mut each: impl FnMut(&str, f64)) -> Result<(), String> {
     let mut read = |data: &[u8]| {
         let mut path = String::new();
@@ -28,7 +29,7 @@ pub(super) fn numbers(data: &[u8], mut each: impl FnMut(&str, f64)) -> Result<()
     }
 }
 
-/// JSON in which what Python writes for numbers that are none is null.
+/// Replaces Python's NaN and Infinity by null.
 fn without_nan(data: &[u8]) -> Cow<'_, [u8]> {
     let mut plain = Vec::new();
     let (mut is_text, mut is_escaped, mut from) = (false, false, 0);
@@ -160,7 +161,7 @@ mod tests {
     fn what_python_writes_is_missing_and_texts_are_left_alone() {
         let found = all(r#"{"a": NaN, "NaN\"": 1, "b": [-Infinity, Infinity, 2], "c": null}"#);
         let found = found.unwrap();
-        // those before the first NaN come twice: the second time counts
+        // numbers before the first NaN are reported twice: the second pass counts
         let last = |path: &str| found.iter().rfind(|f| f.0 == path).unwrap().1;
         assert!(last("a").is_nan() && last("b[0]").is_nan() && last("c").is_nan());
         assert_eq!((last("NaN\""), last("b[2]")), (1.0, 2.0));

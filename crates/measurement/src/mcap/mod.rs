@@ -1,7 +1,8 @@
-//! MCAP logs: those of `hydroboom run`, and others' with messages in JSON or ROS 2's CDR.
+//! MCAP logs: those of `hydroboom run`, and others with messages in JSON or ROS 2's CDR.
 //!
 //! ```text
-//! file -container, records-> messages -json, cdr (by definition)-> numbers with paths -table (a topic's)-> columns-> channels
+//! file -container, records-> messages -json, cdr (by definition)-> numbers with paths -table (of a topic)-> columns
+//!   -> channels
 //! ```
 
 mod cdr;
@@ -25,11 +26,11 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// Reads an MCAP log. Times are those of logging, or a field of the messages where `time` names one as the column.
+/// Reads an MCAP log. The time is the log time, or the message field that `time` names as the column.
 ///
 /// # Errors
 ///
-/// [`MeasurementError`] when nothing in it can be used, with what is there.
+/// [`MeasurementError`] if the file has no usable signal, with a description of its content.
 pub(crate) fn read(
     path: &Path,
     time: Option<&TimeColumn>,

@@ -2,10 +2,10 @@
 
 use std::rc::Rc;
 
-/// How a file begins and ends.
+/// First and last bytes of a file.
 pub(crate) const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', b'0', b'\r', b'\n'];
 
-/// What a record is.
+/// Operation codes of records.
 pub(super) mod code {
     pub(in crate::mcap) const FOOTER: u8 = 0x02;
     pub(in crate::mcap) const SCHEMA: u8 = 0x03;
@@ -15,55 +15,56 @@ pub(super) mod code {
     pub(in crate::mcap) const DATA_END: u8 = 0x0f;
     const ATTACHMENT: u8 = 0x09;
     const METADATA: u8 = 0x0c;
-    /// Kinds that the format describes; from `PRIVATE` on they are their writers' own.
+    /// Codes that the format defines; codes from `PRIVATE` on belong to applications.
     const KNOWN: std::ops::RangeInclusive<u8> = 0x01..=0x0f;
     const PRIVATE: u8 = 0x80;
 
-    /// Whether a record is of no use for the messages.
+    /// Whether a record of a known kind is not needed for reading messages.
     pub(in crate::mcap) fn is_unneeded(code: u8) -> bool {
         let is_known = KNOWN.contains(&code) || code >= PRIVATE;
         is_known && !matches!(code, FOOTER | SCHEMA | CHANNEL | MESSAGE | CHUNK | DATA_END)
     }
 
-    /// Whether a record of no use may be of any size: a file that is attached, say. An index that seems to be large is damaged.
+    /// Whether a record without messages may have any size, for example an attachment. A large index is a sign of
+    /// damage.
     pub(in crate::mcap) fn is_unbounded(code: u8) -> bool {
         matches!(code, ATTACHMENT | METADATA) || code >= PRIVATE
     }
 }
 
-/// What the messages of a channel look like.
+/// Schema of a channel's messages.
 #[derive(Debug, PartialEq, Eq, Hash)]
 pub struct Schema {
     /// Its name, such as `sensor_msgs/msg/JointState`.
     pub name: String,
     /// Its language, such as `jsonschema` or `ros2msg`.
     pub encoding: String,
-    /// Its text.
+    /// Text of the schema.
     pub data: Vec<u8>,
 }
 
-/// What messages belong to.
+/// Topic of a channel.
 #[derive(Debug, PartialEq, Eq, Hash)]
 pub struct Topic {
-    /// Its name.
+    /// Name of the topic.
     pub name: String,
-    /// How its messages are written, such as `json` or `cdr`.
+    /// Encoding of its messages, such as `json` or `cdr`.
     pub encoding: String,
-    /// What they look like, where the file says so.
+    /// Schema of its messages, if the file has it.
     pub schema: Option<Rc<Schema>>,
 }
 
 /// A message.
 pub struct Message<'a> {
-    /// What it belongs to.
+    /// Topic of the message.
     pub topic: &'a Rc<Topic>,
-    /// When it was logged \[ns\].
+    /// Log time \[ns\].
     pub log_time: u64,
-    /// What it says.
+    /// Encoded content.
     pub data: &'a [u8],
 }
 
-/// The head of a chunk, and its packed records.
+/// Header of a chunk, and its compressed records.
 pub(super) struct Chunk<'a> {
     pub(super) begin: u64,
     pub(super) end: u64,
@@ -73,7 +74,7 @@ pub(super) struct Chunk<'a> {
     pub(super) records: &'a [u8],
 }
 
-/// Fields of a record, read one after the other; none where the record is too short.
+/// Reader of a record's fields; each call returns `None` if the record is too short.
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
 impl<'a> Fields<'a> {
@@ -113,12 +114,12 @@ impl<'a> Fields<'a> {
         Some((id, Schema { name, encoding, data: self.bytes(length)?.to_vec() }))
     }
 
-    /// Number, number of the schema (zero for none), name and encoding.
+    /// Id, schema id (zero for none), topic and encoding of a channel.
     pub(super) fn channel(mut self) -> Option<(u16, u16, String, String)> {
         Some((self.u16()?, self.u16()?, self.text()?.into(), self.text()?.into()))
     }
 
-    /// Number of the channel, time and data.
+    /// Channel id, log time and data of a message.
     pub(super) fn message(mut self) -> Option<(u16, u64, &'a [u8])> {
         let (channel, _sequence, log_time) = (self.u16()?, self.u32()?, self.u64()?);
         let _publish_time = self.u64()?;

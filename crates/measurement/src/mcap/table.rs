@@ -1,4 +1,4 @@
-//! Messages of one kind on a topic as a table: their numbers by their paths.
+//! Table of the messages with one topic and schema: numbers by their paths.
 
 use super::clock::{Clock, Stamp};
 use super::definition::Definition;
@@ -8,10 +8,10 @@ use crate::recording::Recording;
 use crate::time_scale::TimeScale;
 use std::collections::HashMap;
 
-/// Columns of the messages of a topic that look alike.
+/// Columns of the messages with one topic and schema.
 pub(super) struct Table {
     pub(super) topic: String,
-    /// What the messages are, where the file says so.
+    /// Name of the schema, if the file has it.
     pub(super) schema: String,
     /// Paths of the numbers; the first column is the time.
     pub(super) paths: Vec<String>,
@@ -23,23 +23,23 @@ pub(super) struct Table {
     damaged: u64,
     reason: String,
     timeless: u64,
-    /// How the numbers of a field that is the time become seconds.
+    /// Conversion of the time field's numbers to seconds.
     scale: Option<TimeScale>,
-    /// Why that field is no time.
+    /// Reason why the named field is not a time.
     pub(super) refused: Option<String>,
 }
 
-/// How messages are read.
+/// Decoder of a topic's messages.
 pub(super) enum Encoding {
     Json,
     Cdr(Definition),
 }
 
-/// How a topic's messages are read.
+/// The decoder of a topic's messages.
 ///
 /// # Errors
 ///
-/// What they are, where they are not.
+/// Name of an unsupported encoding.
 pub(super) fn encoding(topic: &Topic) -> Result<Encoding, String> {
     let schema = || topic.schema.as_deref();
     let named =
@@ -79,13 +79,14 @@ impl Table {
         }
     }
 
-    /// Reads a message into the row; whether there was room for all its columns. Those that are new are not among the data yet.
+    /// Reads a message into the row; returns false if `room` does not suffice for its new columns, which are not yet
+    /// part of the data.
     pub(super) fn read(&mut self, data: &[u8], room: usize) -> bool {
         self.row.fill(f64::NAN);
         let Self { paths, places, row, encoding, .. } = self;
         let (mut room, mut has_room, mut next) = (room, true, 0);
         let mut number = |path: &str, value: f64| {
-            // messages are alike: the next number is mostly the next column
+            // messages are alike: usually the next number belongs to the next column
             let place = match paths.get(next).is_some_and(|p| p == path) {
                 true => next,
                 false => match places.get(path) {
@@ -120,7 +121,7 @@ impl Table {
         has_room
     }
 
-    /// Keeps the row, unless it has no time.
+    /// Stores the row, unless it has no time.
     pub(super) fn keep(&mut self, log_time: u64, clock: &mut Clock<'_>) {
         self.count += 1;
         if self.refused.is_some() || !self.row.iter().any(|v| v.is_finite()) {
@@ -146,14 +147,14 @@ impl Table {
         }
     }
 
-    /// No more messages come.
+    /// Finishes the table after the last message.
     pub(super) fn end(&mut self, clock: &mut Clock<'_>) {
         let (Some(scale), None) = (&mut self.scale, &self.refused) else { return };
         let data = &mut self.data;
         self.refused = scale.finish(|line, row| clock.record(data, line, row)).err();
     }
 
-    /// Says what of it is left out; `topic` is what it is called.
+    /// Adds remarks about the parts left out; `topic` is the name for the messages.
     pub(super) fn say(&self, topic: &str, remarks: &mut Vec<String>) {
         if let Some(remark) = self.scale.as_ref().and_then(|s| s.remark.as_ref()) {
             remarks.push(format!("{topic}: {remark}"));

@@ -3,18 +3,18 @@
 use std::collections::HashSet;
 use std::io::{Read, Seek, SeekFrom};
 
-/// Bytes of a block that is no data, at most.
+/// Largest size of a block other than data \[bytes\].
 const LARGEST: u64 = 16 << 20;
-/// Bytes of a text that are read.
+/// Longest text that is read \[bytes\].
 const LONGEST_TEXT: usize = 10_000;
 
-/// Links from conversions that are followed, at most: within each other they are many times as many as there are blocks.
+/// Largest number of conversion links that are followed; nesting multiplies them beyond the number of blocks.
 const MOST_CONVERSIONS: usize = 500_000;
 
-/// Why a file cannot be used: a sentence without its name.
+/// Reason why a file cannot be used: a sentence without the file's name.
 pub(super) type Damage = String;
 
-/// A block's head: identification, and where links and data stand.
+/// Header of a block: identification, and positions of links and data.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Head {
     pub(super) id: [u8; 4],
@@ -30,13 +30,13 @@ pub(super) struct Block {
     data: Vec<u8>,
 }
 
-/// A file of blocks.
+/// Block reader of a file.
 pub(super) struct Blocks<R> {
     source: R,
     pub(super) size: u64,
-    /// Blocks that may be met once: a list that leads into itself ends.
+    /// Positions of blocks that may be visited only once, so that cyclic lists end.
     visited: HashSet<u64>,
-    /// Links from conversions that were followed.
+    /// Number of conversion links followed.
     conversions: usize,
 }
 
@@ -46,7 +46,7 @@ impl<R: Read + Seek> Blocks<R> {
         Ok(Self { source, size, visited: HashSet::new(), conversions: 0 })
     }
 
-    /// Bytes at a place; fewer where the file ends.
+    /// Reads bytes at a position; fewer at the end of the file.
     pub(super) fn bytes(&mut self, at: u64, count: u64) -> Result<Vec<u8>, Damage> {
         let mut bytes = Vec::new();
         let read = self.source.seek(SeekFrom::Start(at));
@@ -55,7 +55,7 @@ impl<R: Read + Seek> Blocks<R> {
         Ok(bytes)
     }
 
-    /// The head of a block.
+    /// Reads the header of a block.
     pub(super) fn head(&mut self, at: u64) -> Result<Head, Damage> {
         let bytes = self.bytes(at, 24)?;
         let id = bytes.first_chunk::<4>().filter(|id| bytes.len() == 24 && id.starts_with(b"##"));
@@ -71,7 +71,7 @@ impl<R: Read + Seek> Blocks<R> {
         Ok(Head { id, length, links })
     }
 
-    /// A block that is no data, of one of some kinds.
+    /// Reads a block other than data, of one of the given kinds.
     pub(super) fn block(&mut self, at: u64, kinds: &[&[u8; 4]]) -> Result<Block, Damage> {
         let head = self.head(at)?;
         if !kinds.contains(&&head.id) {
@@ -90,11 +90,11 @@ impl<R: Read + Seek> Blocks<R> {
         Ok(Block { id: head.id, links, data: data.to_vec() })
     }
 
-    /// Whether a link of a conversion leads to another one, and not to a text.
+    /// Whether a link of a conversion refers to another conversion; otherwise it refers to a text.
     ///
     /// # Errors
     ///
-    /// What is damaged, and where a file has more of them than are followed.
+    /// Description of the damage, or of an exceeded limit of links.
     pub(super) fn is_conversion(&mut self, at: u64) -> Result<bool, Damage> {
         self.conversions += 1;
         if self.conversions > MOST_CONVERSIONS {
@@ -105,21 +105,21 @@ impl<R: Read + Seek> Blocks<R> {
         Ok(self.head(at)?.id == *b"##CC")
     }
 
-    /// The same of a block that may be met once.
+    /// Like `block`, for a block that may be visited only once.
     pub(super) fn next(&mut self, at: u64, kind: &[u8; 4]) -> Result<Block, Damage> {
         self.visit(at)?;
         self.block(at, &[kind])
     }
 
-    /// Notes that a block is met.
+    /// Marks a block as visited; an error if it was visited before.
     pub(super) fn visit(&mut self, at: u64) -> Result<(), Damage> {
         match self.visited.insert(at) {
             true => Ok(()),
-            false => Err(format!("two links lead to the block at byte {at}")),
+            false => Err(format!("two links refer to the block at byte {at}")),
         }
     }
 
-    /// The text at a link; empty where there is none. Of XML (`##MD`) it is what stands in the first TX element.
+    /// The text at a link; empty for a null link. For XML (`##MD`) it is the content of the first TX element.
     pub(super) fn text(&mut self, at: u64) -> Result<String, Damage> {
         if at == 0 {
             return Ok(String::new());
@@ -139,7 +139,7 @@ impl<R: Read + Seek> Blocks<R> {
 }
 
 impl Block {
-    /// A link; zero where there is none.
+    /// A link; zero if the block has fewer.
     pub(super) fn link(&self, k: usize) -> u64 {
         self.links.get(k).copied().unwrap_or(0)
     }
@@ -149,18 +149,18 @@ impl Block {
         &self.links
     }
 
-    /// A number of some bytes in the data; zero where the block is shorter, as those of older versions are.
+    /// An unsigned integer in the data; zero if the block is shorter, as in older versions.
     pub(super) fn number(&self, at: usize, size: usize) -> u64 {
         number(&self.data, at, size)
     }
 
-    /// A real number in the data; none where the block is shorter.
+    /// A double in the data; `None` if the block is shorter.
     pub(super) fn real(&self, at: usize) -> Option<f64> {
         Some(f64::from_le_bytes(*self.data.get(at..)?.first_chunk()?))
     }
 }
 
-/// A whole number of some bytes, little endian.
+/// A little-endian integer of `size` bytes.
 pub(super) fn number(bytes: &[u8], at: usize, size: usize) -> u64 {
     let mut all = [0; 8];
     if let Some(part) = bytes.get(at..at + size) {

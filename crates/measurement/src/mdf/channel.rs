@@ -1,4 +1,4 @@
-//! Channels of a group of an MDF file (`##CN`): where in a record a number lies, and what it means.
+//! Channels of a group of an MDF file (`##CN`): position and conversion of a number in a record.
 
 use super::block::{Block, Blocks, Damage};
 use super::conversion::Conversion;
@@ -13,25 +13,25 @@ pub(super) struct Field {
     pub(super) read: Heading,
     raw: Raw,
     conversion: Conversion,
-    /// Bit after the record's data that says that the number is none.
+    /// Bit after the record's data that marks the number as invalid.
     invalid_bit: Option<u64>,
 }
 
-/// What a channel is.
+/// Kind of a channel.
 pub(super) enum Kind {
-    /// A time that all others were sampled at.
+    /// Time of all other channels of the group.
     Time(Field),
-    /// Something else that all others were sampled at; what it is.
+    /// Another master quantity of the group, such as an angle; its name.
     OtherMaster(&'static str),
     Signal(Field),
-    /// Something that is no number; what it is.
+    /// A channel without numbers; the name of its content.
     Unread(String),
 }
 
-/// How a number lies in a record.
+/// Storage of a number in a record.
 #[derive(Clone, Debug, PartialEq)]
 enum Raw {
-    /// The number of the record itself.
+    /// Index of the record.
     Index,
     Bits {
         at: usize,
@@ -48,7 +48,7 @@ enum Raw {
     },
 }
 
-/// Reads what a channel's block says, for records with so many bytes of data.
+/// Evaluates a channel's block, for records with `record` bytes of data.
 pub(super) fn kind<R: Read + Seek>(
     file: &mut Blocks<R>,
     block: &Block,
@@ -77,12 +77,12 @@ pub(super) fn kind<R: Read + Seek>(
         Ok(conversion) => conversion,
         Err(what) => return Kind::Unread(what),
     };
-    // measuring devices name themselves behind the signal: `pA\ETKC:1`
+    // measuring devices append their name to the signal: `pA\ETKC:1`
     let short = name.split('\\').next().unwrap_or(name);
     let read = match unit(file, block) {
         Ok(unit) if unit.trim().is_empty() => path::heading(short),
         Ok(unit) => Heading::with_unit(short, &unit),
-        // none is guessed where one is stated
+        // no unit is guessed in place of an unreadable stated one
         Err(_) => {
             Heading { unknown_unit: Some("a text that is damaged".into()), ..path::heading(short) }
         }
@@ -107,7 +107,7 @@ fn unit<R: Read + Seek>(file: &mut Blocks<R>, block: &Block) -> Result<String, D
     file.text(conversion.link(1))
 }
 
-/// Where a number lies, or what is there in its place.
+/// Storage of a number, or the name of other content.
 fn raw(block: &Block, record: usize) -> Result<Raw, String> {
     let (kind, shift) = (block.number(2, 1), block.number(3, 1) as u32);
     let (at, bits) = (block.number(4, 4) as usize, block.number(8, 4) as u32);
@@ -133,12 +133,12 @@ fn raw(block: &Block, record: usize) -> Result<Raw, String> {
 }
 
 impl Field {
-    /// Whether a mapping means it.
+    /// Whether a mapping's name refers to it.
     pub(super) fn is_named(&self, name: &str) -> bool {
         self.heading == name || self.read.name == name
     }
 
-    /// The physical number in a record with so many bytes of data; NaN for none.
+    /// The physical value in a record with `data` bytes of data; NaN if invalid.
     pub(super) fn of(&self, record: &[u8], data: usize, index: u64) -> f64 {
         if let Some(bit) = self.invalid_bit {
             let byte = record.get(data + (bit / 8) as usize).copied().unwrap_or(0);
@@ -183,7 +183,7 @@ impl Raw {
     }
 }
 
-/// A number of 16 bits: a sign, five bits of exponent, ten of fraction (IEEE 754).
+/// Decodes a half-precision number: a sign, five bits of exponent, ten of fraction (IEEE 754).
 fn half(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
     let size = match exponent {

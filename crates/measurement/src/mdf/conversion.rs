@@ -1,14 +1,14 @@
-//! Conversions of raw numbers into physical ones (`##CC`).
+//! Conversions of raw numbers to physical ones (`##CC`).
 
 use super::block::{Blocks, Damage};
 use std::io::{Read, Seek};
 
-/// Pairs of a table, at most.
+/// Largest number of pairs in a table.
 const MOST_PAIRS: usize = 100_000;
-/// Conversions within conversions, at most.
+/// Deepest nesting of conversions.
 const DEEPEST: u32 = 4;
 
-/// How a raw number becomes a physical one.
+/// Conversion of a raw number to a physical one.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Conversion {
     Same,
@@ -16,20 +16,20 @@ pub(super) enum Conversion {
     Linear(f64, f64),
     /// A quotient of polynomials of second degree.
     Rational([f64; 6]),
-    /// Pairs of raw and physical numbers; between them it is interpolated or the nearest.
+    /// Pairs of raw and physical numbers, interpolated linearly or by the nearest pair.
     Table {
         pairs: Vec<(f64, f64)>,
         is_interpolated: bool,
     },
-    /// Ranges of raw numbers, and what is outside of all.
+    /// Ranges of raw numbers with a value each, and the value outside all ranges.
     Ranges {
         ranges: Vec<(f64, f64, f64)>,
         otherwise: f64,
-        /// Whether the raw numbers are real: the upper end of a range is in it for whole ones only.
+        /// Whether raw numbers are real: the upper end belongs to a range of integers only.
         is_real: bool,
     },
-    /// Ranges of raw numbers that mean a text (not available, an error), which is no number, or are converted in turn; so is what is
-    /// in none of them.
+    /// Ranges of raw numbers with a text (not available, an error), which is no number, or with a further conversion;
+    /// the same for numbers outside all ranges.
     Parts {
         ranges: Vec<(f64, f64, Option<Conversion>)>,
         otherwise: Option<Box<Conversion>>,
@@ -38,18 +38,18 @@ pub(super) enum Conversion {
 }
 
 impl Conversion {
-    /// The conversion at a link, of raw numbers that are real or whole.
+    /// Reads the conversion at a link, for raw numbers that are real or integer.
     ///
     /// # Errors
     ///
-    /// What it is, where it gives no numbers.
+    /// Name of a conversion that gives no numbers.
     pub(super) fn at<R: Read + Seek>(
         file: &mut Blocks<R>,
         link: u64,
         is_real: bool,
     ) -> Result<Self, Damage> {
         let conversion = Self::within(file, link, is_real, 0)?;
-        // states without numbers: the raw ones tell them apart
+        // texts for states: the raw numbers are kept
         Ok(if conversion.gives_numbers() { conversion } else { Self::Same })
     }
 
@@ -98,7 +98,7 @@ impl Conversion {
             7 | 8 => {
                 let step = if kind == 7 { 1 } else { 2 };
                 let ends = values(0, step)?;
-                // a text, another conversion, or nothing; the last one is for what is in no range
+                // a text, another conversion, or nothing; the last entry applies outside all ranges
                 let mut part = |k: usize| -> Result<Option<Self>, Damage> {
                     let link = block.link(4 + k);
                     if link == 0 || !file.is_conversion(link)? {
@@ -118,7 +118,7 @@ impl Conversion {
         })
     }
 
-    /// The physical number of a raw one; NaN for none.
+    /// The physical value of a raw number; NaN for none.
     pub(super) fn of(&self, raw: f64) -> f64 {
         match self {
             Self::Same => raw,
@@ -144,7 +144,7 @@ impl Conversion {
                 }
             }
             Self::Ranges { ranges, otherwise, is_real } => {
-                // an end that two ranges have is the next one's
+                // an end shared by two ranges belongs to the second
                 let within =
                     |(low, high, _): &&(f64, f64, f64)| is_within(raw, *low, *high, *is_real);
                 ranges.iter().rfind(within).map_or(*otherwise, |(_, _, value)| *value)
@@ -158,7 +158,7 @@ impl Conversion {
         }
     }
 
-    /// Whether anything becomes a number by it.
+    /// Whether any raw number has a physical value.
     fn gives_numbers(&self) -> bool {
         match self {
             Self::Parts { ranges, otherwise, .. } => {
@@ -171,7 +171,7 @@ impl Conversion {
     }
 }
 
-/// Whether a raw number is in a range; its upper end is for whole numbers only, unless it is all of it.
+/// Whether a raw number is in a range. The upper end belongs to ranges of integers, and to a range of a single value.
 fn is_within(raw: f64, low: f64, high: f64, is_real: bool) -> bool {
     raw >= low && (raw < high || raw == high && (!is_real || low == high))
 }
@@ -189,7 +189,7 @@ mod tests {
         let table = |is_interpolated| Conversion::Table { pairs: pairs.clone(), is_interpolated };
         assert_eq!([-5.0, 5.0, 15.0, 99.0].map(|x| table(true).of(x)), [10.0, 15.0, 10.0, 0.0]);
         assert_eq!([4.0, 6.0, 10.0].map(|x| table(false).of(x)), [10.0, 20.0, 20.0]);
-        // the upper end of a range is in it for whole numbers, and for real ones in the next
+        // the upper end belongs to a range of integers; for reals it belongs to the next range
         let ranges = |is_real, upper| Conversion::Ranges {
             ranges: vec![(0.0, upper, 7.0), (2.0, 4.0, 8.0)],
             otherwise: -1.0,

@@ -1,34 +1,34 @@
-//! The records of a data group, as they lie in one block or in a list of blocks, packed or not.
+//! Records of a data group, in one block or in a list of blocks, with or without compression.
 
 use super::block::{Blocks, Damage, number};
 use crate::decompress::{self, Packing};
 use std::io::{Read, Seek};
 
-/// Bytes of a packed block when unpacked, at most. Writers use 4 MB.
+/// Largest size of a decompressed block \[bytes\]. Usual writers have 4 MB.
 const LARGEST: u64 = 64 << 20;
-/// Bytes that are read at once of a block that is not packed.
+/// Size of the parts in which an uncompressed block is read \[bytes\].
 const PART: u64 = 4 << 20;
-/// Lists within lists, at most.
+/// Largest number of lists.
 const MOST_LISTS: usize = 1_000_000;
 
-/// Parts of the data, in order.
+/// Iterator over the parts of the data, in order.
 pub(super) struct Parts {
-    /// Places of blocks that are to come, the next one last.
+    /// Positions of the remaining blocks of the list, the next one last.
     blocks: Vec<u64>,
-    /// The list that follows.
+    /// Position of the next list.
     list: u64,
     lists: usize,
-    /// What is left of a block that is not packed: its place and size.
+    /// Position and size of the rest of an uncompressed block.
     rest: (u64, u64),
-    /// Whether a last block may say nothing of its length, as its writer was interrupted.
+    /// Whether the last block may lack its length because its writer was interrupted.
     is_unfinished: bool,
 }
 
-/// Whether the data at a link are stored by columns, as MDF 4.2 allows it.
+/// Whether the data at a link are stored by columns, a feature of MDF 4.2.
 ///
 /// # Errors
 ///
-/// What is damaged.
+/// Description of the damage.
 pub(super) fn is_by_columns<R: Read + Seek>(
     file: &mut Blocks<R>,
     link: u64,
@@ -47,11 +47,11 @@ pub(super) fn is_by_columns<R: Read + Seek>(
 }
 
 impl Parts {
-    /// The data at a link.
+    /// Opens the data at a link.
     ///
     /// # Errors
     ///
-    /// What kind of block there is in its place.
+    /// Kind of an unexpected block.
     pub(super) fn at<R: Read + Seek>(
         file: &mut Blocks<R>,
         link: u64,
@@ -72,11 +72,11 @@ impl Parts {
         Ok(parts)
     }
 
-    /// The next part; none at the end.
+    /// The next part; `None` at the end.
     ///
     /// # Errors
     ///
-    /// What is damaged.
+    /// Description of the damage.
     pub(super) fn next<R: Read + Seek>(
         &mut self,
         file: &mut Blocks<R>,
@@ -142,7 +142,7 @@ fn too_large(size: u64) -> Damage {
     )
 }
 
-/// Unpacks a block: kind of the block that it was, way of packing, columns of the transposition, sizes, data.
+/// Decompresses a block with the fields: original kind, compression method, columns of the transposition, sizes, data.
 fn unpacked(block: &[u8]) -> Result<Vec<u8>, Damage> {
     let (head, data) = block.split_at_checked(24).ok_or("a packed block without a head")?;
     let (kind, way, columns) = (&head[..2], head[2], number(head, 4, 4));
@@ -168,7 +168,7 @@ fn unpacked(block: &[u8]) -> Result<Vec<u8>, Damage> {
     })
 }
 
-/// Bytes that were transposed as a matrix of so many columns; those after its last whole row were not.
+/// Reverses the transposition of bytes as a matrix of `columns` columns; bytes after the last whole row stay.
 fn untransposed(bytes: &[u8], columns: usize) -> Vec<u8> {
     let rows = bytes.len().checked_div(columns).unwrap_or(0);
     let (matrix, rest) = bytes.split_at(rows * columns);

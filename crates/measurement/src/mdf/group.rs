@@ -10,59 +10,59 @@ use crate::time_scale::TimeScale;
 use std::collections::BTreeMap;
 use std::io::{Read, Seek};
 
-/// Channels of a file, at most.
+/// Largest number of channels of a file.
 const MOST_CHANNELS: usize = 20_000;
-/// Channels within channels, at most.
+/// Deepest nesting of channels.
 const DEEPEST: u32 = 8;
-/// Bytes of a record, at most.
+/// Largest size of a record \[bytes\].
 const LARGEST_RECORD: u64 = 16 << 20;
 
 /// Channels with one time.
 pub(super) struct Group {
-    /// Its name, as far as it has one.
+    /// Name of the group, if any.
     pub(super) name: String,
     pub(super) time: Option<Field>,
     pub(super) fields: Vec<Field>,
-    /// What its channels were sampled at, where that is no time.
+    /// Name of the master quantity, if it is not a time.
     pub(super) other_master: Option<&'static str>,
-    /// The channel that a mapping names as the time, where it is not in it.
+    /// The time channel named by a mapping, if this group lacks it.
     lacks: Option<String>,
-    /// Channels that are no numbers: what they are, and how many.
+    /// Count of channels without numbers, by kind.
     pub(super) unread: BTreeMap<String, u64>,
     id: u64,
-    /// Bytes of a record: its data, and the bits that say which numbers are none.
+    /// Size of a record: its data, and the bits that mark invalid numbers \[bytes\].
     data: usize,
     record: usize,
     is_text: bool,
-    /// Records that it says to have.
+    /// Number of records that the group states.
     pub(super) cycles: u64,
-    /// Records that are to be expected: no more than a file of its size can have.
+    /// Expected number of records, bounded by the size of the file.
     expected: u64,
     /// The time \[s\], then a column for each field.
     pub(super) recording: Recording,
-    /// From the time's numbers to seconds.
+    /// Conversion of the time channel's numbers to seconds.
     scale: Option<TimeScale>,
-    /// Why its time is none.
+    /// Reason why the time channel is not a time.
     pub(super) refused: Option<String>,
-    /// Records without a time.
+    /// Number of records without a time.
     timeless: u64,
     pub(super) read: u64,
 }
 
-/// Groups whose records lie among each other.
+/// Channel groups with a common data block.
 pub(super) struct DataGroup {
     pub(super) groups: Vec<Group>,
-    /// Bytes of the number before each record that says of which group it is.
+    /// Size of the group number before each record \[bytes\].
     id_size: usize,
     data: u64,
 }
 
 impl DataGroup {
-    /// All groups of a file, from the first one's place.
+    /// All groups of a file, from the position of the first.
     ///
     /// # Errors
     ///
-    /// What is damaged.
+    /// Description of the damage.
     pub(super) fn all<R: Read + Seek>(
         file: &mut Blocks<R>,
         first: u64,
@@ -87,11 +87,11 @@ impl DataGroup {
         Ok(all)
     }
 
-    /// Reads all records. What was read before damage is kept.
+    /// Reads all records. Records before damage are kept.
     ///
     /// # Errors
     ///
-    /// What is damaged.
+    /// Description of the damage.
     pub(super) fn read<R: Read + Seek>(
         &mut self,
         file: &mut Blocks<R>,
@@ -102,11 +102,11 @@ impl DataGroup {
         read
     }
 
-    /// Whether its records are stored by columns, which is not read.
+    /// Whether the records are stored by columns, which is not supported.
     ///
     /// # Errors
     ///
-    /// What is damaged.
+    /// Description of the damage.
     pub(super) fn is_by_columns<R: Read + Seek>(
         &self,
         file: &mut Blocks<R>,
@@ -134,7 +134,7 @@ impl DataGroup {
         self.groups.iter().all(|g| !g.is_wanted() || g.read >= g.cycles)
     }
 
-    /// Takes whole records from the beginning of some bytes; how many bytes that were.
+    /// Reads whole records from the beginning of `bytes`; returns the number of bytes used.
     fn records(&mut self, bytes: &[u8]) -> Result<usize, Damage> {
         let mut at = 0;
         loop {
@@ -172,7 +172,7 @@ impl Group {
         let record = data + block.number(28, 4);
         let is_text = block.number(16, 2) & 1 == 1;
         let mut group = Self {
-            // a name that is damaged is none
+            // a damaged name is ignored
             name: file.text(block.link(2)).unwrap_or_default(),
             time: None,
             fields: Vec::new(),
@@ -195,7 +195,7 @@ impl Group {
         Ok((group, block.link(0)))
     }
 
-    /// A list of channels, and those that are parts of them.
+    /// Reads a list of channels with their sub-channels.
     fn channels<R: Read + Seek>(
         &mut self,
         file: &mut Blocks<R>,
@@ -243,25 +243,26 @@ impl Group {
         Ok(())
     }
 
-    /// Whether it has a signal and a time.
+    /// Whether the group has a signal and a time.
     pub(super) fn is_wanted(&self) -> bool {
         self.time.is_some() && !self.fields.is_empty() && !self.is_text
     }
 
-    /// How many numbers its records are to be expected to have, with their times.
+    /// Expected count of numbers in its records, including the times.
     pub(super) fn numbers(&self) -> u64 {
         self.expected.saturating_mul(self.fields.len() as u64 + 1)
     }
 
-    /// Expects no more records than some bytes can hold; of a recording that was interrupted, which counted none, as many.
+    /// Bounds the expected number of records by the bytes of data. An interrupted recording has no count: the bound
+    /// applies.
     pub(super) fn expect(&mut self, bytes: u64, is_unfinished: bool) {
         let most = bytes.checked_div(self.record as u64).unwrap_or(0);
         self.cycles = if is_unfinished { u64::MAX } else { self.cycles };
         self.expected = self.cycles.min(most);
     }
 
-    /// Takes another channel for the time where a mapping names one. What is stated of that is for groups that have it: the others have no time
-    /// then.
+    /// Uses the channel named by a mapping as the time. Scale and unit apply only to groups with that channel; other
+    /// groups have no time then.
     pub(super) fn choose_time(&mut self, stated: Option<&TimeColumn>) {
         let wanted = stated.and_then(|s| s.column.as_deref());
         let is_master = |w: &str| self.time.as_ref().is_some_and(|t| t.is_named(w));
@@ -275,7 +276,7 @@ impl Group {
             }
             self.fields.extend(std::mem::replace(&mut self.time, field));
         }
-        // the format counts its times in seconds
+        // the format defines its times in seconds
         let seconds = |read: &Heading| {
             (is_own && read.unit.is_none() && read.unknown_unit.is_none()).then_some(1.0)
         };
@@ -283,17 +284,17 @@ impl Group {
         self.scale = self.time.as_ref().map(scale);
     }
 
-    /// The names of its channels.
+    /// Headings of its channels.
     pub(super) fn headings(&self) -> Vec<String> {
         self.time.iter().chain(&self.fields).map(|f| f.heading.clone()).collect()
     }
 
-    /// Whether it lacks the channel that a mapping names as the time.
+    /// Whether the group lacks the time channel that a mapping names.
     pub(super) fn lacks_time(&self) -> bool {
         self.lacks.is_some()
     }
 
-    /// Says what of it is left out.
+    /// Adds remarks about the parts left out.
     pub(super) fn say(&self, is_unfinished: bool, remarks: &mut Vec<String>) {
         let name = match (self.name.is_empty(), self.fields.first()) {
             (false, _) => self.name.clone(),
@@ -342,7 +343,7 @@ impl Group {
         self.refused = kept.err();
     }
 
-    /// No more records come.
+    /// Finishes the group after its last record.
     fn finish(&mut self) {
         let (Some(scale), None) = (&mut self.scale, &self.refused) else { return };
         let recording = &mut self.recording;

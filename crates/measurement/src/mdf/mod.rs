@@ -1,7 +1,8 @@
-//! MDF 4 files (ASAM) of CANape, INCA, vMeasure, asammdf: groups of channels, each with its own time; plain and packed data.
+//! MDF 4 files (ASAM) of CANape, INCA, vMeasure, asammdf: groups of channels, each with its own time; compressed or
+//! not.
 //!
 //! ```text
-//! file -block-> group, channel (what lies where in a record) -data (blocks, unpacked)-> columns -sampled-> channels
+//! file -block-> group, channel (layout of a record) -data (blocks, decompressed)-> columns -sampled-> channels
 //! ```
 
 mod block;
@@ -22,17 +23,17 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
-/// How a file begins, and how one whose writer was interrupted.
+/// First bytes of a file, and of one whose writer was interrupted.
 pub(crate) const BEGINS: [&[u8; 8]; 2] = [b"MDF     ", b"UnFinMF "];
 
-/// Where the first block stands.
+/// Position of the first block.
 const FIRST: u64 = 64;
 
-/// Reads an MDF 4 file. Times are those of each group, or the channel that `time` names.
+/// Reads an MDF 4 file. The times are those of each group, or the channel that `time` names.
 ///
 /// # Errors
 ///
-/// [`MeasurementError`] when nothing in it can be used, with what is there.
+/// [`MeasurementError`] if the file has no usable signal, with a description of its content.
 pub(crate) fn read(
     path: &Path,
     time: Option<&TimeColumn>,
@@ -78,7 +79,7 @@ pub(crate) fn read(
 ///
 /// # Errors
 ///
-/// Where it is of another version.
+/// Message about an unsupported version.
 fn is_unfinished<R: Read + Seek>(
     file: &mut Blocks<R>,
     remarks: &mut Vec<String>,
@@ -99,7 +100,7 @@ fn is_unfinished<R: Read + Seek>(
     Ok(is_unfinished)
 }
 
-/// Reads the records of all groups, as far as they are sound.
+/// Reads the records of all groups up to the first damage.
 fn read_records<R: Read + Seek>(
     file: &mut Blocks<R>,
     all: &mut [DataGroup],
@@ -111,7 +112,7 @@ fn read_records<R: Read + Seek>(
     let total = all.iter().flat_map(|d| &d.groups).filter(|g| g.is_wanted());
     let total = total.map(Group::numbers).fold(0, u64::saturating_add).max(1);
     for data in all {
-        // each group's part of all numbers
+        // each group gets its share of the limit of numbers
         for group in data.groups.iter_mut().filter(|g| g.is_wanted()) {
             let part = (MOST as f64 * group.numbers() as f64 / total as f64) as usize;
             group.recording = Recording::new(group.fields.len(), part);
@@ -133,5 +134,5 @@ fn read_records<R: Read + Seek>(
     }
 }
 
-/// How many times its size a file can unpack to, as far as records are counted ahead.
+/// Largest compression ratio assumed for the expected number of records.
 const UNPACKED: u64 = 1100;

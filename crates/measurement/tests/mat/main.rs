@@ -93,8 +93,8 @@ fn structures_are_read_with_the_time_that_is_in_them_or_around_them() {
     assert_eq!(*log.channels[2].time, *slow);
 }
 
-/// "Structure With Time" of scopes and To Workspace: time, signals.values, dimensions, label, blockName, as described in
-/// robotology/robometry issue 8.
+/// "Structure With Time" of scopes and To Workspace: time, signals.values, dimensions, label, blockName, as described
+/// in robotology/robometry issue 8.
 #[test]
 fn a_structure_with_time_of_simulink_is_read_by_its_labels() {
     let [t, x, p] = course();

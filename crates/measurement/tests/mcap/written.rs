@@ -1,4 +1,5 @@
-//! MCAP files, for the tests: by the library of the format's makers, and record by record where that would not write them.
+//! MCAP files, for the tests: by the library of the format's makers, and record by record where that would not write
+//! them.
 
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
