@@ -1,6 +1,6 @@
-//! What a control period of the exported scheduled LQR costs in C: `cargo bench -p hydroboom-export --bench scheduled_lqr`. A course on the
-//! virtual crane is recorded and replayed several times; of each period the least time counts, so that what else the computer does
-//! is left out, and the worst period is the controller's own.
+//! Execution time of a control period of the exported scheduled LQR in C: `cargo bench -p hydroboom-export --bench
+//! scheduled_lqr`. A course on the virtual crane is recorded and replayed several times. The minimum over the replays
+//! of each period removes interference by other processes; the largest minimum is the worst case of the controller.
 
 #![expect(clippy::unwrap_used, reason = "a measurement that cannot be set up has failed")]
 #![allow(dead_code, reason = "the tests use more of what it shares with them")]
@@ -15,7 +15,7 @@ use hydroboom_export::scheduled_lqr_controller;
 use recording::{From, cranes, names, nothing, plain, recorded};
 use std::process::Command;
 
-/// How often the course is replayed.
+/// Number of replays.
 const ROUNDS: usize = 20;
 
 /// Prints the least time \[ns\] of each period.
@@ -68,11 +68,11 @@ fn main() {
         "preview | precision | options | median | 99.9 % | worst | worst while the rollout decides [us]"
     );
     println!("---|---|---|---|---|---|---");
-    // without a preview feedback saturates where a ramp begins, and the rollout decides
+    // without a preview feedback saturates at the beginning of a ramp, and the rollout is active
     [800, 0].into_iter().for_each(measured);
 }
 
-/// The course with a preview of so many control periods.
+/// Measures the course with a preview of `length` control periods.
 fn measured(length: usize) {
     let (model, _) = cranes();
     let (recording, outcome) = recorded(&plain(&model), length, nothing, (From::PowerUp, 12_000));

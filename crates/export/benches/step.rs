@@ -1,5 +1,5 @@
-//! What a step costs in generated C beside Rust: `cargo bench -p hydroboom-export`. Both run in turn, so that what else the
-//! computer does counts for both; the least of each is compared.
+//! Execution time of a simulation step in generated C and in Rust: `cargo bench -p hydroboom-export`. Both run in turn,
+//! so that other processes disturb both alike; the minima are compared.
 
 #![expect(clippy::unwrap_used, reason = "a measurement that cannot be set up has failed")]
 
@@ -14,7 +14,7 @@ use std::time::Instant;
 const STEPS: u32 = 200_000;
 const ROUNDS: u32 = 20;
 
-/// Prints what a step takes \[ns\].
+/// Prints the time of a step \[ns\].
 const MAIN: &str = r#"
 #include "crane.h"
 #include <stdio.h>
@@ -71,7 +71,7 @@ fn main() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// What a step takes \[ns\].
+/// Time of a step \[ns\].
 fn in_rust(description: &Description) -> f64 {
     let crane = description.crane::<3>().unwrap();
     let n = &description.numbers;

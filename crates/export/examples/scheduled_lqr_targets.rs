@@ -1,6 +1,7 @@
-//! A minute of readings and previews of the scheduled LQR on the virtual crane, given to every exported form of it: how far each
-//! signal is off from Rust's, as a share of its size. Then the same courses in closed loop, with Structured Text in `LREAL` and in
-//! `REAL` as the controller: how well the path is tracked, and whether the estimated payload is consistent with the true one.
+//! Replays readings and previews of the scheduled LQR on the virtual crane in every exported form, and prints the
+//! largest relative difference of each signal from Rust. Then runs the same courses in closed loop with Structured
+//! Text in `LREAL` and in `REAL` as the controller. Prints the tracking error, and the consistency of the estimated
+//! payload.
 //!
 //! ```sh
 //! cargo run --release -p hydroboom-export --example scheduled_lqr_targets -- 60
@@ -26,7 +27,7 @@ use recording::{
     recorded, shares_off,
 };
 
-/// Payloads \[kg\] and positions \[m\] of the courses, one after the other until the time is over.
+/// Payloads \[kg\] and positions \[m\] of the courses, repeated until the duration is reached.
 const COURSES: [(f64, f64); 6] =
     [(307.0, 0.2), (60.0, 0.06), (450.0, 0.35), (200.0, 0.2), (0.0, 0.35), (318.0, 0.06)];
 
@@ -87,7 +88,7 @@ fn main() {
     in_closed_loop(seconds);
 }
 
-/// A controller that keeps the last payload that it showed.
+/// A controller that stores its last payload estimate.
 struct Weighing {
     inner: Controller,
     /// Payload and its standard deviation \[kg\], while the controller has the load.
@@ -137,7 +138,7 @@ impl Target for Weighing {
     }
 }
 
-/// The courses until the time is over, with Rust and with Structured Text as the controller.
+/// Runs the courses with Rust and with Structured Text as the controller.
 fn in_closed_loop(seconds: usize) {
     let (model, machine) = cranes();
     let mut left = 1000 * seconds;

@@ -1,5 +1,5 @@
-//! Rows of Structured Text for the table that `hydroboom export closed-loop --csv` writes: the blocks are evaluated on the
-//! virtual crane. With a file's name the rows are added to it.
+//! Rows of Structured Text for the table of `hydroboom export closed-loop --csv`: the blocks are evaluated on the
+//! virtual crane. The rows are appended to the given file, if any.
 //!
 //! ```sh
 //! hydroboom export closed-loop --csv table.csv
@@ -18,7 +18,7 @@ use hydroboom_description::Description;
 use hydroboom_export::closed_loop::{HEADER, csv};
 use std::io::Write;
 
-/// From the piston position on every input.
+/// Number of disturbed inputs, from the piston position on.
 const INPUTS: usize = 6;
 
 fn main() -> std::io::Result<()> {

@@ -24,7 +24,7 @@ HB_MAYBE_UNUSED static double hb_power_of_two(double held)
     return hb_double((hb_bits(held) + UINT64_C(1023)) << 52);
 }
 
-/* Sine and cosine turned by the number of quarters in the last bits. */
+/* Sine and cosine, rotated by the number of quarter turns in the last bits. */
 HB_MAYBE_UNUSED static double hb_turned_sine(double held, double sine, double cosine)
 {
     const uint64_t quarters = hb_bits(held);
@@ -56,8 +56,8 @@ HB_MAYBE_UNUSED static double hb_mantissa(double value)
 }
 
 #if defined(HB_SOFT_FMA)
-/* a b + c, rounded once, for libraries whose fma rounds twice: product and sums with their errors, the last but one sum
-   rounded to odd (Boldo and Melquiond, doi:10.1109/TC.2007.70819). Right where nothing over- or underflows. */
+/* a b + c, rounded once, for libraries whose fma rounds twice: exact product and sums with their errors, the last but
+   one sum rounded to odd (Boldo and Melquiond, doi:10.1109/TC.2007.70819). Valid without overflow and underflow. */
 HB_MAYBE_UNUSED static double hb_fma(double a, double b, double c)
 {
     const double split = 134217729.0; /* 2^27 + 1 */

@@ -1,54 +1,54 @@
-//! Parts of what was recorded, with names: what a function block or a set of functions is made of.
+//! Blocks: named parts of a recorded graph, from which function blocks or sets of functions are generated.
 
 use crate::graph::{Graph, Node};
 use hydroboom_description::Description;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// Something with a name.
+/// A named quantity of a block.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Variable {
-    /// Name in snake case; a parameter's is that of the crane file, with its unit.
+    /// Name in snake case; for a parameter the crane file's key, with its unit.
     pub name: String,
     /// Unit.
     pub unit: String,
     /// Meaning.
     pub meaning: String,
-    /// Value to begin with, in this unit.
+    /// Initial value in this unit.
     pub initial: f64,
 }
 
-/// What a result is for.
+/// Destination of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
-    /// The next value of a state.
+    /// Next value of the state with this index.
     State(usize),
-    /// An output.
+    /// Output with this index.
     Output(usize),
 }
 
-/// What is computed at once.
+/// A function of a block: results that are computed in one call.
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// Name in snake case.
     pub name: String,
-    /// What it does.
+    /// Description for the generated comment.
     pub meaning: String,
-    /// The results.
+    /// Results with their destinations.
     pub results: Vec<(Target, Node)>,
 }
 
-/// Control period of a block whose steps are fixed.
+/// Control period of a block with a fixed step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlPeriod {
     /// Length \[s\].
     pub length: f64,
-    /// Steps of the simulated crane in it; 0 where nothing is simulated.
+    /// Simulation steps in a control period; 0 for a block without a simulated crane.
     pub steps: u32,
 }
 
 impl ControlPeriod {
-    /// That of a crane file, with the steps of its simulated crane or without.
+    /// The control period of a crane file, with or without steps of a simulated crane.
     pub(crate) fn of(description: &Description, simulates: bool) -> Self {
         let n = &description.numbers;
         let steps = (n.control_period / n.simulation_period).round().max(1.0) as u32;
@@ -56,27 +56,27 @@ impl ControlPeriod {
     }
 }
 
-/// A part with a memory of its own.
+/// A block with states, as generated for every target language.
 #[derive(Clone, Debug)]
 pub struct Block {
     /// Name in snake case.
     pub name: String,
-    /// What it is.
+    /// Description for the generated comment.
     pub meaning: String,
-    /// What was recorded.
+    /// Recorded operations.
     pub graph: Rc<Graph>,
-    /// Numbers that do not change while it runs.
+    /// Parameters, constant during operation, with their nodes.
     pub parameters: Vec<(Variable, Node)>,
-    /// What comes from outside at each call.
+    /// Inputs of each call, with their nodes.
     pub inputs: Vec<(Variable, Node)>,
-    /// What it remembers.
+    /// States, with the nodes of their current values.
     pub states: Vec<(Variable, Node)>,
-    /// What it shows.
+    /// Outputs.
     pub outputs: Vec<Variable>,
-    /// What it does.
+    /// Functions of the block.
     pub entries: Vec<Entry>,
-    /// Its control period; none where it goes on by a step of its own.
+    /// Control period; `None` for a block whose step is an input.
     pub period: Option<ControlPeriod>,
-    /// Names of what is in between, with a comment: the quantity, its equation.
+    /// Names of intermediate results, with a comment: the quantity and its equation.
     pub labels: HashMap<Node, (String, String)>,
 }

@@ -1,10 +1,9 @@
-//! C99: a header and a source, without allocation, with no library but that of the mathematical functions.
+//! C99: a header and a source, without allocation; the only library used is that of the mathematical functions.
 //!
-//! What is computed is what Rust computes, operation by operation: sums and products in the same order, fused products as
-//! `fma`, elementary functions as the same polynomials. So both agree to the last bit, provided that the compiler neither
-//! fuses nor rearranges by itself (`-ffp-contract=off`, no `-ffast-math`). Whether `fma` is one instruction (`-mfma`) or a call
-//! changes the speed and no bit; where a library's `fma` rounds twice (newlib's does), `-DHB_SOFT_FMA` puts one in its place that
-//! does not.
+//! The operations and their order are those of Rust: sums and products, fused products as `fma`, elementary functions
+//! by the same polynomials. Both therefore agree to the last bit, if the compiler neither contracts nor reorders
+//! (`-ffp-contract=off`, no `-ffast-math`). An `fma` instruction (`-mfma`) in place of a call changes the speed and
+//! no bit. Where a library's `fma` rounds twice (newlib), `-DHB_SOFT_FMA` replaces it by a correct one.
 
 mod lines;
 
@@ -23,7 +22,7 @@ use lines::{Lines, each, line};
 use std::collections::HashMap;
 use std::fmt::Write;
 
-/// The number that the code computes with.
+/// Floating-point type of the generated code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// `double`: equal to Rust to the last bit.
@@ -32,7 +31,7 @@ pub enum Precision {
     Single,
 }
 
-/// Words that are no names in C or C++, and names that the code itself uses.
+/// Keywords of C and C++, and names used by the generated code.
 const RESERVED: [&str; 99] = [
     "auto",
     "break",
@@ -81,7 +80,7 @@ const RESERVED: [&str; 99] = [
     "turn",
     "i",
     "hb_real",
-    // of C++, which reads the header
+    // keywords of C++, since the header may be included there
     "alignas",
     "alignof",
     "bitand",
@@ -136,7 +135,7 @@ const RESERVED: [&str; 99] = [
     "xor",
 ];
 
-/// Widest line.
+/// Largest line width.
 const WIDTH: usize = 110;
 
 struct C(Precision);
@@ -202,13 +201,13 @@ impl Dialect for C {
             Op::TurnedCosine(..) => call(x, "hb_turned_cosine"),
             Op::Mantissa(_) => call(x, "hb_mantissa"),
             Op::Exponent(_) => call(x, "hb_exponent"),
-            // constants and inputs have a text of their own, arithmetic is written above
+            // constants and inputs have their own text; arithmetic is handled above
             _ => Text::whole("0"),
         }
     }
 }
 
-/// The shortest literal that is this number.
+/// The shortest literal with exactly this value.
 fn literal(value: f64, precision: Precision) -> String {
     match precision {
         Precision::Double => format!("{value:?}"),
@@ -216,20 +215,20 @@ fn literal(value: f64, precision: Precision) -> String {
     }
 }
 
-/// What every type and function that others can see begins with, so that several cranes fit into one program.
+/// Prefix of all types and functions with external linkage, so that several cranes can be linked into one program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Prefix(String);
 
 impl Prefix {
-    /// Characters of the longest one: names stay below the 63 that C99 tells apart, and the linker's.
+    /// Longest prefix: names stay below the 63 characters that C99 and linkers distinguish.
     pub const LONGEST: usize = 24;
 
-    /// A prefix: the beginning of a name in C.
+    /// A prefix for C names.
     ///
     /// # Errors
     ///
-    /// [`ExportError::Prefix`] when it is empty, longer than [`LONGEST`](Self::LONGEST), begins with a digit or an underscore
-    /// (such names are the compiler's), or has anything but ASCII letters, digits and underscores.
+    /// [`ExportError::Prefix`] if it is empty, longer than [`LONGEST`](Self::LONGEST), begins with a digit or an
+    /// underscore (reserved for the compiler), or contains anything but ASCII letters, digits and underscores.
     pub fn new(text: &str) -> Result<Self, ExportError> {
         let is_name = text.starts_with(|c: char| c.is_ascii_alphabetic())
             && text.len() <= Self::LONGEST
@@ -259,24 +258,24 @@ pub struct Files {
     pub header: String,
     /// `<name>.c`
     pub source: String,
-    /// Names of its functions, as the header declares them.
+    /// Names of the functions that the header declares.
     pub functions: Vec<String>,
 }
 
-/// Blocks as C, in files of this name, with the usual prefix.
+/// Generates header and source of this name for some blocks, with the usual prefix.
 ///
 /// # Errors
 ///
-/// [`ExportError`] when a block depends on something that it does not have.
+/// [`ExportError`] if a block depends on a quantity that it does not contain.
 pub fn files(blocks: &[Block], name: &str, precision: Precision) -> Result<Files, ExportError> {
     prefixed_files(blocks, name, precision, &Prefix::default())
 }
 
-/// The same with another prefix.
+/// Like [`files`], with another prefix.
 ///
 /// # Errors
 ///
-/// [`ExportError`] when a block depends on something that it does not have.
+/// [`ExportError`] if a block depends on a quantity that it does not contain.
 pub fn prefixed_files(
     blocks: &[Block],
     name: &str,
@@ -309,7 +308,7 @@ pub fn prefixed_files(
     Ok(Files { header, source, functions })
 }
 
-/// Adds a field of a structure, with this name.
+/// Adds a member of a structure, with this name.
 fn field(to: &mut String, own: &str, v: &Variable, name: &str) {
     let comment = format!("    /* {} [{}] */", comment(&v.meaning), comment(&v.unit));
     let _ = writeln!(to, "{}\n    {own}real {name};", broken(&comment, WIDTH));
@@ -330,7 +329,7 @@ fn structure(to: &mut String, own: &str, what: &str, name: &str, fields: &[&Vari
     let _ = writeln!(to, "}} {name};");
 }
 
-/// Adds a block to header and source; the names of its functions. `inner` are names within the source.
+/// Adds a block to header and source; returns the names of its functions. `inner` holds the source's internal names.
 fn printed(
     block: &Block,
     precision: Precision,
@@ -355,7 +354,7 @@ fn printed(
         &fields,
     );
 
-    // what follows from the parameters
+    // values derived from the parameters
     let mut names = Names::new(&RESERVED);
     let given: HashMap<Node, Text> =
         parameters.iter().map(|(v, node)| (*node, Text::whole(format!("p->{}", v.name)))).collect();
@@ -471,7 +470,7 @@ fn printed(
         declared(
             "describe",
             &format!("{prefix}_parameters *p"),
-            "Fills in what the crane file says.",
+            "Sets all parameters to the values of the crane file.",
             &values(&mut parameters.iter().map(|(v, _)| v), "p"),
         );
         for ((_, v), text) in kept.iter().zip(&results) {
@@ -518,7 +517,7 @@ fn printed(
         repeated += &lines.functions(first);
         let mut body = lines.statements(&said);
         let moves = entry.results.iter().any(|(target, _)| matches!(target, Target::State(_)));
-        // all states move at once: none is changed before the last is known
+        // simultaneous update: no state changes before the last new value is computed
         let mut last = String::new();
         let name_of = |target: &Target| match target {
             Target::State(k) => block.states[*k].0.name.as_str(),
@@ -578,15 +577,15 @@ fn printed(
     Ok(declarations)
 }
 
-/// Names the functions that have none yet. Without the name of their block: they are seen in this source only, and longer names than
-/// 63 characters are not told apart by every compiler.
+/// Assigns names to functions without one, independent of the block's name: they are static, and not every compiler
+/// distinguishes names beyond 63 characters.
 fn name(functions: &[Function], own: &str, inner: &mut Names, names: &mut Vec<String>) {
     for Function { origin, number, .. } in &functions[names.len()..] {
         names.push(inner.free(&format!("{own}{origin}_{number}")));
     }
 }
 
-/// Arrays among the members of a structure, as they can be passed: name and length.
+/// Arrays among the members of a structure that can be passed by pointer: name and length.
 fn arrays<'a>(
     structure: &'a str,
     members: &'a [Variable],
@@ -595,7 +594,7 @@ fn arrays<'a>(
     all.filter_map(move |(array, range)| Some((format!("{structure}->{}", array?), range.len())))
 }
 
-/// A function of one number, as recorded.
+/// A recorded function of one number.
 fn function(
     own: &str,
     name: &str,
@@ -637,9 +636,9 @@ fn function(
     }
 }
 
-/// What the code needs beyond arithmetic.
+/// Helper functions of the generated code.
 fn helpers(precision: Precision, own: &str) -> String {
-    // a function that no block calls is no reason for a warning
+    // no warning about helpers that no block calls
     const UNUSED: &str = "#if defined(__GNUC__)\n#define HB_MAYBE_UNUSED __attribute__((unused))\n#else\n#define HB_MAYBE_UNUSED\n#endif\n";
     let real = format!("{own}real");
     let shared = "\n#define HB_INFINITY INFINITY\n#define HB_NAN NAN\n";

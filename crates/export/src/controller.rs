@@ -1,4 +1,4 @@
-//! Controllers as blocks, within the frame that holds and releases the load, without what they simulate.
+//! Framed controllers as blocks: the frame holds and releases the load. Simulated cranes are separate blocks.
 
 use crate::block::{Block, ControlPeriod, Entry, Target, Variable};
 use crate::error::ExportError;
@@ -31,7 +31,7 @@ use std::rc::Rc;
 
 type E = Expression;
 
-/// States of a record's fields, with a prefix to their names, and the record of them.
+/// States for the fields of a record, with a prefix to their names, and the record of their nodes.
 macro_rules! states {
     ($Record:ident, $before:literal) => {{
         let (names, units, meanings) = ($Record::NAMES, $Record::UNITS, $Record::MEANINGS);
@@ -41,11 +41,11 @@ macro_rules! states {
     }};
 }
 
-/// What the frame is given.
+/// Inputs of the frame.
 fn frame_input() -> (Vec<(Variable, E)>, FrameInput<E>) {
     let (mut inputs, record) = states!(FrameInput, "");
     for (variable, _) in &mut inputs {
-        // a valve that nobody reads
+        // a valve without a position switch
         if variable.name == "valve_state" {
             variable.initial = -1.0;
         }
@@ -53,7 +53,7 @@ fn frame_input() -> (Vec<(Variable, E)>, FrameInput<E>) {
     (inputs, record)
 }
 
-/// What the frame remembers.
+/// States of the frame.
 fn frame_state() -> (Vec<(Variable, E)>, FrameState<E>) {
     let (mut states, memory) = states!(FrameMemory, "frame_");
     let (more, drive) = states!(DriveMonitorState, "drive_");
@@ -75,7 +75,7 @@ fn frame_numbers(state: &FrameState<E>) -> Vec<E> {
     all
 }
 
-/// What the frame shows.
+/// Outputs of the frame.
 pub(crate) fn frame_outputs() -> Vec<Variable> {
     let rows = FrameOutput::NAMES.iter().zip(FrameOutput::UNITS).zip(FrameOutput::MEANINGS);
     rows.map(|((name, unit), meaning)| Variable {
@@ -87,19 +87,19 @@ pub(crate) fn frame_outputs() -> Vec<Variable> {
     .collect()
 }
 
-/// Results for states from a place on, then for outputs from a place on.
+/// Results for states and outputs, from given indices on.
 fn results(states: &[E], first: usize, outputs: &[E]) -> Vec<(Target, Node)> {
     let states = states.iter().enumerate().map(|(k, e)| (Target::State(first + k), e.node()));
     let outputs = outputs.iter().enumerate().map(|(k, e)| (Target::Output(k), e.node()));
     states.chain(outputs).collect()
 }
 
-/// The benchmark controller within the frame. Its gains can be tuned; limits, release and what follows from
-/// the crane are numbers in the code.
+/// The benchmark controller within the frame. Its gains are parameters; limits, release and all other values derived
+/// from the crane are constants of the code.
 ///
 /// # Errors
 ///
-/// [`ExportError`] where there are no limits for the crane.
+/// [`ExportError`] if no limits can be derived for the crane.
 pub fn controller(description: &Description) -> Result<Block, ExportError> {
     let framed = framed_benchmark(description)?;
     let (graph, mut block) = record(|| {
@@ -141,7 +141,7 @@ pub fn controller(description: &Description) -> Result<Block, ExportError> {
     Ok(block)
 }
 
-/// Tables of what is given or remembered: variables of one name get their places.
+/// Array inputs or states: variables of one name, numbered by their index.
 fn placed(names: &[&str], before: &str, unit: &str, meaning: &str) -> Vec<(Variable, E)> {
     let mut all = Vec::new();
     for of_one in names.chunk_by(|a, b| a == b) {
@@ -154,11 +154,11 @@ fn placed(names: &[&str], before: &str, unit: &str, meaning: &str) -> Vec<(Varia
     all
 }
 
-/// The scheduled LQR with its state estimator within the frame: the reference after now is given as far as it is known.
+/// The scheduled LQR with its state estimator within the frame. Its inputs include the preview of the reference.
 ///
 /// # Errors
 ///
-/// [`ExportError`] where there are no limits or no reduced model for the crane.
+/// [`ExportError`] if no limits or no reduced model can be derived for the crane.
 pub fn scheduled_lqr_controller(description: &Description) -> Result<Block, ExportError> {
     let framed = framed_scheduled_lqr(description)?;
     let (graph, mut block) = record(|| {
@@ -236,25 +236,25 @@ pub fn scheduled_lqr_controller(description: &Description) -> Result<Block, Expo
     Ok(block)
 }
 
-/// A control period of the simulation feedforward within the frame, as recorded.
+/// A recorded control period of the simulation feedforward within the frame.
 pub(crate) struct RecordedPeriod {
-    /// What it is given beside the simulated crane.
+    /// Inputs besides those of the simulated crane.
     pub inputs: Vec<(Variable, E)>,
-    /// What it remembers.
+    /// States.
     pub states: Vec<(Variable, E)>,
-    /// Place among them of the simulated motor's speed.
+    /// Index of the simulated motor speed among them.
     pub motor: usize,
-    /// What it will remember.
+    /// Next values of the states.
     pub next: Vec<E>,
-    /// What it shows.
+    /// Outputs.
     pub outputs: Vec<E>,
 }
 
-/// Records a control period in which the simulated crane stands as shown.
+/// Records a control period with the given outputs of the simulated crane.
 ///
 /// # Errors
 ///
-/// [`ExportError`] where there are no limits for the crane.
+/// [`ExportError`] if no limits can be derived for the crane.
 pub(crate) fn simulating_period(
     description: &Description,
     numbers: &Numbers<E>,
@@ -287,12 +287,12 @@ pub(crate) fn simulating_period(
     Ok(RecordedPeriod { inputs, states, motor, next: kept, outputs: output.to_array().to_vec() })
 }
 
-/// The simulation feedforward within the frame, for a simulated crane that is stepped beside it: what it
-/// shows goes in, the speed of its motor comes out.
+/// The simulation feedforward within the frame, for a simulated crane in a separate block: that crane's outputs are
+/// inputs, its motor speed is an output.
 ///
 /// # Errors
 ///
-/// [`ExportError`] where there are no limits for the crane.
+/// [`ExportError`] if no limits can be derived for the crane.
 pub fn simulation_feedforward_controller(description: &Description) -> Result<Block, ExportError> {
     let (graph, block) = record(|| -> Result<Block, ExportError> {
         let (parameters, numbers) = gains(description);

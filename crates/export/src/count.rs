@@ -1,15 +1,15 @@
-//! What a piece of generated code costs.
+//! Operation counts of generated code.
 
 use crate::graph::{Graph, Node, Op};
 
-/// Operations, by kind.
+/// Number of operations, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// Sums, differences, negatives.
+    /// Sums, differences and negations.
     pub sums: usize,
     /// Products.
     pub products: usize,
-    /// Products and sums that are rounded once.
+    /// Fused multiply-adds.
     pub fused: usize,
     /// Quotients.
     pub quotients: usize,
@@ -19,16 +19,16 @@ pub struct Count {
     pub functions: usize,
     /// Comparisons.
     pub comparisons: usize,
-    /// Choices between two numbers.
+    /// Selections between two numbers.
     pub choices: usize,
 }
 
 impl Count {
-    /// Of some nodes of a graph.
+    /// Operations of some nodes of a graph.
     pub fn of(graph: &Graph, nodes: &[Node]) -> Self {
         let mut count = Self::default();
         for node in nodes {
-            // in a loop, for each of its rows
+            // a node in a loop counts once for each row
             let n = graph.repeats(*node);
             match graph.op(*node) {
                 Op::Add(..) | Op::Sub(..) | Op::Neg(_) => count.sums += n,
@@ -47,7 +47,7 @@ impl Count {
         count
     }
 
-    /// Floating-point operations as they are usually counted: a fused one is two, a function one.
+    /// Floating-point operations by the usual convention: a fused multiply-add is two, a function one.
     pub fn flops(&self) -> usize {
         self.sums + self.products + 2 * self.fused + self.quotients + self.roots + self.functions
     }

@@ -1,4 +1,4 @@
-//! The crane as blocks: whole, and in two as the paper divides it.
+//! The crane as blocks: as a whole, and divided in two as in the paper.
 
 use crate::block::{Block, Entry, Target, Variable};
 use crate::error::ExportError;
@@ -21,10 +21,10 @@ type E = Expression;
 
 /// The paper's equations (docs/theory.md) of each node's pressure, in the order of [`Nodes`].
 const NODE_EQUATIONS: [&str; 5] = ["(8)", "(A12)", "(A13)", "(9)", "(A20)"];
-/// Those of the flows, in the order of [`Flows`]; reliefs, which are ours, have none.
+/// Equations of the flows, in the order of [`Flows`]; the relief valves are our addition.
 const FLOW_EQUATIONS: [&str; 10] =
     ["(5)", "(5)", "(A1)", "(A2)", "(A3)", "(A7)", "(A8)", "(A9)", "(A10)", "(A11)"];
-/// Those of some outputs.
+/// Equations of some outputs.
 const OUTPUT_EQUATIONS: [(&str, &str); 4] = [
     ("stroke", "equation (28)"),
     ("velocity", "equation (29)"),
@@ -32,7 +32,7 @@ const OUTPUT_EQUATIONS: [(&str, &str); 4] = [
     ("cylinder_force", "A_p p_A - A_r p_B - F_fr + F_stop"),
 ];
 
-/// What was recorded of a crane.
+/// Recording of a crane's step.
 struct Recorded {
     graph: Rc<Graph>,
     parameters: Vec<(Variable, Node)>,
@@ -40,7 +40,7 @@ struct Recorded {
     step: (Variable, Node),
     states: Vec<(Variable, Node)>,
     next: Vec<Node>,
-    /// The states after one step of Newton's method to the state of rest.
+    /// The states after one Newton step towards equilibrium.
     balanced: Vec<Node>,
     before: Outputs<E>,
     after: Outputs<E>,
@@ -49,7 +49,7 @@ struct Recorded {
     labels: HashMap<Node, (String, String)>,
 }
 
-/// The crane at rest where its motion starts. Its step is one that the exported code, which takes no substeps, is stable with.
+/// The crane in equilibrium at the start of its motion. The exported code takes no substeps: its step must be stable.
 pub(crate) fn resting(description: &Description) -> Result<CraneState<f64, SEGMENTS>, ExportError> {
     let found = description.coordinates();
     if found != SEGMENTS {
@@ -68,7 +68,7 @@ fn recorded(description: &Description) -> Result<Recorded, ExportError> {
     Ok(Recorded { graph: Rc::new(graph), ..recorded? })
 }
 
-/// A state of the crane as something from outside, which begins at rest.
+/// State variables of the crane, initially in equilibrium.
 pub(crate) fn state(
     rest: &CraneState<f64, SEGMENTS>,
 ) -> (Vec<(Variable, E)>, CraneState<E, SEGMENTS>) {
@@ -111,7 +111,7 @@ pub(crate) fn numbers(state: &CraneState<E, SEGMENTS>) -> Vec<Node> {
     numbers.concat().into_iter().map(E::node).collect()
 }
 
-/// The recording itself: a published step, and what is seen before and after it.
+/// Records a step of the published scheme with the outputs before and after it.
 fn recording(
     description: &Description,
     rest: &CraneState<f64, SEGMENTS>,
@@ -131,7 +131,7 @@ fn recording(
     let next = numbers(&moved);
     let (before, after) = (crane.outputs(&now), crane.outputs(&moved));
 
-    // what is in between, by its name: computed once more, which is the same node
+    // names intermediate results: they are computed again, which gives the same nodes
     let mut labels = HashMap::new();
     let mut label = |number: E, name: &str, comment: &str| {
         let taken = || (plain(name), comment.trim().to_string());
@@ -211,7 +211,7 @@ fn load_pressure() -> Variable {
     }
 }
 
-/// What can be seen, as outputs of a block.
+/// Outputs of the crane as block outputs.
 fn shown() -> Vec<Variable> {
     let all = Outputs::NAMES.iter().zip(Outputs::UNITS).zip(Outputs::MEANINGS);
     let shown = |((name, unit), meaning): ((&&str, &str), &str)| Variable {
@@ -223,11 +223,11 @@ fn shown() -> Vec<Variable> {
     all.map(shown).collect()
 }
 
-/// The whole crane: a published step, what is seen of a state, and what leads to the state of rest.
+/// The whole crane as a block: a step of the published scheme, the outputs, and the Newton step to equilibrium.
 ///
 /// # Errors
 ///
-/// [`ExportError`] for cranes that are not exported.
+/// [`ExportError`] if the crane cannot be exported.
 pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
     let r = recorded(description)?;
     let states = |nodes: &[Node]| -> Vec<(Target, Node)> {
@@ -251,7 +251,7 @@ pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
         outputs,
         entries: vec![
             Entry { name: "step".into(), meaning: "one step".into(), results: next },
-            Entry { name: "see".into(), meaning: "what is seen of a state".into(), results: seen },
+            Entry { name: "see".into(), meaning: "outputs of a state".into(), results: seen },
             Entry {
                 name: "balance".into(),
                 meaning: "one step of Newton's method from a state near rest to the state of rest at motion_start_mm; \
@@ -264,12 +264,12 @@ pub fn crane_model(description: &Description) -> Result<Block, ExportError> {
     })
 }
 
-/// The crane in two blocks as the paper divides it, hydraulics and boom: piston position, velocity and force go between
-/// them once a step, all of the step's beginning, so that both together are the whole crane's step.
+/// The crane in two blocks as in the paper, hydraulics and boom. Piston position, velocity and force are exchanged
+/// once a step, with their values at its beginning, so that both together give the whole crane's step.
 ///
 /// # Errors
 ///
-/// [`ExportError`] for cranes that are not exported.
+/// [`ExportError`] if the crane cannot be exported.
 pub fn blocks(description: &Description) -> Result<[Block; 2], ExportError> {
     let r = recorded(description)?;
     let boom_states = 2 * SEGMENTS;

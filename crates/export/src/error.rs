@@ -1,4 +1,4 @@
-//! Why nothing is exported.
+//! Errors of the export.
 
 use hydroboom_description::BuildError;
 use hydroboom_design::DesignError;
@@ -6,65 +6,65 @@ use hydroboom_model::{SimulationError, StepBound};
 use hydroboom_plant::PlantError;
 use thiserror::Error;
 
-/// Why nothing is exported.
+/// Reason why a block cannot be exported.
 #[derive(Debug, Error)]
 pub enum ExportError {
-    /// The description gives no crane, or no state of rest to start from.
+    /// The description gives no valid crane, or no equilibrium to start from.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// No controller could be designed.
+    /// No controller can be designed.
     #[error(transparent)]
     Design(#[from] DesignError),
-    /// No machine for the test bench.
+    /// The machine of the test bench cannot be built.
     #[error(transparent)]
     Machine(#[from] PlantError),
-    /// The machine of the test bench broke.
+    /// The simulation of the test bench's machine failed.
     #[error(transparent)]
     Simulation(#[from] SimulationError),
-    /// The crane is none that is exported.
+    /// The crane does not have three segments, or has an elastic base.
     #[error(
         "the boom has {found} coordinates; cranes of 3 segments are exported (boom.segments = 3, and no elastic base)"
     )]
     Segments {
-        /// Coordinates that it has.
+        /// Number of coordinates found.
         found: usize,
     },
-    /// A constant that the language has no number for.
+    /// A constant that the target language cannot represent.
     #[error("{block}: {value} is a constant of it, and the language has no such number")]
     Constant {
-        /// The block.
+        /// Name of the block.
         block: String,
-        /// The constant.
+        /// Value of the constant.
         value: f64,
     },
-    /// Something depends on what it must not.
+    /// A result depends on a quantity outside its block.
     #[error("{block}: {result} depends on a number that is no input, state or parameter of it")]
     Foreign {
-        /// The block.
+        /// Name of the block.
         block: String,
-        /// What of it.
+        /// Name of the result.
         result: String,
     },
-    /// A prefix that is no beginning of a name in C.
+    /// A prefix that cannot begin a name in C.
     #[error(
         "`{found}` is no prefix: it has 1 to {longest} ASCII letters, digits and underscores and begins with a letter, such as my_"
     )]
     Prefix {
-        /// What was asked for.
+        /// Requested prefix.
         found: String,
-        /// Characters allowed.
+        /// Largest number of characters.
         longest: usize,
     },
-    /// The crane file's step is longer than the published scheme is stable with.
+    /// The crane file's step is above the stability limit of the published scheme.
     #[error(
         "controller.simulation_period_us = {step_us:.1} us is above the published scheme's limit {bound} for this crane, {limit_us:.1} us (`hydroboom check` shows it); lower it"
     )]
     Step {
-        /// The step \[us\].
+        /// Step of the crane file \[us\].
         step_us: f64,
-        /// The limit \[us\].
+        /// Stability limit \[us\].
         limit_us: f64,
-        /// Which limit it is.
+        /// Dynamics that determine the limit.
         bound: StepBound,
     },
 }

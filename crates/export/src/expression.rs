@@ -1,4 +1,4 @@
-//! The number that records what is done to it.
+//! The number type that records the operations on it.
 
 use crate::graph::{Graph, Node, Op};
 use crate::name::plain;
@@ -12,7 +12,7 @@ use std::panic::Location;
 use std::path::Path;
 
 thread_local! {
-    /// What this thread records. Numbers are small and copied freely, so the graph cannot be in them.
+    /// Graph recorded by this thread; it is not part of the numbers, which are small and copied freely.
     static GRAPH: RefCell<Graph> = RefCell::default();
 }
 
@@ -20,27 +20,27 @@ fn push(op: Op) -> Node {
     GRAPH.with_borrow_mut(|graph| graph.push(op))
 }
 
-/// A number of the graph that is being recorded. It means something within its [`record`] only.
+/// A number of the recorded graph; valid only within its [`record`].
 #[derive(Clone, Copy, Debug)]
 pub struct Expression(pub(crate) Node);
 
-/// A condition of the graph that is being recorded.
+/// A condition of the recorded graph.
 #[derive(Clone, Copy, Debug)]
 pub struct Condition(Node);
 
 impl Expression {
-    /// A number that comes from outside.
+    /// A new input of the graph.
     pub fn input() -> Self {
         Self(GRAPH.with_borrow_mut(Graph::input))
     }
 
-    /// Its node.
+    /// Node of the number.
     pub fn node(self) -> Node {
         self.0
     }
 }
 
-/// The graph of what `work` does with [`Expression`]s, and what it returns.
+/// Records the operations of `work` on [`Expression`]s; returns the graph and the result of `work`.
 pub fn record<R>(work: impl FnOnce() -> R) -> (Graph, R) {
     let before = GRAPH.take();
     let result = work();
@@ -102,7 +102,7 @@ impl Real for Expression {
     fn select(mask: Condition, yes: Self, no: Self) -> Self {
         Self(push(Op::Select(mask.0, yes.0, no.0)))
     }
-    /// Nothing is left out: another run may need it.
+    /// Always true: the branch may be needed in another run.
     fn any(_: Condition) -> bool {
         true
     }
@@ -149,10 +149,10 @@ impl Real for Expression {
     }
 }
 
-/// Most operations, all rows together, for which what is repeated is written out row by row, and no loop is recorded.
+/// Largest operation count of a loop, over all rows, for which it is unrolled.
 pub const MAX_UNROLLED_OPERATIONS: usize = 100;
 
-/// A source file as a name: what is recorded from it belongs to what it is named after.
+/// Name of a source file: loops recorded from it belong to the subject of that file.
 fn origin(at: &Location<'_>) -> String {
     let path = Path::new(at.file());
     let file = path.file_stem();
@@ -161,7 +161,7 @@ fn origin(at: &Location<'_>) -> String {
     plain(&name.map(OsStr::to_string_lossy).unwrap_or_default())
 }
 
-/// Records what is repeated: as a loop, or row by row where that is short.
+/// Records a loop, or unrolls a short one.
 fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
     at: &Location<'_>,
     mask: Option<Condition>,
@@ -183,13 +183,13 @@ fn repeated<const R: usize, const N: usize, const W: usize, const K: usize>(
     let [next, made] = [&next[..], &made[..]].map(|of| of.iter().map(|n| n.0).collect());
     let (last, looped) = GRAPH.with_borrow_mut(|graph| graph.end_loop(number, next, made));
     if GRAPH.with_borrow(|graph| graph.operations(number)) <= MAX_UNROLLED_OPERATIONS {
-        // nothing refers to the loop any more, so that it is not printed
+        // no node refers to the loop any more, so that it is not printed
         return written_out(mask, rows, carried, body);
     }
     (from_fn(|k| Expression(last[k])), from_fn(|k| from_fn(|w| Expression(looped[k][w]))))
 }
 
-/// Records what is repeated row by row.
+/// Records an unrolled loop.
 fn written_out<const R: usize, const N: usize, const W: usize, const K: usize>(
     mask: Option<Condition>,
     rows: &[[Expression; R]; K],
@@ -210,7 +210,7 @@ fn written_out<const R: usize, const N: usize, const W: usize, const K: usize>(
     (kept, made.map(|row| row.map(|entry| Expression::select(mask, entry, Expression::zero()))))
 }
 
-/// So that the elementary functions themselves can be recorded, as `f64` runs them.
+/// Allows the elementary functions to be recorded with the operations that `f64` executes.
 impl Binary for Expression {
     const LN_2: [f64; 2] = f64::LN_2;
     const FRAC_PI_2: [f64; 2] = f64::FRAC_PI_2;
@@ -241,7 +241,7 @@ mod tests {
             (x * y + two, Expression::lit(2.0) + y * (x * Expression::one()))
         });
         assert_eq!(a.node(), b.node());
-        // two inputs, the one and the two, a product, a sum
+        // two inputs, the constants one and two, a product, a sum
         assert_eq!(graph.len(), 6, "{graph:?}");
     }
 

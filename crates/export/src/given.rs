@@ -1,4 +1,4 @@
-//! What comes from outside of what is recorded: parameters, inputs, states.
+//! Inputs of a recording: parameters, inputs and states of a block.
 
 use crate::block::Variable;
 use crate::expression::Expression;
@@ -10,7 +10,7 @@ use hydroboom_math::Real;
 
 type E = Expression;
 
-/// Every number of a crane file as something from outside, in the file's unit and in SI units.
+/// Every number of a crane file as a parameter, in the file's unit and in SI units.
 pub(crate) fn parameters(description: &Description) -> (Vec<(Variable, Node)>, Numbers<E>) {
     let mut variables = Vec::new();
     let mut numbers = Vec::new();
@@ -33,7 +33,7 @@ pub(crate) fn parameters(description: &Description) -> (Vec<(Variable, Node)>, N
     (variables, Numbers::from_array(array))
 }
 
-/// Keys of the benchmark's gains, from which nothing else is derived: they can be tuned while it runs.
+/// Keys of the benchmark's gains. No other value is derived from them, so they can be tuned during operation.
 const TUNABLE: [&str; 4] = [
     "controller.proportional_per_s",
     "controller.integral_per_s2",
@@ -41,8 +41,8 @@ const TUNABLE: [&str; 4] = [
     "controller.high_pass_s",
 ];
 
-/// The benchmark's gains as something from outside, in the file's unit and in SI units; all else as it
-/// stands in the file.
+/// The benchmark's gains as parameters, in the file's unit and in SI units; all other numbers are constants from the
+/// file.
 pub(crate) fn gains(description: &Description) -> (Vec<(Variable, Node)>, Numbers<E>) {
     let mut numbers = description.numbers.to_array().map(E::lit);
     let mut variables = Vec::new();
@@ -58,18 +58,18 @@ pub(crate) fn gains(description: &Description) -> (Vec<(Variable, Node)>, Number
     (variables, Numbers::from_array(numbers))
 }
 
-/// A quantity from outside.
+/// A quantity as an input of the recording.
 pub(crate) fn variable(name: &str, unit: &str, meaning: &str, initial: f64) -> (Variable, E) {
     let (name, unit, meaning) = (name.into(), unit.into(), meaning.into());
     (Variable { name, unit, meaning, initial }, E::input())
 }
 
-/// A quantity as its place in what was recorded.
+/// The quantity with the node of its number.
 pub(crate) fn noded(of: (Variable, E)) -> (Variable, Node) {
     (of.0, of.1.node())
 }
 
-/// Numbers that are remembered, as states of these names.
+/// States with these names.
 pub(crate) fn remembered(
     before: &str,
     names: &[&str],

@@ -1,4 +1,4 @@
-//! What was recorded: operations, each once, operands before what is made of them.
+//! Recorded operations as a directed acyclic graph: each operation once, operands before their results.
 
 use hydroboom_math::Real;
 use std::collections::HashMap;
@@ -40,69 +40,69 @@ pub enum Op {
     Sin(Node),
     /// The cosine of a pair.
     Cos(Node),
-    /// The second where the condition holds, the third elsewhere.
+    /// The second operand if the condition holds, else the third.
     Select(Node, Node, Node),
     /// Condition: the first is below the second.
     Less(Node, Node),
     /// Both conditions.
     And(Node, Node),
-    /// One of the conditions at least.
+    /// At least one of the conditions.
     Or(Node, Node),
-    /// Not the condition.
+    /// Negation of a condition.
     Not(Node),
-    /// A condition that is known.
+    /// A constant condition.
     Truth(bool),
     /// Two to the power of the integer in the last bits.
     PowerOfTwo(Node),
-    /// Sine of a sine and cosine (second and third) turned by the quarters in the last bits of the first.
+    /// Sine rotated by the quarter turns in the last bits of the first operand; second and third are sine and cosine.
     TurnedSine(Node, Node, Node),
-    /// Cosine of the same.
+    /// Cosine, rotated in the same way.
     TurnedCosine(Node, Node, Node),
-    /// m of x = m 2^e, m in √½ .. √2.
+    /// m of x = m 2^e, with m in √½ .. √2.
     Mantissa(Node),
     /// e of the same.
     Exponent(Node),
     /// A table of numbers, by its index.
     Table(u32),
-    /// Linear interpolation in a table: the first, at the place of the second.
+    /// Linear interpolation in the table of the first operand at the index of the second.
     Interpolate(Node, Node),
     /// A loop over the rows of some tables, by its index.
     Loop(u32),
     /// In a loop (by its index): the index of the row.
     Row(u32),
-    /// In a loop: the row's entry in a table, by the table's place among those that the loop reads.
+    /// In a loop: the row's entry of the table with this index among those that the loop reads.
     Read(u32, u32),
-    /// In a loop: a state, as the row before left it, by its index.
+    /// In a loop: value of a state after the previous row, by its index.
     Carry(u32, u32),
-    /// Behind a loop: a state, as its last row left it, by its index.
+    /// After a loop: final value of a state, by its index.
     Carried(Node, u32),
-    /// Behind a loop: an output, by row and column.
+    /// After a loop: an output, by row and column.
     Made(Node, u32, u32),
 }
 
 /// A loop over the rows of some tables.
 #[derive(Clone, Debug)]
 pub struct Repetition {
-    /// The source file that it was recorded from, as a name.
+    /// Name of the source file that it was recorded from.
     pub origin: String,
-    /// Rows.
+    /// Number of rows.
     pub count: u32,
-    /// Condition without which nothing is done.
+    /// Condition for executing the loop.
     pub condition: Option<Node>,
-    /// The loop that it is within.
+    /// The enclosing loop.
     pub within: Option<u32>,
     /// Tables that it reads, each with `count` entries.
     pub read: Vec<Node>,
-    /// States before the first row.
+    /// Initial values of the states.
     pub begin: Vec<Node>,
-    /// States after a row.
+    /// Values of the states after a row.
     pub next: Vec<Node>,
     /// Outputs of a row.
     pub made: Vec<Node>,
 }
 
 impl Op {
-    /// What it is made of, but for tables and loops.
+    /// Operands, without those of tables and loops.
     fn operands(self) -> impl Iterator<Item = Node> {
         use Op::*;
         let [a, b, c] = match self {
@@ -137,17 +137,18 @@ impl Op {
         [a, b, c].into_iter().flatten()
     }
 
-    /// Whether it is a condition and not a number.
+    /// Whether the result is a condition.
     pub fn is_condition(self) -> bool {
         matches!(self, Op::Less(..) | Op::And(..) | Op::Or(..) | Op::Not(_) | Op::Truth(_))
     }
 }
 
-/// Operations in an order in which they can be done.
+/// Operations in topological order.
 ///
-/// Equal operations are one node; what is made of constants is a constant, by the very functions that `f64` runs with; what
-/// changes no bit (a product with one, say) is left out. Sums and products do not depend on the order of their operands,
-/// so that is made one. Nothing is rearranged beyond that: what is generated rounds as the model does.
+/// Equal operations share a node. Operations on constants are evaluated by the functions that `f64` uses, and
+/// operations without effect on any bit (a product with one) are removed. Operands of sums and products are sorted,
+/// since their order has no effect. There are no other transformations, so that generated code rounds as the model
+/// does.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
     ops: Vec<Op>,
@@ -156,7 +157,7 @@ pub struct Graph {
     tables: Vec<Vec<Node>>,
     known_tables: HashMap<Vec<Node>, u32>,
     loops: Vec<Repetition>,
-    /// The loop that is being recorded.
+    /// The loop being recorded.
     open: Option<u32>,
     /// For each node the innermost loop on whose row it depends.
     scopes: Vec<Option<u32>>,
@@ -168,7 +169,7 @@ impl Graph {
         self.ops[node.0 as usize]
     }
 
-    /// What a node needs: what it is made of; in and behind a loop, what its rows do for it.
+    /// Nodes that a node needs: its operands; in and after a loop, also the results of the loop's rows.
     pub fn operands(&self, node: Node) -> Vec<Node> {
         let carried = |of: &Repetition, k: u32| {
             let k = k as usize;
@@ -189,7 +190,7 @@ impl Graph {
         }
     }
 
-    /// The loop of a node that is one.
+    /// The loop of a node of kind [`Op::Loop`].
     fn of_loop(&self, node: Node) -> &Repetition {
         let Op::Loop(number) = self.op(node) else {
             unreachable!("what is behind a loop refers to a loop: end_loop alone makes such nodes")
@@ -197,7 +198,7 @@ impl Graph {
         self.repetition(number)
     }
 
-    /// The numbers of a table.
+    /// The entries of a table.
     pub fn table(&self, number: u32) -> &[Node] {
         &self.tables[number as usize]
     }
@@ -207,12 +208,12 @@ impl Graph {
         &self.loops[number as usize]
     }
 
-    /// The innermost loop on whose row a node depends; none where it is the same for all rows of all loops.
+    /// The innermost loop on whose row a node depends; `None` for a loop-invariant node.
     pub fn scope(&self, node: Node) -> Option<u32> {
         self.scopes[node.0 as usize]
     }
 
-    /// How often a node is done.
+    /// Number of executions of a node.
     pub fn repeats(&self, node: Node) -> usize {
         let mut count = 1;
         let mut scope = self.scope(node);
@@ -224,7 +225,7 @@ impl Graph {
         count
     }
 
-    /// How many operations a loop does, all its rows together.
+    /// Number of operations of a loop, over all rows.
     pub(crate) fn operations(&self, number: u32) -> usize {
         let outside = self.repetition(number).within;
         let outside =
@@ -242,22 +243,22 @@ impl Graph {
         inside.map(|node| self.repeats(node) / outside).sum()
     }
 
-    /// How many loops one is within.
+    /// Nesting depth of a loop.
     fn depth(&self, scope: Option<u32>) -> usize {
         scope.map_or(0, |number| 1 + self.depth(self.repetition(number).within))
     }
 
-    /// How many nodes there are.
+    /// Number of nodes.
     pub fn len(&self) -> usize {
         self.ops.len()
     }
 
-    /// Whether nothing was recorded.
+    /// Whether the graph is empty.
     pub fn is_empty(&self) -> bool {
         self.ops.is_empty()
     }
 
-    /// All nodes, operands first.
+    /// All nodes in topological order.
     pub fn nodes(&self) -> impl DoubleEndedIterator<Item = Node> + use<> {
         (0..self.ops.len() as u32).map(Node)
     }
@@ -270,13 +271,13 @@ impl Graph {
         }
     }
 
-    /// A number from outside.
+    /// Adds an input.
     pub(crate) fn input(&mut self) -> Node {
         self.inputs += 1;
         self.added(Op::Input(self.inputs - 1))
     }
 
-    /// An operation, made as simple as it is.
+    /// Adds an operation after simplification.
     pub(crate) fn push(&mut self, op: Op) -> Node {
         let op = self.ordered(op);
         match self.simpler(op) {
@@ -287,7 +288,7 @@ impl Graph {
         }
     }
 
-    /// A table of numbers.
+    /// Adds a table of numbers.
     pub(crate) fn tabled(&mut self, entries: Vec<Node>) -> Node {
         let number = match self.known_tables.get(&entries) {
             Some(number) => *number,
@@ -301,9 +302,9 @@ impl Graph {
         self.added(Op::Table(number))
     }
 
-    /// Begins a loop: its number, the row's number, its entries in the tables, and what is carried.
+    /// Begins a loop; returns its index, the row index, the row's table entries and the states.
     ///
-    /// A column of one and the same number is that number.
+    /// A column with equal numbers is replaced by that number.
     pub(crate) fn begin_loop(
         &mut self,
         origin: String,
@@ -335,7 +336,7 @@ impl Graph {
         (number, row, entries, carried)
     }
 
-    /// Ends it: what the last row carried on, and the rows that it made.
+    /// Ends the loop; returns the final states and all output rows.
     pub(crate) fn end_loop(
         &mut self,
         number: u32,
@@ -381,7 +382,7 @@ impl Graph {
         node
     }
 
-    /// Operands whose order does not count, in one.
+    /// Sorts the operands of commutative operations.
     fn ordered(&self, op: Op) -> Op {
         match op {
             Op::Add(a, b) if b < a => Op::Add(b, a),
@@ -400,7 +401,7 @@ impl Graph {
         }
     }
 
-    /// What an operation comes to without being done.
+    /// Simplification of an operation, if there is one.
     fn simpler(&self, op: Op) -> Option<Simpler> {
         let of = |node: Node| self.constant(node);
         let is = |node: Node, value: f64| of(node).is_some_and(|v| v.to_bits() == value.to_bits());
@@ -454,7 +455,7 @@ impl Graph {
     }
 }
 
-/// What an operation came to.
+/// Result of a simplification.
 enum Simpler {
     Node(Node),
     Number(f64),

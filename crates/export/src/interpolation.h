@@ -1,11 +1,11 @@
 
-/* Linear interpolation in a table of two entries or more, place entries from the first; beyond either end the entry there. */
+/* Linear interpolation in a table of at least two entries at index place; constant beyond either end. */
 HB_MAYBE_UNUSED static HB_REAL hb_interpolated(const HB_REAL *table, int count, HB_REAL place)
 {
     const HB_REAL last = (HB_REAL)(count - 1);
     const HB_REAL from = (place < (HB_REAL)0) ? (HB_REAL)0 : place;
     const HB_REAL at = (last < from) ? last : from;
-    /* NaN at the first entry: its weight is NaN */
+    /* NaN selects the first entry; its weight is NaN, and so is the result */
     const int whole = (at == at) ? (int)at : 0;
     const int first = (whole < count - 2) ? whole : count - 2;
     const HB_REAL before = at - (HB_REAL)first;

@@ -4,8 +4,8 @@
 //! Description -> model and controllers over Expression -> Graph -> Block -> Plan -> C, ...
 //! ```
 //!
-//! The one source of model and controllers is run once over a number that records what is done to it. Each language is a
-//! file that prints what was recorded; none knows the model.
+//! Model and controllers have a single source in Rust. It is executed once with a number type that records the
+//! operations. The printers of the languages only know the recording, not the model.
 
 mod block;
 pub mod c;

@@ -1,10 +1,10 @@
-//! Names that a target language allows.
+//! Valid names of a target language.
 
 use std::collections::{HashMap, HashSet};
 
-/// A text as a name of lower-case letters, digits and underscores that begins with a letter.
+/// Converts a text to a name of lower-case letters, digits and underscores that begins with a letter.
 ///
-/// Whatever it is made of: quotes, line ends and signs of the language leave as underscores.
+/// All other characters, such as quotes, line ends and operators, become underscores.
 pub(crate) fn plain(text: &str) -> String {
     let mut name = String::new();
     for c in text.chars() {
@@ -21,7 +21,7 @@ pub(crate) fn plain(text: &str) -> String {
     }
 }
 
-/// A text that can stand in a comment: one line of printable ASCII, without what ends or begins one.
+/// Converts a text to one line of printable ASCII without comment delimiters.
 pub(crate) fn comment(text: &str) -> String {
     let printable = text.chars().map(|c| match c {
         'β' => 'b',
@@ -43,7 +43,7 @@ pub(crate) fn comment(text: &str) -> String {
         .replace('\\', "/")
 }
 
-/// Names, each once.
+/// Set of names in use, for finding unique ones.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Names {
     taken: HashSet<String>,
@@ -51,13 +51,13 @@ pub(crate) struct Names {
 }
 
 impl Names {
-    /// None but reserved ones taken.
+    /// Names with only the reserved ones in use.
     pub(crate) fn new(reserved: &[&str]) -> Self {
         let taken = reserved.iter().map(|r| r.to_lowercase()).collect();
         Self { taken, counts: HashMap::new() }
     }
 
-    /// A name for what has none: the next number behind a beginning.
+    /// A new name from a beginning and the next number.
     pub(crate) fn numbered(&mut self, beginning: &'static str) -> String {
         loop {
             let count = self.counts.entry(beginning).or_default();
@@ -69,7 +69,7 @@ impl Names {
         }
     }
 
-    /// The wanted name, or that with a number behind it. Case does not tell names apart: it does not in every language.
+    /// The wanted name, or with a number appended if it is in use. Case is ignored, as some languages do.
     pub(crate) fn free(&mut self, wanted: &str) -> String {
         let mut name = wanted.to_string();
         let mut count = 2;

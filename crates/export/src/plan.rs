@@ -1,36 +1,36 @@
-//! In which order a block is computed, and what of it once for all.
+//! Order of computation of a block, divided into values derived from parameters and values of each call.
 
 use crate::block::{Block, Target};
 use crate::error::ExportError;
 use crate::graph::{Node, Op};
 use std::collections::{HashMap, HashSet};
 
-/// The order of a block.
+/// The order of computation of a block.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Parameters that it uses, as places in the block's.
+    /// Indices of the parameters in use.
     pub parameters: Vec<usize>,
-    /// What follows from parameters alone, operands first.
+    /// Nodes that depend on parameters only, in topological order.
     pub preparing: Vec<Node>,
-    /// Of that what the entries need.
+    /// Those of them that the entries need.
     pub prepared: Vec<Node>,
-    /// For each entry what is computed, operands first.
+    /// For each entry the nodes to be computed, in topological order.
     pub entries: Vec<Vec<Node>>,
 }
 
 impl Plan {
-    /// Finds the order of a block.
+    /// Determines the order of a block.
     ///
     /// # Errors
     ///
-    /// [`ExportError::Foreign`] when a result depends on a number that is none of the block's.
+    /// [`ExportError::Foreign`] if a result depends on a quantity outside the block.
     pub fn of(block: &Block) -> Result<Self, ExportError> {
         let graph = &block.graph;
         let given: HashSet<Node> =
             block.inputs.iter().chain(&block.states).map(|(_, node)| *node).collect();
         let parameters: HashMap<Node, usize> =
             block.parameters.iter().enumerate().map(|(k, (_, node))| (*node, k)).collect();
-        // what does not stay as it is
+        // whether a node depends on inputs or states
         let mut moves = vec![false; graph.len()];
         for node in graph.nodes() {
             let op = graph.op(node);
@@ -116,7 +116,7 @@ mod tests {
         Variable { name: name.into(), unit: "1".into(), meaning: String::new(), initial: 0.0 }
     }
 
-    /// y = p² x + z, with z given or not.
+    /// y = p² x + z, with or without z as an input.
     fn block(has_z: bool) -> (Block, [Node; 3]) {
         let (graph, (nodes, results)) = record(|| {
             let (p, x, z) = (Expression::input(), Expression::input(), Expression::input());

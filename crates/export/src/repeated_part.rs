@@ -1,16 +1,16 @@
-//! Repeated parts: what a loop does for one row, what it needs of its surroundings, and which loops do the same.
+//! Loop bodies as functions: the operations of one row, the values from outside, and loops with equal bodies.
 
 use crate::graph::{Graph, Node, Op};
 use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write;
 use std::mem::discriminant;
 
-/// What is needed of each loop.
+/// Results of each loop that are used.
 #[derive(Debug, Default)]
 pub(crate) struct Needed {
-    /// States, by their index.
+    /// Indices of the states in use, by loop.
     pub(crate) carried: HashMap<u32, BTreeSet<u32>>,
-    /// Outputs, by their column.
+    /// Columns of the outputs in use, by loop.
     pub(crate) made: HashMap<u32, BTreeSet<u32>>,
 }
 
@@ -42,23 +42,23 @@ impl Needed {
         of.get(&number).into_iter().flatten().copied().collect()
     }
 
-    /// States of a loop.
+    /// States in use of a loop.
     pub(crate) fn carried(&self, number: u32) -> Vec<u32> {
         Self::places(&self.carried, number)
     }
 
-    /// Outputs of a loop.
+    /// Outputs in use of a loop.
     pub(crate) fn made(&self, number: u32) -> Vec<u32> {
         Self::places(&self.made, number)
     }
 }
 
-/// What a loop does for one row.
+/// Operations of a loop for one row.
 #[derive(Clone, Debug, Default)]
 struct Body {
-    /// What is done, without saying of what around the loop, nor of which constants.
+    /// Text of the operations, independent of outside values and constants.
     form: String,
-    /// What it is made of beyond itself, in the order of use: constants, and what is computed around the loop.
+    /// Constants and outside values, in the order of use.
     outside: Vec<Node>,
 }
 
@@ -113,7 +113,7 @@ impl Body {
                 }
                 _ => {
                     let mut operands = graph.operands(*node);
-                    // which of two that can be exchanged comes first depends on what was recorded before
+                    // the order of commutative operands depends on what was recorded before: it is normalised
                     let exchanged = match op {
                         Op::Add(..) | Op::Mul(..) | Op::MulAdd(..) | Op::And(..) | Op::Or(..) => 2,
                         _ => 0,
@@ -158,7 +158,7 @@ impl Body {
         }
     }
 
-    /// Which of what it is made of is the same, and constants by their bits.
+    /// Equality pattern of the outside values, and the constants by their bits.
     fn pattern(&self, graph: &Graph) -> String {
         let place = |node: &Node| self.outside.iter().position(|other| other == node);
         let of = |node: &Node| match graph.op(*node) {
@@ -169,31 +169,31 @@ impl Body {
     }
 }
 
-/// A part that one or several loops repeat.
+/// A body shared by one or several loops.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RepeatedPart {
-    /// The loop whose body stands for all.
+    /// The loop whose body represents all.
     pub(crate) loop_number: u32,
-    /// Rows of each loop that repeats it.
+    /// Number of rows of each loop with this body.
     pub(crate) rows: Vec<u32>,
-    /// What it takes of its surroundings, as the nodes of that loop's body. A constant that is the same in all loops is
-    /// not among them.
+    /// Outside values, as nodes of the representing loop's body. A constant that is equal in all loops is not among
+    /// them.
     pub(crate) taken: Vec<Node>,
 }
 
-/// The repeated parts of some nodes, and for each loop its part and what it gives to it.
+/// Shared bodies of some nodes, and for each loop its body and its outside values.
 #[derive(Debug, Default)]
 pub(crate) struct RepeatedParts {
     pub(crate) parts: Vec<RepeatedPart>,
-    /// By the loop's index: the part, and in its order what it takes.
+    /// By the loop's index: index of the body, and the outside values in its order.
     pub(crate) of_loop: HashMap<u32, (usize, Vec<Node>)>,
     pub(crate) needed: Needed,
 }
 
 impl RepeatedParts {
-    /// Of nodes in an order in which they can be done.
+    /// Bodies of the loops among nodes in topological order.
     ///
-    /// Bodies of the same form are one part: what differs between them, a constant too, is taken from outside.
+    /// Bodies with equal operations are shared; values that differ between them, including constants, become arguments.
     pub(crate) fn of(graph: &Graph, order: &[Node]) -> Self {
         let needed = Needed::of(graph, order);
         let mut all = Self { needed, ..Self::default() };
@@ -225,11 +225,11 @@ impl RepeatedParts {
         all
     }
 
-    /// Adds a part for loops of the same form, unless no body can stand for all: one in which what differs between the loops
-    /// and what does not is the same node.
+    /// Adds a shared body for loops with equal operations. There is none if an outside value that differs between the
+    /// loops and one that does not are the same node.
     fn shared(&mut self, graph: &Graph, same: &[(u32, Body)]) -> bool {
         let mut columns: Vec<Vec<Node>> = Vec::new();
-        // for each use the column that it is, or none where it is one constant
+        // for each use the index of its argument, or `None` for a common constant
         let uses: Vec<Option<usize>> = (0..same[0].1.outside.len())
             .map(|use_| {
                 let column: Vec<Node> = same.iter().map(|(_, body)| body.outside[use_]).collect();

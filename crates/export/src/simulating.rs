@@ -1,5 +1,5 @@
-//! Simulation feedforward with the crane that it simulates, in one block: a motor speed is found every control period (`update`),
-//! and the simulated crane moves on in the steps between (`step`).
+//! Simulation feedforward with its simulated crane in one block. `update` computes the motor speed every control
+//! period; `step` advances the simulated crane in the steps between.
 
 use crate::block::{Block, ControlPeriod, Entry, Target};
 use crate::controller::{frame_outputs, simulating_period};
@@ -19,13 +19,13 @@ use std::rc::Rc;
 
 type E = Expression;
 
-/// The benchmark controller with simulation feedforward (section 4, figure 15) within the frame that holds
-/// and releases the load, with the crane that it simulates. The benchmark's gains can be tuned; the simulated
-/// crane is as described.
+/// The benchmark controller with simulation feedforward (section 4, figure 15) within the frame that holds and
+/// releases the load, together with the simulated crane. The benchmark's gains are parameters; the simulated crane is
+/// constant, as described.
 ///
 /// # Errors
 ///
-/// [`ExportError`] for cranes that are not exported, or that have no limits.
+/// [`ExportError`] if the crane cannot be exported or no limits can be derived.
 pub fn simulation_feedforward(description: &Description) -> Result<Block, ExportError> {
     let rest = resting(description)?;
     let (graph, block) = record(|| framed(description, &rest));

@@ -1,5 +1,5 @@
-//! The model's rates and outputs with their exact slopes, for whoever linearises it: the model over dual numbers whose parts
-//! are recorded.
+//! Exact derivatives of the model's rates and outputs, for linearisation: the model over dual numbers of recorded
+//! expressions.
 
 use crate::block::{Block, Entry, Target, Variable};
 use crate::crane::SEGMENTS;
@@ -16,26 +16,26 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 type E = Expression;
-/// A recorded number with its slope along one direction.
+/// A recorded number with its derivative along one direction.
 type D = Dual<E, 1>;
 
-/// Beside a block of [`crane_model`](crate::crane_model): what its states' rates and its outputs are, and how they change along
-/// a direction in the space of its parameters, inputs and states (a Jacobian times a vector).
+/// Companion of a block of [`crane_model`](crate::crane_model): the rates of its states and their directional
+/// derivatives, and those of the outputs (product of the Jacobian and a vector).
 ///
-/// It remembers nothing. Inputs: the parameters that the model uses, its inputs, its states, in the model's order; then a
-/// seed for each of these, how far the direction goes along it. Outputs: the rate of each state; then the slopes of the
-/// rates, then those of the model's outputs.
+/// The block has no states. Inputs: the model's parameters in use, inputs and states, in the model's order; then a
+/// seed for each of these, its component of the direction. Outputs: the rate of each state; the derivatives of the
+/// rates; and those of the model's outputs.
 ///
 /// # Errors
 ///
-/// [`ExportError`] for cranes that are not exported.
+/// [`ExportError`] if the crane cannot be exported.
 pub fn slopes(description: &Description, of: &Block) -> Result<Block, ExportError> {
     let used = Plan::of(of)?.parameters;
     let (graph, block) = record(|| recording(description, of, &used));
     Ok(Block { graph: Rc::new(graph), ..block? })
 }
 
-/// Quantities from outside, their seeds, and both as one number.
+/// Input quantities, their seeds, and both as dual numbers.
 #[derive(Default)]
 struct Given {
     values: Vec<(Variable, E)>,

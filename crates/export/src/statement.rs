@@ -1,23 +1,23 @@
-//! What was planned, as statements: which of it gets a name, and what is written within something else.
+//! Statements of generated code, independent of the language.
 
 use crate::graph::Op;
 use crate::name::Names;
 
-/// How a language writes an operation.
+/// Syntax of a language.
 pub(crate) trait Dialect {
-    /// Names that are free at the beginning of a function.
+    /// Names available at the beginning of a function.
     fn names(&self) -> Names;
     /// Whether a part of an array can be passed as an array.
     fn has_parts(&self) -> bool;
-    /// The part of an array from an entry on.
+    /// The part of an array that begins at an index.
     fn part(&self, array: &str, first: usize) -> String;
     /// A constant.
     fn constant(&self, value: f64) -> Text;
-    /// Whether a sine and cosine come from one call, as a pair with a name.
+    /// Whether sine and cosine come from one call, as a named pair.
     fn has_pairs(&self) -> bool;
-    /// The number of a loop's row, by its counter.
+    /// The index of a loop's row, by its counter.
     fn row(&self, counter: &str) -> Text;
-    /// An operation on texts.
+    /// An operation on the texts of its operands.
     fn operation(&self, op: Op, operands: &[Text]) -> Text;
 }
 
@@ -34,7 +34,7 @@ pub(crate) enum Precedence {
     Whole,
 }
 
-/// A piece of source code.
+/// A piece of source code with its precedence.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Text {
     pub(crate) text: String,
@@ -50,7 +50,7 @@ impl Text {
         Self::new(text, Precedence::Whole)
     }
 
-    /// As an operand of something that binds so.
+    /// The text as an operand at this precedence, in brackets if it is lower.
     pub(crate) fn within(&self, precedence: Precedence) -> String {
         match self.precedence >= precedence {
             true => self.text.clone(),
@@ -58,7 +58,7 @@ impl Text {
         }
     }
 
-    /// As an operand that must bind more strongly.
+    /// The text as an operand that must have a higher precedence.
     pub(crate) fn inside(&self, precedence: Precedence) -> String {
         match self.precedence > precedence {
             true => self.text.clone(),
@@ -67,12 +67,12 @@ impl Text {
     }
 }
 
-/// Two operands with a sign between them; those that bind alike are done from the left.
+/// Two operands with an operator between them; operators of equal precedence associate to the left.
 fn infix(x: &[Text], sign: &str, precedence: Precedence) -> Text {
     Text::new(format!("{} {sign} {}", x[0].within(precedence), x[1].inside(precedence)), precedence)
 }
 
-/// What all languages write alike: sums, products, quotients, comparisons; none for anything else.
+/// Operations with the same syntax in all languages: sums, products, quotients, comparisons; `None` for others.
 pub(crate) fn arithmetic(op: Op, x: &[Text]) -> Option<Text> {
     Some(match op {
         Op::Add(..) => infix(x, "+", Precedence::Sum),
@@ -84,19 +84,19 @@ pub(crate) fn arithmetic(op: Op, x: &[Text]) -> Option<Text> {
     })
 }
 
-/// The same with brackets around all but comparisons' own operands: not everybody knows which of `and` and `or` comes first.
+/// Like `infix`, with brackets around `and` and `or` for readability.
 pub(crate) fn clear_infix(x: &[Text], sign: &str, precedence: Precedence) -> Text {
     let [a, b] = [0, 1].map(|k| x[k].inside(Precedence::Comparison));
     Text::new(format!("{a} {sign} {b}"), precedence)
 }
 
-/// A function of the operands.
+/// A function call.
 pub(crate) fn call(x: &[Text], name: &str) -> Text {
     let arguments: Vec<&str> = x.iter().map(|t| t.text.as_str()).collect();
     Text::whole(format!("{name}({})", arguments.join(", ")))
 }
 
-/// What a value is.
+/// Type of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// A number.
@@ -108,7 +108,7 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// Of an operation's result.
+    /// Type of an operation's result.
     pub(crate) fn of(op: Op) -> Self {
         match op {
             Op::SinCos(_) => Self::Pair,
@@ -118,12 +118,12 @@ impl Kind {
     }
 }
 
-/// Something that is done.
+/// A statement.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Statement {
-    /// A name given to a value.
+    /// Definition of a named value.
     Value { kind: Kind, name: String, text: String, comment: Option<String> },
-    /// A table is filled.
+    /// Filling of a table.
     Table { name: String, filled: Vec<Run> },
     /// Linear interpolation in a table from its entry `first` on.
     Interpolation { name: String, table: String, first: usize, length: usize, place: String },
@@ -131,17 +131,17 @@ pub(crate) enum Statement {
     Loop(Loop),
 }
 
-/// Entries of a table that lie one behind the other.
+/// Consecutive entries of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Run {
-    /// So many entries of another table, from an entry on.
+    /// `count` entries of another table, from index `first` on.
     Copied { table: String, first: usize, count: usize },
-    /// One entry.
+    /// A single entry.
     One(String),
 }
 
 impl Run {
-    /// How many entries.
+    /// Number of entries.
     pub(crate) fn count(&self) -> usize {
         match self {
             Self::Copied { count, .. } => *count,
@@ -150,41 +150,41 @@ impl Run {
     }
 }
 
-/// A loop over rows, which calls a function for each.
+/// A loop over rows that calls a function for each row.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Loop {
     /// Name of its counter, which begins at 0.
     pub(crate) counter: String,
-    /// Rows.
+    /// Number of rows.
     pub(crate) count: u32,
-    /// Condition without which nothing is done.
+    /// Condition for executing the loop.
     pub(crate) condition: Option<String>,
-    /// What is carried from row to row: name, and what is carried into the first row.
+    /// Loop-carried variables: name and initial value.
     pub(crate) carried: Vec<(String, String)>,
-    /// Names of the tables that it makes.
+    /// Names of the output tables.
     pub(crate) made: Vec<String>,
-    /// The function, by its place among all; its results are what is carried on, then the row's entries of the tables.
+    /// Index of the function; its results are the loop-carried values, then the row's entries of the output tables.
     pub(crate) function: usize,
-    /// What the function is given, in the order of its parameters.
+    /// Arguments of the function, in the order of its parameters.
     pub(crate) arguments: Vec<String>,
 }
 
 impl Loop {
-    /// Where the function's results go, in their order.
+    /// Variables for the function's results, in their order.
     pub(crate) fn results(&self) -> Vec<String> {
         let carried = self.carried.iter().map(|(name, _)| name.clone());
         carried.chain(self.made.iter().map(|name| format!("{name}[{}]", self.counter))).collect()
     }
 }
 
-/// What a function takes.
+/// Kind of a function's parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Taken {
-    /// The row's number.
+    /// Index of the row.
     Row,
     /// A number or a condition.
     One(Kind),
-    /// An array of so many numbers.
+    /// An array of this length.
     Table(usize),
 }
 
@@ -195,28 +195,28 @@ pub(crate) struct Parameter {
     pub(crate) taken: Taken,
 }
 
-/// A repeated part: what is done for one row of a loop.
+/// A function with the operations of one row of a loop.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Function {
-    /// The source file that it was recorded from, as a name.
+    /// Name of the source file that it was recorded from.
     pub(crate) origin: String,
-    /// Its number among those from there, from 1 on.
+    /// Its number among the functions from that file, from 1.
     pub(crate) number: usize,
-    /// Parts that loops of call it.
+    /// Names of the source files whose loops call it.
     pub(crate) origins: Vec<String>,
-    /// For how many rows loops call it.
+    /// Number of rows of each loop that calls it.
     pub(crate) rows: Vec<u32>,
-    /// What it takes.
+    /// Parameters.
     pub(crate) parameters: Vec<Parameter>,
-    /// What has a name of what it takes in an array: the entry, and what it is.
+    /// Legend of array parameters: entry and quantity.
     pub(crate) legend: Vec<String>,
-    /// What is done in it.
+    /// Statements.
     pub(crate) body: Vec<Statement>,
-    /// What comes out, by name, and the value of it.
+    /// Results: names and values.
     pub(crate) results: Vec<(String, String)>,
 }
 
-/// A table and a place in it, of a text that is an entry: `name[place]`.
+/// Table and index of a text of the form `name[index]`.
 pub(crate) fn entry(text: &str) -> Option<(&str, usize)> {
     let (table, place) = text.strip_suffix(']')?.rsplit_once('[')?;
     let is_name = |c: char| c.is_ascii_alphanumeric() || "_.->".contains(c);
@@ -224,10 +224,10 @@ pub(crate) fn entry(text: &str) -> Option<(&str, usize)> {
     Some((table, place.parse().ok().filter(|_| is_whole)?))
 }
 
-/// Fewest entries for which a loop is written.
+/// Smallest number of entries for which a loop is written.
 pub(crate) const FEWEST: usize = 4;
 
-/// Texts as runs of other tables' entries, and single ones.
+/// Groups texts into runs of other tables' entries and single ones.
 pub(crate) fn runs<'a>(texts: impl IntoIterator<Item = &'a str>) -> Vec<Run> {
     let mut all: Vec<Run> = Vec::new();
     for text in texts {
@@ -253,8 +253,8 @@ pub(crate) fn runs<'a>(texts: impl IntoIterator<Item = &'a str>) -> Vec<Run> {
     all.into_iter().flat_map(short).collect()
 }
 
-/// Neighbours whose names are the entries of a table from 0 on, as ranges of their places, with the table's name; none for what is
-/// no table.
+/// Groups neighbours that are the entries of one table from 0 on: ranges of their positions with the table's name;
+/// `None` for texts that are no table entries.
 pub(crate) fn grouped<'a>(
     names: impl IntoIterator<Item = &'a str>,
 ) -> Vec<(Option<String>, std::ops::Range<usize>)> {
@@ -274,13 +274,13 @@ pub(crate) fn grouped<'a>(
 }
 
 impl Function {
-    /// Whether another one differs in no more than where it is from.
+    /// Whether another function differs only in its origin.
     pub(crate) fn does_the_same_as(&self, other: &Self) -> bool {
         let of = |f: &Self| (f.parameters.clone(), f.body.clone(), f.results.clone());
         of(self) == of(other)
     }
 
-    /// Takes on the loops of another one that does the same, and is not written.
+    /// Takes over the loops of an equal function, which is not written.
     pub(crate) fn shared_with(&mut self, other: &Self) {
         self.rows.extend(&other.rows);
         self.rows.sort_unstable();
@@ -292,7 +292,7 @@ impl Function {
         }
     }
 
-    /// What it is, in a sentence.
+    /// One-sentence description for the generated comment.
     pub(crate) fn explained(&self) -> String {
         let rows: Vec<String> = self.rows.iter().map(u32::to_string).collect();
         let origins: Vec<String> = self.origins.iter().map(|of| of.replace('_', " ")).collect();
@@ -303,24 +303,24 @@ impl Function {
         )
     }
 
-    /// What the names of its parameters and results say.
-    pub(crate) const EXPLAINED: &str = "Given are row, the row's number; x, its entries of tables; a, what the row before carried on; b, numbers \
-        from around the loop; is, conditions; r, tables. Results are n, what is carried on, and m, the row's entries of tables that the \
-        loop makes.";
+    /// Explanation of the names of parameters and results.
+    pub(crate) const EXPLAINED: &str = "Parameters: row, index of the row; x, its table entries; a, loop-carried values; \
+        b, numbers from outside the loop; is, conditions; r, tables. \
+        Results: n, the next loop-carried values; m, the row's entries of the output tables.";
 }
 
-/// A line broken where it is longer than a width, at spaces, the rest drawn in.
+/// Breaks a line that exceeds a width at spaces, with indentation.
 pub(crate) fn broken(line: &str, width: usize) -> String {
     broken_at_spaces(line, width).replace(TOGETHER, " ")
 }
 
-/// A list of parameters or arguments, none of which a line is broken within.
+/// A list of parameters or arguments, without line breaks within one.
 pub(crate) fn listed(all: &[String]) -> String {
     let whole: Vec<String> = all.iter().map(|text| text.replace(' ', TOGETHER)).collect();
     whole.join(", ")
 }
 
-/// In place of a space at which a line is not broken.
+/// Placeholder of a space at which a line is not broken.
 const TOGETHER: &str = "\u{1}";
 
 fn broken_at_spaces(line: &str, width: usize) -> String {

@@ -1,17 +1,17 @@
-//! The step that an exported crane is moved on in: its code takes no substeps.
+//! Largest step of an exported crane, whose code takes no substeps.
 
 use crate::crane::SEGMENTS;
 use crate::error::ExportError;
 use hydroboom_description::{BuildError, Description};
 use hydroboom_model::StepLimit;
 
-/// The longest step \[s\] of the published scheme for a crane over its whole stroke, up to the piston velocity at the motor's largest speed, as
-/// `hydroboom check` shows it; a crane file's own step may make the pressures chatter by more than the tenth of a bar that this limit allows, but
-/// has to be stable.
+/// Longest step \[s\] of the published scheme over the whole stroke, up to the piston velocity at the motor's largest
+/// speed, as `hydroboom check` shows it. A crane file's own step must be stable; it may exceed the limit on chatter
+/// of a tenth of a bar.
 ///
 /// # Errors
 ///
-/// [`ExportError::Step`] where the crane file's own step is not.
+/// [`ExportError::Step`] if the crane file's step is not stable.
 pub(crate) fn longest_step(crane: &Description) -> Result<f64, ExportError> {
     let made = crane.crane::<SEGMENTS>()?;
     let own = crane.numbers.simulation_period;

@@ -1,5 +1,5 @@
-//! What was planned, written as statements: which of it gets a name, what is written within something else, and which repeated
-//! part becomes a function.
+//! Conversion of planned operations to statements: which results get a name, which are written inline, and which loop
+//! bodies become functions.
 
 mod function;
 
@@ -10,25 +10,26 @@ use crate::statement::{Dialect, Function, Kind, Loop, Run, Statement, Text, runs
 use function::{Argument, Defined};
 use std::collections::{HashMap, HashSet};
 
-/// Longest text that is written within another one.
+/// Longest text that is written inline.
 const LONGEST: usize = 72;
 
-/// What statements are made from.
+/// Input of the conversion.
 pub(crate) struct Source<'a> {
     pub(crate) graph: &'a Graph,
-    /// In this order, operands first.
+    /// Nodes in topological order.
     pub(crate) order: &'a [Node],
-    /// What is asked for.
+    /// Required results.
     pub(crate) results: &'a [Node],
-    /// What has a text already: inputs, states, what was prepared.
+    /// Nodes that have a text already: inputs, states, prepared values.
     pub(crate) given: &'a HashMap<Node, Text>,
-    /// Arrays that are there already and can be passed as they are: name and length.
+    /// Existing arrays that can be passed unchanged: name and length.
     pub(crate) arrays: &'a HashMap<String, usize>,
-    /// Names of what is in between.
+    /// Names of intermediate results.
     pub(crate) labels: &'a HashMap<Node, (String, String)>,
 }
 
-/// Statements, and the texts of the results; adds the functions that the statements call, each behind those that it calls.
+/// Statements, and the texts of the results. Adds the functions that the statements call, each after those that it
+/// calls.
 pub(crate) fn statements(
     source: &Source<'_>,
     dialect: &dyn Dialect,
@@ -60,7 +61,7 @@ pub(crate) fn statements(
     (writing.said, results)
 }
 
-/// How often each node is used. A use inside a loop counts twice, so that a loop-invariant value gets a name before the loop.
+/// Number of uses of each node. A use inside a loop counts twice, so that a loop-invariant value is named before it.
 fn uses(source: &Source<'_>) -> HashMap<Node, usize> {
     let Source { graph, order, results, .. } = *source;
     let mut uses: HashMap<Node, usize> = HashMap::new();
@@ -84,7 +85,8 @@ fn uses(source: &Source<'_>) -> HashMap<Node, usize> {
     uses
 }
 
-/// Tables that are passed to a function: looked up in, or read row by row in another function than the one that they are made in.
+/// Tables passed to a function: for interpolation, or for reading row by row in a function other than the one that
+/// makes them.
 fn passed(source: &Source<'_>) -> HashSet<Node> {
     let graph = source.graph;
     let of = |node: &Node| match graph.op(*node) {
@@ -99,36 +101,36 @@ fn passed(source: &Source<'_>) -> HashSet<Node> {
     source.order.iter().filter_map(of).collect()
 }
 
-/// What the functions of a block have in common.
+/// State shared by all functions of a block.
 struct Shared<'a> {
     uses: HashMap<Node, usize>,
     parts: RepeatedParts,
     passed: HashSet<Node>,
     labelled: HashSet<Node>,
-    /// By the part.
+    /// Definition of each loop body.
     defined: HashMap<usize, Defined>,
     functions: &'a mut Vec<Function>,
 }
 
-/// Names of what comes out of a loop.
+/// Names of a loop's results.
 #[derive(Default)]
 struct LoopNames {
     carried: HashMap<u32, String>,
     made: HashMap<u32, String>,
 }
 
-/// Statements of a function that are being written.
+/// A function being written.
 struct Writing<'a, 'b, 'c> {
     source: &'a Source<'b>,
     dialect: &'a dyn Dialect,
     names: &'a mut Names,
     shared: &'a mut Shared<'c>,
-    /// The loop for whose row they are.
+    /// The loop for whose row the statements are.
     scope: Option<u32>,
     texts: HashMap<Node, Text>,
-    /// Where the entries of a table are: name, and place of the first.
+    /// Location of a table's entries: array name, and index of the first.
     tables: HashMap<Node, (String, usize)>,
-    /// Arrays that can be passed as they are: name and length.
+    /// Arrays that can be passed unchanged: name and length.
     arrays: HashMap<String, usize>,
     loops: HashMap<Node, LoopNames>,
     said: Vec<Statement>,
@@ -175,7 +177,7 @@ impl Writing<'_, '_, '_> {
         self.texts.insert(node, text);
     }
 
-    /// A table: where its entries are already, or a new one.
+    /// A table: existing entries, or a new array.
     fn table(&mut self, node: Node, entries: &[Node]) {
         let texts: Vec<Text> = entries.iter().map(|entry| self.text(*entry)).collect();
         let filled = runs(texts.iter().map(|text| text.text.as_str()));
@@ -190,7 +192,7 @@ impl Writing<'_, '_, '_> {
         self.tables.insert(node, (name, 0));
     }
 
-    /// A new array; its name.
+    /// Adds a new array; returns its name.
     fn filled(&mut self, filled: Vec<Run>) -> String {
         let name = self.names.numbered("r");
         self.arrays.insert(name.clone(), filled.iter().map(Run::count).sum());
@@ -198,7 +200,7 @@ impl Writing<'_, '_, '_> {
         name
     }
 
-    /// A loop that calls a function for each of its rows.
+    /// Writes a loop that calls a function for each of its rows.
     fn repeat(&mut self, node: Node, number: u32) {
         let of = self.source.graph.repetition(number);
         let (part, given) = self.shared.parts.of_loop[&number].clone();
@@ -245,7 +247,7 @@ impl Writing<'_, '_, '_> {
         self.loops.insert(node, out);
     }
 
-    /// A number, condition or table as a function is given it.
+    /// A number, condition or table as a function's argument.
     fn argument(&self, node: Node) -> String {
         match self.tables.get(&node) {
             Some((table, 0)) => table.clone(),
@@ -254,7 +256,7 @@ impl Writing<'_, '_, '_> {
         }
     }
 
-    /// An operation: within what uses it, or with a name.
+    /// Writes an operation inline or with a name.
     fn value(&mut self, node: Node, op: Op) {
         let operands: Vec<Text> =
             self.source.graph.operands(node).into_iter().map(|n| self.text(n)).collect();
@@ -263,7 +265,7 @@ impl Writing<'_, '_, '_> {
         let label = labels.get(&node).filter(|_| self.shared.labelled.insert(node));
         let is_short = text.text.len() <= LONGEST;
         let once = self.shared.uses.get(&node).copied().unwrap_or(0) <= 1;
-        // a pair is a statement of its own, and a member of it a name; without pairs it is the angle they are of
+        // a pair is a statement of its own, and its members are names; without pairs its text is the angle
         let is_pair = matches!(op, Op::SinCos(_));
         let has_pairs = self.dialect.has_pairs();
         let is_member = matches!(op, Op::Sin(_) | Op::Cos(_)) && has_pairs;

@@ -24,7 +24,7 @@ fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// Compiles sources, with warnings for errors.
+/// Compiles sources with warnings treated as errors.
 fn compiled(folder: &Path, sources: &[&str], options: &[&str]) -> PathBuf {
     let program = folder.join("program");
     let output = Command::new("cc")
@@ -39,7 +39,7 @@ fn compiled(folder: &Path, sources: &[&str], options: &[&str]) -> PathBuf {
     program
 }
 
-/// Runs a program on numbers; what it answers, in numbers.
+/// Runs a program with numbers as input; returns the numbers that it prints.
 fn answered(program: &Path, numbers: &[f64]) -> Vec<f64> {
     let mut child =
         Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
@@ -78,7 +78,7 @@ fn in_rust(description: &Description, inputs: &[Input<f64>]) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// The largest difference, against the largest value of its column.
+/// The largest difference relative to the largest value of its column.
 fn apart(rust: &[Vec<f64>], other: &[f64]) -> f64 {
     let width = rust[0].len();
     assert_eq!(other.len(), rust.len() * width);
@@ -161,8 +161,7 @@ fn ten_thousand_steps_in_c_are_those_in_rust_to_the_last_bit() {
     }
 }
 
-/// Products whose exact value lies a hair beside the middle of two numbers, where rounding twice goes the wrong way, and usual
-/// ones.
+/// Products whose exact value is close to the middle of two doubles, where double rounding is wrong, and ordinary ones.
 #[test]
 fn a_fused_product_without_an_instruction_for_it_rounds_once() {
     let description = Description::uia_single_boom().unwrap();
@@ -209,7 +208,7 @@ int main(void)
     assert!(twice_differs > 1000, "{twice_differs}: nothing was asked of it");
 }
 
-/// The paper's crane with seals that give before they slide.
+/// The paper's crane with the LuGre friction law.
 fn lugre() -> Description {
     let text = hydroboom_description::UIA_SINGLE_BOOM.replace("\"stribeck\"", "\"lugre\"");
     Description::parse("lugre", &text).unwrap()
@@ -302,7 +301,7 @@ int main(void)
     assert_eq!(off, 0.0);
 }
 
-/// Two cranes that differ in everything that a header says of them, the number they compute with too.
+/// Two cranes with different headers and different floating-point types.
 #[test]
 fn two_cranes_fit_into_one_program_in_cpp() {
     if Command::new("g++").arg("--version").output().is_err() {
@@ -401,7 +400,7 @@ fn what_is_no_beginning_of_a_name_is_no_prefix() {
     }
 }
 
-/// Values that are tried for parameters of the model: name in C, key's value in the file's unit, what it is in SI units.
+/// Parameter values for the tests: name in C, value of the key in the file's unit, and its effect in SI units.
 type Changed = (&'static str, f64, fn(&mut Numbers<f64>));
 
 const CHANGED: [Changed; 8] = [
@@ -415,10 +414,10 @@ const CHANGED: [Changed; 8] = [
     ("start_preload_percent", 40.0, |n| n.preload = 40.0 * 1e-2),
 ];
 
-/// Steps of Newton's method that are taken; after a few nothing changes but last digits.
+/// Newton steps; after a few of them only rounding changes the result.
 const ROUNDS: usize = 12;
 
-/// The crane with a changed number, and its states in those steps from rest as described.
+/// The crane with a changed number, and its states in the Newton steps from the described equilibrium.
 fn balancing(description: &Description, change: fn(&mut Numbers<f64>)) -> Vec<CraneState<f64, 3>> {
     let n = &description.numbers;
     let rest = description.crane::<3>().unwrap();
@@ -432,7 +431,7 @@ fn balancing(description: &Description, change: fn(&mut Numbers<f64>)) -> Vec<Cr
         state
     };
     let rounds: Vec<CraneState<f64, 3>> = (0..ROUNDS).map(round).collect();
-    // the solve with row exchanges, as everything in Rust starts
+    // the solution with pivoting, which Rust uses for all initial states
     let wanted = flat(&crane.at_rest(&start).unwrap());
     for (k, (found, wanted)) in flat(&rounds[ROUNDS - 1]).iter().zip(&wanted).enumerate() {
         let close = (found - wanted).abs() <= 1e-10 * wanted.abs().max(1e-3);
@@ -486,7 +485,7 @@ int main(void)
             let (balanced, held) = found.split_at(wanted.len());
             assert_eq!(balanced, wanted, "{name} = {value}");
             let (before, after) = (flat(&rounds[ROUNDS - 1])[8], held[8]);
-            // leakage through closed valves and cavities of an unloaded pump side do not reach the piston side
+            // leakage through closed valves and cavities of an unloaded pump side do not affect the piston side
             assert!((before - after).abs() < 0.05e5, "{name} = {value}: {before} to {after} Pa");
         }
     }

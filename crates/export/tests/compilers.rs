@@ -1,4 +1,4 @@
-//! Structured Text, read by compilers that are no part of the project, where they are on the PATH.
+//! Structured Text compiled by external compilers, if they are installed.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -8,8 +8,8 @@ use hydroboom_export::{blocks, controller, simulation_feedforward_controller};
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Each function block in a file of its own, and all units with their configuration in one; what a compiler is told to do with a
-/// file. Where the compiler is not here that is said, and nothing is tried.
+/// Compiles each function block in its own file, and all units with their configuration in one; `arguments` are the
+/// compiler's for a file. Without the compiler the test prints that it is skipped.
 fn compiled(compiler: &str, arguments: impl Fn(&PathBuf) -> Vec<String>) {
     if Command::new(compiler).arg("--version").output().is_err() {
         eprintln!("skipped: {compiler} is not on the PATH");
@@ -49,13 +49,13 @@ fn strucpp_takes_every_function_block_and_the_whole() {
     });
 }
 
-/// matiec; its folder of standard functions is where `MATIEC_INCLUDE_PATH` says.
+/// matiec; `MATIEC_INCLUDE_PATH` is the folder of its standard functions.
 #[test]
 fn matiec_takes_every_function_block_and_the_whole() {
     compiled("iec2c", |file| {
         let out = file.with_extension("matiec");
         std::fs::create_dir_all(&out).unwrap();
-        // arrays of the same length are of one type, without a name of that
+        // arrays of equal length are of one anonymous type
         let mut all = vec!["-l".into(), "-T".into(), out.display().to_string()];
         if let Ok(library) = std::env::var("MATIEC_INCLUDE_PATH") {
             all.extend(["-I".into(), library]);

@@ -1,7 +1,7 @@
-//! Generated C on a microcontroller: a Cortex-M4F in an emulator, beside Rust.
+//! Generated C on a microcontroller (Cortex-M4F in an emulator) against Rust.
 //!
-//! Needs `arm-none-eabi-gcc` with newlib and `qemu-system-arm` (Debian: gcc-arm-none-eabi, libnewlib-arm-none-eabi, qemu-system-arm);
-//! says that it is skipped where they are absent.
+//! Needs `arm-none-eabi-gcc` with newlib and `qemu-system-arm` (Debian: gcc-arm-none-eabi, libnewlib-arm-none-eabi,
+//! qemu-system-arm); says that it is skipped where they are absent.
 
 use hydroboom_description::Description;
 use hydroboom_export::c::{Precision, files};
@@ -17,7 +17,7 @@ fn has(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success())
 }
 
-/// Where the vectors are, memory, and what the emulated board (mps2-an386) has.
+/// Linker script: vector table and memory of the emulated board (mps2-an386).
 const LINKER: &str = "\
 MEMORY { FLASH (rx) : ORIGIN = 0x00000000, LENGTH = 4M  RAM (rwx) : ORIGIN = 0x20000000, LENGTH = 4M }
 SECTIONS {
@@ -30,8 +30,8 @@ SECTIONS {
 }
 ";
 
-/// Starts without a library's start-up code, switches the floating-point unit on, steps, and prints the state's bits by
-/// semihosting.
+/// Start-up without the library's code: enables the floating-point unit, steps the model, and prints the state's bits
+/// by semihosting.
 const MAIN: &str = r#"
 #include "crane.h"
 #include <stdint.h>
@@ -123,7 +123,7 @@ fn a_microcontroller_computes_the_same_to_the_last_bit() {
     let output = Command::new("arm-none-eabi-gcc")
         .current_dir(&folder)
         .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-O2", "-ffp-contract=off"])
-        // newlib's own fma rounds twice
+        // the fma of newlib rounds twice
         .arg("-DHB_SOFT_FMA")
         .args(["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"])
         .args(["-nostartfiles", "-T", "crane.ld", "crane.c", "main.c", "-lm", "-o", "crane.elf"])

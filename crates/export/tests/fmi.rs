@@ -1,6 +1,6 @@
-//! FMUs, driven by somebody else's master: FMPy.
+//! FMUs run by an independent master, FMPy.
 //!
-//! Its Python is named by `HYDROBOOM_FMPY`, which `./test` sets; without it these tests say that they are skipped.
+//! `HYDROBOOM_FMPY` names its Python, as `./test` does; otherwise these tests print that they are skipped.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -54,7 +54,7 @@ fn steering(crane: &Description, what: &str, version: Version) -> Unit {
     unit(&block, None, crane, version).unwrap()
 }
 
-/// Writes an FMU for a test, and returns its path.
+/// Writes an FMU for a test; returns its path.
 fn written(test: &str, what: &str, version: Version) -> String {
     let crane = Description::uia_single_boom().unwrap();
     let unit = match what {
@@ -68,7 +68,7 @@ fn written(test: &str, what: &str, version: Version) -> String {
     path.to_str().unwrap().to_string()
 }
 
-/// What FMPy prints.
+/// Output of FMPy.
 fn fmpy(python: &str, arguments: &[&str]) -> String {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fmi_check.py");
     let output = Command::new(python).arg(script).args(arguments).output().unwrap();
@@ -87,7 +87,7 @@ fn fmus_are_valid() {
     }
 }
 
-/// The FMU at a path once more, its binary made by a plain compiler from the source that is packed in it.
+/// A copy of the FMU with a binary compiled by a plain compiler from its packed source.
 fn from_packed_source(path: &str, version: Version) -> String {
     let mut packed = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
     let sources = folder().join(format!("packed-{version:?}"));
@@ -145,13 +145,14 @@ fn an_fmu_computes_what_rust_does_and_so_does_the_source_in_it() {
     }
 }
 
-/// A release, a motion and wrong inputs as recorded in closed loop: the FMUs of both framed controllers show what Rust does.
+/// A release, a motion and wrong inputs, recorded in closed loop: the FMUs of both framed controllers give Rust's
+/// outputs.
 #[test]
 fn framed_controllers_are_those_of_rust() {
     let Some(python) = python() else { return };
     let model = Description::uia_single_boom().unwrap();
     let machine = Description::uia_virtual().unwrap();
-    // in motion, and a number: a table has no NaN
+    // in motion, and a finite number: a table cannot hold NaN
     let wrong = |c: &&Case| {
         c.disturbed.is_some_and(|d| {
             d.periods == 10
@@ -197,7 +198,7 @@ fn states_are_kept_and_instances_do_not_know_of_each_other() {
     }
 }
 
-/// Each line that was logged has one of these texts, in their order, and nothing else was said.
+/// Each logged line contains one of these texts, in their order, and there are no other lines.
 fn told(said: &str, wanted: &[&str]) {
     let lines: Vec<&str> = said.lines().collect();
     for (line, wanted) in lines.iter().zip(wanted) {
@@ -303,7 +304,7 @@ fn a_changed_crane_starts_at_rest_unless_the_user_gives_a_state() {
                     let close = (found - wanted).abs() <= 1e-10 * wanted.abs();
                     assert!(close, "{values}: {found} for {wanted}");
                 }
-                // the load is held: 0.05 bar, where the crane file's state would swing by 70
+                // in equilibrium: 0.05 bar, where the crane file's state would oscillate by 70 bar
                 let swing: f64 = pair[1].parse().unwrap();
                 assert!(swing < 0.05e5, "{values}: p_A swings by {swing} Pa");
             }
@@ -319,12 +320,13 @@ fn steps_at_large_times_are_those_at_small_ones() {
     let Some(python) = python() else { return };
     for version in BOTH {
         let said = fmpy(&python, &["late", &written("late", "model", version)]);
-        // what is left over is summed up: the second such step is refused
+        // rounding remainders are summed: the second such step is refused
         told(&said, &["no multiple", "1"]);
     }
 }
 
-/// Every variable has a usual size; what can be set and has a range starts within it; every unit that base units can express is.
+/// Every variable has a nominal value; settable ones start within their range; every unit that base units can express
+/// is defined.
 #[test]
 fn variables_have_ranges_and_units_their_definition() {
     let crane = Description::uia_single_boom().unwrap();
@@ -385,16 +387,16 @@ fn a_crane_file_whose_step_is_unstable_is_not_exported() {
         assert!(said.contains(limit), "{said}");
     };
     refused(&["controller.simulation_period_us=1000"], "limit of friction at rest");
-    // bristles that slide at the motor's largest speed
+    // bristles at the motor's largest speed
     let stiff = ["friction.law=lugre", "friction.bristle_stiffness_n_per_mm=3e5"];
     refused(&stiff, "2 g/(sigma_0 |v|)");
-    // seals as soft as a crane has them are exported
+    // seals with realistic stiffness are exported
     let mut crane = Description::uia_single_boom().unwrap();
     crane.set("friction.law=lugre").unwrap();
     crane_model(&crane).unwrap();
 }
 
-/// What it computes is held against Rust above, where both ways have to give the same bits.
+/// The result is compared with Rust above, where both variants must give the same bits.
 #[test]
 fn the_binary_for_linux_has_both_ways_to_multiply_and_add() {
     let crane = Description::uia_single_boom().unwrap();
@@ -409,7 +411,7 @@ fn the_binary_for_linux_has_both_ways_to_multiply_and_add() {
     let of = |object: &str| said("objdump", &["-d", object]).matches("vfmadd").count();
     assert_eq!((of("plain.o"), of("functions.o")), (0, 0));
     assert!(of("fused.o") > 100);
-    // nothing but what the standard names can be seen from outside
+    // only the standard's functions are exported symbols
     let seen = said("nm", &["-D", "--defined-only", "fmu.so"]);
     assert!(seen.lines().all(|line| line.contains(" fmi2")), "{seen}");
 }
@@ -422,7 +424,7 @@ fn a_cross_compiler_for_windows_takes_the_source() {
         let controllers = CONTROLLERS.map(|what| steering(&crane, what, version));
         for unit in [model(&crane, version)].into_iter().chain(controllers) {
             match binary(&unit, System::Windows, &place).unwrap() {
-                // what every program and library of Windows begins with
+                // first bytes of every Windows binary
                 Some(library) => assert_eq!(&library[..2], b"MZ"),
                 None => eprintln!("skipped: x86_64-w64-mingw32-gcc is not on the PATH"),
             }
@@ -463,7 +465,7 @@ fn directional_derivatives_are_the_slopes_of_the_model() {
     for _ in 0..4000 {
         published(&crane, &mut state, &input, n.simulation_period);
     }
-    // along the pump's speed, the payload and a pressure
+    // direction along the pump speed, the payload and a pressure
     let mut numbers = Numbers::from_array(n.to_array().map(D::constant));
     numbers.payload.slope[1] = 1.0;
     let over: Crane<D, 3> = description.crane_over(&numbers).unwrap();

@@ -28,13 +28,13 @@ fn simulating(model: &Description) -> Box<dyn Target> {
     Box::new(RustSimulationFeedforward::new(model).unwrap())
 }
 
-/// A case that is engaged, rests and moves.
+/// A case of engagement, standstill and motion.
 fn plain(all: &[Case]) -> Case {
     all.iter().find(|c| c.moves && c.disturbed.is_none() && c.gain.is_none()).unwrap().clone()
 }
 
-/// A fixed share of all trials, every kind among them, each within its computed bounds: engaged anywhere with
-/// any load, held for long, inputs that are wrong, gains that are changed.
+/// A fixed subset of all trials with every kind in it, each within its computed bounds: engagement anywhere with any
+/// load, long holds, wrong inputs, and changed gains.
 #[test]
 fn whatever_is_tried_stays_within_its_bounds() {
     let (model, machine) = cranes();
@@ -44,8 +44,8 @@ fn whatever_is_tried_stays_within_its_bounds() {
         let mut stopped = 0;
         for (k, case) in all.iter().enumerate() {
             let is_engaged = case.disturbed.is_none();
-            // the published gains are unstable with an empty hook: the next test
-            // one sample of what the position loop is fed with, all of them
+            // the published gains are unstable with an empty hook: see the next test
+            // all one-sample errors in the inputs of the position loop
             let is_sample = case.disturbed.is_some_and(|d| d.periods == 1 && d.input <= stroke());
             if case.payload == 0.0 || !(is_engaged || is_sample || k % 5 == 0) {
                 continue;
@@ -55,10 +55,10 @@ fn whatever_is_tried_stays_within_its_bounds() {
             let beyond = within.beyond(case, &undisturbed, &outcome);
             assert!(beyond.is_empty(), "{}: {beyond:?}, {within:?}", case.name());
             stopped += u32::from(outcome.status >= STATUS_FAULT);
-            // heavier than the crane file's loads, a load is lifted at the end stop only, if at all
+            // a load above the crane file's range is lifted only at the end stop, if at all
             let is_of_file = case.payload <= model.ranges().high.payload;
             assert!(!is_of_file || outcome.release_time.is_some(), "{} is held", case.name());
-            // a controller that has the load goes by neither start nor reset
+            // a controller with the load ignores start and reset
             let stops = case.disturbed.is_some_and(|d| {
                 let goes_by = !(start()..=start() + 1).contains(&d.input);
                 d.bad == Bad::NotANumber && d.periods > 1 && goes_by
@@ -72,17 +72,18 @@ fn whatever_is_tried_stays_within_its_bounds() {
     }
 }
 
-/// Place of start among the inputs; reset comes next.
+/// Index of start among the inputs; reset is the next.
 fn start() -> usize {
     FrameInput::NAMES.iter().position(|name| *name == "start").unwrap()
 }
 
-/// Place of the piston position among the inputs.
+/// Index of the piston position among the inputs.
 fn stroke() -> usize {
     FrameInput::NAMES.iter().position(|name| *name == "stroke").unwrap()
 }
 
-/// With the published gains an empty hook on soft oil swings up: it ends with weaker gains, or held.
+/// With the published gains an empty hook on soft oil becomes unstable: the frame switches to weaker gains, or holds
+/// the load.
 #[test]
 fn a_loop_that_swings_up_falls_back_or_is_held() {
     let (model, machine) = cranes();
@@ -92,7 +93,7 @@ fn a_loop_that_swings_up_falls_back_or_is_held() {
     let end = |model: &Description| run(model, &machine, &case, benchmark(model).as_mut()).unwrap();
     let held = end(&model);
     assert_eq!(Cause::from_number(held.status - STATUS_FAULT), Some(Cause::TrackingError));
-    // one that is allowed to stray falls back, and comes to rest
+    // with a larger allowed deviation it falls back to weaker gains and comes to rest
     let weaker = end(&forgiving);
     assert_eq!(weaker.status, STATUS_FALLBACK);
     let [amplitude, frequency] = weaker.oscillation;
@@ -102,7 +103,7 @@ fn a_loop_that_swings_up_falls_back_or_is_held() {
     assert!(high - low < 0.5e-3, "it still moves by {} m", high - low);
 }
 
-/// Readings of a held load, with sensors that scatter in their last digit.
+/// Readings of a held load, with sensor scatter in the last digit.
 fn held(k: u32) -> FrameInput<f64> {
     let noise = f64::from(k % 3) * 1e-6;
     FrameInput {
@@ -118,7 +119,7 @@ fn held(k: u32) -> FrameInput<f64> {
     }
 }
 
-/// A held load that sinks is told, however fast it sinks.
+/// A held load that sinks is detected at any speed.
 #[test]
 fn a_held_load_that_moves_is_told_at_any_speed() {
     let (model, _) = cranes();
@@ -139,7 +140,7 @@ fn a_held_load_that_moves_is_told_at_any_speed() {
     }
 }
 
-/// Measurements that are not plausible, a reference that no piston can follow, and a load that still swings release nothing.
+/// Implausible measurements, an infeasible reference and an oscillating load each prevent the release.
 #[test]
 fn what_is_not_plausible_is_told_before_anything_opens() {
     let (model, _) = cranes();
@@ -167,7 +168,7 @@ fn what_is_not_plausible_is_told_before_anything_opens() {
     }
 }
 
-/// A caller that opens the valve itself gets a status and no speed.
+/// If the caller opens the valve without a command, the frame reports a status and the motor speed is zero.
 #[test]
 fn a_valve_that_is_open_without_being_asked_for_is_told_and_nothing_turns() {
     let (model, _) = cranes();
@@ -185,7 +186,7 @@ fn a_valve_that_is_open_without_being_asked_for_is_told_and_nothing_turns() {
     assert_eq!(Cause::from_number(last.status - STATUS_FAULT), Some(Cause::ValveNotFollowing));
 }
 
-/// A fault is left by a reset with everything well and by nothing else; then the load can be released again.
+/// Only a reset without any remaining fault clears a fault; then the load can be released again.
 #[test]
 fn a_fault_is_left_by_a_reset_and_by_nothing_else() {
     let (model, machine) = cranes();
@@ -199,12 +200,12 @@ fn a_fault_is_left_by_a_reset_and_by_nothing_else() {
         let r = crane.signals();
         let controls = phases.last() == Some(&frame_phase::CONTROLLING);
         controlled += u32::from(controls || (500..520).contains(&controlled));
-        // a transducer without a signal for twenty periods, half a second after the release
+        // a transducer fails for twenty periods, half a second after the release
         let is_lost = (500..520).contains(&controlled);
         let is_fault = phases.last().is_some_and(|status| *status >= STATUS_FAULT);
         let input = FrameInput {
             enable: 1.0,
-            // asked for again and again
+            // the start command is repeated
             start: f64::from(u8::from(k % 1000 > 500)),
             reset_fault: f64::from(u8::from(is_fault && since > 2000 && k % 100 > 50)),
             valve_state: -1.0,
@@ -247,8 +248,7 @@ fn recorded(target: Box<dyn Target>, case: &Case) -> Vec<(FrameInput<f64>, Frame
     recorder.rows
 }
 
-/// What was recorded in closed loop, a release, a move, and a position that is no number in motion, gives the same bits in C, by
-/// two compilers.
+/// A release, a move and a NaN position in motion, recorded in closed loop, give the same bits in C with two compilers.
 #[test]
 fn in_c_both_controllers_are_those_of_rust_to_the_last_bit() {
     let (model, _) = cranes();

@@ -1,4 +1,4 @@
-//! Whatever a crane is called, what is generated is the same code.
+//! The crane's name has no effect on the generated code.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -10,7 +10,7 @@ use hydroboom_export::{blocks, controller, simulation_feedforward};
 use proptest::prelude::*;
 use std::sync::LazyLock;
 
-/// A text without what stands between two signs; none where one is not closed.
+/// A text without its comments between two delimiters; `None` if a comment is not closed.
 fn without_comments(text: &str, open: &str, close: &str) -> Option<String> {
     let mut rest = text;
     let mut code = String::new();
@@ -48,7 +48,7 @@ fn code_in_text(description: &Description) -> Vec<String> {
     units.iter().map(of).collect()
 }
 
-/// The sources of an FMU, its description being well-formed.
+/// The sources of an FMU, after a check that its description is well-formed.
 fn sources(description: &Description) -> String {
     let mut all = String::new();
     for version in [Version::Two, Version::Three] {

@@ -1,4 +1,4 @@
-//! Loops and tables as recorded, in C and Structured Text beside the Rust that they were recorded from: what is repeated is a function.
+//! Recorded loops and tables in C and Structured Text against Rust: loop bodies are functions.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -20,13 +20,13 @@ use std::rc::Rc;
 
 const LENGTH: usize = 24;
 
-/// A delay line that is looked up, in a loop within a loop, one of them on a condition: every form that a recording has of them.
+/// A delay line with interpolation in nested loops, one of them conditional: all forms that a recording can contain.
 fn filtered<T: Real>(line: &[T; LENGTH], input: [T; 2]) -> ([T; LENGTH], [T; 3]) {
     let [x, place] = input;
     let mut next = *line;
     next.copy_within(1.., 0);
     next[LENGTH - 1] = x;
-    // what a loop makes is read by the next
+    // the output table of a loop is read by the next
     let rows = next.map(|value| [value]);
     let ([sum, _], made) = T::repeat(&rows, [T::zero(), T::one()], |k, [v], [sum, unused]| {
         let scaled = (*v * place).tanh() + k;
@@ -34,7 +34,7 @@ fn filtered<T: Real>(line: &[T; LENGTH], input: [T; 2]) -> ([T; LENGTH], [T; 3])
     });
     let made = made.map(|[scaled, _]| scaled);
     let found = T::interpolate(&made, place) + T::interpolate(&next[2..9], place - T::one());
-    // a table of numbers, and one within a loop
+    // a constant table, and one computed within a loop
     let weights: [[T; 1]; LENGTH] =
         std::array::from_fn(|k| [T::lit(0.25 - 0.03 * (k % 12) as f64)]);
     let ([most, least], _) =
@@ -42,12 +42,12 @@ fn filtered<T: Real>(line: &[T; LENGTH], input: [T; 2]) -> ([T; LENGTH], [T; 3])
             let inner = T::repeat(&weights, now, |j, [w], [most, least]| {
                 let own = [*v, k, most, *w];
                 let at = T::interpolate(&own, j + *w + place.sin_cos().0);
-                // each needs what the other was
+                // each state depends on the other's previous value
                 ([least.max(at), most.min(at) - *w], [])
             });
             (inner.0, [])
         });
-    // three rows, which are written out, one after the other
+    // three rows, which are unrolled
     let factors: [[T; 1]; 3] = [0.5, 0.25, 0.125].map(|w| [T::lit(w)]);
     let ([short], rows) =
         T::repeat_where(x.lt(T::lit(30.0)), &factors, [sum], |k, [factor], [carried]| {
@@ -55,7 +55,7 @@ fn filtered<T: Real>(line: &[T; LENGTH], input: [T; 2]) -> ([T; LENGTH], [T; 3])
             ([next], [next - carried])
         });
     let made = rows.iter().fold(T::zero(), |sum, [entry]| sum + *entry);
-    // more numbers from around the loop than a function takes one by one, and several entries of one array
+    // more outside values than are passed one by one, and several entries of one array
     let around: [T; 10] = std::array::from_fn(|k| x * T::lit(0.1 * k as f64) + place);
     let ([many], _) = T::repeat(&weights, [short], |_, [w], [sum]| {
         let own = around.iter().fold(sum, |sum, a| sum.mul_add(*w, *a));
@@ -69,7 +69,7 @@ fn variable(name: &str) -> Variable {
     Variable { name: name.into(), unit: "1".into(), meaning: "Number".into(), initial: 0.0 }
 }
 
-/// What a block does.
+/// Description of a block.
 type Step = fn(&[Expression; LENGTH], [Expression; 2]) -> ([Expression; LENGTH], [Expression; 3]);
 
 fn block() -> Block {
@@ -133,9 +133,9 @@ fn loops_and_tables_in_c_are_those_in_rust_to_the_last_bit() {
     let folder = std::path::PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("c-repeats");
     std::fs::create_dir_all(&folder).unwrap();
     let made = files(&[block()], "made", Precision::Double).unwrap();
-    // a delay line is moved on by a loop, not entry by entry
+    // a delay line is shifted by a loop, not entry by entry
     assert!(!made.source.contains("next_5"), "{}", made.source);
-    // tanh, the table's loop and the one within it, many numbers: what is short has none
+    // tanh, the table's loop and the inner one, many outside values: short loops have no function
     let loops =
         made.source.matches("for (int i").count() - made.source.matches("for (int i =").count();
     assert_eq!(loops, 4, "{}", made.source);
@@ -188,7 +188,7 @@ fn loops_and_tables_in_c_are_those_in_rust_to_the_last_bit() {
     }
 }
 
-/// What is not needed of a loop is not computed, and the rest counts for each row.
+/// Unused results of a loop are not computed; the others count for each row.
 #[test]
 fn a_loop_counts_for_each_of_its_rows() {
     let block = block();
@@ -199,7 +199,7 @@ fn a_loop_counts_for_each_of_its_rows() {
     assert_eq!(count.functions, 2 * LENGTH + 1, "{count:?}");
 }
 
-/// Within what two multiplications that are rounded apart differ by.
+/// Relative difference of a fused product from two separate roundings.
 #[test]
 fn loops_and_tables_in_structured_text_are_those_in_rust() {
     let texts: Vec<String> = block_units(&block()).unwrap().iter().map(Unit::text).collect();
@@ -220,7 +220,8 @@ fn loops_and_tables_in_structured_text_are_those_in_rust() {
     }
 }
 
-/// The same sum over a table five times: from constants, from an input, and twice in each row of another loop; and another sum.
+/// The same sum over a table five times: of constants, of an input, and twice in each row of another loop; and a
+/// different sum.
 fn sums(
     line: &[Expression; LENGTH],
     [x, place]: [Expression; 2],
@@ -243,7 +244,7 @@ fn sums(
     (*line, [sum(lit(0.001)) + sum(lit(0.002)), sum(place) + other, all])
 }
 
-/// However often it is called, and whether with a constant or a number from around it.
+/// A shared body, with a constant or an outside value as its argument.
 #[test]
 fn a_repeated_part_is_printed_once_as_a_function() {
     let block = recorded(sums);
@@ -265,7 +266,7 @@ fn a_repeated_part_is_printed_once_as_a_function() {
     let repeated =
         texts.iter().filter(|text| text.contains(" x1 ") && text.contains("EXP(")).count();
     assert_eq!(repeated, 2, "{texts:?}");
-    // a unit stands behind those that it calls, under names that begin with the block's
+    // a unit comes after those that it calls, and its name begins with the block's
     for (k, unit) in units.iter().enumerate() {
         assert!(unit.name.contains("_Made"), "{}", unit.name);
         let text = unit.text();
@@ -282,7 +283,7 @@ fn a_repeated_part_is_printed_once_as_a_function() {
     }
 }
 
-/// What a function's comment says of its rows is what the loops that call it have, all of them.
+/// A function's comment states the rows of all loops that call it.
 #[test]
 fn a_functions_comment_names_the_rows_of_all_loops_that_call_it() {
     let crane = Description::uia_single_boom().unwrap();
@@ -298,12 +299,12 @@ fn a_functions_comment_names_the_rows_of_all_loops_that_call_it() {
         let lines: Vec<&str> = source.lines().collect();
         for (k, line) in lines.iter().enumerate() {
             let Some((_, rest)) = line.trim().split_once("for (int i") else { continue };
-            // what copies entries counts by i alone
+            // copy loops have the counter i
             if !rest.starts_with(|c: char| c.is_ascii_digit()) {
                 continue;
             }
             let (_, bound) = rest.split_once(" < ").unwrap();
-            // a loop that a condition skips has as many rows where it does not
+            // a conditional loop counts with all of its rows
             let bound = bound.split_once(" ? ").map_or(bound, |(_, rows)| rows);
             let digits: String = bound.chars().take_while(char::is_ascii_digit).collect();
             let Ok(count) = digits.parse() else { panic!("{line}") };
@@ -325,7 +326,7 @@ fn a_functions_comment_names_the_rows_of_all_loops_that_call_it() {
     }
 }
 
-/// Lines of a loop's body that are neither a copied entry nor the call of a function and its results.
+/// Lines of a loop's body other than copied entries, the call of a function and its results.
 fn in_place_in_c(source: &str) -> Vec<&str> {
     let name = |line: &str| line.split('(').next()?.rsplit(' ').next().map(str::to_string);
     let functions: Vec<String> =

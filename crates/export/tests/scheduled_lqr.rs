@@ -1,4 +1,4 @@
-//! The scheduled LQR with its estimator within the frame: generated C beside the Rust that it was recorded from.
+//! The scheduled LQR with its estimator within the frame: generated C against Rust.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -26,7 +26,7 @@ use recording::{
 };
 use std::path::PathBuf;
 
-/// Control periods that are recorded: two seconds and more, from when the valve opens on.
+/// Recorded control periods: two seconds and more, from the opening of the valve.
 const PERIODS: usize = 3500;
 
 fn folder(name: &str) -> PathBuf {
@@ -39,7 +39,7 @@ fn of_course(length: usize, requests: Requests) -> (Recording, Outcome) {
     recorded(&plain(&cranes().0), length, requests, (From::Opening, PERIODS))
 }
 
-/// The estimator is asked for everything in turn, while it has the load and while not.
+/// All requests to the estimator in turn, with and without the load.
 fn everything(k: usize) -> (EstimatorRequest<f64>, RetainedParameters<f64>) {
     let is = |from: usize, to: usize| f64::from(u8::from((from..to).contains(&k)));
     let request = EstimatorRequest {
@@ -59,7 +59,7 @@ fn everything(k: usize) -> (EstimatorRequest<f64>, RetainedParameters<f64>) {
     (request, retained)
 }
 
-/// A release, rest and motion with the whole preview, a short one and none; every output and every number of the memory, in every
+/// A release, standstill and motion with the whole preview, a short one and none: all outputs and states in every
 /// period.
 #[test]
 fn what_was_recorded_gives_the_same_bits_in_c() {
@@ -86,7 +86,8 @@ fn what_was_recorded_gives_the_same_bits_in_c() {
     assert!(rolled > 100, "the rollout has decided in {rolled} periods only");
 }
 
-/// Retained parameters are taken while the load is held, all or none of them; frozen ones stay while the controller moves the load.
+/// Retained parameters are restored only as a whole and while the load is held; frozen ones stay constant during
+/// control.
 #[test]
 fn parameters_are_restored_while_the_load_is_held_and_frozen_on_request() {
     let names = names();
@@ -94,7 +95,7 @@ fn parameters_are_restored_while_the_load_is_held_and_frozen_on_request() {
     let of =
         |k: usize, name: &str| recording.wanted[k][names.iter().position(|n| n == name).unwrap()];
     let (_, given) = everything(43);
-    // period 41 gives a pressure that is no number: nothing is taken
+    // the pressure of period 41 is NaN: nothing is restored
     for k in [40, 41, 43, 44] {
         assert_eq!(of(k, "retained_unknown_flow"), given.unknown_flow, "period {k}");
         assert_eq!(of(k, "retained_transition_pressure"), given.transition_pressure, "period {k}");
@@ -110,21 +111,21 @@ fn parameters_are_restored_while_the_load_is_held_and_frozen_on_request() {
         assert_eq!(frozen, before, "{name}");
         assert!(later != frozen && before != of(44, &name), "{name} is never estimated");
     }
-    // what is not estimated is not known better either
+    // the variance of a parameter that is not estimated does not decrease
     for name in ["retained_flow_variance", "retained_transition_variance"] {
         let (before, frozen) = (of(1499, name), of(1699, name));
         assert!(frozen >= before, "{name}: {frozen} after {before}");
     }
 }
 
-/// Puts something into a preview.
+/// Changes entries of a preview.
 type Spoil = fn(&mut PreviewAhead<f64>);
 
-/// A preview with one entry that is no number or infinite, from a period on in which the piston moves.
+/// A preview with one NaN or infinite entry, from a period in motion on.
 struct Spoilt {
     inner: RustScheduledLqr,
     spoil: Spoil,
-    /// Periods in which the controller has had the load.
+    /// Number of periods in which the controller has had the load.
     controlled: usize,
 }
 
@@ -151,7 +152,7 @@ impl Target for Spoilt {
     }
 }
 
-/// It never moves the load anywhere else: either the load is held, or the path is followed as well as with a short preview.
+/// The load is held, or the tracking is as good as with a shorter preview.
 #[test]
 fn a_preview_that_is_no_number_moves_the_load_nowhere_else() {
     let (model, machine) = cranes();
@@ -175,7 +176,7 @@ fn a_preview_that_is_no_number_moves_the_load_nowhere_else() {
         let outcome = run(&model, &machine, &plain(&model), &mut target).unwrap();
         assert!(target.controlled > 1500, "{what}: {}", outcome.status);
         assert!(!outcome.is_not_finite, "{what}");
-        // held at once from the fast speed, or on as with a shorter preview
+        // stopped at once from the fast speed, or continued as with a shorter preview
         match outcome.status >= STATUS_FAULT {
             true => assert!(outcome.stopped_in < stop.stopped, "{what}: {} m", outcome.stopped_in),
             false => assert!(outcome.error < 5e-3, "{what}: {} m", outcome.error),
@@ -184,7 +185,8 @@ fn a_preview_that_is_no_number_moves_the_load_nowhere_else() {
     }
 }
 
-/// What `hydroboom export closed-loop` runs: the compiled block behind its pipes gives what Rust gives, with a preview and without.
+/// The compiled block behind its pipes, as in `hydroboom export closed-loop`, gives Rust's results, with and without
+/// preview.
 #[test]
 fn the_program_of_the_closed_loop_gives_what_rust_gives() {
     let (model, machine) = cranes();
@@ -205,7 +207,7 @@ fn the_program_of_the_closed_loop_gives_what_rust_gives() {
     }
 }
 
-/// In closed loop with the virtual crane, with whatever preview.
+/// In closed loop with the virtual crane, with different previews.
 #[test]
 fn it_moves_the_load_with_any_preview() {
     for length in [800, 60, 0] {
@@ -218,7 +220,7 @@ fn it_moves_the_load_with_any_preview() {
     }
 }
 
-/// Single precision computes other commands. Beside the same readings they stay near those in double precision.
+/// Commands in single precision differ; for the same readings they stay close to those in double precision.
 #[test]
 fn single_precision_stays_near_double() {
     let folder = folder("c-scheduled-lqr-single");
@@ -238,14 +240,14 @@ fn single_precision_stays_near_double() {
     assert!(largest < 0.05 * size, "{largest} of {size} rev/s");
 }
 
-/// Places of the preview's positions among the inputs.
+/// Indices of the preview's positions among the inputs.
 const PREVIEW: std::ops::Range<usize> = 23..823;
 
-/// Largest share of a signal's size that a language may be off by whose functions are its own.
+/// Largest relative difference of a language with its own elementary functions.
 const SHARE: f64 = 1e-6;
 
-/// Two seconds from when the valve opens on: engaging, rest and the beginning of a motion. The example `scheduled_lqr_targets` does
-/// a minute, from power-up on.
+/// Two seconds from the opening of the valve: engagement, standstill and the beginning of a motion. The example
+/// `scheduled_lqr_targets` runs a minute from power-up.
 #[test]
 fn structured_text_shows_what_rust_does() {
     let model = cranes().0;
@@ -256,7 +258,7 @@ fn structured_text_shows_what_rust_does() {
     }
 }
 
-/// The same in `REAL`, half a second from when the controller has the load on: as near to double precision as `float` is in C.
+/// The same in `REAL`, for half a second of control: as close to double precision as `float` in C.
 #[test]
 fn structured_text_in_single_precision_stays_near_double() {
     let model = cranes().0;
@@ -275,7 +277,7 @@ fn structured_text_in_single_precision_stays_near_double() {
     }
 }
 
-/// Each result is rounded, as single precision in Rust rounds it.
+/// Each result is rounded like single precision in Rust.
 #[test]
 fn the_evaluator_rounds_what_is_real() {
     let text = "FUNCTION_BLOCK FB_Rounded\nVAR_INPUT\n x : REAL;\nEND_VAR\nVAR_OUTPUT\n y : REAL;\n z : REAL;\nEND_VAR\n\
@@ -290,7 +292,7 @@ fn the_evaluator_rounds_what_is_real() {
     }
 }
 
-/// From power-up on, as an FMU knows no other beginning; FMI 2.0 has no arrays, and is tried on what comes before the release's end.
+/// From power-up, the only initial state of an FMU. FMI 2.0 has no arrays, and is tested up to the end of the release.
 #[test]
 fn an_fmu_shows_what_rust_does() {
     let Ok(python) = std::env::var("HYDROBOOM_FMPY") else {
@@ -304,7 +306,7 @@ fn an_fmu_shows_what_rust_does() {
         let moved = moved.fold(0.0, f64::max);
         assert_eq!(moved > 0.05, version == Version::Three, "the reference moves by {moved} m");
         if version == Version::Three {
-            // a preview that is not finite from here on: what C answers, as Rust, is to be answered here, and no error
+            // from here on the preview is not finite: the block must give the result of C and Rust, without an error
             let place = names().iter().position(|name| name == "status").unwrap();
             let spoilt = recording.given.len() - 100;
             recording.given[spoilt..].iter_mut().for_each(|row| row[PREVIEW].fill(f64::NAN));

@@ -1,4 +1,4 @@
-//! Structured Text, read by an independent parser and executed beside the Rust that it was recorded from.
+//! Structured Text, read by an independent parser and interpreted, against Rust.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
 
@@ -25,8 +25,8 @@ fn text_of(block: &Block) -> String {
     function_block(block).unwrap().text()
 }
 
-/// Within a thousand millionth of what the quantity comes to in a motion: functions of the platform and products that round
-/// twice differ in the sixteenth digit, and a step's differences of large pressures take some digits of that.
+/// Relative to the signal's scale in a motion, 1e-9: functions of the platform and products that round twice differ
+/// in the sixteenth digit, and differences of large pressures within a step lose some digits.
 fn agrees(what: &str, step: usize, found: f64, wanted: f64, scale: f64) {
     let off = (found - wanted).abs() / scale;
     assert!(off <= 1e-9, "{what} after step {step}: {found} for {wanted}");
@@ -54,7 +54,7 @@ fn set_hydraulics(hydraulics: &mut Instance, state: &CraneState<f64, 3>) {
     hydraulics.set("sZBristle", state.bristle);
 }
 
-/// Both blocks, and the crane of Rust at rest where they begin.
+/// Both blocks, and the Rust crane in its initial equilibrium.
 fn beside(description: &Description) -> (Instance, Instance, Crane<f64, 3>, CraneState<f64, 3>) {
     let [hydraulics, boom] = blocks(description).unwrap().map(|b| Instance::parse(&text_of(&b)));
     let crane = description.crane::<3>().unwrap();
@@ -63,7 +63,7 @@ fn beside(description: &Description) -> (Instance, Instance, Crane<f64, 3>, Cran
     (hydraulics, boom, crane, state)
 }
 
-/// A step of the hydraulics with the piston at a stroke and a velocity.
+/// A step of the hydraulics at a piston position and velocity.
 fn step_hydraulics(block: &mut Instance, input: &Input<f64>, (stroke, velocity): (f64, f64)) {
     block.call(&[
         ("nPump", input.pump_speed),
@@ -84,8 +84,8 @@ fn pressures(o: &Outputs<f64>) -> [(&'static str, f64); 5] {
     ]
 }
 
-/// Each step from the state that Rust has: the published step chatters at the load-holding valves, so that two runs that round
-/// differently part there by bars, each as right as the other.
+/// Each step begins at Rust's state. The published step chatters at the load-holding valves, so that two runs with
+/// different rounding diverge there by bars, both equally correct.
 #[test]
 fn each_of_ten_thousand_steps_is_that_in_rust() {
     for description in cranes() {
@@ -132,8 +132,8 @@ fn a_motion_ends_where_it_does_in_rust_and_begins_again() {
     agrees("xCyl, begun again", 0, boom.value("xCyl"), begin.stroke, 0.1);
 }
 
-/// One engagement, a second at rest, and a bad input of each kind, on the virtual crane; of the controller that simulates
-/// the engagement.
+/// One engagement, a second at standstill, and an input error of each kind, on the virtual crane; for the controller
+/// with simulation only the engagement.
 #[test]
 fn the_framed_controllers_hold_release_and_stop_on_the_virtual_crane() {
     let model = Description::uia_single_boom().unwrap();
@@ -148,7 +148,7 @@ fn the_framed_controllers_hold_release_and_stop_on_the_virtual_crane() {
     }
 }
 
-/// A strategy's function block from all that a PLC is given.
+/// A strategy's function block from all units of a PLC project.
 fn steering(description: &Description, name: &str) -> Instance {
     let texts: Vec<String> = units(description)
         .unwrap()
@@ -159,7 +159,7 @@ fn steering(description: &Description, name: &str) -> Instance {
     Library::parse(texts.iter().map(String::as_str)).instance(name)
 }
 
-/// Blocks that the test bench replays.
+/// Blocks replayed by the test bench.
 const REPLAYED: [&str; 5] = [
     "HydraulicModel",
     "FlexibleBoom",
@@ -167,11 +167,11 @@ const REPLAYED: [&str; 5] = [
     "SimulationFeedforwardController",
     "SimulationFeedforward",
 ];
-/// Periods in a call of it, and periods that it takes.
+/// Periods in a call, and the number of calls.
 const PERIODS: usize = 20;
 const CALLS: usize = 300 * PERIODS;
 
-/// All that a PLC is given, and the text of its test bench.
+/// All units of a PLC project, and the text of their test bench.
 fn with_bench() -> (Vec<String>, String) {
     let all = units(&Description::uia_single_boom().unwrap()).unwrap();
     let is_bench = |u: &&Unit| u.name == "PRG_TestBench";
@@ -180,7 +180,7 @@ fn with_bench() -> (Vec<String>, String) {
     (others.map(Unit::text).collect(), bench)
 }
 
-/// Runs a test bench to its end; before each call something may be done to it.
+/// Runs a test bench to its end; `before` may change it before each call.
 fn run(bench: &mut Instance, mut before: impl FnMut(&mut Instance, usize)) {
     bench.truth("bBegun", false);
     for call in 0..CALLS {
@@ -191,7 +191,7 @@ fn run(bench: &mut Instance, mut before: impl FnMut(&mut Instance, usize)) {
     }
 }
 
-/// Of which blocks a test bench says that they failed, all that it shows being as one.
+/// Blocks that a test bench reports as failed; its outputs must be consistent.
 fn failed(bench: &Instance) -> Vec<&'static str> {
     let passed = |name: &&&str| bench.holds(&format!("bPassed{name}"));
     let worst = |name: &&str| bench.value(&format!("fWorst{name}"));
@@ -204,7 +204,7 @@ fn failed(bench: &Instance) -> Vec<&'static str> {
     REPLAYED.iter().filter(|name| !passed(name)).copied().collect()
 }
 
-/// Other cranes are replayed as well, by functions of a platform that are off in the last digit.
+/// Other cranes are replayed too, with elementary functions that differ in the last digit.
 #[test]
 fn the_test_bench_passes_on_other_cranes_and_platforms() {
     let text = hydroboom_description::UIA_SINGLE_BOOM;
@@ -236,7 +236,7 @@ fn the_test_bench_passes_as_exported_and_can_begin_again() {
     for name in REPLAYED {
         assert!(text.contains(&format!("fb{name} : FB_{name};")), "{name} is not replayed");
     }
-    // the 3/2 valve is energised, shut and energised
+    // the 3/2 valve is energised, de-energised and energised
     for (from, valve) in [(0, "1.0E0"), (65, "0.0E0"), (105, "1.0E0")] {
         let switched = text.split_once(&format!("IF iCall = {from} THEN")).unwrap().1;
         let switched = switched.split_once("END_IF").unwrap().0;
@@ -251,15 +251,15 @@ fn the_test_bench_passes_as_exported_and_can_begin_again() {
     for _ in 0..2 {
         run(&mut bench, |_, _| {});
         assert!(failed(&bench).is_empty(), "{:?}: {:?}", failed(&bench), bench.shown());
-        // far from the tolerance: another controller's functions differ in the last digits
+        // well below the tolerance: functions of another platform differ in the last digits
         assert!(bench.value("fWorst") < 1e-8, "{:?}", bench.shown());
     }
-    // nothing moves on once all is done
+    // the bench stays constant after its end
     bench.run();
     assert!(bench.holds("bPassed"));
 }
 
-/// A parameter of a block within the bench, and the block that it makes fail.
+/// A parameter of a block within the bench, and the block that fails after its change.
 #[test]
 fn the_test_bench_says_which_block_differs() {
     let (others, text) = with_bench();
@@ -288,7 +288,7 @@ fn the_test_bench_says_which_block_differs() {
     }
 }
 
-/// What the hydraulics do while the 3/2 valve is shut is compared: with the valve open all the time they fail.
+/// The hydraulics are also compared while the 3/2 valve is closed: with an open valve they fail.
 #[test]
 fn the_test_bench_sees_the_valve_switch() {
     let (others, text) = with_bench();
@@ -302,7 +302,7 @@ fn the_test_bench_sees_the_valve_switch() {
     assert_eq!(failed(&bench), ["HydraulicModel"]);
 }
 
-/// What is no number in one call only, and what is restored by the reset after it, is not forgotten.
+/// NaN in a single call, followed by a reset, is still reported.
 #[test]
 fn the_test_bench_does_not_forget_what_was_no_number() {
     let (others, text) = with_bench();
@@ -325,7 +325,7 @@ fn the_test_bench_does_not_forget_what_was_no_number() {
     }
 }
 
-/// Each second recorded array, one number of it changed, makes those blocks fail that it was recorded of.
+/// A change of one number in every second recorded array makes exactly the recorded blocks fail.
 #[test]
 fn the_test_bench_notices_one_number_that_was_changed() {
     let (others, text) = with_bench();
@@ -343,7 +343,7 @@ fn the_test_bench_notices_one_number_that_was_changed() {
         if arrays % 2 == 0 {
             continue;
         }
-        // a number for some, none for the others
+        // a different number for some arrays, none for the others
         let value = if arrays % 4 == 1 { 1e9 } else { f64::NAN };
         let mut bench = library.instance("PRG_TestBench");
         run(&mut bench, |bench, call| {
@@ -428,11 +428,11 @@ fn a_parameter_that_was_changed_counts_once_that_is_said() {
     assert!(((with - without) / wanted - 1.0).abs() < 1e-9, "{with} and {without} N, {wanted}");
 }
 
-/// Inputs that move a simulated crane: a reference, and a load that is held elsewhere.
+/// Inputs that move a simulated crane: a reference, and a load held at another position.
 const MOVED: [(&str, f64); 3] = [("xRef", 0.051), ("vRef", 0.02), ("xCyl", 0.052)];
 
-/// What a composed block shows over its next steps, a parameter of a block within it changed before step `changed`; which
-/// steps say so, `says` tells.
+/// Outputs of a composed block over its next steps, with a parameter of an inner block changed before step `changed`;
+/// `says` gives the steps in which `bPrepare` is set.
 fn shown_after(
     block: &Instance,
     (inner, parameter, value): (&str, &str, f64),
@@ -452,7 +452,7 @@ fn shown_after(
     shown
 }
 
-/// Whichever step of a control period it is that says that a parameter was changed, every block within counts with it.
+/// `bPrepare` in any step of a control period reaches every inner block.
 #[test]
 fn a_changed_parameter_counts_in_whichever_call_that_is_said() {
     let description = Description::uia_single_boom().unwrap();
@@ -477,7 +477,7 @@ fn a_changed_parameter_counts_in_whichever_call_that_is_said() {
         }
     }
 
-    // together with a reset, and alone in the call that begins
+    // together with a reset, and alone in the first call
     for (resets, begins) in [(true, &begun), (false, &steering(&description, name))] {
         let mut block = begins.clone();
         let mut fresh = steering(&description, name);
@@ -495,12 +495,12 @@ fn a_changed_parameter_counts_in_whichever_call_that_is_said() {
     }
 }
 
-/// A unit of a few declarations and statements for the evaluator.
+/// A small unit for the interpreter.
 fn few(declarations: &str, statements: &str) -> String {
     format!("FUNCTION_BLOCK FB_Few VAR {declarations} END_VAR {statements} END_FUNCTION_BLOCK")
 }
 
-/// What the evaluator accepts is declared once, and each value has the type of what it is assigned to.
+/// The interpreter refuses double declarations, and values of another type than the variable's.
 #[test]
 fn the_evaluator_refuses_what_the_standard_does() {
     let variables = "x : LREAL; k : DINT; b : BOOL; a : ARRAY[0..1] OF LREAL; fb : FB_Inner;";
@@ -542,7 +542,7 @@ fn the_evaluator_refuses_what_the_standard_does() {
     }
 }
 
-/// Halves go to the even number, inputs begin with zero and other arrays with what is no number; a clone has its own memory.
+/// Halves are rounded to even; inputs begin with zero and other arrays with NaN; a clone has its own memory.
 #[test]
 fn the_evaluator_computes_as_the_standard_says() {
     let text = "FUNCTION_BLOCK FB_Few VAR_INPUT u : ARRAY[0..1] OF LREAL; x : LREAL; END_VAR \
@@ -568,7 +568,7 @@ fn the_evaluator_computes_as_the_standard_says() {
     assert_eq!((before.value("x"), before.count("n"), block.count("n")), (0.0, 0, 3));
 }
 
-/// A function and a function block that takes an array, for the evaluator.
+/// A function and a function block with an array, for the interpreter.
 const CALLED: [&str; 2] = [
     "FUNCTION F_Twice : LREAL VAR_INPUT u : LREAL; END_VAR VAR calls : DINT; END_VAR \
      calls := calls + 1; F_Twice := u * 2.0 * DINT_TO_LREAL(calls); END_FUNCTION",
@@ -582,7 +582,7 @@ fn calling(declarations: &str, statements: &str) -> Instance {
     Library::parse(CALLED.into_iter().chain([text.as_str()])).instance("FB_Few")
 }
 
-/// A function begins anew in each call, a function block remembers; an array that it is given is the caller's.
+/// A function is reset in each call, a function block keeps its state; an array by reference is the caller's.
 #[test]
 fn the_evaluator_calls_as_the_standard_says() {
     let declared = "x : LREAL; y : LREAL; fb : FB_Add; a : ARRAY[0..2] OF LREAL; other : ARRAY[0..2] OF LREAL; k : DINT;";
@@ -636,7 +636,7 @@ fn words(text: &str) -> Vec<String> {
     code.split(signs).filter(|word| !word.is_empty()).map(str::to_string).collect()
 }
 
-/// Names as the standard has them, and numbers that each tool reads as an LREAL or as a DINT.
+/// Names valid in the standard, and numbers that each tool reads as an LREAL or as a DINT.
 #[test]
 fn plain_text_keeps_to_the_standard() {
     // of the language, and of its functions and function blocks
@@ -687,7 +687,7 @@ fn plain_text_keeps_to_the_standard() {
     }
 }
 
-/// Programs know the global variables that they use, of the types that the configuration gives them, and each has a task.
+/// Programs declare the global variables that they use, with the types of the configuration, and each has a task.
 #[test]
 fn the_configuration_has_what_the_programs_use_and_calls_them() {
     let description = Description::uia_single_boom().unwrap();
@@ -727,13 +727,13 @@ fn the_configuration_has_what_the_programs_use_and_calls_them() {
         let task = instance.and_then(|n| n.parent()).unwrap();
         assert!(task.attribute("interval").unwrap().starts_with("T#"));
     }
-    // a list of variables and nothing else
+    // only a list of variables
     let list = twincat::file(configuration).1;
     assert!(list.contains("VAR_GLOBAL") && !list.contains("CONFIGURATION"), "{list}");
 }
 
-/// The program, as a PLC calls it, is the block that it holds.
-/// Whoever reads the control task finds every controller that may be called there.
+/// The program in a PLC gives the results of its block.
+/// The comment of the control task names every controller that may be called there.
 #[test]
 fn the_control_task_names_every_controller_that_may_take_its_place() {
     let units = units(&Description::uia_single_boom().unwrap()).unwrap();
@@ -767,7 +767,7 @@ fn the_program_moves_global_variables() {
         let noise = f64::from(period % 2) * 1e-6;
         let now = measured.map(|(name, value)| (name, value * (1.0 + noise)));
         let asked = [("bEnable", true), ("bStart", period > 100)];
-        // a drive that does as it is told
+        // an ideal drive
         let turns = control.value("nRef");
         control.set("nRead", turns);
         block.set("nRead", turns);

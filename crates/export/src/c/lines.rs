@@ -1,4 +1,4 @@
-//! Statements as lines of C, and the functions that they call.
+//! Statements and functions as lines of C.
 
 use super::WIDTH;
 use crate::name::comment;
@@ -9,30 +9,30 @@ pub(super) fn line(text: &str) -> String {
     inner_line(text, 1)
 }
 
-/// A line at a depth.
+/// A line at an indentation depth.
 fn inner_line(text: &str, depth: usize) -> String {
     broken(&format!("{}{text}", "    ".repeat(depth)), WIDTH) + "\n"
 }
 
-/// Something for each entry `i` of a table.
+/// A loop with the statement `what` for each entry `i` of a table.
 pub(super) fn each(depth: usize, count: usize, what: &str) -> String {
     inner_line(&format!("for (int i = 0; i < {count}; i++) {{"), depth)
         + &inner_line(what, depth + 1)
         + &inner_line("}", depth)
 }
 
-/// How statements are written.
+/// Context for printing statements.
 pub(super) struct Lines<'a> {
-    /// Name of the number that everything is computed with.
+    /// Name of the floating-point type.
     pub(super) real: &'a str,
-    /// What can be called.
+    /// Functions of the block.
     pub(super) functions: &'a [Function],
-    /// Names of that.
+    /// Names of these functions.
     pub(super) names: &'a [String],
 }
 
 impl Lines<'_> {
-    /// A table that is filled.
+    /// Declares and fills a table.
     pub(super) fn table(&self, name: &str, filled: &[Run]) -> String {
         let (depth, real) = (1, self.real);
         let count: usize = filled.iter().map(Run::count).sum();
@@ -62,7 +62,7 @@ impl Lines<'_> {
         text
     }
 
-    /// Statements.
+    /// Prints statements.
     pub(super) fn statements(&self, said: &[Statement]) -> String {
         let mut all = String::new();
         let real = self.real;
@@ -95,7 +95,7 @@ impl Lines<'_> {
         }
     }
 
-    /// A loop, which calls a function for each row.
+    /// Prints a loop, which calls a function for each row.
     fn repeated(&self, of: &Loop) -> String {
         let Loop { counter, count, condition, carried, made, function, arguments } = of;
         let real = self.real;
@@ -126,7 +126,7 @@ impl Lines<'_> {
         text + &inner_line(&said, 2) + &line("}")
     }
 
-    /// A function of those that can be called.
+    /// Prints the function with index `place`.
     pub(super) fn function(&self, place: usize) -> String {
         let Function { parameters, legend, body, results, .. } = &self.functions[place];
         let real = self.real;
@@ -161,7 +161,7 @@ impl Lines<'_> {
         format!("\n/* {said} */\n{}\n{{\n{body}}}\n", broken(&signature, WIDTH))
     }
 
-    /// All functions from a place on.
+    /// Prints all functions from an index on.
     pub(super) fn functions(&self, first: usize) -> String {
         (first..self.functions.len()).map(|place| self.function(place)).collect()
     }

@@ -1,4 +1,4 @@
-//! What a trial may come to at most, computed from the crane file's limits.
+//! Bounds on the outcome of a trial, computed from the crane file's limits.
 
 use super::case::{Bad, Case, Moment};
 use super::trial::Outcome;
@@ -9,35 +9,35 @@ use hydroboom_description::Description;
 use hydroboom_design::{DesignError, limits};
 use std::f64::consts::TAU;
 
-/// Movement that engaging, a hold or one wrong sample may cost \[m\].
+/// Movement allowed for engagement, a hold or one wrong sample \[m\].
 const BUMPLESS: f64 = 1e-3;
-/// Periods until an input that is wrong is found: the one that is borne, the next, and one more.
+/// Periods until a wrong input is detected: one tolerated, the second, and one more for the reaction.
 const FOUND_AFTER: f64 = 3.0;
 
 /// Bounds of a trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Largest lift while the balance is proven \[m\].
+    /// Largest lift during the balance test \[m\].
     pub lifted: f64,
     /// Largest drop \[m\].
     pub dropped: f64,
-    /// Largest movement as the controller engages \[m\].
+    /// Largest movement during engagement \[m\].
     pub engaged: f64,
-    /// Largest distance to the reference until a stop \[m\].
+    /// Largest deviation from the reference until a stop \[m\].
     pub strayed: f64,
-    /// Largest way of a stop \[m\].
+    /// Largest stopping distance \[m\].
     pub stopped: f64,
-    /// Largest difference to the undisturbed course, where the controller goes on \[m\].
+    /// Largest difference to the undisturbed course if control continues \[m\].
     pub off: f64,
-    /// Largest motor speed \[rev/s\] and change of it \[rev/s²\].
+    /// Largest motor speed \[rev/s\] and its largest slew rate \[rev/s²\].
     pub motor: (f64, f64),
 }
 
-/// Bounds of a trial on a crane, beside the undisturbed one.
+/// Bounds of a trial on a crane, given the outcome of the undisturbed trial.
 ///
 /// # Errors
 ///
-/// [`DesignError`] where there are no limits for the crane.
+/// [`DesignError`] if no limits can be derived for the crane.
 pub fn bounds(
     model: &Description,
     case: &Case,
@@ -46,7 +46,7 @@ pub fn bounds(
 ) -> Result<Bounds, DesignError> {
     let n = &model.numbers;
     let l = limits(model, n.fast)?;
-    // a piston that is misled is as fast as its motor can drive it
+    // with a wrong measurement the piston may reach the speed of the motor's limit
     let fastest = l.motor_speed * l.speed_per_motor_speed;
     let is_frozen = case.disturbed.is_some_and(|d| d.bad == Bad::Frozen);
     let moves = case.disturbed.map(|d| d.moment).or(case.gain.map(|(_, when)| when))
@@ -56,20 +56,20 @@ pub fn bounds(
         (false, true) => n.fast,
         (false, false) => 0.0,
     };
-    // a command in single precision is rounded
+    // rounding of a command in single precision
     let rounding = f64::from(f32::EPSILON) * l.motor_speed / n.control_period;
-    // what a stop leaves swings on by v/ω of the load mode
+    // residual oscillation after a stop: amplitude v/ω of the load mode
     let swings = speed * l.still.1 / TAU;
-    // asked to hold, and for the milder causes
+    // a commanded hold, and faults that decelerate instead of closing the valve at once
     let cause = Cause::from_number(outcome.status - STATUS_FAULT);
     let is_controlled = cause.is_none_or(|cause| cause.severity() == Severity::Controlled);
     let stopping = match is_controlled {
         true => 0.5 * CONTROLLED_RAMP * l.stop_time + l.valve_time,
         false => l.valve_time + l.motor_speed / l.motor_slew,
     };
-    let goes_astray = match (case.disturbed, is_frozen) {
+    let deviation = match (case.disturbed, is_frozen) {
         (Some(d), true) if d.input == reference() => fastest * f64::from(d.periods) * l.period,
-        // the velocity feedforward is off by the whole velocity, and feedback makes up for it
+        // the velocity feedforward is wrong by the whole velocity, which position feedback compensates
         (Some(_), true) => (fastest * l.stuck).max(n.fast / n.proportional),
         (Some(_), false) => speed * FOUND_AFTER * l.period,
         (None, _) => l.creep,
@@ -78,35 +78,35 @@ pub fn bounds(
         lifted: l.creep,
         dropped: BUMPLESS,
         engaged: BUMPLESS,
-        strayed: undisturbed.error + goes_astray + BUMPLESS,
+        strayed: undisturbed.error + deviation + BUMPLESS,
         stopped: speed * stopping + swings + BUMPLESS,
         off: match case.disturbed {
             Some(d) if d.periods == 1 => BUMPLESS,
-            _ => undisturbed.error + goes_astray,
+            _ => undisturbed.error + deviation,
         },
         motor: (l.motor_speed, l.motor_slew + rounding),
     })
 }
 
-/// Place of the reference's position in the input.
+/// Index of the position reference among the inputs.
 fn reference() -> usize {
     FrameInput::NAMES.iter().position(|name| *name == "reference_position").unwrap_or_default()
 }
 
 impl Bounds {
-    /// What of an outcome is beyond its bound, in words; nothing where all is within.
+    /// Names of the outcomes that exceed their bounds; empty if none does.
     pub fn beyond(
         &self,
         case: &Case,
         undisturbed: &Outcome,
         outcome: &Outcome,
     ) -> Vec<&'static str> {
-        // another load's course is no measure
+        // with a changed load or gain the undisturbed course is no reference
         let is_changed = case.disturbed.is_some() || case.gain.is_some();
         let goes_on = case.moves && is_changed && outcome.status == frame_phase::CONTROLLING;
-        // rounding of a command that is at its limit
+        // tolerance for the rounding of a command at its limit
         let above = |value: f64, bound: f64| value > bound * (1.0 + 1e-9);
-        // one sample stops nothing, but for what asks for a stop
+        // one wrong sample must not cause a stop, except in inputs that command one
         let asks = ["enable", "hold", "valve_state"];
         let is_sample = case
             .disturbed

@@ -1,23 +1,23 @@
-//! What is tried with an exported controller.
+//! Test cases for exported controllers in closed loop.
 
 use hydroboom_control::supervision::frame::FrameInput;
 use hydroboom_description::Description;
 
-/// How an input is wrong.
+/// Kind of input error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bad {
-    /// It is not a number.
+    /// NaN.
     NotANumber,
-    /// It is infinite.
+    /// Infinity.
     Infinite,
-    /// It is a thousand times too large.
+    /// The true value times 1000.
     Thousandfold,
-    /// It stays as it was.
+    /// Constant at the value before the error.
     Frozen,
 }
 
 impl Bad {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 4] = [Self::NotANumber, Self::Infinite, Self::Thousandfold, Self::Frozen];
 
     /// Name in tables.
@@ -30,7 +30,7 @@ impl Bad {
         }
     }
 
-    /// The value in the place of one, with the one as it was before all went wrong.
+    /// The erroneous value in place of `value`, where `before` is the value before the error began.
     pub(super) fn of(self, value: f64, before: f64) -> f64 {
         match self {
             Self::NotANumber => f64::NAN,
@@ -41,49 +41,49 @@ impl Bad {
     }
 }
 
-/// When it is wrong.
+/// Beginning of a disturbance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
-    /// The released load rests.
+    /// At standstill after the release.
     Rest,
-    /// The piston moves at the fast speed.
+    /// During motion at the fast speed.
     Motion,
 }
 
-/// An input that is wrong for a while.
+/// Temporary error of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Disturbed {
-    /// Place of the input in [`FrameInput`].
+    /// Index of the input in [`FrameInput`].
     pub input: usize,
-    /// How.
+    /// Kind of error.
     pub bad: Bad,
-    /// For how many periods.
+    /// Duration in control periods.
     pub periods: u32,
-    /// When.
+    /// Beginning.
     pub moment: Moment,
 }
 
-/// One trial: a machine, where it is engaged, how long it is held before, and what goes wrong.
+/// One trial: machine, initial position, hold time, and disturbance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     /// Payload of the machine \[kg\].
     pub payload: f64,
-    /// Piston position at which it is engaged \[m\].
+    /// Initial piston position \[m\].
     pub stroke: f64,
     /// Time for which the load is held before the release \[s\].
     pub held: f64,
-    /// Time for which the controller holds it then before the course \[s\].
+    /// Time at standstill between release and course \[s\].
     pub rest: f64,
     /// Whether a move at the fast speed follows.
     pub moves: bool,
-    /// What goes wrong, if anything.
+    /// Input error, if any.
     pub disturbed: Option<Disturbed>,
-    /// A factor on the proportional gain from a moment on, if it is changed while the controller runs.
+    /// Factor on the proportional gain from a moment on, if the gain is changed during operation.
     pub gain: Option<(f64, Moment)>,
 }
 
 impl Case {
-    /// What is tried, in words.
+    /// Description of the case.
     pub fn name(&self) -> String {
         let Self { payload, stroke, held, .. } = self;
         let moment = |moment: Moment| match moment {
@@ -106,22 +106,22 @@ impl Case {
     }
 }
 
-/// Rest before the course \[s\].
+/// Time at standstill before the course \[s\].
 const REST: f64 = 1.0;
-/// Payloads that are engaged \[kg\].
+/// Payloads of the engagement cases \[kg\].
 const PAYLOADS: [f64; 4] = [0.0, 200.0, 318.0, 450.0];
-/// Payloads that are moved \[kg\], and where from \[m\].
+/// Payloads of the motion cases \[kg\], combined with several initial positions.
 const MOVED: [f64; 5] = [0.0, 60.0, 200.0, 318.0, 450.0];
 const FROM: [f64; 3] = [0.06, 0.2, 0.35];
-/// Times for which a load is held \[s\].
+/// Hold times before the release \[s\].
 const HELD: [f64; 3] = [1.0, 10.0, 60.0];
 /// Factors on the proportional gain.
 const GAINS: [f64; 3] = [0.5, 1.5, f64::NAN];
-/// Periods for which an input is wrong.
+/// Durations of input errors \[control periods\].
 const PERIODS: [u32; 3] = [1, 10, 1000];
 
-/// All trials for a crane: engaged at both ends, 60, 200 and 350 mm with every payload, held for 1, 10 and
-/// 60 s, gains changed, and every input wrong in every way at rest and in motion.
+/// All trials for a crane. Engagement at both ends, 60, 200 and 350 mm with every payload; holds of 1, 10 and 60 s;
+/// changed gains; and every kind of error in every input, at standstill and in motion.
 pub fn cases(model: &Description) -> Vec<Case> {
     let n = &model.numbers;
     let mut cases = Vec::new();
@@ -158,7 +158,7 @@ pub fn cases(model: &Description) -> Vec<Case> {
     cases
 }
 
-/// Moves at the fast speed with every payload from 60, 200 and 350 mm, undisturbed: what is compared between controllers.
+/// Undisturbed motions at the fast speed with every payload from 60, 200 and 350 mm, for comparing controllers.
 pub fn moves(model: &Description) -> Vec<Case> {
     let moved = |payload: f64, stroke: f64| Case {
         payload,

@@ -1,5 +1,5 @@
-//! Exported controllers in closed loop with the virtual crane: engaged anywhere, held and released, with
-//! inputs that are wrong, judged on the simulated machine against computed bounds.
+//! Closed-loop tests of exported controllers on the virtual crane: engagement, hold, release and wrong inputs. The true
+//! motion of the simulated machine is compared with computed bounds.
 
 mod bounds;
 mod case;

@@ -1,4 +1,4 @@
-//! An exported controller as a program of its own: compiled here, asked period by period.
+//! An exported controller as a separate process: compiled here, one exchange of inputs and outputs a control period.
 
 use super::target::{Target, TargetError};
 use crate::block::Block;
@@ -12,30 +12,30 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-/// Numbers that go to the program in a period, the gain's factor first, and come back.
+/// Count of numbers sent to the program in a period, the gain factor first.
 const GIVEN: usize = 1 + FrameInput::NAMES.len();
 const SHOWN: usize = FrameOutput::NAMES.len();
 
-/// A program that answers each period's inputs with outputs, as raw doubles.
+/// A running program that exchanges inputs and outputs as raw doubles over pipes.
 pub struct Program {
     name: &'static str,
     child: Child,
     given: ChildStdin,
     shown: ChildStdout,
-    /// The reference to come, if it is given any.
+    /// Preview of the reference, if the block has one.
     ahead: Option<(LookAhead, PreviewAhead<f64>)>,
 }
 
-/// A block's preview.
+/// Properties of a block's preview.
 #[derive(Clone, Copy, Debug)]
 struct LookAhead {
     /// Control period \[s\].
     period: f64,
-    /// Control periods that it is given at most.
+    /// Length of the preview \[control periods\].
     length: usize,
 }
 
-/// A controller as exported, compiled to a program.
+/// An exported controller, compiled to a program.
 #[derive(Clone, Debug)]
 pub struct Compiled {
     name: &'static str,
@@ -44,12 +44,12 @@ pub struct Compiled {
 }
 
 impl Compiled {
-    /// A controller's block in C, compiled by a C compiler in a folder; `steps` of its simulated crane make a
-    /// control period, none where it simulates nothing.
+    /// Compiles a controller's C block with a C compiler in a folder. `steps` are the simulation steps in a control
+    /// period, `None` for a block without a simulated crane.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] when it cannot be exported or compiled.
+    /// [`TargetError`] if it cannot be exported or compiled.
     pub fn in_c(
         name: &'static str,
         block: &Block,
@@ -61,11 +61,11 @@ impl Compiled {
         Self::of_source(name, block, &main, Precision::Double, (compiler, folder))
     }
 
-    /// The block of the scheduled LQR in C, compiled by `cc`, given the reference of up to so many control periods to come.
+    /// Compiles the C block of the scheduled LQR with `cc`, with a reference preview of up to `length` control periods.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] when it cannot be exported or compiled.
+    /// [`TargetError`] if it cannot be exported or compiled.
     pub fn in_c_with_preview(
         name: &'static str,
         block: &Block,
@@ -107,11 +107,11 @@ impl Compiled {
         Ok(Self { name, program, looks_ahead: None })
     }
 
-    /// A controller's FMU of FMI 2.0, its binary made by `cc` in a folder and loaded by a small master.
+    /// A controller's FMU of FMI 2.0, with a binary compiled by `cc` in a folder and run by a minimal master.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] when it cannot be exported or compiled.
+    /// [`TargetError`] if it cannot be exported or compiled.
     pub fn in_fmu(
         name: &'static str,
         block: &Block,
@@ -162,11 +162,11 @@ impl Compiled {
         Ok(Self { name, program, looks_ahead: None })
     }
 
-    /// Starts it.
+    /// Starts the program.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] when it cannot be started.
+    /// [`TargetError`] if it cannot be started.
     pub fn start(&self) -> Result<Program, TargetError> {
         let failed = |reason: String| TargetError::Program { target: self.name.into(), reason };
         let mut child = Command::new(&self.program)
@@ -186,7 +186,7 @@ impl Compiled {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // it ends with its input; one that does not is of no use to anybody
+        // normally the program ends when its input is closed; kill covers the others
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -230,7 +230,7 @@ impl Target for Program {
     }
 }
 
-/// A program around a block: what is read is its input, the frame's outputs are written.
+/// Main function around a block: reads inputs, writes the frame's outputs.
 fn main(block: &str, steps: u32) -> String {
     let name = format!("hb_{block}");
     let fields = |names: &[&str], of: &dyn Fn(usize, &str) -> String| -> String {
@@ -256,7 +256,7 @@ fn main(block: &str, steps: u32) -> String {
     )
 }
 
-/// The same around a block that is given the reference to come and has no gains: the frame's input, then the preview.
+/// Main function around a block with a preview and without gains: reads the frame's inputs, then the preview.
 fn main_with_preview(block: &str) -> String {
     let name = format!("hb_{block}");
     let count = GIVEN + 2 * PERIODS_AHEAD + DISTANT + 1;
@@ -284,7 +284,7 @@ fn main_with_preview(block: &str) -> String {
     )
 }
 
-/// A master of FMI 2.0: sets the inputs, does a step of a control period, gets the outputs.
+/// A minimal FMI 2.0 master: sets the inputs, does one step of a control period, gets the outputs.
 const MASTER: &str = r#"#include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>

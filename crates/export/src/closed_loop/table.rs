@@ -1,4 +1,4 @@
-//! The table of all trials: a row for each, the same for every target.
+//! Table of all trials, one row each, in the same form for every target.
 
 use super::bounds::Bounds;
 use super::case::Case;
@@ -6,24 +6,24 @@ use super::trial::Outcome;
 use hydroboom_control::supervision::fault::Cause;
 use hydroboom_control::supervision::frame::{STATUS_FALLBACK, STATUS_FAULT, frame_phase};
 
-/// A trial, and what came of it.
+/// A trial with its outcome.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// Target.
     pub target: &'static str,
-    /// What was tried.
+    /// Test case.
     pub case: Case,
-    /// What came of it.
+    /// Measured outcome.
     pub outcome: Outcome,
-    /// What it may come to.
+    /// Allowed outcome.
     pub bounds: Bounds,
     /// Largest difference to the undisturbed course \[m\].
     pub off: f64,
-    /// What exceeds its bound.
+    /// Names of the outcomes that exceed their bounds.
     pub beyond: Vec<&'static str>,
 }
 
-/// A status in words.
+/// Name of a status code.
 pub fn status_name(code: f64) -> String {
     let name = match code {
         c if c >= STATUS_FAULT => Cause::from_number(c - STATUS_FAULT).map_or("fault", Cause::code),
@@ -39,7 +39,7 @@ pub fn status_name(code: f64) -> String {
 }
 
 impl Row {
-    /// Of a trial beside the undisturbed one.
+    /// Evaluates a trial against the undisturbed one.
     pub fn new(
         target: &'static str,
         case: &Case,
@@ -57,7 +57,7 @@ impl Row {
         }
     }
 
-    /// Its cells, bounds in brackets.
+    /// Cells of the row, with bounds in brackets.
     pub fn cells(&self) -> [String; 13] {
         let (o, b) = (&self.outcome, &self.bounds);
         let pair = |value: f64, bound: f64| format!("{:.2} ({:.1})", value * 1e3, bound * 1e3);
@@ -67,7 +67,7 @@ impl Row {
             true => pair(self.off, b.off),
             false => "-".into(),
         };
-        // errors of a loop in sustained oscillation tell of that
+        // during sustained oscillation the tracking error has no meaning
         let error = |value: f64| match (o.course.is_empty(), o.oscillates()) {
             (true, _) => "-".into(),
             (false, true) => "unstable".into(),
@@ -101,7 +101,7 @@ impl Row {
     }
 }
 
-/// Heads of the columns.
+/// Column headings.
 pub const HEADER: [&str; 13] = [
     "target",
     "trial",
@@ -118,7 +118,7 @@ pub const HEADER: [&str; 13] = [
     "bounds",
 ];
 
-/// The table as CSV, without its heads where rows are added to one.
+/// The table as CSV; without headings for appending to a file.
 pub fn csv(rows: &[Row], has_heads: bool) -> String {
     let quoted = |cell: &str| format!("\"{}\"", cell.replace('"', "\"\""));
     let line =

@@ -1,4 +1,4 @@
-//! A controller as exported: called once a control period, with numbers in and numbers out.
+//! Interface of an exported controller, called once a control period.
 
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
 use hydroboom_control::reference::preview::PreviewAhead;
@@ -19,38 +19,39 @@ use hydroboom_design::{
 use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, CraneState, Input};
 
-/// Why a target could not be made, or did not answer.
+/// Reason why a target cannot be built or run.
 #[derive(Debug, thiserror::Error)]
 pub enum TargetError {
-    /// No limits for the crane.
+    /// No limits can be derived for the crane.
     #[error(transparent)]
     Design(#[from] DesignError),
-    /// The crane is not exported.
+    /// The crane cannot be exported.
     #[error(transparent)]
     Export(#[from] crate::ExportError),
     /// A compiler or a program of the target failed.
     #[error("{target}: {reason}")]
     Program {
-        /// Which target.
+        /// Name of the target.
         target: String,
-        /// Why.
+        /// Reason for the failure.
         reason: String,
     },
 }
 
-/// A controller as exported.
+/// An exported controller.
 pub trait Target {
-    /// Its name in tables.
+    /// Name in tables.
     fn name(&self) -> &'static str;
 
-    /// Before a control period: the reference so long \[s\] after it, for who looks ahead.
+    /// Called before each control period with the reference as a function of the time from now \[s\], for controllers
+    /// with preview.
     fn look_ahead(&mut self, _at: &dyn Fn(f64) -> SetPoint<f64>) {}
 
-    /// One control period, with a factor on the proportional gain.
+    /// Executes one control period; the proportional gain is multiplied by the factor.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] when it does not answer.
+    /// [`TargetError`] if the target fails.
     fn period(
         &mut self,
         input: &FrameInput<f64>,
@@ -58,16 +59,16 @@ pub trait Target {
     ) -> Result<FrameOutput<f64>, TargetError>;
 }
 
-/// A target that keeps what goes in and what comes out, to compare others with.
+/// A target that records its inputs and outputs for comparison.
 pub struct Recorder {
-    /// The target.
+    /// The recorded target.
     pub inner: Box<dyn Target>,
     /// Inputs and outputs of each period.
     pub rows: Vec<(FrameInput<f64>, FrameOutput<f64>)>,
 }
 
 impl Recorder {
-    /// Of a target, with nothing recorded yet.
+    /// Wraps a target; the recording is empty.
     pub fn new(inner: Box<dyn Target>) -> Self {
         Self { inner, rows: Vec::new() }
     }
@@ -93,7 +94,7 @@ impl Target for Recorder {
     }
 }
 
-/// The benchmark within the frame, as Rust runs it: what the exported ones are compared with.
+/// The benchmark within the frame in Rust: the reference for exported ones.
 pub struct RustBenchmark {
     controller: FramedBenchmark<f64>,
     state: FramedBenchmarkState<f64>,
@@ -101,11 +102,11 @@ pub struct RustBenchmark {
 }
 
 impl RustBenchmark {
-    /// Of a crane.
+    /// The controller for a crane.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] where there are no limits for it.
+    /// [`TargetError`] if no limits can be derived.
     pub fn new(model: &Description) -> Result<Self, TargetError> {
         Ok(Self {
             controller: framed_benchmark(model)?,
@@ -132,22 +133,22 @@ impl Target for RustBenchmark {
     }
 }
 
-/// The scheduled LQR within the frame, as Rust runs it.
+/// The scheduled LQR within the frame in Rust.
 pub struct RustScheduledLqr {
     controller: FramedScheduledLqr<f64>,
     state: FramedScheduledLqrState<f64>,
-    /// Control periods that it looks ahead at most.
+    /// Length of the preview \[control periods\].
     length: usize,
-    /// What it is given beside the frame's input.
+    /// Inputs besides the frame's.
     input: FramedScheduledLqrInput<f64>,
 }
 
 impl RustScheduledLqr {
-    /// Of a crane, with a preview of so many control periods.
+    /// The controller for a crane, with a preview of `length` control periods.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] where there are no limits or no reduced model for it.
+    /// [`TargetError`] if no limits or no reduced model can be derived.
     pub fn new(model: &Description, length: usize) -> Result<Self, TargetError> {
         let controller = framed_scheduled_lqr(model)?;
         let state = FramedScheduledLqrState {
@@ -163,17 +164,17 @@ impl RustScheduledLqr {
         Ok(Self { controller, state, length, input })
     }
 
-    /// What it is given in the coming period, but for the frame's input.
+    /// Inputs of the next period besides the frame's.
     pub fn input(&mut self) -> &mut FramedScheduledLqrInput<f64> {
         &mut self.input
     }
 
-    /// What it remembers.
+    /// Current state.
     pub fn state(&self) -> &FramedScheduledLqrState<f64> {
         &self.state
     }
 
-    /// One control period, with everything that it shows.
+    /// Executes one control period; returns all outputs.
     pub fn advance(&mut self, input: &FrameInput<f64>) -> FramedScheduledLqrOutput<f64> {
         self.input.frame = *input;
         let (state, output) = self.controller.advance(&self.state, &self.input);
@@ -200,10 +201,10 @@ impl Target for RustScheduledLqr {
     }
 }
 
-/// Segments of the simulated crane.
+/// Number of segments of the simulated crane.
 const SEGMENTS: usize = crate::crane::SEGMENTS;
 
-/// The benchmark with simulation feedforward within the frame, as Rust runs it.
+/// The benchmark with simulation feedforward within the frame in Rust.
 pub struct RustSimulationFeedforward {
     controller: FramedSimulationFeedforward<f64>,
     state: FramedSimulationState<f64>,
@@ -215,11 +216,11 @@ pub struct RustSimulationFeedforward {
 }
 
 impl RustSimulationFeedforward {
-    /// Of a crane.
+    /// The controller for a crane.
     ///
     /// # Errors
     ///
-    /// [`TargetError`] where there are no limits for it, or it is not exported.
+    /// [`TargetError`] if no limits can be derived, or the crane cannot be exported.
     pub fn new(model: &Description) -> Result<Self, TargetError> {
         let n = &model.numbers;
         let mut state = FramedSimulationState::default();

@@ -1,4 +1,4 @@
-//! One trial: an exported controller on the virtual crane.
+//! One trial of an exported controller on the virtual crane.
 
 use super::case::{Case, Moment};
 use super::target::{Target, TargetError};
@@ -13,55 +13,55 @@ use hydroboom_model::SimulationError;
 use hydroboom_plant::PlantError;
 use hydroboom_virtual_crane::VirtualCrane;
 
-/// What came of a trial, as the machine shows it.
+/// Outcome of a trial, from the true motion of the machine.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
-    /// Largest lift while the load was held and its balance proven \[m\].
+    /// Largest lift during the hold and the balance test \[m\].
     pub lifted: f64,
-    /// Largest drop below where it was held, until the controller had it \[m\].
+    /// Largest drop below the held position until control begins \[m\].
     pub dropped: f64,
-    /// Largest movement from where the piston was when the valve was energised, until the course began \[m\].
+    /// Largest movement from the energising of the valve to the beginning of the course \[m\].
     pub engaged: f64,
-    /// Duration of the release \[s\]; none where the load was not released.
+    /// Duration of the release \[s\]; `None` if the load was not released.
     pub release_time: Option<f64>,
-    /// Largest change of the motor's speed as commanded, but where a stop begins \[rev/s²\].
+    /// Largest slew rate of the commanded motor speed, except at the beginning of a stop \[rev/s²\].
     pub motor_slew: f64,
-    /// Largest motor speed as commanded \[rev/s\].
+    /// Largest commanded motor speed \[rev/s\].
     pub motor_speed: f64,
-    /// Status at the end.
+    /// Final status.
     pub status: f64,
-    /// Amplitude \[m\] and frequency \[Hz\] of a sustained oscillation that was found; zeros of none.
+    /// Amplitude \[m\] and frequency \[Hz\] of a detected sustained oscillation; zeros if none was detected.
     pub oscillation: [f64; 2],
-    /// Whether an output was not finite.
+    /// Whether any output was NaN or infinite.
     pub is_not_finite: bool,
-    /// Largest distance to the reference that was shown, from when something went wrong until a stop \[m\].
+    /// Largest deviation from the reported reference, from the beginning of the disturbance until a stop \[m\].
     pub strayed: f64,
-    /// Way of the piston from the stop on \[m\].
+    /// Stopping distance of the piston \[m\].
     pub stopped_in: f64,
-    /// Largest distance to the reference over the course \[m\].
+    /// Largest tracking error over the course \[m\].
     pub error: f64,
-    /// Root mean square of it \[m\].
+    /// RMS tracking error over the course \[m\].
     pub rms: f64,
-    /// Piston positions over the course, a period each, for comparison with an undisturbed one \[m\].
+    /// Piston positions over the course, one a period, for comparison with the undisturbed course \[m\].
     pub course: Vec<f64>,
-    /// Why the simulated machine broke, if it did.
+    /// Error that ended the simulation, if any.
     pub broke: Option<SimulationError>,
 }
 
 impl Outcome {
-    /// Largest difference of the course to another \[m\].
+    /// Largest difference to another course \[m\].
     pub fn off(&self, other: &Self) -> f64 {
         let apart = self.course.iter().zip(&other.course).map(|(a, b)| (a - b).abs());
         apart.fold(0.0, f64::max)
     }
 
-    /// Whether the controller had the load to the end, with fallback gains or not.
+    /// Whether the controller was active to the end, with normal or fallback gains.
     pub fn is_controlled(&self) -> bool {
         [frame_phase::CONTROLLING, STATUS_FALLBACK].contains(&self.status)
     }
 
-    /// Distance between the outermost positions at the end of the course, where the reference rests \[m\]; 0 of a course that is
-    /// shorter than what is looked at.
+    /// Peak-to-peak piston motion at standstill after the course \[m\]; 0 if the course is shorter than the evaluated
+    /// interval.
     pub fn swing(&self, period: f64) -> f64 {
         let count = (SWING_TIME / period) as usize;
         let Some(begin) = self.course.len().checked_sub(count) else { return 0.0 };
@@ -71,43 +71,44 @@ impl Outcome {
         most - least
     }
 
-    /// Whether it was in sustained oscillation, by the one detector there is: as the machine shows it, or as the frame found, which then falls back.
+    /// Whether a sustained oscillation was detected: in the true motion, or by the frame, which then uses fallback
+    /// gains.
     pub fn oscillates(&self) -> bool {
         self.oscillation[0] > 0.0
     }
 }
 
-/// Why a trial was not run.
+/// Reason why a trial cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum TrialError {
-    /// No such machine.
+    /// The machine cannot be built.
     #[error(transparent)]
     Plant(#[from] PlantError),
-    /// The controller does not answer.
+    /// The controller failed.
     #[error(transparent)]
     Target(#[from] TargetError),
 }
 
-/// Time within which a release is over \[s\].
+/// Time limit for a release \[s\].
 const RELEASED_WITHIN: f64 = 60.0;
 /// Travel of the course \[m\].
 const TRAVEL: f64 = 0.15;
-/// Time after which a controller that took over has engaged \[s\].
+/// Duration of engagement after the takeover \[s\].
 const ENGAGED: f64 = 1.0;
 /// Time after the course \[s\].
 const AFTER: f64 = 2.5;
-/// Time at the end over which a swing is measured \[s\]: half of the rest after the course.
+/// Evaluated interval of the residual oscillation \[s\]: half of the standstill after the course.
 const SWING_TIME: f64 = 1.25;
-/// Time for which a machine that may oscillate is watched longer \[s\].
+/// Additional time for a possible oscillation to be confirmed \[s\].
 const LONGER: f64 = 5.0;
-/// Step of the simulated machine \[s\].
+/// Integration step of the simulated machine \[s\].
 const MACHINE_STEP: f64 = 1e-3;
 
 /// Runs a trial.
 ///
 /// # Errors
 ///
-/// [`TrialError`] when machine or controller cannot be had.
+/// [`TrialError`] if the machine cannot be built or the controller fails.
 pub fn run(
     model: &Description,
     machine: &Description,
@@ -136,7 +137,7 @@ pub fn run(
     let length = if case.moves { case.rest + travel + AFTER } else { case.rest };
     let mut outcome = Outcome::default();
     let mut squares = 0.0;
-    let mut seen = Watched { period, held_at: case.stroke, ..Watched::default() };
+    let mut seen = Evaluation { period, held_at: case.stroke, ..Evaluation::default() };
     let mut given = FrameInput { enable: 1.0, valve_state: -1.0, ..FrameInput::default() };
     let mut commanded = 0.0;
     let mut frozen: Option<(u32, [f64; FrameInput::NAMES.len()])> = None;
@@ -192,7 +193,7 @@ pub fn run(
             break;
         }
         let truth = crane.truth();
-        // a stop begins at the speed that the motor has
+        // a stop begins at the current motor speed, which may be a step of the command
         let is_held = output.status != frame_phase::CONTROLLING;
         let stops = is_held && seen.controls_since.is_some() && seen.stopped.is_none();
         let slew = if stops { 0.0 } else { (output.motor_speed - commanded).abs() / period };
@@ -206,7 +207,7 @@ pub fn run(
         let shown = shown + output.reference_offset;
         let rests = reference.velocity == 0.0;
         let longer = course_time.is_some_and(|time| time > length);
-        seen.look(&mut outcome, &output, shown - truth.outputs.stroke, rests);
+        seen.detect_oscillation(&mut outcome, &output, shown - truth.outputs.stroke, rests);
         if longer {
             if !seen.may_oscillate() || course_time.is_some_and(|time| time > length + LONGER) {
                 break;
@@ -225,7 +226,7 @@ pub fn run(
     Ok(outcome)
 }
 
-/// Time of the course at which something goes wrong \[s\].
+/// Beginning of the disturbance, as time of the course \[s\].
 fn begins(moment: Moment, rest: f64, travel: f64) -> f64 {
     match moment {
         Moment::Rest => 0.5 * rest,
@@ -233,27 +234,33 @@ fn begins(moment: Moment, rest: f64, travel: f64) -> f64 {
     }
 }
 
-/// What is kept along a trial.
+/// State of a trial's evaluation.
 #[derive(Default)]
-struct Watched {
+struct Evaluation {
     /// Control period \[s\].
     period: f64,
     held_at: f64,
     energised_at: Option<f64>,
     controls_since: Option<u32>,
     disturbed: bool,
-    /// Period and position of a stop after which nothing is asked for.
+    /// Period and position at the beginning of a stop, after which the reference rests.
     stopped: Option<(u32, f64)>,
-    /// The detector, shown the piston itself.
+    /// Detector of sustained oscillation, fed with the true piston position.
     oscillation: OscillationState<f64>,
 }
 
-/// Periods for which a machine that was stopped is watched.
-const WATCHED: u32 = 1500;
+/// Evaluated periods after a stop.
+const EVALUATED: u32 = 1500;
 
-impl Watched {
-    /// Looks for a sustained oscillation of the piston about its reference \[m\], while the controller has the load.
-    fn look(&mut self, outcome: &mut Outcome, output: &FrameOutput<f64>, off: f64, rests: bool) {
+impl Evaluation {
+    /// Checks the deviation of the piston from its reference \[m\] for a sustained oscillation, during active control.
+    fn detect_oscillation(
+        &mut self,
+        outcome: &mut Outcome,
+        output: &FrameOutput<f64>,
+        off: f64,
+        rests: bool,
+    ) {
         let has_load = [frame_phase::CONTROLLING, STATUS_FALLBACK].contains(&output.status);
         let detector = OscillationDetector::POSITIONING;
         if detector.update(&mut self.oscillation, off, rests && has_load, self.period) {
@@ -264,7 +271,7 @@ impl Watched {
         }
     }
 
-    /// Whether the last half-cycles did not die out.
+    /// Whether the amplitude of the last half-cycles did not decay.
     fn may_oscillate(&self) -> bool {
         self.stopped.is_none() && self.oscillation.half_cycles > 0.5
     }
@@ -303,7 +310,7 @@ impl Watched {
             outcome.course.push(stroke);
             outcome.error = outcome.error.max((stroke - reference).abs());
         }
-        // held at once, and told by its status or by the phase
+        // the stop shows at once in the valve, or else in the status or the phase
         let is_stopped = output.holding_valve < 0.5 || output.status == frame_phase::STOPPING;
         if output.status >= STATUS_FAULT || (self.controls_since.is_some() && is_stopped) {
             self.stopped.get_or_insert((k, stroke));
@@ -318,6 +325,6 @@ impl Watched {
     }
 
     fn is_over(&self, k: u32) -> bool {
-        self.stopped.is_some_and(|(since, _)| k - since > WATCHED)
+        self.stopped.is_some_and(|(since, _)| k - since > EVALUATED)
     }
 }

@@ -1,4 +1,4 @@
-//! The archive that an FMU is, and the binary in it.
+//! The zip archive of an FMU, and the binary in it.
 
 use super::{Unit, Version};
 use std::io::{Cursor, Write};
@@ -7,21 +7,21 @@ use std::process::Command;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Why there is no archive.
+/// Reason why no archive can be made.
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
-    /// The system does not let it be made.
+    /// A file operation failed.
     #[error("{what}: {error}")]
     System {
-        /// What was to be done.
+        /// The attempted operation.
         what: String,
-        /// What the system says.
+        /// Error of the operating system.
         error: std::io::Error,
     },
-    /// The compiler refuses the source.
+    /// The compiler reports an error.
     #[error("the C compiler refuses what was generated: {said}")]
     Compiler {
-        /// What it says.
+        /// Output of the compiler.
         said: String,
     },
     /// The archive cannot be written.
@@ -29,20 +29,20 @@ pub enum ArchiveError {
     Zip(#[from] zip::result::ZipError),
 }
 
-/// A system that a binary is for, 64-bit x86.
+/// Operating system of a binary, 64-bit x86.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum System {
-    /// Linux, by the computer's C compiler.
+    /// Linux, compiled by the computer's C compiler.
     Linux,
-    /// Windows, by MinGW's cross-compiler.
+    /// Windows, compiled by MinGW's cross-compiler.
     Windows,
 }
 
 impl System {
-    /// All of them.
+    /// All systems.
     pub const ALL: [Self; 2] = [Self::Linux, Self::Windows];
 
-    /// Its name.
+    /// Name of the system.
     pub fn name(self) -> &'static str {
         match self {
             Self::Linux => "Linux",
@@ -50,16 +50,16 @@ impl System {
         }
     }
 
-    /// Compiler, and what it is told beyond what all are told.
+    /// Compiler and its additional options.
     fn compiler(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Linux => ("cc", &["-fPIC", "-fvisibility=hidden"]),
-            // its library's fma rounds twice; nothing beyond the system's own libraries is needed where it runs
+            // its library's fma rounds twice; the binary needs only the system's own libraries
             Self::Windows => ("x86_64-w64-mingw32-gcc", &["-DHB_SOFT_FMA", "-static-libgcc"]),
         }
     }
 
-    /// Where in an archive its binary is.
+    /// Path of the binary in the archive.
     fn place(self, unit: &Unit) -> String {
         let folder = match (self, unit.version) {
             (Self::Linux, Version::Two) => "linux64",
@@ -72,10 +72,11 @@ impl System {
     }
 }
 
-/// What all binaries are made with: no instruction that an older processor lacks, for the same binary is to run elsewhere.
+/// Compiler options of all binaries: no instructions beyond the base architecture, so that older processors can run
+/// them.
 const OPTIONS: [&str; 3] = ["-std=c99", "-O2", "-ffp-contract=off"];
 
-/// A compiler's run in a folder; false where there is no such compiler.
+/// Runs a compiler in a folder; returns false if the compiler is not installed.
 fn compiled(
     compiler: &str,
     folder: &Path,
@@ -97,13 +98,13 @@ fn failed(what: &Path, error: std::io::Error) -> ArchiveError {
 /// Name of the shared library in the folder for intermediate files.
 const LIBRARY: &str = "fmu.so";
 
-/// The shared library of an FMU for a system, made by its C compiler in a folder for intermediate files; none where there is
-/// no such compiler. For Linux it has the block's functions twice and takes those with fused multiply-add instructions where the
-/// processor has them; both compute the same bits.
+/// Compiles the shared library of an FMU for a system, in a folder for intermediate files; `None` if the compiler is
+/// not installed. The Linux library contains the block's functions with and without fused multiply-add instructions
+/// and selects by the processor; both compute the same bits.
 ///
 /// # Errors
 ///
-/// [`ArchiveError`] when the folder cannot be used, or the compiler refuses the source.
+/// [`ArchiveError`] if the folder cannot be used or the compiler reports an error.
 pub fn binary(unit: &Unit, system: System, folder: &Path) -> Result<Option<Vec<u8>>, ArchiveError> {
     std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
     let mut sources = Vec::new();
@@ -128,9 +129,9 @@ pub fn binary(unit: &Unit, system: System, folder: &Path) -> Result<Option<Vec<u
     }
 }
 
-/// Makes the library for Linux with the block's functions twice, without fused multiply-add instructions and with them, of which
-/// each call takes what the processor has; false where the compiler cannot do that (it is for another kind of processor,
-/// say). What is packed as source stays C99: the second names are put before it on the command line.
+/// Compiles the Linux library with the block's functions twice, with and without fused multiply-add instructions,
+/// selected by the processor at each call. Returns false if the compiler does not support that, for example for
+/// another architecture. The packed source stays C99: the second names are defined on the command line.
 fn dispatched(unit: &Unit, folder: &Path) -> Result<bool, ArchiveError> {
     let (compiler, own) = System::Linux.compiler();
     let mut renamed = String::new();
@@ -159,14 +160,14 @@ fn dispatched(unit: &Unit, folder: &Path) -> Result<bool, ArchiveError> {
     Ok(true)
 }
 
-/// The FMU: its files, and the binaries that there are. The same files give the same bytes.
+/// The FMU's archive: its files and the available binaries. Equal inputs give equal bytes.
 ///
 /// # Errors
 ///
-/// [`ArchiveError::Zip`] when it cannot be put together.
+/// [`ArchiveError::Zip`] if it cannot be written.
 pub fn archive(unit: &Unit, binaries: &[(System, Vec<u8>)]) -> Result<Vec<u8>, ArchiveError> {
     let mut writer = ZipWriter::new(Cursor::new(Vec::new()));
-    // stored: what is in it is small, and can be looked at by anything
+    // stored without compression: the content is small, and readable by any tool
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
     let system = |error| ArchiveError::System { what: "the archive".into(), error };
     let files = unit.files.iter().map(|(path, content)| (path.as_str(), content.as_bytes()));

@@ -1,11 +1,11 @@
-//! Between what a variable of an FMU may be, and what it usually is.
+//! Range and nominal value of an FMU's variables.
 
 use crate::block::Variable;
 use crate::name::plain;
 use hydroboom_description::schema::{KEYS, Key};
 use std::f64::consts::TAU;
 
-/// Smallest, largest and usual value of a variable, in its unit.
+/// Minimum, maximum and nominal value of a variable, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bounds {
     pub(super) low: Option<f64>,
@@ -13,24 +13,25 @@ pub(super) struct Bounds {
     pub(super) nominal: f64,
 }
 
-/// Fastest motor that a crane file may have \[rev/s\]: 100 000 rpm, as `motor.max_speed_rpm` allows.
+/// Largest motor speed of a crane file \[rev/s\]: 100 000 rpm, as `motor.max_speed_rpm` allows.
 const FASTEST_MOTOR: f64 = 1e5 / 60.0;
-/// Longest stroke that a crane file may have \[m\], as `cylinder.stroke_mm` allows.
+/// Largest stroke of a crane file \[m\], as `cylinder.stroke_mm` allows.
 const LONGEST_STROKE: f64 = 20.0;
-/// Fastest motion that a crane file may have \[m/s\], as `motion.fast_mm_s` allows.
+/// Largest speed of motion of a crane file \[m/s\], as `motion.fast_mm_s` allows.
 const FASTEST_MOTION: f64 = 10.0;
-/// Highest pressure that the model holds for \[Pa\]: 1000 bar.
+/// Largest pressure of the model's validity \[Pa\]: 1000 bar.
 const HIGHEST_PRESSURE: f64 = 1000e5;
-/// Lowest number of a node \[Pa\]: below vapour pressure it counts the cavity, down to the largest `oil.bulk_modulus_min_mpa`.
+/// Smallest pressure state \[Pa\]: below vapour pressure it measures the cavity, down to the largest
+/// `oil.bulk_modulus_min_mpa`.
 const LOWEST_NODE: f64 = -5001e6;
-/// Shortest step \[s\], as `controller.simulation_period_us` allows.
+/// Smallest step \[s\], as `controller.simulation_period_us` allows.
 const SHORTEST_STEP: f64 = 0.1e-6;
-/// Largest shell of an accumulator \[m3\], as `accumulator.volume_l` allows.
+/// Largest volume of an accumulator \[m3\], as `accumulator.volume_l` allows.
 const LARGEST_SHELL: f64 = 10.0;
-/// Fastest turn of a boom \[rad/s\]; beyond it no state is meant.
+/// Largest angular velocity of a boom \[rad/s\]; larger values indicate an error.
 const FASTEST_TURN: f64 = 1e3;
 
-/// Usual size of a number of this unit.
+/// Nominal value of a quantity with this unit.
 fn usual(unit: &str) -> f64 {
     match unit {
         "Pa" => 1e7,
@@ -45,7 +46,7 @@ fn usual(unit: &str) -> f64 {
     }
 }
 
-/// The key of a crane file that is this parameter.
+/// The crane file's key of a parameter.
 pub(super) fn key(name: &str) -> Option<&'static Key> {
     KEYS.iter().find(|key| plain(&key.path()) == name)
 }
@@ -58,7 +59,7 @@ fn unbounded(v: &Variable) -> Bounds {
     Bounds { low: None, high: None, nominal: usual(&v.unit) }
 }
 
-/// Of a parameter: what the crane file allows; its value is what is usual.
+/// Bounds of a parameter: the crane file's range; the nominal value is its own value.
 pub(super) fn of_parameter(v: &Variable) -> Bounds {
     let nominal = if v.initial == 0.0 { 1.0 } else { v.initial.abs() };
     match key(&v.name) {
@@ -67,7 +68,7 @@ pub(super) fn of_parameter(v: &Variable) -> Bounds {
     }
 }
 
-/// Of an input, with the longest step \[s\] of the scheme.
+/// Bounds of an input, with the longest step \[s\] of the scheme.
 pub(super) fn of_input(v: &Variable, longest_step: f64) -> Bounds {
     match (v.name.as_str(), v.unit.as_str()) {
         ("step", _) => Bounds { nominal: v.initial, ..bounded(v, SHORTEST_STEP, longest_step) },
@@ -81,7 +82,7 @@ pub(super) fn of_input(v: &Variable, longest_step: f64) -> Bounds {
     }
 }
 
-/// Of a state.
+/// Bounds of a state.
 pub(super) fn of_state(v: &Variable) -> Bounds {
     let is = |beginning: &str| v.name.starts_with(beginning);
     match v.unit.as_str() {
@@ -94,7 +95,7 @@ pub(super) fn of_state(v: &Variable) -> Bounds {
     }
 }
 
-/// Of an output or a rate: volumes are none below zero, all else is what comes of it.
+/// Bounds of an output or a rate: volumes are not negative, other quantities are not bounded.
 pub(super) fn of_output(v: &Variable) -> Bounds {
     let low = matches!(v.name.as_str(), "gas_volume" | "cavity_volume").then_some(0.0);
     Bounds { low, ..unbounded(v) }

@@ -1,4 +1,4 @@
-/* FMI 2.0 for co-simulation, over what is declared here itself: types and functions as the standard names them. */
+/* FMI 2.0 for co-simulation, self-contained: types and functions are declared here with the standard's names. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -124,7 +124,7 @@ HB_EXPORT int HB_NAME(fmi2SetReal)(void *c, const unsigned vr[], size_t count, c
     return HB_STATUS(hb_allowed(c, HB_BEFORE_STEPS | HB_STEPPING, "fmi2SetReal") != 0 && hb_set(c, vr, count, value) != 0);
 }
 
-/* There are none of these: only nothing can be read or set. */
+/* The FMU has no variables of these types: only empty lists can be read or set. */
 #define HB_NONE(name, type)                                                                        \
     HB_EXPORT int HB_NAME(name)(void *c, const unsigned vr[], size_t count, type value[])          \
     {                                                                                              \
@@ -206,7 +206,7 @@ HB_EXPORT int HB_NAME(fmi2GetRealStatus)(void *c, int kind, double *value)
     return HB_OK;
 }
 
-/* Parts of the standard that this FMU says it does not have. */
+/* Optional functions of the standard that this FMU declares as not supported. */
 #define HB_ABSENT(name)                                                                            \
     HB_EXPORT int HB_NAME(name)(void)                                                              \
     {                                                                                              \

@@ -1,4 +1,4 @@
-/* FMI 3.0 for co-simulation, over what is declared here itself: types and functions as the standard names them. */
+/* FMI 3.0 for co-simulation, self-contained: types and functions are declared here with the standard's names. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -99,7 +99,7 @@ HB_EXPORT int HB_NAME(fmi3EnterEventMode)(void *c)
 
 HB_EXPORT int HB_NAME(fmi3EnterStepMode)(void *c)
 {
-    /* from event mode, which this FMU does not have: it steps as soon as it is initialized */
+    /* leaves event mode, which this FMU does not have: it can step as soon as it is initialized */
     return HB_STATUS(hb_allowed(c, 0, "fmi3EnterStepMode"));
 }
 
@@ -127,7 +127,7 @@ HB_EXPORT int HB_NAME(fmi3SetFloat64)(void *c, const uint32_t vr[], size_t count
         && hb_set(c, vr, count, values) != 0);
 }
 
-/* There are none of these: only nothing can be read or set. */
+/* The FMU has no variables of these types: only empty lists can be read or set. */
 #define HB_NONE(name, type)                                                                        \
     HB_EXPORT int HB_NAME(name)(void *c, const uint32_t vr[], size_t count, type values[], size_t value_count) \
     {                                                                                              \
@@ -221,7 +221,7 @@ HB_EXPORT int HB_NAME(fmi3GetDirectionalDerivative)(void *c, const uint32_t unkn
         && hb_along(c, unknown, unknowns, known, knowns, direction, slopes) != 0);
 }
 
-/* Kinds of FMU that this one is not. */
+/* Other FMU types, not supported. */
 HB_EXPORT void *HB_NAME(fmi3InstantiateModelExchange)(void)
 {
     return NULL;
@@ -232,7 +232,7 @@ HB_EXPORT void *HB_NAME(fmi3InstantiateScheduledExecution)(void)
     return NULL;
 }
 
-/* Parts of the standard that this FMU says it does not have. */
+/* Optional functions of the standard that this FMU declares as not supported. */
 #define HB_ABSENT(name)                                                                            \
     HB_EXPORT int HB_NAME(name)(void)                                                              \
     {                                                                                              \

@@ -1,6 +1,6 @@
-/* What lies between the functions of an FMU and the block: numbers in one piece, that can be copied. */
+/* Layer between the functions of an FMU and the block. All numbers are in one structure, which can be copied. */
 
-/* What an instance is in, as the standard's state machines have it: some functions may be called in some of them only. */
+/* States of the standard's state machine for an instance; each function is allowed in some of them. */
 enum {
     HB_INSTANTIATED = 1,
     HB_INITIALIZING = 2,
@@ -20,15 +20,15 @@ typedef struct {
     HB_TYPE(state) s;
     HB_TYPE(output) y;
     double time;
-    double stop;      /* no step goes beyond it; HUGE_VAL where there is none */
-    double left;      /* time of communication steps that is not stepped yet: rounding, a small part of a step */
+    double stop;      /* stop time; HUGE_VAL if none is defined */
+    double left;      /* accumulated rounding difference between communication steps and own steps */
     int mode;
-    int is_prepared;  /* what follows from the parameters is worked out */
-    int is_balanced;  /* the state rests under these parameters, or is the user's own */
-    int has_own_state; /* the user has set a state to another value than the description's */
-    int has_own_crane; /* the user has set a parameter so, before the first step */
+    int is_prepared;  /* values derived from the parameters are up to date */
+    int is_balanced;  /* the state is in equilibrium for these parameters, or was set by the user */
+    int has_own_state; /* the user has set a state to a value other than the description's */
+    int has_own_crane; /* the same for a parameter, before the first step */
     int has_begun;
-    unsigned unusual; /* numbers that follow from the crane file's parameters and are not finite */
+    unsigned unusual; /* count of derived values that are not finite for the crane file's parameters */
 } hb_numbers;
 
 typedef struct {
@@ -38,7 +38,7 @@ typedef struct {
     hb_logger logger;
 } hb_instance;
 
-/* A variable that can be set: its name, between what it may be, and what it usually is. */
+/* A settable variable: name, minimum, maximum and nominal value. */
 typedef struct {
     const char *name;
     double low;
@@ -46,30 +46,30 @@ typedef struct {
     double nominal;
 } hb_bounds;
 
-/* A variable that is an array: reference of its first number, and how many it has. */
+/* An array variable: reference of its first number, and their count. */
 typedef struct {
     unsigned first;
     unsigned count;
 } hb_array;
 
-/* What the block does; at the end of this file. */
+/* Functions of the block, defined at the end of this file. */
 static void hb_fill(hb_numbers *n);
 static void hb_prepare(hb_numbers *n);
 static void hb_one(hb_numbers *n);
 static void hb_show(hb_numbers *n);
 static double hb_period(const hb_numbers *n);
-/* Steps of a simulated crane in one step of the block; 1 where there is none. */
+/* Steps of a simulated crane in one step of the block; 1 without a simulated crane. */
 static double hb_inner(const hb_numbers *n);
-/* What is impossible about the parameters; NULL where nothing is. */
+/* Error message for impossible parameters; NULL if they are possible. */
 static const char *hb_impossible(const hb_numbers *n);
 #if HB_BALANCES > 0
 static void hb_restart(HB_TYPE(state) *s);
 static void hb_balance(hb_numbers *n);
-/* Whether the load would have to be held by suction. */
+/* Whether equilibrium needs a pressure below vapour pressure. */
 static int hb_pulls(const hb_numbers *n);
 #endif
 
-/* Parameters, inputs and states: what a slope can be along. */
+/* Parameters, inputs and states: the variables of directional derivatives. */
 #define HB_KNOWN (HB_PARAMETERS + HB_INPUTS + HB_STATES)
 
 static const hb_bounds hb_known_bounds[HB_KNOWN] = {
@@ -82,7 +82,7 @@ HB_ROWS_OF_ARRAYS
 };
 #endif
 
-/* How many numbers a variable has. */
+/* Count of numbers of a variable. */
 static size_t hb_size(unsigned reference)
 {
 #if HB_ARRAYS > 0
@@ -99,7 +99,7 @@ static size_t hb_size(unsigned reference)
 }
 
 #if HB_RATES > 0
-/* Rates of change, then the slopes of rates and outputs, from what is known and a seed for each of that. */
+/* Rates of the states, then the directional derivatives of rates and outputs, from the variables and a seed for each. */
 static void hb_slopes(const double given[], double seen[]);
 #define HB_SEEN (2u * HB_RATES + HB_OUTPUTS)
 
@@ -161,7 +161,7 @@ static void hb_say(hb_instance *i, int status, const char *text)
     hb_tell(i, status, text);
 }
 
-/* Whether a function may be called now. */
+/* Whether a function is allowed in the current state. */
 static int hb_allowed(hb_instance *i, int modes, const char *function)
 {
     const char *now = "after termination";
@@ -208,12 +208,12 @@ static unsigned hb_unusual(const hb_numbers *n)
 }
 
 #if HB_BALANCES > 0
-/* Steps of Newton's method after which a state that still changes does not rest; it takes three to seven. */
+/* Largest number of Newton steps to equilibrium; three to seven are usual. */
 #define HB_MOST_ROUNDS 50
-/* Largest change in the last of them, as a share of the usual value: rounding is some 1e-15. */
+/* Convergence: largest change in the last step, relative to the nominal value; rounding is about 1e-15. */
 #define HB_SETTLED 1e-9
 
-/* The state of rest under the parameters, from that of the crane file; 0 where there is none. */
+/* Computes the equilibrium for the parameters, starting from that of the crane file; 0 if there is none. */
 static int hb_rests(hb_numbers *n)
 {
     double change = HUGE_VAL;
@@ -236,7 +236,7 @@ static int hb_rests(hb_numbers *n)
     return change <= HB_SETTLED;
 }
 
-/* Whether all states are what they may be. */
+/* Whether all states are within their ranges. */
 static int hb_is_within(const hb_numbers *n)
 {
     unsigned k;
@@ -251,7 +251,7 @@ static int hb_is_within(const hb_numbers *n)
 }
 #endif
 
-/* Works out anew what follows from numbers that were changed, and what is seen; 0 where they are impossible. */
+/* Recomputes derived values and outputs after a change; 0 if the numbers are impossible. */
 static int hb_refreshed(hb_instance *i)
 {
     hb_numbers *n = &i->now;
@@ -285,7 +285,7 @@ static int hb_refreshed(hb_instance *i)
     return 1;
 }
 
-/* As it is when it is made: what the crane file says. */
+/* Initial values of an instance, from the crane file. */
 static void hb_begin(hb_numbers *n)
 {
     memset(n, 0, sizeof *n);
@@ -299,7 +299,7 @@ static void hb_begin(hb_numbers *n)
     hb_show(n);
 }
 
-/* How many numbers some variables have together. */
+/* Total count of numbers of some variables. */
 static size_t hb_numbers_of(const unsigned references[], size_t count)
 {
     size_t all = 0;
@@ -310,7 +310,7 @@ static size_t hb_numbers_of(const unsigned references[], size_t count)
     return all;
 }
 
-/* Numbers read, those of an array one after the other; 0 where one is not there. */
+/* Reads variables, arrays entry by entry; 0 if a reference is unknown. */
 static int hb_get(hb_instance *i, const unsigned references[], size_t count, double values[])
 {
     size_t k;
@@ -351,7 +351,7 @@ static int hb_get(hb_instance *i, const unsigned references[], size_t count, dou
     return 1;
 }
 
-/* Whether a value may be given to a variable. */
+/* Whether a value is allowed for a variable. */
 static int hb_settable(hb_instance *i, unsigned reference, double value)
 {
     const hb_bounds *of;
@@ -364,7 +364,7 @@ static int hb_settable(hb_instance *i, unsigned reference, double value)
     if (!hb_is_parameter(reference) && !hb_is_input(reference) && (i->now.mode & HB_BEFORE_STEPS) == 0) {
         snprintf(text, sizeof text, "%s can be set before and in initialization mode only", of->name);
     } else if (HB_FRAMED && hb_is_input(reference)) {
-        /* the frame around the controller judges what it is given, and tells by its status */
+        /* the frame around the controller checks its inputs, and reports by its status */
         return 1;
     } else if (!hb_is_finite(value)) {
         snprintf(text, sizeof text, "%s cannot be set to a value that is no number", of->name);
@@ -377,7 +377,7 @@ static int hb_settable(hb_instance *i, unsigned reference, double value)
     return 0;
 }
 
-/* Whether a value of a state is another than the description's, which a master may set of its own accord. */
+/* Whether a state's value differs from the description's, which some masters set by themselves. */
 static int hb_is_own(unsigned state, double value)
 {
 #if HB_BALANCES > 0
@@ -391,7 +391,7 @@ static int hb_is_own(unsigned state, double value)
 #endif
 }
 
-/* Parameters, inputs and states set; 0 where that is not possible, and then none is. */
+/* Sets parameters, inputs and states: all of them, or none and 0 if one is not allowed. */
 static int hb_set(hb_instance *i, const unsigned references[], size_t count, const double values[])
 {
     hb_numbers *n = &i->now;
@@ -426,21 +426,21 @@ static int hb_set(hb_instance *i, const unsigned references[], size_t count, con
         } else {
             n->has_own_state |= hb_is_own(references[k] - HB_PARAMETERS - HB_INPUTS, value);
         }
-        /* another crane rests elsewhere; the user's own state is kept, whatever the crane */
+        /* changed parameters change the equilibrium; a state set by the user is kept */
         n->is_balanced = !is_before || !n->has_own_crane || n->has_own_state;
     }
     return 1;
 }
 
-/* Differences of time that mean nothing: a millionth of a step, and what numbers of this size are rounded by. */
+/* Tolerance for times: a millionth of a step plus the rounding of numbers of this size. */
 static double hb_rounding(double period, double time, double length)
 {
-    const double unit = 2.220446049250313e-16; /* of a number's last digit, as a share of it */
+    const double unit = 2.220446049250313e-16; /* machine epsilon */
     return 1e-6 * period + 8.0 * unit * (fabs(time) + fabs(length));
 }
 
-/* As many steps as a communication step has; 0 where it diverged, or has no whole number of them. What communication steps are
- * longer or shorter than those is summed up, so that it stays rounding however many there are. */
+/* Executes the own steps of a communication step; 0 if it diverges or is not a multiple of the own step. Rounding
+ * differences are summed, so that they stay below the tolerance over any number of steps. */
 static int hb_advance(hb_instance *i, double time, double length)
 {
     hb_numbers *n = &i->now;
@@ -476,7 +476,7 @@ static int hb_advance(hb_instance *i, double time, double length)
     hb_show(n);
     n->time = time + length;
     n->left = left;
-    /* the frame around a controller judges itself, and tells by its status */
+    /* the frame around a controller checks itself, and reports by its status */
     for (k = 0; HB_FRAMED == 0 && k < sizeof n->s / sizeof(double); k++) {
         if (!hb_is_finite(((double *)&n->s)[k])) {
             n->mode = HB_FAILED;
@@ -487,7 +487,7 @@ static int hb_advance(hb_instance *i, double time, double length)
     return 1;
 }
 
-/* How outputs and rates change along a direction, given by what is known; 0 where one is no such thing. */
+/* Directional derivatives of outputs and rates along a direction of known variables; 0 if a reference does not fit. */
 static int hb_along(hb_instance *i, const unsigned unknown[], size_t unknowns, const unsigned known[], size_t knowns,
     const double direction[], double slopes[])
 {
@@ -515,7 +515,7 @@ static int hb_along(hb_instance *i, const unsigned unknown[], size_t unknowns, c
             hb_say(i, HB_ERROR, "slopes are those of outputs and rates of change");
             return 0;
         }
-        /* outputs stand before rates among the references, and behind them among the slopes */
+        /* outputs come before rates in the references, and after them in the derivatives */
         slopes[k] = (unknown[k] < HB_KNOWN + HB_OUTPUTS) ? seen[2u * HB_RATES + unknown[k] - HB_KNOWN]
                                                          : seen[HB_RATES + unknown[k] - HB_KNOWN - HB_OUTPUTS];
     }
@@ -532,7 +532,7 @@ static int hb_along(hb_instance *i, const unsigned unknown[], size_t unknowns, c
 #endif
 }
 
-/* What HB_OK and HB_ERROR say of something that is done or not. */
+/* Status of a success or a failure. */
 #define HB_STATUS(done) ((done) != 0 ? HB_OK : HB_ERROR)
 
 static hb_instance *hb_made(const char *name, void *environment, hb_logger logger)
@@ -547,7 +547,7 @@ static hb_instance *hb_made(const char *name, void *environment, hb_logger logge
     return i;
 }
 
-/* When the simulation begins and must end. */
+/* Sets start and stop time. */
 static int hb_starts_at(hb_instance *i, double start, int has_stop, double stop)
 {
     if (!hb_is_finite(start) || (has_stop != 0 && !(stop >= start))) {
@@ -585,7 +585,7 @@ static int hb_reset(hb_instance *i)
     return HB_STATUS(i != NULL);
 }
 
-/* Numbers copied to where they are kept, which is made where it is not there yet. */
+/* Copies the numbers to a saved state, which is allocated if it does not exist. */
 static int hb_copied(const void *numbers, void **state)
 {
     if (numbers == NULL || state == NULL) {

@@ -1,4 +1,4 @@
-//! FMI: a block as a functional mock-up unit for co-simulation that carries its source.
+//! FMI: a block as a functional mock-up unit for co-simulation that contains its source.
 
 mod archive;
 mod bounds;
@@ -17,7 +17,7 @@ use hydroboom_description::Description;
 use std::fmt::Write;
 use unit_definition::base_unit;
 
-/// A version of the standard.
+/// Version of the standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Version {
     /// FMI 2.0
@@ -26,37 +26,37 @@ pub enum Version {
     Three,
 }
 
-/// What an FMU is made of: the files of its archive, but for the binary.
+/// Content of an FMU: the files of its archive without the binary.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unit {
-    /// Name of its files: the model identifier.
+    /// Model identifier, which is the name of its files.
     pub identifier: String,
     /// Path in the archive and content, in the archive's order.
     pub files: Vec<(String, String)>,
     /// Version of the standard.
     pub version: Version,
-    /// Names of the functions that `sources/hydroboom.c` has for `sources/fmu.c`.
+    /// Names of the functions that `sources/hydroboom.c` defines for `sources/fmu.c`.
     functions: Vec<String>,
 }
 
 /// A variable of an FMU.
 struct Row<'a> {
     name: String,
-    /// Value reference: how many numbers stand before it.
+    /// Value reference: the count of numbers before it.
     reference: usize,
-    /// How many numbers it has: one, or those of an array, which FMI 3.0 knows.
+    /// Count of its numbers: one, or the length of an array, supported by FMI 3.0.
     count: usize,
     causality: &'static str,
     variability: &'static str,
     initial: Option<&'static str>,
-    /// For the rate of a state: that state's reference.
+    /// For the rate of a state: the reference of that state.
     rate_of: Option<usize>,
     bounds: Bounds,
     variable: &'a Variable,
 }
 
 impl Row<'_> {
-    /// Attributes that both versions have, in the order of the standard.
+    /// Attributes of both versions, in the order of the standard.
     fn attributes(&self) -> String {
         let initial = self.initial.map_or(String::new(), |i| format!(" initial=\"{i}\""));
         format!(
@@ -69,7 +69,7 @@ impl Row<'_> {
         )
     }
 
-    /// Unit, range, usual size and start value.
+    /// Unit, range, nominal value and start value.
     fn values(&self) -> String {
         let unit = match (self.variable.unit.as_str(), display(&self.variable.unit)) {
             ("" | "-" | "1", _) => String::new(),
@@ -95,7 +95,7 @@ impl Row<'_> {
     }
 }
 
-/// The unit that people think in, and how many of it one SI unit is.
+/// Usual display unit, and its size relative to the SI unit.
 fn display(unit: &str) -> Option<(&'static str, f64)> {
     const SHOWN: [(&str, &str, f64); 7] = [
         ("Pa", "bar", 1e-5),
@@ -109,7 +109,7 @@ fn display(unit: &str) -> Option<(&'static str, f64)> {
     SHOWN.iter().find(|(own, ..)| *own == unit).map(|(_, shown, factor)| (*shown, *factor))
 }
 
-/// Text as an attribute of an element.
+/// Escapes text for an XML attribute.
 fn escaped(text: &str) -> String {
     let mut safe = String::new();
     for c in text.chars() {
@@ -118,7 +118,7 @@ fn escaped(text: &str) -> String {
             '<' => safe += "&lt;",
             '>' => safe += "&gt;",
             '"' => safe += "&quot;",
-            // what XML 1.0 has not at all
+            // characters that XML 1.0 does not allow
             c if (c as u32) < 32 || matches!(c, '\u{fffe}' | '\u{ffff}') => safe.push(' '),
             c => safe.push(c),
         }
@@ -126,13 +126,13 @@ fn escaped(text: &str) -> String {
     safe
 }
 
-/// A block of a crane as an FMU. With its [`slopes`](crate::slopes) the FMU has the rates of its states and gives directional
-/// derivatives.
+/// A block of a crane as an FMU. With its [`slopes`](crate::slopes) the FMU provides the rates of its states and
+/// directional derivatives.
 ///
 /// # Errors
 ///
-/// [`ExportError`] when the block depends on something that it does not have, or the crane file's step is longer than the scheme
-/// is stable with.
+/// [`ExportError`] if the block depends on a quantity that it does not contain, or the crane file's step is above the
+/// stability limit of the scheme.
 pub fn unit(
     block: &Block,
     slopes: Option<&Block>,
@@ -179,13 +179,13 @@ pub fn unit(
             (Some(table), Version::Three) => {
                 rows.push(Row { count: range.len(), ..input(table) });
             }
-            // this version has no arrays: structured names, whose places are counted from one
+            // FMI 2.0 has no arrays: structured names with indices from one
             (Some(table), Version::Two) => {
                 rows.extend((1..=range.len()).map(|k| input(format!("{table}[{k}]"))));
             }
         }
     }
-    // a state may have the name of an output; those of an estimator are nobody's business
+    // a state may have the name of an output; states of an estimator are internal
     let states_shown = match states.iter().any(|v| entry(&v.name).is_some()) {
         true => &[],
         false => states.as_slice(),
@@ -262,7 +262,7 @@ pub fn unit(
     Ok(Unit { identifier, files: all, version, functions: code.functions })
 }
 
-/// What TwinCAT's FMI target (TE1420) has to be told to compile the source of these FMUs: a file for its folder of settings.
+/// Settings file with which TwinCAT's FMI target (TE1420) compiles the source of these FMUs.
 pub fn twincat_settings() -> String {
     format!(
         "<?xml version=\"1.0\" encoding=\"utf-8\" standalone=\"yes\"?>\n\
@@ -274,19 +274,19 @@ pub fn twincat_settings() -> String {
     )
 }
 
-/// What these FMUs say that they were made by.
+/// Generation tool stated in the FMUs.
 fn tool() -> String {
     format!("Hydroboom {}", env!("CARGO_PKG_VERSION"))
 }
 
-/// What a description begins with.
+/// Header of a model description.
 struct About<'a> {
     identifier: &'a str,
     token: &'a str,
     title: &'a str,
     /// Communication step \[s\].
     step: f64,
-    /// The block's own step \[s\], of which a communication step is a whole number.
+    /// The block's own step \[s\]; a communication step is a multiple of it.
     own_step: f64,
 }
 
@@ -295,8 +295,8 @@ impl About<'_> {
         let Self { identifier, token, title, step, .. } = self;
         let has_entries = rows.iter().any(|row| row.name.ends_with(']'));
         let naming = if has_entries { "structured" } else { "flat" };
-        // it takes any whole number of its own steps, which this version has no word for: a master that varies its steps would
-        // not find those
+        // the FMU accepts any multiple of its own step, but FMI 2.0 can declare only variable or fixed steps: masters
+        // with variable steps would not choose multiples
         let mut text = format!(
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"{identifier}\" guid=\"{token}\" \
              description=\"{}\" generationTool=\"{}\" variableNamingConvention=\"{naming}\" numberOfEventIndicators=\"0\">\n  \
@@ -406,7 +406,7 @@ fn has_balance(block: &Block) -> bool {
     block.entries.iter().any(|entry| entry.name == "balance")
 }
 
-/// The ranges of what can be set, as a table in C.
+/// Ranges of the settable variables, as a table in C.
 fn bounds_of(rows: &[Row<'_>]) -> String {
     let of = |row: &Row<'_>| {
         let Bounds { low, high, nominal } = row.bounds;
@@ -422,8 +422,8 @@ fn arrays_of(rows: &[Row<'_>]) -> String {
     arrays.map(|row| format!("    {{ {}u, {}u }},\n", row.reference, row.count)).collect()
 }
 
-/// Pairs of parameters of which the first has to be below the second, or not above it, and what is wrong otherwise: the machines
-/// that a crane file is refused for.
+/// Pairs of parameters, the first of which must be below the second or not above it, with the error message. A crane
+/// file is refused for the same conditions.
 const ORDERED: [(&str, bool, &str, &str); 9] = [
     ("cylinder_rod_mm", true, "cylinder_piston_mm", "the rod is not thinner than the piston"),
     (
@@ -471,7 +471,7 @@ const ORDERED: [(&str, bool, &str, &str); 9] = [
     ("motion_start_mm", false, "cylinder_stroke_mm", "motion_start_mm lies beyond the stroke"),
 ];
 
-/// What the triangle of bearing, foot and mount is made of.
+/// Parameters of the triangle of bearing, foot and mount.
 const TRIANGLE: [&str; 6] = [
     "geometry_base_x_mm",
     "geometry_base_y_mm",
@@ -481,7 +481,7 @@ const TRIANGLE: [&str; 6] = [
     "cylinder_stroke_mm",
 ];
 
-/// The function that finds what is impossible about parameters, as far as the block has them.
+/// The function that checks parameters for impossible values, as far as the block has them.
 fn impossible(parameters: &[&Variable]) -> String {
     let has = |name: &str| parameters.iter().any(|v| v.name == name);
     let mut body = String::new();
@@ -510,7 +510,7 @@ fn impossible(parameters: &[&Variable]) -> String {
     )
 }
 
-/// The functions that lead to the state of rest, for a block that has one.
+/// The functions of Newton's method to equilibrium, for a block that has them.
 fn balanced(block: &Block, parameters: &[&Variable]) -> String {
     if !has_balance(block) {
         return String::new();
@@ -527,8 +527,8 @@ fn balanced(block: &Block, parameters: &[&Variable]) -> String {
     )
 }
 
-/// What a master is told to step by \[s\], and what that has to be a whole number of: the control period, or the model's step, of
-/// which about a millisecond is a whole number.
+/// Communication step \[s\], and the step of which it must be a multiple. Both are the control period, or the model's
+/// step with the multiple of it that is about a millisecond.
 fn steps(block: &Block) -> [f64; 2] {
     match block.period {
         None => {
@@ -540,7 +540,7 @@ fn steps(block: &Block) -> [f64; 2] {
     }
 }
 
-/// Tells an FMU apart from one with another source.
+/// GUID or token, which identifies the source of an FMU.
 fn token(identifier: &str, source: &str) -> String {
     let hash = |begin: u64| {
         let bytes = identifier.bytes().chain(source.bytes());
@@ -549,7 +549,7 @@ fn token(identifier: &str, source: &str) -> String {
     format!("{{{:016x}{:016x}}}", hash(0xcbf2_9ce4_8422_2325), hash(0x8422_2325_cbf2_9ce4))
 }
 
-/// What ties the layer to a block: definitions before it, functions behind it.
+/// Connection of the FMI layer to a block: definitions before it, functions after it.
 fn glue(
     block: &Block,
     slopes: Option<&Block>,
@@ -568,7 +568,7 @@ fn glue(
          #define HB_OUTPUTS {outputs}u\n#define HB_RATES {rates}u\n#define HB_BALANCES {balances}\n#define HB_FRAMED {framed}\n#define HB_ARRAYS {arrays}\n#define HB_TYPE(part) {prefix}_##part\n"
     );
     let mut fill = String::new();
-    // what is not filled is zero
+    // all other members are zero
     for v in inputs.iter().filter(|v| v.initial != 0.0) {
         let _ = writeln!(fill, "    n->u.{} = {:?};", v.name, v.initial);
     }

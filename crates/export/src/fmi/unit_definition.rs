@@ -12,7 +12,7 @@ const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Definition {
     exponents: Exponents,
-    /// Value in base units of one of it.
+    /// Value of one unit in base units.
     factor: f64,
 }
 
@@ -37,7 +37,7 @@ const ANGLE: Exponents = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 const TURN_RATE: Exponents = [0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
 const TENSION: Exponents = [1.0, 2.0, -3.0, -1.0, 0.0, 0.0, 0.0, 0.0];
 
-/// Symbols of units and what one of each is.
+/// Symbols of units and their values.
 const SYMBOLS: [(&str, Exponents, f64); 35] = [
     ("m", LENGTH, 1.0),
     ("mm", LENGTH, 1e-3),
@@ -93,7 +93,7 @@ fn power(text: &str) -> Option<Definition> {
     Some(Definition { exponents: exponents.map(|e| e * exponent), factor: factor.powf(exponent) })
 }
 
-/// A unit as people write it: a product, and what it is divided by behind slashes, products in brackets.
+/// Parses a unit: a product, with divisors after slashes and products in brackets.
 fn definition(unit: &str) -> Option<Definition> {
     let plain: String = unit
         .chars()
@@ -119,7 +119,7 @@ fn definition(unit: &str) -> Option<Definition> {
     Some(whole)
 }
 
-/// The element `BaseUnit` of a unit; empty for units whose exponents are no whole numbers, which FMI cannot define.
+/// The element `BaseUnit` of a unit; empty for units with fractional exponents, which FMI cannot define.
 pub(super) fn base_unit(unit: &str) -> String {
     let (found, offset) = match unit {
         "C" => (definition("K"), CELSIUS_ZERO),
@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(base_unit("furlong"), "");
     }
 
-    /// Where no revolution is meant, which a crane file counts and FMI turns into radians, both say the same of a unit.
+    /// Crane files count revolutions and FMI radians; all other units have the same factor in both.
     #[test]
     fn every_unit_of_a_crane_file_is_known_with_the_factor_of_its_keys() {
         for key in KEYS {

@@ -1,29 +1,29 @@
-//! A program that replays what Rust computed and says, block by block, how far a controller's own arithmetic leads away from it.
+//! Test bench: a program that replays results of Rust and reports the numerical difference of each block on the PLC.
 //!
-//! It knows no block: each is a [`Replay`], and `replays.rs` has the list of them.
+//! It is generic: each block is a [`Replay`], listed in `replays.rs`.
 
 use super::unit::{Declared, Kind, Section, Unit};
 use super::{WIDTH, line, literal};
 use std::collections::{BTreeMap, HashMap};
 
-/// Calls that are replayed.
+/// Number of replayed calls.
 pub(super) const CALLS: usize = 300;
-/// Control periods in a call, of blocks that are replayed through a release of the load: 6 s at 1 ms.
+/// Control periods in a call, for blocks that are replayed through a release of the load: 6 s at 1 ms.
 pub(super) const PERIODS: usize = 20;
-/// A difference that is none: a share of what the signal comes to.
+/// Allowed difference, as a share of the signal's scale.
 const TOLERANCE: f64 = 1e-6;
-/// What counts in the place of a difference that is not finite.
+/// Value reported for a difference that is not finite.
 const MOST: f64 = 1e30;
 /// Name of the program, and of the function block that compares.
 pub(super) const PROGRAM: &str = "PRG_TestBench";
 pub(super) const COMPARISON: &str = "FB_WorstDifference";
-/// Values that change in more calls than these are kept as an array, others are set where they change.
+/// Largest number of changes of a value that is set by single statements; others are stored as an array.
 const MOST_CHANGES: usize = CALLS / 8;
-/// Digits behind the point of what is compared: far more than the tolerance, and shorter than all. What a block is given has all
-/// digits: hydraulics make much of little where a valve opens.
+/// Decimal digits of compared values, far below the tolerance; this shortens the program. Inputs have all digits, since
+/// the hydraulics amplify small differences when a valve opens.
 const DIGITS: usize = 10;
 
-/// What was recorded of an input or output, one value for each of [`CALLS`] calls.
+/// Recorded values of an input or output, one for each of [`CALLS`] calls.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Values {
     /// `LREAL`
@@ -32,7 +32,8 @@ pub(super) enum Values {
     Truths(Vec<bool>),
     /// `DINT`
     Counts(Vec<i32>),
-    /// `LREAL`, from one call's value to the next in [`PERIODS`] equal steps, with so much added in every other one.
+    /// `LREAL`, interpolated from one call's value to the next in [`PERIODS`] steps, with a scatter added in every
+    /// other one.
     Ramps(Vec<f64>, f64),
 }
 
@@ -52,7 +53,7 @@ impl Values {
         }
     }
 
-    /// As they are compared.
+    /// Values with the digits that are compared.
     fn shortened(&self) -> Self {
         let short = |value: &f64| format!("{value:.DIGITS$e}").parse().unwrap_or(*value);
         match self {
@@ -61,7 +62,7 @@ impl Values {
         }
     }
 
-    /// As literals.
+    /// Values as literals.
     fn literals(&self) -> Vec<String> {
         let number = |value: &f64| literal(*value);
         let truth = |value: &bool| if *value { "TRUE" } else { "FALSE" }.to_string();
@@ -72,7 +73,7 @@ impl Values {
         }
     }
 
-    /// An expression of this type as an `LREAL`.
+    /// Converts an expression of this type to `LREAL`.
     fn as_number(&self, expression: &str) -> String {
         match self {
             Self::Numbers(_) | Self::Ramps(..) => expression.into(),
@@ -82,36 +83,35 @@ impl Values {
     }
 }
 
-/// What a block is given and what it then shows, by the names of its inputs and outputs.
+/// Recorded inputs and expected outputs of a block, by name.
 ///
-/// Where an output is given a scale it is compared as a share of that. A block that is called in each period of a call is
-/// compared in the last. `bReset` must be set in the first call, so that the
-/// bench can begin again.
+/// An output's difference is relative to its scale, if it has one. A block that is called in each period of a call is
+/// compared in the last period. `bReset` must be set in the first call, so that the bench can be repeated.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Replay {
     /// Name of the function block.
     pub(super) block: &'static str,
-    /// Whether it is called in each period of a call, or once in a call.
+    /// Whether it is called in each period of a call; otherwise once a call.
     pub(super) each_period: bool,
     pub(super) inputs: Vec<(&'static str, Values)>,
-    /// With what each comes to in a motion.
+    /// Outputs with their values and scales.
     pub(super) outputs: Vec<(&'static str, Values, f64)>,
 }
 
-/// Where the recorded values of all blocks are kept.
+/// Storage of the recorded values of all blocks.
 #[derive(Default)]
 struct Store {
     variables: Vec<Declared>,
-    /// Statements that fill the arrays: not every tool takes a list as the initial value of an array.
+    /// Statements that fill the arrays: not every tool accepts a list as the initial value of an array.
     filled: String,
     /// Values that are set in a call.
     set: BTreeMap<usize, String>,
-    /// Expressions and places in `variables` by what they are: equal values are kept once.
+    /// Expressions and indices in `variables` by content: equal values are stored once.
     known: HashMap<(&'static str, Vec<String>), (String, usize)>,
 }
 
 impl Store {
-    /// Keeps values; the expression that has that of a call.
+    /// Stores values; returns the expression for the value of the current call.
     fn kept(&mut self, what: &str, values: &Values) -> String {
         let literals = values.literals();
         let mut key = (values.kind(), literals.clone());
@@ -161,7 +161,7 @@ impl Store {
     }
 }
 
-/// The function block that keeps the worst of differences.
+/// The function block that stores the largest difference.
 pub(super) fn comparison() -> Unit {
     let variable = |section, name: &str, kind: &str, comment: &str| {
         Declared::new(section, name, kind, None, comment)

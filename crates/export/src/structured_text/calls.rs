@@ -1,9 +1,9 @@
-//! Repeated parts as units of their own: what a loop calls for each row, and linear interpolation.
+//! Loop bodies and linear interpolation as separate program organisation units.
 //!
-//! What takes numbers and returns one is a `FUNCTION`. What takes an array or returns several numbers is a `FUNCTION_BLOCK`, with
-//! the arrays as `VAR_IN_OUT`, which are passed by reference: arrays as inputs of functions do not compile in matiec
-//! (beremiz/matiec#9), and functions with `VAR_IN_OUT` not in IronPLC (ironplc/ironplc#1672). No function block here remembers
-//! anything from one call to the next. Arrays have the length that they are declared with, since the second edition has no others.
+//! A unit with scalar parameters and one result is a `FUNCTION`. A unit with an array or several results is a
+//! `FUNCTION_BLOCK` with the arrays as `VAR_IN_OUT`, which are passed by reference. Arrays as inputs of functions do
+//! not compile in matiec (beremiz/matiec#9), functions with `VAR_IN_OUT` not in IronPLC (ironplc/ironplc#1672). These
+//! function blocks have no state. Arrays have fixed lengths, since the second edition has no others.
 
 use super::lines::{Lines, array, kind_name};
 use super::unit::{Declared, Kind, Section, Unit};
@@ -12,15 +12,15 @@ use crate::name::comment;
 use crate::statement::{Dialect, Function, Statement, Taken};
 use std::collections::BTreeSet;
 
-/// What can be called, by names that begin with the block's, so that two exports fit into one project.
+/// Units for a block; their names begin with the block's, so that two exports can be used in one project.
 pub(super) struct Calls<'a> {
-    /// The block's name, as it stands in the names of its units.
+    /// The block's name within the names of its units.
     pub(super) block: &'a str,
     pub(super) functions: &'a [Function],
 }
 
 impl Calls<'_> {
-    /// Whether a repeated part is a `FUNCTION` and not a `FUNCTION_BLOCK`.
+    /// Whether a loop body is a `FUNCTION`; otherwise it is a `FUNCTION_BLOCK`.
     pub(super) fn is_function(&self, place: usize) -> bool {
         let Function { parameters, body, results, .. } = &self.functions[place];
         let is_table = |taken| matches!(taken, Taken::Table(_));
@@ -34,19 +34,19 @@ impl Calls<'_> {
             && !body.iter().any(calls_block)
     }
 
-    /// Name of a repeated part's unit.
+    /// Name of a loop body's unit.
     pub(super) fn name(&self, place: usize) -> String {
         let kind = if self.is_function(place) { "F" } else { "FB" };
         let Function { origin, number, .. } = &self.functions[place];
         format!("{kind}_{}{}{number}", self.block, camel(origin))
     }
 
-    /// Name of the unit that interpolates in a table of so many entries.
+    /// Name of the unit that interpolates in a table of `length` entries.
     pub(super) fn interpolation(&self, length: usize) -> String {
         format!("FB_{}Interpolation{length}", self.block)
     }
 
-    /// Name of an instance of a function block: that of its type without the block's.
+    /// Name of a function block's instance: the type's name without the block's.
     pub(super) fn instance(&self, kind: &str) -> String {
         format!(
             "fb{}",
@@ -54,7 +54,7 @@ impl Calls<'_> {
         )
     }
 
-    /// All units, each behind those that it calls; those that `body` calls too.
+    /// All units, each after those that it calls; `body` holds the block's own calls.
     pub(super) fn units(&self, body: &[&[Statement]]) -> Vec<Unit> {
         let bodies = self.functions.iter().map(|function| function.body.as_slice());
         let all = bodies.chain(body.iter().copied()).flatten();
@@ -68,8 +68,8 @@ impl Calls<'_> {
         lengths.chain((0..self.functions.len()).map(|place| self.unit(place))).collect()
     }
 
-    /// Linear interpolation between the two entries beside a place, which is taken into the table. Rounding half an entry
-    /// below the place gives the first of them: at a whole place either neighbour serves.
+    /// Linear interpolation between the two entries around an index, which is clamped to the table. Rounding the
+    /// index minus one half gives the first of them: at an integer index either neighbour gives the same result.
     fn interpolating(&self, length: usize) -> Unit {
         let last = length - 1;
         let body = [
@@ -86,7 +86,7 @@ impl Calls<'_> {
                 "Linear interpolation in a table of {length} entries; beyond either end the entry there"
             ),
             variables: vec![
-                of(Section::InOut, "entries", &array(length), "The table; it stays as it is"),
+                of(Section::InOut, "entries", &array(length), "Table, not modified"),
                 of(Section::Input, "place", "LREAL", "Place in entries from the first"),
                 of(Section::Output, "value", "LREAL", ""),
                 of(Section::Local, "x", "LREAL", "Place within the table"),

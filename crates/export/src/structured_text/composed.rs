@@ -1,4 +1,4 @@
-//! Units that are put together from the recorded ones: the simulation that steers, and two tasks as the paper divides them.
+//! Units composed of the recorded ones: the simulation feedforward, and two tasks as in the paper.
 
 use super::GLOBALS;
 use super::unit::{Declared, Kind, Section, Task, Unit};
@@ -19,7 +19,7 @@ fn flag(name: &str, comment: &str) -> Declared {
     Declared::new(Section::Input, name, "BOOL", None, comment)
 }
 
-/// Inputs and outputs of a controller's block, but for what comes from a simulated crane.
+/// Inputs and outputs of a controller's block, without those of a simulated crane.
 fn frame(controller: &Unit) -> [Vec<Declared>; 2] {
     let own = ["bReset", "bPrepare", "xSim", "vSim", "pLSim", "nMotor"];
     let of = |section: Section| -> Vec<Declared> {
@@ -29,14 +29,14 @@ fn frame(controller: &Unit) -> [Vec<Declared>; 2] {
     [of(Section::Input), of(Section::Output)]
 }
 
-/// A call's arguments, each the variable of the same name with something before it.
+/// A call's arguments, each the variable of the same name with a prefix.
 fn arguments(inputs: &[Declared], before: &str) -> String {
     let each: Vec<String> = inputs.iter().map(|v| format!("{0} := {before}{0}", v.name)).collect();
     each.chunks(4).map(|some| some.join(", ")).collect::<Vec<_>>().join(",\n        ")
 }
 
-/// The benchmark controller with simulation feedforward and the crane that it simulates (section 4, figure 15): `steps` simulation
-/// steps make a control period; each call is one step of `step` \[s\].
+/// The benchmark controller with simulation feedforward and its simulated crane (section 4, figure 15). A control
+/// period has `steps` simulation steps; each call is one step of `step` \[s\].
 pub(super) fn simulation_feedforward(controller: &Unit, steps: u32, step: &str) -> Unit {
     let [inputs, outputs] = frame(controller);
     let given = arguments(&inputs, "");
@@ -115,9 +115,9 @@ pLSim := fbHydraulics.pL;
 const RESTART: &str = "bRestart";
 const PREPARE: &str = "bPrepareAll";
 
-/// What goes between the machine and the controller, and the tasks: the control period \[s\].
+/// Signals between machine and controller, and the tasks, with the control period \[s\].
 pub(super) fn globals(controller: &Unit, control: f64) -> Unit {
-    /// Often enough that the test bench is done in some seconds, and seldom enough to be in nobody's way \[s\].
+    /// Period of the test bench's task \[s\]: it finishes in some seconds and leaves time to other tasks.
     const TEST_BENCH: f64 = 10e-3;
     let [inputs, outputs] = frame(controller);
     let mut variables = vec![
@@ -155,7 +155,7 @@ pub(super) fn globals(controller: &Unit, control: f64) -> Unit {
     }
 }
 
-/// The task of the controller, called every control period: the benchmark.
+/// The controller's task, called every control period: the benchmark.
 pub(super) fn control_task(controller: &Unit) -> Unit {
     let [inputs, outputs] = frame(controller);
     let global = |v: &Declared| Declared {
@@ -176,9 +176,9 @@ pub(super) fn control_task(controller: &Unit) -> Unit {
         kind: Kind::Program,
         name: "PRG_Control".into(),
         comment: "To be called every control period (1 ms in the paper): the benchmark controller, which holds and releases the load. \
-                  FB_SimulationFeedforward takes its place where the simulation is to lead: the same inputs and outputs, called every simulation \
-                  step. FB_ScheduledLqrController takes its place with its preview arrays filled every period, and has outputs more than these: \
-                  docs/export-twincat.md has a program that does so."
+                  FB_SimulationFeedforward replaces it for simulation feedforward: the same inputs and outputs, called every simulation \
+                  step. FB_ScheduledLqrController replaces it with its preview arrays filled every period, and has additional outputs: \
+                  docs/export-twincat.md has such a program."
             .into(),
         variables,
         body: format!(

@@ -1,4 +1,4 @@
-//! Statements as lines of Structured Text, and the variables that they need.
+//! Statements as lines of Structured Text, with the local variables that they need.
 
 use super::calls::Calls;
 use super::{line, literal, unit::Declared, unit::Section};
@@ -11,27 +11,27 @@ pub(super) fn array(count: usize) -> String {
     format!("ARRAY[0..{}] OF LREAL", count.saturating_sub(1))
 }
 
-/// Counter of the loops that copy and fill, which have nothing else in them.
+/// Counter of loops that only copy or fill.
 pub(super) const COUNTER: &str = "iEntry";
 
-/// Something for each entry of a table; `[iEntry]` is its place.
+/// A loop with the statement `what` for each entry of a table; `[iEntry]` is its index.
 fn each(depth: usize, count: usize, what: &str) -> String {
     line(&format!("FOR {COUNTER} := 0 TO {} DO", count.saturating_sub(1)), depth)
         + &line(what, depth + 1)
         + &line("END_FOR;", depth)
 }
 
-/// All entries of a table set to one number.
+/// Sets all entries of a table to one number.
 pub(super) fn filled(table: &str, count: usize, value: f64, depth: usize) -> String {
     each(depth, count, &format!("{table}[{COUNTER}] := {};", literal(value)))
 }
 
-/// All entries of a table taken from those of another one of the same length.
+/// Copies all entries of a table of the same length.
 pub(super) fn copied(to: &str, from: &str, count: usize, depth: usize) -> String {
     each(depth, count, &format!("{to}[{COUNTER}] := {from}[{COUNTER}];"))
 }
 
-/// Lines that are written, and the local variables that they need so far.
+/// Lines written so far, with the local variables that they need.
 pub(super) struct Lines<'a> {
     calls: &'a Calls<'a>,
     /// Name and type of the variables.
@@ -45,7 +45,7 @@ impl<'a> Lines<'a> {
         Self { calls, locals: Vec::new(), instances: BTreeMap::new() }
     }
 
-    /// The variables that were needed, and the counter where a loop copies or fills.
+    /// The local variables, including the counter where a loop copies or fills.
     pub(super) fn declared(self, body: &str) -> Vec<Declared> {
         let mut locals = self.locals;
         if body.contains(COUNTER) {
@@ -60,7 +60,7 @@ impl<'a> Lines<'a> {
         self.locals.push((name.into(), kind.into()));
     }
 
-    /// The instance of a function block: one serves all calls, since it remembers nothing.
+    /// The instance of a function block: one serves all calls, since it has no state.
     fn instance(&mut self, kind: &str, names: &mut Names) -> String {
         if let Some(name) = self.instances.get(kind) {
             return name.clone();
@@ -71,7 +71,7 @@ impl<'a> Lines<'a> {
         name
     }
 
-    /// A table filled by runs of other tables' entries, and single numbers.
+    /// Fills a table by runs of other tables' entries, and single numbers.
     pub(super) fn table(&mut self, name: &str, runs: &[Run], depth: usize) -> String {
         let count: usize = runs.iter().map(Run::count).sum();
         self.local(name, array(count));
@@ -93,7 +93,7 @@ impl<'a> Lines<'a> {
         text
     }
 
-    /// Statements at a depth.
+    /// Prints statements at an indentation depth.
     pub(super) fn statements(
         &mut self,
         said: &[Statement],
@@ -119,7 +119,7 @@ impl<'a> Lines<'a> {
         all
     }
 
-    /// Linear interpolation in a whole table.
+    /// Prints a linear interpolation in a whole table.
     fn interpolation(
         &mut self,
         name: &str,
@@ -139,7 +139,7 @@ impl<'a> Lines<'a> {
             + &line(&format!("{name} := {instance}.value;"), depth)
     }
 
-    /// A loop, which calls a function for each row.
+    /// Prints a loop, which calls a function for each row.
     fn repeated(&mut self, of: &Loop, names: &mut Names, depth: usize) -> String {
         let Loop { counter, count, condition, carried, made, function, arguments } = of;
         self.local(counter, "DINT");
@@ -188,7 +188,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Type of a value; there are no pairs.
+/// Type of a value; this language has no pairs.
 pub(super) fn kind_name(kind: Kind) -> &'static str {
     match kind {
         Kind::Condition => "BOOL",

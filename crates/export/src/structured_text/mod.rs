@@ -1,9 +1,10 @@
 //! IEC 61131-3 Structured Text: a function block for each block.
 //!
-//! A block begins at its start values at its first call and whenever `bReset` is set, and works out anew what follows from its
-//! parameters whenever `bPrepare` is. Assignments to `LREAL`s, with no calls but of the standard's functions and comments in `(* *)`;
-//! arrays, `FOR` loops and units that they call only in a block that was recorded with them, the scheduled LQR. A fused product is written as product and
-//! sum, and functions are the controller's own: the last digits may differ from Rust's.
+//! A block starts from its initial values at its first call and whenever `bReset` is set. It recomputes the values
+//! derived from its parameters whenever `bPrepare` is set. Most blocks consist of assignments to `LREAL`s, calls of
+//! the standard's functions, and comments in `(* *)`. Only the scheduled LQR has arrays, `FOR` loops and units of its
+//! own. A fused product is written as product and sum, and functions are those of the PLC: the last digits may differ
+//! from Rust.
 
 mod bench;
 mod calls;
@@ -35,14 +36,14 @@ use lines::{COUNTER, Lines, array, copied, filled};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Widest line.
+/// Largest line width.
 const WIDTH: usize = 110;
 
-/// Name of the list of global variables, and in TwinCAT what stands before each.
+/// Name of the list of global variables; in TwinCAT also the prefix of each.
 const GLOBALS: &str = "GVL_Hydroboom";
 
-/// Words of the language in its second and third edition, its types, functions and function blocks, and names that some tools
-/// keep to themselves.
+/// Keywords of the second and third edition, standard types, functions and function blocks, and names that some tools
+/// reserve.
 const RESERVED: &str = "\
     abs abstract acos action add adr and and_then any any_bit any_date any_derived any_elementary any_int any_magnitude any_num \
     any_real any_string array asin at atan atan2 bit bitadr bool by byte cal calc calcn case char class concat configuration \
@@ -58,7 +59,7 @@ const RESERVED: &str = "\
     true trunc type udint uint ulint union until upper_bound using usint uxint var var_access var_config var_external var_global \
     var_in_out var_input var_output var_temp wchar while with word wstring xint xor xorn xword";
 
-/// Names that people know from the paper, for what stands at a block's edge.
+/// Names of inputs and outputs that follow the paper's symbols.
 const KNOWN: [(&str, &str); 37] = [
     ("stroke", "xCyl"),
     ("velocity", "vCyl"),
@@ -111,7 +112,7 @@ impl Dialect for StructuredText {
         false
     }
 
-    /// Never asked for.
+    /// Not used in this language.
     fn part(&self, array: &str, _first: usize) -> String {
         array.into()
     }
@@ -136,7 +137,7 @@ impl Dialect for StructuredText {
             return text;
         }
         match op {
-            // a sign binds to its number only: tools differ on what stands behind it
+            // a sign before a bracket or a number only: tools differ in the precedence of other operands
             Op::Neg(_) => Text::new(format!("-{}", x[0].inside(Sign)), Sum),
             Op::MulAdd(..) => {
                 let product = format!("{} * {}", x[0].within(Product), x[1].inside(Product));
@@ -145,7 +146,7 @@ impl Dialect for StructuredText {
             Op::Sqrt(_) => call(x, "SQRT"),
             Op::Exp(_) => call(x, "EXP"),
             Op::Ln(_) => call(x, "LN"),
-            // nothing overflows: beyond 20 it is one
+            // clamped to ±20, where tanh is ±1 in double precision: the exponential cannot overflow
             Op::Tanh(_) => Text::new(
                 format!(
                     "1.0E0 - 2.0E0 / (EXP(2.0E0 * LIMIT(-2.0E1, {}, 2.0E1)) + 1.0E0)",
@@ -153,12 +154,12 @@ impl Dialect for StructuredText {
                 ),
                 Sum,
             ),
-            // the angle itself: sine and cosine are two functions
+            // sine and cosine are separate functions: the pair is represented by its angle
             Op::SinCos(_) => x[0].clone(),
             Op::Sin(_) => call(x, "SIN"),
             Op::Cos(_) => call(x, "COS"),
             Op::Select(..) => {
-                // two literals alone say of no type: not every tool takes the widest
+                // an expression of two literals has no definite type: not every tool takes the widest
                 let of = |k: usize| x[k].text.as_str();
                 let bare = [1, 2].iter().all(|k| of(*k).parse::<f64>().is_ok());
                 let kind = if bare { "LREAL#" } else { "" };
@@ -172,7 +173,7 @@ impl Dialect for StructuredText {
     }
 }
 
-/// A number as every tool reads it: with a point and an exponent.
+/// A literal that every tool accepts: with a point and an exponent.
 fn literal(value: f64) -> String {
     let text = format!("{value:E}");
     match text.split_once('E') {
@@ -192,7 +193,7 @@ pub fn block_name(block: &Block) -> String {
     format!("FB_{}", camel(&block.name))
 }
 
-/// Name of an input or output at a block's edge.
+/// Name of a block's input or output.
 pub fn edge_name(name: &str) -> String {
     let known = KNOWN.iter().find(|(own, _)| *own == name).map(|(_, known)| (*known).to_string());
     known.unwrap_or_else(|| {
@@ -201,12 +202,12 @@ pub fn edge_name(name: &str) -> String {
     })
 }
 
-/// Name of an input or output that is on or off.
+/// Name of a Boolean input or output.
 pub fn switch_name(name: &str) -> String {
     format!("b{}", camel(name))
 }
 
-/// Unit of what is on or off, and of a status: at a block's edge they are `BOOL` and `DINT`.
+/// Unit of Boolean quantities and of a status, which are `BOOL` and `DINT` at a block's interface.
 const SWITCH: &str = "0/1";
 const STATUS: &str = "code";
 
@@ -238,16 +239,16 @@ fn declared(section: Section, name: &str, initial: Option<f64>, v: &Variable) ->
 ///
 /// # Errors
 ///
-/// [`ExportError`] when it depends on something that it does not have, or on a number that the language has not.
+/// [`ExportError`] if it depends on a quantity outside it, or on a number that the language cannot represent.
 pub fn function_block(block: &Block) -> Result<Unit, ExportError> {
     Ok(split_units(block)?.1)
 }
 
-/// A block as a function block, behind the functions and function blocks that it calls.
+/// A block as a function block, after the functions and function blocks that it calls.
 ///
 /// # Errors
 ///
-/// [`ExportError`] when it depends on something that it does not have, or on a number that the language has not.
+/// [`ExportError`] if it depends on a quantity outside it, or on a number that the language cannot represent.
 pub fn block_units(block: &Block) -> Result<Vec<Unit>, ExportError> {
     let (mut units, block) = split_units(block)?;
     units.push(block);
@@ -294,7 +295,7 @@ fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     let parameter_names: Vec<String> =
         parameters.iter().map(|(v, _)| names.free(&v.name)).collect();
 
-    // what follows from the parameters
+    // values derived from the parameters
     let mut given: HashMap<Node, Text> = parameters
         .iter()
         .zip(&parameter_names)
@@ -314,7 +315,7 @@ fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     let mut keeping = String::new();
     let mut kept = Vec::new();
     for (node, text) in plan.prepared.iter().zip(&results) {
-        // a parameter is there already
+        // a parameter is a variable already
         if parameters.iter().any(|(_, parameter)| parameter == node) {
             continue;
         }
@@ -367,7 +368,7 @@ fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     let mut working = String::new();
     for (entry, (said, results)) in block.entries.iter().zip(&entries) {
         working += &lines.statements(said, &mut names, 0);
-        // all states move at once: none is changed before the last is known
+        // simultaneous update: no state changes before the last new value is computed
         let mut last = String::new();
         let name_of = |target: &Target| match target {
             Target::State(k) => state_names[*k].as_str(),
@@ -479,12 +480,12 @@ fn split_units(block: &Block) -> Result<(Vec<Unit>, Unit), ExportError> {
     Ok((units, block))
 }
 
-/// All that a PLC needs to steer with the simulation: the recorded blocks, what is put together from them, programs, and the tasks
-/// that call them. Each stands behind those that it uses.
+/// All units of a PLC project with simulation feedforward: the recorded blocks, units composed of them, programs, and
+/// the tasks that call them. Each comes after those that it uses.
 ///
 /// # Errors
 ///
-/// [`ExportError`] for cranes that are not exported.
+/// [`ExportError`] if the crane cannot be exported.
 pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     let [hydraulics, boom] = blocks(description)?;
     let n = &description.numbers;
@@ -501,17 +502,17 @@ pub fn units(description: &Description) -> Result<Vec<Unit>, ExportError> {
     all.extend(block_units(&scheduled_lqr_controller(description)?)?);
     all.push(composed::control_task(&benchmark));
     all.extend([bench::comparison(), bench::test_bench(&replays::replays(description)?)]);
-    // last, since it names the programs: some tools know only what they have read
+    // last, since it names the programs: some tools resolve only names read before
     all.push(composed::globals(&benchmark, n.control_period));
     Ok(all)
 }
 
-/// A comment in lines, drawn in.
+/// A comment broken into indented lines.
 fn broken_comment(text: &str) -> String {
     broken(&format!("   {text}"), WIDTH)
 }
 
-/// A constant that is no number of the language.
+/// A constant that the language cannot represent.
 fn strange(graph: &Graph, plan: &Plan) -> Option<f64> {
     let all = plan.preparing.iter().chain(plan.entries.iter().flatten());
     let operands = all.flat_map(|node| graph.operands(*node));

@@ -1,4 +1,4 @@
-//! PLCopen XML (TC6 2.01): all units in one file, which most tools import.
+//! PLCopen XML (TC6 2.01): all units in one file, which most tools can import.
 
 use super::unit::{CONFIGURATION, Declared, Form, Kind, RESOURCE, Section, Unit};
 

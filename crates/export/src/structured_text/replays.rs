@@ -1,4 +1,4 @@
-//! What the test bench replays: each exported block, its inputs, and what Rust computes of them.
+//! Recordings for the test bench: inputs of each exported block, and the outputs computed by Rust.
 
 use super::bench::{CALLS, PERIODS, Replay, Values, ramp};
 use crate::crane::{SEGMENTS, resting};
@@ -14,7 +14,8 @@ use hydroboom_model::stepping::published;
 use hydroboom_model::{Crane, Input, Outputs};
 use hydroboom_virtual_crane::VirtualCrane;
 
-/// What signals come to in a motion: position \[m\], velocity \[m/s\], tip \[m\], pressure \[Pa\], force \[N\], motor speed \[rev/s\].
+/// Scales of signals in a motion: position \[m\], velocity \[m/s\], tip \[m\], pressure \[Pa\], force \[N\], motor
+/// speed \[rev/s\].
 const POSITION: f64 = 0.1;
 const VELOCITY: f64 = 0.1;
 const TIP: f64 = 1.0;
@@ -22,21 +23,21 @@ const PRESSURE: f64 = 1e7;
 const FORCE: f64 = 1e5;
 const SPEED: f64 = 50.0;
 
-/// Calls in which blocks begin again. The published step makes much of the last digit once the check valves let oil through, so
-/// that goes on for some calls only.
+/// Calls in which blocks are reset. The published step amplifies rounding differences once the check valves open, so a
+/// run without reset is short.
 const RESETS: [usize; 3] = [0, 145, 220];
-/// Calls after which the simulated crane that is steered begins again, for the same reason.
-const STEERED: usize = 60;
-/// Its steps in a control period. Fewer than in a motion, so that the valves open in these calls.
+/// Number of calls after which the simulated crane under feedback is reset, for the same reason.
+const FEEDFORWARD_RESET: usize = 60;
+/// Simulation steps in a control period; fewer than in normal operation, so that the valves open during these calls.
 const STEPS: i32 = 1;
-/// Calls that say that a parameter was changed, although none was.
+/// Calls in which `bPrepare` is set without a change of parameters.
 const PREPARED: [usize; 2] = [37, 277];
-/// Calls between which the 3/2 valve is shut.
+/// Calls during which the 3/2 valve is de-energised.
 const SHUT: std::ops::Range<usize> = 65..105;
-/// Calls in which inputs stay as they are.
+/// Number of calls during which inputs stay constant.
 const HELD: usize = 10;
 
-/// Every exported block that has a test bench.
+/// Recordings of all exported blocks that have a test bench.
 pub(super) fn replays(description: &Description) -> Result<Vec<Replay>, ExportError> {
     let [hydraulics, boom] = crane(description)?;
     let course = Course::of(description)?;
@@ -49,17 +50,17 @@ pub(super) fn replays(description: &Description) -> Result<Vec<Replay>, ExportEr
     ])
 }
 
-/// Calls in which blocks begin again, but for that which has the crane in it.
+/// Calls in which blocks are reset, except the one that contains the crane.
 fn resets(call: usize) -> bool {
     RESETS.contains(&call)
 }
 
-/// One value for each call.
+/// One number for each call.
 fn numbers(of: impl FnMut(usize) -> f64) -> Values {
     Values::Numbers((0..CALLS).map(of).collect())
 }
 
-/// Inputs of a block, with those that each has.
+/// Inputs of a block, together with its flags.
 fn with_flags(
     resets: fn(usize) -> bool,
     inputs: Vec<(&'static str, Values)>,
@@ -71,13 +72,13 @@ fn with_flags(
     all
 }
 
-/// A number of few digits.
+/// Rounds to a few digits.
 fn short(value: f64) -> f64 {
     const DIGITS: usize = 5;
     format!("{value:.DIGITS$e}").parse().unwrap_or(value)
 }
 
-/// A wave of this many calls and this height about a middle, in steps.
+/// A sine with a period of `calls`, an amplitude and a mean value, constant over a number of calls.
 fn wave(call: usize, calls: f64, height: f64, middle: f64) -> f64 {
     let turn = std::f64::consts::TAU * (call - call % HELD) as f64 / calls;
     short(middle + height * turn.sin())
@@ -88,7 +89,7 @@ fn load_pressure(crane: &Crane<f64, SEGMENTS>, seen: &Outputs<f64>) -> f64 {
     crane.cylinder.load_pressure(seen.pressure_a, seen.pressure_b)
 }
 
-/// Hydraulics and boom, which go together, through the switching of the 3/2 valve.
+/// Hydraulics and boom together, through the switching of the 3/2 valve.
 fn crane(description: &Description) -> Result<[Replay; 2], ExportError> {
     let rest = resting(description)?;
     let crane = description.crane::<SEGMENTS>()?;
@@ -149,20 +150,20 @@ fn crane(description: &Description) -> Result<[Replay; 2], ExportError> {
     Ok([hydraulics, boom])
 }
 
-/// A machine that holds its load, releases it and moves slowly, once in each call.
+/// A machine that holds its load, releases it and moves slowly, sampled once a call.
 struct Course {
     readings: Vec<FrameInput<f64>>,
 }
 
-/// Calls after which the start is asked for, and after which the reference moves.
+/// Calls before the start command, and before the reference moves.
 const STARTED: usize = 10;
 const MOVING: usize = 250;
-/// Scatter of the readings, in every other period: position \[m\], pressure \[Pa\].
+/// Alternating scatter of the readings: position \[m\], pressure \[Pa\].
 const POSITION_SCATTER: f64 = 1e-6;
 const PRESSURE_SCATTER: f64 = 1e3;
 
 impl Course {
-    /// The benchmark on the virtual crane of the description.
+    /// Simulates the benchmark on the virtual crane of the description.
     fn of(description: &Description) -> Result<Self, ExportError> {
         let (machine, _) = description.virtual_crane();
         let n = &machine.numbers;
@@ -205,7 +206,7 @@ impl Course {
         Values::Ramps(self.readings.iter().map(of).collect(), scatter)
     }
 
-    /// Inputs as they are replayed.
+    /// Inputs in the form of the replay.
     fn inputs(&self) -> Vec<(&'static str, Values)> {
         let truths = |of: fn(&FrameInput<f64>) -> f64| {
             Values::Truths(self.readings.iter().map(|r| of(r) > 0.5).collect())
@@ -227,7 +228,7 @@ impl Course {
         ]
     }
 
-    /// Inputs of a period of a call, as the test bench works them out.
+    /// Inputs in a period of a call, computed as the test bench does.
     fn input(&self, call: usize, period: usize) -> FrameInput<f64> {
         let of = |of: fn(&FrameInput<f64>) -> f64, scatter: f64| {
             let (before, now) = (&self.readings[call.saturating_sub(1)], &self.readings[call]);
@@ -247,7 +248,7 @@ impl Course {
         }
     }
 
-    /// What a controller shows in the last period of each call.
+    /// Outputs of a controller in the last period of each call.
     fn shown<R>(&self, mut advance: impl FnMut(&FrameInput<f64>) -> R) -> Vec<R> {
         let mut call = |call: usize| {
             let mut last = None;
@@ -260,7 +261,7 @@ impl Course {
     }
 }
 
-/// Outputs of the frame, with what each comes to.
+/// Outputs of the frame with their scales.
 fn frame_outputs(shown: &[FrameOutput<f64>]) -> Vec<(&'static str, Values, f64)> {
     let values = |of: fn(&FrameOutput<f64>) -> f64| numbers(|call| of(&shown[call]));
     vec![
@@ -294,7 +295,7 @@ fn benchmark(description: &Description, course: &Course) -> Result<Replay, Expor
     })
 }
 
-/// The simulation feedforward within the frame, with a simulated crane that is where the machine is.
+/// The simulation feedforward within the frame, with a simulated crane at the machine's position.
 fn feedforward_controller(
     description: &Description,
     course: &Course,
@@ -335,19 +336,19 @@ fn feedforward_controller(
     })
 }
 
-/// The same with the simulated crane, which is led to where the load is held.
+/// The same with the simulated crane, which is moved to the held position.
 fn feedforward(description: &Description) -> Result<Replay, ExportError> {
     let crane = description.crane::<SEGMENTS>()?;
     let controller = framed_simulation_feedforward(description)?;
     let step = description.numbers.simulation_period;
     let rest = resting(description)?;
-    let resets = |call: usize| call.is_multiple_of(STEERED);
+    let resets = |call: usize| call.is_multiple_of(FEEDFORWARD_RESET);
     let middle = description.numbers.motion_start;
     let given = |call: usize| FrameInput {
         enable: 1.0,
         valve_state: -1.0,
         reference_position: middle,
-        // so far away that it is led there fast
+        // so far away that it is moved at its largest speed
         stroke: middle + 0.05,
         pressure_pump_a: 3e5,
         pressure_a: wave(call, 100.0, 1e5, 6.5e6),

@@ -1,15 +1,15 @@
-//! Units in single precision, for controllers without `LREAL`.
+//! Units in single precision, for PLCs without `LREAL`.
 
 use super::unit::{Kind, Unit};
 use crate::error::ExportError;
 
-/// The units with `REAL` in the place of `LREAL`.
+/// The units with `REAL` in place of `LREAL`.
 ///
-/// Without the test bench and its task: single precision differs from Rust by more than its tolerance.
+/// The test bench and its task are left out: the rounding of single precision exceeds its tolerance.
 ///
 /// # Errors
 ///
-/// [`ExportError::Constant`] when a constant is larger than a `REAL`.
+/// [`ExportError::Constant`] if a constant is outside the range of `REAL`.
 pub fn in_single_precision(units: Vec<Unit>) -> Result<Vec<Unit>, ExportError> {
     let is_bench = |name: &str| [super::bench::PROGRAM, super::bench::COMPARISON].contains(&name);
     let kept = units.into_iter().filter(|unit| !is_bench(&unit.name));
@@ -29,12 +29,12 @@ pub fn in_single_precision(units: Vec<Unit>) -> Result<Vec<Unit>, ExportError> {
     .collect()
 }
 
-/// Types, and functions that convert to or from one, with the shorter type.
+/// Replaces types, and the conversion functions in their names.
 fn shorter(text: &str) -> String {
     text.replace("LREAL", "REAL")
 }
 
-/// A literal beyond the largest `REAL`.
+/// A literal outside the range of `REAL`.
 fn too_large(body: &str) -> Option<f64> {
     let is_inner = |c: char| c.is_ascii_alphanumeric() || "._+-".contains(c);
     let literals = body.split(|c| !is_inner(c)).filter_map(|word| word.parse::<f64>().ok());

@@ -27,9 +27,9 @@ pub fn file(unit: &Unit) -> (String, String) {
     }
 }
 
-/// An identity that is the same each time the same unit is written.
+/// A GUID that is reproducible for the same unit.
 fn identity(name: &str) -> String {
-    // FNV-1a, twice from different beginnings: the identity tells units apart and guards nothing
+    // FNV-1a twice with different offsets: the GUID only distinguishes units
     let hash = |begin: u64| {
         name.bytes().fold(begin, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
     };

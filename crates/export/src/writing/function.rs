@@ -1,4 +1,4 @@
-//! The function of a repeated part: what it takes and how, what is done in it and what comes out.
+//! The function of a loop body: parameters, statements and results.
 
 use super::Writing;
 use crate::graph::{Node, Op};
@@ -6,36 +6,36 @@ use crate::name::Names;
 use crate::statement::{FEWEST, Function, Kind, Parameter, Taken, Text, entry};
 use std::collections::HashMap;
 
-/// Most numbers of its surroundings that a function takes one by one: as many as x86-64 and Arm pass in registers, and as many as
-/// one reads. More come as an array, which is filled before the loop.
+/// Largest number of outside values that are passed one by one: the number of registers for arguments on x86-64 and
+/// Arm. More are passed as an array, which is filled before the loop.
 pub(crate) const MOST_ONE_BY_ONE: usize = 8;
 
-/// A function, and what each loop gives to it.
+/// A function, and the arguments of each loop.
 #[derive(Clone)]
 pub(super) struct Defined {
     pub(super) function: usize,
     pub(super) arguments: Vec<Argument>,
 }
 
-/// What a loop gives to its function.
+/// An argument of a loop's function.
 #[derive(Clone, Debug)]
 pub(super) enum Argument {
-    /// The row's number.
+    /// Index of the row.
     Row,
-    /// The row's entry in the table of this number among those that it reads.
+    /// The row's entry in the table with this index among those that the loop reads.
     Entry(u32),
-    /// What is carried, by its index.
+    /// A loop-carried value, by its index.
     Carried(u32),
-    /// What the part takes from around the loop, by its place.
+    /// An outside value of the body, by its index.
     Taken(usize),
-    /// Several of that as an array.
+    /// Several outside values as an array.
     Array(Vec<usize>),
-    /// An array as it is.
+    /// An existing array.
     Whole(String),
 }
 
 impl Writing<'_, '_, '_> {
-    /// Writes the function of a repeated part, which a loop gives these nodes.
+    /// Writes the function of a loop body with the outside values `given`.
     pub(super) fn define(&mut self, part: usize, given: &[Node]) -> Defined {
         let graph = self.source.graph;
         let of = self.shared.parts.parts[part].clone();
@@ -47,7 +47,7 @@ impl Writing<'_, '_, '_> {
             |node: Node| !matches!(graph.op(node), Op::Table(_)) && !graph.op(node).is_condition();
         let mut numbers: Vec<usize> =
             taken.clone().filter(|(_, node)| is_number(**node)).map(|(place, _)| place).collect();
-        // entries of one array come with the array: other loops might give other arrays
+        // with a single loop, several entries of one array are passed as that array; other loops may use other arrays
         if of.rows.len() == 1 {
             numbers = self.arrays_of(&of.taken, given, numbers, &mut names, &mut head);
         }
@@ -138,7 +138,7 @@ impl Writing<'_, '_, '_> {
         defined
     }
 
-    /// What a function takes of its loop's row: number, entries, what is carried.
+    /// Parameters from the loop's row: index, entries, loop-carried values.
     fn own(&self, number: u32, names: &mut Names, head: &mut Head) {
         for node in self.source.order {
             let (name, taken, argument) = match self.source.graph.op(*node) {
@@ -161,7 +161,7 @@ impl Writing<'_, '_, '_> {
         }
     }
 
-    /// Takes arrays of which several entries are taken as arrays; what is left.
+    /// Passes arrays of which several entries are used as arrays; returns the remaining values.
     fn arrays_of(
         &self,
         taken: &[Node],
@@ -204,7 +204,7 @@ impl Writing<'_, '_, '_> {
         left
     }
 
-    /// The name that a node has everywhere.
+    /// The name of a node that is independent of the function.
     fn known(&self, node: Node) -> Option<String> {
         if let Some((name, _)) = self.source.labels.get(&node) {
             return Some(name.clone());
@@ -213,7 +213,7 @@ impl Writing<'_, '_, '_> {
         plain(&text.text).map(str::to_string)
     }
 
-    /// Results of a loop's body: what is carried on, and the row's entries.
+    /// Results of a loop's body: loop-carried values, and the row's entries.
     fn results(&mut self, number: u32) -> Vec<(String, String)> {
         let of = self.source.graph.repetition(number);
         let needed = &self.shared.parts.needed;
@@ -226,14 +226,14 @@ impl Writing<'_, '_, '_> {
     }
 }
 
-/// A name without what it is a member of; none for anything but a name.
+/// A name without the object of which it is a member; `None` for other expressions.
 fn plain(text: &str) -> Option<&str> {
     let name = text.rsplit("->").next()?;
     let is_name = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     (is_name && name.starts_with(|c: char| c.is_ascii_alphabetic())).then_some(name)
 }
 
-/// What a function takes, while it is put together.
+/// Parameter list under construction.
 #[derive(Default)]
 struct Head {
     parameters: Vec<Parameter>,

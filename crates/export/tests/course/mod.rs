@@ -1,9 +1,9 @@
-//! What drives the crane in the tests.
+//! Inputs of the crane in the tests.
 
 use hydroboom_model::Input;
 
-/// Motor speed and valve of a motion out, a dwell with the valve shut, and back faster than the oil can follow: check valves, the
-/// holding valve and the cavities are passed at their kinks.
+/// Motor speed and valve of an extension, a dwell with the valve closed, and a retraction faster than the oil can
+/// follow. Check valves, the holding valve and the cavities pass their switching points.
 pub fn inputs(steps: usize) -> Vec<Input<f64>> {
     let of = |k: usize| {
         let t = k as f64 / steps as f64;

@@ -1,5 +1,5 @@
-//! Executes function blocks as the standard says: `iecst` reads them, this does what stands there. It knows nothing of how they
-//! were made. A unit is translated once, when it is read.
+//! Interpreter of function blocks after the standard, with `iecst` as the parser. It is independent of the code
+//! generator. A unit is translated once, when it is read.
 
 mod program;
 mod translation;
@@ -12,24 +12,24 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 thread_local! {
-    /// By what share functions are off, as those of another platform may be.
+    /// Relative error of functions, as on another platform.
     pub static LAST_DIGIT: Cell<f64> = const { Cell::new(0.0) };
 }
 
-/// A unit, translated. Names do not depend on case: they are kept in capitals.
+/// A translated unit. Names are case-insensitive and stored in capitals.
 #[derive(Debug, Default)]
 struct Unit {
     places: HashMap<String, Place>,
-    /// Where each variable is declared.
+    /// Section in which each variable is declared.
     sections: HashMap<String, VarBlockKind>,
-    /// The variable that a function returns.
+    /// The result variable of a function.
     returned: Option<String>,
     /// Instances of the functions that are called.
     functions: HashMap<String, usize>,
-    /// Places of the outputs that are numbers, in their order.
+    /// Locations of the numeric outputs, in their order.
     outputs: Vec<usize>,
     instructions: Vec<Instruction>,
-    /// Memory that an instance begins with.
+    /// Initial memory of an instance.
     initial: Memory,
 }
 
@@ -38,7 +38,7 @@ struct Unit {
 pub struct Library(HashMap<String, Rc<Unit>>);
 
 impl Library {
-    /// Reads units, in whatever order.
+    /// Reads units in any order.
     pub fn parse<'a>(texts: impl IntoIterator<Item = &'a str>) -> Self {
         let mut read = HashMap::new();
         for text in texts {
@@ -55,7 +55,7 @@ impl Library {
         library
     }
 
-    /// Translates a unit that was read, those within it first; a unit cannot hold itself.
+    /// Translates a unit after the units that it contains; a unit cannot contain itself.
     fn translate(&mut self, name: &str, read: &mut HashMap<String, Pou>) {
         let pou = read.remove(name).unwrap_or_else(|| panic!("no unit {name}"));
         let unit = Unit::translate(&pou, &mut |inner| {
@@ -67,7 +67,7 @@ impl Library {
         self.0.insert(name.to_string(), Rc::new(unit));
     }
 
-    /// An instance of a unit, those within it included; every variable begins as it is declared.
+    /// An instance of a unit with the instances inside it; every variable has its declared initial value.
     pub fn instance(&self, name: &str) -> Instance {
         let unit =
             self.0.get(&name.to_ascii_uppercase()).unwrap_or_else(|| panic!("no unit {name}"));
@@ -83,14 +83,14 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Reads a block that has no others in it.
+    /// Reads a block that contains no others.
     pub fn parse(text: &str) -> Self {
         let library = Library::parse([text]);
         let name = library.0.keys().next().cloned().unwrap_or_default();
         library.instance(&name)
     }
 
-    /// A variable.
+    /// Value of a variable.
     pub fn value(&self, name: &str) -> f64 {
         match self.unit.place(name) {
             Place::Number(k) => self.memory.numbers[*k],
@@ -98,7 +98,7 @@ impl Instance {
         }
     }
 
-    /// Changes a variable.
+    /// Sets a variable.
     pub fn set(&mut self, name: &str, value: f64) {
         match self.unit.place(name) {
             Place::Number(k) => self.memory.numbers[*k] = self.memory.held(value),
@@ -106,7 +106,7 @@ impl Instance {
         }
     }
 
-    /// Changes a condition.
+    /// Sets a condition.
     pub fn truth(&mut self, name: &str, value: bool) {
         match self.unit.place(name) {
             Place::Truth(k) => self.memory.truths[*k] = value,
@@ -114,7 +114,7 @@ impl Instance {
         }
     }
 
-    /// Changes a number of an array.
+    /// Sets an entry of an array.
     pub fn set_in_list(&mut self, name: &str, place: usize, value: f64) {
         match self.unit.place(name) {
             Place::List(list) => {
@@ -126,7 +126,7 @@ impl Instance {
         }
     }
 
-    /// A block within this one.
+    /// An inner block.
     pub fn inner(&mut self, name: &str) -> &mut Self {
         match self.unit.place(name) {
             Place::Block(k) => &mut self.memory.blocks[*k],
@@ -134,7 +134,7 @@ impl Instance {
         }
     }
 
-    /// All outputs that are numbers, in their order.
+    /// All numeric outputs, in their order.
     pub fn shown(&self) -> Vec<f64> {
         self.unit.outputs.iter().map(|k| self.memory.numbers[*k]).collect()
     }
@@ -144,7 +144,7 @@ impl Instance {
         self.call_with(inputs, &[]);
     }
 
-    /// Calls the block with some conditions; `bReset` and, where it has it, `bPrepare` are off otherwise.
+    /// Calls the block with some conditions; `bReset` and `bPrepare`, if it has that, are false otherwise.
     pub fn call_with(&mut self, inputs: &[(&str, f64)], conditions: &[(&str, bool)]) {
         for own in ["bReset", "bPrepare"] {
             if self.unit.has(own) {
@@ -160,7 +160,7 @@ impl Instance {
         self.run();
     }
 
-    /// A whole number.
+    /// Value of an integer.
     pub fn count(&self, name: &str) -> i64 {
         match self.unit.place(name) {
             Place::Integer(k) => self.memory.integers[*k],
@@ -168,17 +168,17 @@ impl Instance {
         }
     }
 
-    /// A condition.
+    /// Value of a condition.
     pub fn holds(&self, name: &str) -> bool {
         matches!(self.unit.place(name), Place::Truth(k) if self.memory.truths[*k])
     }
 
-    /// Every variable as it is declared.
+    /// Resets every variable to its declared initial value.
     fn begin(&mut self) {
         self.memory = self.unit.initial.clone();
     }
 
-    /// Runs the unit once with the inputs that it has.
+    /// Runs the unit once with its current inputs.
     pub fn run(&mut self) {
         run(&self.unit.instructions, &mut self.memory);
     }

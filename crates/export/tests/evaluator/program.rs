@@ -1,13 +1,13 @@
-//! Instructions of a unit, and the memory that they work on.
+//! Instructions of a unit, and its memory.
 
 use super::{Instance, LAST_DIGIT};
 use std::ops::Range;
 
-/// Type of numbers in here; how they are rounded, the memory says.
+/// Type of numbers within the interpreter; the memory determines their precision.
 pub const NUMBER: &str = "number";
 
-/// Variables of an instance, constants and intermediate results, by type; an array is a range of the numbers, or a list of its own
-/// where it is passed by reference.
+/// Variables of an instance, constants and intermediate results, by type. An array is a range of the numbers, or a
+/// list of its own if it is passed by reference.
 #[derive(Clone, Debug, Default)]
 pub struct Memory {
     pub numbers: Vec<f64>,
@@ -19,7 +19,7 @@ pub struct Memory {
     pub is_single: bool,
 }
 
-/// Where something is in the memory.
+/// Location in the memory.
 #[derive(Clone, Debug)]
 pub enum Place {
     Number(usize),
@@ -33,12 +33,12 @@ pub enum Place {
     /// A number of such an array, whose index is an integer of the memory.
     PassedEntry(usize, usize),
     Block(usize),
-    /// In the memory of a block within this one.
+    /// Location in the memory of an inner block.
     Inner(usize, Box<Place>),
 }
 
 impl Place {
-    /// Type of what is there.
+    /// Type of the value.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Number(_) | Self::Entry(..) | Self::PassedEntry(..) => NUMBER,
@@ -59,13 +59,14 @@ enum Value {
 }
 
 impl Memory {
-    /// A number as the memory can hold it. Rounding the exact double sum, product, quotient or root once more gives what single
-    /// precision gives: 53 bits are more than 2 x 24 + 2 (Figueroa, When is double rounding innocuous?).
+    /// Rounds a number to the memory's precision. Rounding the double result of a sum, product, quotient or root once
+    /// more gives the single-precision result: 53 bits are more than 2 x 24 + 2 (Figueroa, When is double rounding
+    /// innocuous?).
     pub fn held(&self, number: f64) -> f64 {
         if self.is_single { f64::from(number as f32) } else { number }
     }
 
-    /// Gives arrays to a block, or takes them back. One that is given twice is empty the second time.
+    /// Passes arrays to a block, or takes them back. An array that is passed twice is empty the second time.
     fn exchange(&mut self, block: usize, passed: &[[usize; 2]]) {
         for [own, inner] in passed {
             std::mem::swap(&mut self.lists[*own], &mut self.blocks[block].memory.lists[*inner]);
@@ -109,7 +110,7 @@ impl Memory {
     }
 }
 
-/// Computes a value from operands, given by their places.
+/// Computes a value from operands at given locations.
 #[derive(Debug)]
 pub enum Operation {
     Number(fn(f64, f64) -> f64, [usize; 2]),
@@ -125,12 +126,12 @@ pub enum Operation {
     /// A condition, the value where it is false, and the value where it is true.
     Select(usize, [usize; 2]),
     ToNumber(usize),
-    /// Halves go to the even number.
+    /// Halves are rounded to the even number.
     ToInteger(usize),
 }
 
 impl Operation {
-    /// Type of its result.
+    /// Type of the result.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Number(..) | Self::Rounded(..) | Self::Limit(_) => NUMBER,
@@ -140,7 +141,7 @@ impl Operation {
         }
     }
 
-    /// Puts its result at a place.
+    /// Executes the operation and stores its result.
     fn run(&self, to: usize, memory: &mut Memory) {
         let Memory { numbers, integers, truths, .. } = memory;
         let number = match self {
@@ -166,16 +167,16 @@ impl Operation {
 
 #[derive(Debug)]
 pub enum Instruction {
-    /// Where an operation's result is put; the place is of the result's type.
+    /// Location of the result, of the result's type, and the operation.
     Result(usize, Operation),
-    /// To a place, from another of the same type.
+    /// Destination, and source of the same type.
     Copy(Place, Place),
     If(usize, Vec<Instruction>),
-    /// The variable that counts, its first value and its last.
+    /// Loop variable, its first and last value, and the body.
     For(usize, [usize; 2], Vec<Instruction>),
-    /// A block within this one, with the inputs that it has, and with arrays by reference: the own one, and the block's.
+    /// Call of an inner block, with its arrays by reference: index in the caller and in the block.
     Call(usize, Vec<[usize; 2]>),
-    /// A function begins with its variables as they are declared.
+    /// Resets the variables of a function to their declared values.
     Begin(usize),
 }
 

@@ -1,5 +1,5 @@
-//! Translates what the parser has read to instructions: names become places in the memory, and types are checked. What is not
-//! declared, not known or of another type is refused with its name.
+//! Translation of parsed units to instructions: names become memory locations, and types are checked. Undeclared or
+//! unknown names and wrong types are refused with the name.
 
 use super::program::Place::{self, Integer, Number, Truth};
 use super::program::{Instruction, NUMBER, Operation, run};
@@ -10,7 +10,7 @@ use iecst::{
     VarBlockKind, VarDecl,
 };
 
-/// Makes an instance of another unit, if there is one of that name.
+/// Creates an instance of another unit, if there is one of that name.
 type Instances<'a> = &'a mut dyn FnMut(&str) -> Option<Instance>;
 
 impl Unit {
@@ -55,7 +55,7 @@ impl Unit {
         unit
     }
 
-    /// The place of a new variable; sets its initial value.
+    /// Location of a new variable; sets its initial value.
     fn declare(
         &mut self,
         block: VarBlockKind,
@@ -107,7 +107,7 @@ impl Unit {
         }
     }
 
-    /// A new place, if the type is an elementary one.
+    /// A new location, if the type is elementary.
     fn allocate(&mut self, kind: &str) -> Option<Place> {
         Some(match kind {
             kind if kind == NUMBER || kind == self.number() => {
@@ -119,12 +119,12 @@ impl Unit {
         })
     }
 
-    /// The standard's name of the type of the unit's numbers.
+    /// Type of the unit's numbers in the standard.
     fn number(&self) -> &'static str {
         if self.initial.is_single { "REAL" } else { "LREAL" }
     }
 
-    /// Executes the instructions so far on the initial memory: those of an initial value or of an array's limits.
+    /// Executes the instructions so far on the initial memory: initial values and array limits.
     fn initialise(&mut self) {
         run(&std::mem::take(&mut self.instructions), &mut self.initial);
     }
@@ -139,7 +139,7 @@ impl Unit {
         place.unwrap_or_else(|| panic!("{name} is not declared"))
     }
 
-    /// A variable of a block within.
+    /// A variable of an inner block.
     fn inner(&self, name: &str, variable: &str) -> Place {
         self.within(self.block(name), variable)
     }
@@ -148,7 +148,7 @@ impl Unit {
         Place::Inner(block, Box::new(self.initial.blocks[block].unit.place(variable).clone()))
     }
 
-    /// What is assigned in a call, after which the instruction to call follows.
+    /// The assignments of a call; returns the call instruction.
     fn given(&mut self, name: &str, block: usize, given: &[(&String, &Expr)]) -> Instruction {
         let mut passed = Vec::new();
         let mut inputs = Vec::new();
@@ -167,7 +167,7 @@ impl Unit {
         let is_passed = |kind: &&VarBlockKind| **kind == VarBlockKind::VarInOut;
         let references = of_unit.sections.values().filter(is_passed).count();
         assert_eq!(passed.len(), references, "{name}: each VAR_IN_OUT is given in a call");
-        // all are evaluated before the first is assigned
+        // all values are evaluated before the first assignment
         for (input, value) in inputs {
             self.copy(input, self.within(block, input), value);
         }
@@ -191,7 +191,7 @@ impl Unit {
         }
     }
 
-    /// An entry of an array; one whose index is a literal is a number like any other.
+    /// An entry of an array; with a literal index it is an ordinary number.
     fn entry(&mut self, array: &Expr, indices: &[Expr]) -> Place {
         let (ExprKind::Ident(name), [index]) = (&array.kind, indices) else {
             panic!("{array:?}, {indices:?}")
@@ -216,13 +216,13 @@ impl Unit {
         }
     }
 
-    /// Assigns a value to a variable, which has to be of the same type.
+    /// Assigns a value to a variable, which must have the same type.
     fn copy(&mut self, name: &str, to: Place, from: Place) {
         assert_eq!(to.kind(), from.kind(), "types of {name} and of its value");
         self.instructions.push(Instruction::Copy(to, from));
     }
 
-    /// Instructions of a list of statements, apart from those so far.
+    /// Instructions of a list of statements, without those before.
     fn body(&mut self, statements: &[Stmt]) -> Vec<Instruction> {
         let before = std::mem::take(&mut self.instructions);
         statements.iter().for_each(|s| self.statement(s));
@@ -268,7 +268,7 @@ impl Unit {
         }
     }
 
-    /// Place of a whole number.
+    /// Location of an integer.
     fn index(&mut self, e: &Expr) -> usize {
         match self.expression(e) {
             Integer(k) => k,
@@ -276,7 +276,7 @@ impl Unit {
         }
     }
 
-    /// Adds the instructions of an expression; returns the place of its value.
+    /// Adds the instructions of an expression; returns the location of its value.
     fn expression(&mut self, e: &Expr) -> Place {
         let place = match &e.kind {
             ExprKind::RealLiteral(v) => {
@@ -331,7 +331,7 @@ impl Unit {
         }
     }
 
-    /// Calls a function that was read; returns the place of its result.
+    /// Calls a function; returns the location of its result.
     fn called(&mut self, name: &str, args: &[FunctionArg]) -> Place {
         let block = self.functions[name];
         let given = args.iter().map(|a| match (&a.name, &a.value) {
@@ -350,7 +350,7 @@ impl Unit {
         self.within(block, &returned)
     }
 
-    /// Adds an operation; returns the place of its result.
+    /// Adds an operation; returns the location of its result.
     fn result(&mut self, operation: Operation) -> Place {
         let place = self.allocate(operation.kind()).unwrap();
         let (Number(to) | Integer(to) | Truth(to)) = place else { panic!("{place:?}") };
@@ -359,7 +359,7 @@ impl Unit {
     }
 }
 
-/// Whether a unit's numbers are in single precision; no unit has both.
+/// Whether a unit's numbers are in single precision; mixed precision is refused.
 fn is_single(pou: &Pou) -> bool {
     let kinds =
         pou.var_blocks.iter().flat_map(|block| &block.vars).map(|v| match &v.var_type.kind {
@@ -416,7 +416,7 @@ fn function(name: &str, number: &str, arguments: &[Place]) -> Operation {
     }
 }
 
-/// Adds a value; returns its place.
+/// Adds a value; returns its index.
 fn push<T>(values: &mut Vec<T>, value: T) -> usize {
     values.push(value);
     values.len() - 1

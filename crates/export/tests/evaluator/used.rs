@@ -1,19 +1,19 @@
-//! What statements use of other units and give to them, which is to be known before they are translated.
+//! Units and variables that statements use, which must be known before translation.
 
 use iecst::{Expr, ExprKind, Stmt, StmtKind};
 use std::collections::HashSet;
 
-/// What statements use of other units, in capitals.
+/// Units and variables that statements use, in capitals.
 #[derive(Default)]
 pub struct Used {
-    /// Variables that are passed as they are to a function block.
+    /// Variables passed by reference to a function block.
     pub arguments: HashSet<String>,
     /// Functions.
     pub functions: HashSet<String>,
 }
 
 impl Used {
-    /// Adds what statements use.
+    /// Adds the uses of some statements.
     pub fn by(&mut self, statements: &[Stmt]) {
         for statement in statements {
             match &statement.kind {

@@ -1,4 +1,4 @@
-//! Framed controllers as a PLC runs them: Structured Text, evaluated, on the virtual crane.
+//! Framed controllers as on a PLC: interpreted Structured Text on the virtual crane.
 
 use super::evaluator::{Instance, Library};
 use hydroboom_control::supervision::frame::{FrameInput, FrameOutput};
@@ -8,7 +8,7 @@ use hydroboom_export::closed_loop::{
 };
 use hydroboom_export::structured_text::{Kind, Unit, units};
 
-/// A framed controller as a PLC runs it.
+/// A framed controller in Structured Text.
 struct OnPlc {
     block: Instance,
     /// Calls in a control period.
@@ -60,8 +60,8 @@ impl Target for OnPlc {
     }
 }
 
-/// The benchmark's block engaged, held by the controller for a second, and shown a bad input of each kind, of every so many
-/// inputs from the piston position on; the block that simulates engaged and held.
+/// Trials of the benchmark's block: engaged, held for a second, with an error of each kind in each of the first
+/// `inputs` inputs from the piston position on. The block with simulation is engaged and held.
 pub fn rows(model: &Description, machine: &Description, inputs: usize) -> Vec<Row> {
     let all = cases(model);
     let plain = all.iter().find(|c| c.moves && c.disturbed.is_none() && c.gain.is_none()).unwrap();

@@ -1,4 +1,4 @@
-//! What the scheduled LQR was given and answered in Rust on the virtual crane, and what the exported controllers answer to it.
+//! Recordings of the scheduled LQR in Rust on the virtual crane, and replays by the exported controllers.
 
 use super::evaluator::{Instance, Library};
 use hydroboom_control::estimation::retained_parameters::RetainedParameters;
@@ -24,12 +24,12 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// The crane that controllers are exported for, and the virtual crane that they steer.
+/// The crane for which controllers are exported, and the virtual crane that they control.
 pub fn cranes() -> (Description, Description) {
     (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap())
 }
 
-/// Everything that a controller remembers, in the order of the block.
+/// All states of a controller, in the order of the block.
 fn remembered(state: &FramedScheduledLqrState<f64>) -> Vec<f64> {
     let frame = &state.frame;
     let mut all = frame.memory.to_array().to_vec();
@@ -43,7 +43,7 @@ fn remembered(state: &FramedScheduledLqrState<f64>) -> Vec<f64> {
     all
 }
 
-/// Everything that it is given, in the order of the block.
+/// All inputs, in the order of the block.
 fn given(input: &FramedScheduledLqrInput<f64>) -> Vec<f64> {
     let mut all = input.frame.to_array().to_vec();
     all.extend(input.request.to_array());
@@ -55,7 +55,7 @@ fn given(input: &FramedScheduledLqrInput<f64>) -> Vec<f64> {
     all
 }
 
-/// Everything that it shows.
+/// All outputs.
 fn shown(output: &FramedScheduledLqrOutput<f64>) -> Vec<f64> {
     let mut all = output.frame.to_array().to_vec();
     all.extend(output.estimator.to_array());
@@ -63,7 +63,7 @@ fn shown(output: &FramedScheduledLqrOutput<f64>) -> Vec<f64> {
     all
 }
 
-/// From when on it is recorded.
+/// Beginning of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum From {
     /// The first period.
@@ -80,20 +80,20 @@ pub fn nothing(_: usize) -> (EstimatorRequest<f64>, RetainedParameters<f64>) {
     (EstimatorRequest::default(), RetainedParameters::default())
 }
 
-/// What was recorded.
+/// A recording.
 #[derive(Default)]
 pub struct Recording {
     /// State before the first period.
     pub begin: Vec<f64>,
-    /// What is given in each.
+    /// Inputs of each period.
     pub given: Vec<Vec<f64>>,
-    /// What is shown in each, and remembered after it.
+    /// Outputs of each period, and states after it.
     pub wanted: Vec<Vec<f64>>,
     /// Position of the piston and of the reference in each \[m\].
     pub stroke: Vec<[f64; 2]>,
 }
 
-/// A controller that is recorded.
+/// A controller under recording.
 struct Recorded {
     inner: RustScheduledLqr,
     recording: Recording,
@@ -139,14 +139,14 @@ impl Target for Recorded {
     }
 }
 
-/// A course from end to end of what is tried, undisturbed, after a second of rest.
+/// An undisturbed course over the whole range of the trials, after a second at standstill.
 pub fn plain(model: &Description) -> Case {
     let all = cases(model);
     let is_plain = |c: &&Case| c.moves && c.disturbed.is_none() && c.gain.is_none();
     Case { rest: 1.0, ..all.iter().find(is_plain).unwrap().clone() }
 }
 
-/// A recording of so many periods at most, with a preview of this length.
+/// A recording of at most `length` periods, with a preview of the given length.
 pub fn recorded(
     case: &Case,
     length: usize,
@@ -160,19 +160,19 @@ pub fn recorded(
     (target.recording, outcome)
 }
 
-/// Names of what is shown and remembered.
+/// Names of the outputs and states.
 pub fn names() -> Vec<String> {
     let block = scheduled_lqr_controller(&cranes().0).unwrap();
     let outputs = block.outputs.iter().map(|v| v.name.clone());
     outputs.chain(block.states.iter().map(|(v, _)| v.name.clone())).collect()
 }
 
-/// How many numbers are shown.
+/// Number of outputs.
 pub fn shown_count() -> usize {
     scheduled_lqr_controller(&cranes().0).unwrap().outputs.len()
 }
 
-/// Reads the state to begin with, then what is given in each period, and writes what is shown and remembered.
+/// Reads the initial state, then the inputs of each period, and writes outputs and states.
 const MAIN: &str = r#"
 #include "controller.h"
 #include <stdio.h>
@@ -247,7 +247,7 @@ fn rows_of(bytes: &[u8], width: usize) -> Vec<Vec<f64>> {
     numbers.chunks_exact(width).map(<[f64]>::to_vec).collect()
 }
 
-/// What a program answers to a recording, a row for each period: what is shown, and what is remembered.
+/// Results of a program for a recording: a row for each period with outputs and states.
 pub fn in_c(program: &Path, recording: &Recording) -> Vec<Vec<f64>> {
     let mut child =
         Command::new(program).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
@@ -262,7 +262,7 @@ pub fn in_c(program: &Path, recording: &Recording) -> Vec<Vec<f64>> {
     rows
 }
 
-/// Name of a variable, and its place where it is an entry of an array.
+/// Name of a variable, and its index if it is an entry of an array.
 fn split(name: &str) -> (&str, Option<usize>) {
     match name.strip_suffix(']').and_then(|name| name.split_once('[')) {
         Some((array, place)) => (array, place.parse().ok()),
@@ -270,19 +270,19 @@ fn split(name: &str) -> (&str, Option<usize>) {
     }
 }
 
-/// The function block, evaluated.
+/// The interpreted function block.
 pub struct OnPlc {
     block: Instance,
-    /// What it was printed from.
+    /// The block from which it was generated.
     made: Block,
-    /// What it is given beside the frame's input, and the control periods \[s, 1\] that it looks ahead, in a closed loop.
+    /// Inputs besides the frame's, and the preview as period \[s\] and length, in closed loop.
     input: FramedScheduledLqrInput<f64>,
     period: f64,
     length: usize,
 }
 
 impl OnPlc {
-    /// With numbers of `LREAL` or `REAL`, before its first call, with a preview of so many control periods in a closed loop.
+    /// The block in `LREAL` or `REAL` before its first call, with a preview of `length` control periods in closed loop.
     pub fn new(precision: Precision, length: usize) -> Self {
         let (model, _) = cranes();
         let made = scheduled_lqr_controller(&model).unwrap();
@@ -297,9 +297,9 @@ impl OnPlc {
         Self { block, made, input, period: model.numbers.control_period, length }
     }
 
-    /// Gives it a memory.
+    /// Sets all states.
     fn remember(&mut self, memory: &[f64]) {
-        // the first call begins at the start values: it is made before the memory is given
+        // the first call resets the states, so it is made before they are set
         self.block.call_with(&[], &[("bReset", true)]);
         for ((v, _), value) in self.made.states.iter().zip(memory) {
             let (name, place) = split(&v.name);
@@ -312,12 +312,12 @@ impl OnPlc {
         }
     }
 
-    /// The payload that it estimates and its standard deviation \[kg\].
+    /// The estimated payload and its standard deviation \[kg\].
     pub fn payload(&self) -> [f64; 2] {
         ["payload", "payload_deviation"].map(|name| self.block.value(&edge_name(name)))
     }
 
-    /// Calls it with everything that it is given; returns everything that it shows.
+    /// Calls the block with all inputs; returns all outputs.
     fn call(&mut self, given: &[f64]) -> Vec<f64> {
         let Self { block, made, .. } = self;
         let is_switch = |unit: &str| unit == "0/1";
@@ -358,14 +358,14 @@ impl Target for OnPlc {
     }
 }
 
-/// What Structured Text, evaluated, shows in each period of a recording, which begins at power-up or anywhere.
+/// Outputs of the interpreted Structured Text in each period of a recording, which may begin at any state.
 pub fn in_structured_text(precision: Precision, recording: &Recording) -> Vec<Vec<f64>> {
     let mut block = OnPlc::new(precision, 0);
     block.remember(&recording.begin);
     recording.given.iter().map(|given| block.call(given)).collect()
 }
 
-/// What the FMU, made in a folder, shows in each period of a recording from power-up on, driven by FMPy.
+/// Outputs of the FMU in each period of a recording from power-up on, run by FMPy in a folder.
 pub fn in_fmu(
     python: &str,
     version: Version,
@@ -388,18 +388,18 @@ pub fn in_fmu(
     rows_of(&std::fs::read(&found).unwrap(), block.outputs.len())
 }
 
-/// For each signal that is shown its largest difference over all periods, as a share of its largest size.
+/// Largest difference of each output over all periods, relative to its largest value.
 pub fn shares_off(found: &[Vec<f64>], recording: &Recording) -> Vec<(String, f64)> {
     assert_eq!(found.len(), recording.wanted.len());
     let of = |k: usize| {
         let size = recording.wanted.iter().map(|row| row[k].abs()).fold(0.0, f64::max);
         let off = found.iter().zip(&recording.wanted).map(|(found, wanted)| {
-            // what is not finite is the same where it is so in both
+            // two values that are both not finite count as equal
             if found[k].is_nan() && wanted[k].is_nan() {
                 return 0.0;
             }
             let off = (found[k] - wanted[k]).abs();
-            // what is no number differs by everything
+            // a single NaN counts as the largest difference
             if off.is_nan() { f64::INFINITY } else { off }
         });
         let off = off.fold(0.0, f64::max);
