@@ -1,4 +1,4 @@
-//! From a description to the model, the controller and the motion.
+//! Construction of model, controller and motion from a description.
 
 use crate::Description;
 use crate::schema::{
@@ -22,25 +22,25 @@ use hydroboom_model::{
 };
 use thiserror::Error;
 
-/// Why a description gives no model.
+/// Reason why no model can be built from a description.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum BuildError {
-    /// The boom's type has no room for that many segments.
+    /// The boom's type has no room for this number of segments.
     #[error(transparent)]
     Layout(#[from] LayoutError),
-    /// The crane has another circuit than what was asked for needs.
+    /// The crane has another kind of circuit than required.
     #[error(
         "this needs a crane with a {needed} circuit, and its circuit.type is {found}",
         needed = needed.name(),
         found = found.name()
     )]
     Circuit {
-        /// Needed.
+        /// Required kind.
         needed: CircuitChoice,
-        /// Of the crane.
+        /// Kind of the crane.
         found: CircuitChoice,
     },
-    /// There is no state to start from.
+    /// There is no equilibrium to start from.
     #[error(transparent)]
     Equilibrium(#[from] EquilibriumError),
 }
@@ -50,14 +50,14 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// [`BuildError`] when the boom has more segments than `N`, or, for the exact types of up to
-    /// three, another number; or when the circuit is not self-contained.
+    /// [`BuildError`] if the boom has more segments than `N` (for the exact types of up to three: not exactly `N`),
+    /// or if the circuit is not self-contained.
     pub fn crane<const N: usize>(&self) -> Result<Crane<f64, N>, BuildError> {
         self.crane_over(&self.numbers)
     }
 
-    /// The same model over other numbers: with slopes along some keys, say. What there is of it (how many
-    /// segments, which friction law, whether its base gives way) follows the description.
+    /// The model with other numbers of type `T`, for example dual numbers for derivatives by some keys. Its structure
+    /// (number of segments, friction law, elastic base) follows the description.
     ///
     /// # Errors
     ///
@@ -117,7 +117,7 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// As [`crane`](Self::crane), when the circuit is not valve-controlled.
+    /// As [`crane`](Self::crane), and if the circuit is not valve-controlled.
     pub fn valve_crane_over<T: Real, const N: usize>(
         &self,
         n: &Numbers<T>,
@@ -151,7 +151,7 @@ impl Description {
         Ok(self.around(circuit, n)?)
     }
 
-    /// Refuses another circuit than the one needed.
+    /// Checks the kind of circuit.
     fn need(&self, needed: CircuitChoice) -> Result<(), BuildError> {
         match self.choices.circuit {
             found if found != needed => Err(BuildError::Circuit { needed, found }),
@@ -159,7 +159,7 @@ impl Description {
         }
     }
 
-    /// Cylinder, friction and boom around a circuit.
+    /// Adds cylinder, friction and boom to a circuit.
     fn around<T: Real, const N: usize, C>(
         &self,
         circuit: C,
@@ -244,7 +244,7 @@ impl Description {
         })
     }
 
-    /// The same crane in so many equal segments, on a rigid base.
+    /// The same crane with `segments` equal segments on a rigid base.
     pub fn divided(&self, segments: usize) -> Self {
         let mut divided = self.clone();
         divided.segment_shares = vec![1.0; segments];
@@ -252,7 +252,7 @@ impl Description {
         divided
     }
 
-    /// Angles the model needs: one for each segment and one for an elastic base frame.
+    /// Number of generalised coordinates (angles): one for each segment, and one for an elastic base frame.
     pub fn coordinates(&self) -> usize {
         self.segment_shares.len() + usize::from(self.numbers.base_stiffness > 0.0)
     }
@@ -268,12 +268,12 @@ impl Description {
         )
     }
 
-    /// A start at the given piston position \[m\], pump sides pre-loaded as described.
+    /// Initial conditions at a piston position \[m\], with the pump sides preloaded as described.
     pub fn start(&self, stroke: f64) -> Start {
         self.start_over(&self.numbers, stroke)
     }
 
-    /// The same over other numbers, as [`crane_over`](Self::crane_over).
+    /// Initial conditions with other numbers, as in [`crane_over`](Self::crane_over).
     pub fn start_over<T: Real>(&self, n: &Numbers<T>, stroke: T) -> Start<T> {
         Start {
             stroke,
@@ -284,7 +284,7 @@ impl Description {
         }
     }
 
-    /// A start of a valve-controlled crane at the given piston position \[m\], the rod side at the tank's pressure.
+    /// Initial conditions of a valve-controlled crane at a piston position \[m\], with the rod side at tank pressure.
     pub fn valve_start_over<T: Real>(&self, n: &Numbers<T>, stroke: T) -> ValveStart<T> {
         ValveStart { stroke, pressure_a: None, pressure_b: n.tank_pressure }
     }
@@ -294,7 +294,7 @@ impl Description {
         self.benchmark_over(&self.numbers)
     }
 
-    /// The same over other numbers.
+    /// The benchmark controller with other numbers.
     pub fn benchmark_over<T: Real>(&self, n: &Numbers<T>) -> Benchmark<T> {
         let piston_area = T::lit(std::f64::consts::FRAC_PI_4) * n.piston.square();
         Benchmark {
@@ -309,28 +309,28 @@ impl Description {
         }
     }
 
-    /// The cylinder, as the model has it.
+    /// Cylinder of the model.
     pub fn cylinder(&self) -> Cylinder<f64> {
         cylinder(&self.numbers)
     }
 
-    /// The friction law, as the model has it.
+    /// Friction law of the model.
     pub fn friction_law(&self) -> Friction<f64> {
         self.friction(&self.numbers)
     }
 
-    /// The oil, as the model has it, without dissolved air.
+    /// Oil of the model, without dissolved air.
     pub fn oil(&self) -> Oil<f64> {
         oil(&self.numbers)
     }
 
-    /// Velocity \[m/s\] of the piston at the motor's largest speed, without leakage.
+    /// Piston velocity \[m/s\] at the motor's largest speed, without leakage.
     pub fn fastest_piston(&self) -> f64 {
         let n = &self.numbers;
         n.motor_speed * n.displacement / self.cylinder().piston_area
     }
 
-    /// The motion of the tests at a speed \[m/s\].
+    /// Reference motion of the tests at a speed \[m/s\].
     pub fn motion(&self, speed: f64) -> OutAndBack<f64> {
         let n = &self.numbers;
         OutAndBack {
@@ -362,7 +362,7 @@ fn oil<T: Real>(n: &Numbers<T>) -> Oil<T> {
     }
 }
 
-/// All links there can be; the first one turns freely.
+/// All possible links; the first one has a free pivot.
 fn links<T: Real>(n: &Numbers<T>) -> [Link<T>; 3] {
     let zero = T::zero();
     [

@@ -1,4 +1,4 @@
-//! Machines that cannot exist, and those that probably should not.
+//! Checks for impossible and for implausible machines.
 
 use crate::Description;
 use crate::schema::{CircuitChoice, FrictionChoice, KEYS, ReliefChoice, StructureChoice};
@@ -6,11 +6,11 @@ use hydroboom_math::Dual;
 use hydroboom_model::EquilibriumError;
 use hydroboom_model::hydraulics::{FrictionLaw, Stribeck};
 
-/// Determinant of a matrix of correlations below which rounding to the digits of a crane file does not explain that it is negative.
+/// Largest magnitude of a negative determinant of a correlation matrix that rounding to a crane file's digits explains.
 const ROUNDED: f64 = 1e-3;
 
 impl Description {
-    /// What makes the machine impossible, if anything: a key involved, what is wrong, what to do.
+    /// The first condition that makes the machine impossible, if any: a key involved, the reason, and the remedy.
     pub(crate) fn impossible(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         let mm = 1e3;
@@ -79,7 +79,7 @@ impl Description {
         wrong.or_else(|| self.unbalanced())
     }
 
-    /// Limits of estimator and law that contradict each other.
+    /// Checks the order of limits of estimator and control law.
     fn contradicting_limits(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         let pairs = [
@@ -98,7 +98,7 @@ impl Description {
             let index = KEYS.iter().position(|key| key.path() == path)?;
             Some((KEYS[index].to_unit(numbers[index]), KEYS[index].unit))
         };
-        // free of rounding noise of units
+        // removes the rounding noise of unit conversion
         let shown = |value: f64| (value * 1e6).round() / 1e6;
         pairs.into_iter().find_map(|(low, high)| {
             let ((less, unit), (more, _)) = (value(low)?, value(high)?);
@@ -116,7 +116,7 @@ impl Description {
         })
     }
 
-    /// Correlations of three numbers that no covariance has: their matrix has a negative determinant.
+    /// Checks that the matrix of three correlations is positive semidefinite: its determinant must not be negative.
     fn impossible_correlations(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         let [a, b, c] = [n.tip_bending_base, n.tip_bending_offset, n.tip_base_offset];
@@ -132,7 +132,7 @@ impl Description {
         })
     }
 
-    /// The same of a valve-controlled circuit.
+    /// Checks of a valve-controlled circuit.
     fn impossible_valve(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         (n.spool_neutral == n.spool_full).then(|| {
@@ -146,7 +146,7 @@ impl Description {
         })
     }
 
-    /// The same of a self-contained circuit, and of what the published tests do with it.
+    /// Checks of a self-contained circuit, and of the conditions of the published tests.
     fn impossible_self_contained(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         let mm = 1e3;
@@ -218,7 +218,7 @@ impl Description {
         None
     }
 
-    /// Whether the load can be held over the whole stroke.
+    /// Checks that the load can be held over the whole stroke.
     fn unbalanced(&self) -> Option<(&'static str, String, String)> {
         let n = &self.numbers;
         let rigid = self.with_rigid_boom();
@@ -233,7 +233,7 @@ impl Description {
         })
     }
 
-    /// The crane with as few joints as statics need, which is quick; links are few.
+    /// The crane with a rigid boom, which suffices for statics and is fast to solve; links stay.
     fn with_rigid_boom(&self) -> Self {
         match self.choices.structure {
             StructureChoice::Beam => self.divided(1),
@@ -241,8 +241,8 @@ impl Description {
         }
     }
 
-    /// Largest piston-side pressure \[Pa\] that holds the load, over the stroke; none where nothing does,
-    /// or the circuit is not self-contained.
+    /// Largest piston-side pressure \[Pa\] in equilibrium over the stroke; `None` if no pressure holds the load, or
+    /// the circuit is not self-contained.
     pub(crate) fn holding_pressure(&self) -> Option<f64> {
         let rigid = self.with_rigid_boom();
         match rigid.segment_shares.len() {
@@ -259,7 +259,7 @@ impl Description {
         pressures.max_by(f64::total_cmp)
     }
 
-    /// Why there is no state of rest at a stroke \[m\], if there is none.
+    /// The reason why there is no equilibrium at a stroke \[m\], if there is none.
     fn rest_error(&self, stroke: f64) -> Option<EquilibriumError> {
         match self.segment_shares.len() {
             1 => self.rest_error_of::<1>(stroke),
@@ -281,7 +281,7 @@ impl Description {
         }
     }
 
-    /// What is possible but looks wrong.
+    /// Implausible values and combinations, as sentences for the user.
     pub fn warnings(&self) -> Vec<String> {
         let n = &self.numbers;
         let mut warnings = self.impossible_ranges();

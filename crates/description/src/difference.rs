@@ -1,11 +1,11 @@
-//! What differs between two descriptions.
+//! Differences between two descriptions.
 
 use crate::Description;
 use crate::equipment_defaults::is_equipment;
 use crate::parse::SEGMENT_LENGTHS;
 use crate::schema::KEYS;
 
-/// Sections that are no part of a machine: its controllers, its supervision, its tests.
+/// Sections that do not describe the machine: controllers, supervision, tests.
 const AROUND: [&str; 9] = [
     "controller",
     "benchmark_design",
@@ -18,37 +18,37 @@ const AROUND: [&str; 9] = [
     "supervision",
 ];
 
-/// Whether keys of a section are of the machine itself: not of what is around it, and not of its equipment.
+/// Whether a section describes the machine itself, not its controllers, tests or equipment.
 pub fn is_of_machine(section: &str) -> bool {
     !AROUND.contains(&section) && !is_equipment(section)
 }
 
-/// One key with two values.
+/// A key with its values in two descriptions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     /// `section.key`.
     pub key: String,
-    /// Its value here.
+    /// Value in the first description.
     pub here: String,
-    /// Its value there.
+    /// Value in the second description.
     pub there: String,
     /// Unit of both; empty for choices.
     pub unit: &'static str,
 }
 
 impl Difference {
-    /// Whether it is of the equipment between a controller and the crane: drive, switching valve,
-    /// sensors, fieldbus, the virtual crane's time step and seed.
+    /// Whether the key describes the equipment between controller and crane: drive, switching valve, sensors,
+    /// fieldbus, the virtual crane's time step and seed.
     pub fn is_of_equipment(&self) -> bool {
         self.key.split_once('.').is_some_and(|(section, _)| is_equipment(section))
     }
 
-    /// Whether it is of the machine itself: not of what is around it, and not of its equipment.
+    /// Whether the key describes the machine itself, not its controllers, tests or equipment.
     pub fn is_of_machine(&self) -> bool {
         is_of_machine(self.key.split_once('.').map_or("", |(section, _)| section))
     }
 
-    /// How much it matters, larger for more: as [`by_weight`] says, then by size.
+    /// Rank for [`by_weight`], larger first: class of the key, then relative difference.
     fn weight(&self) -> (u8, f64) {
         let Some(key) = KEYS.iter().find(|key| key.path() == self.key) else {
             return (3, 0.0);
@@ -65,16 +65,16 @@ impl Difference {
         }
     }
 
-    /// The override that makes this key here what it is there.
+    /// The override that gives this key its value of the second description.
     pub fn assignment(&self) -> String {
         format!("{}={}", self.key, self.there)
     }
 }
 
-/// The differences in the order in which they matter.
+/// Sorts differences by importance.
 ///
-/// Choices and the boom's division come first, then numbers of the machine by their relative difference,
-/// then effects that one of both leaves out, at last what is no part of the machine.
+/// Choices and the boom's segmentation come first, then numbers of the machine by their relative difference, then
+/// effects that one of both leaves out, and last keys that do not describe the machine.
 pub fn by_weight(mut differences: Vec<Difference>) -> Vec<Difference> {
     differences.sort_by(|a, b| {
         let ((a, a_size), (b, b_size)) = (a.weight(), b.weight());
@@ -84,7 +84,7 @@ pub fn by_weight(mut differences: Vec<Difference>) -> Vec<Difference> {
 }
 
 impl Description {
-    /// Every key whose value differs in `other`, names left out.
+    /// Every key whose value differs in `other`, without names.
     pub fn differences(&self, other: &Self) -> Vec<Difference> {
         let text = |description: &Self| {
             let shares: Vec<String> =

@@ -1,4 +1,4 @@
-//! A description in one short text: whether two are of the same machine.
+//! Digest of a description, for comparing machines.
 
 use crate::Description;
 use crate::schema::{Choices, KEYS};
@@ -8,9 +8,9 @@ use std::fmt::Write;
 impl Description {
     /// SHA-256 of all numbers, choices and segment shares, as 64 hexadecimal digits.
     ///
-    /// Names, comments, sources, ranges and the order of the file do not count; nor do keys and choices
-    /// at the value that they have where a file leaves them out, so that a program that knows more keys
-    /// gives an old file its old digest. Numbers count to their last bit, shares to 12 digits.
+    /// Names, comments, sources, ranges and the order of the file have no effect. Keys and choices at their default
+    /// have none either, so that the digest of a file stays the same when later versions add keys. Numbers count to
+    /// their last bit, shares to 12 digits.
     pub fn digest(&self) -> String {
         let numbers = self.numbers.to_array();
         let mut lines: Vec<String> = self
@@ -19,7 +19,7 @@ impl Description {
                 let key = &KEYS[*index];
                 key.absent.map(|value| key.to_si(value)) != Some(numbers[*index])
             })
-            // adding zero takes the sign off a negative zero
+            // adding zero turns -0 into 0
             .map(|index| {
                 format!("{}={:016x}", KEYS[index].path(), (numbers[index] + 0.0).to_bits())
             })
@@ -37,7 +37,7 @@ impl Description {
         lines.extend(self.segment_shares.iter().map(|share| format!("{:.12e}", share / whole)));
         let mut text = String::new();
         for byte in Sha256::digest(lines.join("\n").as_bytes()) {
-            // writing to a text cannot fail
+            // writing to a String cannot fail
             let _ = write!(text, "{byte:02x}");
         }
         text

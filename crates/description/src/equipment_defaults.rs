@@ -1,4 +1,4 @@
-//! Typical equipment between a controller and a machine: drive, switching valve, sensors, fieldbus.
+//! Typical equipment between controller and machine: drive, switching valve, sensors, fieldbus.
 
 use crate::schema::{KEYS, Key};
 use crate::{Description, Origin, spread};
@@ -6,15 +6,15 @@ use std::f64::consts::TAU;
 
 /// Sections of the equipment.
 const SECTIONS: [&str; 5] = ["drive", "switching_valve", "sensors", "fieldbus", "virtual"];
-/// Provenance of what was filled in.
+/// Provenance of a typical value.
 const TYPICAL: &str = "typical";
 
-/// How a typical value is found, in the key's unit.
+/// Rule for a typical value, in the key's unit.
 #[derive(Clone, Copy, Debug)]
 enum Value {
-    /// The same for every crane.
+    /// Independent of the crane.
     Same(f64),
-    /// By the crane.
+    /// Computed from the crane.
     Of(fn(&Description) -> f64),
 }
 
@@ -33,7 +33,7 @@ const fn of(path: &'static str, value: fn(&Description) -> f64, source: &'static
     Typical { path, value: Value::Of(value), source }
 }
 
-/// Typical values, those of `cranes/uia-virtual.toml` where the crane does not decide (a test).
+/// Typical values; those independent of the crane are those of `cranes/uia-virtual.toml` (tested).
 const TYPICAL_VALUES: [Typical; 17] = [
     same("drive.bandwidth_hz", 97.725, "8 to 120, a servo drive; calibrated to the paper's crane"),
     same("drive.damping_ratio", 0.8, "0.6 to 1, a speed loop tuned for little overshoot"),
@@ -60,10 +60,10 @@ const TYPICAL_VALUES: [Typical; 17] = [
 
 /// Largest torque over the torque that holds the load: 32 N m on `cranes/uia-virtual.toml`.
 const TORQUE_RESERVE: f64 = 2.6;
-/// Torque \[N m\] of the typical drive, for cranes whose load cannot be told.
+/// Torque \[N m\] of the typical drive, for cranes whose load torque cannot be computed.
 const USUAL_TORQUE: f64 = 32.0;
-/// Moment of inertia over largest torque \[kg m²/(N m)\]: 0.0045 kg m² at 32 N m. Drives of one
-/// series accelerate alike.
+/// Moment of inertia over largest torque \[kg m²/(N m)\]: 0.0045 kg m² at 32 N m. Drives of one series have similar
+/// accelerations.
 const INERTIA_PER_TORQUE: f64 = 0.0045 / 32.0;
 /// Usual spans of pressure transducers \[bar\].
 const SPANS: [f64; 5] = [100.0, 160.0, 250.0, 400.0, 600.0];
@@ -89,7 +89,7 @@ fn inertia(crane: &Description) -> f64 {
 
 fn span(crane: &Description) -> f64 {
     let needed = SPAN_RESERVE * 1e-5 * crane.numbers.supervision_pressure;
-    // rounding does not cost a span
+    // tolerance for rounding: a pressure equal to a span fits
     let fits = |span: &f64| *span >= needed * (1.0 - 1e-9);
     SPANS.into_iter().find(fits).unwrap_or_else(|| two_digits(needed))
 }
@@ -98,14 +98,14 @@ fn two_digits(value: f64) -> f64 {
     format!("{value:.1e}").parse().unwrap_or(value)
 }
 
-/// A key that a crane file leaves out, with the value taken for it.
+/// A key that a crane file leaves out, with its typical value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilledIn {
     /// The key.
     pub key: &'static Key,
     /// Its value, in the key's unit.
     pub value: f64,
-    /// Where the value comes from.
+    /// Source of the value.
     pub source: &'static str,
 }
 
@@ -117,11 +117,11 @@ impl std::fmt::Display for FilledIn {
 }
 
 impl Description {
-    /// The virtual crane of this crane file: this machine with typical drive, switching valve, sensors,
-    /// fieldbus and time step where the file leaves their keys out, and what was filled in.
+    /// The virtual crane of this crane file: the same machine with typical drive, switching valve, sensors, fieldbus
+    /// and time step for keys that the file leaves out, and the list of these.
     ///
-    /// A key that the file states, or an override sets, keeps its value; `drive.bandwidth_hz = 0` stays
-    /// a drive that follows at once. A crane of another circuit has no such keys, and stays as it is.
+    /// A key that the file states or an override sets keeps its value; `drive.bandwidth_hz = 0` stays an ideal drive.
+    /// A crane with another kind of circuit has no such keys and is not changed.
     pub fn virtual_crane(&self) -> (Self, Vec<FilledIn>) {
         let mut machine = self.clone();
         let mut numbers = self.numbers.to_array();
@@ -140,8 +140,8 @@ impl Description {
         (machine, filled_in)
     }
 
-    /// The machine with ideal equipment: a drive and a valve that follow at once, exact sensors, no
-    /// fieldbus, as in the published model.
+    /// The machine with ideal equipment: drive and valve without lag and delay, exact sensors, no fieldbus, as in the
+    /// published model.
     pub fn without_equipment(&self) -> Self {
         let mut without = self.clone();
         let mut numbers = self.numbers.to_array();
@@ -154,10 +154,10 @@ impl Description {
         Self { numbers: crate::Numbers::from_array(numbers), ..without }
     }
 
-    /// Whether the readings of the machine's position and pressures scatter, so that one that repeats
-    /// itself is a sensor that is stuck.
+    /// Whether the readings of position and pressures contain noise, so that repeated equal readings indicate a stuck
+    /// sensor.
     ///
-    /// Noise below a quarter of the resolution does not: equal readings follow one another then.
+    /// With noise below a quarter of the resolution, equal readings are normal.
     pub fn has_sensor_noise(&self) -> bool {
         let n = &self.numbers;
         let bits = n.pressure_bits;
@@ -173,7 +173,7 @@ impl Description {
         let mut section = "";
         for (index, value, source) in self.typical_values() {
             let key = &KEYS[index];
-            // time step and seed are no equipment of a real machine
+            // time step and seed exist only in simulation
             if key.section == "virtual" {
                 continue;
             }
@@ -207,7 +207,7 @@ impl Description {
         text
     }
 
-    /// Keys that a crane of this kind has, with their typical values in the key's unit and sources.
+    /// Keys of this kind of crane with a typical value: index, value in the key's unit, and source.
     fn typical_values(&self) -> impl Iterator<Item = (usize, f64, &'static str)> {
         self.own_keys().filter_map(|index| {
             let path = KEYS[index].path();
@@ -220,14 +220,14 @@ impl Description {
         })
     }
 
-    /// Whether the file leaves a key out, and no override sets it.
+    /// Whether neither the file nor an override states a key.
     fn is_absent(&self, path: &str) -> bool {
         let index = KEYS.iter().position(|key| key.path() == path);
         index.is_some_and(|index| self.origins[index].provenance == Origin::ABSENT)
     }
 }
 
-/// Whether a section is about equipment: what is between a controller and the crane itself.
+/// Whether a section describes equipment between controller and crane.
 pub(crate) fn is_equipment(section: &str) -> bool {
     SECTIONS.contains(&section)
 }

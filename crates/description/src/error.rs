@@ -1,23 +1,23 @@
-//! Errors that say where, what was read, what is allowed and what to do.
+//! Errors with place, value read, allowed values and remedy.
 
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
-/// One thing wrong with a crane file or an override.
+/// A problem with a crane file or an override.
 #[derive(Clone, Debug, Error, Diagnostic)]
 #[error("{message}")]
 pub struct Problem {
-    /// What is wrong.
+    /// Description of the problem.
     pub message: String,
-    /// What to do about it.
+    /// Remedy.
     #[help]
     pub help: Option<String>,
-    /// Where, for files.
+    /// Position in the file.
     #[label("{label}")]
     pub span: Option<SourceSpan>,
-    /// What stands at that place.
+    /// Label of that position in the excerpt.
     pub label: String,
-    /// The file.
+    /// Text of the file.
     #[source_code]
     pub source_code: Option<NamedSource<String>>,
 }
@@ -29,13 +29,13 @@ impl Problem {
     }
 }
 
-/// All that is wrong with a crane file.
+/// All problems with a crane file.
 #[derive(Clone, Debug, Error, Diagnostic)]
 #[error("{name}: {} problem{}", problems.len(), if problems.len() == 1 { "" } else { "s" })]
 pub struct DescriptionError {
     /// Name of the file.
     pub name: String,
-    /// Everything found, in the order of the file.
+    /// Problems, in the order of the file.
     #[related]
     pub problems: Vec<Problem>,
 }

@@ -92,7 +92,7 @@ pub(crate) fn quoted(text: &str) -> String {
     quoted
 }
 
-/// A letter as it is shown: the picture of a control character.
+/// Printable form of a letter: a control character is replaced by its symbol.
 fn picture(letter: char) -> char {
     match u32::from(letter) {
         9 => letter,

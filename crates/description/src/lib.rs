@@ -1,6 +1,6 @@
 //! Crane files: one TOML file describes a machine.
 //!
-//! Every key carries its unit in its name and, if given as a table, where its value comes from:
+//! Every key carries its unit in its name. If given as a table, it states the provenance of its value:
 //!
 //! ```toml
 //! [boom]
@@ -9,13 +9,13 @@
 //! damping_ratio = 0.001
 //! ```
 //!
-//! `range` has the values that the number may have, in the key's unit; [`Description::ranges`] has them
-//! for all keys, by default spreads where the file has none.
+//! `range` holds the smallest and largest plausible value, in the key's unit. [`Description::ranges`] returns the
+//! ranges of all keys, with default spreads for keys without one.
 //!
 //! [`Description::parse`] reads and checks a file, [`Description::set`] overrides single keys, and
 //! [`Description::crane`] builds the model. The keys are listed once, in [`schema`].
 
-// its models are built in the control cycle, too, which cannot panic
+// models are also built in the control cycle, which must not panic
 #![deny(clippy::disallowed_methods)]
 
 mod build;
@@ -40,12 +40,13 @@ pub use placeholder::{PLACEHOLDER, as_placeholders};
 pub use range::{RangeSource, Ranges, ValueRange};
 pub use schema::{Choices, Key, Numbers, Tuning};
 
-/// Where a value comes from.
+/// Provenance of a value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Origin {
-    /// `printed`, `derived`, `data sheet`, `estimate`, `calibrated`, `tuned`, `measured`, or
-    /// `given` where the file does not say, `set` where the command line did, `absent` for an effect
-    /// that the file leaves out, `placeholder` where `hydroboom new` filled it in and nobody has touched it, `typical` where [`Description::virtual_crane`] filled it in.
+    /// `printed`, `derived`, `data sheet`, `estimate`, `calibrated`, `tuned` or `measured` as stated by the file;
+    /// `given` if the file states none; `set` for an override. `absent` marks an effect that the file leaves out,
+    /// `placeholder` an unedited value from `hydroboom new`, and `typical` a value from
+    /// [`Description::virtual_crane`].
     pub provenance: String,
     /// Table, section, data sheet or reasoning behind it.
     pub source: String,
@@ -54,10 +55,10 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// Provenance of a key that the file does not have and need not have.
+    /// Provenance of an optional key that the file leaves out.
     const ABSENT: &str = "absent";
 
-    /// Of such a key.
+    /// Origin of such a key.
     fn absent() -> Self {
         let source = "not in the file: its default".into();
         Self { provenance: Self::ABSENT.into(), source, line: None }
@@ -65,18 +66,18 @@ impl Origin {
 }
 
 impl Origin {
-    /// Whether the crane file or an override states the key: not a default, nor of another circuit.
+    /// Whether the crane file or an override states the key; false for defaults and keys of another kind of crane.
     pub fn is_stated(&self) -> bool {
         self.line.is_some() || self.provenance == "set"
     }
 
-    /// Of a key that another circuit or structure has.
+    /// Origin of a key that this kind of crane does not have.
     fn foreign() -> Self {
         Self { provenance: "foreign".into(), source: "not of this crane".into(), line: None }
     }
 }
 
-/// A machine, as described by its file: numbers in SI units, choices, and the origin of each.
+/// A machine as described by its file: numbers in SI units, choices, and the origin of each.
 #[derive(Clone, Debug)]
 pub struct Description {
     /// Name of the machine.
@@ -89,9 +90,9 @@ pub struct Description {
     pub segment_shares: Vec<f64>,
     /// Origin of every number, in the order of [`schema::KEYS`].
     origins: Vec<Origin>,
-    /// Range of every number that the file gives one, in SI units, in the order of [`schema::KEYS`].
+    /// Range of every number, in SI units and the order of [`schema::KEYS`]; `None` where the file states none.
     file_ranges: Vec<Option<[f64; 2]>>,
-    /// Whether its file is embedded in the program: no lines that a user could look at.
+    /// Whether its file is embedded in the program, so that line numbers have no meaning for the user.
     is_embedded: bool,
 }
 
@@ -101,11 +102,11 @@ pub const UIA_SINGLE_BOOM: &str = include_str!("../../../cranes/uia-single-boom.
 /// The virtual crane.
 pub const UIA_VIRTUAL: &str = include_str!("../../../cranes/uia-virtual.toml");
 
-/// A forestry crane's lift, valve-controlled.
+/// Lift cylinder of a forestry crane, valve-controlled.
 pub const PATU_LIFT: &str = include_str!("../../../cranes/patu-lift.toml");
 
 impl Description {
-    /// A forestry crane's lift with a valve-controlled circuit and a boom of links, embedded.
+    /// Lift cylinder of a forestry crane with a valve-controlled circuit and a boom of links, embedded.
     ///
     /// # Errors
     ///
@@ -123,7 +124,7 @@ impl Description {
         Self::embedded("cranes/uia-single-boom.toml (embedded)", UIA_SINGLE_BOOM)
     }
 
-    /// The virtual crane, embedded: stands in for the real one, and is no measurement of it.
+    /// The virtual crane, embedded: a simulated substitute for the real crane, not identified from it.
     ///
     /// # Errors
     ///
@@ -136,7 +137,7 @@ impl Description {
         Ok(Self { is_embedded: true, ..Self::parse(name, text)? })
     }
 
-    /// Every key that a crane of this kind has, with its value and origin as in [`entries`](Self::entries).
+    /// Every key of this kind of crane, with value and origin as in [`entries`](Self::entries).
     pub fn own_entries(&self) -> impl Iterator<Item = (&'static Key, f64, &Origin)> {
         let values = self.numbers.to_array();
         self.own_keys().map(move |index| {
@@ -145,7 +146,7 @@ impl Description {
         })
     }
 
-    /// Places in [`schema::KEYS`] of the keys that a crane of this kind has.
+    /// Indices in [`schema::KEYS`] of the keys of this kind of crane.
     fn own_keys(&self) -> impl Iterator<Item = usize> {
         let segments = self.segment_shares.len();
         (0..schema::KEYS.len()).filter(move |index| {
@@ -154,7 +155,7 @@ impl Description {
         })
     }
 
-    /// Every choice that a crane of this kind has, with its name.
+    /// Every choice of this kind of crane, with its name.
     pub fn own_choices(&self) -> Vec<(&'static str, &'static str)> {
         let segments = self.segment_shares.len();
         let is_own = |path: &str| {
@@ -175,7 +176,7 @@ impl Description {
     }
 }
 
-/// Overrides that make the embedded off-model plant.
+/// Overrides of the embedded plant with model mismatch.
 pub const OFF_MODEL: &str = include_str!("../../../cranes/off-model.toml");
 
 impl Description {
@@ -184,7 +185,7 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// [`DescriptionError`] when the text is not such a table or an override is wrong.
+    /// [`DescriptionError`] if the text is not such a table or an override is invalid.
     pub fn overridden(
         &self,
         name: &str,

@@ -1,4 +1,4 @@
-//! From text to a checked description.
+//! Parsing and checking of a crane file.
 
 use crate::error::{DescriptionError, Problem};
 use crate::excerpt::{Excerpt, excerpt, quoted};
@@ -10,13 +10,13 @@ use std::ops::Range;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Largest crane file read \[bytes\]; anything larger is not one.
+/// Largest size of a crane file \[bytes\].
 const LARGEST: usize = 1 << 20;
 
-/// Longest path that may be a slip of the pen \[bytes\].
+/// Longest path for which a similar key is suggested \[bytes\].
 const LONGEST_PATH: usize = 200;
 
-/// Problems that are shown; a file that is no crane file has as many as it likes.
+/// Largest number of problems in an error; other files may have thousands.
 const MOST_PROBLEMS: usize = 20;
 
 /// Keys that are not plain numbers.
@@ -35,7 +35,7 @@ pub fn suggestion(path: &str) -> String {
     if path == "following" || path.starts_with("following.") {
         return "model following was replaced by the scheduled LQR: its keys are in [estimator] and [scheduled_lqr]".into();
     }
-    // likeness costs the product of both lengths
+    // the cost of the similarity is the product of both lengths
     if path.len() > LONGEST_PATH {
         return "`hydroboom show` lists all keys".into();
     }
@@ -43,7 +43,7 @@ pub fn suggestion(path: &str) -> String {
     let near = known_paths()
         .map(|known| {
             let whole = strsim::jaro_winkler(path, &known);
-            // the right name in the wrong table counts too
+            // also suggests the right name in the wrong table
             let short = strsim::jaro_winkler(&name(path), &name(&known)) * 0.97;
             (whole.max(short), known)
         })
@@ -54,7 +54,7 @@ pub fn suggestion(path: &str) -> String {
     }
 }
 
-/// Other units people mistake for this one, with their size in it.
+/// Units that are often confused with this one, with their size in it.
 fn mistaken_units(unit: &str) -> &'static [(&'static str, f64)] {
     match unit {
         "bar" => &[("Pa", 1e-5), ("kPa", 1e-2), ("MPa", 10.0), ("psi", 0.068_947_6)],
@@ -73,10 +73,10 @@ fn mistaken_units(unit: &str) -> &'static [(&'static str, f64)] {
     }
 }
 
-/// Section of a file of overrides, which a crane file does not have.
+/// Section of a file of overrides, not allowed in a crane file.
 const OVERRIDES: &str = "set";
 
-/// What is wrong with a number for a key, if anything: message and help.
+/// Checks a number for a key; returns message and remedy if it is not allowed.
 fn number_problem(key: &Key, value: f64) -> Option<(String, String)> {
     if value.is_finite() && (key.low..=key.high).contains(&value) {
         return None;
@@ -95,18 +95,18 @@ fn number_problem(key: &Key, value: f64) -> Option<(String, String)> {
     Some((format!("`{}` cannot be {value} {}", key.path(), key.unit), help))
 }
 
-/// What has been read so far.
+/// State of the parser.
 struct Reading<'a> {
     file: &'a str,
     text: &'a str,
     values: [Option<f64>; KEYS.len()],
     origins: Vec<Origin>,
-    /// In SI units, as `file_ranges` of the description.
+    /// Ranges in SI units, as `file_ranges` of the description.
     ranges: Vec<Option<[f64; 2]>>,
     texts: Vec<(String, String)>,
     shares: Option<Vec<f64>>,
     problems: Vec<Problem>,
-    /// Problems found, also those beyond [`MOST_PROBLEMS`].
+    /// Number of problems found, including those beyond [`MOST_PROBLEMS`].
     count: usize,
 }
 
@@ -118,7 +118,7 @@ impl Reading<'_> {
         self.count += 1;
     }
 
-    /// A problem with its place.
+    /// Creates a problem with its position.
     fn problem_at(
         &self,
         span: Range<usize>,
@@ -144,7 +144,7 @@ impl Reading<'_> {
         self.text[..at.min(self.text.len())].bytes().filter(|b| *b == b'\n').count() + 1
     }
 
-    /// One `key = value` of a section.
+    /// Reads one `key = value` of a section.
     fn entry(&mut self, path: &str, key_span: Range<usize>, value: &Spanned<DeValue<'_>>) {
         let Stated { value, provenance, source, range } = self.unwrap_origin(value);
         let Some(inner) = value else { return };
@@ -230,8 +230,7 @@ impl Reading<'_> {
         }
     }
 
-    /// What stands behind `{ value = ..., range = ..., provenance = ..., source = ... }`, or the plain
-    /// value.
+    /// Reads the value of `{ value = ..., range = ..., provenance = ..., source = ... }`, or a plain value.
     fn unwrap_origin<'v, 'i>(&mut self, value: &'v Spanned<DeValue<'i>>) -> Stated<'v, 'i> {
         let Some(table) = value.get_ref().as_table() else {
             let (provenance, source) = ("given".into(), String::new());
@@ -270,7 +269,7 @@ impl Reading<'_> {
         Stated { value: inner, provenance, source, range: table.get("range") }
     }
 
-    /// The range of a key whose value is `value`, in SI units.
+    /// Reads the range of a key with this value, in SI units.
     fn range(&mut self, key: &Key, value: f64, range: &Spanned<DeValue<'_>>) -> Option<[f64; 2]> {
         let (path, unit, span) = (key.path(), key.unit, range.span());
         let bounds: Option<Vec<f64>> = range
@@ -305,7 +304,7 @@ impl Reading<'_> {
     }
 }
 
-/// What a file says of a key.
+/// Value, range and origin that a file states for a key.
 struct Stated<'v, 'i> {
     value: Option<&'v Spanned<DeValue<'i>>>,
     provenance: String,
@@ -337,8 +336,8 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// [`DescriptionError`] with everything that is wrong: syntax, unknown or missing keys, values
-    /// out of range, and machines that cannot exist.
+    /// [`DescriptionError`] with all problems: syntax, unknown or missing keys, values out of range, and impossible
+    /// machines.
     pub fn parse(file: &str, text: &str) -> Result<Self, DescriptionError> {
         if text.len() > LARGEST {
             let message = format!(
@@ -398,17 +397,18 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// [`DescriptionError`] when the key is unknown, the value impossible, or the machine with it.
+    /// [`DescriptionError`] if the key is unknown, the value is not allowed, or the resulting machine is impossible.
     pub fn set(&mut self, assignment: &str) -> Result<(), DescriptionError> {
         self.set_together([assignment])
     }
 
-    /// Overrides keys together: what has to be possible is the machine with all of them, in whatever order they are given. Choices and segments are set before
-    /// the numbers that belong to them; of a key that is given twice the last counts.
+    /// Overrides several keys at once. Only the machine with all overrides must be possible, so their order has no
+    /// effect. Choices and segments are set before the numbers that depend on them; if a key is given twice, the last
+    /// value applies.
     ///
     /// # Errors
     ///
-    /// As of [`set`](Self::set); nothing is overridden then.
+    /// As for [`set`](Self::set); no key is changed then.
     pub fn set_together<'a>(
         &mut self,
         assignments: impl IntoIterator<Item = &'a str>,
@@ -431,7 +431,7 @@ impl Description {
         Ok(())
     }
 
-    /// Overrides one key of a machine that is judged later.
+    /// Overrides one key without checking the resulting machine.
     fn assign(&mut self, assignment: &str) -> Result<(), DescriptionError> {
         let wrong = |message: String, help: String| {
             DescriptionError::of(&format!("--set {}", quoted(assignment)), message, Some(help))
@@ -595,7 +595,7 @@ impl Reading<'_> {
     }
 }
 
-/// Where a line (counted from one) stands in the text.
+/// Position of a line (counted from one) in the text.
 fn line_span(text: &str, line: usize) -> Range<usize> {
     let start = text.split_inclusive('\n').take(line - 1).map(str::len).sum();
     let length = text[start..].lines().next().map_or(0, str::len);

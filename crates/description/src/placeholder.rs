@@ -1,16 +1,16 @@
-//! What a new crane file was filled in with: of another machine, until somebody touches it.
+//! Placeholders in a new crane file: values of another machine that the user has not edited yet.
 
-/// Provenance of a value that `hydroboom new` filled in.
+/// Provenance of a placeholder value.
 pub const PLACEHOLDER: &str = "placeholder";
 
-/// A crane file's text with every number that says where it is from marked as a placeholder of `whose` machine. The number is repeated in
-/// the source, so that one that was edited is known by it.
+/// Marks every number with a provenance in a crane file's text as a placeholder from `whose` machine. The source
+/// repeats the number, so that an edited value can be detected.
 pub fn as_placeholders(text: &str, whose: &str) -> String {
     let lines = text.lines().map(|line| marked(line, whose).unwrap_or_else(|| line.to_string()));
     lines.map(|line| line + "\n").collect()
 }
 
-/// A line with a number and its provenance, marked; none where it has not both.
+/// Marks a line with a number and its provenance; `None` for other lines.
 fn marked(line: &str, whose: &str) -> Option<String> {
     let (_, value) = line.split_once("{ value = ")?;
     let number = value.split([',', ' ', '}']).next()?;
@@ -24,7 +24,7 @@ fn marked(line: &str, whose: &str) -> Option<String> {
     Some(format!("{before}provenance = \"{PLACEHOLDER}\"{rest}"))
 }
 
-/// Whether a placeholder's value is another than it was filled in with.
+/// Whether a placeholder's value has been edited.
 pub(crate) fn is_touched(value: Option<f64>, source: &str) -> bool {
     let filled_in = source.split_whitespace().next().and_then(|number| number.parse::<f64>().ok());
     value.is_some() && value != filled_in
@@ -46,7 +46,7 @@ mod tests {
         assert_eq!(provenance(&text), PLACEHOLDER);
         let edited = text.replace("{ value = 307.0,", "{ value = 250.0,");
         assert_ne!(edited, text);
-        // and nothing of the paper's provenance is left
+        // no provenance of the paper is left
         assert_eq!(provenance(&edited), "given");
         let original = Description::uia_single_boom().unwrap();
         let crane = Description::parse("new.toml", &text).unwrap();

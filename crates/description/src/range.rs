@@ -1,21 +1,21 @@
-//! Ranges of values: what a crane file says of a key, or its default spread.
+//! Ranges of values, from a crane file or from default spreads.
 
 use crate::schema::{KEYS, Key, Numbers};
 use crate::{Description, DescriptionError, spread};
 
-/// Where a range comes from.
+/// Source of a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RangeSource {
     /// The crane file.
     File,
     /// The key's default spread about its value.
     Default,
-    /// Nobody: the key has no default spread, the range is its value.
+    /// No source: the key has no default spread, so the range contains only its value.
     Value,
 }
 
 impl RangeSource {
-    /// Its name.
+    /// Name of the source.
     pub fn name(self) -> &'static str {
         match self {
             Self::File => "file",
@@ -25,43 +25,42 @@ impl RangeSource {
     }
 }
 
-/// Values that a number of the machine may have, in SI units. The number itself is among them.
+/// Plausible values of a number, in SI units. The range contains the current value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ValueRange {
-    /// Smallest.
+    /// Smallest value.
     pub low: f64,
-    /// Largest.
+    /// Largest value.
     pub high: f64,
-    /// Where the range comes from.
+    /// Source of the range.
     pub source: RangeSource,
 }
 
-/// The ranges of all numbers.
+/// Ranges of all numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranges {
     /// Smallest values, in SI units.
     pub low: Numbers<f64>,
     /// Largest values, in SI units.
     pub high: Numbers<f64>,
-    /// Where each comes from, in the order of [`KEYS`].
+    /// Sources, in the order of [`KEYS`].
     pub sources: [RangeSource; KEYS.len()],
 }
 
 impl Description {
-    /// Range of the key with this path, in SI units; none where there is no such key.
+    /// Range of the key with this path, in SI units; `None` for an unknown key.
     ///
-    /// Of the crane file where it has one, else the key's default spread about its value. A default
-    /// spread goes no further than the key allows, and only to machines that can exist; a file's range
-    /// is as it stands there ([`warnings`](Self::warnings) has those that go too far). A program that
-    /// moves a number beyond its file's range takes the range along.
+    /// The source is the crane file, or else the key's default spread about its value. A default spread is clipped to
+    /// the key's limits and to possible machines. A file's range is not ([`warnings`](Self::warnings) lists those
+    /// that are too wide). A value set beyond its file's range extends the range.
     pub fn range(&self, path: &str) -> Option<ValueRange> {
         let index = KEYS.iter().position(|key| key.path() == path)?;
         Some(self.range_at(index))
     }
 
-    /// Ranges of all numbers, each as by [`range`](Self::range).
+    /// Ranges of all numbers, each as in [`range`](Self::range).
     ///
-    /// Each is a range for itself: the machine with all of them at their ends need not exist.
+    /// Ranges are independent: the machine with all numbers at their ends may be impossible.
     pub fn ranges(&self) -> Ranges {
         let all: [ValueRange; KEYS.len()] = std::array::from_fn(|index| self.range_at(index));
         Ranges {
@@ -71,7 +70,7 @@ impl Description {
         }
     }
 
-    /// Every key that a crane of this kind has, with its range in the key's own unit.
+    /// Every key of this kind of crane, with its range in the key's own unit.
     pub fn own_ranges(&self) -> impl Iterator<Item = (&'static Key, [f64; 2], RangeSource)> {
         self.own_keys().map(|index| {
             let (key, range) = (&KEYS[index], self.range_at(index));
@@ -79,21 +78,21 @@ impl Description {
         })
     }
 
-    /// Overrides one key as [`set`](Self::set) does, within the crane file's range of the key, if it has
-    /// one. A default spread follows the value.
+    /// Overrides one key as [`set`](Self::set) does, if the value is within the crane file's range. A key without a
+    /// range in the file is not limited.
     ///
     /// # Errors
     ///
-    /// [`DescriptionError`] as of [`set`](Self::set), and when the value is outside the file's range.
+    /// [`DescriptionError`] as for [`set`](Self::set), and if the value is outside the file's range.
     pub fn set_within_range(&mut self, assignment: &str) -> Result<(), DescriptionError> {
         self.set_together_within_range([assignment])
     }
 
-    /// Overrides keys together as [`set_together`](Self::set_together) does, each within the crane file's range of it.
+    /// Overrides several keys as [`set_together`](Self::set_together) does, each within its range of the crane file.
     ///
     /// # Errors
     ///
-    /// As of [`set_within_range`](Self::set_within_range); nothing is overridden then.
+    /// As for [`set_within_range`](Self::set_within_range); no key is changed then.
     pub fn set_together_within_range<'a>(
         &mut self,
         assignments: impl IntoIterator<Item = &'a str>,
@@ -103,7 +102,7 @@ impl Description {
         self.set_together(all)
     }
 
-    /// Whether the crane file's range has the value, if it has one.
+    /// Checks that the value is within the crane file's range, if there is one.
     fn is_within_range(&self, assignment: &str) -> Result<(), DescriptionError> {
         let parts = assignment.split_once('=');
         let wanted = parts.and_then(|(path, text)| {
@@ -131,7 +130,7 @@ impl Description {
         ))
     }
 
-    /// Ranges of the file that reach machines that cannot exist.
+    /// Ranges of the file that include impossible machines.
     pub(crate) fn impossible_ranges(&self) -> Vec<String> {
         let mut found = Vec::new();
         for (key, (index, range)) in KEYS.iter().zip(self.file_ranges.iter().enumerate()) {
@@ -163,12 +162,12 @@ impl Description {
             if self.with_number(index, bound).impossible().is_some() { value } else { bound }
         });
         let (low, high) = (low.min(value), high.max(value));
-        // nothing spreads an effect that is off
+        // an effect that is off has no spread
         let source = if low == high { RangeSource::Value } else { RangeSource::Default };
         ValueRange { low, high, source }
     }
 
-    /// The same machine with another number, in SI units.
+    /// The same machine with one number changed, in SI units.
     pub(crate) fn with_number(&self, index: usize, value: f64) -> Self {
         let mut numbers = self.numbers.to_array();
         numbers[index] = value;

@@ -1,22 +1,21 @@
-//! Every key of a crane file, once: its name with the unit, what it means, what is allowed.
+//! All keys of a crane file: name with unit, meaning, and allowed values.
 
 /// One numeric key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Key {
-    /// Table of the file.
+    /// Table in the file.
     pub section: &'static str,
-    /// Name within the table; its ending is the unit.
+    /// Name within the table; it ends with the unit.
     pub name: &'static str,
-    /// The unit, as people write it.
+    /// Usual spelling of the unit.
     pub unit: &'static str,
-    /// Value in SI units of one of these units.
+    /// Size of the unit in SI units.
     pub factor: f64,
-    /// Smallest value allowed, in this unit.
+    /// Smallest allowed value, in this unit.
     pub low: f64,
-    /// Largest value allowed, in this unit.
+    /// Largest allowed value, in this unit.
     pub high: f64,
-    /// Value, in this unit, where a file does not have the key: that of a crane without the effect.
-    /// Keys that have none must be given.
+    /// Value, in this unit, if a file leaves the key out: the effect is off, or a default. `None` for a required key.
     pub absent: Option<f64>,
     /// Meaning.
     pub meaning: &'static str,
@@ -28,12 +27,12 @@ impl Key {
         format!("{}.{}", self.section, self.name)
     }
 
-    /// A value of this unit in SI units.
+    /// Converts a value from this unit to SI units.
     pub fn to_si(&self, value: f64) -> f64 {
         value * self.factor
     }
 
-    /// A value in SI units in this unit, free of the conversion's rounding noise.
+    /// Converts a value from SI units to this unit, without the conversion's rounding noise.
     pub fn to_unit(&self, value: f64) -> f64 {
         let exact = value / self.factor;
         let shortest: f64 = format!("{exact:.14e}").parse().unwrap_or(exact);
@@ -60,7 +59,7 @@ macro_rules! keys {
                 $m_low:literal ..= $m_high:literal $(or $m_absent:literal)?, $m_meaning:literal; )+
         }
     ) => {
-        /// One value for every numeric key.
+        /// Values of all numeric keys.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct Numbers<T> {
             $( #[doc = $meaning] pub $field: T, )+
@@ -69,8 +68,9 @@ macro_rules! keys {
             $( #[doc = $m_meaning] pub $m_field: T, )+
         }
 
-        /// Every number of state estimator (`[estimator]`) and scheduled LQR (`[scheduled_lqr]`), in SI units. Unit, range, default and source of each are in
-        /// [`KEYS`]. None of them depends on a single crane: a crane file seldom has one.
+        /// Every number of state estimator (`[estimator]`) and scheduled LQR (`[scheduled_lqr]`), in SI units. Unit,
+        /// range, default and source of each are in [`KEYS`]. None of them depends on a single crane: a crane file
+        /// seldom has one.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct Tuning<T> {
             $( #[doc = $t_meaning] pub $t_field: T, )+
@@ -288,7 +288,8 @@ tuning {
     lqr_payload_probability: "scheduled_lqr" "payload_probability_percent" ["%" = PERCENT] 0.0..=100.0 or 70.0, "Probability that a load that has changed is a payload, and not a force";
 }
 motion_and_equipment {
-    // the tip's position: before a survey its numbers have a stated spread, after one that of their fit (`hydroboom tip`)
+    // the tip's position: before a survey its numbers have a stated spread, after one that of their fit (`hydroboom
+    // tip`)
     tip_bending: "tip" "bending_percent" ["%" = PERCENT] 1.0..=1000.0 or 100.0, "Bending of the boom under load, of that of a uniform beam of the crane file's E I";
     tip_bending_deviation: "tip" "bending_deviation_percent" ["%" = PERCENT] 0.0..=100.0 or 20.0, "Its standard deviation; unsurveyed, E I and play of joints of a welded box section";
     tip_base: "tip" "base_mrad_per_knm" ["mrad/(kN m)" = 1e-6] -10.0..=100.0 or 0.06, "Compliance of the base against turning about the boom's bearing; unsurveyed, a steel column of 1 m, square hollow section of 200 to 300 mm";
@@ -327,7 +328,7 @@ motion_and_equipment {
     learning_cycles: "learning" "cycles" ["-" = 1.0] 1.0..=100.0 or 10.0, "Cycles of learning; of a machine that repeats itself the error has settled after three";
     learning_corners: "learning" "corner_points" ["-" = 1.0] 1.0..=11.0 or 2.0, "Points in each of the ranges of payload and of the oil's transition pressure at which convergence is required, each with each: 2 are the ends of the ranges, 1 is the model alone";
 
-    // what a real crane has and the published model leaves out: absent, the effect is off
+    // effects of real cranes beyond the published model: a key that is left out switches its effect off
     base_stiffness: "base" "stiffness_knm_per_rad" ["kN m/rad" = 1e3] 0.0..=1e7 or 0.0, "Stiffness of the base frame against turning; 0 is rigid";
     base_inertia: "base" "inertia_kgm2" ["kg m2" = 1.0] 0.01..=1e6 or 50.0, "Its moment of inertia about the bearing";
     base_damping: "base" "damping_ratio" ["-" = 1.0] 0.0..=2.0 or 0.02, "Its damping ratio";
@@ -451,15 +452,15 @@ macro_rules! choices {
             impl $Name {
                 /// `section.name` of the key.
                 pub const PATH: &'static str = $path;
-                /// What the file may say.
+                /// Allowed names in a file.
                 pub const ALLOWED: &'static [&'static str] = &[$($text),+];
 
-                /// The choice with this name.
+                /// Parses a name.
                 pub fn from_name(name: &str) -> Option<Self> {
                     match name { $( $text => Some(Self::$Variant), )+ _ => None }
                 }
 
-                /// Its name.
+                /// Name in a file.
                 pub fn name(self) -> &'static str {
                     match self { $( Self::$Variant => $text, )+ }
                 }
@@ -476,7 +477,7 @@ macro_rules! choices {
             /// `section.name` of every choice.
             pub const PATHS: [&'static str; [$($path),+].len()] = [$($path),+];
 
-            /// What a file may say for a choice; none where there is no such choice.
+            /// Allowed names of a choice; `None` for an unknown choice.
             pub fn allowed(path: &str) -> Option<&'static [&'static str]> {
                 match path { $( $path => Some($Name::ALLOWED), )+ _ => None }
             }
@@ -486,7 +487,7 @@ macro_rules! choices {
                 [$( ($path, self.$field.name()) ),+]
             }
 
-            /// Changes one choice; false where there is no such choice, or nothing of that name.
+            /// Changes one choice; false for an unknown choice or name.
             pub(crate) fn set(&mut self, path: &str, name: &str) -> bool {
                 match path {
                     $( $path => match $Name::from_name(name) {
@@ -497,8 +498,8 @@ macro_rules! choices {
                 }
             }
 
-            /// The choices of a file; a choice that it does not make, and has to, is the first of its list here and
-            /// stands among the paths.
+            /// Reads the choices of a file. A required choice that is missing gets the first allowed name, and its
+            /// path is returned.
             pub(crate) fn read<'a>(text: impl Fn(&str) -> Option<&'a str>) -> (Self, Vec<&'static str>) {
                 let mut missing = Vec::new();
                 let choices = Self { $( $field: match text($path).and_then($Name::from_name) {
@@ -520,32 +521,32 @@ macro_rules! choices {
 }
 
 choices! {
-    /// What moves the cylinder.
+    /// Actuation of the cylinder.
     circuit: CircuitChoice = "circuit.type" or SelfContained {
-        /// A pump of its own: the published circuit.
+        /// Own pump (electro-hydraulic actuator): the published circuit.
         SelfContained = "self-contained",
-        /// A 4/3 valve on a supply of given pressure.
+        /// 4/3 valve with a supply of constant pressure.
         ValveControlled = "valve-controlled",
     }
-    /// How the boom is described.
+    /// Model of the boom.
     structure: StructureChoice = "boom.structure" or Beam {
         /// A uniform beam, divided into segments: the published boom.
         Beam = "beam",
-        /// Links, each with a section of its own.
+        /// Links, each with its own cross section.
         Links = "links",
     }
-    /// The friction law.
+    /// Friction law of the cylinder.
     friction: FrictionChoice = "friction.law" {
-        /// The published one.
+        /// Published law (Stribeck curve).
         Stribeck = "stribeck",
-        /// With friction at rest.
+        /// LuGre law, with friction at standstill.
         LuGre = "lugre",
     }
-    /// How the pump's k_flow is found.
+    /// Computation of the pump's flow gain k_flow.
     delivery: DeliveryChoice = "pump.delivery" {
         /// The constant `pump.flow_gain`.
         Published = "published",
-        /// From the pressures at every step.
+        /// Computed from the pressures at every step.
         Computed = "computed",
     }
     /// The shape of the motion's ramps.
@@ -562,24 +563,23 @@ choices! {
         /// One at each pump side.
         Fitted = "fitted",
     }
-    /// Whether load-holding valve 3, while shut, lets oil pass from the pump to the cylinder.
+    /// Whether load-holding valve 3, while closed, passes oil from the pump to the cylinder.
     holding_check: HoldingCheckChoice = "holding_valve.check_function" or Check {
-        /// It does: a pilot-operated check valve, as published.
+        /// Pilot-operated check valve, as published: it does.
         Check = "check",
-        /// It does not: a valve that blocks both ways.
+        /// Valve that blocks both directions.
         None = "none",
     }
-    /// Whether the state of the 3/2 switching valve can be read.
+    /// Whether the 3/2 switching valve has a position switch.
     position_switch: PositionSwitchChoice = "switching_valve.position_switch" or None {
-        /// It cannot.
+        /// No position switch.
         None = "none",
-        /// A position switch tells it.
+        /// Position switch fitted.
         Fitted = "fitted",
     }
 }
 
-/// Sections that only a self-contained crane has: its pump and valves, its drive, and what the published tests do
-/// with them.
+/// Sections of self-contained cranes only: pump, valves, drive, and the published tests.
 const OF_SELF_CONTAINED: [&str; 24] = [
     "pump",
     "holding_valve",
@@ -606,16 +606,17 @@ const OF_SELF_CONTAINED: [&str; 24] = [
     "supervision",
     "base",
 ];
-/// Sections that only a valve-controlled crane has.
+/// Sections of valve-controlled cranes only.
 const OF_VALVE_CONTROLLED: [&str; 4] = ["valve", "hoses", "trapped_air", "supply"];
-/// Keys of a boom that is a beam.
+/// Keys of beam booms only.
 const OF_BEAM: [&str; 5] =
     ["length_mm", "mass_kg", "youngs_modulus_gpa", "second_moment_cm4", "damping_ratio"];
-/// Sections of a boom's links.
+/// Sections of the links.
 pub(crate) const LINKS: [&str; 3] = ["link_1", "link_2", "link_3"];
 
 impl Choices {
-    /// Why a crane with these choices and so many segments or links has no such key; none where it has.
+    /// The reason why a crane with these choices and this number of segments or links does not have a key; `None` if
+    /// it does.
     pub fn excludes(&self, section: &str, name: &str, segments: usize) -> Option<&'static str> {
         let is_valve_controlled = self.circuit == CircuitChoice::ValveControlled;
         let has_links = self.structure == StructureChoice::Links;

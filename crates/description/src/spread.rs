@@ -1,21 +1,21 @@
-//! How far a value may be off or change where the crane file does not say: default spreads.
+//! Default spreads: plausible ranges of values for which a crane file states no range.
 //!
-//! Sources: what varies in the family of virtual cranes (`lab/src/family.rs`), and the plausible ranges
-//! that `cranes/uia-single-boom.toml` and `cranes/uia-virtual.toml` give for their estimates.
+//! Sources: variation between the virtual cranes of the Monte Carlo studies (`lab/src/closed_loop/monte_carlo.rs`), and
+//! the ranges of estimates in `cranes/uia-single-boom.toml` and `cranes/uia-virtual.toml`.
 
 /// Width of a default range about a key's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Width {
-    /// From this to that many times the value.
+    /// Between these multiples of the value.
     Times(f64, f64),
-    /// The value plus this to that, in the key's unit.
+    /// The value plus these offsets, in the key's unit.
     Plus(f64, f64),
-    /// From this to that, in the key's unit, and as far as the value.
+    /// Between these values in the key's unit, extended to contain the current value.
     From(f64, f64),
 }
 
 impl Width {
-    /// Range about a value, both in the key's unit, free of rounding noise.
+    /// Range about a value, both in the key's unit, without rounding noise.
     pub(crate) fn around(self, value: f64) -> [f64; 2] {
         let [a, b] = match self {
             Self::Times(low, high) => [low * value, high * value],
@@ -32,9 +32,9 @@ impl Width {
 pub(crate) struct Spread {
     /// `section.key`.
     pub path: &'static str,
-    /// How far.
+    /// Width of the range.
     pub width: Width,
-    /// Why so far.
+    /// Reason for this width.
     pub source: &'static str,
 }
 
@@ -46,7 +46,7 @@ const LEAKAGE: &str = "from a new pump to a worn one, and with the oil's viscosi
 const FRICTION: &str = "seals from crane to crane, with wear and temperature";
 const VALVE: &str = "15 to 50 ms of a solenoid seat valve, 5 to 30 ms of short pilot lines";
 
-/// All default spreads; a key that is not here has its value only.
+/// All default spreads; other keys have none.
 pub(crate) const SPREADS: [Spread; 22] = [
     spread("payload.mass_kg", Width::Times(0.0, 1.2), "from the empty hook to an overload of 20 %"),
     spread("friction.coulomb_n", Width::Times(0.5, 1.6), FRICTION),
@@ -100,7 +100,7 @@ pub(crate) const SPREADS: [Spread; 22] = [
     spread("switching_valve.pilot_line_ms", Width::Times(0.5, 2.0), VALVE),
 ];
 
-/// The default spread of a key; none where it has none.
+/// The default spread of a key; `None` if it has none.
 pub(crate) fn of(path: &str) -> Option<&'static Spread> {
     SPREADS.iter().find(|spread| spread.path == path)
 }

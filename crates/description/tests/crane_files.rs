@@ -1,4 +1,4 @@
-//! Crane files: what is read, what is refused, and how it is said.
+//! Crane files: accepted and refused ones, and their error messages.
 
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_description::{BuildError, Description, PATU_LIFT, UIA_SINGLE_BOOM};
@@ -59,12 +59,12 @@ fn a_problem_points_at_its_place() {
     let span = error.problems[0].span.unwrap();
     let shown = error.problems[0].source_code.as_ref().unwrap().inner();
     assert_eq!(&shown[span.offset()..span.offset() + span.len()], "-3");
-    // on its line of the file
+    // line number in the file
     let line = |text: &str, at: usize| text[..at].matches('\n').count();
     assert_eq!(line(shown, span.offset()), line(&text, text.find("value = -3,").unwrap()));
 }
 
-/// Neither a line without end nor a thousand mistakes make a message without end.
+/// A line without end and a thousand mistakes give messages of bounded length.
 #[test]
 fn a_message_is_as_long_as_a_screen() {
     let lines = "wrong = 1\n".repeat(10_000);

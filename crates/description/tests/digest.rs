@@ -27,7 +27,7 @@ fn a_digest_is_of_the_machine_and_not_of_its_file() {
         ("range = [0.0, 370.0], ", ""),
         ("value = 307.0,", "value = 3.07e2,"),
         ("segments           = 3", "segment_lengths_mm = [1200, 1200, 1200]"),
-        // what is left out means the same when it is written
+        // an omitted key equals the same key at its default
         ("[motion]", "[supervision]\npressure_bar = 200\n[motion]"),
         ("[crane]", "[circuit]\ntype = \"self-contained\"\n[crane]"),
     ] {

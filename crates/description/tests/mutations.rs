@@ -1,4 +1,5 @@
-//! Crane files that were damaged at random: read or refused in few words, without a panic, within 10 s each and 500 MB in all.
+//! Randomly damaged crane files: read or refused with short messages, without a panic, within 10 s each and 500 MB in
+//! all.
 
 #![expect(clippy::unwrap_used, reason = "the damage's thread ends with the test")]
 
@@ -8,7 +9,7 @@ mod damage;
 use damage::{Chance, damaged, each};
 use hydroboom_description::{Description, PATU_LIFT, UIA_SINGLE_BOOM, UIA_VIRTUAL};
 
-/// Letters of everything that is said of a file, at most: 20 problems, each with an excerpt.
+/// Largest length of all messages about a file: 20 problems, each with an excerpt.
 const MOST_SAID: usize = 200_000;
 
 #[test]

@@ -83,7 +83,7 @@ fn without_a_range_the_default_spread_follows_the_value() {
     assert!((range.high - 360.0).abs() < 1e-9);
     crane.set_within_range("payload.mass_kg=400").unwrap();
     assert!((payload(&crane).high - 480.0).abs() < 1e-9);
-    // a key without a spread has its value
+    // a key without a spread has a range of only its value
     let length = crane.range("boom.length_mm").unwrap();
     assert_eq!((length.low, length.high, length.source), (3.6, 3.6, RangeSource::Value));
 }
@@ -118,22 +118,22 @@ fn an_override_outside_of_the_files_range_is_refused() {
     let problem = &error.problems[0];
     assert!(problem.message.contains("0 to 370 kg"), "{}", problem.message);
     let line = 1 + UIA_SINGLE_BOOM.lines().position(|line| line.starts_with(PAYLOAD)).unwrap();
-    // of a file that is at hand the line is known, until the value is an override's
+    // the line is that of the file, until an override replaces the value
     let mut fresh = Description::parse("my-crane.toml", UIA_SINGLE_BOOM).unwrap();
     let error = fresh.set_within_range("payload.mass_kg=371").unwrap_err();
     let help = error.problems[0].help.clone().unwrap();
     assert!(help.contains(&format!("line {line}")), "{help}");
     assert_eq!(crane.numbers.payload, 370.0);
-    // an experiment may go further, and takes the range along
+    // an override may leave the range, and extends it
     crane.set("payload.mass_kg=500").unwrap();
     assert_eq!(crane.range("payload.mass_kg").unwrap().high, 500.0);
-    // what is no number is refused as ever
+    // text that is not a number is refused as in `set`
     assert!(crane.set_within_range("payload.mass_kg=heavy").is_err());
     assert!(crane.set_within_range("friction.law=dahl").is_err());
     crane.set_within_range("friction.law=lugre").unwrap();
 }
 
-/// Limits of estimator and law that contradict each other, both keys named with what was read.
+/// Contradicting limits of estimator and control law are refused with both keys and values.
 #[test]
 fn limits_that_contradict_each_other_are_refused() {
     for (assignment, other) in [
@@ -151,7 +151,7 @@ fn limits_that_contradict_each_other_are_refused() {
     }
 }
 
-/// Two numbers that both go with a third go with each other: 0.9, 0.9 and 0 are no correlations.
+/// Two numbers that are each correlated by 0.9 with a third cannot be uncorrelated.
 #[test]
 fn correlations_that_no_covariance_has_are_refused() {
     let mut crane = Description::uia_single_boom().unwrap();
@@ -159,7 +159,7 @@ fn correlations_that_no_covariance_has_are_refused() {
     let message =
         crane.set("tip.bending_offset_correlation=0.9").unwrap_err().problems[0].message.clone();
     assert!(message.contains("-0.9, 0.9") && message.contains("tip.base_offset"), "{message}");
-    // what was refused is not kept
+    // a refused value is not stored
     assert!(crane.set("tip.base_offset_correlation=-0.8").is_err());
     let both = ["tip.base_offset_correlation=-0.8", "tip.bending_offset_correlation=0.9"];
     crane.set_together(both).unwrap();
@@ -175,7 +175,7 @@ fn overrides_that_are_possible_together_are_accepted_in_any_order() {
         both.set_together_within_range(order.map(|k| thick[k])).unwrap();
         assert_eq!((both.numbers.rod, both.numbers.piston), (0.07, 0.1));
     }
-    // nothing of what is impossible together is kept
+    // no value of an impossible combination is stored
     let mut kept = crane.clone();
     let error = kept.set_together(["payload.mass_kg=200", thick[0]]).unwrap_err().to_string();
     assert!(error.contains("payload.mass_kg=200") && error.contains("rod_mm=70"), "{error}");

@@ -18,7 +18,7 @@ fn what_a_file_leaves_out_is_typical_and_the_rest_is_the_files() {
         filled.len() == 17 && filled.contains(&"sensors.position_noise_mm".to_string()),
         "{filled:?}"
     );
-    // nothing else differs, and each value is the machine's
+    // no other key differs, and each value is the machine's
     assert!(keys(&model, &machine).iter().all(|key| filled.contains(key)));
     assert!(model.differences(&machine).iter().all(|difference| difference.is_of_equipment()));
     for f in &filled_in {
@@ -28,10 +28,10 @@ fn what_a_file_leaves_out_is_typical_and_the_rest_is_the_files() {
         assert!((f.key.low..=f.key.high).contains(&f.value) && !f.source.is_empty(), "{f}");
     }
     assert!(!model.has_sensor_noise() && machine.has_sensor_noise());
-    // once is enough
+    // applying it again changes nothing
     assert!(machine.virtual_crane().1.is_empty());
     assert_eq!(machine.virtual_crane().0.digest(), machine.digest());
-    // and back again
+    // removing the equipment restores the model
     assert_eq!(machine.without_equipment().digest(), model.digest());
 }
 
@@ -57,7 +57,7 @@ fn the_drive_and_the_transducers_suit_the_crane() {
         crane.virtual_crane().0.numbers
     };
     let (usual, small) = (crane(&[]), crane(&["pump.displacement_cm3=5.3", "payload.mass_kg=150"]));
-    // the drive lifts what the file hangs on it, with reserve
+    // the drive can lift the payload of the file, with reserve
     assert!((25.0..40.0).contains(&usual.drive_torque), "{}", usual.drive_torque);
     assert!(small.drive_torque < 0.5 * usual.drive_torque, "{}", small.drive_torque);
     assert!(small.drive_inertia < 0.5 * usual.drive_inertia);
