@@ -98,7 +98,7 @@ fn use_file(path: &Path) {
     let _ = (mapping.suspicions(&log, 0.5, 50.0), Signals::of(&log, &mapping));
 }
 
-/// Mutates files of a format in turn. A reader that hangs is told from the outside.
+/// Mutates files of a format in turn. An external process detects a reader that hangs.
 fn survives(format: &str, seeds: &[Vec<u8>], then: fn(&Path)) {
     let count =
         std::env::var("HYDROBOOM_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(300);
@@ -241,7 +241,7 @@ fn damaged_mcap_files() {
         (0..20).map(|k| (0, k * 1_000_000, message.clone())).collect();
     let channel = mcap_files::ros2("/joints", "sensor_msgs/msg/JointState", joints);
     let seeds = [
-        // without checksums, what is damaged is met by what is behind them
+        // without checksums, damage is detected only by later checks
         mcap_files::one_chunk("", size, 0, &records),
         mcap_files::one_chunk("zstd", size, 0, &zstd::encode_all(&records[..], 3).unwrap()),
         mcap_files::file(

@@ -48,7 +48,7 @@ struct Case {
     /// Segments, and seconds in the file of the folder.
     segments: usize,
     seconds: f64,
-    /// What is said of it, or in its refusal.
+    /// Text that the remarks or the refusal must contain.
     said: &'static [&'static str],
 }
 

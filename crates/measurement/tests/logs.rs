@@ -187,7 +187,7 @@ fn a_mapping_names_what_no_guess_can_and_refuses_what_is_not_there() {
     let suspicions = mapping.suspicions(&log, 0.5, 50.0);
     let text = suspicions.iter().map(|s| s.text.as_str()).collect::<Vec<_>>().join("; ");
     assert!(text.contains("p_A") && text.contains("Pa"), "{text}");
-    // what is written is read again
+    // the written mapping can be read
     assert_eq!(Mapping::parse("again", &mapping.to_toml()).unwrap().entries.len(), 2);
     for (text, wanted) in [
         ("[log]\nstrocke = \"a\"\n", "log.strocke is no signal"),
@@ -322,7 +322,7 @@ proptest::proptest! {
     }
 }
 
-/// What is no log is named as what it is, and a MAT file is one by its content.
+/// A file that is not a log is refused with its kind; a MAT file is recognised by its content.
 #[test]
 fn files_are_known_by_how_they_begin() {
     let at = |name: &str| PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);

@@ -18,8 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// Numbers that are more than are kept.
 const NUMBERS: usize = 24_000_000;
-/// Memory that reading takes at most \[kB\]: 160 MB of numbers, as much again while they grow, and what the test
-/// itself needs.
+/// Largest memory of reading \[kB\]: 160 MB of numbers, twice while the arrays grow, and the test's own needs.
 const MOST_MEMORY: u64 = 500_000;
 
 /// Rows, and signals of each.
@@ -53,7 +52,7 @@ fn is_averaged(path: &Path, rows: usize) {
     assert!(kilobytes < MOST_MEMORY, "{kilobytes} kB");
 }
 
-// one test: what the whole process takes is measured
+// a single test, since the memory of the whole process is measured
 #[test]
 fn long_logs_are_averaged_within_bounded_memory() {
     mdf();

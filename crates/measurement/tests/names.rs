@@ -26,7 +26,7 @@ fn columns_of_the_same_name_are_reachable_by_their_number() {
         [Signal::PressureA, Signal::PressureB, Signal::PressurePumpA].map(at).map(f64::round),
         [68.0, 2.0, 71.0]
     );
-    // what is written names the same columns
+    // the written mapping names the same columns
     let again = Mapping::parse("again", &mapping.to_toml()).unwrap().completed(&log).unwrap();
     assert_eq!(Signals::of(&log, &again).unwrap(), signals);
 }

@@ -111,7 +111,7 @@ fn a_tank_line_without_pressure_is_not_suspected() {
     assert_eq!(suspected(&log), "");
 }
 
-/// A tenth of what the crane rests at and of what the piston's speed asks for: MPa and rad/s, where no unit is stated.
+/// A tenth of the expected pressure and motor speed: the columns are in MPa and rad/s without a stated unit.
 #[test]
 fn guessed_units_are_held_against_the_crane() {
     let per_second = std::f64::consts::TAU / 60.0;
@@ -137,7 +137,7 @@ fn guessed_units_are_held_against_the_crane() {
     let text = suspected("mpa.csv", [0.1, per_second], ["p_A", "n"]);
     assert!(text.contains("is it in MPa?") && text.contains("is it in rad/s?"), "{text}");
     assert_eq!(suspected("bar.csv", [1.0, 1.0], ["p_A", "n"]), "");
-    // what is stated is believed
+    // stated units are not questioned
     assert_eq!(
         suspected("stated.csv", [0.1, per_second], ["p_A_bar", "n_rpm"]).matches("p_A ").count(),
         0

@@ -67,7 +67,7 @@ fn damaged_mappings_are_understood_or_refused_in_few_words() {
         let bytes = damaged(whole.as_bytes(), &mut Chance::new(seed));
         let text = String::from_utf8_lossy(&bytes);
         match Mapping::parse("damaged.toml", &text) {
-            // what is understood is written so that it is understood again
+            // an accepted mapping is accepted again after writing
             Ok(mapping) => {
                 let again = Mapping::parse("again.toml", &mapping.to_toml());
                 let again = again.unwrap_or_else(|e| panic!("seed {seed}: {e}"));

@@ -39,10 +39,10 @@ fn a_unit_that_is_unknown_or_of_something_else_is_an_error() {
         "t,pressure_a [barr],x [bar],n [Hz],pressure_b [mm]\n0,1,1,1,1\n1,2,2,2,2\n2,3,3,3,3\n";
     let log = log("wrong.csv", text);
     let said = |mapping: &str| mapped(&log, mapping).unwrap_err().to_string();
-    // it would be taken for p_A: nobody is told another unit than the one that stands there
+    // the column would be assigned to p_A: the message names the unit that the log states
     let text = said("");
     assert!(text.contains("\"barr\" is no known unit; the nearest is bar"), "{text}");
-    // what it says is understood as it is written, on two lines
+    // the remedy in the message is accepted, on two lines
     assert!(text.contains("[log.pressure_a] column = \"pressure_a [barr]\", unit = "), "{text}");
     let stated = "[log.pressure_a]\ncolumn = \"pressure_a [barr]\"\nunit = \"bar\"\n";
     assert!(mapped(&log, stated).is_ok());
@@ -71,7 +71,7 @@ fn any_column_is_scaled_and_shifted() {
     assert!((at(&signals, Signal::PressureA) - 125e5).abs() < 1e-6);
     assert!((at(&signals, Signal::MotorSpeed) + 20.0).abs() < 1e-12);
     assert!((at(&signals, Signal::PressureB) - 2e5).abs() < 1e-6);
-    // what is written is read again
+    // the written mapping can be read
     let again = Mapping::parse("again.toml", &mapping.to_toml()).unwrap();
     for (signal, entry) in &mapping.entries {
         let other = &again.entries[signal];
@@ -139,7 +139,7 @@ fn an_absolute_pressure_is_suspected_by_its_name_or_its_rest() {
     assert!(text.contains("is named as an absolute pressure"), "{text}");
 }
 
-/// What is proposed puts the signal where it belongs, whatever the mapping says already.
+/// The proposed correction gives the signal its true values, also with sign and offset in the mapping.
 #[test]
 fn the_proposed_zero_is_right_with_sign_and_offset() {
     for (sign, offset) in [(1.0, 0.0), (-1.0, 0.0), (1.0, 100.0), (-1.0, -40.0)] {

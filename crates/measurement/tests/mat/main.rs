@@ -296,7 +296,7 @@ fn groups_of_level_7_3_that_are_no_structures_are_named() {
 #[test]
 fn why_references_cannot_be_followed_is_said() {
     let mut bytes = std::fs::read(recorded("scope_7_3.mat")).unwrap();
-    // the name of the group that they lead into
+    // the name of the group with the targets of references
     let at = bytes.windows(6).position(|w| w == b"#refs#").unwrap();
     bytes[at + 1..at + 5].copy_from_slice(b"lost");
     let said = refused("lost_7_3.mat", &bytes);

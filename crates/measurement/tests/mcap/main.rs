@@ -369,7 +369,7 @@ fn a_large_attachment_is_passed_over() {
     let log = log("attached.mcap", &whole);
     assert_eq!(log.channels[0].values, [1.0, 2.0]);
     assert!(log.remarks.is_empty(), "{:?}", log.remarks);
-    // what is passed over is in the file's checksum
+    // skipped records are included in the file's checksum
     let at = whole.len() / 2;
     whole[at] ^= 1;
     assert!(refused("attached.mcap", &whole).contains("checksum"));

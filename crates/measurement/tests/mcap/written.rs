@@ -85,7 +85,7 @@ pub fn channel_and_messages(topic: &str, messages: &[(u64, &str)]) -> Vec<u8> {
     records
 }
 
-/// A file of one chunk, whose size and checksum are as they are told.
+/// A file of one chunk with a given size and checksum.
 pub fn one_chunk(compression: &str, size: u64, crc: u32, packed: &[u8]) -> Vec<u8> {
     let mut chunk = vec![0; 16];
     chunk.extend(size.to_le_bytes());

@@ -293,7 +293,7 @@ fn ranges_are_converted_each_in_its_own_way() {
     assert!(values[2].is_nan() && values[3].is_nan(), "{values:?}");
 }
 
-/// Three records of a position, in a file that may be changed: the channel of the position is told.
+/// Three records of a position in a file that `change` may modify; it receives the position of the channel's block.
 fn three(change: impl FnOnce(&mut File, u64) -> Option<u64>) -> Vec<u8> {
     let mut file = File::new("MDF     ", "4.10");
     let stroke = file.channel(0, "stroke", "mm", [0, 0, 8, 8]);

@@ -52,7 +52,7 @@ impl File {
         self.block("##CG", &[next, channels, 0, 0, 0, 0], &data)
     }
 
-    /// The whole file, with one group of groups whose records begin with a number of so many bytes.
+    /// The whole file with one data group, whose records begin with a number of `id_size` bytes.
     pub fn finish(mut self, group: u64, data: u64, id_size: u8) -> Vec<u8> {
         let first = self.block("##DG", &[0, group, data, 0], &[id_size, 0, 0, 0, 0, 0, 0, 0]);
         let header = block("##HD", &[first, 0, 0, 0, 0, 0], &[0; 32]);
