@@ -107,12 +107,12 @@ async fn read(
     place: &Place,
     answers: &mpsc::Sender<Answer>,
 ) -> Option<CloseFrame> {
-    let mut conduct = MessageCount::new();
+    let mut count = MessageCount::new();
     loop {
         let message = timeout(state.limits.silence, stream.next()).await.ok()??;
         let heeded = match message {
-            Ok(Frame::Text(text)) => conduct.execute(state, place, text.as_str()),
-            Ok(Frame::Ping(_) | Frame::Pong(_)) if conduct.is_within_rate(&state.limits) => {
+            Ok(Frame::Text(text)) => count.execute(state, place, text.as_str()),
+            Ok(Frame::Ping(_) | Frame::Pong(_)) if count.is_within_rate(&state.limits) => {
                 continue;
             }
             // binary message, too long, closed or broken connection
