@@ -1,4 +1,4 @@
-/* Two cranes, one heavier than the other, lifted alike; what cannot be done is said. Prints all outputs of the first. */
+/* Two cranes, one heavier than the other, with the same inputs; checks error messages. Prints all outputs of the first. */
 #include "hydroboom_live.h"
 #include <stdio.h>
 #include <string.h>
