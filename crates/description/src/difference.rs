@@ -73,8 +73,8 @@ impl Difference {
 
 /// Sorts differences by importance.
 ///
-/// Choices and the boom's segmentation come first, then numbers of the machine by their relative difference, then
-/// effects that one of both leaves out, and last keys that do not describe the machine.
+/// Choices and the boom's segmentation come first, then numbers of the machine by their relative difference. Effects
+/// that one of both leaves out follow, and last keys that do not describe the machine.
 pub fn by_weight(mut differences: Vec<Difference>) -> Vec<Difference> {
     differences.sort_by(|a, b| {
         let ((a, a_size), (b, b_size)) = (a.weight(), b.weight());

@@ -117,8 +117,8 @@ impl std::fmt::Display for FilledIn {
 }
 
 impl Description {
-    /// The virtual crane of this crane file: the same machine with typical drive, switching valve, sensors, fieldbus
-    /// and time step for keys that the file leaves out, and the list of these.
+    /// The virtual crane of this crane file, and the list of keys that were filled in. Drive, switching valve,
+    /// sensors, fieldbus and time step get typical values where the file leaves their keys out.
     ///
     /// A key that the file states or an override sets keeps its value; `drive.bandwidth_hz = 0` stays an ideal drive.
     /// A crane with another kind of circuit has no such keys and is not changed.

@@ -102,7 +102,7 @@ impl Real for Expression {
     fn select(mask: Condition, yes: Self, no: Self) -> Self {
         Self(push(Op::Select(mask.0, yes.0, no.0)))
     }
-    /// Always true: the branch may be needed in another run.
+    /// Always true: generated code may take either branch.
     fn any(_: Condition) -> bool {
         true
     }
@@ -152,7 +152,7 @@ impl Real for Expression {
 /// Largest operation count of a loop, over all rows, for which it is unrolled.
 pub const MAX_UNROLLED_OPERATIONS: usize = 100;
 
-/// Name of a source file: loops recorded from it belong to the subject of that file.
+/// Name of the source file that a loop is recorded from, for naming its generated function.
 fn origin(at: &Location<'_>) -> String {
     let path = Path::new(at.file());
     let file = path.file_stem();

@@ -22,9 +22,9 @@ pub enum Op {
     Mul(Node, Node),
     /// Quotient.
     Div(Node, Node),
-    /// Negative.
+    /// Negation.
     Neg(Node),
-    /// `a b + c`, rounded once.
+    /// Fused multiply-add `a b + c`, rounded once.
     MulAdd(Node, Node, Node),
     /// Square root.
     Sqrt(Node),
@@ -34,11 +34,11 @@ pub enum Op {
     Ln(Node),
     /// Hyperbolic tangent.
     Tanh(Node),
-    /// Sine and cosine together; used by the two below only.
+    /// Sine and cosine in one operation; its only uses are [`Op::Sin`] and [`Op::Cos`].
     SinCos(Node),
-    /// The sine of a pair.
+    /// Sine from an [`Op::SinCos`] node.
     Sin(Node),
-    /// The cosine of a pair.
+    /// Cosine from an [`Op::SinCos`] node.
     Cos(Node),
     /// The second operand if the condition holds, else the third.
     Select(Node, Node, Node),
@@ -60,7 +60,7 @@ pub enum Op {
     TurnedCosine(Node, Node, Node),
     /// m of x = m 2^e, with m in √½ .. √2.
     Mantissa(Node),
-    /// e of the same.
+    /// e of the same decomposition.
     Exponent(Node),
     /// A table of numbers, by its index.
     Table(u32),

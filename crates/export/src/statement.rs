@@ -179,7 +179,7 @@ impl Loop {
 
 /// Kind of a function's parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Taken {
+pub(crate) enum ParameterKind {
     /// Index of the row.
     Row,
     /// A number or a condition.
@@ -192,7 +192,7 @@ pub(crate) enum Taken {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Parameter {
     pub(crate) name: String,
-    pub(crate) taken: Taken,
+    pub(crate) taken: ParameterKind,
 }
 
 /// A function with the operations of one row of a loop.
@@ -275,7 +275,7 @@ pub(crate) fn grouped<'a>(
 
 impl Function {
     /// Whether another function differs only in its origin.
-    pub(crate) fn does_the_same_as(&self, other: &Self) -> bool {
+    pub(crate) fn is_same_function(&self, other: &Self) -> bool {
         let of = |f: &Self| (f.parameters.clone(), f.body.clone(), f.results.clone());
         of(self) == of(other)
     }

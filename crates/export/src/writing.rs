@@ -230,7 +230,7 @@ impl Writing<'_, '_, '_> {
                 (table, first) => format!("{table}[{counter} + {first}]"),
             },
             Argument::Carried(k) => out.carried[k].clone(),
-            Argument::Taken(place) => writing.argument(given[*place]),
+            Argument::Outside(place) => writing.argument(given[*place]),
             Argument::Array(places) => {
                 let texts: Vec<String> =
                     places.iter().map(|place| writing.text(given[*place]).text).collect();

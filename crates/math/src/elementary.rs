@@ -1,9 +1,8 @@
 //! Exponential, hyperbolic tangent, logarithm, sine and cosine from plain arithmetic.
 //!
-//! Libraries differ in the last bits of these functions, and call one lane at a time. Here they
-//! are additions, multiplications, one division and a scaling by a power of two, so that `f64`,
-//! every SIMD lane and generated code agree to the last bit, and so that the compiler can
-//! vectorise them.
+//! Libraries differ in the last bits of these functions, and compute one lane at a time. Here they consist of
+//! additions, multiplications, one division and a scaling by a power of two. Hence `f64`, every SIMD lane and generated
+//! code agree to the last bit, and the compiler can vectorise them.
 //!
 //! Error bounds in `f64`, relative, tested on a fine grid against libm
 //! (`elementary_functions_keep_their_stated_error`):

@@ -2,7 +2,7 @@
 
 use super::WIDTH;
 use crate::name::comment;
-use crate::statement::{Function, Kind, Loop, Run, Statement, Taken, broken, listed};
+use crate::statement::{Function, Kind, Loop, ParameterKind, Run, Statement, broken, listed};
 
 /// A line within a function.
 pub(super) fn line(text: &str) -> String {
@@ -134,9 +134,9 @@ impl Lines<'_> {
         for parameter in parameters {
             let name = &parameter.name;
             taken.push(match parameter.taken {
-                Taken::Row => format!("int {name}"),
-                Taken::One(kind) => format!("{} {name}", self.kind(kind)),
-                Taken::Table(_) => format!("const {real} *{name}"),
+                ParameterKind::Row => format!("int {name}"),
+                ParameterKind::One(kind) => format!("{} {name}", self.kind(kind)),
+                ParameterKind::Table(_) => format!("const {real} *{name}"),
             });
         }
         let mut body = self.statements(body);

@@ -32,7 +32,7 @@ const LARGEST_SHELL: f64 = 10.0;
 const FASTEST_TURN: f64 = 1e3;
 
 /// Nominal value of a quantity with this unit.
-fn usual(unit: &str) -> f64 {
+fn nominal(unit: &str) -> f64 {
     match unit {
         "Pa" => 1e7,
         "Pa/s" => 1e8,
@@ -52,11 +52,11 @@ pub(super) fn key(name: &str) -> Option<&'static Key> {
 }
 
 fn bounded(v: &Variable, low: f64, high: f64) -> Bounds {
-    Bounds { low: Some(low), high: Some(high), nominal: usual(&v.unit) }
+    Bounds { low: Some(low), high: Some(high), nominal: nominal(&v.unit) }
 }
 
 fn unbounded(v: &Variable) -> Bounds {
-    Bounds { low: None, high: None, nominal: usual(&v.unit) }
+    Bounds { low: None, high: None, nominal: nominal(&v.unit) }
 }
 
 /// Bounds of a parameter: the crane file's range; the nominal value is its own value.

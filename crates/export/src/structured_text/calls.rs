@@ -9,7 +9,7 @@ use super::lines::{Lines, array, kind_name};
 use super::unit::{Declared, Kind, Section, Unit};
 use super::{StructuredText, camel, line, literal};
 use crate::name::comment;
-use crate::statement::{Dialect, Function, Statement, Taken};
+use crate::statement::{Dialect, Function, ParameterKind, Statement};
 use std::collections::BTreeSet;
 
 /// Units for a block; their names begin with the block's, so that two exports can be used in one project.
@@ -23,7 +23,7 @@ impl Calls<'_> {
     /// Whether a loop body is a `FUNCTION`; otherwise it is a `FUNCTION_BLOCK`.
     pub(super) fn is_function(&self, place: usize) -> bool {
         let Function { parameters, body, results, .. } = &self.functions[place];
-        let is_table = |taken| matches!(taken, Taken::Table(_));
+        let is_table = |taken| matches!(taken, ParameterKind::Table(_));
         let calls_block = |statement: &Statement| match statement {
             Statement::Interpolation { .. } => true,
             Statement::Loop(of) => !self.is_function(of.function),
@@ -119,9 +119,9 @@ impl Calls<'_> {
         }
         for parameter in parameters {
             let (section, kind) = match parameter.taken {
-                Taken::Row => (Section::Input, "DINT".to_string()),
-                Taken::One(kind) => (Section::Input, kind_name(kind).to_string()),
-                Taken::Table(length) => (Section::InOut, array(length)),
+                ParameterKind::Row => (Section::Input, "DINT".to_string()),
+                ParameterKind::One(kind) => (Section::Input, kind_name(kind).to_string()),
+                ParameterKind::Table(length) => (Section::InOut, array(length)),
             };
             variables.push(Declared::new(section, &parameter.name, &kind, None, ""));
         }

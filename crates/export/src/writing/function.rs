@@ -3,7 +3,7 @@
 use super::Writing;
 use crate::graph::{Node, Op};
 use crate::name::Names;
-use crate::statement::{FEWEST, Function, Kind, Parameter, Taken, Text, entry};
+use crate::statement::{FEWEST, Function, Kind, Parameter, ParameterKind, Text, entry};
 use std::collections::HashMap;
 
 /// Largest number of outside values that are passed one by one: the number of registers for arguments on x86-64 and
@@ -27,7 +27,7 @@ pub(super) enum Argument {
     /// A loop-carried value, by its index.
     Carried(u32),
     /// An outside value of the body, by its index.
-    Taken(usize),
+    Outside(usize),
     /// Several outside values as an array.
     Array(Vec<usize>),
     /// An existing array.
@@ -61,7 +61,7 @@ impl Writing<'_, '_, '_> {
                 head.texts.insert(of.taken[*place], Text::whole(text));
             }
             head.arrays.insert(name.clone(), numbers.len());
-            head.take(name, Taken::Table(numbers.len()), Argument::Array(numbers));
+            head.take(name, ParameterKind::Table(numbers.len()), Argument::Array(numbers));
         } else {
             for place in numbers {
                 let node = of.taken[place];
@@ -70,7 +70,7 @@ impl Writing<'_, '_, '_> {
                     None => names.numbered("b"),
                 };
                 head.texts.insert(node, Text::whole(name.clone()));
-                head.take(name, Taken::One(Kind::Number), Argument::Taken(place));
+                head.take(name, ParameterKind::One(Kind::Number), Argument::Outside(place));
             }
         }
         for (place, node) in taken {
@@ -79,12 +79,12 @@ impl Writing<'_, '_, '_> {
                     let (name, length) = (names.numbered("r"), graph.table(number).len());
                     head.tables.insert(*node, (name.clone(), 0));
                     head.arrays.insert(name.clone(), length);
-                    head.take(name, Taken::Table(length), Argument::Taken(place));
+                    head.take(name, ParameterKind::Table(length), Argument::Outside(place));
                 }
                 op if op.is_condition() => {
                     let name = names.numbered("is");
                     head.texts.insert(*node, Text::whole(name.clone()));
-                    head.take(name, Taken::One(Kind::Condition), Argument::Taken(place));
+                    head.take(name, ParameterKind::One(Kind::Condition), Argument::Outside(place));
                 }
                 _ => {}
             }
@@ -122,7 +122,7 @@ impl Writing<'_, '_, '_> {
             results,
         };
         let functions = &mut *self.shared.functions;
-        let known = functions.iter().position(|other| other.does_the_same_as(&function));
+        let known = functions.iter().position(|other| other.is_same_function(&function));
         let place = match known {
             Some(place) => {
                 functions[place].shared_with(&function);
@@ -145,14 +145,14 @@ impl Writing<'_, '_, '_> {
                 Op::Row(of) if of == number => {
                     let name = names.free("row");
                     head.texts.insert(*node, self.dialect.row(&name));
-                    head.take(name, Taken::Row, Argument::Row);
+                    head.take(name, ParameterKind::Row, Argument::Row);
                     continue;
                 }
                 Op::Read(of, k) if of == number => {
-                    (names.numbered("x"), Taken::One(Kind::Number), Argument::Entry(k))
+                    (names.numbered("x"), ParameterKind::One(Kind::Number), Argument::Entry(k))
                 }
                 Op::Carry(of, k) if of == number => {
-                    (names.numbered("a"), Taken::One(Kind::Number), Argument::Carried(k))
+                    (names.numbered("a"), ParameterKind::One(Kind::Number), Argument::Carried(k))
                 }
                 _ => continue,
             };
@@ -198,7 +198,7 @@ impl Writing<'_, '_, '_> {
             }
             let length = self.arrays[&name];
             head.arrays.insert(own.clone(), length);
-            head.take(own, Taken::Table(length), Argument::Whole(name));
+            head.take(own, ParameterKind::Table(length), Argument::Whole(name));
             left = others;
         }
         left
@@ -245,7 +245,7 @@ struct Head {
 }
 
 impl Head {
-    fn take(&mut self, name: String, taken: Taken, argument: Argument) {
+    fn take(&mut self, name: String, taken: ParameterKind, argument: Argument) {
         self.parameters.push(Parameter { name, taken });
         self.arguments.push(argument);
     }
