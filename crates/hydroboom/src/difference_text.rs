@@ -19,8 +19,8 @@ pub fn said(d: &Difference, complaints: &[Judgement], sensors: &[SensorError]) -
     let own: Vec<&Judgement> = complaints.iter().filter(|j| j.signal == d.signal).collect();
     let is_scatter = d.rms < LIMITS.hardly_more * d.noise && d.coloured < LIMITS.nearly_white;
     // an offset is no noise, whatever is left about it
-    let is_noise = (d.coloured < LIMITS.white || is_scatter)
-        && d.bias.abs() < d.noise.max(LIMITS.least_offset * size);
+    let is_noise =
+        (d.is_white || is_scatter) && d.bias.abs() < d.noise.max(LIMITS.least_offset * size);
     if own.is_empty() && is_noise {
         return format!("{symbol}: nothing is left but what its sensor scatters.");
     }
@@ -258,6 +258,7 @@ mod tests {
             ringing: None,
             model_ringing: None,
             coloured: 1.0,
+            is_white: false,
             parts: None,
             span: 10e5,
             largest: 80e5,
@@ -289,7 +290,8 @@ mod tests {
     /// White about an offset: the offset is no scatter.
     #[test]
     fn an_offset_is_not_taken_for_noise() {
-        let white = Difference { coloured: 0.02, noise: 1e3, rms: 1.1e3, ..difference() };
+        let white =
+            Difference { coloured: 0.02, is_white: true, noise: 1e3, rms: 4e3, ..difference() };
         assert!(read(&white, &[]).contains("nothing is left but"), "{}", read(&white, &[]));
         let off = Difference { bias: 5e5, rms: 5e5, ..white };
         assert!(!read(&off, &[]).contains("nothing is left but"), "{}", read(&off, &[]));

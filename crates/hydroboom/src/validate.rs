@@ -196,7 +196,7 @@ fn row(finding: &Finding) -> Vec<String> {
         output::optional(d.delay.map(|s| s * 1e3), 1),
         format!("{}, {}", frequency(d.ringing), frequency(d.model_ringing)),
         format!("{}, {}", damping(d.ringing), damping(d.model_ringing)),
-        format!("{:.2}", d.coloured),
+        format!("{:.2}{}", d.coloured, if d.is_white { ", white" } else { "" }),
     ]
 }
 
@@ -218,7 +218,7 @@ fn in_json(finding: &Finding) -> Value {
             "scale_percent": { "value": p.scale.value * 100.0, "share": p.scale.share },
             "delay_ms": { "value": p.delay.value * 1e3, "share": p.delay.share },
         })),
-        "ringing": rings(d.ringing), "model_ringing": rings(d.model_ringing), "coloured": d.coloured,
+        "ringing": rings(d.ringing), "model_ringing": rings(d.model_ringing), "coloured": d.coloured, "white": d.is_white,
         "judged": d.unresolved.is_none(), "said": finding.said,
         "sensor_error": finding.sensor.map(|error| json!({
             "offset": match error.fault { Fault::Offset(off) => Some(off / size), Fault::Scale(_) => None },

@@ -5,7 +5,7 @@ use crate::explained::{Explained, explained};
 use crate::limits::LIMITS;
 use crate::prediction::Prediction;
 use crate::ringing::{Ringing, ringing};
-use crate::whiteness::coloured;
+use crate::whiteness::{Whiteness, whiteness};
 use hydroboom_measurement::Signal;
 
 /// How a signal of the log differs from the model's: log less model, in SI units.
@@ -42,6 +42,8 @@ pub struct Difference {
     /// Share of the difference's autocorrelations, up to a second, that are larger than white noise would have them:
     /// 0.05 if nothing is left to be explained.
     pub coloured: f64,
+    /// Whether it is white by the portmanteau test of Ljung and Box at 5 %, over the same lags.
+    pub is_white: bool,
     /// What it is made of: offset, drift, scale, delay.
     pub parts: Option<Explained>,
     /// From the log's smallest value to its largest.
@@ -184,6 +186,7 @@ fn difference(
     });
     let left = log_in_time.iter().zip(&model_in_time);
     let left: Vec<Option<f64>> = left.map(|(log, model)| Some((*log)? - (*model)?)).collect();
+    let Whiteness { coloured, is_white } = whiteness(&left, interval);
     Difference {
         signal,
         count: both.len(),
@@ -199,7 +202,8 @@ fn difference(
         drift,
         ringing: rings(&log),
         model_ringing: rings(&model),
-        coloured: coloured(&left, interval),
+        coloured,
+        is_white,
         parts: explained(&log_in_time, &model_in_time, interval),
         span: log.iter().copied().fold(f64::NEG_INFINITY, f64::max)
             - log.iter().copied().fold(f64::INFINITY, f64::min),

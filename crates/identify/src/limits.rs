@@ -32,9 +32,8 @@ pub struct Limits {
     pub sensor_scale: f64,
     /// A sensor beside it shows the same where it has this share of the error \[-\]: then it is the crane's.
     pub shared: f64,
-    /// Share of autocorrelations beyond their bound up to which a difference is white \[-\]: white noise has 0.05.
-    pub white: f64,
-    /// The same where its RMS is hardly more than the sensor's scatter \[-\], that is by this factor at most.
+    /// Share of autocorrelations beyond their bound \[-\], of which white noise has 0.05, up to which a difference is the sensor's scatter though it is not white, where its
+    /// RMS is hardly more than that, that is by the factor below at most.
     pub nearly_white: f64,
     /// That factor \[-\].
     pub hardly_more: f64,
@@ -66,7 +65,6 @@ pub const LIMITS: Limits = Limits {
     sensor_offset: 0.2,
     sensor_scale: 0.3,
     shared: 0.5,
-    white: 0.1,
     nearly_white: 0.3,
     hardly_more: 1.2,
     least_offset: 0.1,

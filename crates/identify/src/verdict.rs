@@ -123,6 +123,7 @@ mod tests {
             ringing: rings[0],
             model_ringing: rings[1],
             coloured: 0.0,
+            is_white: true,
             parts: None,
             span: if signal == Signal::Stroke { 0.4 } else { 10e5 },
             largest: if signal == Signal::Stroke { 0.5 } else { 80e5 },

@@ -1,5 +1,7 @@
 //! Whether differences are white noise: their autocorrelations, over what was measured.
 
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
 /// Autocorrelations are looked at up to this lag \[s\].
 const LAGS: f64 = 1.0;
 
@@ -11,23 +13,44 @@ pub(crate) fn autocovariance(errors: &[Option<f64>], lag: usize) -> (f64, usize)
     pairs.fold((0.0, 0), |(sum, count), product| (sum + product, count + 1))
 }
 
-/// Share of autocorrelations, up to a second, beyond what white noise has in nineteen cases of twenty (Bartlett, On the theoretical specification and sampling
-/// properties of autocorrelated time-series, Suppl. J. R. Stat. Soc. 8, 1946, 27-41); samples `interval` apart \[s\].
-pub(crate) fn coloured(errors: &[Option<f64>], interval: f64) -> f64 {
+/// What autocorrelations say of differences, up to a second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Whiteness {
+    /// Size of the effect: share of autocorrelations beyond what white noise has in nineteen cases of twenty (Bartlett, On the theoretical specification and sampling
+    /// properties of autocorrelated time-series, Suppl. J. R. Stat. Soc. 8, 1946, 27-41).
+    pub(crate) coloured: f64,
+    /// Whether all of them together are no more than white noise has in nineteen cases of twenty: the portmanteau test.
+    pub(crate) is_white: bool,
+}
+
+/// Chance with which white noise is taken for coloured.
+const LEVEL: f64 = 0.05;
+
+/// Whether differences are white, samples `interval` apart \[s\]. With fewer than four samples, or none that differ, there is nothing to tell: white.
+///
+/// The squares of the autocorrelations, each over its variance, sum to a χ² of as many degrees of freedom as lags (Ljung and Box, On a measure of lack of fit in time series
+/// models, Biometrika 65, 1978, 297-303); where samples are missing, of the pairs that there are (Stoffer and Toloi, A note on the Ljung-Box-Pierce portmanteau statistic with
+/// missing data, Stat. Prob. Lett. 13, 1992, 391-396).
+pub(crate) fn whiteness(errors: &[Option<f64>], interval: f64) -> Whiteness {
     let count = errors.iter().flatten().count();
     let mean = errors.iter().flatten().sum::<f64>() / count.max(1) as f64;
     let centred: Vec<Option<f64>> = errors.iter().map(|e| e.map(|e| e - mean)).collect();
     let (power, _) = autocovariance(&centred, 0);
     let lags = ((LAGS / interval) as usize).min(count / 4);
     if lags == 0 || power <= 0.0 {
-        return 0.0;
+        return Whiteness { coloured: 0.0, is_white: true };
     }
-    let beyond = (1..=lags).filter(|lag| {
-        let (sum, pairs) = autocovariance(&centred, *lag);
-        // of white noise a sum of so many products has this deviation
-        sum.abs() > 1.96 * (pairs as f64).sqrt() * power / count as f64
+    let count = count as f64;
+    let squares = (1..=lags).filter_map(|lag| {
+        let (sum, pairs) = autocovariance(&centred, lag);
+        let variance = pairs as f64 / (count * (count + 2.0));
+        (pairs > 0).then(|| (sum / power).powi(2) / variance)
     });
-    beyond.count() as f64 / lags as f64
+    let squares: Vec<f64> = squares.collect();
+    let beyond = squares.iter().filter(|square| **square > 1.96 * 1.96).count();
+    let limit = ChiSquared::new(squares.len() as f64).map(|chi| chi.inverse_cdf(1.0 - LEVEL));
+    let is_white = limit.is_ok_and(|limit| squares.iter().sum::<f64>() <= limit);
+    Whiteness { coloured: beyond as f64 / squares.len().max(1) as f64, is_white }
 }
 
 #[cfg(test)]
@@ -39,12 +62,27 @@ mod tests {
         2.0 * (x - x.floor()) - 1.0
     }
 
+    /// White noise, with and without a gap, is called coloured as often as stated; and noise of which each sample keeps a tenth of the last one, with few lags to tell it by, mostly.
     #[test]
-    fn white_noise_is_white_with_and_without_a_gap() {
-        let mut errors: Vec<Option<f64>> = (0..4000).map(|k| Some(white(k))).collect();
-        assert!(coloured(&errors, 5e-3) < 0.12, "{}", coloured(&errors, 5e-3));
-        errors[1000..3700].fill(None);
-        assert!(coloured(&errors, 5e-3) < 0.12, "{}", coloured(&errors, 5e-3));
+    fn white_noise_is_called_coloured_in_one_case_of_twenty() {
+        let draws = 400;
+        for (gap, keep, least, most) in
+            [(0..0, 0.0, 0.02, 0.08), (300..900, 0.0, 0.02, 0.08), (0..0, 0.1, 0.6, 1.0)]
+        {
+            let is_coloured = |draw: &usize| {
+                let mut last = 0.0;
+                let mut errors: Vec<Option<f64>> = (0..1200)
+                    .map(|k| {
+                        last = keep * last + white(draw * 1200 + k);
+                        Some(last)
+                    })
+                    .collect();
+                errors[gap.clone()].fill(None);
+                !whiteness(&errors, 0.2).is_white
+            };
+            let share = (0..draws).filter(is_coloured).count() as f64 / draws as f64;
+            assert!((least..=most).contains(&share), "{share} with {gap:?} and {keep}");
+        }
     }
 
     /// A swing of five samples; where every other second is missing, and what is left is put end to end, it would fall out of step and seem white.
@@ -54,6 +92,7 @@ mod tests {
         let measured = |k: &usize| (k / 53).is_multiple_of(2);
         let errors: Vec<Option<f64>> =
             (0..4000).map(|k| Some(swing(k)).filter(|_| measured(&k))).collect();
-        assert!(coloured(&errors, 5e-3) > 0.6, "{}", coloured(&errors, 5e-3));
+        let found = whiteness(&errors, 5e-3);
+        assert!(found.coloured > 0.6 && !found.is_white, "{found:?}");
     }
 }
