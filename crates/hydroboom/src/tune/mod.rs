@@ -385,7 +385,11 @@ impl Tune {
             found.tuned.len(),
             if found.tuned.len() == 1 { "key" } else { "keys" },
             found.evaluations,
-            if found.has_converged { "" } else { "; the search did not end by itself" },
+            if found.has_converged {
+                ""
+            } else {
+                "; not converged: tune again from the file that is written"
+            },
             output::table(&header, &rows)
         );
         if !found.channels.is_empty() {

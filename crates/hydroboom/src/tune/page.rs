@@ -53,7 +53,7 @@ pub fn page(outcome: &Outcome<'_>) -> Result<Page, LabError> {
         p.soft {
             (found.tuned.len()) " keys of \"" (crane.name) "\" moved until the model shows what the logs do; "
             (found.evaluations) " runs of the model."
-            @if !found.has_converged { " The search did not end by itself: more may be to be had." }
+            @if !found.has_converged { " The search has not converged: tune again from the file that is written." }
         }
         p.soft { "Logs: " @for (e, digest) in experiments.iter().zip(digests_of) {
             code { (e.name) } " (SHA-256 " (&digest[..16]) "), " (format!("{:.1} s. ", e.duration()))

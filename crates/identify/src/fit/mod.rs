@@ -3,7 +3,8 @@
 //! What is minimised is `Σ ((log − model)/σ)² + Σ ((ln θ − ln θ_0)/s)²`: differences of all signals of all logs, each
 //! against what its sensor and the model's own shortcomings leave (σ), and each key against what is known of it (s, from its
 //! provenance). Where each log starts from is free too, within what sensors err by: a pump side that starts a tenth of
-//! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew once from what the first round leaves.
+//! a bar wrong would be explained by something else. So are delay and offset of each channel ([`Nuisance`]). Levenberg and Marquardt's method with exact slopes; σ is found anew from what each
+//! round leaves until it stays (iteratively reweighted least squares: Holland and Welsch, Comm. Stat. A6, 1977, 813-827): what a round that ended early leaves would outweigh the logs.
 
 mod certainty;
 mod determination;
@@ -158,7 +159,7 @@ pub struct Fit {
     pub predictions: (Vec<Prediction>, Vec<Prediction>),
     /// How often the model was run.
     pub evaluations: usize,
-    /// Whether the search ended because nothing more was to be gained.
+    /// Whether the search ended because nothing more was to be gained, and what differences are held against stayed.
     pub has_converged: bool,
     /// Where the search ended, and what it was held against there.
     end: End,
@@ -314,15 +315,25 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
             (at, least) = (found.at, sum);
         }
     }
-    // the second with what the first left as deviations
-    let there = layout.predictions(at.as_slice())?;
-    held_against = deviations(task.experiments, &there, Leaves::AsNow);
-    let sum = Samples::new(layout.experiments, &held_against);
-    let (found, has_converged) = searched(Search::new(layout, sum, &known, at, &watch))?;
-    at = found.at;
-    let mut kept = found.sum.kept.into_inner();
-    let after = layout.predictions(at.as_slice())?;
+    // then with what the last round left as deviations, until that stays
+    let mut kept = vec![None; task.experiments.len()];
+    let mut after = layout.predictions(at.as_slice())?;
     held_against = deviations(task.experiments, &after, Leaves::AsNow);
+    let mut has_converged = false;
+    for _ in 0..ROUNDS {
+        let mut sum = Samples::new(layout.experiments, &held_against);
+        sum.kept = kept.into();
+        let (found, is_least) = searched(Search::new(layout, sum, &known, at, &watch))?;
+        at = found.at;
+        kept = found.sum.kept.into_inner();
+        after = layout.predictions(at.as_slice())?;
+        let left = deviations(task.experiments, &after, Leaves::AsNow);
+        has_converged = is_least && apart(&held_against, &left) < SETTLED;
+        held_against = left;
+        if has_converged {
+            break;
+        }
+    }
     let held = Considered::of(task);
     let information =
         layout.information(at.as_slice(), &held_against, &mut kept, &known, &held.keys)?;
@@ -332,9 +343,19 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     let improvements = improvements.map(|(e, (before, after))| Improvement::new(e, before, after));
     let evaluations = watch.borrow().runs();
     let channels = channels(&layout, at.as_slice(), &certainty);
+    let mut pairs = task.experiments.iter().zip(&after);
+    let shows_more = pairs.any(|(experiment, shown)| has_lack_of_fit(experiment, shown));
     Ok(Fit {
         description: layout.moved(at.as_slice()),
-        tuned: tuned(&layout, &known, at.as_slice(), &certainty, &held, &after, &channels),
+        tuned: tuned(
+            &layout,
+            &known,
+            at.as_slice(),
+            &certainty,
+            &held,
+            &Common::new(task.experiments, &after, &channels, has_converged),
+            shows_more,
+        ),
         channels,
         correlation: certainty.correlation(task.free.len()),
         channel_correlation: with_channels(&layout, &certainty),
@@ -346,13 +367,28 @@ pub fn fit(task: &Task<'_>, go_on: &dyn Fn(&Progress<'_>) -> bool) -> Result<Fit
     })
 }
 
+/// Rounds with deviations as the last one left them, at most.
+const ROUNDS: usize = 8;
+/// Deviations that change by no more than this share from round to round stay: the intervals that they make change by as little.
+const SETTLED: f64 = 0.02;
+
+/// The largest share by which deviations of logs differ.
+fn apart(a: &[Deviations], b: &[Deviations]) -> f64 {
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    let shares = pairs.flat_map(|(a, b)| {
+        [(a.deviation, b.deviation), (a.corner, b.corner)].map(|(a, b)| (a / b - 1.0).abs())
+    });
+    // one that is no number stays no number
+    shares.fold(0.0, |most, share| if share <= most { most } else { share })
+}
+
 /// A search at its end, and whether nothing more was to be gained. It may not end early: a ringing log has flat valleys.
 fn searched<'a, 'w>(
     search: Search<'a, 'w, Samples<'a>>,
 ) -> Result<(Search<'a, 'w, Samples<'a>>, bool), IdentifyError> {
     let watch = search.watch;
     watch.borrow_mut().begin();
-    let found = search.minimised(Ends { sum: 1e-6, place: 1e-5, patience: 6 });
+    let found = search.minimised(Ends { sum: 1e-7, place: 1e-5, patience: 6 });
     if watch.borrow().is_stopped() {
         return Err(IdentifyError::Stopped);
     }
@@ -366,12 +402,9 @@ fn tuned(
     at: &[f64],
     certainty: &Certainty,
     considered: &Considered,
-    after: &[Prediction],
-    channels: &[Channel],
+    common: &Common,
+    shows_more: bool,
 ) -> Vec<Tuned> {
-    let mut pairs = layout.experiments.iter().zip(after);
-    let shows_more = pairs.any(|(experiment, shown)| has_lack_of_fit(experiment, shown));
-    let common = Common::new(layout.experiments, after, channels);
     let nuisances = (0..layout.experiments.len()).flat_map(|log| layout.nuisances(log));
     let keys = layout.free.iter().map(|key| key.path()).enumerate();
     let held = considered.keys.iter().enumerate();
