@@ -1,7 +1,9 @@
 //! Checks for impossible and for implausible machines.
 
 use crate::Description;
-use crate::schema::{CircuitChoice, FrictionChoice, KEYS, ReliefChoice, StructureChoice};
+use crate::schema::{
+    CircuitChoice, DeliveryChoice, FrictionChoice, KEYS, ReliefChoice, StructureChoice,
+};
 use hydroboom_math::Dual;
 use hydroboom_model::EquilibriumError;
 use hydroboom_model::hydraulics::{FrictionLaw, Stribeck};
@@ -321,7 +323,13 @@ impl Description {
         if self.choices.circuit != CircuitChoice::SelfContained {
             return warnings;
         }
-        let needed = n.fast * std::f64::consts::FRAC_PI_4 * n.piston.powi(2) / n.displacement;
+        // what the pump delivers of what it displaces; computed delivery loses by compression only
+        let gain = match self.choices.delivery {
+            DeliveryChoice::Published => n.flow_gain,
+            DeliveryChoice::Computed => 1.0,
+        };
+        let area = std::f64::consts::FRAC_PI_4 * n.piston.powi(2);
+        let needed = n.fast * area / (n.displacement * gain);
         if needed > n.motor_speed {
             warnings.push(format!(
                 "motion.fast_mm_s needs {:.0} rpm, more than motor.max_speed_rpm = {:.0}",

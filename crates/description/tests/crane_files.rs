@@ -116,6 +116,22 @@ fn impossible_machines_are_refused() {
     }
 }
 
+/// A pump that delivers 91 % of what it displaces has to turn faster for the same speed of the piston; computed delivery has no such factor.
+#[test]
+fn the_motor_speed_that_a_motion_needs_counts_what_the_pump_delivers() {
+    let mut crane = Description::uia_single_boom().unwrap();
+    let n = &crane.numbers;
+    let displaced = n.fast * crane.cylinder().piston_area / n.displacement * 60.0;
+    let delivered = displaced / n.flow_gain;
+    let between = format!("motor.max_speed_rpm={}", 0.5 * (displaced + delivered));
+    crane.set(&between).unwrap();
+    let warnings = crane.warnings();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].contains(&format!("needs {delivered:.0} rpm")), "{warnings:?}");
+    crane.set("pump.delivery=computed").unwrap();
+    assert!(crane.warnings().is_empty(), "{:?}", crane.warnings());
+}
+
 #[test]
 fn friction_that_falls_with_speed_is_warned_of() {
     let mut crane = Description::uia_single_boom().unwrap();
