@@ -152,12 +152,12 @@ impl MachineChoice {
     pub fn equality(&self) -> Option<&'static str> {
         if self.differences.is_empty() {
             return Some(
-                "the plant is equal to the model: tracking errors are lower than on a real machine",
+                "the plant is equal to the model: errors of the model, which a real machine adds, are not in the tracking errors",
             );
         }
         self.differences.iter().all(Difference::is_of_equipment).then_some(
-            "the plant is equal to the model but for drive, valve, sensors and fieldbus: tracking errors are \
-             lower than on a real machine",
+            "the plant is equal to the model but for drive, valve, sensors and fieldbus: other errors of the model, \
+             which a real machine adds, are not in the tracking errors",
         )
     }
 
