@@ -32,8 +32,8 @@ pub enum DesignError {
         /// Largest payload.
         high_kg: f64,
     },
-    /// A crane whose boom does not ring on its oil.
-    #[error("at {stroke_mm:.0} mm the crane has no mode in which boom and oil ring: {reason}")]
+    /// A linearised crane whose responses are not finite, that no mass on its oil describes, or whose load does not oscillate.
+    #[error("at {stroke_mm:.0} mm the linearised crane cannot be used: {reason}")]
     NoMode {
         /// Piston position.
         stroke_mm: f64,

@@ -7,6 +7,11 @@ use std::f64::consts::TAU;
 /// Frequencies at which responses are matched, over the natural frequency of the load on the oil.
 const FREQUENCIES: [f64; 8] = [0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.15, 1.3];
 
+/// Lowest and highest natural frequency that is guessed \[Hz\], and guesses; the fit's is near a guess within this factor.
+const GUESSES: [f64; 2] = [0.05, 25.0];
+const GUESSED: u32 = 25;
+const NEAR: f64 = 1.5;
+
 /// A mass on an oil spring, in small changes of piston position x, velocity v, load pressure p and motor speed n:
 /// `v' = a_x x + a_v v + a_p p`, `p' = c_x x + c_v v + c_p p + b n`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,18 +48,52 @@ pub struct ElasticLoad {
     pub compliance: f64,
 }
 
+impl ElasticLoad {
+    /// Natural frequency of the load on oil and boom \[rad/s\], springs in series: the squares of the periods add up.
+    pub fn natural_frequency(&self, spring: &HydraulicSpring) -> f64 {
+        let on_oil = -1.0 / (self.acceleration_by_pressure * spring.pressure_by_velocity);
+        (on_oil + self.compliance / self.acceleration_by_pressure).powf(-0.5)
+    }
+}
+
 /// Oil spring and load of a crane: least squares to the responses of its exact linearisation to the motor speed.
 ///
 /// `s v = a_x x + a_v v + a_p p` for the oil spring, in which the boom is rigid; with another a_p and `γ s² p` beside for the load. A boom without
 /// compliance by that is rigid.
 ///
+/// The frequencies belong to the natural frequency, which is only known afterwards: about a guess the fit has to have one that is near it. The first guess is the crane's load
+/// mode; soft oil may damp that so that it does not oscillate, and what oscillates then is the boom.
+///
 /// # Errors
 ///
-/// [`DesignError`] when the crane does not oscillate on its oil, or its responses cannot be computed.
+/// [`DesignError`] when no mass on an oil spring answers as the crane does, or its responses cannot be computed.
 pub fn hydraulic_spring(
     crane: &LinearisedPlant,
 ) -> Result<(HydraulicSpring, ElasticLoad), DesignError> {
-    let natural_frequency = crane.load_mode()?.frequency_hz;
+    let [low, high] = GUESSES;
+    let guesses =
+        (0..GUESSED).map(|k| low * (high / low).powf(f64::from(k) / f64::from(GUESSED - 1)));
+    let slowest = crane.slowest_mode().map(|mode| mode.frequency_hz);
+    for guess in slowest.into_iter().chain(guesses) {
+        if let Some((spring, load)) = fitted(crane, guess)? {
+            if is_near(load.natural_frequency(&spring), TAU * guess) {
+                return Ok((spring, load));
+            }
+        }
+    }
+    Err(crane.none("no mass on an oil spring answers as it does"))
+}
+
+/// Whether natural frequencies are those of one mode.
+pub(crate) fn is_near(one: f64, other: f64) -> bool {
+    (1.0 / NEAR..NEAR).contains(&(one / other))
+}
+
+/// The fit about a natural frequency \[Hz\]; none where it is no mass on a spring that the pump drives.
+fn fitted(
+    crane: &LinearisedPlant,
+    natural_frequency: f64,
+) -> Result<Option<(HydraulicSpring, ElasticLoad)>, DesignError> {
     let rows = 2 * FREQUENCIES.len();
     let (mut rigid, mut acceleration) = (DMatrix::zeros(rows, 3), DVector::zeros(rows));
     let mut elastic = DMatrix::zeros(rows, 4);
@@ -79,14 +118,17 @@ pub fn hydraulic_spring(
             pressure_rate[i] = of(s * p) * sp;
         }
     }
-    let none = || crane.none("no mass on an oil spring answers as it does");
-    let [_, _, acceleration_by_pressure, compliance] =
-        solved(elastic, &acceleration).ok_or_else(none)?;
-    let [a_x, a_v, a_p] = solved(rigid, &acceleration).ok_or_else(none)?;
-    let [c_x, c_v, c_p, b] = solved(oil, &pressure_rate).ok_or_else(none)?;
+    let elastic = solved(elastic, &acceleration);
+    let rigid = solved(rigid, &acceleration);
+    let (Some(elastic), Some(rigid), Some(oil)) = (elastic, rigid, solved(oil, &pressure_rate))
+    else {
+        return Ok(None);
+    };
+    let ([_, _, acceleration_by_pressure, compliance], [a_x, a_v, a_p]) = (elastic, rigid);
+    let [c_x, c_v, c_p, b] = oil;
     let is_finite = [a_x, a_v, a_p, c_x, c_v, c_p, b].into_iter().all(f64::is_finite);
     if !(is_finite && a_p > 0.0 && b > 0.0 && c_v < 0.0) {
-        return Err(crane.none("the motor does not lift it"));
+        return Ok(None);
     }
     let spring = HydraulicSpring {
         acceleration_by_position: a_x,
@@ -101,7 +143,7 @@ pub fn hydraulic_spring(
         true => ElasticLoad { acceleration_by_pressure, compliance },
         false => ElasticLoad { acceleration_by_pressure: a_p, compliance: 0.0 },
     };
-    Ok((spring, load))
+    Ok(Some((spring, load)))
 }
 
 /// Least squares with columns of like size.
@@ -126,13 +168,25 @@ mod tests {
         let description = Description::uia_single_boom().unwrap();
         let crane = LinearisedPlant::new(&description, 0.2).unwrap();
         let (spring, load) = hydraulic_spring(&crane).unwrap();
-        let on_oil =
-            HydraulicSpring { acceleration_by_pressure: load.acceleration_by_pressure, ..spring };
-        let on_boom = (load.acceleration_by_pressure / load.compliance).sqrt();
-        let squares = on_oil.natural_frequency().powi(-2) + on_boom.powi(-2);
-        let both = squares.powf(-0.5) / TAU;
+        let both = load.natural_frequency(&spring) / TAU;
         let exact = crane.load_mode().unwrap().frequency_hz;
         assert!((both / exact - 1.0).abs() < 0.02, "{both} Hz for {exact} Hz");
+    }
+
+    /// So much viscous friction that the load does not oscillate on its oil: mass and spring are what they are without.
+    #[test]
+    fn an_overdamped_load_has_a_spring_too() {
+        let mut crane = Description::uia_single_boom().unwrap();
+        let of = |crane: &Description| LinearisedPlant::new(crane, 0.25).unwrap();
+        let (spring, load) = hydraulic_spring(&of(&crane)).unwrap();
+        crane.numbers.viscous *= 300.0;
+        assert!(of(&crane).load_mode().is_err());
+        let (damped, damped_load) = hydraulic_spring(&of(&crane)).unwrap();
+        let (with, without) =
+            (damped_load.natural_frequency(&damped), load.natural_frequency(&spring));
+        assert!((with / without - 1.0).abs() < 0.05, "{with} and {without} rad/s");
+        let frequency = TAU * of(&crane).load_frequency().unwrap();
+        assert!((frequency / without - 1.0).abs() < 0.05, "{frequency} and {without} rad/s");
     }
 
     /// A crane of the linearised equations themselves gives back its coefficients: friction laws that slide alike change nothing.

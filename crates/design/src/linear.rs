@@ -46,7 +46,7 @@ pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, DesignError> {
     if a.iter().any(|entry| !entry.is_finite()) {
         return Err(DesignError::Eigenvalues("the matrix has entries that are not finite".into()));
     }
-    let balanced = balanced(a);
+    let (balanced, _) = balanced(a);
     // rows of zeros can keep the iteration from ending at the tightest tolerance
     [1.0, 10.0, 100.0, 1000.0]
         .into_iter()
@@ -57,11 +57,12 @@ pub fn eigenvalues(a: &DMatrix<f64>) -> Result<Vec<Complex<f64>>, DesignError> {
         .ok_or_else(|| DesignError::Eigenvalues("the iteration does not end".into()))
 }
 
-/// The matrix with rows and columns scaled by powers of two until they are of like size: pressures
+/// The matrix S⁻¹ A S with rows and columns scaled by powers of two until they are of like size, and S: pressures
 /// and angles differ by ten orders of magnitude, which would cost the small eigenvalues.
-fn balanced(a: &DMatrix<f64>) -> DMatrix<f64> {
+pub(crate) fn balanced(a: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     let mut m = a.clone();
     let n = m.nrows();
+    let mut sizes = vec![1.0; n];
     for _ in 0..100 {
         let mut changed = false;
         for i in 0..n {
@@ -76,6 +77,7 @@ fn balanced(a: &DMatrix<f64>) -> DMatrix<f64> {
             let scale = (row / column).sqrt().log2().round().exp2();
             if (column * scale + row / scale) < 0.95 * (column + row) {
                 changed = true;
+                sizes[i] *= scale;
                 for j in 0..n {
                     m[(j, i)] *= scale;
                     m[(i, j)] /= scale;
@@ -86,7 +88,7 @@ fn balanced(a: &DMatrix<f64>) -> DMatrix<f64> {
             break;
         }
     }
-    m
+    (m, sizes)
 }
 
 /// Whether the load-holding valve of the piston side passes no more oil where the pump's pressure rises a little: no rate of the piston side's

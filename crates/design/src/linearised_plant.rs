@@ -1,8 +1,10 @@
 //! The crane linearised as it is once the pump lifts: Coulomb friction, which at rest damps out every oscillation, is a constant, and the
-//! load-holding valves, which are shut at rest, are open.
+//! load-holding valves, which are shut at rest, are open. The accumulator's pressure stands.
 
 use crate::DesignError;
-use crate::linear::{Mode, modes, transfer};
+use crate::frequency_response::FrequencyResponse;
+use crate::hydraulic_spring_fit::{hydraulic_spring, is_near};
+use crate::linear::{Mode, modes};
 use hydroboom_description::Description;
 use hydroboom_description::schema::FrictionChoice;
 use hydroboom_model::{Input, Outputs, Scheme};
@@ -12,6 +14,9 @@ use std::f64::consts::TAU;
 
 /// A mode of boom and oil lies between these \[Hz\].
 const LOAD_MODE: [f64; 2] = [0.2, 25.0];
+
+/// Volume of the accumulator over its own, so that its pressure stands.
+const STANDING: f64 = 1e4;
 
 /// A crane at rest at a piston position, linearised.
 pub struct LinearisedPlant {
@@ -25,6 +30,7 @@ pub struct LinearisedPlant {
     pub outputs: [Vec<f64>; 3],
     /// All modes, slowest first.
     pub modes: Vec<Mode>,
+    response: FrequencyResponse,
 }
 
 /// Responses of position, velocity and load pressure to the motor's speed.
@@ -51,6 +57,8 @@ impl LinearisedPlant {
         (n.holding_cracking, n.holding_opening) = (-2.0 * n.holding_opening, -n.holding_opening);
         // open valves leave no difference of pressure between pump and cylinder
         n.preload = 1.0;
+        // leakage fills the accumulator: about no state of rest, a linearisation would take its pressure's rise for growth of a pole
+        n.accumulator_volume *= STANDING;
         // bristles that slide are neither a spring nor a damper
         sliding.choices.friction = FrictionChoice::Stribeck;
         let crane = plant(&sliding, &sliding.start(stroke), Scheme::Implicit, 1e-3)?;
@@ -63,20 +71,55 @@ impl LinearisedPlant {
         let ratio = crane.rod_side_ratio();
         let (in_a, in_b) = (row("pressure_a"), row("pressure_b"));
         let load = in_a.iter().zip(&in_b).map(|(a, b)| a - ratio * b).collect();
-        let modes = modes(&a)?;
-        Ok(Self { stroke, a, b, outputs: [row("stroke"), row("velocity"), load], modes })
+        Self::of(stroke, a, b, [row("stroke"), row("velocity"), load])
     }
 
-    /// The mode in which boom and load ring on the oil.
+    /// Of its matrices.
+    pub(crate) fn of(
+        stroke: f64,
+        a: DMatrix<f64>,
+        b: DMatrix<f64>,
+        outputs: [Vec<f64>; 3],
+    ) -> Result<Self, DesignError> {
+        let (modes, response) = (modes(&a)?, FrequencyResponse::new(&a, &b, &outputs));
+        Ok(Self { stroke, a, b, outputs, modes, response })
+    }
+
+    /// The mode in which boom and load ring on the oil: the slowest oscillation, where it is that of a mass on a hydraulic spring that answers as the crane does, and
+    /// not the boom's own above a load that soft oil damps.
     ///
     /// # Errors
     ///
     /// [`DesignError::NoMode`] when there is none.
     pub fn load_mode(&self) -> Result<&Mode, DesignError> {
+        let (spring, load) = hydraulic_spring(self)?;
+        let natural = load.natural_frequency(&spring) / TAU;
+        let slowest = self.slowest_mode().filter(|mode| is_near(natural, mode.frequency_hz));
+        slowest.ok_or_else(|| self.none("its load is so damped that it does not oscillate"))
+    }
+
+    /// The slowest oscillation where one of boom and oil may lie.
+    pub(crate) fn slowest_mode(&self) -> Option<&Mode> {
         let is_load_mode = |mode: &&Mode| {
             mode.damping_ratio < 0.9 && (LOAD_MODE[0]..LOAD_MODE[1]).contains(&mode.frequency_hz)
         };
-        self.modes.iter().find(is_load_mode).ok_or_else(|| self.none("none between 0.2 and 25 Hz"))
+        self.modes.iter().find(is_load_mode)
+    }
+
+    /// Frequency \[Hz\] at which boom and load ring on the oil, or would if that were less damped: of the load mode, or the natural one of a mass on a hydraulic spring that
+    /// answers as the crane does.
+    ///
+    /// # Errors
+    ///
+    /// As of [`hydraulic_spring`].
+    pub fn load_frequency(&self) -> Result<f64, DesignError> {
+        match self.load_mode() {
+            Ok(mode) => Ok(mode.frequency_hz),
+            Err(_) => {
+                let (spring, load) = hydraulic_spring(self)?;
+                Ok(load.natural_frequency(&spring) / TAU)
+            }
+        }
     }
 
     /// Responses at a frequency \[Hz\].
@@ -94,12 +137,17 @@ impl LinearisedPlant {
     ///
     /// [`DesignError::NoMode`] where they are not finite.
     pub(crate) fn responses_at(&self, s: Complex<f64>) -> Result<Responses, DesignError> {
-        let of = |row: &[f64]| {
-            transfer(&self.a, &self.b, row, s)
-                .ok_or_else(|| self.none("its responses are not finite"))
+        let all = self.response.at(s);
+        let Some(&[position, _, pressure]) = all.as_deref() else {
+            return Err(self.none("its responses are not finite"));
         };
-        let position = of(&self.outputs[0])?;
-        Ok(Responses { position, velocity: s * position, pressure: of(&self.outputs[2])? })
+        Ok(Responses { position, velocity: s * position, pressure })
+    }
+
+    /// Poles that grow faster than a rate \[1/s\].
+    pub(crate) fn growing_poles(&self, growth: f64) -> u32 {
+        let poles = |mode: &Mode| if mode.imaginary > 0.0 { 2 } else { 1 };
+        self.modes.iter().filter(|mode| mode.real > growth).map(poles).sum()
     }
 
     /// There is no such mode, and why.

@@ -1,7 +1,7 @@
 //! Stability margins of a loop.
 
 use crate::small_signal_controller::SmallSignalController;
-use crate::unstable_poles::unstable_poles;
+use crate::unstable_poles::{about_resonances, growing_poles};
 use crate::{DesignError, LinearisedPlant, Responses};
 use hydroboom_control::feedback::benchmark::Benchmark;
 use hydroboom_description::Description;
@@ -9,9 +9,14 @@ use nalgebra::Complex;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Lowest and highest frequency that is looked at \[Hz\], and points between them.
+/// Lowest and highest frequency that is looked at \[Hz\], and points between them to begin with; resonances of the crane get their own.
 const FREQUENCIES: [f64; 2] = [0.02, 300.0];
-const POINTS: u32 = 1200;
+const POINTS: u32 = 600;
+/// Where 1 + L changes by more than this share of itself between two points, one more is looked at between them, so many times at most.
+const CHANGE: f64 = 0.3;
+const HALVINGS: u32 = 30;
+/// Relative width at which a crossover or a least distance counts as found.
+const FOUND: f64 = 1e-9;
 
 /// What is between a commanded motor speed and the readings beside the crane itself: drive, fieldbus, sampling, position sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,6 +79,14 @@ impl Loop {
         self
     }
 
+    /// Poles of the controller that grow faster than a rate \[1/s\]; drive, sensors and the published controller, whose integrator lies at zero, have none.
+    pub(crate) fn growing_poles(&self, growth: f64) -> Result<u32, DesignError> {
+        match self {
+            Self::Benchmark { .. } => Ok(0),
+            Self::ScheduledLqr { controller, .. } => controller.growing_poles(growth),
+        }
+    }
+
     /// Loop gain at a frequency \[Hz\], with the sign that makes −1 the critical point.
     pub fn gain(&self, crane: &Responses, frequency: f64) -> Complex<f64> {
         self.gain_at(crane, Complex::new(0.0, TAU * frequency))
@@ -112,7 +125,7 @@ pub struct Margins {
     pub at_hz: f64,
     /// Highest frequency at which the loop's gain is one.
     pub crossover_hz: f64,
-    /// Poles of the closed loop that grow faster than 0.02 1/s (they double within 35 s), less those of the open loop; where there are some, the margins above are none.
+    /// Poles of the closed loop that grow faster than 0.02 1/s (they double within 35 s); where there are some, the margins above are none.
     pub unstable_poles: u32,
 }
 
@@ -152,42 +165,213 @@ impl From<Margins> for Shown {
 
 /// Margins of a loop around a crane.
 ///
+/// The frequencies are halved where the loop changes fast, beginning with a grid that has points of its own about each resonance of the crane, however lightly it is
+/// damped. Crossovers are found by bisection, least distances by golden-section search between the points.
+///
 /// # Errors
 ///
 /// [`DesignError`] when the crane's responses are not finite.
 pub fn margins(crane: &LinearisedPlant, around: &Loop) -> Result<Margins, DesignError> {
-    let [low, high] = FREQUENCIES;
+    let at = |frequency: f64| {
+        let gain = around.gain(&crane.responses(frequency)?, frequency);
+        match gain.is_finite() {
+            true => Ok(gain),
+            false => Err(crane.none("the loop's gain is not finite")),
+        }
+    };
+    let points = sampled(&at, frequencies(crane))?;
+    let [low, _] = FREQUENCIES;
     let mut found = Margins {
         gain: f64::INFINITY,
         phase_deg: 180.0,
         modulus_margin: f64::INFINITY,
         at_hz: low,
         crossover_hz: 0.0,
-        unstable_poles: unstable_poles(crane, around)?,
+        unstable_poles: growing_poles(crane, around)?.closed_loop,
     };
-    let mut before: Option<Complex<f64>> = None;
-    for k in 0..=POINTS {
-        let frequency = low * (high / low).powf(f64::from(k) / f64::from(POINTS));
-        let now = around.gain(&crane.responses(frequency)?, frequency);
-        let distance = (now + 1.0).norm();
-        if !distance.is_finite() {
-            return Err(crane.none("the loop's gain is not finite"));
+    let distance = |gain: Complex<f64>| (gain + 1.0).norm();
+    for (frequency, gain) in &points {
+        if distance(*gain) < found.modulus_margin {
+            (found.modulus_margin, found.at_hz) = (distance(*gain), *frequency);
         }
-        if distance < found.modulus_margin {
-            (found.modulus_margin, found.at_hz) = (distance, frequency);
-        }
-        if let Some(last) = before {
-            if (last.norm() - 1.0) * (now.norm() - 1.0) <= 0.0 {
-                let left = 180.0 - now.arg().to_degrees().abs();
-                found.phase_deg = found.phase_deg.min(left);
-                found.crossover_hz = frequency;
+    }
+    for three in points.windows(3) {
+        let [before, middle, after] = [0, 1, 2].map(|k| three[k]);
+        let is_least = distance(middle.1) <= distance(before.1).min(distance(after.1));
+        if is_least && distance(middle.1) < 2.0 * found.modulus_margin {
+            let of = |frequency: f64| Ok::<_, DesignError>(distance(at(frequency)?));
+            let tolerance = FOUND.sqrt() * (after.0 - before.0);
+            let (frequency, least) = minimum(of, [before.0, after.0], tolerance)?;
+            if least < found.modulus_margin {
+                (found.modulus_margin, found.at_hz) = (least, frequency);
             }
+        }
+    }
+    for two in points.windows(2) {
+        let [last, now] = [0, 1].map(|k| two[k]);
+        let beyond_one = |gain: Complex<f64>| gain.norm() - 1.0;
+        if beyond_one(last.1) * beyond_one(now.1) <= 0.0 {
+            let (frequency, gain) = crossover(&at, beyond_one, last, now.0)?;
+            let left = 180.0 - gain.arg().to_degrees().abs();
+            found.phase_deg = found.phase_deg.min(left);
+            found.crossover_hz = frequency;
+        }
+        let imaginary = |gain: Complex<f64>| gain.im;
+        if last.1.im * now.1.im <= 0.0 && last.1.re.min(now.1.re) < 0.0 {
+            let (_, gain) = crossover(&at, imaginary, last, now.0)?;
             // across the negative axis, nearer to zero than −1
-            if last.im * now.im <= 0.0 && now.re < 0.0 && now.norm() < 1.0 && now.norm() > 0.0 {
-                found.gain = found.gain.min(1.0 / now.norm());
+            if (-1.0..0.0).contains(&gain.re) {
+                found.gain = found.gain.min(-1.0 / gain.re);
             }
         }
-        before = Some(now);
     }
     Ok(found)
+}
+
+/// A frequency \[Hz\] and the loop's gain there.
+type Point = (f64, Complex<f64>);
+
+/// Frequencies to begin with \[Hz\], in their order.
+fn frequencies(crane: &LinearisedPlant) -> Vec<f64> {
+    let [low, high] = FREQUENCIES;
+    let even = (0..=POINTS).map(|k| low * (high / low).powf(f64::from(k) / f64::from(POINTS)));
+    let mut all: Vec<f64> = even.chain(about_resonances(crane, 0.0)).collect();
+    all.retain(|frequency| (low..=high).contains(frequency));
+    all.sort_unstable_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+/// The loop at these frequencies, and between them where it changes fast.
+fn sampled(
+    at: &impl Fn(f64) -> Result<Complex<f64>, DesignError>,
+    frequencies: Vec<f64>,
+) -> Result<Vec<Point>, DesignError> {
+    let mut points: Vec<Point> = Vec::with_capacity(2 * frequencies.len());
+    for frequency in frequencies {
+        // what is to be reached, nearest last
+        let mut ahead: Vec<(Point, u32)> = vec![((frequency, at(frequency)?), HALVINGS)];
+        while let Some((to, halvings)) = ahead.pop() {
+            let Some(from) = points.last().copied() else {
+                points.push(to);
+                continue;
+            };
+            let size = (from.1 + 1.0).norm().min((to.1 + 1.0).norm());
+            if (to.1 - from.1).norm() > CHANGE * size && halvings > 0 {
+                let middle = 0.5 * (from.0 + to.0);
+                ahead.push((to, halvings - 1));
+                ahead.push(((middle, at(middle)?), halvings - 1));
+            } else {
+                points.push(to);
+            }
+        }
+    }
+    Ok(points)
+}
+
+/// Where `of` the loop's gain is zero between a point and a frequency at which it has the other sign, by bisection.
+fn crossover(
+    at: &impl Fn(f64) -> Result<Complex<f64>, DesignError>,
+    of: impl Fn(Complex<f64>) -> f64,
+    mut from: Point,
+    mut to: f64,
+) -> Result<Point, DesignError> {
+    while to - from.0 > FOUND * to {
+        let middle = 0.5 * (from.0 + to);
+        let gain = at(middle)?;
+        if of(from.1) * of(gain) > 0.0 { from = (middle, gain) } else { to = middle }
+    }
+    Ok((to, at(to)?))
+}
+
+/// Place and value of the minimum of a function between two places, by golden-section search, to a tolerance of the place.
+pub(crate) fn minimum<E>(
+    mut of: impl FnMut(f64) -> Result<f64, E>,
+    [mut low, mut high]: [f64; 2],
+    tolerance: f64,
+) -> Result<(f64, f64), E> {
+    // J. Kiefer, Sequential minimax search for a maximum, Proc. AMS 4(3), 1953
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut left, mut right) = (high - golden * (high - low), low + golden * (high - low));
+    let (mut at_left, mut at_right) = (of(left)?, of(right)?);
+    while high - low > tolerance {
+        if at_left < at_right {
+            (high, right, at_right) = (right, left, at_left);
+            left = high - golden * (high - low);
+            at_left = of(left)?;
+        } else {
+            (low, left, at_left) = (left, right, at_right);
+            right = low + golden * (high - low);
+            at_right = of(right)?;
+        }
+    }
+    Ok(if at_left < at_right { (left, at_left) } else { (right, at_right) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::DMatrix;
+
+    /// ω²/(s² + 2 ζ ω s + ω²) of the motor's speed, integrated so many times, as position and as velocity, with no pressure.
+    fn resonant(omega: f64, zeta: f64, is_integrated: bool) -> LinearisedPlant {
+        let order = if is_integrated { 3 } else { 2 };
+        let mut a = DMatrix::zeros(order, order);
+        (a[(0, 1)], a[(1, 0)], a[(1, 1)]) = (1.0, -omega * omega, -2.0 * zeta * omega);
+        if is_integrated {
+            a[(2, 0)] = 1.0;
+        }
+        let mut b = DMatrix::zeros(order, 1);
+        b[(1, 0)] = omega * omega;
+        let mut position = vec![0.0; order];
+        position[order - 1 - usize::from(!is_integrated)] = 1.0;
+        LinearisedPlant::of(0.1, a, b, [position, vec![0.0; order], vec![0.0; order]]).unwrap()
+    }
+
+    /// A proportional loop of a gain.
+    fn proportional(gain: f64) -> Loop {
+        let paper = Description::uia_single_boom().unwrap();
+        let controller = Benchmark {
+            proportional: gain,
+            integral: 0.0,
+            pressure_feedback: 0.0,
+            revolutions_per_metre: 1.0,
+            ..paper.benchmark()
+        };
+        let actuation = Actuation { delay: 0.0, drive: [0.0; 2], sensor_lag: 0.0 };
+        Loop::Benchmark { controller, high_pass: 1.0, actuation }
+    }
+
+    /// K ω²/(s² + 2 ζ ω s + ω²), by hand: with u = (w/ω)², |L| = 1 where (1 − u)² + 4 ζ² u = K², and |1 + L| is least where v = 1 − u solves
+    /// v² + K v = 2 ζ² (2 + K). A resonance of ζ = 0.001 is a tenth as wide as points of an even grid are apart.
+    #[test]
+    fn margins_at_a_lightly_damped_resonance_are_those_of_the_closed_form() {
+        for (hz, zeta, k) in [(3.317, 1e-3, 0.01), (11.03, 1e-3, 0.004), (40.7, 1e-4, 0.02)] {
+            let omega = TAU * hz;
+            let found = margins(&resonant(omega, zeta, false), &proportional(k)).unwrap();
+            let square = 1.0 - 2.0 * zeta * zeta;
+            let u = square + (square * square - 1.0 + k * k).sqrt();
+            let phase = (2.0 * zeta * u.sqrt()).atan2(u - 1.0).to_degrees();
+            assert!((found.phase_deg / phase - 1.0).abs() < 1e-5, "{found:?}, {phase} deg");
+            assert!((found.crossover_hz / (hz * u.sqrt()) - 1.0).abs() < 1e-8, "{found:?}");
+            let v = -0.5 * (k + (k * k + 8.0 * zeta * zeta * (2.0 + k)).sqrt());
+            let part = 4.0 * zeta * zeta * (1.0 - v);
+            let least = (((k + v).powi(2) + part) / (v * v + part)).sqrt();
+            assert!((found.modulus_margin / least - 1.0).abs() < 1e-5, "{found:?}, {least}");
+            assert!(found.is_stable() && found.gain.is_infinite(), "{found:?}");
+        }
+    }
+
+    /// K ω²/(s (s² + 2 ζ ω s + ω²)) crosses the negative axis at ω, by K/(2 ζ ω): the gain margin is that one's reciprocal, and beyond it the loop is unstable.
+    #[test]
+    fn the_gain_margin_at_a_lightly_damped_resonance_is_where_the_loop_becomes_unstable() {
+        let (omega, zeta) = (TAU * 7.77, 1e-3);
+        let of = |k: f64| margins(&resonant(omega, zeta, true), &proportional(k)).unwrap();
+        let limit = 2.0 * zeta * omega;
+        let found = of(0.5 * limit);
+        assert!(found.is_stable() && (found.gain / 2.0 - 1.0).abs() < 1e-6, "{found:?}");
+        assert!((found.modulus_margin / 0.5 - 1.0).abs() < 1e-2, "{found:?}");
+        // faster than the growth limit of 0.02 1/s
+        assert_eq!(of(2.0 * limit).unstable_poles, 2);
+    }
 }

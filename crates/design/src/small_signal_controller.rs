@@ -7,6 +7,8 @@
 //! x(k+1) = A x(k) + B y(k),    u(k) = C x(k) + D y(k)
 //! ```
 
+use crate::DesignError;
+use crate::linear::eigenvalues;
 use hydroboom_control::estimation::extended_kalman_filter::EstimatorInput;
 use hydroboom_control::estimation::reduced_model::{MachineState, STATES};
 use hydroboom_control::estimation::state_estimator::{StateEstimator, StateEstimatorState};
@@ -100,6 +102,18 @@ impl SmallSignalController {
     /// Control period \[s\].
     pub fn period(&self) -> f64 {
         self.period
+    }
+
+    /// Its poles that grow faster than a rate \[1/s\] with readings that stay.
+    ///
+    /// # Errors
+    ///
+    /// [`DesignError::Eigenvalues`] when they cannot be computed.
+    pub(crate) fn growing_poles(&self, growth: f64) -> Result<u32, DesignError> {
+        let least = (growth * self.period).exp();
+        let poles = eigenvalues(&self.a)?;
+        let growing = poles.iter().filter(|pole| pole.norm() > least).count();
+        Ok(u32::try_from(growing).unwrap_or(u32::MAX))
     }
 
     /// Commanded motor speed \[rev/s\] for readings that oscillate and grow as e to the s t, s in \[1/s\].

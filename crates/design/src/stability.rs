@@ -1,17 +1,27 @@
-//! Stability of the control loops over the stroke, before anything moves: by the argument principle around the linearised crane.
+//! Stability of the control loops over the stroke, before anything moves: by the Nyquist criterion around the linearised crane.
 
 use crate::design_report::{benchmark_loop, scheduled_lqr_loop_at};
 use crate::scheduled_lqr::{designed, known_delay};
-use crate::unstable_poles::unstable_poles;
-use crate::{Actuation, DesignError, DesignReport, LinearisedPlant, Loop};
+use crate::unstable_poles::{GrowingPoles, growing_poles};
+use crate::{Actuation, DesignError, LinearisedPlant, Loop};
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_math::Real;
 use serde::Serialize;
 use std::fmt;
 
-/// Piston positions at which loops are looked at, as shares of the stroke.
+/// Piston positions at which margins are shown, as shares of the stroke.
 pub const POSITIONS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
+
+/// Piston positions at which stability is judged: so many, evenly from the first to the last of [`POSITIONS`], which are among them.
+pub const JUDGED_POSITIONS: usize = 19;
+
+/// Those positions, as shares of the stroke.
+fn judged_positions() -> impl Iterator<Item = f64> {
+    let [first, .., last] = POSITIONS;
+    let spacing = (last - first) / (JUDGED_POSITIONS - 1) as f64;
+    (0..JUDGED_POSITIONS).map(move |k| first + k as f64 * spacing)
+}
 
 /// Drive, fieldbus and sensors that a loop is closed through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -35,43 +45,59 @@ impl fmt::Display for Equipment {
     }
 }
 
-/// Whether a controller's loop is stable at [`POSITIONS`].
+/// Whether a controller's loop is stable at piston positions over the stroke.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LoopStability {
     /// The controller: `benchmark`, `benchmark on the simulated crane` or `scheduled LQR`.
     pub controller: &'static str,
     /// What it is closed through.
     pub equipment: Equipment,
-    /// Whether feedback adds no pole that grows (so fast that it doubles within 35 s) at any of the positions: closed loop against open loop, by the argument principle.
+    /// Whether no pole of the closed loop grows, so fast that it doubles within 35 s, at any of the positions.
     pub stable: bool,
-    /// Piston positions at which one does.
+    /// Piston positions that were looked at.
+    pub judged_at_mm: Vec<f64>,
+    /// Those at which one does.
     pub unstable_at_mm: Vec<f64>,
-    /// Most growing poles at one position.
+    /// Most growing poles of the closed loop at one position.
     pub unstable_poles: u32,
+    /// Most growing poles of crane and controller at such a position without feedback: feedback has not made those.
+    pub unstable_poles_in_open_loop: u32,
 }
 
 impl LoopStability {
     /// From the growing poles at each piston position \[mm\].
     fn of(
         (controller, equipment): (&'static str, Equipment),
-        poles: impl Iterator<Item = (f64, u32)>,
+        poles: &[(f64, GrowingPoles)],
     ) -> Self {
-        let growing: Vec<(f64, u32)> = poles.filter(|(_, poles)| *poles > 0).collect();
+        let growing = || poles.iter().filter(|(_, poles)| poles.closed_loop > 0);
+        let most = |of: fn(&GrowingPoles) -> u32| growing().map(|(_, poles)| of(poles)).max();
         Self {
             controller,
             equipment,
-            stable: growing.is_empty(),
-            unstable_at_mm: growing.iter().map(|(mm, _)| *mm).collect(),
-            unstable_poles: growing.iter().map(|(_, poles)| *poles).max().unwrap_or(0),
+            stable: growing().next().is_none(),
+            judged_at_mm: poles.iter().map(|(mm, _)| *mm).collect(),
+            unstable_at_mm: growing().map(|(mm, _)| *mm).collect(),
+            unstable_poles: most(|poles| poles.closed_loop).unwrap_or(0),
+            unstable_poles_in_open_loop: most(|poles| poles.open_loop).unwrap_or(0),
         }
     }
 
-    /// Those of the benchmark and of the scheduled LQR in design reports.
-    pub fn of_reports(reports: &[DesignReport]) -> [Self; 2] {
-        let benchmark = reports.iter().map(|r| (r.stroke_mm, r.benchmark.unstable_poles));
-        let lqr = reports.iter().map(|r| (r.stroke_mm, r.scheduled_lqr.unstable_poles));
-        let expected = Equipment::Expected;
-        [Self::of((BENCHMARK, expected), benchmark), Self::of((SCHEDULED_LQR, expected), lqr)]
+    /// Where it is unstable, neighbouring positions together.
+    fn unstable_ranges(&self) -> String {
+        let is_unstable = |mm: &f64| self.unstable_at_mm.contains(mm);
+        let runs = self.judged_at_mm.chunk_by(|a, b| is_unstable(a) == is_unstable(b));
+        let text = |run: &[f64]| match run {
+            [] => String::new(),
+            [only] => format!("{only:.0}"),
+            [first, .., last] => format!("{first:.0} to {last:.0}"),
+        };
+        runs.filter(|run| run.iter().all(is_unstable)).map(text).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Whether it is the benchmark's loop around a machine.
+    pub fn is_benchmark(&self) -> bool {
+        self.controller == BENCHMARK
     }
 
     /// Whether a strategy steers through this loop; the benchmark that the scheduled LQR falls back on is not what it steers through.
@@ -99,21 +125,26 @@ const SCHEDULED_LQR: &str = "scheduled LQR";
 impl fmt::Display for LoopStability {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { controller, equipment, unstable_poles, .. } = self;
+        let (count, unstable) = (self.judged_at_mm.len(), self.unstable_at_mm.len());
         if self.stable {
             return write!(
                 f,
-                "{controller}: the closed loop is stable over the stroke, {equipment}"
+                "{controller}: the closed loop is stable at {count} positions over the stroke, {equipment}"
             );
         }
-        let at: Vec<String> = self.unstable_at_mm.iter().map(|mm| format!("{mm:.0}")).collect();
         let poles = match unstable_poles {
-            1 => "1 pole".into(),
-            more => format!("up to {more} poles"),
+            1 => "1 growing pole".into(),
+            more => format!("up to {more} growing poles"),
+        };
+        let without = match self.unstable_poles_in_open_loop {
+            0 => "none without feedback".into(),
+            count => format!("up to {count} without feedback"),
         };
         write!(
             f,
-            "{controller}: the closed loop is UNSTABLE at {} mm ({poles} in the right half plane, linearised at rest with sliding friction, {equipment})",
-            at.join(", ")
+            "{controller}: the closed loop is UNSTABLE at {} mm, {unstable} of {count} positions over the stroke ({poles}, {without}; linearised at rest with \
+             sliding friction, {equipment})",
+            self.unstable_ranges()
         )
     }
 }
@@ -129,7 +160,7 @@ pub fn benchmark_stability(
     machine: Option<&Description>,
 ) -> Result<LoopStability, DesignError> {
     let poles = poles(model, machine, |_| Ok(benchmark_loop(model)))?;
-    Ok(LoopStability::of((BENCHMARK, equipment_of(machine)), poles.into_iter()))
+    Ok(LoopStability::of((BENCHMARK, equipment_of(machine)), &poles))
 }
 
 /// Drive, fieldbus and sensors of a machine; those that the controllers expect where there is none.
@@ -157,7 +188,7 @@ pub fn scheduled_lqr_stability(
     let payload = machine.unwrap_or(model).numbers.payload;
     let around = |stroke| Ok(scheduled_lqr_loop_at(&known, &design, stroke, payload));
     let poles = poles(model, machine, around)?;
-    Ok(LoopStability::of((SCHEDULED_LQR, equipment_of(machine)), poles.into_iter()))
+    Ok(LoopStability::of((SCHEDULED_LQR, equipment_of(machine)), &poles))
 }
 
 /// Loops of the benchmark and of the scheduled LQR that are stable with the lags that the controllers expect, and not on an ideal plant, which has none: a law that
@@ -265,29 +296,30 @@ pub fn with_identified(model: &Description, crane: &Description) -> Description 
     let n = &mut known.numbers;
     let limits = (n.tuning.estimator_lowest_transition, n.tuning.estimator_highest_transition);
     n.transition = Real::clamp(crane.numbers.transition, limits.0, limits.1);
-    let drive = Actuation::of(crane).drive[0];
+    // a lag of first order that follows a ramp as late as dead time and lag do together
+    let lag = crane.numbers.drive_dead_time + Actuation::of(crane).drive[0];
     n.tuning.estimator_drive_lag = Real::clamp(
-        drive,
+        lag,
         n.tuning.estimator_shortest_drive_lag,
         n.tuning.estimator_longest_drive_lag,
     );
     known
 }
 
-/// Piston position \[mm\] and growing poles there.
+/// Piston positions \[mm\] and growing poles there.
 fn poles(
     model: &Description,
     machine: Option<&Description>,
     around: impl Fn(f64) -> Result<Loop, DesignError>,
-) -> Result<Vec<(f64, u32)>, DesignError> {
+) -> Result<Vec<(f64, GrowingPoles)>, DesignError> {
     let one = |share: f64| {
         let stroke = share * model.numbers.stroke;
         let crane = LinearisedPlant::new(machine.unwrap_or(model), stroke)?;
         let around = around(stroke)?;
         let around = machine.map_or_else(|| around.clone(), |machine| around.clone().on(machine));
-        Ok((stroke * 1e3, unstable_poles(&crane, &around)?))
+        Ok((stroke * 1e3, growing_poles(&crane, &around)?))
     };
-    POSITIONS.into_iter().map(one).collect()
+    judged_positions().map(one).collect()
 }
 
 #[cfg(test)]
@@ -306,8 +338,9 @@ mod tests {
             // the machine has the light load, and the model does not know it
             benchmark_stability(&paper, Some(&light)).unwrap(),
         ] {
-            assert_eq!((unstable.stable, unstable.unstable_at_mm.len()), (false, 5));
-            assert!(unstable.to_string().contains("UNSTABLE at 25, 125, 250, 375, 475 mm"));
+            assert_eq!((unstable.stable, unstable.unstable_at_mm.len()), (false, JUDGED_POSITIONS));
+            let all = "UNSTABLE at 25 to 475 mm, 19 of 19 positions";
+            assert!(unstable.to_string().contains(all), "{unstable}");
         }
         assert!(scheduled_lqr_stability(&light, None).unwrap().stable);
     }
@@ -334,13 +367,30 @@ mod tests {
         assert_eq!(on_machine.equipment, Equipment::Plant);
     }
 
+    /// The delay that the identified lag of first order stands for is that of dead time and lag together.
+    #[test]
+    fn an_identified_drive_has_its_dead_time() {
+        let (paper, machine) =
+            (Description::uia_single_boom().unwrap(), Description::uia_virtual().unwrap());
+        let mut late = machine.clone();
+        late.set("drive.dead_time_ms=7").unwrap();
+        let lag = |crane| with_identified(&paper, crane).numbers.tuning.estimator_drive_lag;
+        let more = late.numbers.drive_dead_time - machine.numbers.drive_dead_time;
+        assert!((lag(&late) - lag(&machine) - more).abs() < 1e-12 && more > 0.0, "{more} s");
+        // as late at low frequencies as the drive is, the fieldbus aside
+        let actuation = Actuation::of(&late);
+        let bus = (2.0 * late.numbers.fieldbus_delay + 0.5) * late.numbers.control_period;
+        let late_by = actuation.delay - bus + actuation.drive[0];
+        assert!((lag(&late) - late_by).abs() < 1e-12, "{late_by} s");
+    }
+
     /// At 25 mm a piston of 100 mm makes the published loop grow by 0.1 to 0.25 1/s: slowly, and over a motion of 18 s by a factor of six and more.
     #[test]
     fn a_loop_that_grows_slowly_is_unstable_too() {
         let mut wide = Description::uia_single_boom().unwrap();
         wide.set("cylinder.piston_mm=100").unwrap();
         let found = benchmark_stability(&wide, None).unwrap();
-        assert_eq!(found.unstable_at_mm.len(), 5, "{found}");
+        assert_eq!(found.unstable_at_mm.len(), JUDGED_POSITIONS, "{found}");
     }
 
     #[test]

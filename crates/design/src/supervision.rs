@@ -181,7 +181,7 @@ impl Derivation {
         let (model, _) = model.virtual_crane();
         let ranges = model.ranges();
         let lifting = LinearisedPlant::new(&model, 0.5 * model.numbers.stroke)?;
-        let swing = 1.0 / lifting.load_mode()?.frequency_hz;
+        let swing = 1.0 / lifting.load_frequency()?;
         let load = weigh(&model, &ranges.low, &ranges.high)?;
         Ok(Self { low: ranges.low, high: ranges.high, swing, load, model })
     }

@@ -1,4 +1,4 @@
-//! Unstable poles of a closed loop, by the argument principle.
+//! Growing poles of a closed loop, by the Nyquist criterion.
 
 use crate::{DesignError, LinearisedPlant, Loop};
 use nalgebra::Complex;
@@ -6,9 +6,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Growth rate below which a mode is not counted \[1/s\]: it doubles in 35 s, and grows by less than half in the paper's motion of 18 s.
 ///
-/// The low-pressure side, linearised with its check valves shut, drifts off by itself until they open: at 0.05 1/s with an ideal accumulator, which the open loop has too and so is not counted;
-/// at 0.005 to 0.008 1/s with the virtual crane's. Integrators of position and controller lie at zero, numerically up to
-/// 0.001 1/s. Between those two groups of poles is most room about 0.02 1/s.
+/// Integrators of position, of low pressures whose check valves are shut, and of the controller lie at zero, numerically up to 0.001 1/s.
 pub(crate) const SLOWEST_GROWTH: f64 = 0.02;
 
 /// Highest frequency that is looked at \[Hz\], and points below it to begin with; resonances of the crane get their own.
@@ -21,16 +19,25 @@ const ABOUT_RESONANCE: [f64; 5] = [-3.0, -1.0, 0.0, 1.0, 3.0];
 const TURN: f64 = 0.5;
 const HALVINGS: u32 = 40;
 
-/// Modes that grow in the closed loop, less those that grow without it: the low-pressure side, linearised with its check valves shut,
-/// drifts off by itself until they open.
-///
-/// Along a line of slow growth, 1 + L turns about zero once for every mode of the closed loop beyond the line, and back once for every
-/// mode of the open loop.
+/// Poles of a closed loop that grow faster than 0.02 1/s.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct GrowingPoles {
+    /// Those of the closed loop, Z.
+    pub closed_loop: u32,
+    /// Those of crane and controller without feedback, P.
+    pub open_loop: u32,
+}
+
+/// Growing poles of the closed loop, by the Nyquist criterion Z = N + P: 1 + L turns clockwise about zero N times more often than not along the line of slowest growth, and
+/// P poles of crane and controller lie beyond it.
 ///
 /// # Errors
 ///
 /// [`DesignError`] when the crane's responses are not finite there.
-pub(crate) fn unstable_poles(crane: &LinearisedPlant, around: &Loop) -> Result<u32, DesignError> {
+pub(crate) fn growing_poles(
+    crane: &LinearisedPlant,
+    around: &Loop,
+) -> Result<GrowingPoles, DesignError> {
     let at = |frequency: f64| {
         let s = Complex::new(SLOWEST_GROWTH, TAU * frequency);
         Ok::<_, DesignError>(around.gain_at(&crane.responses_at(s)?, s) + 1.0)
@@ -45,24 +52,33 @@ pub(crate) fn unstable_poles(crane: &LinearisedPlant, around: &Loop) -> Result<u
     if !turned.is_finite() {
         return Err(crane.none("the loop's gain is not finite"));
     }
+    let open_loop = crane.growing_poles(SLOWEST_GROWTH) + around.growing_poles(SLOWEST_GROWTH)?;
     // the mirrored half of the line turns as far again
-    Ok((-turned / PI).round().max(0.0) as u32)
+    let more = (-turned / PI).round() as i64;
+    let closed_loop = u32::try_from(i64::from(open_loop) + more).unwrap_or(0);
+    Ok(GrowingPoles { closed_loop, open_loop })
 }
 
 /// Frequencies that are looked at \[Hz\], in their order, above zero.
 fn frequencies(crane: &LinearisedPlant) -> Vec<f64> {
     // evenly over the frequency's root: modes of boom and oil lie low
     let even = (1..=POINTS).map(|k| HIGHEST * (f64::from(k) / f64::from(POINTS)).powi(2));
-    let resonances = crane.modes.iter().flat_map(|mode| {
-        let (zeta, natural) = (mode.damping_ratio, mode.frequency_hz);
-        let damped = natural * (1.0 - zeta * zeta).max(0.0).sqrt();
-        let half_width = SLOWEST_GROWTH / TAU + (zeta * natural).abs();
-        ABOUT_RESONANCE.map(|place| damped + place * half_width)
-    });
+    let resonances = about_resonances(crane, SLOWEST_GROWTH);
     let mut all: Vec<f64> = even.chain(resonances).filter(|f| *f > 0.0 && *f <= HIGHEST).collect();
     all.sort_unstable_by(f64::total_cmp);
     all.dedup();
     all
+}
+
+/// Frequencies \[Hz\] about the resonances of a crane, as close as these are broad along a line of growth \[1/s\].
+pub(crate) fn about_resonances(
+    crane: &LinearisedPlant,
+    growth: f64,
+) -> impl Iterator<Item = f64> + '_ {
+    crane.modes.iter().flat_map(move |mode| {
+        let half_width = (growth - mode.real).abs() / TAU;
+        ABOUT_RESONANCE.map(|place| mode.frequency_hz + place * half_width)
+    })
 }
 
 /// By how much 1 + L turns between two frequencies \[rad\].
@@ -79,4 +95,51 @@ fn turn(
     let frequency = 0.5 * (from.0 + to.0);
     let between = (frequency, at(frequency)?);
     Ok(turn(at, from, between, halvings - 1)? + turn(at, between, to, halvings - 1)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Actuation;
+    use crate::linear::modes;
+    use hydroboom_control::feedback::benchmark::Benchmark;
+    use hydroboom_description::Description;
+    use nalgebra::DMatrix;
+
+    /// Two oscillators at 1 and 2 Hz beside each other, of which feedback damps the first and drives the second: without it the first grows, with it the second.
+    /// Counted as closed loop less open loop they would make up for each other.
+    #[test]
+    fn a_mode_that_feedback_stabilises_does_not_make_up_for_one_that_it_destabilises() {
+        let (first, second, damping) = (TAU, 2.0 * TAU, 0.2);
+        #[rustfmt::skip]
+        let a = DMatrix::from_row_slice(4, 4, &[
+            0.0, 1.0, 0.0, 0.0,
+            -first * first, damping, 0.0, 0.0,
+            0.0, 0.0, 0.0, 1.0,
+            0.0, 0.0, -second * second, -damping,
+        ]);
+        let b = DMatrix::from_column_slice(4, 1, &[0.0, 1.0, 0.0, 1.0]);
+        let row = vec![0.0, 1.0, 0.0, -1.0];
+        let crane =
+            LinearisedPlant::of(0.1, a.clone(), b.clone(), [row.clone(), row.clone(), row.clone()]);
+        let crane = crane.unwrap();
+        for (gain, closed_loop) in [(0.05, 2), (0.2, 0), (1.0, 2), (-0.5, 2), (0.0, 2)] {
+            let controller = Benchmark {
+                proportional: gain,
+                integral: 0.0,
+                pressure_feedback: 0.0,
+                revolutions_per_metre: 1.0,
+                ..Description::uia_single_boom().unwrap().benchmark()
+            };
+            let actuation = Actuation { delay: 0.0, drive: [0.0; 2], sensor_lag: 0.0 };
+            let around = Loop::Benchmark { controller, high_pass: 1.0, actuation };
+            let found = growing_poles(&crane, &around).unwrap();
+            assert_eq!(found, GrowingPoles { closed_loop, open_loop: 2 }, "{gain}");
+            // by eigenvalues of the closed loop, which has no delay here
+            let closed = &a - &b * gain * DMatrix::from_row_slice(1, 4, &row);
+            let growing = modes(&closed).unwrap();
+            let growing = growing.iter().filter(|mode| mode.real > SLOWEST_GROWTH).count();
+            assert_eq!(2 * growing, closed_loop as usize, "{gain}");
+        }
+    }
 }

@@ -9,7 +9,8 @@ use hydroboom_control::estimation::reduced_model::MachineState;
 use hydroboom_description::Description;
 use hydroboom_design::observability::observability;
 use hydroboom_design::stability::{
-    LoopStability, POSITIONS, remark_on_ideal_equipment, unstable_on_ideal_equipment,
+    POSITIONS, benchmark_stability, remark_on_ideal_equipment, scheduled_lqr_stability,
+    unstable_on_ideal_equipment,
 };
 use hydroboom_design::{DesignReport, design_report};
 use hydroboom_lab::closed_loop::family_margins::{FamilyMargins, family_margins};
@@ -75,12 +76,15 @@ impl Design {
             POSITIONS.iter().map(at).collect::<Result<Vec<DesignReport>, _>>().into_diagnostic()?;
         let family = self.family.map(|count| family_margins(&crane, count, self.seed));
         let family = family.transpose().into_diagnostic()?;
+        let loops = [
+            benchmark_stability(&crane, None).into_diagnostic()?,
+            scheduled_lqr_stability(&crane, None).into_diagnostic()?,
+        ];
         if let Some(folder) = &self.out {
-            let page = report::design_page(&crane, &reports).into_diagnostic()?;
+            let page = report::design_page(&crane, &reports, &loops).into_diagnostic()?;
             let seed = self.family.map(|_| self.seed);
             output::page_in_folder(folder, "design", &page, seed);
         }
-        let loops = LoopStability::of_reports(&reports);
         let on_ideal = unstable_on_ideal_equipment(&crane, &loops).into_diagnostic()?;
         if self.json {
             return output::json(&json!({
@@ -197,7 +201,10 @@ fn table(reports: &[DesignReport]) -> String {
             };
             vec![
                 format!("{:.0}", l.stroke_mm),
-                format!("{:.2} Hz, {:.3}", l.load_mode.frequency_hz, l.load_mode.damping_ratio),
+                l.load_mode.map_or_else(
+                    || "overdamped".into(),
+                    |mode| format!("{:.2} Hz, {:.3}", mode.frequency_hz, mode.damping_ratio),
+                ),
                 margins(&l.benchmark),
                 margins(&l.scheduled_lqr),
             ]

@@ -8,6 +8,7 @@ use super::palette::colour_of;
 use crate::LabError;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
+use hydroboom_design::linear::Mode;
 use hydroboom_design::stability::LoopStability;
 use hydroboom_design::{DesignReport, LinearisedPlant, benchmark_loop, scheduled_lqr_loop};
 use maud::html;
@@ -16,22 +17,38 @@ use maud::html;
 const FREQUENCIES: [f64; 2] = [0.05, 200.0];
 const POINTS: u32 = 600;
 
+fn load_mode(mode: Option<&Mode>) -> String {
+    mode.map_or_else(
+        || "load mode overdamped".into(),
+        |mode| {
+            format!(
+                "load mode {:.2} Hz, damping ratio {:.4}",
+                mode.frequency_hz, mode.damping_ratio
+            )
+        },
+    )
+}
+
 /// A page with the loop's Bode figures at mid-stroke, and all margins.
 ///
 /// # Errors
 ///
 /// [`LabError`] when a figure cannot be drawn, or the crane not be linearised.
-pub fn design_page(crane: &Description, reports: &[DesignReport]) -> Result<Page, LabError> {
+pub fn design_page(
+    crane: &Description,
+    reports: &[DesignReport],
+    loops: &[LoopStability],
+) -> Result<Page, LabError> {
     let stroke = 0.5 * crane.numbers.stroke;
     let linear = LinearisedPlant::new(crane, stroke)?;
-    let loops = [
+    let shown = [
         ("benchmark", benchmark_loop(crane)),
         ("scheduled LQR", scheduled_lqr_loop(crane, stroke)?),
     ];
     let [low, high] = FREQUENCIES;
     let frequency = |k: u32| low * (high / low).powf(f64::from(k) / f64::from(POINTS));
     let (mut sizes, mut phases) = (Vec::new(), Vec::new());
-    for (name, around) in &loops {
+    for (name, around) in &shown {
         let of = |f: f64| Ok::<_, LabError>((f, around.gain(&linear.responses(f)?, f)));
         let values = (0..=POINTS).map(|k| of(frequency(k))).collect::<Result<Vec<_>, _>>()?;
         let (size, phase) = size_and_phase(values.into_iter());
@@ -53,11 +70,11 @@ pub fn design_page(crane: &Description, reports: &[DesignReport]) -> Result<Page
         (figure("Gain of the loop: errors are held back where it is above 1; the peak is the load on its oil.", &size))
         (figure("Phase of the loop: what it is above -180 deg where the gain crosses 1 is the phase margin.", &phase))
         h2 { "Margins" }
-        @for stability in LoopStability::of_reports(reports).iter().filter(|of| !of.stable) {
+        @for stability in loops.iter().filter(|of| !of.stable) {
             p.unstable { (stability.to_string()) }
         }
         @for report in reports {
-            h3 { (format!("{:.0} mm: load mode {:.2} Hz, damping ratio {:.4}", report.stroke_mm, report.load_mode.frequency_hz, report.load_mode.damping_ratio)) }
+            h3 { (format!("{:.0} mm: {}", report.stroke_mm, load_mode(report.load_mode.as_ref()))) }
             div.wide { table {
                 thead { tr { th { "loop" } th { "phase margin [deg]" } th { "gain margin" } th { "modulus margin" } th { "at [Hz]" } th { "crossover [Hz]" } } }
                 tbody { @for (name, m) in [("benchmark", &report.benchmark), ("scheduled LQR", &report.scheduled_lqr)] { tr {
