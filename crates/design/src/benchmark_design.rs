@@ -11,37 +11,51 @@
 //! H. Panagopoulos, T. Hägglund, Design of PI controllers based on non-convex optimization, Automatica 34(5), 1998,
 //! doi:10.1016/S0005-1098(98)00011-9. Pressure feedback and its high-pass are found in the same search: K_i is the largest over all four. Pressure feedback
 //! lets the piston droop by k_f τ/A_p under a load pressure that lasts, until the integral makes it good; that is limited, for it costs tracking.
+//!
+//! All payloads of the range and all positions are infinitely many constraints. They are met by exchange: gains are found for some payloads and positions, the worst of
+//! all others is looked for with these gains, and is one more constraint of the next search until it keeps the distance. Source: J. W. Blankenship, J. E. Falk,
+//! Infinitely constrained optimization problems, Journal of Optimization Theory and Applications 19(2), 1976, doi:10.1007/BF00934096.
 
 use crate::design_report::benchmark_loop;
+use crate::margins::minimum;
 use crate::stability::POSITIONS;
+use crate::unstable_poles::about_resonances;
 use crate::{DesignError, LinearisedPlant, Loop, Margins, margins};
 use hydroboom_description::Description;
 use nalgebra::Complex;
 use serde::Serialize;
+use std::cell::Cell;
 use std::f64::consts::{PI, TAU};
 
 // numbers of the search; what it has to keep stands in the crane file's section `benchmark_design`
 
-/// Payloads that are looked at between the ends of the range, the ends included.
+/// Payloads that the search begins with, and those at which gains are judged at each position to begin with; the ends of the range are among them.
 const PAYLOADS: u32 = 5;
+const JUDGED_PAYLOADS: u32 = 13;
+/// Positions at which gains are judged with the worst payload.
+const JUDGED_POSITIONS: u32 = 10;
+/// Where the sensitivity changes by more than this share between neighbours, one of which is as close to the largest, gains are judged between them too. Local maxima as
+/// close are found by golden-section search. Both end at a distance in payload or stroke that is this share of its range.
+const CHANGE: f64 = 0.05;
+const CLOSE: f64 = 0.9;
+const LEAST_STEP: f64 = 1e-3;
+/// Payloads and positions that are added to those of the search.
+const EXCHANGES: u32 = 12;
 /// Lowest and highest frequency of the search \[Hz\], and points between them.
 const FREQUENCIES: [f64; 2] = [0.02, 200.0];
 const POINTS: u32 = 800;
 /// Growth rate of the line along which the search counts turns \[1/s\]: resonances are as broad there as the points lie apart, so that none is stepped over. What grows
 /// more slowly is found when the gains are judged, by [`unstable_poles`](crate::margins).
 const LINE_OF_SEARCH: f64 = 0.25;
-/// The largest sensitivity may be exceeded by this factor where gains are judged between the points of the search.
-const SLACK: f64 = 1.01;
-/// What a search between the points of the grid may miss of the modulus margin is made good for so many times, by this factor on the distance each.
-const TIGHTENINGS: u32 = 4;
-const TIGHTENING: f64 = 1.05;
+/// The search keeps a distance that is larger by this factor, so that exchange ends.
+const SLACK: f64 = 1.005;
 /// Least damping ratio of the position loop by itself, s² + K_p s + K_i around a piston that integrates its speed: K_i is at most (K_p/(2 ζ))², which is K_p² for 0.5.
 /// With more integral action than that the loop oscillates slowly, whatever its margins are.
 const LEAST_DAMPING: f64 = 0.5;
 /// Steps of the first grid: of the pressure feedback, of the high-pass, of the proportional gain.
-const FEEDBACKS: u32 = 14;
-const HIGH_PASSES: u32 = 6;
-const PROPORTIONALS: u32 = 14;
+const FEEDBACKS: u32 = 22;
+const HIGH_PASSES: u32 = 10;
+const PROPORTIONALS: u32 = 41;
 /// Decades of pressure feedback, from the lowest on, counted from the feedback that damps the load mode as much as it is damped by itself.
 const FEEDBACK_DECADES: f64 = 3.5;
 const LOWEST_FEEDBACK_DECADE: f64 = -0.5;
@@ -51,7 +65,7 @@ const LARGEST_PROPORTIONAL: f64 = 5.0;
 /// Halvings of the interval of an integral gain.
 const HALVINGS: u32 = 14;
 /// Factors by which the best gains are changed afterwards, one after the other.
-const REFINEMENTS: [f64; 5] = [1.3, 1.15, 1.07, 1.03, 1.015];
+const REFINEMENTS: [f64; 6] = [1.5, 1.2, 1.1, 1.04, 1.015, 1.005];
 
 /// Gains of the benchmark controller, in the units of the crane file's section `controller`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -159,16 +173,23 @@ impl Sample {
 
 /// One payload at one piston position, gains left out.
 struct Case {
-    payload: f64,
     crane: LinearisedPlant,
     /// Along the imaginary axis, on which distances from −1 are.
     axis: Vec<Sample>,
     /// Along the line of growth, beyond which poles are counted.
     growth: Vec<Sample>,
+    /// Poles beyond that line without feedback.
+    open_loop: f64,
 }
 
 impl Case {
-    fn new(description: &Description, payload: f64, stroke: f64) -> Result<Self, DesignError> {
+    /// With points at some frequencies \[Hz\] besides.
+    fn new(
+        description: &Description,
+        payload: f64,
+        stroke: f64,
+        besides: &[f64],
+    ) -> Result<Self, DesignError> {
         let mut loaded = description.clone();
         loaded.numbers.payload = payload;
         let crane = LinearisedPlant::new(&loaded, stroke)?;
@@ -192,12 +213,18 @@ impl Case {
         let along = |growth: f64| {
             (0..=POINTS).map(|k| at(Complex::new(growth, omega(k)))).collect::<Result<Vec<_>, _>>()
         };
-        let (axis, mut growth) = (along(0.0)?, vec![at(Complex::from(LINE_OF_SEARCH))?]);
+        let mut axis = along(0.0)?;
+        let resonances = about_resonances(&crane, 0.0).filter(|f| (low..=high).contains(f));
+        for frequency in resonances.chain(besides.iter().copied()) {
+            axis.push(at(Complex::new(0.0, TAU * frequency))?);
+        }
+        let mut growth = vec![at(Complex::from(LINE_OF_SEARCH))?];
         growth.extend(along(LINE_OF_SEARCH)?);
-        Ok(Self { payload, axis, growth, crane })
+        let open_loop = f64::from(crane.growing_poles(LINE_OF_SEARCH));
+        Ok(Self { axis, growth, open_loop, crane })
     }
 
-    /// Whether the loop keeps a distance from −1 at all frequencies, and is stable: 1 + L does not turn about zero along the line.
+    /// Whether the loop keeps a distance from −1 at all frequencies, and is stable: as often as it has poles beyond the line without feedback, 1 + L turns about zero along it.
     fn keeps(&self, gains: &Gains, distance: f64) -> bool {
         let far = |sample: &Sample| sample.difference(gains).norm_sqr() >= distance * distance;
         if !self.axis.iter().all(far) {
@@ -205,7 +232,7 @@ impl Case {
         }
         let line: Vec<Complex<f64>> = self.growth.iter().map(|s| s.difference(gains)).collect();
         let turned: f64 = line.windows(2).map(|pair| (pair[1] / pair[0]).arg()).sum();
-        (turned / PI).round() >= 0.0
+        self.open_loop - (turned / PI).round() <= 0.0
     }
 }
 
@@ -221,7 +248,7 @@ fn cases(description: &Description, payload: [f64; 2]) -> Result<Vec<Case>, Desi
     let payloads = (0..count).map(at);
     let strokes = POSITIONS.map(|share| share * description.numbers.stroke);
     payloads
-        .flat_map(|payload| strokes.map(|stroke| Case::new(description, payload, stroke)))
+        .flat_map(|payload| strokes.map(|stroke| Case::new(description, payload, stroke, &[])))
         .collect()
 }
 
@@ -240,19 +267,17 @@ pub fn benchmark_design(
     description: &Description,
     payload: [f64; 2],
 ) -> Result<BenchmarkDesign, DesignError> {
-    let n = &description.numbers;
-    let cases = cases(description, payload)?;
-    let sensitivity_peak = n.benchmark_sensitivity_peak;
-    let mut distance = 1.0 / sensitivity_peak;
-    for _ in 0..TIGHTENINGS {
-        let Some(gains) = Search::new(description, &cases, distance)?.largest() else { break };
-        let gains = gains.rounded();
-        let worst = worst(&gains.put(description), &cases)?;
-        // a search on a grid may step over a resonance
-        if worst.stable && worst.sensitivity_peak <= SLACK * sensitivity_peak {
+    let sensitivity_peak = description.numbers.benchmark_sensitivity_peak;
+    let mut search =
+        Search::new(description, cases(description, payload)?, SLACK / sensitivity_peak)?;
+    for _ in 0..=EXCHANGES {
+        let Some(gains) = search.largest().map(|gains| gains.rounded()) else { break };
+        let (worst, at_hz) = worst(&gains.put(description), payload)?;
+        if worst.stable && worst.sensitivity_peak <= sensitivity_peak {
             return Ok(BenchmarkDesign { gains, sensitivity_peak, payload_kg: payload, worst });
         }
-        distance *= TIGHTENING;
+        let case = Case::new(description, worst.payload_kg, worst.stroke_mm * 1e-3, &[at_hz])?;
+        search.cases.push(case);
     }
     let [low_kg, high_kg] = payload;
     Err(DesignError::NoGains { sensitivity_peak, low_kg, high_kg })
@@ -267,57 +292,135 @@ pub fn worst_margins(
     description: &Description,
     payload: [f64; 2],
 ) -> Result<WorstMargins, DesignError> {
-    worst(description, &cases(description, payload)?)
+    Ok(worst(description, payload)?.0)
 }
 
-fn worst(description: &Description, cases: &[Case]) -> Result<WorstMargins, DesignError> {
-    let around: Loop = benchmark_loop(description);
-    let mut worst = WorstMargins {
-        stable: true,
-        sensitivity_peak: 0.0,
-        phase_deg: 180.0,
-        gain: f64::INFINITY,
-        payload_kg: f64::NAN,
-        stroke_mm: f64::NAN,
+/// The least margins over payloads between two \[kg\] and the stroke, and the frequency \[Hz\] at which the sensitivity is largest.
+///
+/// At each position over payloads, halved where the sensitivity is large and changes; then at the worst payload over positions, and there over payloads once more.
+fn worst(description: &Description, payload: [f64; 2]) -> Result<(WorstMargins, f64), DesignError> {
+    let mut judged = Judged {
+        description,
+        around: benchmark_loop(description),
+        worst: WorstMargins {
+            stable: true,
+            sensitivity_peak: 0.0,
+            phase_deg: 180.0,
+            gain: f64::INFINITY,
+            payload_kg: f64::NAN,
+            stroke_mm: f64::NAN,
+        },
+        at_hz: f64::NAN,
     };
-    for case in cases {
-        let of: Margins = margins(&case.crane, &around)?;
+    let stroke = description.numbers.stroke;
+    let [first, .., last] = POSITIONS.map(|share| share * stroke);
+    for position in POSITIONS.map(|share| share * stroke) {
+        judged.along(payload, JUDGED_PAYLOADS, |payload| (payload, position))?;
+    }
+    let worst = judged.worst.payload_kg;
+    judged.along([first, last], JUDGED_POSITIONS, |position| (worst, position))?;
+    let position = judged.worst.stroke_mm * 1e-3;
+    judged.along(payload, JUDGED_PAYLOADS, |payload| (payload, position))?;
+    Ok((judged.worst, judged.at_hz))
+}
+
+/// Gains that are judged at one payload and position after the other.
+struct Judged<'a> {
+    description: &'a Description,
+    around: Loop,
+    worst: WorstMargins,
+    at_hz: f64,
+}
+
+impl Judged<'_> {
+    /// The largest sensitivity with a payload \[kg\] at a position \[m\]; infinite where the loop is unstable.
+    fn at(&mut self, (payload, position): (f64, f64)) -> Result<f64, DesignError> {
+        let mut loaded = self.description.clone();
+        loaded.numbers.payload = payload;
+        let of: Margins = margins(&LinearisedPlant::new(&loaded, position)?, &self.around)?;
         let peak = if of.is_stable() { 1.0 / of.modulus_margin } else { f64::INFINITY };
+        let worst = &mut self.worst;
         worst.stable &= of.is_stable();
         worst.phase_deg = worst.phase_deg.min(of.phase_deg);
         worst.gain = worst.gain.min(of.gain);
         if peak > worst.sensitivity_peak {
             worst.sensitivity_peak = peak;
-            (worst.payload_kg, worst.stroke_mm) = (case.payload, case.crane.stroke * 1e3);
+            (worst.payload_kg, worst.stroke_mm) = (payload, position * 1e3);
+            self.at_hz = of.at_hz;
         }
+        Ok(peak)
     }
-    Ok(worst)
+
+    /// At places from the lowest to the highest, and between them where the sensitivity is large and changes.
+    fn along(
+        &mut self,
+        [low, high]: [f64; 2],
+        count: u32,
+        place: impl Fn(f64) -> (f64, f64),
+    ) -> Result<(), DesignError> {
+        let mut points = vec![(low, self.at(place(low))?)];
+        if high <= low {
+            return Ok(());
+        }
+        let step = LEAST_STEP * (high - low);
+        let all = (1..count).map(|k| low + (high - low) * f64::from(k) / f64::from(count - 1));
+        for to in all {
+            // what is to be reached, nearest last
+            let mut ahead = vec![(to, self.at(place(to))?)];
+            while let (Some(last), Some(next)) = (points.last().copied(), ahead.pop()) {
+                let (least, most) = (last.1.min(next.1), last.1.max(next.1));
+                let changes = most > (1.0 + CHANGE) * least;
+                let is_close = most > CLOSE * self.worst.sensitivity_peak;
+                if changes && is_close && next.0 - last.0 > step {
+                    let middle = 0.5 * (last.0 + next.0);
+                    ahead.push(next);
+                    ahead.push((middle, self.at(place(middle))?));
+                } else {
+                    points.push(next);
+                }
+            }
+        }
+        for three in points.windows(3) {
+            let [before, middle, after] = [0, 1, 2].map(|k| three[k]);
+            let is_largest = middle.1 >= before.1.max(after.1);
+            if is_largest && middle.1 > CLOSE * self.worst.sensitivity_peak {
+                minimum(
+                    |at| Ok::<_, DesignError>(-self.at(place(at))?),
+                    [before.0, after.0],
+                    step,
+                )?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Search for the largest integral gain over the four gains, by their logarithms.
-struct Search<'a> {
-    cases: &'a [Case],
+struct Search {
+    /// What gains have to keep a distance with; more cases lower the integral gain that goes with others.
+    cases: Vec<Case>,
+    /// The one that failed last.
+    failed: Cell<usize>,
     /// Least distance from −1.
     distance: f64,
-    /// Pressure feedback that damps the load mode as much as it is damped by itself \[m³/(s Pa)\].
-    unit: f64,
-    /// Angular frequency of the slowest load mode \[rad/s\].
-    slowest: f64,
     longest_high_pass: f64,
     /// Largest volume that pressure feedback gives up for a lasting Pascal, k_f τ \[m³/Pa\].
     largest_droop: f64,
+    /// The first grid; integral gains are upper bounds of what goes with the others.
+    grid: Vec<Gains>,
 }
 
-impl<'a> Search<'a> {
+impl Search {
     fn new(
         description: &Description,
-        cases: &'a [Case],
+        cases: Vec<Case>,
         distance: f64,
     ) -> Result<Self, DesignError> {
+        // angular frequency of the slowest load mode [rad/s], and pressure feedback that damps one as much as it is damped by itself [m³/(s Pa)]
         let mut slowest = f64::INFINITY;
         let mut unit: f64 = f64::INFINITY;
-        for case in cases {
-            let omega = TAU * case.crane.load_mode()?.frequency_hz;
+        for case in &cases {
+            let omega = TAU * case.crane.load_frequency()?;
             slowest = slowest.min(omega);
             let near = |sample: &&Sample| (sample.s.im / omega).ln().abs();
             let peak = case.axis.iter().min_by(|a, b| near(a).total_cmp(&near(b)));
@@ -328,91 +431,116 @@ impl<'a> Search<'a> {
         let n = &description.numbers;
         let longest_high_pass = n.benchmark_longest_high_pass;
         let largest_droop = n.benchmark_largest_droop * description.cylinder().piston_area;
-        Ok(Self { cases, distance, unit, slowest, longest_high_pass, largest_droop })
+        let grid = grid(slowest, unit, longest_high_pass);
+        let failed = Cell::new(0);
+        Ok(Self { cases, failed, distance, longest_high_pass, largest_droop, grid })
     }
 
     fn keeps(&self, gains: &Gains) -> bool {
-        self.cases.iter().all(|case| case.keeps(gains, self.distance))
+        // what failed last fails first
+        let first = self.failed.get();
+        let fails = |case: &Case| !case.keeps(gains, self.distance);
+        if self.cases.get(first).is_some_and(fails) {
+            return false;
+        }
+        let failed = self.cases.iter().enumerate().position(|(k, case)| k != first && fails(case));
+        self.failed.set(failed.unwrap_or(first));
+        failed.is_none()
     }
 
-    /// The largest integral gain beside the others; none where they do not keep the distance without one.
-    fn integral(&self, gains: &Gains) -> Option<Gains> {
+    /// The largest integral gain beside the others, where it is larger than another; otherwise an upper bound of it, zero where they do not keep the distance without
+    /// one.
+    fn integral(&self, gains: &Gains, other: f64) -> Result<Gains, f64> {
         let with = |integral_per_s2: f64| Gains { integral_per_s2, ..*gains };
-        let damped = Gains { proportional_per_s: 0.0, ..with(0.0) };
         if gains.pressure_feedback_m3_per_spa * gains.high_pass_s > self.largest_droop {
-            return None;
+            return Err(0.0);
         }
+        let most = largest_integral(gains.proportional_per_s);
+        if most <= other {
+            return Err(most);
+        }
+        let damped = Gains { proportional_per_s: 0.0, ..with(0.0) };
         if !(self.keeps(&damped) && self.keeps(&with(0.0))) {
-            return None;
+            return Err(0.0);
         }
-        let most = (0.5 * gains.proportional_per_s / LEAST_DAMPING).powi(2);
-        let (mut low, mut high) = (0.0, most);
+        if !self.keeps(&with(other)) {
+            return Err(other);
+        }
+        let (mut low, mut high) = (other, most);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
             if self.keeps(&with(middle)) { low = middle } else { high = middle }
         }
-        (low > 0.0).then(|| with(low))
+        if low > other { Ok(with(low)) } else { Err(high) }
     }
 
-    /// The gains of the largest integral gain.
-    fn largest(&self) -> Option<Gains> {
+    /// The gains of the largest integral gain that is found: on the grid, then by a compass search about its best.
+    fn largest(&mut self) -> Option<Gains> {
         let mut best: Option<Gains> = None;
-        let better = |found: Option<Gains>, best: &mut Option<Gains>| {
-            let Some(found) = found else { return false };
-            let is_better = best.is_none_or(|b| found.integral_per_s2 > b.integral_per_s2);
-            *best = if is_better { Some(found) } else { *best };
-            is_better
-        };
-        let shortest = (1.0 / self.slowest).min(self.longest_high_pass);
-        for t in 0..HIGH_PASSES {
-            let share = f64::from(t) / f64::from(HIGH_PASSES - 1);
-            let high_pass_s = shortest * (self.longest_high_pass / shortest).powf(share);
-            for f in 0..FEEDBACKS {
-                let share = f64::from(f) / f64::from(FEEDBACKS - 1);
-                let decades = LOWEST_FEEDBACK_DECADE + FEEDBACK_DECADES * share;
-                let pressure_feedback_m3_per_spa = self.unit * 10_f64.powf(decades);
-                for p in 0..PROPORTIONALS {
-                    let share = f64::from(p) / f64::from(PROPORTIONALS - 1) - 1.0;
-                    let proportional_per_s = LARGEST_PROPORTIONAL
-                        * self.slowest
-                        * 10_f64.powf(PROPORTIONAL_DECADES * share);
-                    let gains = Gains {
-                        proportional_per_s,
-                        integral_per_s2: 0.0,
-                        pressure_feedback_m3_per_spa,
-                        high_pass_s,
-                    };
-                    better(self.integral(&gains), &mut best);
-                }
+        let reached = |best: &Option<Gains>| best.map_or(0.0, |best| best.integral_per_s2);
+        let mut grid = std::mem::take(&mut self.grid);
+        grid.sort_by(|a, b| b.integral_per_s2.total_cmp(&a.integral_per_s2));
+        for gains in &mut grid {
+            if gains.integral_per_s2 <= reached(&best) {
+                break;
             }
+            gains.integral_per_s2 = match self.integral(gains, reached(&best)) {
+                Ok(found) => best.insert(found).integral_per_s2,
+                Err(bound) => gains.integral_per_s2.min(bound),
+            };
         }
+        grid.retain(|gains| gains.integral_per_s2 > 0.0);
+        self.grid = grid;
         for factor in REFINEMENTS {
             let mut goes_on = best.is_some();
             while let Some(now) = best.filter(|_| goes_on) {
                 goes_on = false;
-                for factor in [factor, 1.0 / factor] {
-                    let longest = self.longest_high_pass;
-                    let tried = [
-                        Gains { proportional_per_s: now.proportional_per_s * factor, ..now },
-                        Gains {
-                            pressure_feedback_m3_per_spa: now.pressure_feedback_m3_per_spa * factor,
-                            ..now
-                        },
-                        Gains { high_pass_s: (now.high_pass_s * factor).min(longest), ..now },
-                        Gains {
-                            proportional_per_s: now.proportional_per_s * factor,
-                            pressure_feedback_m3_per_spa: now.pressure_feedback_m3_per_spa * factor,
-                            ..now
-                        },
-                    ];
-                    for gains in tried {
-                        goes_on |= better(self.integral(&gains), &mut best);
+                for direction in 1..27 {
+                    // a step back, none, or one on, of each of three
+                    let step = |place: i32| factor.powi((direction / place + 1) % 3 - 1);
+                    let tried = Gains {
+                        proportional_per_s: now.proportional_per_s * step(1),
+                        pressure_feedback_m3_per_spa: now.pressure_feedback_m3_per_spa * step(3),
+                        high_pass_s: (now.high_pass_s * step(9)).min(self.longest_high_pass),
+                        ..now
+                    };
+                    if let Ok(found) = self.integral(&tried, reached(&best)) {
+                        best = Some(found);
+                        goes_on = true;
                     }
                 }
             }
         }
         best
     }
+}
+
+/// Largest integral gain \[1/s²\] with which the position loop by itself is damped.
+fn largest_integral(proportional_per_s: f64) -> f64 {
+    (0.5 * proportional_per_s / LEAST_DAMPING).powi(2)
+}
+
+/// Gains to begin with, each with the largest integral gain that may go with it.
+fn grid(slowest: f64, unit: f64, longest_high_pass: f64) -> Vec<Gains> {
+    let shares = |count: u32| (0..count).map(move |k| f64::from(k) / f64::from(count - 1));
+    let shortest = (1.0 / slowest).min(longest_high_pass);
+    let mut grid = Vec::new();
+    for high_pass in shares(HIGH_PASSES) {
+        for feedback in shares(FEEDBACKS) {
+            let decades = LOWEST_FEEDBACK_DECADE + FEEDBACK_DECADES * feedback;
+            for proportional in shares(PROPORTIONALS) {
+                let below = PROPORTIONAL_DECADES * (proportional - 1.0);
+                let proportional_per_s = LARGEST_PROPORTIONAL * slowest * 10_f64.powf(below);
+                grid.push(Gains {
+                    proportional_per_s,
+                    integral_per_s2: largest_integral(proportional_per_s),
+                    pressure_feedback_m3_per_spa: unit * 10_f64.powf(decades),
+                    high_pass_s: shortest * (longest_high_pass / shortest).powf(high_pass),
+                });
+            }
+        }
+    }
+    grid
 }
 
 #[cfg(test)]
@@ -438,11 +566,12 @@ mod tests {
         assert!((0.3..2.0).contains(&ratio), "{found:?}");
     }
 
-    /// Margins as stated, at every payload and position, for an odd crane too; more integral gain would break them.
+    /// Margins as stated for an odd crane too, at payloads and positions of which none is one of the search, between which soft oil makes the sensitivity of others larger
+    /// than at its ends; and more integral gain breaks them, or the damping that bounds it.
     #[test]
     fn gains_keep_the_stated_margins_over_the_payload_range_and_no_more() {
         for (set, payload) in [
-            ("payload.mass_kg=200", [0.0, 240.0]),
+            ("payload.mass_kg=60", [20.0, 90.0]),
             ("cylinder.piston_mm=100", [250.0, 370.0]),
             ("payload.x_mm=9000", [307.0; 2]),
         ] {
@@ -450,14 +579,38 @@ mod tests {
             crane.set(set).unwrap();
             let design = benchmark_design(&crane, payload).unwrap();
             let peak = design.worst.sensitivity_peak;
-            assert!(design.worst.stable && peak <= 1.01 * 1.7, "{set}: {design:?}");
-            // what a largest sensitivity of 1.7 says of both other margins
-            assert!(design.worst.phase_deg > 33.0 && design.worst.gain > 2.35, "{set}: {design:?}");
-            let more =
-                Gains { integral_per_s2: 1.2 * design.gains.integral_per_s2, ..design.gains };
-            let beyond = worst_margins(&more.put(&crane), payload).unwrap();
-            assert!(beyond.sensitivity_peak > peak, "{set}: {beyond:?}");
+            assert!(design.worst.stable && peak <= 1.7, "{set}: {design:?}");
+            let tuned = design.gains.put(&crane);
+            for k in 0..40 {
+                let share = |step: f64| (f64::from(k) * step + 0.237).fract();
+                let mut loaded = tuned.clone();
+                loaded.numbers.payload = payload[0] + share(0.618) * (payload[1] - payload[0]);
+                let position = (0.05 + 0.9 * share(0.755)) * crane.numbers.stroke;
+                let plant = LinearisedPlant::new(&loaded, position).unwrap();
+                let of = margins(&plant, &benchmark_loop(&tuned)).unwrap();
+                let place = format!("{set}: {} kg at {position} m", loaded.numbers.payload);
+                assert!(of.is_stable() && 1.0 / of.modulus_margin <= peak, "{place}: {of:?}");
+                // what a largest sensitivity of 1.7 says of both other margins
+                assert!(of.phase_deg > 34.2 && of.gain > 2.42, "{place}: {of:?}");
+            }
+            // the search is done to some hundredths
+            let gains = design.gains;
+            let more = 1.1 * gains.integral_per_s2;
+            let beyond = Gains { integral_per_s2: more, ..gains };
+            let worst = worst_margins(&beyond.put(&crane), payload).unwrap();
+            let is_damped = more <= largest_integral(gains.proportional_per_s);
+            assert!(!(is_damped && worst.sensitivity_peak <= 1.7), "{set}: {worst:?}");
         }
+    }
+
+    /// What keeps the margins with all payloads keeps them with some: these allow as much integral gain at least.
+    #[test]
+    fn fewer_payloads_allow_no_less_integral_gain() {
+        let mut crane = Description::uia_single_boom().unwrap();
+        crane.set("payload.mass_kg=60").unwrap();
+        let of = |range| benchmark_design(&crane, range).unwrap().gains.integral_per_s2;
+        let (some, one) = (of([40.0, 80.0]), of([60.0; 2]));
+        assert!(one > 0.98 * some, "{one} and {some}");
     }
 
     /// Of cranes whose margins would allow more: the position loop by itself stays damped.

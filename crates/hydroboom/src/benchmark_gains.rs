@@ -75,9 +75,8 @@ pub fn run(
         )
     );
     text += &format!(
-        "\nThe largest K_i with a sensitivity of M_s <= {} at five payloads of the range and five positions (Astrom, Panagopoulos, Hagglund 1998). M_s, PM and \
-         GM are the worst of these;\nat that payload and position M_s is largest. Between them it may be larger, above all where the oil is soft: --payload-kg LOW:HIGH looks at a \
-         narrower range.",
+        "\nThe largest K_i that is found with a sensitivity of M_s <= {} for all payloads of the range and positions from 5 to 95 % of the stroke (Astrom, Panagopoulos, \
+         Hagglund 1998), and K_i <= K_p^2.\nM_s, PM and GM are each the worst of these; at the payload and position named M_s is largest, or the loop unstable.",
         design.sensitivity_peak
     );
     if let Some(path) = out {
@@ -125,6 +124,51 @@ fn are_placeholders(model: &Description, gains: &Gains) -> bool {
     gains.keys().iter().all(|(path, _)| is_placeholder(path))
 }
 
+/// Whether a comparison takes designed gains in their place: placeholders, and the paper's.
+fn are_replaceable(model: &Description) -> Result<bool> {
+    let gains = Gains::of(model);
+    Ok(are_placeholders(model, &gains) || gains == Gains::of(&Description::uia_single_boom()?))
+}
+
+/// Why the benchmark's gains do not count as tuned for payloads \[kg\], if they do not: they are placeholders, or those of another crane than the paper's that leave too
+/// little margin.
+fn why_untuned(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
+    if are_placeholders(model, &Gains::of(model)) {
+        return Ok(Some("they are placeholders".into()));
+    }
+    let paper = Description::uia_single_boom()?;
+    match paper.differences(model).iter().any(|difference| difference.is_of_machine()) {
+        true => too_little_margin(model, payload),
+        false => Ok(None),
+    }
+}
+
+/// What the margins of the benchmark's gains are with payloads \[kg\], where they are too little for gains that are tuned.
+pub fn too_little_margin(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
+    let own = worst_margins(model, payload).into_diagnostic()?;
+    let peak = model.numbers.benchmark_untuned_peak;
+    Ok(match own.stable {
+        true if own.sensitivity_peak <= peak => None,
+        true => Some(format!(
+            "M_s = {:.1}, gain margin {:.1}, phase margin {:.0} deg, and gains count as tuned up to M_s = {peak}",
+            own.sensitivity_peak, own.gain, own.phase_deg
+        )),
+        false => Some("the loop is UNSTABLE".into()),
+    })
+}
+
+/// What is to be said of the crane file's gains where they are kept and a comparison would not: with payloads \[kg\].
+pub fn kept(model: &Description, payload: [f64; 2]) -> Result<Option<String>> {
+    let said = why_untuned(model, payload)?;
+    Ok(said.map(|said| {
+        format!(
+            "the benchmark runs with the crane file's gains, which are not tuned for payloads of {:.0} to {:.0} kg ({said}); `hydroboom design --benchmark` finds some, \
+             and `motion` takes those in place of placeholders and of the paper's",
+            payload[0], payload[1]
+        )
+    }))
+}
+
 /// What stands as the source of gains.
 fn source(design: &BenchmarkDesign) -> String {
     format!(
@@ -140,35 +184,14 @@ pub fn for_comparison(
     payload: [f64; 2],
 ) -> Result<(MachineChoice, Option<String>)> {
     let model = &choice.model;
-    let paper = Description::uia_single_boom()?;
-    let gains = Gains::of(model);
-    let said = if are_placeholders(model, &gains) {
-        "they are placeholders".into()
-    } else {
-        let is_other = paper.differences(model).iter().any(|difference| difference.is_of_machine());
-        if !is_other {
-            return Ok((choice, None));
-        }
-        let own = worst_margins(model, payload).into_diagnostic()?;
-        let peak = model.numbers.benchmark_untuned_peak;
-        if own.stable && own.sensitivity_peak <= peak {
-            return Ok((choice, None));
-        }
-        let said = match own.stable {
-            true => {
-                format!("M_s = {:.1}, and gains count as tuned up to {peak}", own.sensitivity_peak)
-            }
-            false => "the loop is UNSTABLE".into(),
-        };
-        if gains != Gains::of(&paper) {
-            let remark = format!(
-                "the benchmark's gains of the crane file are not tuned for payloads of {:.0} to {:.0} kg: {said}; `hydroboom design --benchmark` finds some",
-                payload[0], payload[1]
-            );
-            return Ok((choice, Some(remark)));
-        }
-        said
-    };
+    let Some(said) = why_untuned(model, payload)? else { return Ok((choice, None)) };
+    if !are_replaceable(model)? {
+        let remark = format!(
+            "the benchmark's gains of the crane file are not tuned for payloads of {:.0} to {:.0} kg: {said}; `hydroboom design --benchmark` finds some",
+            payload[0], payload[1]
+        );
+        return Ok((choice, Some(remark)));
+    }
     match benchmark_design(model, payload) {
         Ok(design) => {
             let g = design.gains;
