@@ -1,6 +1,6 @@
 //! `hydroboom check`
 
-use crate::{crane_file::CraneFile, output};
+use crate::{benchmark_gains, crane_file::CraneFile, output};
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::{CircuitChoice, FrictionChoice};
@@ -83,9 +83,21 @@ impl Check {
         for (name, stability) in &loops {
             match stability {
                 Ok(stability) if stability.stable => {}
+                Ok(unstable) if unstable.is_benchmark() => {
+                    remarks.push(format!("{unstable}; {FINDS_GAINS}"))
+                }
                 Ok(unstable) => remarks.push(unstable.to_string()),
                 Err(error) => remarks.push(format!("{name}: its loop cannot be computed: {error}")),
             }
+        }
+        if matches!(&loops[0].1, Ok(benchmark) if benchmark.stable) {
+            let little = benchmark_gains::too_little_margin(&description, [numbers.payload; 2])?;
+            remarks.extend(little.map(|margins| {
+                format!(
+                    "benchmark: its gains leave too little margin with {:.0} kg: {margins}; {FINDS_GAINS}",
+                    numbers.payload
+                )
+            }));
         }
         let expected: Vec<LoopStability> =
             loops.iter().filter_map(|(_, of)| of.as_ref().ok().cloned()).collect();
@@ -116,7 +128,7 @@ impl Check {
         }
         let bristles = match has_bristles {
             true => format!(
-                "\nBristles: 0.7 of 2 g/(sigma_0 |v|), at {:.0} mm/s, where the motor is fastest.",
+                "\nBristles: 0.7 of 2 g/(sigma_0 |v|), at {:.0} mm/s, which the motor reaches at most.",
                 description.fastest_piston() * 1e3
             ),
             false => String::new(),
@@ -183,6 +195,9 @@ fn all(description: &Description, remarks: Vec<String>) -> Vec<String> {
     description.warnings().into_iter().chain(remarks).collect()
 }
 
+/// Where gains are found.
+const FINDS_GAINS: &str = "`hydroboom design --benchmark` finds gains";
+
 /// Share of the largest bulk modulus below which oil is soft.
 const SOFT: f64 = 0.9;
 
@@ -200,14 +215,29 @@ fn found(description: &Description, pressures: &[(f64, f64)]) -> Vec<String> {
             format!("{:.0} % at {:.0} mm ({:.1} bar)", share * 100.0, stroke * 1e3, pressure * 1e-5)
         })
         .collect();
+    let torque = |pressure: f64| pressure * n.displacement / std::f64::consts::TAU;
+    let heaviest = pressures.iter().map(|(_, pressure)| *pressure).fold(0.0, f64::max);
+    let too_heavy = torque(heaviest) > n.drive_torque;
+    let mut found: Vec<String> = too_heavy
+        .then(|| {
+            format!(
+                "the motor does not lift the load: {:.1} bar at rest take {:.1} N m, and drive.max_torque_nm = {:.1}",
+                heaviest * 1e-5,
+                torque(heaviest),
+                n.drive_torque
+            )
+        })
+        .into_iter()
+        .collect();
     if soft.is_empty() {
-        return Vec::new();
+        return found;
     }
-    vec![format!(
+    found.push(format!(
         "the load pressure lies in the oil's soft range: its bulk modulus is {} of the largest; oil.transition_bar = {:.1}, \
          oil.transition_width_bar = {:.1}. The load rings slowly there, a little air changes it much, and gains have to be lower",
         soft.join(", "),
         n.transition * 1e-5,
         n.transition_width * 1e-5
-    )]
+    ));
+    found
 }

@@ -70,8 +70,12 @@ fn difference(description: &Description, rows: &[eigenfrequency::Row]) -> String
         row.frictionless_hz.map(|hz| (hz / row.linearised_hz - 1.0).abs())
     };
     let largest = rows.iter().filter_map(apart).fold(0.0, f64::max);
+    let n = &description.numbers;
     let mut text = format!(
-        "Without friction, oscillation and linearisation see the same mode: they differ by {:.1} % at most.",
+        "On the rod side {:.1} bar are shut in (oscillation.rod_side_bar); the oil stiffens at {:.1} bar (oil.transition_bar).\n\
+         Without friction, oscillation and linearisation see the same mode: they differ by {:.1} % at most.",
+        n.oscillation_rod_side * 1e-5,
+        n.transition * 1e-5,
         largest * 100.0
     );
     for row in rows.iter().filter(|row| apart(row).is_some_and(|apart| apart > SAME)) {

@@ -9,6 +9,7 @@ use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::closed_loop::monte_carlo::{Row, family, members, rows, variations};
 use hydroboom_lab::closed_loop::period_time::{PeriodTime, period_times};
 use hydroboom_lab::closed_loop::scenario::CourseChoice;
+use hydroboom_lab::motion_test::UNSTABLE_MARK;
 use hydroboom_lab::report;
 use miette::{IntoDiagnostic, Result, bail};
 use serde_json::json;
@@ -57,6 +58,11 @@ pub fn run(
         bail!("none of {count} cranes had gone all the way when it was interrupted");
     }
     let rows = rows(&controllers, &names, &results);
+    let unstable: Vec<ControllerChoice> = controllers
+        .iter()
+        .copied()
+        .filter(|controller| controller.has_stable_loops(model, nominal) == Some(false))
+        .collect();
     // what is compared costs time, too: one after the other, when no crane runs any more
     let timed = match courses.last().filter(|_| has_baselines) {
         Some(course) => {
@@ -78,7 +84,7 @@ pub fn run(
         let strategies: Vec<_> = controllers.iter().map(|c| c.name()).collect();
         return output::json(&json!({
             "asked": count, "family": rows, "seed": seed, "variations": variations(is_widened),
-            "strategies": strategies, "courses": names, "cranes": cranes, "period_times": timed,
+            "strategies": strategies, "unstable_around_nominal": unstable, "courses": names, "cranes": cranes, "period_times": timed,
             "plant": choice.json(),
         }));
     }
@@ -92,21 +98,27 @@ pub fn run(
         ),
     };
     output::text(&format!(
-        "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}\n\nover the benchmark's on the same crane\n{}{times}",
+        "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}{}\n\nover the benchmark's on the same crane\n{}{times}",
         of_asked(results.len(), count as usize),
         if is_widened { "of a widened family " } else { "" },
         choice.name(),
-        table(&rows),
+        table(&rows, &unstable),
+        if unstable.is_empty() { String::new() } else { format!("\n{UNSTABLE_AROUND_NOMINAL}") },
         beside_the_benchmark(&rows)
     ))
 }
 
-fn table(rows: &[Row]) -> String {
+/// What the mark means in a table over a family.
+const UNSTABLE_AROUND_NOMINAL: &str = "(!): its closed loop is unstable around the crane that the family is drawn around, linearised; its errors are no merit. `hydroboom design --family` \
+     counts the cranes of the family.";
+
+fn table(rows: &[Row], unstable: &[ControllerChoice]) -> String {
     let cells: Vec<Vec<String>> = rows
         .iter()
         .map(|r| {
+            let mark = if unstable.contains(&r.controller) { UNSTABLE_MARK } else { "" };
             vec![
-                r.controller.name().into(),
+                format!("{}{mark}", r.controller.name()),
                 r.course.clone(),
                 r.rms_true_mm.text(3),
                 r.rms_measured_mm.text(3),
@@ -183,4 +195,24 @@ fn beside_the_benchmark(rows: &[Row]) -> String {
         }
     }
     output::table(&header, &cells)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As in `motion`: the row itself says so.
+    #[test]
+    fn a_row_of_an_unstable_loop_bears_a_mark() {
+        let model = hydroboom_description::Description::uia_single_boom().unwrap();
+        let mut light = model.clone();
+        light.set("payload.mass_kg=100").unwrap();
+        let benchmark = ControllerChoice::from(Strategy::BenchmarkClosedLoop);
+        assert_eq!(benchmark.has_stable_loops(&model, &light), Some(false));
+        assert_eq!(benchmark.has_stable_loops(&model, &model), Some(true));
+        let all = [benchmark, Strategy::VelocityFeedforward.into()];
+        let rows = rows(&all, &["120 mm/s".into()], &[]);
+        let marked = |unstable: &[ControllerChoice]| table(&rows, unstable).matches("(!)").count();
+        assert_eq!((marked(&[]), marked(&[benchmark])), (0, 1));
+    }
 }

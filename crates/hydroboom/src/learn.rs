@@ -18,6 +18,7 @@ use hydroboom_lab::cycle_learning::experiment::{
     CycleReport, Method, MethodError, learning_experiment,
 };
 use hydroboom_lab::cycle_learning::log_learning::{LoggedMachine, identify_log, learn_for};
+use hydroboom_lab::motion_test::{REMARK_ON_MARK, UNSTABLE_MARK};
 use hydroboom_measurement::Signals;
 use miette::{IntoDiagnostic, Result, bail, miette};
 use serde_json::json;
@@ -252,7 +253,10 @@ fn named(of: &MethodError) -> [String; 2] {
 /// What a cycle tells of a machine.
 fn of_one(report: &CycleReport) -> String {
     let rows = report.methods.iter().map(|of| {
-        let [name, begins] = named(of);
+        let [mut name, begins] = named(of);
+        if of.method == Method::ClosedLoop && report.is_marked() {
+            name += UNSTABLE_MARK;
+        }
         match (&report.sustained_oscillation, of.method) {
             (Some(oscillation), Method::ClosedLoop) => {
                 vec![name, begins, "unstable".into(), oscillation.to_string()]
@@ -272,6 +276,9 @@ fn of_one(report: &CycleReport) -> String {
             "\n\nlearning from the same state: a cycle leaves at most {:.3} of the distance to where it settles on the identified model, {:.3} at {} (below 1 is needed)",
             convergence.model, convergence.worst, convergence.worst_case
         );
+    }
+    if report.is_marked() {
+        said += &format!("\n{REMARK_ON_MARK}");
     }
     report.remarks.iter().for_each(|remark| said += &format!("\n{remark}"));
     if !report.whole {
@@ -323,10 +330,12 @@ fn medians(all: &[CycleReport]) -> String {
         "finished",
     ];
     let table = output::table(&heads, &rows.collect::<Vec<_>>());
-    let unstable = all.iter().filter(|report| !report.stable).count();
+    let unstable = all.iter().filter(|report| report.is_marked()).count();
     let of = match unstable {
         0 => String::new(),
-        count => format!("; {count} closed loops are unstable"),
+        count => format!(
+            "; {count} closed loops are unstable, linearised, or were in sustained oscillation or not finished"
+        ),
     };
     let remarks = all.iter().map(|report| report.remarks.len()).sum::<usize>();
     let more = match remarks {

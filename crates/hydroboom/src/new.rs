@@ -25,6 +25,17 @@ const EQUIPMENT: &str = "\
 # has them all.
 ";
 
+/// Whose numbers a new file is filled in with.
+const PAPERS_CRANE: &str = "the paper's crane";
+const PATU_CRANE: &str = "a PATU forestry crane";
+
+/// What stands at the top: what the word means that marks what was filled in.
+fn head(whose: &str) -> String {
+    format!(
+        "# provenance \"placeholder\": the number is that of {whose} and not yet of your machine; once its value is edited it counts as given.\n"
+    )
+}
+
 /// What stands above the limits that are written.
 const SUPERVISION: &str = "\
 # Limits of the supervision; `hydroboom supervision` shows what else follows from this file.
@@ -74,10 +85,15 @@ impl New {
             Circuit::SelfContained => {
                 let crane = Description::uia_single_boom()?;
                 let (equipment, supervision) = (crane.equipment_text(), crane.supervision_text());
-                let filled_in = as_placeholders(&tuned_text(&crane)?, "the paper's crane");
-                format!("{filled_in}\n{EQUIPMENT}{equipment}\n{SUPERVISION}{supervision}")
+                let filled_in = as_placeholders(&tuned_text(&crane)?, PAPERS_CRANE);
+                format!(
+                    "{}{filled_in}\n{EQUIPMENT}{equipment}\n{SUPERVISION}{supervision}",
+                    head(PAPERS_CRANE)
+                )
             }
-            Circuit::ValveControlled => as_placeholders(PATU_LIFT, "a PATU forestry crane"),
+            Circuit::ValveControlled => {
+                format!("{}{}", head(PATU_CRANE), as_placeholders(PATU_LIFT, PATU_CRANE))
+            }
         };
         if !output::file(&self.file, text.as_bytes()) {
             return Ok(());

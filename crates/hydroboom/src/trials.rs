@@ -10,6 +10,7 @@ use hydroboom_lab::baselines::Baseline;
 use hydroboom_lab::closed_loop::controller_choice::ControllerChoice;
 use hydroboom_lab::closed_loop::metrics::TrackingError;
 use hydroboom_lab::closed_loop::robustness::{HEAVIEST, Outcome, robustness, run, shaping};
+use hydroboom_lab::motion_test::REMARK_ON_MARK;
 use hydroboom_lab::report;
 use indicatif::ProgressBar;
 use miette::{IntoDiagnostic, Result};
@@ -102,8 +103,10 @@ impl Trials {
             "tip vibration at rest [mm]",
             "",
         ];
+        let is_marked = outcomes.iter().any(Outcome::is_marked);
+        let mark = if is_marked { format!("\n{REMARK_ON_MARK}") } else { String::new() };
         output::text(&format!(
-            "on \"{}\"; the controllers know \"{}\" only\n{}{}",
+            "on \"{}\"; the controllers know \"{}\" only\n{}{}{mark}",
             choice.name(),
             model.name,
             choice.equality().map_or(String::new(), |equality| format!("{equality}\n")),
@@ -116,7 +119,7 @@ fn row(o: &Outcome) -> Vec<String> {
     let error = |mm: f64| output::optional(Some(mm).filter(|mm| o.stable && mm.is_finite()), 3);
     vec![
         o.trial.clone(),
-        o.controller.name().into(),
+        o.marked_name(),
         error(o.error.rms_true_mm),
         error(o.error.rms_measured_mm),
         error(o.error.peak_true_mm),

@@ -18,7 +18,10 @@ const LIGHT: [&str; 2] = ["--set", "payload.mass_kg=100"];
 #[test]
 fn design_tells_an_unstable_loop_in_place_of_its_margins() {
     let text = said(&[&["design"], &LIGHT[..]].concat());
-    assert!(text.contains("benchmark: the closed loop is UNSTABLE at 25, 125, 250"), "{text}");
+    assert!(
+        text.contains("benchmark: the closed loop is UNSTABLE at 25 to 475 mm, 19 of 19 positions"),
+        "{text}"
+    );
     assert!(!text.contains("scheduled LQR: the closed loop is UNSTABLE"), "{text}");
     let json = parsed(&[&["design", "--json"], &LIGHT[..]].concat());
     assert_eq!(json["stable"], false);
@@ -70,6 +73,16 @@ fn check_warns_of_soft_oil_unstable_gains_and_a_load_beyond_the_boom() {
     let json = parsed(&[&["check", "--json"], &LIGHT[..]].concat());
     assert_eq!(json["stable"], false);
     assert_eq!(json["warnings"].as_array().unwrap().len(), 2, "{json}");
+    // a motor that is too weak is told by torque, and by nothing else
+    let text = warned(&["check", "--set", "drive.max_torque_nm=9"]);
+    assert!(text.contains("the motor does not lift the load: "), "{text}");
+    // stable, with less margin than counts as tuned
+    let text = warned(&["check", "--set", "controller.proportional_per_s=7"]);
+    assert!(
+        text.contains("benchmark: its gains leave too little margin with 307 kg: M_s = "),
+        "{text}"
+    );
+    assert!(!text.contains("UNSTABLE"), "{text}");
     let text = warned(&["check", "--set", "payload.x_mm=9000"]);
     assert!(text.contains("beyond the boom: payload.x_mm = 9000, and boom.length_mm = 3600"));
     assert!(!text.contains("soft range"), "{text}");

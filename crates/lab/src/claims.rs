@@ -314,7 +314,11 @@ mod tests {
         let mut swinging = runs.clone();
         for (_, run) in &mut swinging {
             if run.strategy == Strategy::BenchmarkClosedLoop {
-                let oscillation = SustainedOscillation { amplitude_mm: 3.0, frequency_hz: 2.0 };
+                let oscillation = SustainedOscillation {
+                    amplitude_mm: 3.0,
+                    frequency_hz: 2.0,
+                    motor_at_limit: false,
+                };
                 run.sustained_oscillation = Some(oscillation);
             }
         }

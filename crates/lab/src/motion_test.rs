@@ -186,12 +186,13 @@ impl Row {
 /// Stands behind the name of a strategy whose loop is unstable.
 pub const UNSTABLE_MARK: &str = " (!)";
 
-/// What [`UNSTABLE_MARK`] means, where a row has it.
+/// What [`UNSTABLE_MARK`] means.
+pub const REMARK_ON_MARK: &str = "(!): its closed loop is unstable, linearised, or the run was in sustained oscillation or stopped; its errors and effort are no merit.";
+
+/// That, where a row has the mark.
 pub fn remark_on_mark(rows: &[Row]) -> Option<&'static str> {
     let is_marked = rows.iter().any(|row| !(row.stable && row.has_stable_loops));
-    is_marked.then_some(
-        "(!): its closed loop is unstable, as said below; its errors and effort are no merit.",
-    )
+    is_marked.then_some(REMARK_ON_MARK)
 }
 
 /// What is to be said of runs in sustained oscillation, and of those that stopped, a sentence each.

@@ -117,6 +117,11 @@ pub struct Session {
 }
 
 impl Session {
+    /// The model that it is of.
+    pub fn model(&self) -> &Description {
+        &self.model
+    }
+
     /// A session with a machine that the model stands for.
     pub fn new(model: &Description) -> Self {
         let records = (KEPT / model.numbers.control_period) as usize;

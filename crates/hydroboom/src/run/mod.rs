@@ -6,6 +6,7 @@ mod replay;
 mod report;
 mod watch;
 
+use crate::benchmark_gains;
 use crate::crane_file::CraneFile;
 use crate::machine_choice::MachineChoice;
 use crate::number;
@@ -145,6 +146,18 @@ impl Run {
             scheduled_lqr_controller(&cranes.model).into_diagnostic()?;
         }
         warn_of_unstable(&cranes, [strategy, then])?;
+        let has_benchmark =
+            |of: &Strategy| !matches!(of, Strategy::VelocityFeedforward | Strategy::ScheduledLqr);
+        if [strategy, then].iter().any(has_benchmark) {
+            let hung = wanted.hung.iter().map(|(_, mass)| *mass);
+            let payloads = [&cranes.model, &cranes.machine].map(|crane| crane.numbers.payload);
+            let (low, high) = hung.chain(payloads).fold((f64::INFINITY, 0.0), |(low, high), kg| {
+                (f64::min(low, kg), f64::max(high, kg))
+            });
+            if let Some(remark) = benchmark_gains::kept(&cranes.model, [low, high])? {
+                output::warn(&remark);
+            }
+        }
         let switch = Switch { first: strategy, then, at: 0.5 * wanted.path.duration() };
         let limits = self.limits(&cranes.model)?;
         let retained = self.retained(&cranes.model)?;

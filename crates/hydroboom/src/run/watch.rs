@@ -8,7 +8,7 @@ use hydroboom_control::supervision::oscillation_detector::OscillationState;
 use hydroboom_control::supervision::supervisor::{Decision, State};
 use hydroboom_control::supervision::waiting::Waiting;
 use hydroboom_dashboard::{self as dashboard, Choice, Dashboard, Demand};
-use hydroboom_lab::closed_loop::metrics::{SustainedOscillation, TrackingError};
+use hydroboom_lab::closed_loop::metrics::{REACHED, SustainedOscillation, TrackingError};
 use hydroboom_realtime::control_task::{Fallback, Record};
 use hydroboom_realtime::desk::{Desk, Generation};
 use hydroboom_realtime::failure::Failure;
@@ -91,6 +91,8 @@ struct Running {
     truth: Errors,
     fallback: Option<Fallback>,
     oscillation: Option<SustainedOscillation>,
+    /// Largest command in it \[rev/s\].
+    largest_command: f64,
     /// The same detector, for what begins as the course ends.
     detector: OscillationState<f64>,
     /// Time of the last error \[s\].
@@ -319,7 +321,13 @@ impl Running {
         let _ = SustainedOscillation::after(&mut self.detector, -1e-3 * error_mm, rests, elapsed);
         self.fallback = record.fallback.or(self.fallback);
         if let Some([amplitude, frequency_hz]) = record.decision.oscillation {
-            let now = SustainedOscillation { amplitude_mm: amplitude * 1e3, frequency_hz };
+            let now = SustainedOscillation {
+                amplitude_mm: amplitude * 1e3,
+                frequency_hz,
+                motor_at_limit: false,
+            };
+            self.largest_command =
+                self.largest_command.max(record.decision.command.motor_speed.abs());
             let is_larger =
                 self.oscillation.is_none_or(|before| now.amplitude_mm > before.amplitude_mm);
             self.oscillation = if is_larger { Some(now) } else { self.oscillation };
@@ -421,6 +429,7 @@ impl Watch {
             truth: Errors::default(),
             fallback: None,
             oscillation: None,
+            largest_command: 0.0,
             detector: OscillationState::default(),
             at: record.time,
         });
@@ -473,7 +482,11 @@ impl Watch {
             may_oscillate: running.oscillation.is_none()
                 && record.decision.cause.is_none()
                 && running.detector.half_cycles > 0.5,
-            sustained_oscillation: running.oscillation,
+            sustained_oscillation: running.oscillation.map(|found| SustainedOscillation {
+                motor_at_limit: running.largest_command
+                    >= REACHED * self.session.model().numbers.motor_speed,
+                ..found
+            }),
             fault: record.decision.cause.map(|cause| cause.code()),
             fallback: running.fallback.is_some(),
             fallback_cause: running.fallback.map(Fallback::name),

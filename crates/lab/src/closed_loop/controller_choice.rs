@@ -7,6 +7,7 @@ use hydroboom_control::feedback::published_strategy::PublishedStrategy;
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
 use hydroboom_design::scheduled_lqr::scheduled_lqr_controller;
+use hydroboom_design::stability::{benchmark_stability, stability_of};
 use serde::{Serialize, Serializer};
 
 /// A controller, by its name and its numbers.
@@ -56,6 +57,21 @@ impl ControllerChoice {
             )),
             Self::Baseline(baseline) => baseline.controller(model)?,
         })
+    }
+
+    /// Whether the loops that it steers through around a crane are stable, linearised over the stroke; none of a baseline that is not the benchmark with other gains, and
+    /// where a loop cannot be computed.
+    pub fn has_stable_loops(self, model: &Description, crane: &Description) -> Option<bool> {
+        match self {
+            Self::Strategy(strategy) => {
+                let loops = stability_of(&[strategy], model, crane).ok()?;
+                Some(loops.iter().filter(|of| of.is_of(strategy)).all(|of| of.stable))
+            }
+            Self::Baseline(
+                Baseline::RetunedBenchmark(gains) | Baseline::ShapedBenchmark(gains),
+            ) => Some(benchmark_stability(&gains.put(model), Some(crane)).ok()?.stable),
+            Self::Baseline(_) => None,
+        }
     }
 
     /// Name in tables and JSON.

@@ -1,6 +1,7 @@
 //! Metrics of a course: tracking error, effort, vibration.
 
 use crate::closed_loop::sample::Sample;
+use hydroboom_control::actuator_limits::ActuatorLimits;
 use hydroboom_control::supervision::oscillation_detector::{OscillationDetector, OscillationState};
 use serde::Serialize;
 use std::fmt;
@@ -59,7 +60,12 @@ pub struct SustainedOscillation {
     pub amplitude_mm: f64,
     /// Frequency.
     pub frequency_hz: f64,
+    /// Whether the motor reached its largest speed or slew rate in it: then the amplitude is what these limits leave, a limit cycle.
+    pub motor_at_limit: bool,
 }
+
+/// Share of a limit that counts as reached.
+pub const REACHED: f64 = 0.999;
 
 impl SustainedOscillation {
     /// The one that a control error \[m\] is in after a further period of `elapsed` \[s\], by the detector of a loop that positions a piston.
@@ -72,13 +78,21 @@ impl SustainedOscillation {
         let detector = OscillationDetector::POSITIONING;
         let is_found = detector.update(state, error, rests, elapsed);
         let [amplitude, frequency_hz] = detector.amplitude_and_frequency(state);
-        is_found.then_some(Self { amplitude_mm: 1e3 * amplitude, frequency_hz })
+        is_found.then_some(Self {
+            amplitude_mm: 1e3 * amplitude,
+            frequency_hz,
+            motor_at_limit: false,
+        })
     }
 }
 
 impl fmt::Display for SustainedOscillation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.1} mm at {:.2} Hz", self.amplitude_mm, self.frequency_hz)
+        write!(f, "{:.1} mm at {:.2} Hz", self.amplitude_mm, self.frequency_hz)?;
+        match self.motor_at_limit {
+            true => f.write_str(" with the motor at its limit of speed or slew rate"),
+            false => Ok(()),
+        }
     }
 }
 
@@ -205,6 +219,10 @@ pub struct Metrics {
     oscillation: OscillationState<f64>,
     /// The largest that was found.
     found: Option<SustainedOscillation>,
+    /// Command a period ago \[rev/s\], and its largest magnitude and rate \[rev/s²\] in half-cycles that did not die out.
+    commanded: f64,
+    largest_command: f64,
+    largest_slew: f64,
     /// Time of the last sample \[s\].
     time: f64,
     effort: Effort,
@@ -246,10 +264,20 @@ impl Metrics {
         self.time = sample.time;
         if passed > 0.0 {
             let detector = OscillationDetector::POSITIONING;
+            let command = sample.command.motor_speed;
+            let slew = (command - self.commanded) / passed;
+            self.commanded = command;
+            if self.may_oscillate() && rests {
+                self.largest_command = self.largest_command.max(command.abs());
+                self.largest_slew = self.largest_slew.max(slew.abs());
+            }
             if detector.update(&mut self.oscillation, off, rests, passed) {
                 let [amplitude, frequency] = detector.amplitude_and_frequency(&self.oscillation);
-                let now =
-                    SustainedOscillation { amplitude_mm: 1e3 * amplitude, frequency_hz: frequency };
+                let now = SustainedOscillation {
+                    amplitude_mm: 1e3 * amplitude,
+                    frequency_hz: frequency,
+                    motor_at_limit: false,
+                };
                 let is_larger =
                     self.found.is_none_or(|before| now.amplitude_mm > before.amplitude_mm);
                 self.found = if is_larger { Some(now) } else { self.found };
@@ -333,9 +361,14 @@ impl Metrics {
         self.found.is_some()
     }
 
-    /// The largest sustained oscillation while the reference rested, by the one detector there is.
-    pub fn sustained_oscillation(&self) -> Option<SustainedOscillation> {
-        self.found
+    /// The largest sustained oscillation while the reference rested, by the one detector there is, with a motor of these limits.
+    pub fn sustained_oscillation(
+        &self,
+        limits: &ActuatorLimits<f64>,
+    ) -> Option<SustainedOscillation> {
+        let motor_at_limit = self.largest_command >= REACHED * limits.speed
+            || self.largest_slew >= REACHED * limits.slew;
+        self.found.map(|found| SustainedOscillation { motor_at_limit, ..found })
     }
 }
 
@@ -349,6 +382,29 @@ pub(crate) mod tests {
 
     /// Of a crane that ends a course of three seconds so far \[m\] from where it should be.
     pub(crate) fn metrics(off: impl Fn(f64) -> f64) -> Metrics {
+        commanded(off, |_| 0.0)
+    }
+
+    const LIMITS: ActuatorLimits<f64> = ActuatorLimits { speed: 50.0, slew: 500.0 };
+
+    /// A motor that swings between its limits, of speed or of slew rate, is told from one that swings within them.
+    #[test]
+    fn an_oscillation_says_whether_the_motor_is_at_its_limit() {
+        let swing = |time: f64| 3e-3 * (8.0 * time).sin();
+        // a fast turn before the oscillation is none of it
+        let first = |time: f64| if time < 0.01 { 50.0 } else { 0.0 };
+        for (size, omega, is_at_limit) in
+            [(20.0, 8.0, false), (50.0, 8.0, true), (20.0, 40.0, true)]
+        {
+            let command = |time: f64| first(time) + size * (omega * time).sin();
+            let found = commanded(swing, command).sustained_oscillation(&LIMITS).unwrap();
+            assert_eq!(found.motor_at_limit, is_at_limit, "{size} rev/s at {omega} rad/s");
+            assert_eq!(found.to_string().contains("motor at its limit"), is_at_limit, "{found}");
+        }
+    }
+
+    /// The same with commands \[rev/s\].
+    fn commanded(off: impl Fn(f64) -> f64, command: impl Fn(f64) -> f64) -> Metrics {
         let description = Description::uia_virtual().unwrap();
         let crane = VirtualCrane::new(&description, &description.start(0.25)).unwrap();
         let (signals, mut truth) = (crane.signals(), crane.truth());
@@ -357,7 +413,7 @@ pub(crate) mod tests {
             let time = 1e-3 * f64::from(k);
             truth.outputs.stroke = 0.25 + off(time);
             let reference = SetPoint { position: 0.25, velocity: 0.0 };
-            let command = AxisCommand { motor_speed: 0.0, holding_valve: 1.0 };
+            let command = AxisCommand { motor_speed: command(time), holding_valve: 1.0 };
             let load_changed = false;
             metrics.add(&Sample { time, reference, signals, load_changed, truth, command });
         }
@@ -369,7 +425,7 @@ pub(crate) mod tests {
         let swing = |time: f64| 3e-3 * (12.0 * time).sin();
         let oscillates = |off: &dyn Fn(f64) -> f64| metrics(off).oscillates();
         assert!(oscillates(&swing));
-        let found = metrics(swing).sustained_oscillation().unwrap();
+        let found = metrics(swing).sustained_oscillation(&LIMITS).unwrap();
         assert!((found.amplitude_mm - 3.0).abs() < 0.1, "{found}");
         assert!((found.frequency_hz - 12.0 / std::f64::consts::TAU).abs() < 0.1, "{found}");
         assert!(!oscillates(&|time| swing(time) * (-0.5 * time).exp()));

@@ -7,6 +7,7 @@ use crate::closed_loop::scenario::{Course, CourseChoice, Load};
 use crate::closed_loop::simulation::simulate_closed_loop;
 use crate::closed_loop::sustained_oscillation::sustained_oscillation;
 use crate::eigenfrequency::locked_mode;
+use crate::motion_test::UNSTABLE_MARK;
 use hydroboom_control::reference::input_shaper::ShapedTrajectory;
 use hydroboom_control::reference::profile::{OutAndBack, RampShape, SetPoint};
 use hydroboom_control::reference::trajectory::Trajectory;
@@ -43,6 +44,9 @@ pub struct Outcome {
     pub unstable: bool,
     /// The contrary, as the other commands name it.
     pub stable: bool,
+    /// Whether the loops that the controller steers through are stable around the crane, linearised; none where that is not known, as of baselines whose gains are not
+    /// the benchmark's.
+    pub has_stable_loops: Option<bool>,
     /// That oscillation, where it could be finished.
     pub sustained_oscillation: Option<SustainedOscillation>,
 }
@@ -212,6 +216,16 @@ fn named<P: Trajectory + 'static>(path: P) -> Box<dyn Course> {
 }
 
 impl Outcome {
+    /// Name of its controller, with a mark where a loop is unstable, or the run was in sustained oscillation or could not be finished.
+    pub fn marked_name(&self) -> String {
+        format!("{}{}", self.controller.name(), if self.is_marked() { UNSTABLE_MARK } else { "" })
+    }
+
+    /// Whether it bears that mark.
+    pub fn is_marked(&self) -> bool {
+        !self.stable || self.has_stable_loops == Some(false)
+    }
+
     /// What is to be said where it did not come to rest: nothing where it did.
     pub fn verdict(&self) -> String {
         match (self.stable, self.sustained_oscillation) {
@@ -257,6 +271,7 @@ fn one(model: &Description, trial: &Trial, controller: ControllerChoice) -> Outc
         effort: metrics.effort(),
         unstable: !stable,
         stable,
+        has_stable_loops: controller.has_stable_loops(model, &trial.crane),
         sustained_oscillation: oscillation.ok().flatten(),
     }
 }

@@ -53,8 +53,9 @@ pub fn sustained_oscillation(
     course: &dyn Course,
     metrics: &Metrics,
 ) -> Result<Option<SustainedOscillation>, LabError> {
+    let limits = model.benchmark().limits;
     if metrics.oscillates() || !metrics.may_oscillate() {
-        return Ok(metrics.sustained_oscillation());
+        return Ok(metrics.sustained_oscillation(&limits));
     }
     let longer = WithRest(course);
     let mut metrics = Metrics::new();
@@ -62,7 +63,7 @@ pub fn sustained_oscillation(
         metrics.add(sample);
         Ok(())
     })?;
-    Ok(metrics.sustained_oscillation())
+    Ok(metrics.sustained_oscillation(&limits))
 }
 
 /// Whether it was in one, or cannot be held.

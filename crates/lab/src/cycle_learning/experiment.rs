@@ -11,10 +11,12 @@ use super::replay::{Errors, at_rest, replayed, rms};
 use super::saturation::saturations;
 use super::stages::Stages;
 use crate::LabError;
+use crate::closed_loop::controller_choice::ControllerChoice;
 use crate::closed_loop::metrics::SustainedOscillation;
 use crate::closed_loop::scenario::{Course, CourseChoice};
 use crate::interruptible::as_long_as;
 use hydroboom_control::command::AxisCommand;
+use hydroboom_control::strategy::Strategy;
 use hydroboom_description::{Description, RangeSource};
 use hydroboom_identify::Window;
 use hydroboom_virtual_crane::{VirtualCrane, surrogate};
@@ -82,6 +84,8 @@ pub struct CycleReport {
     pub whole: bool,
     /// Whether the closed loop came to rest where its reference rested: not in a sustained oscillation, and not where the cycle could not be run.
     pub stable: bool,
+    /// Whether its loop is stable around the machine, linearised over the stroke; none where it cannot be computed.
+    pub has_stable_loops: Option<bool>,
     /// That oscillation.
     pub sustained_oscillation: Option<SustainedOscillation>,
     /// Tracking errors.
@@ -171,6 +175,11 @@ fn unless_stopped<T>(found: Result<T, LabError>) -> Result<Result<T, LabError>, 
 }
 
 impl CycleReport {
+    /// Whether the closed loop bears a mark: its loop is unstable, or it was in sustained oscillation or could not be run.
+    pub fn is_marked(&self) -> bool {
+        !self.stable || self.has_stable_loops == Some(false)
+    }
+
     /// All methods on one machine; none where it was stopped before the closed-loop cycle was run.
     fn of(
         model: &Description,
@@ -183,6 +192,7 @@ impl CycleReport {
             course: course.name(),
             whole: true,
             stable: false,
+            has_stable_loops: None,
             sustained_oscillation: None,
             methods: Vec::new(),
             convergence: None,
@@ -205,6 +215,8 @@ impl CycleReport {
         stages: &Stages<'_>,
     ) -> Result<(), LabError> {
         let crane = subject.crane;
+        let closed_loop = ControllerChoice::from(Strategy::ScheduledLqr);
+        self.has_stable_loops = closed_loop.has_stable_loops(model, crane);
         let start = course.reference(0.0).position;
         let described = with_drive(model);
         let cycle = unless_stopped(Cycle::run(model, crane, course, stages))?;

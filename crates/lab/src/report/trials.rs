@@ -117,7 +117,7 @@ fn table(rows: &[&Outcome]) -> Markup {
             } }
             tbody { @for o in rows {
                 tr {
-                    td { (o.controller.name()) } @for mm in o.error.cells() { td { (millimetres(error(o, mm))) } }
+                    td { (o.marked_name()) } @for mm in o.error.cells() { td { (millimetres(error(o, mm))) } }
                     td { (format!("{:.0}", o.effort.motor_speed_rpm)) } td { (format!("{:.1}", o.effort.motor_ripple_rpm)) }
                     td { (format!("{:.1}", o.effort.energy_kj)) } td { (format!("{:.1}", o.effort.tip_deflection_mm)) }
                     td { (format!("{:.3}", o.effort.residual_vibration_mm)) } td.unstable { (o.verdict()) }
