@@ -75,10 +75,10 @@ pub fn hydraulic_spring(
         (0..GUESSED).map(|k| low * (high / low).powf(f64::from(k) / f64::from(GUESSED - 1)));
     let slowest = crane.slowest_mode().map(|mode| mode.frequency_hz);
     for guess in slowest.into_iter().chain(guesses) {
-        if let Some((spring, load)) = fitted(crane, guess)? {
-            if is_near(load.natural_frequency(&spring), TAU * guess) {
-                return Ok((spring, load));
-            }
+        if let Some((spring, load)) = fitted(crane, guess)?
+            && is_near(load.natural_frequency(&spring), TAU * guess)
+        {
+            return Ok((spring, load));
         }
     }
     Err(crane.none("no mass on an oil spring answers as it does"))
