@@ -2,11 +2,25 @@
 
 use crate::output::three_digits;
 use hydroboom_identify::{
-    Aspect, Difference, Fault, Judgement, LIMITS, Moved, Remedy, Ringing, SensorError,
+    Aspect, Difference, Differences, Fault, Judgement, LIMITS, Moved, Remedy, Ringing, SignalFault,
+    complaints,
 };
+use hydroboom_measurement::Signal;
 
-/// What looks wrong with a signal; `complaints` and errors of `sensors` are those of all signals.
-pub fn said(d: &Difference, complaints: &[Judgement], sensors: &[SensorError]) -> String {
+/// What is said of a signal among the others.
+pub struct Context<'a> {
+    /// Differences of all signals, as they were read.
+    pub found: &'a Differences,
+    /// What of them is beyond its limit.
+    pub complaints: &'a [Judgement],
+    /// Faults of signals.
+    pub faults: &'a [SignalFault],
+    /// Differences that are left without the faults that the log tells.
+    pub left: &'a Differences,
+}
+
+/// What looks wrong with a signal.
+pub fn said(d: &Difference, context: &Context<'_>) -> String {
     let (unit, size) = d.signal.shown();
     let symbol = d.signal.symbol();
     if let Some(far) = d.unresolved {
@@ -16,7 +30,7 @@ pub fn said(d: &Difference, complaints: &[Judgement], sensors: &[SensorError]) -
             far.frequency
         );
     }
-    let own: Vec<&Judgement> = complaints.iter().filter(|j| j.signal == d.signal).collect();
+    let own: Vec<&Judgement> = context.complaints.iter().filter(|j| j.signal == d.signal).collect();
     let is_scatter = d.rms < LIMITS.hardly_more * d.noise && d.coloured < LIMITS.nearly_white;
     // an offset is no noise, whatever is left about it
     let is_noise =
@@ -24,22 +38,84 @@ pub fn said(d: &Difference, complaints: &[Judgement], sensors: &[SensorError]) -
     if own.is_empty() && is_noise {
         return format!("{symbol}: nothing is left but what its sensor scatters.");
     }
-    let mut parts = [explained(d), of_time(d), rings(d)].concat();
+    let mut parts = [explained(d), of_time(d, context), rings(d, &own)].concat();
     if parts.is_empty() {
         parts.push(format!("differs by {} {unit} RMS", three_digits(d.rms / size)));
     }
     let mut said = format!("{symbol}: {}.", parts.join("; "));
     if own.is_empty() {
-        return said + " That is within its limit.";
+        said += " That is within its limit.";
     }
-    if let Some(error) = sensors.iter().find(|error| error.signal == d.signal) {
-        said += &of_sensor(error);
+    if let Some(fault) = context.faults.iter().find(|fault| fault.signal == d.signal) {
+        return said + &of_sensor(fault);
+    }
+    let causes = context.faults.iter().filter(|fault| fault.is_told());
+    let causes: Vec<&SignalFault> =
+        causes.filter(|fault| fault.explains.contains(&d.signal)).collect();
+    if let (Some(left), false) =
+        (context.left.iter().find(|l| l.signal == d.signal), causes.is_empty())
+    {
+        let causes: Vec<String> = causes.iter().map(|fault| named(fault)).collect();
+        let rms = three_digits(left.rms / size);
+        said += &format!(
+            " Most of it comes of the {}: {rms} {unit} RMS would be left.",
+            causes.join(" and the ")
+        );
     }
     said
 }
 
+/// A fault by its name: "offset of p_B".
+fn named(fault: &SignalFault) -> String {
+    let what = match fault.fault {
+        Fault::Offset(_) => "offset",
+        Fault::Scale(_) => "scale",
+        Fault::Delay(_) => "delay",
+    };
+    format!("{what} of {}", fault.signal.symbol())
+}
+
+/// Symbols one after the other, the last one with "and".
+fn listed(signals: &[Signal]) -> String {
+    let symbols: Vec<&str> = signals.iter().map(|signal| signal.symbol()).collect();
+    match symbols.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => symbols.concat(),
+    }
+}
+
+/// What a delay of an input would explain: one cause for all signals that follow it.
+pub fn of_input(fault: &SignalFault) -> Option<String> {
+    let Fault::Delay(late) = fault.fault else { return None };
+    let way = if late > 0.0 { "late" } else { "early" };
+    let why = match (fault.signal, late > 0.0) {
+        (Signal::HoldingValve, true) => "a column that was recorded late",
+        (Signal::HoldingValve, false) => "a valve that follows its command later",
+        (Signal::ValveCommand, true) => {
+            "a column that was recorded late, or a valve that is faster than the model's (valve.bandwidth_hz)"
+        }
+        (Signal::ValveCommand, false) => {
+            "a valve that answers later than the model's (dead time, valve.bandwidth_hz), or one delay that they share"
+        }
+        (Signal::MotorCommand, _) => {
+            "the motor's speed was not recorded, and the drive follows its command later"
+        }
+        (_, true) => "a column that was recorded late (filter, fieldbus)",
+        (_, false) => "a command in place of the speed, or one delay that they share",
+    };
+    Some(format!(
+        "{}: {:.1} ms {way} beside {} explains most of what they differ by: {why}. No sensor need be {} for it ([log.{}] delay_ms {:+.1}).",
+        fault.signal.symbol(),
+        late.abs() * 1e3,
+        listed(&fault.explains),
+        if late > 0.0 { "early" } else { "late" },
+        fault.signal.key(),
+        late * 1e3
+    ))
+}
+
 /// What a constant error of a signal's sensor would explain.
-fn of_sensor(error: &SensorError) -> String {
+fn of_sensor(error: &SignalFault) -> String {
     let (unit, size) = error.signal.shown();
     let (what, mapping) = match error.fault {
         Fault::Offset(off) => (
@@ -54,17 +130,35 @@ fn of_sensor(error: &SensorError) -> String {
             format!("A scale of its sensor that is wrong by {:+.2} %", 100.0 * (factor - 1.0)),
             format!("scale and offset times {:.4}", 1.0 / factor),
         ),
+        Fault::Delay(late) => {
+            (format!("A delay of {:+.1} ms", late * 1e3), format!("delay_ms {:+.1}", late * 1e3))
+        }
     };
-    let against = match error.against {
-        Some(other) => format!(
+    let others: Vec<Signal> =
+        error.explains.iter().copied().filter(|signal| *signal != error.signal).collect();
+    let others = match others.as_slice() {
+        [] => String::new(),
+        others => format!(", and most of what {} differ by", listed(others)),
+    };
+    let against = match (error.against, error.signal) {
+        (Some(other), Signal::PressureAccumulator) => format!(
+            "; {}, which it feeds, does not read it, so that it is no matter of the crane",
+            other.symbol()
+        ),
+        (Some(other), _) => format!(
             "; {} shows nothing of it, so that it is no matter of the crane",
             other.symbol()
         ),
-        None => ", if it is no matter of the crane".into(),
+        (None, Signal::PressureAccumulator) => {
+            "; without p_B and p_PB another charge of the accumulator looks the same".into()
+        }
+        (None, _) => ", if it is no matter of the crane".into(),
     };
+    let left = error.left.map_or(String::new(), |left| {
+        format!(": {} {unit} RMS would be left", three_digits(left / size))
+    });
     format!(
-        " {what} would explain it: {} {unit} RMS would be left ([log.{}] {mapping}){against}.",
-        three_digits(error.left / size),
+        " {what} would explain it{others}{left} ([log.{}] {mapping}){against}.",
         error.signal.key()
     )
 }
@@ -118,19 +212,14 @@ fn moved(of: &Moved) -> String {
     }
 }
 
-/// Whether anything is complained of that keys could move: not what a late sensor, a clock, or a sensor that another one speaks against explains.
-pub fn asks_for_keys(
-    found: &[&Difference],
-    complaints: &[Judgement],
-    sensors: &[SensorError],
-) -> bool {
+/// Whether anything is complained of that keys could move: not what a late sensor or a clock explains.
+pub fn asks_for_keys(left: &Differences) -> bool {
     let is_other = |j: &Judgement| {
         let is_size = matches!(j.aspect, Aspect::Position | Aspect::Pressures);
-        let of = found.iter().find(|d| d.signal == j.signal);
-        let of_time = of.is_some_and(|d| d.is_late() || d.is_of_clock());
-        is_size && (of_time || sensors.iter().any(|s| s.signal == j.signal && s.against.is_some()))
+        let of = left.iter().find(|d| d.signal == j.signal);
+        is_size && of.is_some_and(|d| d.is_late() || d.is_of_clock())
     };
-    complaints.iter().any(|j| !is_other(j))
+    complaints(left).iter().any(|j| !is_other(j))
 }
 
 /// What is to be said of a model that leaves what it holds for; `highest` is its highest pressure \[Pa\].
@@ -172,7 +261,7 @@ fn explained(d: &Difference) -> Vec<String> {
 }
 
 /// A delay, or a clock that drifts.
-fn of_time(d: &Difference) -> Vec<String> {
+fn of_time(d: &Difference, context: &Context<'_>) -> Vec<String> {
     if let (true, Some([first, second]), Some(drift)) = (d.is_of_clock(), d.delay_halves, d.drift) {
         return vec![format!(
             "comes {:.1} ms late in the first half and {:.1} ms in the second, which is most of it: a clock that drifts \
@@ -182,59 +271,60 @@ fn of_time(d: &Difference) -> Vec<String> {
             drift * 1e6
         )];
     }
-    match d.delay.filter(|_| d.is_late()) {
-        Some(delay) => {
-            let way = if delay > 0.0 { "late" } else { "early" };
-            vec![format!(
-                "comes {:.1} ms {way}, which is most of it: a delay of sensor or fieldbus (delay_ms in the mapping)",
-                delay.abs() * 1e3
-            )]
-        }
-        None => Vec::new(),
-    }
+    let Some(delay) = d.delay.filter(|_| d.is_late()) else { return Vec::new() };
+    let way = if delay > 0.0 { "late" } else { "early" };
+    let is_of_input = |fault: &&SignalFault| {
+        matches!(fault.fault, Fault::Delay(_)) && fault.explains.contains(&d.signal)
+    };
+    let is_alone = |other: &Difference| other.signal == d.signal || other.delay.is_none();
+    let why = if let Some(input) = context.faults.iter().find(is_of_input) {
+        format!(", as the delay of {} makes it", input.signal.symbol())
+    } else if context.found.iter().all(is_alone) {
+        ": a delay of sensor or fieldbus (delay_ms in the mapping), or of what drives the machine; no other signal tells which".into()
+    } else if delay > 0.0 {
+        ": a delay of sensor or fieldbus (delay_ms in the mapping)".into()
+    } else {
+        ", and no sensor is early: a model that lags, or other signals that are late".into()
+    };
+    vec![format!("comes {:.1} ms {way}, which is most of it{why}", delay.abs() * 1e3)]
 }
 
-/// How log and model ring.
-fn rings(d: &Difference) -> Vec<String> {
+/// How log and model ring, where that is beyond its limit.
+fn rings(d: &Difference, own: &[&Judgement]) -> Vec<String> {
     // an oscillation whose fading cannot be told has no frequency that could be relied on either
     let told = |r: Option<Ringing>| r.filter(|r| r.damping.is_some());
-    let [low, high] = LIMITS.same_mode;
     let (Some(log), Some(model)) = (told(d.ringing), told(d.model_ringing)) else {
         return Vec::new();
     };
-    let mut parts = Vec::new();
-    let share = log.frequency / model.frequency - 1.0;
-    // so far off it need not be the same mode
-    let is_read = log.tells_frequency() && model.tells_frequency();
-    if !is_read {
-        // one that is damped so strongly has no frequency to compare
-    } else if !(low..high).contains(&share) {
-        parts.push(format!(
-            "rings at {:.2} Hz, the model at {:.2} Hz: a load, a lever or a stiffness that is far from the crane file's, or something else that vibrates",
-            log.frequency, model.frequency
-        ));
-    } else if share.abs() > LIMITS.frequency {
-        let how = if share > 0.0 { "stiffer, or lighter," } else { "softer, or heavier," };
-        parts.push(format!(
-            "rings at {:.2} Hz, the model at {:.2} Hz: the crane is {how} than the model",
-            log.frequency, model.frequency
-        ));
-    }
-    if let (Some(a), Some(b)) = (log.damping, model.damping)
-        && (!is_read || (low..high).contains(&share))
-        && (a - b).abs() > (LIMITS.damping * a.abs()).max(LIMITS.least_damping)
-    {
-        let how = if a > b { "more" } else { "less" };
-        parts.push(format!("is damped {how} ({a:.3}) than the model ({b:.3})"));
-    }
-    parts
+    let [low, high] = LIMITS.same_mode;
+    let is_same_mode = (low..high).contains(&(log.frequency / model.frequency - 1.0));
+    let (of_log, of_model) = (log.frequency, model.frequency);
+    let of = |j: &&Judgement| match (j.aspect, log.damping, model.damping) {
+        // so far off it need not be the same mode
+        (Aspect::Frequency, ..) if !is_same_mode => Some(format!(
+            "rings at {of_log:.2} Hz, the model at {of_model:.2} Hz: a load, a lever or a stiffness that is far from the crane file's, or something else that vibrates"
+        )),
+        (Aspect::Frequency, ..) => {
+            let how = if j.found < 0.0 { "stiffer, or lighter," } else { "softer, or heavier," };
+            Some(format!(
+                "rings at {of_log:.2} Hz, the model at {of_model:.2} Hz: the crane is {how} than the model"
+            ))
+        }
+        (Aspect::Damping, Some(a), Some(b))
+            if is_same_mode || !(log.tells_frequency() && model.tells_frequency()) =>
+        {
+            let how = if j.found < 0.0 { "more" } else { "less" };
+            Some(format!("is damped {how} ({a:.3}) than the model ({b:.3})"))
+        }
+        _ => None,
+    };
+    own.iter().filter_map(of).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use hydroboom_identify::{Explained, Part, complaints};
-    use hydroboom_measurement::Signal;
+    use hydroboom_identify::{Explained, Part};
 
     fn part(value: f64, share: f64) -> Part {
         Part { value, share }
@@ -271,8 +361,10 @@ mod tests {
         Some(Ringing { frequency, damping: Some(0.05), amplitude: 1e5 })
     }
 
-    fn read(d: &Difference, sensors: &[SensorError]) -> String {
-        said(d, &complaints(&vec![d.clone()]), sensors)
+    fn read(d: &Difference, faults: &[SignalFault]) -> String {
+        let found = vec![d.clone()];
+        let complaints = complaints(&found);
+        said(d, &Context { found: &found, complaints: &complaints, faults, left: &found })
     }
 
     #[test]
@@ -320,8 +412,13 @@ mod tests {
 
     #[test]
     fn an_error_of_a_sensor_is_named_with_what_the_mapping_says_then() {
-        let error =
-            |fault, against| SensorError { signal: Signal::PressureA, fault, left: 0.1e5, against };
+        let error = |fault, against| SignalFault {
+            signal: Signal::PressureA,
+            fault,
+            left: Some(0.1e5),
+            against,
+            explains: Vec::new(),
+        };
         let offset = error(Fault::Offset(5e5), Some(Signal::PressurePumpA));
         let text = read(&difference(), &[offset]);
         assert!(text.contains("A constant offset of its sensor by +5.000 bar would explain it: 0.100 bar RMS would be left ([log.pressure_a] add -5.000 bar to its offset, or +5.000 bar where its sign is -1); p_PA shows nothing of it"), "{text}");
@@ -331,11 +428,9 @@ mod tests {
             "{text}"
         );
         assert!(text.ends_with("if it is no matter of the crane."), "{text}");
-        // no keys are asked for where a sensor is what is wrong
-        let d = difference();
-        let all = complaints(&vec![d.clone()]);
-        assert!(!asks_for_keys(&[&d], &all, &[offset]) && asks_for_keys(&[&d], &all, &[]));
-        assert!(advice(&all, &[], false).is_none());
+        // no keys are asked for where nothing is left
+        assert!(asks_for_keys(&vec![difference()]));
+        assert!(advice(&complaints(&vec![difference()]), &[], false).is_none());
     }
 
     #[test]
@@ -361,7 +456,8 @@ mod tests {
         let late = Difference { delay: Some(0.02), rms_without_delay: Some(0.4e5), ..difference() };
         let text = read(&late, &[]);
         assert!(text.contains("comes 20.0 ms late") && !text.contains("key"), "{text}");
-        assert!(!asks_for_keys(&[&late], &complaints(&vec![late.clone()]), &[]));
+        assert!(text.contains("no other signal tells which"), "{text}");
+        assert!(!asks_for_keys(&vec![late]));
         assert!(beyond(3.5e8).unwrap().contains("3500 bar") && beyond(3e7).is_none());
     }
 }

@@ -1,16 +1,17 @@
 //! `hydroboom validate`
 
 use crate::crane_file::CraneFile;
+use crate::difference_text::{self, Context};
 use crate::log_mapping::{LogMapping, LogWindow, suspicions};
 use crate::output;
 use crate::paths::{InputFile, OutputFile};
-use crate::{difference_text, verdict_text};
+use crate::verdict_text;
 use clap::Args;
 use hydroboom_description::Description;
 use hydroboom_description::schema::CircuitChoice;
 use hydroboom_identify::{
-    Aspect, COMPARED, Difference, Experiment, Fault, Judgement, Moved, Prediction, Remedy, Ringing,
-    SensorError, complaints, differences, remedies, sensor_errors, verdict,
+    Aspect, COMPARED, Difference, Experiment, Fault, Isolated, Judgement, LIMITS, Moved,
+    Prediction, Remedy, Ringing, SignalFault, complaints, isolate, remedies, verdict,
 };
 use hydroboom_lab::LabError;
 use hydroboom_lab::paper;
@@ -48,7 +49,7 @@ pub struct Validate {
 /// One signal, in numbers and words.
 struct Finding {
     difference: Difference,
-    sensor: Option<SensorError>,
+    sensor: Option<SignalFault>,
     said: String,
 }
 
@@ -57,6 +58,11 @@ struct Part {
     experiment: Experiment,
     prediction: Prediction,
     findings: Vec<Finding>,
+    /// Faults of signals, in words those of inputs.
+    faults: Vec<SignalFault>,
+    inputs: Vec<String>,
+    /// What the model is right for once the faults that the log tells are mended, where there are such.
+    mended: Option<Vec<Judgement>>,
     /// What would move all of it, and that in words.
     remedies: Vec<Remedy>,
     advice: Option<String>,
@@ -100,6 +106,12 @@ impl Validate {
             for finding in &part.findings {
                 said += &format!("\n{}", finding.said);
             }
+            for input in &part.inputs {
+                said += &format!("\n{input}");
+            }
+            if let Some(mended) = &part.mended {
+                said += &format!("\n{MENDED} {}", verdict_text::said(mended));
+            }
             if let Some(advice) = &part.advice {
                 said += &format!("\n{advice}");
             }
@@ -120,6 +132,8 @@ impl Validate {
             json!({
                 "begin_s": part.experiment.begin, "duration_s": part.experiment.duration(),
                 "verdict": verdict_text::in_json(&part.verdict),
+                "verdict_mended": part.mended.as_deref().map(verdict_text::in_json),
+                "late_inputs": part.faults.iter().filter_map(late_input_in_json).collect::<Vec<_>>(),
                 "signals": part.findings.iter().map(in_json).collect::<Vec<_>>(),
                 "remedies": part.remedies.iter().map(remedy_in_json).collect::<Vec<_>>(), "advice": part.advice,
             })
@@ -139,24 +153,52 @@ impl Validate {
 
 /// Compares a segment of a log with the model.
 fn part(crane: &Description, mut experiment: Experiment) -> Result<Part> {
-    let (prediction, would) = remedies(crane, &experiment).into_diagnostic()?;
-    let found = differences(&experiment, &prediction);
-    let (verdict, complaints) = (verdict(&found), complaints(&found));
+    let Isolated { prediction, found, faults, mended, left } =
+        isolate(crane, &experiment).into_diagnostic()?;
+    let (_, would) = remedies(crane, &mended).into_diagnostic()?;
     let pressures = prediction.iter().flat_map(|row| row.iter().skip(1).copied());
     experiment.remarks.extend(difference_text::beyond(pressures.fold(0.0, f64::max)));
-    let sensors = sensor_errors(&experiment, &prediction, &found);
-    let all: Vec<&Difference> = found.iter().collect();
-    let is_asked = difference_text::asks_for_keys(&all, &complaints, &sensors);
-    let advice = difference_text::advice(&complaints, &would, is_asked);
-    let findings = found
-        .into_iter()
-        .map(|difference| {
-            let said = difference_text::said(&difference, &complaints, &sensors);
-            let sensor = sensors.iter().find(|error| error.signal == difference.signal).copied();
-            Finding { difference, sensor, said }
-        })
-        .collect();
-    Ok(Part { experiment, prediction, findings, remedies: would, advice, verdict })
+    experiment.remarks.extend(charge(crane, &experiment));
+    let all = complaints(&found);
+    let context = Context { found: &found, complaints: &all, faults: &faults, left: &left };
+    let findings = found.iter().map(|d| Finding {
+        difference: d.clone(),
+        sensor: faults.iter().find(|fault| fault.signal == d.signal).cloned(),
+        said: difference_text::said(d, &context),
+    });
+    let findings = findings.collect();
+    let advice =
+        difference_text::advice(&complaints(&left), &would, difference_text::asks_for_keys(&left));
+    let is_mended = faults.iter().any(SignalFault::is_told);
+    Ok(Part {
+        experiment,
+        findings,
+        inputs: faults.iter().filter_map(difference_text::of_input).collect(),
+        mended: is_mended.then(|| verdict(&left)),
+        remedies: would,
+        advice,
+        verdict: verdict(&found),
+        prediction,
+        faults,
+    })
+}
+
+/// Said of what is left without the faults that the log tells; keys are looked for in that.
+const MENDED: &str = "With that mended:";
+
+/// An accumulator that begins elsewhere than the crane file has it, where no other pressure of the low side tells why.
+fn charge(crane: &Description, experiment: &Experiment) -> Option<String> {
+    let others = [Signal::PressureB, Signal::PressurePumpB];
+    let begun = experiment.begun(Signal::PressureAccumulator)?;
+    let off = begun - crane.numbers.working_pressure;
+    let is_alone = others.iter().all(|signal| !experiment.is_measured(*signal));
+    (is_alone && off.abs() > LIMITS.least_pressure).then(|| {
+        format!(
+            "p_acc begins {:+.2} bar off accumulator.working_bar: an offset of its sensor cannot be told from another precharge or filling without p_B or p_PB, \
+             and the model begins with what was read",
+            off * 1e-5
+        )
+    })
 }
 
 const HEADER: [&str; 10] = [
@@ -220,12 +262,19 @@ fn in_json(finding: &Finding) -> Value {
         })),
         "ringing": rings(d.ringing), "model_ringing": rings(d.model_ringing), "coloured": d.coloured, "white": d.is_white,
         "judged": d.unresolved.is_none(), "said": finding.said,
-        "sensor_error": finding.sensor.map(|error| json!({
-            "offset": match error.fault { Fault::Offset(off) => Some(off / size), Fault::Scale(_) => None },
-            "scale": match error.fault { Fault::Scale(factor) => Some(factor), Fault::Offset(_) => None },
-            "rms_left": error.left / size, "against": error.against.map(Signal::key),
+        "sensor_error": finding.sensor.as_ref().map(|error| json!({
+            "offset": match error.fault { Fault::Offset(off) => Some(off / size), _ => None },
+            "scale": match error.fault { Fault::Scale(factor) => Some(factor), _ => None },
+            "rms_left": error.left.map(|left| left / size), "against": error.against.map(Signal::key),
+            "explains": error.explains.iter().map(|s| s.key()).collect::<Vec<_>>(),
         })),
     })
+}
+
+fn late_input_in_json(of: &SignalFault) -> Option<Value> {
+    let Fault::Delay(late) = of.fault else { return None };
+    let explains: Vec<&str> = of.explains.iter().map(|s| s.key()).collect();
+    Some(json!({ "signal": of.signal.key(), "delay_ms": late * 1e3, "explains": explains }))
 }
 
 fn remedy_in_json(r: &Remedy) -> Value {
@@ -314,6 +363,8 @@ fn page(
         @for note in notes { p.soft { "Note: " (note) } }
         h2 { "What looks wrong, and what would move it" }
         @for (part, finding) in findings() { p { (finding.said) (of_segment(parts, &part.experiment)) } }
+        @for part in parts { @for input in &part.inputs { p { (input) (of_segment(parts, &part.experiment)) } } }
+        @for part in parts { @if let Some(mended) = &part.mended { p { (MENDED) " " (verdict_text::said(mended)) (of_segment(parts, &part.experiment)) } } }
         @for part in parts { @if let Some(advice) = &part.advice { p { (advice) (of_segment(parts, &part.experiment)) } } }
         p.soft {
             "What would move what is beyond its limit is found by exact slopes along each key and tried by running the model with that key changed: "

@@ -223,6 +223,24 @@ fn changed(from: &str, to: &str, column: &str, heading: &str, change: impl Fn(f6
     std::fs::write(to, rows.join("\n")).unwrap();
 }
 
+/// A log with one column so many rows late.
+#[expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+fn late(from: &str, to: &str, column: &str, rows: usize) {
+    let text = std::fs::read_to_string(from).unwrap();
+    let head = text.lines().next().unwrap();
+    let place = head.split(',').position(|name| name == column).unwrap();
+    let cell = |line: &str| line.split(',').nth(place).unwrap().to_string();
+    let mut before: Vec<String> = text.lines().skip(1).map(cell).collect();
+    before.splice(0..0, std::iter::repeat_n(before[0].clone(), rows));
+    let mut lines = vec![head.to_string()];
+    for (line, value) in text.lines().skip(1).zip(before) {
+        let mut cells: Vec<&str> = line.split(',').collect();
+        cells[place] = &value;
+        lines.push(cells.join(","));
+    }
+    std::fs::write(to, lines.join("\n")).unwrap();
+}
+
 /// One sensor that is off by 5 bar, or has a scale that is wrong by 4 %: it is named, and no key is moved for it, because the sensor on the other side of the open valve
 /// speaks against it. A wrong load is seen by both, and is no sensor's.
 #[test]
@@ -251,6 +269,11 @@ fn a_sensor_that_is_off_is_named_and_a_load_is_not_taken_for_one() {
         assert!(line.contains("p_PA shows nothing of it"), "{line}");
         assert!(!text.contains("each key on its own"), "{text}");
     }
+    // a motor speed that is late beside all the rest is one delay, and no sensor is early
+    late(&log, &off, "motor_speed_rpm", 2);
+    let text = said(&["validate", "--log", &off]);
+    assert!(text.contains("motor speed: 20.0 ms late beside x_cyl"), "{text}");
+    assert!(!text.contains("delay of sensor") && !text.contains("each key on its own"), "{text}");
     let text = said(&["validate", "--set", "payload.mass_kg=280", "--log", &log]);
     assert!(!text.contains("of its sensor"), "{text}");
     assert_eq!(text.matches("each key on its own").count(), 1, "{text}");

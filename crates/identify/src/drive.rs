@@ -138,6 +138,52 @@ impl Drive {
         }
     }
 
+    /// The same with one input taken so many periods later: what drove the machine where the log has that input late. At the ends
+    /// the first or the last one holds.
+    pub(crate) fn later(&self, signal: Signal, periods: f64) -> Self {
+        let last = self.len().saturating_sub(1);
+        let at = |k: usize| (k as f64 + periods).clamp(0.0, last as f64);
+        let course = |of: &dyn Fn(usize) -> f64, k: usize| {
+            let before = at(k) as usize;
+            of(before) + at(k).fract() * (of((before + 1).min(last)) - of(before))
+        };
+        match self {
+            Self::Pump(inputs) => {
+                let moved = |k: usize| match signal {
+                    // a valve is open or shut, and nothing between
+                    Signal::HoldingValve => {
+                        let holding_valve = inputs[at(k).round() as usize].holding_valve;
+                        Input { holding_valve, ..inputs[k] }
+                    }
+                    Signal::MotorSpeed | Signal::MotorCommand => {
+                        Input { pump_speed: course(&|k| inputs[k].pump_speed, k), ..inputs[k] }
+                    }
+                    _ => inputs[k],
+                };
+                Self::Pump((0..self.len()).map(moved).collect())
+            }
+            Self::Valve(inputs, travel) => {
+                let moved = |k: usize| match signal {
+                    Signal::ValveCommand => {
+                        ValveInput { command: course(&|k| inputs[k].command, k), ..inputs[k] }
+                    }
+                    _ => inputs[k],
+                };
+                Self::Valve((0..self.len()).map(moved).collect(), *travel)
+            }
+        }
+    }
+
+    /// Whether the load-holding valve opens or shuts.
+    pub(crate) fn is_switched(&self) -> bool {
+        match self {
+            Self::Pump(inputs) => {
+                inputs.windows(2).any(|w| (w[0].holding_valve < 0.5) != (w[1].holding_valve < 0.5))
+            }
+            Self::Valve(..) => false,
+        }
+    }
+
     /// How many periods there are.
     pub(crate) fn len(&self) -> usize {
         match self {

@@ -2,6 +2,7 @@
 
 use crate::drive::Drive;
 use crate::error::IdentifyError;
+use crate::fault_isolation::Fault;
 use crate::motor::Asked;
 use crate::noise::noise;
 use crate::oscillation::{is_held, release, resting};
@@ -45,6 +46,8 @@ pub struct Experiment {
     pub begin: f64,
     /// What drives the model.
     pub(crate) drive: Drive,
+    /// The signal of the log that this is: motor speed or its command, valve command.
+    pub driving: Signal,
     /// What the motor was asked for, where the log has that beside its speed and the model has a drive.
     pub(crate) asked: Option<Asked>,
     /// Control period \[s\].
@@ -208,6 +211,7 @@ impl Experiment {
             begin,
             apart: (tracks.map(|track| track.map_or(0.0, Track::interval)), driven),
             drive,
+            driving,
             asked,
             period,
             every,
@@ -296,6 +300,38 @@ impl Experiment {
         Self { steps: 2 * self.steps, ..self.clone() }
     }
 
+    /// The same log where a signal has no such fault: samples, what the model begins with, and what drives it.
+    pub(crate) fn corrected(&self, signal: Signal, fault: Fault) -> Self {
+        let mut other = self.clone();
+        if let Some(place) = COMPARED.iter().position(|s| *s == signal) {
+            let values: Vec<Option<f64>> = self.samples.iter().map(|s| s.values[place]).collect();
+            let zero = match signal {
+                Signal::Stroke => values.iter().find_map(|v| *v).unwrap_or(0.0),
+                _ => 0.0,
+            };
+            let read = |v: f64| match fault {
+                Fault::Offset(off) => v - off,
+                Fault::Scale(factor) => zero + (v - zero) / factor,
+                Fault::Delay(_) => v,
+            };
+            for (k, sample) in other.samples.iter_mut().enumerate() {
+                sample.values[place] = match fault {
+                    Fault::Delay(late) => between(&values, k as f64 + late / self.interval()),
+                    _ => values[k].map(read),
+                };
+            }
+            for (begun, channel) in other.beginning.iter_mut().zip(self.start_channels()) {
+                if channel == Some(place) {
+                    *begun = begun.map(read);
+                }
+            }
+        }
+        if let Fault::Delay(late) = fault {
+            other.drive = self.drive.later(signal, late / self.period);
+        }
+        other
+    }
+
     /// Duration \[s\].
     pub fn duration(&self) -> f64 {
         self.drive.len() as f64 * self.period
@@ -310,6 +346,13 @@ impl Experiment {
     pub fn noise(&self, signal: Signal) -> Option<f64> {
         let place = COMPARED.iter().position(|s| *s == signal)?;
         self.is_measured(signal).then_some(self.noise[place])
+    }
+
+    /// What the model begins with of a compared signal \[SI\]; none where it was not measured, or carries the load.
+    pub fn begun(&self, signal: Signal) -> Option<f64> {
+        let channels = self.start_channels();
+        let of = |channel: &Option<usize>| channel.is_some_and(|k| COMPARED[k] == signal);
+        self.beginning[channels.iter().position(of)?]
     }
 
     /// Whether a compared signal was measured.
@@ -330,6 +373,18 @@ impl Experiment {
     pub(crate) fn driving(&self, sample: usize) -> f64 {
         self.drive.driving((sample * self.every).min(self.drive.len() - 1))
     }
+}
+
+/// A course at a place between its samples, on the straight line; none where one of them is missing, and beyond its ends.
+fn between(values: &[Option<f64>], at: f64) -> Option<f64> {
+    let before = at.floor();
+    let share = at - before;
+    let sample = |k: f64| values.get((k >= 0.0).then_some(k as usize)?).copied().flatten();
+    let first = sample(before)?;
+    if share <= 0.0 {
+        return Some(first);
+    }
+    Some(first + share * (sample(before + 1.0)? - first))
 }
 
 /// A signal at the beginning: on the straight line through its first samples, because a pump side leaks by bars in a second

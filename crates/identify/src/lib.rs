@@ -11,6 +11,7 @@ mod drive;
 mod error;
 mod experiment;
 mod explained;
+mod fault_isolation;
 mod fit;
 mod free;
 mod hold_out;
@@ -23,7 +24,6 @@ mod oscillation;
 mod prediction;
 mod remedy;
 mod ringing;
-mod sensor_error;
 mod structural_limit;
 mod tuning_fork;
 mod verdict;
@@ -34,6 +34,7 @@ pub use differences::{Difference, Differences, Unresolved, differences};
 pub use error::IdentifyError;
 pub use experiment::{COMPARED, Experiment, Sample, Window};
 pub use explained::{Explained, Part, explained};
+pub use fault_isolation::{Fault, Isolated, SignalFault, isolate};
 pub use fit::{
     Allowed, Channel, Determination, Effect, Fit, Improvement, LIMIT, Nuisance, Profile, Progress,
     Task, Tuned, fit, profile,
@@ -46,5 +47,4 @@ pub use number::{Number, Stepper};
 pub use prediction::{Prediction, predict, sensitivities};
 pub use remedy::{Moved, Remedies, Remedy, remedies};
 pub use ringing::{Ringing, ringing};
-pub use sensor_error::{Fault, SensorError, sensor_errors};
 pub use verdict::{Aspect, Judgement, complaints, verdict};

@@ -7,7 +7,6 @@ use crate::free::Free;
 use crate::limits::LIMITS;
 use crate::prediction::{Prediction, predict, sensitivities};
 use crate::ringing::{Ringing, ringing};
-use crate::sensor_error::sensor_errors;
 use crate::verdict::{Aspect, Judgement, judged};
 use hydroboom_description::Description;
 use hydroboom_description::schema::Numbers;
@@ -58,7 +57,8 @@ const REFINED: [f64; 4] = [0.75, 1.25, 0.9, 1.1];
 const NUDGE: f64 = 0.003;
 
 /// Keys that would lower the sum of ½ ln(1 + (found/limit)²) of all that is judged most, each on its own and for all signals together: found by exact slopes, and tried by running the model
-/// with the key changed. Nothing is asked of keys by a late signal, a drifting clock, or a sensor that another one beside it speaks against.
+/// with the key changed. Nothing is asked of keys by a late signal or a drifting
+/// clock; faults of sensors are taken out of the log before, by [`isolate`](crate::isolate).
 ///
 /// # Errors
 ///
@@ -70,7 +70,7 @@ pub fn remedies(
     let prediction = predict(model, experiment)?;
     let found = differences(experiment, &prediction);
     let is_free = free(experiment, experiment.interval());
-    let of = asked(experiment, &prediction, &found);
+    let of = asked(&found);
     let all = All { experiment, model, is_free: &is_free, of };
     if all.of.iter().all(|asked| asked.judgement.is_right()) {
         return Ok((prediction, Vec::new()));
@@ -91,15 +91,12 @@ struct Asked {
 }
 
 /// What is judged, but for what is no matter of keys.
-fn asked(experiment: &Experiment, prediction: &Prediction, found: &Differences) -> Vec<Asked> {
-    let sensors = sensor_errors(experiment, prediction, found);
-    let is_of_sensor =
-        |signal: Signal| sensors.iter().any(|s| s.signal == signal && s.against.is_some());
+fn asked(found: &Differences) -> Vec<Asked> {
     let of = |judgement: Judgement| {
         let place = COMPARED.iter().position(|signal| *signal == judgement.signal)?;
         let d = found.iter().find(|d| d.signal == judgement.signal)?;
         let is_size = matches!(judgement.aspect, Aspect::Position | Aspect::Pressures);
-        let is_other = d.is_late() || d.is_of_clock() || is_of_sensor(d.signal);
+        let is_other = d.is_late() || d.is_of_clock();
         (!(is_size && is_other)).then_some(Asked { judgement, place, log: d.ringing })
     };
     judged(found).into_iter().filter_map(of).collect()

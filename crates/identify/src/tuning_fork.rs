@@ -216,6 +216,7 @@ mod tests {
             name: "made".into(),
             begin: 0.0,
             drive: Drive::Pump(vec![Input { pump_speed: 0.0, holding_valve: 1.0 }; 4000]),
+            driving: Signal::MotorSpeed,
             asked: None,
             period: 1e-3,
             every: 5,

@@ -39,7 +39,7 @@ impl Judgement {
 }
 
 /// Position or a pressure against its limit.
-fn of_size(d: &Difference) -> Judgement {
+pub(crate) fn of_size(d: &Difference) -> Judgement {
     let (aspect, limit) = match d.signal {
         Signal::Stroke => (Aspect::Position, (LIMITS.position * d.span).max(LIMITS.least_position)),
         _ => (Aspect::Pressures, (LIMITS.pressure * d.largest).max(LIMITS.least_pressure)),

@@ -13,6 +13,20 @@ use std::fmt::Write;
 /// Largest number of candidate units in a message.
 const MOST_NAMED: usize = 4;
 
+/// Pressures on both sides of an open valve agree to this share: a unit that brings one no nearer to the other is not named.
+const SAME: f64 = 0.05;
+
+/// The pressure on the other side of a valve that is open while the machine moves.
+fn beside(signal: Signal) -> Option<Signal> {
+    match signal {
+        Signal::PressureA => Some(Signal::PressurePumpA),
+        Signal::PressurePumpA => Some(Signal::PressureA),
+        Signal::PressureB => Some(Signal::PressurePumpB),
+        Signal::PressurePumpB => Some(Signal::PressureB),
+        _ => None,
+    }
+}
+
 /// An implausible property of a signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspicion {
@@ -67,6 +81,23 @@ fn absolute(signal: Signal, entry: &Entry, unit: &Unit, channel: &Channel) -> Op
 }
 
 impl Mapping {
+    /// Median of a signal's values over that of another one's, both in SI units; none where one was not measured.
+    fn size_over(&self, signal: Signal, other: Signal, log: &Measurement) -> Option<f64> {
+        let median = |signal: Signal| {
+            let entry = self.entries.get(&signal)?;
+            let channel = log.channel(&entry.column)?;
+            let (unit, _) = entry.unit_of(signal, channel).ok()?;
+            let values = channel.values.iter().filter(|v| v.is_finite());
+            let mut values: Vec<f64> = values.map(|v| entry.si(&unit, *v)).collect();
+            if values.is_empty() {
+                return None;
+            }
+            let middle = values.len() / 2;
+            Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
+        };
+        Some(median(signal)? / median(other)?).filter(|ratio| ratio.is_finite())
+    }
+
     /// Implausible units and magnitudes, and contradictions between signals, for a cylinder with a stroke \[m\] and a
     /// motor with a largest speed \[rev/s\].
     pub fn suspicions(&self, log: &Measurement, stroke: f64, motor_speed: f64) -> Vec<Suspicion> {
@@ -111,8 +142,13 @@ impl Mapping {
             let other =
                 Unit::ALL.iter().filter(|u| u.dimension == unit.dimension && u.offset == 0.0);
             let scaled = |u: &Unit| u.factor / unit.factor;
+            let size = beside(*signal).and_then(|other| self.size_over(*signal, other, log));
+            let is_of_size =
+                |u: &Unit| size.is_none_or(|size| (size * scaled(u) - 1.0).abs() < SAME);
+            // no unit makes a pressure below vacuum of one above
+            let is_below = signal.dimension() == Dimension::Pressure && low < -SAME * high;
             let better: Vec<&str> = other
-                .filter(|u| fits(low * scaled(u), high * scaled(u)))
+                .filter(|u| !is_below && fits(low * scaled(u), high * scaled(u)) && is_of_size(u))
                 .map(|u| u.name)
                 .take(MOST_NAMED)
                 .collect();
@@ -126,6 +162,9 @@ impl Mapping {
                         ": has it another zero? (offset = {:.1} makes its smallest value 0)",
                         entry.offset - low / (entry.sign * unit.factor)
                     );
+                }
+                (_, true) if signal.dimension() == Dimension::Pressure => {
+                    text += ": has it another zero (offset), or does it count the other way (sign = -1)?";
                 }
                 (_, true) => text += ": does it count the other way? (sign = -1)",
                 ([], _) => text += ": has it another zero (offset), or is it another signal?",

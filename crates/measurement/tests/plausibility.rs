@@ -86,6 +86,22 @@ fn a_signal_in_another_unit_keeps_its_samples() {
     assert!(mapping.suspicions(&log, STROKE, MOTOR_SPEED)[0].text.contains("is it in Pa"));
 }
 
+/// A pressure that goes below vacuum by its offset: no unit makes that of what is there. One in another unit agrees with the pressure beside it in that unit.
+#[test]
+fn a_pressure_below_vacuum_is_off_and_in_no_other_unit() {
+    let low = |k: usize| if k < 100 { 2.5 } else { 71.0 };
+    let text = suspected(&log("below.csv", |k, row| row.pressures[2] = low(k) - 5.0));
+    assert!(text.contains("p_PA is") && text.contains("another zero (offset)"), "{text}");
+    assert!(!text.contains("is it in"), "{text}");
+    let text = suspected(&log("kpa.csv", |_, row| row.pressures[2] *= 100.0));
+    assert!(text.contains("is it in kPa?"), "{text}");
+    // psi are 14.5 to a bar, and twelve are no unit
+    let text = suspected(&log("psi.csv", |_, row| row.pressures[2] *= 14.504));
+    assert!(text.contains("is it in psi?") && !text.contains("kPa"), "{text}");
+    let text = suspected(&log("twelve.csv", |_, row| row.pressures[2] *= 12.0));
+    assert!(text.contains("p_PA is") && !text.contains("is it in"), "{text}");
+}
+
 #[test]
 fn other_columns_that_may_be_a_signal_are_named() {
     let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("rivals.csv");

@@ -1,0 +1,408 @@
+//! Which signal of a log is read wrong, where that explains how log and model differ.
+//!
+//! Each hypothesis is one fault of one signal: offset or scale of a compared one, delay of an input. The log is corrected by
+//! it, and so are the pressures that the model begins with; then the model runs again. The size of an offset or a scale is
+//! that of weighted least squares over all signals together, with the slopes along the beginning. Of all hypotheses the one
+//! that leaves least is taken, and the next one beside it (Isermann, *Fault-Diagnosis Systems*, 2006; forward selection:
+//! Draper and Smith, *Applied Regression Analysis*, 3rd ed. 1998, chapter 15).
+
+use crate::differences::{Difference, Differences, differences};
+use crate::error::IdentifyError;
+use crate::experiment::{COMPARED, Experiment};
+use crate::limits::LIMITS;
+use crate::prediction::{Direction, Prediction, STARTS, predict, slopes_from};
+use crate::verdict::{is_beyond, of_size};
+use hydroboom_description::Description;
+use hydroboom_measurement::Signal;
+use rayon::prelude::*;
+
+/// What may be wrong with a signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// It reads more by this \[SI\]; of no position, for the model begins where the log does.
+    Offset(f64),
+    /// It reads so many times what is there: of a position about where its log begins, where the model begins too; of a
+    /// pressure about zero.
+    Scale(f64),
+    /// It comes later by this \[s\]; of an input, beside all compared signals.
+    Delay(f64),
+}
+
+/// A fault of one signal that would explain most of some differences.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalFault {
+    /// The signal.
+    pub signal: Signal,
+    /// What may be wrong.
+    pub fault: Fault,
+    /// RMS difference of the signal that would be left without it \[SI\]; of an input none.
+    pub left: Option<f64>,
+    /// A sensor of nearly the same pressure that shows nothing of it: then it is no matter of the crane.
+    pub against: Option<Signal>,
+    /// Compared signals of whose difference it explains most: beyond their limits, or late as an input makes them.
+    pub explains: Vec<Signal>,
+}
+
+impl SignalFault {
+    /// Whether the log tells it from an error of the crane's numbers.
+    pub fn is_told(&self) -> bool {
+        self.against.is_some() || matches!(self.fault, Fault::Delay(_))
+    }
+}
+
+/// A log beside a model, as it was read and without the faults of its signals.
+#[derive(Clone, Debug)]
+pub struct Isolated {
+    /// What the model shows beside the log as it was read.
+    pub prediction: Prediction,
+    /// How they differ.
+    pub found: Differences,
+    /// Faults of signals, the one that explains most first.
+    pub faults: Vec<SignalFault>,
+    /// The log without those faults that it tells from errors of the crane's numbers.
+    pub mended: Experiment,
+    /// How the model differs from that.
+    pub left: Differences,
+}
+
+/// So many faults are looked for.
+const MOST: usize = 3;
+/// So many offsets and scales are tried by running the model, of those that are best by straight lines.
+const TRIED: usize = 3;
+/// A difference that becomes larger by more than this factor speaks against a fault.
+const HARMED: f64 = 1.1;
+/// The inputs of an experiment are moved by this to see what a delay does \[s\].
+const NUDGE: f64 = 10e-3;
+/// Longest delay of an input \[s\].
+const LONGEST: f64 = 0.2;
+
+/// Finds faults of a log's signals. What two sensors of nearly the same pressure show alike is the crane's, and none of them.
+///
+/// # Errors
+///
+/// [`IdentifyError`] when the model cannot be run.
+pub fn isolate(model: &Description, experiment: &Experiment) -> Result<Isolated, IdentifyError> {
+    let read = Compared::new(model, experiment.clone())?;
+    let (prediction, found) = (read.prediction.clone(), read.found.clone());
+    let (mut now, mut faults) = (read, Vec::<SignalFault>::new());
+    while faults.len() < MOST && now.found.iter().any(|d| is_beyond(d) || d.is_late()) {
+        let known: Vec<Signal> = faults.iter().map(|fault| fault.signal).collect();
+        let Some((fault, then)) = best(model, &now, &known)? else { break };
+        if fault.is_told() {
+            now = then;
+        }
+        faults.push(fault);
+    }
+    Ok(Isolated { prediction, found, faults, mended: now.experiment, left: now.found })
+}
+
+/// An experiment beside the model.
+struct Compared {
+    experiment: Experiment,
+    prediction: Prediction,
+    found: Differences,
+}
+
+impl Compared {
+    fn new(model: &Description, experiment: Experiment) -> Result<Self, IdentifyError> {
+        let prediction = predict(model, &experiment)?;
+        let found = differences(&experiment, &prediction);
+        Ok(Self { experiment, prediction, found })
+    }
+
+    /// The same without a fault; none where the model cannot be run so.
+    fn without(&self, model: &Description, signal: Signal, fault: Fault) -> Option<Self> {
+        Self::new(model, self.experiment.corrected(signal, fault)).ok()
+    }
+
+    fn difference(&self, signal: Signal) -> Option<&Difference> {
+        self.found.iter().find(|d| d.signal == signal)
+    }
+
+    /// Differences that are judged, in size over their limits.
+    fn sizes(&self) -> impl Iterator<Item = (Signal, f64)> {
+        let told = self.found.iter().filter(|d| d.unresolved.is_none());
+        told.map(|d| (d.signal, d.rms / of_size(d).limit))
+    }
+
+    /// Sum over them of ln(1 + square)/2, as keys are judged by.
+    fn sum(&self) -> f64 {
+        self.sizes().map(|(_, over)| 0.5 * (1.0 + over * over).ln()).sum()
+    }
+
+    /// That sum with a direction taken away, as far as least squares has it, to first order.
+    fn sum_along(&self, direction: &Prediction) -> Option<f64> {
+        let step = self.along(direction)?;
+        let rms = |place: usize| {
+            let rows = self.experiment.samples.iter().zip(&self.prediction).zip(direction);
+            let left = rows.filter_map(|((sample, model), direction)| {
+                Some(sample.values[place]? - model[place] - step * direction[place])
+            });
+            let (count, sum) = left.fold((0.0, 0.0), |(n, sum), e| (n + 1.0, sum + e * e));
+            (count > 0.0).then(|| f64::sqrt(sum / count))
+        };
+        let told = self.found.iter().filter(|d| d.unresolved.is_none());
+        let over = told.filter_map(|d| Some(rms(place(d.signal)?)? / of_size(d).limit));
+        Some(over.map(|over| 0.5 * (1.0 + over * over).ln()).sum())
+    }
+
+    /// Log and model of a signal.
+    fn pairs(&self, signal: Signal) -> Vec<(f64, f64)> {
+        let place = place(signal);
+        let both = self.experiment.samples.iter().zip(&self.prediction);
+        both.filter_map(|(sample, model)| Some((sample.values[place?]?, model[place?]))).collect()
+    }
+
+    /// By how much a direction is in the differences: least squares, each signal in units of its limit and what it differs by.
+    fn along(&self, direction: &Prediction) -> Option<f64> {
+        let (mut both, mut square) = (0.0, 0.0);
+        for d in self.found.iter().filter(|d| d.unresolved.is_none()) {
+            let Some(place) = place(d.signal) else { continue };
+            let weight = 1.0 / (of_size(d).limit.powi(2) + d.rms.powi(2));
+            let rows = self.experiment.samples.iter().zip(&self.prediction).zip(direction);
+            for ((sample, model), direction) in rows {
+                let Some(value) = sample.values[place] else { continue };
+                both += weight * (value - model[place]) * direction[place];
+                square += weight * direction[place].powi(2);
+            }
+        }
+        let step = both / square;
+        (square > 0.0 && step.is_finite()).then_some(step)
+    }
+}
+
+fn place(signal: Signal) -> Option<usize> {
+    COMPARED.iter().position(|other| *other == signal)
+}
+
+/// The fault that leaves least, and the log without it; none where no fault explains enough.
+fn best(
+    model: &Description,
+    now: &Compared,
+    known: &[Signal],
+) -> Result<Option<(SignalFault, Compared)>, IdentifyError> {
+    let sensors = match now.found.iter().any(is_beyond) {
+        true => hypotheses(model, now, known)?,
+        false => Vec::new(),
+    };
+    let tried = |of: &Hypothesis| of.tried(model, now);
+    let mut all: Vec<(SignalFault, Compared)> = sensors.par_iter().filter_map(tried).collect();
+    if !known.contains(&now.experiment.driving) {
+        all.extend(with_late_input(model, now));
+    }
+    if !known.contains(&Signal::HoldingValve) {
+        all.extend(with_late_valve(model, now));
+    }
+    Ok(all.into_iter().min_by(|a, b| a.1.sum().total_cmp(&b.1.sum())))
+}
+
+/// An offset or a scale of a compared signal.
+struct Hypothesis {
+    signal: Signal,
+    is_scale: bool,
+    /// How the differences change with it, to first order.
+    direction: Prediction,
+}
+
+/// Those that explain most by straight lines, without a run of the model for each.
+fn hypotheses(
+    model: &Description,
+    now: &Compared,
+    known: &[Signal],
+) -> Result<Vec<Hypothesis>, IdentifyError> {
+    let channels = now.experiment.start_channels();
+    let is_begun_by = |k: &usize| channels[*k].is_some() && now.experiment.beginning[*k].is_some();
+    let starts: Vec<usize> = (1..STARTS).filter(is_begun_by).collect();
+    let along: Vec<Direction> = starts.iter().map(|k| Direction::Start(*k)).collect();
+    let (_, slopes) = slopes_from(model, &now.experiment, &[0.0; STARTS], &along)?;
+    let slope_of = |place: usize| {
+        let start = starts.iter().position(|start| channels[*start] == Some(place))?;
+        slopes.get(start)
+    };
+    let is_asked = |d: &&Difference| {
+        d.unresolved.is_none() && !d.is_late() && !d.is_of_clock() && !known.contains(&d.signal)
+    };
+    let mut all = Vec::new();
+    for signal in now.found.iter().filter(is_asked).map(|d| d.signal) {
+        let Some(own) = place(signal) else { continue };
+        let slope = slope_of(own);
+        let first = now.prediction.first().map_or(0.0, |row| row[own]);
+        let mut add = |is_scale, direction| all.push(Hypothesis { signal, is_scale, direction });
+        match signal {
+            // the model begins where the log's piston is: an offset of its sensor moves both
+            Signal::Stroke => add(true, direction(now, own, None, |shown| shown - first, 0.0)),
+            _ => {
+                add(false, direction(now, own, slope, |_| 1.0, 1.0));
+                add(true, direction(now, own, slope, |shown| shown, first));
+            }
+        }
+    }
+    let enough = (1.0 - LIMITS.worthwhile) * now.sum();
+    let straight = all.into_iter().filter_map(|of| Some((now.sum_along(&of.direction)?, of)));
+    let mut straight: Vec<(f64, Hypothesis)> = straight.filter(|(sum, _)| *sum < enough).collect();
+    straight.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(straight.into_iter().take(TRIED).map(|(_, of)| of).collect())
+}
+
+impl Hypothesis {
+    /// Its fault, found in two steps, where it explains enough.
+    fn tried(&self, model: &Description, now: &Compared) -> Option<(SignalFault, Compared)> {
+        let signal = self.signal;
+        let next = |fault: Fault| now.without(model, signal, fault)?.along(&self.direction);
+        let fault = match self.is_scale {
+            true => {
+                let factor = 1.0 + now.along(&self.direction)?;
+                Fault::Scale(factor * (1.0 + next(Fault::Scale(factor))?))
+            }
+            false => {
+                let off = now.along(&self.direction)?;
+                Fault::Offset(off + next(Fault::Offset(off))?)
+            }
+        };
+        let own = now.difference(signal)?;
+        let pressures = now.found.iter().filter(|d| d.signal != Signal::Stroke);
+        let largest = pressures.fold(0.0_f64, |most, d| most.max(d.largest));
+        let is_possible = match fault {
+            Fault::Offset(off) => {
+                (of_size(own).limit..=LIMITS.sensor_offset * largest).contains(&off.abs())
+            }
+            Fault::Scale(factor) => (factor - 1.0).abs() <= LIMITS.sensor_scale,
+            Fault::Delay(_) => false,
+        };
+        if !is_possible {
+            return None;
+        }
+        accepted(now, now.without(model, signal, fault)?, signal, fault)
+    }
+}
+
+/// How the differences change along a fault: what the signal itself shows, less what the model does that begins with it.
+fn direction(
+    now: &Compared,
+    own: usize,
+    slope: Option<&Prediction>,
+    shown: impl Fn(f64) -> f64,
+    begun: f64,
+) -> Prediction {
+    let row = |(k, row): (usize, &[f64; COMPARED.len()])| {
+        let mut along = slope.map_or([0.0; COMPARED.len()], |slope| slope[k].map(|j| -begun * j));
+        along[own] += shown(row[own]);
+        along
+    };
+    now.prediction.iter().enumerate().map(row).collect()
+}
+
+/// What drives the model comes late or early beside all that is compared: one cause in place of a delay of each.
+fn with_late_input(model: &Description, now: &Compared) -> Option<(SignalFault, Compared)> {
+    let signal = now.experiment.driving;
+    let late: Vec<Signal> = now.found.iter().filter(|d| d.is_late()).map(|d| d.signal).collect();
+    let median = |of: &Compared| {
+        let mut delays: Vec<f64> =
+            late.iter().filter_map(|signal| of.difference(*signal)?.delay).collect();
+        delays.sort_by(f64::total_cmp);
+        delays.get(delays.len() / 2).copied()
+    };
+    if late.len() < 2 {
+        return None;
+    }
+    let mut delay = -median(now)?;
+    delay -= median(&now.without(model, signal, Fault::Delay(delay))?)?;
+    with_delay(model, now, signal, delay)
+}
+
+/// A load-holding valve that opens and shuts later, or earlier, than the log says.
+fn with_late_valve(model: &Description, now: &Compared) -> Option<(SignalFault, Compared)> {
+    let signal = Signal::HoldingValve;
+    if !now.experiment.drive.is_switched() {
+        return None;
+    }
+    let nudged = now.without(model, signal, Fault::Delay(NUDGE))?;
+    let rows = nudged.prediction.iter().zip(&now.prediction);
+    let direction = rows.map(|(a, b)| std::array::from_fn(|k| (a[k] - b[k]) / NUDGE)).collect();
+    let mut delay = now.along(&direction)?;
+    if delay.abs() > LONGEST {
+        return None;
+    }
+    delay += now.without(model, signal, Fault::Delay(delay))?.along(&direction)?;
+    with_delay(model, now, signal, delay)
+}
+
+fn with_delay(
+    model: &Description,
+    now: &Compared,
+    signal: Signal,
+    delay: f64,
+) -> Option<(SignalFault, Compared)> {
+    if !(LIMITS.shortest_delay..=LONGEST).contains(&delay.abs()) {
+        return None;
+    }
+    let fault = Fault::Delay(delay);
+    accepted(now, now.without(model, signal, fault)?, signal, fault)
+}
+
+/// Whether a fault explains most of what differs: of its own signal, where that is beyond its limit, and else of two or more.
+/// No other signal may speak against it.
+fn accepted(
+    now: &Compared,
+    then: Compared,
+    signal: Signal,
+    fault: Fault,
+) -> Option<(SignalFault, Compared)> {
+    let (mut explains, mut is_harmed) = (Vec::new(), false);
+    for (of, before) in now.sizes() {
+        let Some((_, after)) = then.sizes().find(|(signal, _)| *signal == of) else { continue };
+        // several signals that come late alike are told within their limits, too
+        let is_late =
+            matches!(fault, Fault::Delay(_)) && now.difference(of).is_some_and(Difference::is_late);
+        if (before > 1.0 || is_late) && after < LIMITS.most * before {
+            explains.push(of);
+        }
+        is_harmed |= after > 1.0 && after > HARMED * before;
+    }
+    let is_own = now.difference(signal).is_some_and(is_beyond);
+    let is_explained = match is_own {
+        true => explains.contains(&signal),
+        false => explains.len() >= 2,
+    };
+    let is_better = then.sum() < (1.0 - LIMITS.worthwhile) * now.sum();
+    if is_harmed || !is_explained || !is_better {
+        return None;
+    }
+    let is_measured = |other: &&Signal| now.difference(**other).is_some();
+    let against = beside(signal).iter().find(is_measured).copied();
+    if against.is_some_and(|other| shows(fault, &now.pairs(other))) {
+        return None;
+    }
+    let left = then.difference(signal).map(|d| d.rms);
+    Some((SignalFault { signal, fault, left, against, explains }, then))
+}
+
+/// Sensors of nearly the same pressure, the nearest first: on the other side of an open valve, and what feeds the low side.
+fn beside(signal: Signal) -> &'static [Signal] {
+    match signal {
+        Signal::PressureA => &[Signal::PressurePumpA],
+        Signal::PressurePumpA => &[Signal::PressureA],
+        Signal::PressureB => &[Signal::PressurePumpB, Signal::PressureAccumulator],
+        Signal::PressurePumpB => &[Signal::PressureB, Signal::PressureAccumulator],
+        Signal::PressureAccumulator => &[Signal::PressurePumpB, Signal::PressureB],
+        _ => &[],
+    }
+}
+
+/// Whether a pressure beside it shows the same.
+fn shows(fault: Fault, pairs: &[(f64, f64)]) -> bool {
+    let count = pairs.len().max(1) as f64;
+    let share = match fault {
+        Fault::Offset(own) => {
+            pairs.iter().map(|(log, model)| log - model).sum::<f64>() / count / own
+        }
+        Fault::Scale(own) => {
+            let (both, square) = pairs.iter().fold((0.0, 0.0), |(both, square), (log, model)| {
+                (both + log * model, square + model * model)
+            });
+            if square > 0.0 { (both / square - 1.0) / (own - 1.0) } else { 0.0 }
+        }
+        Fault::Delay(_) => 0.0,
+    };
+    share > LIMITS.shared
+}
