@@ -49,7 +49,9 @@ pub fn said(d: &Difference, context: &Context<'_>) -> String {
     if let Some(fault) = context.faults.iter().find(|fault| fault.signal == d.signal) {
         return said + &of_sensor(fault);
     }
-    let causes = context.faults.iter().filter(|fault| fault.is_told());
+    // of a delay that is said already
+    let is_said = |fault: &SignalFault| d.is_late() && matches!(fault.fault, Fault::Delay(_));
+    let causes = context.faults.iter().filter(|fault| fault.is_told() && !is_said(fault));
     let causes: Vec<&SignalFault> =
         causes.filter(|fault| fault.explains.contains(&d.signal)).collect();
     if let (Some(left), false) =

@@ -368,7 +368,8 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
     let there = delayed(k, late);
     let sample = source.interval(k).max(source.period).copysign(late);
     let beside = [0.0, sample].map(|other| delayed(k, other));
-    let is_told = late.abs() > sample.abs() && beside.iter().all(|b| is_likelier(&there, b));
+    let is_told = late.abs() > sample.abs()
+        && beside.iter().all(|b| is_likelier(&there.window_costs, &b.window_costs));
     if !is_inside || is_consistent(&there) != Some(true) {
         return None;
     }
@@ -376,9 +377,10 @@ pub(crate) fn delay(estimator: &StateEstimator<f64>, source: &Source<'_>) -> Opt
     Some(Delay { gain: now - least, signal, late, is_told })
 }
 
-/// Whether a log is likelier along one run of the filter than along another, by more than their difference scatters from window to window.
-fn is_likelier(one: &Run, other: &Run) -> bool {
-    let both = one.window_costs.iter().zip(&other.window_costs);
+/// Whether a log is likelier along one run of the filter than along another, by more than their difference scatters from window to window, of which each has minus twice
+/// the logarithm of the likelihood.
+fn is_likelier(one: &[f64], other: &[f64]) -> bool {
+    let both = one.iter().zip(other);
     // a window in which nothing was scored says nothing
     let gains: Vec<f64> =
         both.filter(|(a, b)| **a != 0.0 && **b != 0.0).map(|(a, b)| b - a).collect();
@@ -578,4 +580,22 @@ fn unobservable(
         "Coulomb and viscous friction each: the filter estimates the friction force and takes the crane file's law for it, within its range".into(),
     );
     said
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A gain of one in each second, and the same gain in the mean that a single second makes.
+    #[test]
+    fn a_gain_counts_by_how_it_scatters() {
+        let other = [100.0; 20];
+        let steady: Vec<f64> = (0..20).map(|k| 99.0 + 0.5 * f64::from(k % 2)).collect();
+        assert!(is_likelier(&steady, &other) && !is_likelier(&other, &steady));
+        let mut once = other;
+        once[7] = 80.0;
+        assert!(!is_likelier(&once, &other));
+        // one second tells nothing, and what was not scored counts for none
+        assert!(!is_likelier(&[99.0], &[100.0]) && !is_likelier(&[0.0; 9], &[0.0; 9]));
+    }
 }
