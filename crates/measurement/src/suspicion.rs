@@ -13,6 +13,8 @@ use std::fmt::Write;
 /// Largest number of candidate units in a message.
 const MOST_NAMED: usize = 4;
 
+/// No pressure of such a machine is higher \[Pa\].
+const HIGHEST: f64 = 600e5;
 /// Pressures on both sides of an open valve agree to this share: a unit that brings one no nearer to the other is not named.
 const SAME: f64 = 0.05;
 
@@ -95,7 +97,9 @@ impl Mapping {
             let middle = values.len() / 2;
             Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
         };
-        Some(median(signal)? / median(other)?).filter(|ratio| ratio.is_finite())
+        // one that is in another unit itself tells nothing
+        let there = median(other).filter(|size| (0.0..=HIGHEST).contains(size))?;
+        Some(median(signal)? / there).filter(|ratio| ratio.is_finite())
     }
 
     /// Implausible units and magnitudes, and contradictions between signals, for a cylinder with a stroke \[m\] and a
@@ -121,7 +125,7 @@ impl Mapping {
                 // a tank line's pressure may be zero
                 Dimension::Pressure => {
                     let least = if *signal == Signal::PressureTank { -1.2e5 } else { 0.2e5 };
-                    low >= -1.2e5 && high <= 600e5 && high > least
+                    low >= -1.2e5 && high <= HIGHEST && high > least
                 }
                 Dimension::Rotation => low.abs().max(high.abs()) <= 1.5 * motor_speed,
                 Dimension::Share => low >= -0.01 && high <= 1.01,
