@@ -35,6 +35,9 @@ pub struct ControllerStatus {
     pub simulated_motor_speeds: Option<[f64; AXES]>,
     /// Whether the command depends on measurements.
     pub is_closed_loop: bool,
+    /// Control periods since the start in which no command could be computed from what was measured, and one of before was taken: of a predictive controller whose program had no
+    /// solution.
+    pub periods_without_solution: u64,
 }
 
 /// A controller. It knows its parameters, and remembers what it needs from one control period to the next; it allocates nothing

@@ -31,13 +31,14 @@ use serde_json::json;
 pub struct Bounds {
     #[command(flatten)]
     crane: CraneFile,
-    /// Crane file of the plant; when not given, the virtual crane: that of the crane file, the paper's without --crane.
+    /// Crane file of the plant, or a file with a `[set]` table of overrides of the virtual crane; when not given, the virtual crane: that of the crane file, the paper's
+    /// without --crane.
     #[arg(long, value_name = "FILE")]
     plant: Option<InputFile>,
     /// Speed of the motion out and back; the crane file's fast one when not given.
     #[arg(long, visible_alias = "mm-s", value_name = "MM/S", allow_negative_numbers = true, value_parser = within(SPEED, "mm/s"))]
     speed_mm_s: Option<f64>,
-    /// Take a scenario in place of the motion, one whose load does not change; `hydroboom scenarios` lists them.
+    /// Take a scenario in place of the motion, of up to 300 s: payload-change, start-stop, small-moves, reversal, saturation, load-in-motion.
     #[arg(long, value_name = "NAME", conflicts_with = "speed_mm_s")]
     scenario: Option<String>,
     /// Payloads between which the controller does not know the plant's before the motion begins; the plant's range of payload.mass_kg when not given. A range of no width is a known payload.
@@ -58,7 +59,7 @@ pub struct Bounds {
 impl Bounds {
     /// Runs the command.
     pub fn run(self) -> Result<()> {
-        let choice = MachineChoice::read(&self.crane, self.plant.as_deref())?;
+        let choice = MachineChoice::read_plant(&self.crane, self.plant.as_deref())?;
         let along = match &self.scenario {
             Some(name) => CourseChoice::Scenario(name.clone()),
             None => CourseChoice::Motion(speed_of_motion(&choice.machine, self.speed_mm_s)?),
@@ -66,8 +67,12 @@ impl Bounds {
         let own = choice.machine.numbers.payload;
         let payloads = self.payload_kg.unwrap_or_else(|| payload_range(&choice.machine));
         if !(payloads[0] - 0.5..=payloads[1] + 0.5).contains(&own) {
+            let change = match &self.plant {
+                Some(path) => format!("another payload.mass_kg in {}", path.display()),
+                None => "another payload by --crane FILE --set payload.mass_kg=KG".into(),
+            };
             return Err(miette!(
-                help = "take a range that has it, or another payload by --crane FILE --set payload.mass_kg=KG",
+                help = format!("take a range that has it, or {change}"),
                 "the plant's payload is {own:.1} kg, and --payload-kg goes from {} to {} kg",
                 payloads[0],
                 payloads[1]
@@ -139,6 +144,9 @@ fn told(
     }));
     let all = ["all", &millimetres(bounds.all_mm), "", "bound [1] [2]"];
     rows.push(all.map(String::from).to_vec());
+    let not_known_ahead =
+        ["all, not known ahead", &millimetres(bounds.not_known_ahead_mm), "", "estimate [4]"];
+    rows.push(not_known_ahead.map(String::from).to_vec());
     let feedforward =
         ["feedforward alone", &millimetres(bounds.feedforward_mm), "", "estimate [3]"];
     rows.push(feedforward.map(String::from).to_vec());
@@ -176,7 +184,8 @@ fn told(
         "Least possible tracking error of \"{}\" along {}: RMS true [mm], rests included\n{}\n\
          [1] for the crane linearised along the reference, model and reference known; duality gap {} %\n\
          [2] for any linear causal controller, if disturbances drift as below: that they do is an estimate\n\
-         [3] no position feedback, the motor's limits not counted; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\n\
+         [3] no position feedback, the motor's limits not counted; payload estimated on the way: std {} kg before, {} kg when the motion begins, {} kg at the end\n\
+         [4] reference and load changes not known ahead: the piston is on its reference whenever one changes, and what follows is known until the next\n\n\
          Strategies in closed loop on it (Harris index: mean square of the bound over that of the strategy)\n{}{interrupted}\n\n\
          Conditions\n{}",
         choice.name(),
@@ -189,4 +198,31 @@ fn told(
         output::table(&heads[..shown], &closed_loops),
         output::table(&["number", "value", "unit", "source"], &conditions),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{CommandFactory, Parser};
+    use hydroboom_control::reference::trajectory::Trajectory;
+    use hydroboom_description::Description;
+    use hydroboom_lab::closed_loop::scenario::scenarios;
+    use hydroboom_lab::performance_bounds::LONGEST_COURSE;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        _bounds: Bounds,
+    }
+
+    #[test]
+    fn the_help_lists_the_scenarios_that_have_bounds() {
+        let command = Command::command();
+        let scenario = command.get_arguments().find(|argument| argument.get_id() == "scenario");
+        let help = scenario.unwrap().get_help().unwrap().to_string();
+        for scenario in scenarios(&Description::uia_virtual().unwrap()) {
+            let has_bounds = scenario.duration() <= LONGEST_COURSE;
+            assert_eq!(help.contains(scenario.name), has_bounds, "{}: {help}", scenario.name);
+        }
+    }
 }

@@ -88,6 +88,14 @@ pub fn run(
             "plant": choice.json(),
         }));
     }
+    let beside_lqr = match has_baselines {
+        true => format!(
+            "\n\nover the scheduled LQR's on the same crane: median (least .. largest)\n{}",
+            beside_the_scheduled_lqr(&rows)
+        ),
+        false => String::new(),
+    };
+    let missing: String = rows.iter().filter_map(without_solution).collect();
     let times = match timed.is_empty() {
         true => String::new(),
         false => format!(
@@ -98,7 +106,7 @@ pub fn run(
         ),
     };
     output::text(&format!(
-        "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}{}\n\nover the benchmark's on the same crane\n{}{times}",
+        "{} virtual cranes {}around \"{}\", seed {seed}; median (5 .. 95 %), worst\n{}{}\n\nover the benchmark's on the same crane\n{}{beside_lqr}{missing}{times}",
         of_asked(results.len(), count as usize),
         if is_widened { "of a widened family " } else { "" },
         choice.name(),
@@ -147,6 +155,42 @@ fn table(rows: &[Row], unstable: &[ControllerChoice]) -> String {
         ],
         &cells,
     )
+}
+
+/// What each has over the scheduled LQR on the same crane, in the order of the courses.
+fn beside_the_scheduled_lqr(rows: &[Row]) -> String {
+    let courses: Vec<&String> = rows.iter().map(|row| &row.course).collect();
+    let place = |row: &Row| courses.iter().position(|course| **course == row.course);
+    let mut others: Vec<&Row> =
+        rows.iter().filter(|r| r.controller != Strategy::ScheduledLqr.into()).collect();
+    others.sort_by_key(|row| place(row));
+    let cells: Vec<Vec<String>> = others
+        .iter()
+        .filter_map(|row| {
+            let over = row.over_scheduled_lqr?;
+            Some(vec![
+                row.course.clone(),
+                row.controller.name().into(),
+                over.rms_true.range_text(2),
+                over.less_on.to_string(),
+                over.rms_measured.range_text(2),
+                over.motor_slew.range_text(2),
+            ])
+        })
+        .collect();
+    let heads = ["course", "strategy", "RMS true", "less on", "RMS measured", "motor slew"];
+    output::table(&heads, &cells)
+}
+
+/// A line on a controller that could not compute a command in some periods.
+fn without_solution(row: &Row) -> Option<String> {
+    let (count, name, course) = (row.periods_without_solution, row.controller.name(), &row.course);
+    (count > 0).then(|| {
+        format!(
+            "\n{name} computed no command in {count} control periods along {}: its last plan was held",
+            course.trim()
+        )
+    })
 }
 
 fn times(timed: &[PeriodTime]) -> String {

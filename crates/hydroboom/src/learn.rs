@@ -1,6 +1,6 @@
 //! `hydroboom learn`
 
-use crate::crane_file::{CraneFile, text};
+use crate::crane_file::CraneFile;
 use crate::interruptible::{Interruptible, of_asked};
 use crate::log_mapping::{LogMapping, LogWindow};
 use crate::machine_choice::MachineChoice;
@@ -82,7 +82,7 @@ impl Learn {
     }
 
     fn run_cycles(self) -> Result<()> {
-        let choice = self.choice()?;
+        let choice = MachineChoice::read_plant(&self.crane, self.plant.as_deref())?;
         let (model, nominal) = (&choice.model, &choice.machine);
         let members = self.family.map_or(self.member, |count| (0..count).collect());
         let one = |k: &u64| Ok((format!("crane {k}"), member(nominal, self.seed, *k)?.crane));
@@ -108,20 +108,6 @@ impl Learn {
         }
         let equality = choice.equality().map_or(String::new(), |said| format!("\n\n{said}"));
         output::text(&format!("{}{equality}", told(&all, asked)))
-    }
-
-    /// Model and plant.
-    fn choice(&self) -> Result<MachineChoice> {
-        let Some(path) = &self.plant else { return MachineChoice::read(&self.crane, None) };
-        let content = text(path)?;
-        match content.contains("[set]") {
-            true => {
-                let choice = MachineChoice::read(&self.crane, None)?;
-                let plant = choice.machine.overridden(&path.display().to_string(), &content)?.0;
-                Ok(choice.with_machine(plant))
-            }
-            false => MachineChoice::read(&self.crane, Some(path)),
-        }
     }
 
     fn run_log(self, path: &Path) -> Result<()> {
@@ -175,9 +161,7 @@ impl Learn {
                 "identified": machine.identified, "verdict": verdict_text::in_json(&machine.judged),
                 "refused": machine.refusals, "remarks": machine.remarks, "learned": [], "proposed": [],
             }))?,
-            false => {
-                output::text(&format!("{}{}", of_log(machine), overrides(&machine.identified)))?;
-            }
+            false => output::text(&of_log(machine))?,
         }
         Err(miette!(
             help = "`hydroboom validate` shows log and model beside each other; --crane names the machine's crane file",
@@ -226,7 +210,20 @@ fn of_log(machine: &LoggedMachine) -> String {
 fn told(all: &[CycleReport], asked: usize) -> String {
     let told = match all.len() > MOST_SHOWN {
         true => medians(all),
-        false => all.iter().map(of_one).collect::<Vec<_>>().join("\n\n"),
+        false => {
+            let one = |(k, report): (usize, &CycleReport)| {
+                // of one log the same is identified for every speed
+                let again = all[k + 1..].iter().any(|next| next.identified == report.identified);
+                let of = match all.iter().all(|other| other.identified == report.identified) {
+                    true => String::new(),
+                    false => format!(" from the cycle at {}", report.course.trim()),
+                };
+                let identified =
+                    if again { String::new() } else { overrides(&report.identified, &of) };
+                format!("{}{identified}", of_one(report))
+            };
+            all.iter().enumerate().map(one).collect::<Vec<_>>().join("\n\n")
+        }
     };
     let whole = all.iter().filter(|report| report.whole).count();
     match whole == asked {
@@ -284,18 +281,18 @@ fn of_one(report: &CycleReport) -> String {
     if !report.whole {
         said += "\ninterrupted: what is not in the table was not run";
     }
-    said + &overrides(&report.identified)
+    said
 }
 
-/// What was identified, as options.
-fn overrides(identified: &[String]) -> String {
+/// What was identified, as options; `of` says from what.
+fn overrides(identified: &[String], of: &str) -> String {
     let options: Vec<String> =
         identified.iter().map(|assignment| format!("--set {assignment}")).collect();
     let lines: Vec<String> = options.chunks(3).map(|three| three.join(" ")).collect();
     match lines.is_empty() {
         true => String::new(),
         false => format!(
-            "\n\nidentified, as overrides of the model for any command:\n  {}",
+            "\n\nidentified{of}, as overrides of the model for any command:\n  {}",
             lines.join(" \\\n  ")
         ),
     }

@@ -74,6 +74,8 @@ mod tests {
             vec![],
             vec!["--crane", boom, "--set", "payload.mass_kg=250", "--set", "drive.bandwidth_hz=40"],
             vec!["--machine", boom],
+            vec!["--set", "motion.end_mm=320"],
+            vec!["--machine", boom, "--set", "motion.end_mm=320"],
         ] {
             let chosen = Chosen::parse_from([&["run"], &arguments[..]].concat());
             let choice = MachineChoice::read(&chosen.crane, chosen.machine.as_deref()).unwrap();
@@ -81,6 +83,8 @@ mod tests {
             options.extend(choice.arguments().iter().cloned());
             let played = Played::parse_from(options).machine.description().unwrap();
             assert_eq!(played.digest(), choice.machine.digest(), "{arguments:?}");
+            // whatever the machine is, it is asked for the motion that was chosen
+            assert_eq!(choice.machine.numbers.motion_end, choice.model.numbers.motion_end);
         }
     }
 }

@@ -12,6 +12,9 @@ use std::path::Path;
 /// Differences that are printed; JSON has them all.
 const PRINTED: usize = 10;
 
+/// How the keys of the motion begin: an override of one is of model and machine.
+const MOTION: &str = "motion.";
+
 /// Where the machine comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
@@ -64,14 +67,41 @@ impl MachineChoice {
         Self::of(crane.read()?, crane, machine)
     }
 
+    /// The same where `plant` may be a file with a `[set]` table of overrides, too: those of the machine that there is without it.
+    pub fn read_plant(crane: &CraneFile, plant: Option<&Path>) -> Result<Self> {
+        let Some(path) = plant else { return Self::read(crane, None) };
+        let content = text(path)?;
+        match content.contains("[set]") {
+            true => {
+                let choice = Self::read(crane, None)?;
+                let plant = choice.machine.overridden(&path.display().to_string(), &content)?.0;
+                Ok(choice.with_machine(plant))
+            }
+            false => Self::read(crane, Some(path)),
+        }
+    }
+
     /// The same of a model that was read from `crane`.
     pub fn of(model: Description, crane: &CraneFile, machine: Option<&Path>) -> Result<Self> {
         let nothing = Vec::new();
+        // the motion is what both are asked for
+        let motion: Vec<&str> = crane
+            .overrides()
+            .iter()
+            .map(String::as_str)
+            .filter(|set| set.trim_start().starts_with(MOTION))
+            .collect();
+        let moved = |mut machine: Description| -> Result<Description> {
+            machine.set_together_within_range(motion.iter().copied())?;
+            Ok(machine)
+        };
+        let sets = || motion.iter().flat_map(|set| [OsString::from("--set"), (*set).into()]);
         let (machine, source, filled_in, arguments) = match (machine, crane.path()) {
             (Some(path), _) => {
                 let machine = Description::parse(&path.display().to_string(), &text(path)?)?;
-                let arguments = vec!["--crane".into(), path.into()];
-                (self_contained(machine)?, Source::MachineFile, nothing, arguments)
+                let machine = self_contained(moved(machine)?)?;
+                let arguments = ["--crane".into(), path.into()].into_iter().chain(sets()).collect();
+                (machine, Source::MachineFile, nothing, arguments)
             }
             (None, Some(_)) => {
                 let (machine, filled_in) = model.virtual_crane();
@@ -80,14 +110,14 @@ impl MachineChoice {
                 (machine, Source::CraneFile, filled_in, arguments)
             }
             (None, None) => {
-                let machine = Description::uia_virtual()?;
+                let machine = moved(Description::uia_virtual()?)?;
                 origin::embedded(&machine.name, UIA_VIRTUAL);
-                (machine, Source::Embedded, nothing, Vec::new())
+                (machine, Source::Embedded, nothing, sets().collect())
             }
         };
         let differences = by_weight(model.differences(&machine));
         let choice = Self { model, machine, source, filled_in, differences, arguments };
-        if crane.is_overridden() && source != Source::CraneFile {
+        if crane.overrides().len() > motion.len() && source != Source::CraneFile {
             output::note(&format!(
                 "--set is of the model only: the plant \"{}\" keeps the values of its own file",
                 choice.name()

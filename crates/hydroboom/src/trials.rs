@@ -32,8 +32,8 @@ enum What {
 )]
 pub struct Trials {
     /// What is tried.
-    #[arg(value_enum)]
-    what: What,
+    #[arg(value_enum, required_unless_present = "rivals")]
+    what: Option<What>,
     #[command(flatten)]
     crane: CraneFile,
     /// Beside the benchmark and the scheduled LQR: the benchmark with designed gains, without and with an input shaper, LQG, linear and nonlinear MPC (docs/baselines.md).
@@ -68,8 +68,8 @@ impl Trials {
         gains.iter().for_each(|remark| output::warn(remark));
         let (model, crane) = (&choice.model, &choice.machine);
         let trials = match self.what {
-            What::Robustness => robustness(model, crane),
-            What::Shaping => shaping(model, crane),
+            Some(What::Shaping) => shaping(model, crane),
+            Some(What::Robustness) | None => robustness(model, crane),
         };
         let trials = trials.into_diagnostic()?;
         let mut controllers: Vec<ControllerChoice> =

@@ -48,7 +48,7 @@ fn bounds_say_what_they_cannot_be_computed_of() {
         (["--payload-kg", "400"], "payloads are LOW:HIGH in kg"),
         (["--speed-mm-s", "fast"], "from 0.1 to 10000 mm/s"),
         (["--speed-mm-s", "0.5"], "takes 1611 s"),
-        (["--scenario", "load-in-motion"], "the load changes along load-in-motion"),
+        (["--scenario", "shift"], "bounds are computed for courses of up to 300 s"),
         (["--scenario", "lift"], "no scenario"),
         (["--set", "motor.max_speed_rpm=0"], "motor.max_speed_rpm"),
     ] {
@@ -56,6 +56,11 @@ fn bounds_say_what_they_cannot_be_computed_of() {
         all.extend(arguments);
         says(&hydroboom(&all), said);
     }
+    // an override of the motion is of the course, whatever the plant is
+    let shorter = ["bounds", "--speed-mm-s", "0.5", "--set", "motion.end_mm=300"];
+    says(&hydroboom(&shorter), "takes 811 s");
+    let plant = ["bounds", "--plant", "../../cranes/half-mass.toml", "--payload-kg", "200:300"];
+    says(&hydroboom(&plant), "another payload.mass_kg in ../../cranes/half-mass.toml");
 }
 
 #[test]
@@ -719,7 +724,7 @@ fn trials_and_what_was_learned_come_out_for_machines_and_as_a_page() {
     assert!(!set.is_empty() && hydroboom(&arguments).status.success(), "{arguments:?}");
     says(&hydroboom(&["trials", "luck"]), "robustness");
     says(&hydroboom(&["motion", "--baselines"]), "--family");
-    for command in [vec!["motion"], vec!["trials", "robustness"]] {
+    for command in [vec!["motion"], vec!["trials"], vec!["trials", "robustness"]] {
         says(&hydroboom(&[&command[..], &["--rivals"]].concat()), "--baselines");
     }
     says(&hydroboom(&["learn", "--member", "3", "--family", "2"]), "cannot be used with");

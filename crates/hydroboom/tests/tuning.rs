@@ -379,4 +379,5 @@ fn a_machine_is_learned_from_its_log_and_another_ones_log_is_refused() {
     assert!(found["refused"].to_string().contains("another crane"), "{found}");
     assert!(found["remarks"].to_string().contains("at its limit of 1500 rpm for"), "{found}");
     assert!(!std::path::Path::new(&none).exists());
+    assert!(found["identified"].as_array().unwrap().is_empty(), "{found}");
 }

@@ -144,7 +144,15 @@ fn damped_once(
         let motor_speed = law.update(&mut memory, &reference, &input, simulated_speed);
         let command = AxisCommand { motor_speed, holding_valve: 1.0 };
         let (signals, truth) = (crane.signals(), crane.truth());
-        metrics.add(&Sample { time, reference, signals, load_changed: false, truth, command });
+        metrics.add(&Sample {
+            time,
+            reference,
+            signals,
+            load_changed: false,
+            truth,
+            command,
+            periods_without_solution: 0,
+        });
         if k < periods {
             crane.advance(&command).map_err(LabError::during("damped once"))?;
         }

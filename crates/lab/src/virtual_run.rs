@@ -266,6 +266,7 @@ fn follow(
             load_changed: false,
             truth: real.truth(),
             command,
+            periods_without_solution: 0,
         })?;
         if k < periods {
             real.advance(&command).map_err(LabError::during("virtual crane"))?;

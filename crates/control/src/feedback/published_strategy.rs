@@ -142,6 +142,7 @@ impl Controller for PublishedStrategy {
         ControllerStatus {
             simulated_motor_speeds: leads.then_some([self.simulated.motor_speed]),
             is_closed_loop: self.strategy.measures(),
+            ..ControllerStatus::default()
         }
     }
 }

@@ -236,6 +236,6 @@ impl Controller for ScheduledLqrController {
     }
 
     fn status(&self) -> ControllerStatus {
-        ControllerStatus { simulated_motor_speeds: None, is_closed_loop: true }
+        ControllerStatus { is_closed_loop: true, ..ControllerStatus::default() }
     }
 }

@@ -5,6 +5,7 @@
 //!
 //! Source: D. Q. Mayne, J. B. Rawlings, C. V. Rao, P. O. M. Scokaert, *Constrained model predictive control: stability and optimality*, Automatica 36(6), 2000.
 
+use super::command_plan::CommandPlan;
 use super::condensed::{Block, Limit, Linear, condense};
 use super::estimated_machine::{EstimatedMachine, Now};
 use super::horizon::{BLOCKS, PERIODS, WEIGHTS};
@@ -27,16 +28,19 @@ pub(super) struct LinearMpc {
     machine: EstimatedMachine,
     reference: Option<ReferenceAhead>,
     program: QuadraticProgram<BLOCKS, BLOCKS>,
+    plan: CommandPlan,
 }
 
 impl LinearMpc {
     pub(super) fn new(model: &Description) -> Result<Self, LabError> {
         let machine = EstimatedMachine::new(model)?;
-        Ok(Self { machine, reference: None, program: QuadraticProgram::empty() })
+        let plan = CommandPlan::default();
+        Ok(Self { machine, reference: None, program: QuadraticProgram::empty(), plan })
     }
 
-    fn command(&mut self, preview: &Preview<f64>) -> Option<f64> {
-        let Self { machine, reference, program } = self;
+    /// Commands of the blocks \[rev/s\]; none where the program has no solution.
+    fn solve(&mut self, preview: &Preview<f64>) -> Option<[f64; BLOCKS]> {
+        let Self { machine, reference, program, .. } = self;
         let now = machine.now()?;
         let law = &machine.law;
         let start = || ReferenceAhead::at_rest(law, now, preview.now().position);
@@ -50,11 +54,13 @@ impl LinearMpc {
         let speed = law.motor_speed;
         condense(program, &blocks, (&cost_to_go, &end), speed);
         let change = program.minimum(ITERATIONS)?;
-        let command = horizon.motor_speeds[0] + speed * change[0];
+        let mut commands: [f64; BLOCKS] =
+            std::array::from_fn(|k| horizon.motor_speeds[k] + speed * change[k]);
         // a program that was solved to within a tolerance may be off by that
         let (turns, reach) =
             (now.predicted.motor_speed, law.slew / now.estimated.drive.coefficient);
-        Some(command.clamp(turns - reach, turns + reach).clamp(-speed, speed))
+        commands[0] = commands[0].clamp(turns - reach, turns + reach);
+        Some(commands.map(|command| command.clamp(-speed, speed)))
     }
 }
 
@@ -144,7 +150,7 @@ fn linearised(
 impl Controller for LinearMpc {
     fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
         self.machine.start(measurement, delay_cycles);
-        self.reference = None;
+        (self.reference, self.plan) = (None, CommandPlan::default());
     }
 
     fn update(
@@ -154,13 +160,22 @@ impl Controller for LinearMpc {
         _simulated: Option<&SimulatedState>,
     ) -> Command {
         self.machine.observe(measurement);
-        let command = self.command(preview).unwrap_or(0.0);
+        let found = self.solve(preview);
+        if found.is_none() {
+            // what it remembers of the reference may be no number
+            self.reference = None;
+        }
+        let command = self.plan.command(found);
         self.machine.commanded(command);
         Command::released([command])
     }
 
     fn status(&self) -> ControllerStatus {
-        ControllerStatus { is_closed_loop: true, ..ControllerStatus::default() }
+        ControllerStatus {
+            is_closed_loop: true,
+            periods_without_solution: self.plan.without_solution(),
+            ..ControllerStatus::default()
+        }
     }
 }
 

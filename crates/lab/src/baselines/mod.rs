@@ -4,6 +4,7 @@
 //! They are here to be compared, not to be used on a machine: the strategies that are offered are those of
 //! [`Strategy`](hydroboom_control::strategy::Strategy).
 
+mod command_plan;
 mod condensed;
 mod estimated_machine;
 mod horizon;

@@ -7,9 +7,10 @@
 //! Source: M. Diehl, H. G. Bock, J. P. Schlöder, *A real-time iteration scheme for nonlinear optimization in optimal feedback control*, 2005,
 //! doi:10.1137/S0363012902400713.
 
+use super::command_plan::CommandPlan;
 use super::condensed::condense;
 use super::estimated_machine::{EstimatedMachine, Now};
-use super::horizon::{BLOCKS, advanced};
+use super::horizon::BLOCKS;
 use super::optimal_control_problem::{LIMITS, Linearised, MachineLimits, OptimalControlProblem};
 use super::quadratic_program::QuadraticProgram;
 use super::reference_ahead::{ReferenceAhead, ReferenceHorizon};
@@ -57,9 +58,10 @@ impl GaussNewton {
 /// Real-time iteration.
 pub(super) struct NonlinearMpc {
     machine: EstimatedMachine,
-    limits: MachineLimits,
+    pub(super) limits: MachineLimits,
     reference: Option<ReferenceAhead>,
-    newton: Option<GaussNewton>,
+    newton: GaussNewton,
+    plan: CommandPlan,
 }
 
 impl NonlinearMpc {
@@ -75,7 +77,8 @@ impl NonlinearMpc {
             pressure: [0.0, n.relief_cracking],
             pressure_price: PRICE_OF_A_BAR * by_position * tolerance * tolerance / 1e5,
         };
-        Ok(Self { machine, limits, reference: None, newton: None })
+        let (newton, plan) = (GaussNewton::new([0.0; BLOCKS]), CommandPlan::default());
+        Ok(Self { machine, limits, reference: None, newton, plan })
     }
 
     /// The problem of this period.
@@ -100,27 +103,26 @@ impl NonlinearMpc {
         }
     }
 
-    fn command(&mut self, preview: &Preview<f64>) -> Option<f64> {
-        let Self { machine, limits, reference, newton } = self;
+    /// Commands of the blocks \[rev/s\]; none where the program has no solution.
+    fn solve(&mut self, preview: &Preview<f64>) -> Option<[f64; BLOCKS]> {
+        let Self { machine, limits, reference, newton, plan } = self;
         let now = machine.now()?;
         let law = &machine.law;
         let start = || ReferenceAhead::at_rest(law, now, preview.now().position);
         let horizon = reference.get_or_insert_with(start).horizon(law, now, preview);
-        let own = horizon.motor_speeds;
+        newton.commands = plan.next().unwrap_or(horizon.motor_speeds);
         let problem = Self::problem(machine, *limits, now, horizon);
-        let newton = newton.get_or_insert_with(|| GaussNewton::new(own));
-        newton.commands = advanced(&newton.commands);
-        if newton.step(&problem, ITERATIONS).is_none() {
-            newton.commands = own;
-        }
-        Some(problem.allowed(newton.commands[0]))
+        newton.step(&problem, ITERATIONS)?;
+        let mut commands = newton.commands;
+        commands[0] = problem.allowed(commands[0]);
+        Some(commands)
     }
 }
 
 impl Controller for NonlinearMpc {
     fn start(&mut self, measurement: &Measurement, delay_cycles: u32) {
         self.machine.start(measurement, delay_cycles);
-        (self.reference, self.newton) = (None, None);
+        (self.reference, self.plan) = (None, CommandPlan::default());
     }
 
     fn update(
@@ -130,12 +132,66 @@ impl Controller for NonlinearMpc {
         _simulated: Option<&SimulatedState>,
     ) -> Command {
         self.machine.observe(measurement);
-        let command = self.command(preview).unwrap_or(0.0);
+        let found = self.solve(preview);
+        if found.is_none() {
+            // what it remembers of the reference may be no number
+            self.reference = None;
+        }
+        let command = self.plan.command(found);
         self.machine.commanded(command);
         Command::released([command])
     }
 
     fn status(&self) -> ControllerStatus {
-        ControllerStatus { is_closed_loop: true, ..ControllerStatus::default() }
+        ControllerStatus {
+            is_closed_loop: true,
+            periods_without_solution: self.plan.without_solution(),
+            ..ControllerStatus::default()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::linear_mpc::LinearMpc;
+    use super::*;
+    use hydroboom_control::measurement::AxisSignals;
+    use hydroboom_control::reference::profile::SetPoint;
+
+    /// A reference that is no number leaves no program with a solution: the plan of the period before goes on, and the status says so.
+    #[test]
+    fn a_period_without_a_solution_holds_the_last_plan_and_is_counted() {
+        let model = Description::uia_single_boom().unwrap();
+        let period = model.numbers.control_period;
+        let nonlinear = NonlinearMpc::new(&model).unwrap();
+        let payload = model.numbers.payload;
+        let pressure_a = nonlinear.machine.law.model.at(0.25, payload).holding_pressure;
+        let both: [Box<dyn Controller>; 2] =
+            [Box::new(nonlinear), Box::new(LinearMpc::new(&model).unwrap())];
+        for mut controller in both {
+            let signals = AxisSignals { stroke: 0.25, pressure_a, ..AxisSignals::default() };
+            let measured =
+                |k: u32| Measurement::new(u64::from(k), f64::from(k) * period, [signals]);
+            controller.start(&measured(0), 0);
+            let along = |velocity: f64, begin: f64| {
+                Preview::new(period, |after| SetPoint {
+                    position: 0.25 + velocity * (begin + after).max(0.0),
+                    velocity,
+                })
+            };
+            let mut speed = |k: u32, preview: &Preview<f64>| {
+                let command = controller.update(&measured(k), preview, None).axes[0].motor_speed;
+                (command, controller.status().periods_without_solution)
+            };
+            let (before, none) = (1..=20)
+                .map(|k| speed(k, &along(0.05, f64::from(k) * period)))
+                .fold((0.0, 0), |_, now| now);
+            assert!(before > 0.5 && none == 0, "{before} rev/s, {none}");
+            let (held, one) = speed(21, &along(f64::NAN, 0.0));
+            assert_eq!(one, 1);
+            assert!(held.is_finite() && (held / before - 1.0).abs() < 0.5, "{held} {before} rev/s");
+            let (next, two) = speed(22, &along(0.05, 22.0 * period));
+            assert!(next.is_finite() && two == 1, "{next} rev/s");
+        }
     }
 }

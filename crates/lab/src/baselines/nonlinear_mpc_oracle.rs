@@ -5,7 +5,7 @@
 
 use super::estimated_machine::EstimatedMachine;
 use super::horizon::{BEGINS, BLOCKS, PERIODS};
-use super::nonlinear_mpc::{GaussNewton, ITERATIONS};
+use super::nonlinear_mpc::{GaussNewton, ITERATIONS, NonlinearMpc};
 use super::optimal_control_problem::{MachineLimits, OptimalControlProblem};
 use super::reference_ahead::{ReferenceHorizon, ReferencePoint};
 use hydroboom_control::estimation::reduced_model::MachineState;
@@ -317,4 +317,28 @@ fn a_lower_limit_of_the_pressure_is_kept_within_the_limits_of_the_motor() {
     let limited = most(&problem);
     assert!(limited < problem.limits.pressure[1] + 1e3, "{limited} of {free} Pa");
     assert!(limited > problem.limits.pressure[1] - 0.2e5, "nothing was active");
+}
+
+/// The controller's own price of a pressure is above every multiplier: where the problem with hard limits has a solution, that with prices has the same.
+#[test]
+fn pressures_are_kept_as_hard_limits_are_where_that_is_possible() {
+    let description = Description::uia_single_boom().unwrap();
+    let machine = machine_at_rest(&description);
+    let price = NonlinearMpc::new(&description).unwrap().limits.pressure_price;
+    for behind in [1e-3, 3e-3, 10e-3] {
+        let mut problem = problem_along(&machine, 0.05, 0.05);
+        problem.begin.position -= behind;
+        problem.limits.pressure[1] = problem.begin.load_pressure + 1.5e5;
+        let [priced, hard] = [price, f64::INFINITY].map(|price| {
+            problem.limits.pressure_price = price;
+            converged(&problem).commands
+        });
+        let highest = problem.pressures(&priced).into_iter().fold(0.0, f64::max);
+        let limit = problem.limits.pressure[1];
+        assert!((highest - limit).abs() < 200.0, "{behind} m: {highest} for {limit} Pa");
+        for (priced, hard) in priced.iter().zip(hard) {
+            let off = (priced - hard) / problem.limits.motor_speed;
+            assert!(off.abs() < 1e-5, "{behind} m: {priced} for {hard} rev/s");
+        }
+    }
 }

@@ -5,8 +5,8 @@
 //! subject to  l ≤ x ≤ u,  and l_i ≤ a_iᵀ x ≤ u_i  for rows without a price
 //! ```
 //!
-//! A row with a price is kept as a hard limit is, wherever its multiplier stays below the price (exact penalty): so a limit that nothing can keep leaves the program with a
-//! solution. Where the unlimited minimum keeps all limits it is the solution, and no iteration is needed.
+//! A row with a price is kept as a hard limit is, wherever its multiplier stays below the price (exact penalty; R. Fletcher, *Practical Methods of Optimization*, 1987, section
+//! 14.3): so a limit that nothing can keep leaves the program with a solution. Where the unlimited minimum keeps all limits it is the solution, and no iteration is needed.
 //!
 //! Sources: S. Mehrotra, *On the implementation of a primal-dual interior point method*, 1992; C. V. Rao, S. J. Wright, J. B. Rawlings, *Application of interior-point
 //! methods to model predictive control*, 1998, doi:10.1023/A:1021711402723; E. C. Kerrigan, J. M. Maciejowski, *Soft constraints and exact penalty functions in model
@@ -363,6 +363,33 @@ mod tests {
             }
         }
         assert!(active.iter().all(|count| *count > 0), "nothing of each kind: {active:?}");
+    }
+
+    /// Exact penalty: with a price above the multiplier of the hard limit the minimum is that of the hard program, with one below it the limit is exceeded.
+    #[test]
+    fn a_price_above_the_multiplier_is_a_hard_limit() {
+        let minimum = |price: f64| {
+            let mut program = program();
+            program.prices[2] = price;
+            (program.minimum(40).unwrap(), program)
+        };
+        let (hard, solved) = minimum(f64::INFINITY);
+        let scale = solved.hessian.trace() / 6.0;
+        let [below, above] = &solved.sides;
+        let multiplier = scale * (above[8].multiplier - below[8].multiplier).abs();
+        let over = |x: &SVector<f64, 6>| {
+            let reached = solved.rows.column(2).dot(x);
+            (reached - 0.4).max(-0.5 - reached)
+        };
+        assert!(multiplier > 0.1 && over(&hard).abs() < 1e-7, "{multiplier} {}", over(&hard));
+        for times in [1.05, 3.0, 1e3] {
+            let x = minimum(times * multiplier).0;
+            assert!((x - hard).amax() < 1e-6 && over(&x) < 1e-7, "{times}: {x} {hard}");
+        }
+        for times in [0.5, 0.95] {
+            let x = minimum(times * multiplier).0;
+            assert!(over(&x) > 1e-4, "{times}: {}", over(&x));
+        }
     }
 
     #[test]

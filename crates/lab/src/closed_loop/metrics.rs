@@ -39,9 +39,19 @@ pub struct Effort {
     pub motor_ripple_rpm: f64,
     /// Root mean square of the motor's rate of change of speed over the whole course, rests included.
     pub motor_slew_rpm_per_s: f64,
+    /// Control periods in which the controller could compute no command, and took one of before.
+    pub periods_without_solution: u64,
 }
 
 impl Effort {
+    /// That in some periods no command could be computed; empty where in all.
+    pub fn without_solution(&self) -> String {
+        match self.periods_without_solution {
+            0 => String::new(),
+            count => format!("no command computed in {count} periods: the last plan was held"),
+        }
+    }
+
     /// That of a course that was not finished: no numbers.
     pub const UNFINISHED: Self = Self {
         motor_speed_rpm: f64::NAN,
@@ -50,6 +60,7 @@ impl Effort {
         residual_vibration_mm: f64::NAN,
         motor_ripple_rpm: f64::NAN,
         motor_slew_rpm_per_s: f64::NAN,
+        periods_without_solution: 0,
     };
 }
 
@@ -301,6 +312,7 @@ impl Metrics {
         if passed > 0.0 {
             self.slew_square += (speed - turned) * (speed - turned) / passed;
         }
+        effort.periods_without_solution = sample.periods_without_solution;
         effort.tip_deflection_mm = effort.tip_deflection_mm.max(1e3 * deflection.abs());
         self.has_moved |= sample.reference.velocity != 0.0;
         if self.has_moved && sample.reference.velocity == 0.0 {
@@ -415,7 +427,15 @@ pub(crate) mod tests {
             let reference = SetPoint { position: 0.25, velocity: 0.0 };
             let command = AxisCommand { motor_speed: command(time), holding_valve: 1.0 };
             let load_changed = false;
-            metrics.add(&Sample { time, reference, signals, load_changed, truth, command });
+            metrics.add(&Sample {
+                time,
+                reference,
+                signals,
+                load_changed,
+                truth,
+                command,
+                periods_without_solution: 0,
+            });
         }
         metrics
     }
@@ -466,6 +486,7 @@ pub(crate) mod tests {
                     load_changed: k == 10000,
                     truth,
                     command: AxisCommand { motor_speed: speed / 60.0, holding_valve: 1.0 },
+                    periods_without_solution: 0,
                 });
             }
             metrics.effort().motor_ripple_rpm

@@ -287,6 +287,8 @@ fn together(
 /// The distribution of a quantity over a family.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Percentiles {
+    /// The least.
+    pub least: f64,
     /// 5th percentile.
     pub p5: f64,
     /// 25th percentile.
@@ -305,10 +307,12 @@ impl Percentiles {
     /// Of the given values, those that are not numbers left out.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
-        let worst = finite.iter().copied().fold(f64::NAN, f64::max);
+        let [least, worst] =
+            [f64::min, f64::max].map(|of| finite.iter().copied().fold(f64::NAN, of));
         let mut data = Data::new(finite);
         let mut share = |tau: f64| data.quantile(tau);
         Self {
+            least,
             p5: share(0.05),
             p25: share(0.25),
             median: share(0.5),
@@ -316,6 +320,12 @@ impl Percentiles {
             p95: share(0.95),
             worst,
         }
+    }
+
+    /// As text, with so many digits: median (least .. largest).
+    pub fn range_text(&self, digits: usize) -> String {
+        let Self { least, median, worst, .. } = self;
+        format!("{median:.digits$} ({least:.digits$} .. {worst:.digits$})")
     }
 
     /// As text, with so many digits: median (5 .. 95 %), worst.
@@ -361,12 +371,29 @@ pub struct Row {
     pub motor_ripple_rpm: Percentiles,
     /// Its motor slew, the root mean square over each course.
     pub motor_slew_rpm_per_s: Percentiles,
+    /// Control periods of all cranes in which it could compute no command, and took one of before.
+    pub periods_without_solution: u64,
+    /// What it comes to over the scheduled LQR on the same crane, where that is one of the controllers.
+    pub over_scheduled_lqr: Option<OverLqr>,
     /// Cranes on which it was in sustained oscillation.
     pub oscillating: usize,
     /// Cranes that it did not lead to the end of the course.
     pub unfinished: usize,
     /// Share of cranes on which its true RMS is smaller.
     pub better_percent: f64,
+}
+
+/// A controller over the scheduled LQR on the same crane, along one course over the whole family.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct OverLqr {
+    /// RMS tracking error of the true piston.
+    pub rms_true: Percentiles,
+    /// Cranes on which that is smaller.
+    pub less_on: usize,
+    /// RMS tracking error as measured.
+    pub rms_measured: Percentiles,
+    /// Motor slew.
+    pub motor_slew: Percentiles,
 }
 
 /// The family in numbers: every controller along every course; none where the benchmark is not one of them.
@@ -381,6 +408,7 @@ pub fn rows(
         matches!(c, ControllerChoice::Baseline(Baseline::RetunedBenchmark(_)))
     };
     let retuned = controllers.iter().position(is_retuned);
+    let scheduled = controllers.iter().position(|c| *c == Strategy::ScheduledLqr.into());
     let count = results.len().max(1) as f64;
     let mut rows = Vec::new();
     for (s, controller) in controllers.iter().enumerate() {
@@ -397,6 +425,15 @@ pub fn rows(
             };
             let count_of = |holds: &dyn Fn(&Outcome) -> bool| {
                 results.iter().filter(|(_, o)| holds(&o[s][c])).count()
+            };
+            let over_lqr = |other: usize| OverLqr {
+                rms_true: over_that_of(other, &|o| o.error.rms_true_mm),
+                less_on: results
+                    .iter()
+                    .filter(|(_, o)| o[s][c].error.rms_true_mm < o[other][c].error.rms_true_mm)
+                    .count(),
+                rms_measured: over_that_of(other, &|o| o.error.rms_measured_mm),
+                motor_slew: over_that_of(other, &|o| o.effort.motor_slew_rpm_per_s),
             };
             rows.push(Row {
                 controller: *controller,
@@ -416,6 +453,11 @@ pub fn rows(
                 vibration_over_benchmark: over(&|o| o.effort.residual_vibration_mm),
                 motor_ripple_rpm: spread(&|o| o.effort.motor_ripple_rpm),
                 motor_slew_rpm_per_s: spread(&|o| o.effort.motor_slew_rpm_per_s),
+                periods_without_solution: results
+                    .iter()
+                    .map(|(_, o)| o[s][c].effort.periods_without_solution)
+                    .sum(),
+                over_scheduled_lqr: scheduled.map(over_lqr),
                 oscillating: count_of(&|o| o.unstable && !o.error.rms_true_mm.is_nan()),
                 unfinished: count_of(&|o| o.error.rms_true_mm.is_nan()),
                 better_percent: share(&|o| {
@@ -542,6 +584,14 @@ mod tests {
             );
             let spread = row.rms_true_over_retuned_benchmark.unwrap();
             assert_eq!((spread.p5, spread.worst), (over_retuned, over_retuned));
+        }
+        let over_lqr = rows.iter().map(|row| row.over_scheduled_lqr.unwrap());
+        for (over, (ratio, less_on)) in over_lqr.zip([(8.0, 0), (1.0, 0), (4.0, 0)]) {
+            assert!((over.rms_true.least / ratio - 1.0).abs() < 1e-12, "{over:?}");
+            assert_eq!(
+                (over.less_on, over.rms_true.range_text(1)),
+                (less_on, format!("{ratio:.1} ({ratio:.1} .. {ratio:.1})"))
+            );
         }
     }
 

@@ -228,11 +228,15 @@ impl Outcome {
 
     /// What is to be said where it did not come to rest: nothing where it did.
     pub fn verdict(&self) -> String {
-        match (self.stable, self.sustained_oscillation) {
+        let stability = match (self.stable, self.sustained_oscillation) {
             (true, _) => String::new(),
             (false, Some(oscillation)) => format!("unstable: {oscillation}"),
             (false, None) => "unstable: cannot be finished".into(),
-        }
+        };
+        let missing = self.effort.without_solution();
+        let both: Vec<String> =
+            [stability, missing].into_iter().filter(|said| !said.is_empty()).collect();
+        both.join("; ")
     }
 }
 

@@ -20,6 +20,8 @@ pub struct Sample {
     pub truth: Truth,
     /// The command for the next period.
     pub command: AxisCommand<f64>,
+    /// Control periods so far in which the controller could compute no command, and took one of before.
+    pub periods_without_solution: u64,
 }
 
 impl Sample {

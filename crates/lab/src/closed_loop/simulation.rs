@@ -142,7 +142,15 @@ pub fn simulate_closed_loop(
         let [command] = controlled.command(now, &measurement)?.axes;
         let (reference, truth) = (course.reference(time), crane.truth());
         let (signals, load_changed) = (measurement.axes[0].signals, load.is_some());
-        observe(&Sample { time, reference, signals, load_changed, truth, command })?;
+        observe(&Sample {
+            time,
+            reference,
+            signals,
+            load_changed,
+            truth,
+            command,
+            periods_without_solution: controlled.controller.status().periods_without_solution,
+        })?;
         if number < periods {
             crane.advance(&command).map_err(LabError::during(&during))?;
         }
@@ -262,7 +270,19 @@ fn side_by_side(
             if goes_on && ends[lane].is_ok() {
                 let (reference, truth) = (course.reference(time), fleet.truth(lane));
                 let (signals, load_changed) = (measurement.axes[0].signals, load.is_some());
-                observe(lane, &Sample { time, reference, signals, load_changed, truth, command });
+                let status = loops[lane].controller.status();
+                observe(
+                    lane,
+                    &Sample {
+                        time,
+                        reference,
+                        signals,
+                        load_changed,
+                        truth,
+                        command,
+                        periods_without_solution: status.periods_without_solution,
+                    },
+                );
             }
             command
         });

@@ -23,7 +23,7 @@ use hydroboom_virtual_crane::surrogate;
 pub struct LoggedMachine {
     /// The identified model.
     pub model: Description,
-    /// What was identified, as overrides of the crane file.
+    /// What was identified, as overrides of the crane file; nothing of a log that is refused.
     pub identified: Vec<String>,
     /// What the identified model is right for.
     pub judged: Vec<Judgement>,
@@ -70,15 +70,18 @@ pub fn identify_log(
     refusals.extend(
         improbable.into_iter().map(|said| format!("{said}: is it a log of another crane?")),
     );
-    for key in outside_range(model, &identified) {
-        match key.starts_with(PAYLOAD) {
-            true => refusals.push(format!(
-                "{key} is outside the crane file's range of it: another crane, or a load that it is not made for"
-            )),
-            false => remarks.push(format!(
-                "{key} is outside the crane file's range of it: widen the range there before it is used"
-            )),
-        }
+    let (payloads, others): (Vec<_>, Vec<_>) = outside_range(model, &identified)
+        .into_iter()
+        .partition(|assignment| assignment.starts_with(PAYLOAD));
+    refusals.extend(payloads.into_iter().map(|key| {
+        format!("{key} is outside the crane file's range of it: another crane, or a load that it is not made for")
+    }));
+    // a fit that is refused is not to be used
+    let identified = if refusals.is_empty() { identified } else { Vec::new() };
+    if refusals.is_empty() {
+        remarks.extend(others.into_iter().map(|key| {
+            format!("{key} is outside the crane file's range of it: widen the range there before it is used")
+        }));
     }
     let period = found.numbers.control_period;
     let asked = log.1.get(Signal::MotorCommand).or_else(|| log.1.get(Signal::MotorSpeed));

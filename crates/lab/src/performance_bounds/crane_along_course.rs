@@ -1,7 +1,7 @@
 //! The crane along a course, for bounds: the reduced model of the crane file, load on boom and oil with friction and leakage, and its exact slopes.
 
 use crate::LabError;
-use crate::closed_loop::scenario::Course;
+use crate::closed_loop::scenario::{Course, due};
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
 use hydroboom_control::feedback::inverse_dynamics::inverse_dynamics;
 use hydroboom_control::reference::profile::SetPoint;
@@ -11,10 +11,15 @@ use hydroboom_design::operating_points::rod_side_term;
 use hydroboom_design::reduced_model_fit::reduced_model;
 use hydroboom_math::Dual;
 
+/// Steps of the fixed point between pressure and deflection of the boom: each leaves a hundredth of what the one before did.
+const DEFLECTION_STEPS: usize = 6;
+/// A change of the reference's acceleration that counts \[m/s²\]: a ramp's corner, not the rounding of set points or the bend of an S-curve within a period.
+const CHANGE: f64 = 1e-3;
+
 /// A crane and where its piston shall be at the end of each control period.
 pub(super) struct CraneAlongCourse {
     pub model: ReducedModel<f64>,
-    /// Payload \[kg\].
+    /// Payload when the course begins \[kg\]; that of each time is in its state.
     pub payload: f64,
     /// Transition pressure of the oil \[Pa\].
     pub transition_pressure: f64,
@@ -24,7 +29,7 @@ pub(super) struct CraneAlongCourse {
     pub period: f64,
     /// Set points at the times 0, T, 2 T ...
     pub reference: Vec<SetPoint<f64>>,
-    /// States on the reference at these times, with the friction that the way there has left.
+    /// States on the reference at these times, with the friction that the way there has left and the payload that hangs from then on.
     pub states: Vec<MachineState<f64>>,
     /// Motor speeds \[rev/s\] that keep the load pressure of these states: for travel and leakage.
     pub motor_speeds: Vec<f64>,
@@ -51,11 +56,13 @@ impl CraneAlongCourse {
         };
         let model = along.model;
         let mut friction = 0.0;
+        let (mut loads, mut payload) = (course.loads(), along.payload);
         for k in 0..=periods {
+            payload = due(&mut loads, k as f64 * period).unwrap_or(payload);
             // Dahl's law, as the model has it
             let bending = model.presliding_stiffness * period * along.reference[k].velocity;
             friction = (friction + bending) / (1.0 + bending.abs() / model.coulomb);
-            let state = along.on_reference(k, friction);
+            let state = along.on_reference(k, along.acceleration(k), friction, payload);
             let turning = model.revolutions_per_metre() * state.velocity;
             along.motor_speeds.push(turning + model.leakage(state.load_pressure));
             along.states.push(state);
@@ -74,24 +81,59 @@ impl CraneAlongCourse {
         (next - self.reference[k].velocity) / self.period
     }
 
-    /// State on the reference at time k, with a friction over the piston's area \[Pa\]. The boom bends with the pressure, and not with its rate.
-    fn on_reference(&self, k: usize, friction: f64) -> MachineState<f64> {
+    /// State on the reference at time k with an acceleration \[m/s²\], a friction over the piston's area \[Pa\] and a payload \[kg\]. The load is at y = x − γ p, where the boom lets it
+    /// be, and the pressure is the one that holds it there and moves it: p = p_0(y) + p_0'(y) γ p + a/a_p(y) + p_v x' + f, which is p_0(x) and what moves. The boom bends with the
+    /// pressure, and not with its rate.
+    fn on_reference(
+        &self,
+        k: usize,
+        acceleration: f64,
+        friction: f64,
+        payload: f64,
+    ) -> MachineState<f64> {
         let SetPoint { position, velocity } = self.reference[k];
-        let at = self.model.at(position, self.payload);
-        let moving = self.acceleration(k) / at.acceleration + self.model.viscous * velocity;
-        // the load is where the boom lets it be: p = p_0 + p_0' γ p + ...
-        let load_pressure =
-            (at.holding_pressure + moving + friction) / (1.0 - at.holding_slope * at.compliance);
-        MachineState {
-            position: position - at.compliance * load_pressure,
+        let mut state = MachineState {
+            position,
             velocity,
-            load_pressure,
+            load_pressure: 0.0,
             friction,
             disturbance: 0.0,
             unknown_flow: 0.0,
-            payload: self.payload,
+            payload,
             transition_pressure: self.transition_pressure,
+        };
+        for _ in 0..DEFLECTION_STEPS {
+            let at = self.model.at(state.position, payload);
+            let moving = acceleration / at.acceleration + self.model.viscous * velocity;
+            state.load_pressure = (at.holding_pressure + moving + friction)
+                / (1.0 - at.holding_slope * at.compliance);
+            state.position = position - at.compliance * state.load_pressure;
         }
+        state
+    }
+
+    /// Times at which the reference changes its acceleration, or the load.
+    pub fn changes(&self) -> Vec<usize> {
+        let turns = |k: usize| (self.acceleration(k) - self.acceleration(k - 1)).abs() > CHANGE;
+        let loads = |k: usize| self.states[k].payload != self.states[k - 1].payload;
+        (1..self.periods()).filter(|&k| turns(k) || loads(k)).collect()
+    }
+
+    /// State and motor speed \[rev/s\] of a crane that is exactly on the reference at time k, and knows of no change then: it has the acceleration and the payload of the period
+    /// before.
+    pub fn before_change(&self, k: usize) -> (MachineState<f64>, f64) {
+        let before = &self.states[k - 1];
+        let (acceleration, friction) = (self.acceleration(k - 1), self.states[k].friction);
+        let mut state = self.on_reference(k, acceleration, friction, before.payload);
+        let SetPoint { position, velocity } = self.reference[k];
+        let (pressure, model) = (state.load_pressure, &self.model);
+        let at = model.at(position, state.payload);
+        let rate = (pressure - before.load_pressure) / self.period;
+        let bulk_modulus =
+            model.bulk_modulus(pressure, self.transition_pressure, self.rod_side_term);
+        state.velocity = velocity - at.compliance * rate;
+        let inflow = rate / model.stiffness(&at, bulk_modulus) + model.piston_area * state.velocity;
+        (state, inflow / model.displacement + model.leakage(pressure))
     }
 
     /// Change of the motor speed along the reference with the payload \[rev/s/kg\], in the period after time k, by the approximate inverse of the model.
@@ -107,10 +149,32 @@ impl CraneAlongCourse {
             jerk: constant((now - before) / self.period),
         };
         let mut state = self.states[k].map(Slope::constant);
-        state.payload = Slope::variable(self.payload, 0);
+        state.payload = Slope::variable(self.states[k].payload, 0);
         let model = self.model.map(Slope::constant);
         let turning = constant(0.0);
         let rod_side_term = constant(self.rod_side_term);
         inverse_dynamics(&model, &state, &reference, turning, rod_side_term).motor_speed.slope[0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The model itself, at its own state on the reference, has the reference's acceleration and its piston the reference's position; the boom's deflection is counted once.
+    #[test]
+    fn the_model_is_in_balance_on_the_reference() {
+        let mut crane = Description::uia_single_boom().unwrap();
+        let n = &mut crane.numbers;
+        (n.rest, n.dwell, n.ramp) = (0.2, 0.2, 0.3);
+        n.motion_end = n.motion_start + 0.1;
+        let along = CraneAlongCourse::new(&crane, &crane.motion(crane.numbers.fast)).unwrap();
+        let model = &along.model;
+        for (k, state) in along.states.iter().enumerate() {
+            let excess = model.acceleration(state) - along.acceleration(k);
+            assert!(excess.abs() < 1e-6, "{k}: {excess} m/s²");
+            let off = model.piston(state) - along.reference[k].position;
+            assert!(off.abs() < 1e-9, "{k}: {off} m");
+        }
     }
 }

@@ -41,6 +41,11 @@ impl Delay {
             + (self.sensor_lag + self.dead_time) / self.period
     }
 
+    /// Whole periods from what becomes known to the motor: the fieldbus to the drive and the drive's dead time.
+    pub fn command_periods(&self) -> usize {
+        self.fieldbus_cycles as usize + (self.dead_time / self.period) as usize
+    }
+
     /// All of it \[s\].
     pub fn time(&self) -> f64 {
         self.periods() * self.period
@@ -57,6 +62,8 @@ mod tests {
         let delay =
             Delay { period: 1e-3, fieldbus_cycles: 2, sensor_lag: 0.5e-3, dead_time: 1.5e-3 };
         assert!((delay.periods() - 7.0).abs() < 1e-12 && (delay.time() - 7e-3).abs() < 1e-15);
+        // two cycles of the way there, and the whole period of the drive's
+        assert_eq!(delay.command_periods(), 3);
         let mut crane = Description::uia_virtual().unwrap();
         let before = Delay::of(&crane).periods();
         crane.numbers.drive_dead_time = 3e-3;

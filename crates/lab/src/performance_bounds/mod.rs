@@ -20,6 +20,8 @@ mod sensor_noise;
 mod strategies;
 mod unknown_payload;
 
-pub use assessment::{BOUND_PARTS, Limit, LimitCost, PerformanceBounds, performance_bounds};
+pub use assessment::{
+    BOUND_PARTS, LONGEST_COURSE, Limit, LimitCost, PerformanceBounds, performance_bounds,
+};
 pub use conditions::Condition;
 pub use strategies::{StrategyError, strategy_errors};

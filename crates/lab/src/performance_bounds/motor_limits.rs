@@ -6,7 +6,7 @@
 //! constant in each period, with one it is continuous and piecewise linear.
 
 use super::crane_along_course::CraneAlongCourse;
-use super::optimal_control::{LinearPeriod, best_deviation};
+use super::optimal_control::{LinearPeriod, Solution, best_deviation};
 use crate::LabError;
 use hydroboom_control::actuator_limits::ActuatorLimits;
 use hydroboom_control::estimation::reduced_model::{MachineState, ReducedModel};
@@ -41,7 +41,7 @@ pub(super) struct MotorLimits {
 pub(super) struct LeastError {
     /// RMS of the motion that was found \[mm\].
     pub rms_mm: f64,
-    /// No motion of the linearised crane has a smaller one \[mm\], by the duality gap, but for the weight of changes of speed in the cost.
+    /// No motion of the linearised crane has a smaller one \[mm\]: the duality gap and the weight of changes of speed in the cost are taken off.
     pub least_mm: f64,
 }
 
@@ -53,7 +53,13 @@ struct MotorDriven<'a> {
     share: f64,
 }
 
-impl MotorDriven<'_> {
+impl<'a> MotorDriven<'a> {
+    /// Of a crane; with a limit of its slew the motor speed is linear in each period, without one constant.
+    fn new(crane: &'a CraneAlongCourse, limits: MotorLimits) -> Self {
+        let share = if limits.slew.is_finite() { 0.5 } else { 1.0 };
+        Self { crane, model: crane.model.map(Slopes::constant), share }
+    }
+
     /// A state with its slopes by the scaled states.
     fn variables(state: &MachineState<f64>) -> MachineState<Slopes> {
         let mut direction = 0..STATES;
@@ -120,10 +126,7 @@ pub(super) fn least_error(
     limits: MotorLimits,
     go_on: &dyn Fn() -> bool,
 ) -> Result<Option<LeastError>, LabError> {
-    let share = if limits.slew.is_finite() { 0.5 } else { 1.0 };
-    let plant = MotorDriven { crane, model: crane.model.map(Slopes::constant), share };
-    let change = limits.slew * crane.period;
-    let inside = ActuatorLimits { speed: INSIDE * limits.speed, slew: INSIDE * change };
+    let (plant, inside) = (MotorDriven::new(crane, limits), limits.inside(crane));
     let mut speed = crane.motor_speeds[0].min(inside.speed);
     let period = |k: usize| {
         let next = inside.follow(speed, crane.motor_speeds[k + 1], 1.0);
@@ -131,16 +134,180 @@ pub(super) fn least_error(
         plant.period(k, [from, next])
     };
     let periods: Vec<_> = (0..crane.periods()).map(period).collect();
-    let samples = crane.reference.len() as f64;
-    let tolerance = [SHARE, samples * SMALLEST * SMALLEST];
-    let finite = [change, limits.speed].map(|limit| limit.is_finite().then_some(limit));
-    let Some(found) = best_deviation(&periods, finite, CHANGE_AS_ERROR, tolerance, go_on)? else {
-        return Ok(None);
-    };
-    let rms = |square: f64| (square.max(0.0) / samples).sqrt();
-    // the gap is that of half the sum
-    Ok(Some(LeastError {
-        rms_mm: rms(found.square),
-        least_mm: rms(found.square - 2.0 * found.gap),
-    }))
+    let Some(found) = limits.best(crane, &periods, go_on)? else { return Ok(None) };
+    Ok(Some(LeastError::of(found, crane)))
+}
+
+/// The least error where changes of the reference's acceleration and of the load are not known ahead: whenever one comes, the crane is exactly on the reference and knows of none. For
+/// so many periods more (`blind`) its motor goes on as before, since commands are on their way; then it is driven as is best for all that follows up to the next change. None where
+/// `go_on` said no.
+///
+/// # Errors
+///
+/// [`LabError::NoBound`] when a search does not end.
+pub(super) fn least_error_without_preview(
+    crane: &CraneAlongCourse,
+    limits: MotorLimits,
+    blind: usize,
+    go_on: &dyn Fn() -> bool,
+) -> Result<Option<LeastError>, LabError> {
+    let (plant, inside) = (MotorDriven::new(crane, limits), limits.inside(crane));
+    let changes = crane.changes();
+    let ends = changes.iter().skip(1).copied().chain([crane.periods()]);
+    let mut all = Solution { square: 0.0, least: 0.0 };
+    for (begin, end) in changes.iter().copied().zip(ends) {
+        let (state, speed) = crane.before_change(begin);
+        let mut speed = speed.clamp(-inside.speed, inside.speed);
+        let on = (crane.motor_speeds[begin] - crane.motor_speeds[begin - 1])
+            .clamp(-inside.slew, inside.slew);
+        let period = |k: usize| {
+            let is_blind = k < begin + blind;
+            let next = match is_blind {
+                true => (speed + on).clamp(-inside.speed, inside.speed),
+                false => inside.follow(speed, crane.motor_speeds[k + 1], 1.0),
+            };
+            let from = std::mem::replace(&mut speed, next);
+            let mut period = plant.period(k, [from, next]);
+            if is_blind {
+                period.by_change.fill(0.0);
+            }
+            period
+        };
+        let mut periods: Vec<_> = (begin..end).map(period).collect();
+        let [own, reference] =
+            [&state, &crane.states[begin]].map(|state| MotorDriven::moving(*state, 0.0));
+        let off = SVector::from_fn(|i, _| (own[i] - reference[i]) / UNITS[i]);
+        if let Some(first) = periods.first_mut() {
+            first.defect += first.by_state * off;
+        }
+        let Some(found) = limits.best(crane, &periods, go_on)? else { return Ok(None) };
+        all.square += found.square;
+        all.least += found.least;
+    }
+    Ok(Some(LeastError::of(all, crane)))
+}
+
+impl MotorLimits {
+    /// What the motion keeps within from which the search begins, the slew as a change in a period.
+    fn inside(self, crane: &CraneAlongCourse) -> ActuatorLimits<f64> {
+        ActuatorLimits { speed: INSIDE * self.speed, slew: INSIDE * self.slew * crane.period }
+    }
+
+    /// The best deviation within them.
+    fn best(
+        self,
+        crane: &CraneAlongCourse,
+        periods: &[LinearPeriod<STATES>],
+        go_on: &dyn Fn() -> bool,
+    ) -> Result<Option<Solution>, LabError> {
+        let tolerance = [SHARE, crane.reference.len() as f64 * SMALLEST * SMALLEST];
+        let finite =
+            [self.slew * crane.period, self.speed].map(|limit| limit.is_finite().then_some(limit));
+        best_deviation(periods, finite, CHANGE_AS_ERROR, tolerance, go_on)
+    }
+}
+
+impl LeastError {
+    /// Over all samples of the course.
+    fn of(found: Solution, crane: &CraneAlongCourse) -> Self {
+        let rms = |square: f64| (square / crane.reference.len() as f64).sqrt();
+        Self { rms_mm: rms(found.square), least_mm: rms(found.least) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::closed_loop::scenario::{Course, Load};
+    use hydroboom_control::reference::profile::SetPoint;
+    use hydroboom_control::reference::trajectory::Trajectory;
+    use hydroboom_description::Description;
+
+    fn limits(crane: &Description) -> MotorLimits {
+        MotorLimits { speed: crane.numbers.motor_speed, slew: crane.numbers.motor_slew }
+    }
+
+    fn crane() -> Description {
+        let mut crane = Description::uia_single_boom().unwrap();
+        let n = &mut crane.numbers;
+        (n.rest, n.dwell, n.ramp) = (0.3, 0.3, 0.2);
+        n.motion_end = n.motion_start + 0.05;
+        crane
+    }
+
+    fn unforeseen(crane: &Description, course: &dyn Course, blind: usize) -> f64 {
+        let along = CraneAlongCourse::new(crane, course).unwrap();
+        let found = least_error_without_preview(&along, limits(crane), blind, &|| true);
+        found.unwrap().unwrap().rms_mm
+    }
+
+    /// Without limits any motion is made, with the reference known.
+    #[test]
+    fn a_motor_without_limits_makes_any_motion() {
+        let crane = crane();
+        let along = CraneAlongCourse::new(&crane, &crane.motion(crane.numbers.fast)).unwrap();
+        let none = MotorLimits { speed: f64::INFINITY, slew: f64::INFINITY };
+        let found = least_error(&along, none, &|| true).unwrap().unwrap();
+        assert!(found.rms_mm < SMALLEST, "{found:?}");
+    }
+
+    /// Whoever sees a change when it comes is no better than who knows it ahead, and worse the longer commands are on their way.
+    #[test]
+    fn what_is_not_known_ahead_costs_more_the_later_it_is_acted_on() {
+        let crane = crane();
+        let course = crane.motion(crane.numbers.fast);
+        let along = CraneAlongCourse::new(&crane, &course).unwrap();
+        let known = least_error(&along, limits(&crane), &|| true).unwrap().unwrap().rms_mm;
+        let [at_once, later, latest] = [0, 3, 10].map(|blind| unforeseen(&crane, &course, blind));
+        assert!(
+            known < at_once && at_once < later && later < latest,
+            "{known} {at_once} {later} {latest}"
+        );
+        // nobody who acts so late has less than what the acceleration alone makes until then: ½ a t² after each of eight changes
+        let (a, t) = (crane.numbers.fast / crane.numbers.ramp, 10.0 * along.period);
+        let square = 8.0 * (500.0 * a * t * t).powi(2) * t / 5.0;
+        let least = (square / course.duration()).sqrt();
+        assert!(latest > least, "{latest} {least} mm");
+    }
+
+    /// Rests, and gets another load on the way.
+    struct Loaded {
+        duration: f64,
+        loads: [Load; 1],
+    }
+    impl Trajectory for Loaded {
+        fn reference(&self, _: f64) -> SetPoint<f64> {
+            SetPoint { position: 0.25, velocity: 0.0 }
+        }
+        fn duration(&self) -> f64 {
+            self.duration
+        }
+        fn speed(&self) -> f64 {
+            0.0
+        }
+    }
+    impl Course for Loaded {
+        fn name(&self) -> String {
+            "loaded".into()
+        }
+        fn loads(&self) -> &[Load] {
+            &self.loads
+        }
+    }
+
+    /// A load that is hung on unforeseen costs more than one that is known to come, and more of it costs more.
+    #[test]
+    fn a_load_that_is_not_known_ahead_costs_more_than_one_that_is() {
+        let crane = crane();
+        let errors = [10.0, 40.0].map(|more| {
+            let load = Load { time: 0.4, mass: crane.numbers.payload + more };
+            let course = Loaded { duration: 1.0, loads: [load] };
+            let along = CraneAlongCourse::new(&crane, &course).unwrap();
+            let known = least_error(&along, limits(&crane), &|| true).unwrap().unwrap().rms_mm;
+            [known, unforeseen(&crane, &course, 2)]
+        });
+        let [[known, unforeseen], [more_known, more_unforeseen]] = errors;
+        assert!(known < unforeseen && more_known < more_unforeseen, "{errors:?}");
+        assert!(known < more_known && unforeseen < more_unforeseen, "{errors:?}");
+    }
 }

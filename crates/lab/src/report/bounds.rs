@@ -62,7 +62,7 @@ pub fn bounds_page(
             "Strategies run on the virtual crane in closed loop. Nothing here is a measurement."
         }
         (figure(
-            "Least possible tracking error with one limit alone and with all of them (bars), an estimate for feedforward alone (outline), \
+            "Least possible tracking error with one limit alone and with all of them (bars), estimates (outlines), \
              and the strategies in closed loop (dots). The dashed line is the bound with all limits; nobody is left of it.",
             &drawing(bounds, strategies)?
         ))
@@ -92,6 +92,8 @@ fn meaning(bounds: &PerformanceBounds) -> Markup {
             li { "Feedforward alone: an estimate. Motor speeds are those of the payload as it is estimated on the way, and no position is fed back. The
                   payload's standard deviation is " (digits(bounds.payload_deviation_kg[0])) " kg before, " (digits(bounds.payload_deviation_kg[1]))
                  " kg when the motion begins and " (digits(bounds.payload_deviation_kg[2])) " kg at its end." }
+            li { "Not known ahead: an estimate. Whenever the reference changes its acceleration, or the load is changed, the piston is on the reference and nobody knew.
+                  From when a command can act on it all is known up to the next change. The strategies below know the reference ahead." }
         }
     }
 }
@@ -106,6 +108,7 @@ fn limits(bounds: &PerformanceBounds) -> Markup {
                     td { (cost.limit.name()) } td { (digits(cost.alone_mm)) } td { (digits(cost.all_others_mm)) }
                 } }
                 tr { td { "all" } td { (digits(bounds.all_mm)) } td {} }
+                tr { td { "all, reference and load changes not known ahead" } td { (digits(bounds.not_known_ahead_mm)) } td {} }
             }
         } }
     }
@@ -146,7 +149,12 @@ fn groups(bounds: &PerformanceBounds, strategies: &[StrategyError]) -> Vec<Group
         mark: Mark::Bound("var(--soft)"),
     });
     let all =
-        Row { name: "all limits".into(), value: bounds.all_mm, mark: Mark::Bound("var(--ink)") };
+        Row { name: "known ahead".into(), value: bounds.all_mm, mark: Mark::Bound("var(--ink)") };
+    let not_known_ahead = Row {
+        name: "reference and load changes not known ahead".into(),
+        value: bounds.not_known_ahead_mm,
+        mark: Mark::Estimate,
+    };
     let feedforward = Row {
         name: "feedforward alone".into(),
         value: bounds.feedforward_mm,
@@ -159,7 +167,7 @@ fn groups(bounds: &PerformanceBounds, strategies: &[StrategyError]) -> Vec<Group
     };
     let mut groups = vec![
         Group { heading: "Least possible with one limit alone", rows: alone.collect() },
-        Group { heading: "Least possible with all limits", rows: vec![all] },
+        Group { heading: "Least possible with all limits", rows: vec![all, not_known_ahead] },
         Group { heading: "Estimate without position feedback", rows: vec![feedforward] },
     ];
     if !strategies.is_empty() {

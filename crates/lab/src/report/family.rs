@@ -106,6 +106,9 @@ fn table(rows: &[&Row]) -> Markup {
                 }
             } }
         } }
+        @for r in rows.iter().filter(|r| r.periods_without_solution > 0) {
+            p.unstable { (name(r)) " computed no command in " (r.periods_without_solution) " control periods: its last plan was held." }
+        }
     }
 }
 

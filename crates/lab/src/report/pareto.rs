@@ -152,6 +152,7 @@ mod tests {
 
     fn mark(name: &str, colour: usize, effort: [f64; 3], error: [f64; 3]) -> ParetoPoint<'_> {
         let spread = |[p5, median, p95]: [f64; 3]| Percentiles {
+            least: p5,
             p5,
             p25: p5,
             median,
