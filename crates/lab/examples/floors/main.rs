@@ -1,14 +1,12 @@
-//! What is left of a scenario's error whoever controls, beside what benchmark and scheduled LQR have, on cranes of the family.
+//! What a load that changes leaves of a scenario's error whoever controls, on the nonlinear crane, beside what benchmark and scheduled LQR have, on cranes of the family.
+//! Along references that are not known ahead `hydroboom bounds` says so.
 //!
-//! `floors -- start-stop 24` for the first 24 cranes of seed 1, or another scenario; without a number for 16.
+//! `floors -- payload-change 24` for the first 24 cranes of seed 1, or load-in-motion; without a number for 16.
 
-mod full_speed;
 mod pull;
-mod spring;
 
 use hydroboom_control::strategy::Strategy;
 use hydroboom_description::Description;
-use hydroboom_design::operating_points::OperatingPoints;
 use hydroboom_lab::LabError;
 use hydroboom_lab::closed_loop::monte_carlo::{Percentiles, member};
 use hydroboom_lab::closed_loop::scenario::{Course, CourseChoice};
@@ -29,19 +27,6 @@ struct Case {
     crane: Description,
     course: Box<dyn Course>,
     scheduled: Run,
-}
-
-impl Case {
-    fn loads_change(&self) -> bool {
-        !self.course.loads().is_empty()
-    }
-}
-
-/// Operating points of the model with a crane's payload.
-fn operating_points(model: &Description, crane: &Description) -> Result<OperatingPoints, Failure> {
-    let mut loaded = model.clone();
-    loaded.numbers.payload = crane.numbers.payload;
-    Ok(OperatingPoints::new(&loaded)?)
 }
 
 /// A motor that turns no faster than so many times the benchmark's is as good as that.
@@ -68,27 +53,23 @@ impl From<&Run> for Left {
     }
 }
 
-/// What is left at best, by name, of a crane whose motor turns at `most` \[rev/s\] under the benchmark: by what that is reckoned hangs on whether loads change, the
-/// scenario is faster than the motor, or neither.
-fn floors(case: &Case, scenario: &str, most: f64) -> Result<Vec<(&'static str, Left)>, Failure> {
+/// What is left at best, by name, of a crane whose motor turns at `most` \[rev/s\] under the benchmark.
+fn floors(case: &Case, most: f64) -> Result<Vec<(&'static str, Left)>, Failure> {
+    if case.course.loads().is_empty() {
+        let name = case.course.name();
+        return Err(
+            format!("no load changes along {name}: `hydroboom bounds --scenario {name}`").into()
+        );
+    }
     let speed = case.crane.numbers.motor_speed;
-    Ok(match scenario {
-        _ if case.loads_change() => {
-            let within = speed.min(TWENTIETH * most);
-            vec![
-                ("at best", pull::left(case, speed, Knows::AtOnce, Home::Stopped)?),
-                (WITHIN, pull::left(case, within, Knows::AtOnce, Home::Stopped)?),
-                ("once it shows", pull::left(case, speed, Knows::OnceItShows, Home::Stopped)?),
-                (SHOWN_WITHIN, pull::left(case, within, Knows::OnceItShows, Home::Stopped)?),
-                (BRAKED, pull::left(case, within, Knows::OnceItShows, Home::Braked)?),
-            ]
-        }
-        "saturation" => {
-            let [told, untold] = full_speed::left(case)?;
-            vec![("at best", told), ("so untold", untold)]
-        }
-        _ => vec![("at best", spring::left(case)?)],
-    })
+    let within = speed.min(TWENTIETH * most);
+    Ok(vec![
+        ("at best", pull::left(case, speed, Knows::AtOnce, Home::Stopped)?),
+        (WITHIN, pull::left(case, within, Knows::AtOnce, Home::Stopped)?),
+        ("once it shows", pull::left(case, speed, Knows::OnceItShows, Home::Stopped)?),
+        (SHOWN_WITHIN, pull::left(case, within, Knows::OnceItShows, Home::Stopped)?),
+        (BRAKED, pull::left(case, within, Knows::OnceItShows, Home::Braked)?),
+    ])
 }
 
 /// What a crane of the family has along a course.
@@ -110,7 +91,7 @@ impl Row {
             [&benchmark, &scheduled].map(|run| run.metrics().effort().motor_speed_rpm / 60.0);
         let [benchmark, left] = [&benchmark, &scheduled].map(Left::from);
         let case = Case { model: model.clone(), crane, course, scheduled };
-        let mut columns = floors(&case, scenario, most)?;
+        let mut columns = floors(&case, most)?;
         columns.extend([(SCHEDULED, left), (BENCHMARK, benchmark)]);
         Ok(Self { columns, motor: own / most })
     }
@@ -135,7 +116,7 @@ fn print_spreads<'a>(rows: impl Iterator<Item = &'a Row> + Clone) {
 
 fn main() -> Result<(), Failure> {
     let mut arguments = std::env::args().skip(1);
-    let scenario = arguments.next().ok_or("which scenario? `floors -- start-stop 24`, say")?;
+    let scenario = arguments.next().ok_or("which scenario? `floors -- payload-change 24`, say")?;
     let count = match arguments.next() {
         Some(number) => {
             number.parse().map_err(|_| format!("`{number}` is no number of cranes: 24, say"))?

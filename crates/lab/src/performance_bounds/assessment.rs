@@ -81,9 +81,9 @@ pub struct PerformanceBounds {
     /// With all limits.
     pub all_mm: f64,
     /// With all limits, where neither the reference nor a change of the load is known ahead: from the reference on which it is the crane learns of each change when it
-    /// comes, and commands are on their way for as long as fieldbus and drive take.
+    /// comes, and commands are on their way for as long as fieldbus and drive take. No less than where all is known ahead.
     pub not_known_ahead_mm: f64,
-    /// Share of `motor_mm` by which a better motion of the linearised model could be below it, at most.
+    /// Share of `motor_mm` by which a better motion of the linearised model could be below it, at most; 0 where that is below 1e-6 mm.
     pub motor_gap_percent: f64,
     /// Estimate, no bound: feedforward alone with the payload as it is estimated on the way.
     pub feedforward_mm: f64,
@@ -95,6 +95,9 @@ pub struct PerformanceBounds {
 
 /// Parts of the work: the model, four motions, prediction errors.
 pub const BOUND_PARTS: usize = 6;
+
+/// An error that is none \[mm\]: the searches for motions end at a tenth of it.
+const NONE: f64 = 1e-6;
 
 /// Longest course \[s\]: its covariances and slopes take some 0.5 GB.
 pub const LONGEST_COURSE: f64 = 300.0;
@@ -180,8 +183,11 @@ pub fn performance_bounds(
         motor_mm: by_both.rms_mm,
         information_mm,
         all_mm: by_both.rms_mm.hypot(information_mm),
-        not_known_ahead_mm: unforeseen.rms_mm.hypot(information_mm),
-        motor_gap_percent: 100.0 * (1.0 - by_both.least_mm / by_both.rms_mm.max(f64::MIN_POSITIVE)),
+        not_known_ahead_mm: unforeseen.rms_mm.max(by_both.rms_mm).hypot(information_mm),
+        motor_gap_percent: match by_both.rms_mm > NONE {
+            true => 100.0 * (1.0 - by_both.least_mm / by_both.rms_mm),
+            false => 0.0,
+        },
         feedforward_mm: 1e3 * feedforward,
         payload_deviation_kg: [deviation(payloads), payload(begins), payload(along.periods())],
         conditions: conditions(crane, payloads),
