@@ -191,7 +191,52 @@ impl ErrorTable {
                 columns.iter().map(|(_, cell)| cell(row).unwrap_or_else(|| "-".into())).collect();
             let _ = writeln!(table, "| {} |", cells.join(" | "));
         }
+        table += &self.beside_scheduled_lqr();
         Ok(table)
+    }
+
+    /// The table of all but the benchmark over the scheduled LQR on the same crane; empty where that is not one of the controllers, or the only one.
+    fn beside_scheduled_lqr(&self) -> String {
+        let is_lqr = |name: &str| name == Strategy::ScheduledLqr.name();
+        let Some((_, lqr)) = self.controllers.iter().find(|(name, _)| is_lqr(name)) else {
+            return String::new();
+        };
+        let mut rows = String::new();
+        for course in &self.courses {
+            for (name, outcomes) in self.controllers.iter().filter(|(name, _)| !is_lqr(name)) {
+                let along = |place: &Place| place.0 == *course;
+                let ratios = |of: fn(&Outcome) -> Option<f64>| -> Vec<f64> {
+                    let ratio = |(place, own): (&Place, &Outcome)| {
+                        Some(of(own)? / of(lqr.get(place).filter(|_| along(place))?)?)
+                    };
+                    outcomes.iter().filter_map(ratio).collect()
+                };
+                let truth = ratios(|o| o.true_rms_mm);
+                let less = truth.iter().filter(|ratio| **ratio < 1.0).count();
+                let text = |all: Vec<f64>| match all.is_empty() {
+                    true => "-".into(),
+                    false => Percentiles::of(all).range_text(2),
+                };
+                let count = truth.len();
+                if count > 0 {
+                    let [measured, slew] =
+                        [ratios(|o| o.measured_rms_mm), ratios(|o| o.motor_slew_rpm_per_s)]
+                            .map(text);
+                    let _ = writeln!(
+                        rows,
+                        "| {course} | {name} | {count} | {} | {less} | {measured} | {slew} |",
+                        text(truth)
+                    );
+                }
+            }
+        }
+        match rows.is_empty() {
+            true => rows,
+            false => format!(
+                "\nOver the scheduled LQR's on the same crane, seed and course: median (least .. largest).\n\n\
+                 | course | controller | cranes | RMS true | less on | RMS measured | motor slew |\n|---|---|---|---|---|---|---|\n{rows}"
+            ),
+        }
     }
 }
 
@@ -325,6 +370,22 @@ slow,1,0,scheduled-lqr,1.0,1.0,1,false,1060,11,3
         let ripple = row.ripple_rpm.unwrap();
         close(ripple.median, 4.0);
         close(ripple.worst, 5.0);
+    }
+
+    /// By hand: on crane 0 half of the scheduled LQR's, on crane 1 twice as much.
+    #[test]
+    fn what_is_compared_with_the_scheduled_lqr_is_on_the_same_crane() {
+        let other = "\
+course,seed,crane,controller,true_rms_mm,measured_rms_mm,sustained_oscillation
+fast,1,0,linear-mpc,0.5,1.5,false
+fast,1,1,linear-mpc,2.0,2.0,false
+fast,1,7,linear-mpc,9.0,9.0,false
+";
+        let text = table(&[BENCHMARK, OURS, other]).unwrap().markdown().unwrap();
+        let row = "| fast | linear-mpc | 2 | 1.25 (0.50 .. 2.00) | 1 | 1.25 (1.00 .. 1.50) | - |";
+        assert!(text.contains(row), "{text}");
+        let alone = table(&[BENCHMARK, OURS]).unwrap().markdown().unwrap();
+        assert!(!alone.contains("Over the scheduled LQR's"), "{alone}");
     }
 
     #[test]

@@ -151,7 +151,7 @@ fn groups(bounds: &PerformanceBounds, strategies: &[StrategyError]) -> Vec<Group
     let all =
         Row { name: "known ahead".into(), value: bounds.all_mm, mark: Mark::Bound("var(--ink)") };
     let not_known_ahead = Row {
-        name: "reference and load changes not known ahead".into(),
+        name: "not known ahead".into(),
         value: bounds.not_known_ahead_mm,
         mark: Mark::Estimate,
     };
