@@ -11,7 +11,9 @@ pub use analogue_input::{AnalogueInput, Signal};
 pub use coupler::coupler;
 pub use digital_output::DigitalOutput;
 pub use drive_state::DriveState;
-pub use servo_drive::{DriveSettings, Motor, ServoDrive, StiffMotor};
+pub use servo_drive::{
+    DriveSettings, INJECTED_FAULT, Motor, SAFE_TORQUE_OFF, ServoDrive, StiffMotor,
+};
 pub use velocity_unit::VelocityUnit;
 
 use crate::object_dictionary::{Mapping, ObjectAccess, ObjectDictionary};

@@ -378,8 +378,12 @@ impl Device {
         self.synchrony.has_pulsed = true;
         let cycle = u64::from(DistributedClock::settings(&self.controller.memory).1[0]);
         let set_up = self.settings.synchronisation.set_up;
-        let is_in_time =
-            self.synchrony.outputs.is_some_and(|came| came + set_up <= now && now - came <= cycle);
+        // a device without outputs waits for none
+        let is_in_time = self.outputs.is_empty()
+            || self
+                .synchrony
+                .outputs
+                .is_some_and(|came| came + set_up <= now && now - came <= cycle);
         let missed = &mut self.synchrony.missed;
         *missed = if is_in_time { missed.saturating_sub(1) } else { *missed + MISSED };
         let limit = MISSED * self.settings.synchronisation.missed_limit;
