@@ -1,0 +1,422 @@
+//! Bus: the cycle in OP, which a bus task calls in real time, and a loop in simulated time.
+//!
+//! ```text
+//! SYNC0          SYNC0          inputs are latched and outputs taken over at SYNC0
+//!   | A      B     |            A: inputs are read; B: outputs are sent
+//!   two exchanges: what was latched is acted on one period later
+//!   one exchange:  A alone, which takes the outputs of the cycle before along: two periods later
+//! ```
+//!
+//! A lost frame is not sent again: the measurement ages, and so many losses in a window are a fault. Where no new command came for two periods, the safe
+//! command is sent: target nought, valve shut, by drives that still have power to brake.
+
+use crate::drive::{Drive, Wanted};
+use crate::fault::{Fault, LossWindow};
+use crate::link::Link;
+use crate::machine::{BusSide, FieldbusMachine, hand_over};
+use crate::pace::Pace;
+use crate::start_up::{Devices, StartError, al_text};
+use crate::table::{Invalid, MEASURED, Table};
+use crate::time::now;
+use crate::wire::Wire;
+use ethercrab::subdevice_group::Op;
+use ethercrab::{RegisterAddress, SubDeviceState};
+use hydroboom_control::command::Command;
+use hydroboom_control::measurement::{AXES, AxisMeasurement, AxisSignals, Measurement, Validity};
+use hydroboom_control::supervision::limits::ValveState;
+use hydroboom_realtime::machine::Incoming;
+
+/// Periods without a new command after which the safe command is sent.
+const COMMAND_PERIODS: u32 = 2;
+/// Time after SYNC0 until which an answer is waited for, before the end of the period \[ns\].
+const MARGIN: u64 = 50_000;
+/// Signals of an axis; the measured signal after them is the valve's position switch.
+const SIGNALS: usize = MEASURED.len() - 1;
+
+/// What was counted since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Cycles.
+    pub cycles: u64,
+    /// Exchanges.
+    pub exchanges: u64,
+    /// Exchanges whose frame did not come back in time.
+    pub lost: u64,
+    /// Exchanges that came back with a working counter that is not the expected one.
+    pub low: u64,
+    /// Frames that came and were not waited for: late, repeated, or somebody else's.
+    pub unexpected: u64,
+    /// Cycles in which no new command had come.
+    pub without_command: u64,
+    /// Cycles in which a drive showed a warning (statusword bit 7).
+    pub warnings: u64,
+    /// Cycles in which a drive showed an active limit (statusword bit 11).
+    pub limits: u64,
+}
+
+/// A bus in OP.
+pub struct Bus<L> {
+    table: Table,
+    wire: Wire<L>,
+    group: Devices<Op>,
+    pace: Pace,
+    inputs: Vec<Vec<u8>>,
+    outputs: Vec<Vec<u8>>,
+    working_counter: u16,
+    drives: Vec<Drive>,
+    side: BusSide,
+    machine: Option<FieldbusMachine>,
+    number: u64,
+    /// The last command, and for how many periods none has come; none before the first.
+    command: Option<(Command, u32)>,
+    /// The first fault, and when it came \[ns\].
+    fault: Option<(Fault, u64)>,
+    lost: LossWindow,
+    low: LossWindow,
+    /// What was seen of the exchanges of this cycle.
+    cycle: Seen,
+    counters: Counters,
+    /// A device that left OP: its reason is still to be read.
+    dropped: Option<u16>,
+}
+
+/// What the exchanges of a cycle showed.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    is_lost: bool,
+    is_low: bool,
+}
+
+impl<L> std::fmt::Debug for Bus<L> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Bus")
+            .field("counters", &self.counters)
+            .field("fault", &self.fault)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<L: Link> Bus<L> {
+    pub(crate) fn running(table: Table, wire: Wire<L>, group: Devices<Op>, pace: Pace) -> Self {
+        let (machine, side) = hand_over();
+        let sizes = |bytes: fn(&crate::table::DeviceRow) -> usize| -> Vec<Vec<u8>> {
+            table.devices.iter().map(|row| vec![0; bytes(row)]).collect()
+        };
+        let window = || LossWindow::new(table.bus.lost_max, table.bus.window);
+        Self {
+            inputs: sizes(crate::table::DeviceRow::input_bytes),
+            outputs: sizes(crate::table::DeviceRow::output_bytes),
+            working_counter: table
+                .devices
+                .iter()
+                .map(crate::table::DeviceRow::working_counter)
+                .sum(),
+            drives: table.drives.iter().cloned().map(Drive::new).collect(),
+            lost: window(),
+            low: window(),
+            table,
+            wire,
+            group,
+            pace,
+            side,
+            machine: Some(machine),
+            number: 0,
+            command: None,
+            fault: None,
+            cycle: Seen::default(),
+            counters: Counters::default(),
+            dropped: None,
+        }
+    }
+
+    /// The machine, for the control task; it is given once.
+    pub fn take_machine(&mut self) -> Option<FieldbusMachine> {
+        self.machine.take()
+    }
+
+    /// The table.
+    pub fn table(&self) -> &Table {
+        &self.table
+    }
+
+    /// What was counted.
+    pub fn counters(&self) -> Counters {
+        Counters { unexpected: self.wire.unexpected, ..self.counters }
+    }
+
+    /// The fault that stopped the machine.
+    pub fn fault(&self) -> Option<Fault> {
+        self.fault.map(|(fault, _)| fault)
+    }
+
+    /// Working counter of a right exchange.
+    pub fn working_counter(&self) -> u16 {
+        self.working_counter
+    }
+
+    /// Statusword of each drive, as it came last.
+    pub fn statuswords(&self) -> impl Iterator<Item = u16> {
+        self.drives.iter().map(Drive::statusword)
+    }
+
+    /// The link, to act on what is simulated.
+    pub fn link_mut(&mut self) -> &mut L {
+        &mut self.wire.link
+    }
+
+    /// One cycle: measure, then send what was commanded by then. The calls for a bus task of its own.
+    pub fn cycle(&mut self) {
+        self.measure();
+        self.act();
+    }
+
+    /// Waits for the first exchange of a cycle, makes it, and hands the measurement over.
+    pub fn measure(&mut self) {
+        self.counters.cycles += 1;
+        self.cycle = Seen::default();
+        self.wire.link.wait(self.pace.next_exchange());
+        let counts = self.exchange();
+        // before the drives are looked at: one that left OP has a fault for it
+        self.read_reason();
+        if counts {
+            self.look_at_drives();
+            self.publish();
+        }
+    }
+
+    /// Takes the newest command, and sends it in the second exchange, or leaves it for the first of the next cycle.
+    pub fn act(&mut self) {
+        self.take_command();
+        self.take_reset();
+        self.encode();
+        if self.table.bus.exchanges == 2 {
+            self.wire.link.wait(self.pace.in_cycle(self.table.bus.send));
+            self.exchange();
+        }
+        let Seen { is_lost, is_low } = self.cycle;
+        if self.lost.take(is_lost) {
+            self.stop(Fault::FramesLost);
+        }
+        if self.low.take(is_low) {
+            self.stop(Fault::WorkingCounter);
+        }
+        self.side.show(self.drives.iter().all(Drive::is_enabled), self.fault());
+    }
+
+    /// Starts anew from INIT after a fault that devices do not come back from by themselves: a person has mended the cause.
+    ///
+    /// # Errors
+    ///
+    /// [`StartError`], which says what to do.
+    pub fn restart_by_a_person(self) -> Result<Self, StartError> {
+        let Self { table, wire, side, machine, .. } = self;
+        let mut bus = Self::start_on(table, wire)?;
+        // the control task keeps its machine
+        (bus.side, bus.machine) = (side, machine);
+        Ok(bus)
+    }
+
+    /// One exchange; whether its inputs count.
+    fn exchange(&mut self) -> bool {
+        let main = self.wire.main;
+        for (position, bytes) in self.outputs.iter().enumerate() {
+            // a guard lives in one statement only: inputs that are read while it is held would wait for ever
+            if let Ok(device) = self.group.subdevice(main, position) {
+                copy(&mut device.outputs_raw_mut(), bytes);
+            }
+        }
+        let sent = now();
+        self.counters.exchanges += 1;
+        let end = self.pace.answer_end(sent, &self.table.bus, MARGIN);
+        let answer = self.wire.run_until(self.group.tx_rx_dc(main), end).and_then(Result::ok);
+        self.pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
+        let Some(answer) = answer else {
+            self.counters.lost += 1;
+            self.cycle.is_lost = true;
+            return false;
+        };
+        if answer.working_counter != self.working_counter {
+            self.counters.low += 1;
+            self.cycle.is_low = true;
+        }
+        for (device, state) in (0..).zip(&answer.subdevice_states) {
+            match state {
+                SubDeviceState::Op => {}
+                // nothing was written into the datagram: it may be one frame only, which the working counter tells too
+                SubDeviceState::None => self.silent(device),
+                _ => {
+                    self.dropped = self.dropped.or(Some(device));
+                }
+            }
+        }
+        if self.cycle.is_low {
+            return false;
+        }
+        for (position, bytes) in self.inputs.iter_mut().enumerate() {
+            if let Ok(device) = self.group.subdevice(main, position) {
+                copy(bytes, &device.inputs_raw());
+            }
+        }
+        true
+    }
+
+    /// A device did not answer: a fault where the losses that are borne are used up.
+    fn silent(&mut self, device: u16) {
+        if self.low.is_used_up() {
+            self.stop(Fault::DeviceSilent { device });
+        }
+    }
+
+    /// A device left OP: the machine stops, and the reason is read once.
+    fn read_reason(&mut self) {
+        let Some(device) = self.dropped.take() else { return };
+        if self.fault.is_some() {
+            return;
+        }
+        let main = self.wire.main;
+        let mut code = 0;
+        if let Ok(place) = self.group.subdevice(main, usize::from(device)) {
+            let end = self.pace.in_cycle(self.table.bus.period - MARGIN);
+            let read = place.register_read::<u16>(RegisterAddress::AlStatusCode);
+            code = self.wire.run_until(read, end).and_then(Result::ok).unwrap_or(0);
+        }
+        self.stop(Fault::StateDropped { device, code });
+    }
+
+    fn look_at_drives(&mut self) {
+        let mut found = None;
+        for drive in &mut self.drives {
+            let seen = drive.see(&self.inputs[drive.row.device]);
+            found = found.or(seen);
+            self.counters.warnings +=
+                u64::from(drive.statusword() & crate::cia402::status_bit::WARNING != 0);
+            self.counters.limits +=
+                u64::from(drive.statusword() & crate::cia402::status_bit::INTERNAL_LIMIT != 0);
+        }
+        if let Some(fault) = found {
+            self.stop(fault);
+        }
+    }
+
+    /// The first fault stands.
+    fn stop(&mut self, fault: Fault) {
+        self.fault.get_or_insert((fault, now()));
+    }
+
+    /// Hands over what was measured.
+    fn publish(&mut self) {
+        self.number += 1;
+        let mut signals = [[f64::NAN; SIGNALS]; AXES];
+        let mut validity = [[Validity::Absent; SIGNALS]; AXES];
+        let mut valve = None;
+        for row in &self.table.measured {
+            let Some(inputs) = self.inputs.get(row.place.device) else { continue };
+            let value = row.scale.value(row.scale.kind.number(row.place.read(inputs)));
+            let invalid =
+                row.invalid.iter().filter(|(bits, _)| bits.is_set(inputs)).map(|(_, what)| what);
+            let is = invalid.fold(
+                if row.scale.has(value) { Validity::Good } else { Validity::OutOfRange },
+                |is, what| match (is, what) {
+                    (Validity::Absent, _) | (_, Invalid::Absent) => Validity::Absent,
+                    (_, Invalid::OutOfRange) => Validity::OutOfRange,
+                },
+            );
+            if row.signal == SIGNALS {
+                let state = if value > 0.5 { ValveState::Open } else { ValveState::Shut };
+                valve = (is == Validity::Good).then_some(state);
+            } else if let (Some(signals), Some(validity)) =
+                (signals.get_mut(row.axis), validity.get_mut(row.axis))
+            {
+                signals[row.signal] = value;
+                validity[row.signal] = is;
+            }
+        }
+        let axis = |k: usize| AxisMeasurement {
+            signals: AxisSignals::from_array(signals[k]),
+            validity: AxisSignals::from_array(validity[k]),
+        };
+        let measurement = Measurement {
+            number: self.number,
+            time: self.pace.system as f64 * 1e-9,
+            axes: std::array::from_fn(axis),
+        };
+        self.side.publish(&Incoming { measurement, valve });
+    }
+
+    fn take_command(&mut self) {
+        if let Some(command) = self.side.take_command() {
+            let is_finite = command
+                .axes
+                .iter()
+                .all(|axis| axis.motor_speed.is_finite() && axis.holding_valve.is_finite());
+            if is_finite {
+                self.command = Some((command, 0));
+                return;
+            }
+            self.stop(Fault::CommandsStopped);
+        }
+        if let Some((_, age)) = &mut self.command {
+            *age += 1;
+            self.counters.without_command += 1;
+            if *age >= COMMAND_PERIODS {
+                self.stop(Fault::CommandsStopped);
+            }
+        }
+    }
+
+    /// A person resets faults; what has left OP stays in its fault until the bus is started again.
+    fn take_reset(&mut self) {
+        if !self.side.take_reset() {
+            return;
+        }
+        let Some((fault, _)) = self.fault else { return };
+        if matches!(fault, Fault::StateDropped { .. } | Fault::DeviceSilent { .. }) {
+            return;
+        }
+        self.fault = None;
+        // commands begin anew
+        self.command = None;
+        self.lost.clear();
+        self.low.clear();
+        self.drives.iter_mut().for_each(Drive::reset);
+    }
+
+    /// Puts the command into the outputs; with a fault, or before the first command, the safe one.
+    fn encode(&mut self) {
+        let braking =
+            self.fault.map(|(_, since)| now().saturating_sub(since) < self.table.bus.brake);
+        let (command, wanted) = match (self.command, braking) {
+            (Some((command, _)), None) => (command, Wanted::Operation),
+            (_, Some(true)) => (Command::default(), Wanted::Braking),
+            (None, None) | (_, Some(false)) => (Command::default(), Wanted::Off),
+        };
+        for row in &self.table.commanded {
+            let Some(axis) = command.axes.get(row.axis) else { continue };
+            let value = if row.signal == 0 { axis.motor_speed } else { axis.holding_valve };
+            let counts = row.scale.counts(value);
+            let drive = self
+                .drives
+                .iter_mut()
+                .find(|drive| row.signal == 0 && drive.row.target == row.place);
+            let Some(outputs) = self.outputs.get_mut(row.place.device) else { continue };
+            match drive {
+                Some(drive) => drive.command(outputs, wanted, counts),
+                None => row.place.write(outputs, counts as u64),
+            }
+        }
+    }
+
+    /// The fault in a sentence, with what to do.
+    pub fn fault_sentence(&self) -> Option<String> {
+        let fault = self.fault()?;
+        Some(match fault {
+            Fault::StateDropped { code, .. } => fault.sentence(&self.table, &al_text(code)),
+            _ => fault.sentence(&self.table, ""),
+        })
+    }
+}
+
+/// Copies as much as there is room for.
+fn copy(to: &mut [u8], from: &[u8]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+}

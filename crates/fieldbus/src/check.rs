@@ -1,0 +1,195 @@
+//! Check of the table against what the devices say of themselves. Each mismatch is one sentence that says what to do.
+
+use crate::cia402::HAS_CYCLIC_VELOCITY;
+use crate::table::{DeviceRow, Pdo, Sync, Table};
+
+/// What a device says of itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DeviceFacts {
+    /// Name in its EEPROM.
+    pub name: String,
+    /// Vendor, product, revision.
+    pub identity: [u32; 3],
+    /// Outputs, by 0x1C12 and mapping objects, or by its EEPROM where it has no mailbox.
+    pub outputs: Vec<Pdo>,
+    /// Inputs, by 0x1C13 and mapping objects, or by its EEPROM.
+    pub inputs: Vec<Pdo>,
+    /// Whether it has a distributed clock.
+    pub has_clock: bool,
+    /// Activations of its clock, by its EEPROM.
+    pub activations: Vec<u16>,
+    /// Modes of operation that it has (0x6502).
+    pub modes: Option<u32>,
+    /// What one unit of 0x60FF and 0x606C is \[rev/s\], by 0x60A9 or by 0x608F, 0x6091 and 0x6096.
+    pub velocity_unit: Option<f64>,
+}
+
+/// Sizes of velocity units are compared to this share.
+const SAME_UNIT: f64 = 1e-6;
+/// Target velocity and velocity actual value.
+const VELOCITIES: [u16; 2] = [0x60ff, 0x606c];
+
+/// All mismatches.
+pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<String> {
+    let mut found = Vec::new();
+    if facts.len() != table.devices.len() {
+        let names: Vec<&str> = facts.iter().map(|device| device.name.as_str()).collect();
+        found.push(format!(
+            "{} devices answer ({}), the table has {}: look at cables and supply behind the last of them, or correct the table",
+            facts.len(),
+            names.join(", "),
+            table.devices.len()
+        ));
+    }
+    let rows = || table.devices.iter().zip(facts).enumerate();
+    found.extend(rows().find_map(|(position, (row, device))| identity(position, row, device)));
+    // what another device than the table's says of itself tells nothing
+    if !found.is_empty() {
+        return found;
+    }
+    for (position, (row, device)) in rows() {
+        found.extend(process_data(position, row, device));
+        found.extend(synchronisation(position, row, device));
+    }
+    if found.is_empty() {
+        for drive in &table.drives {
+            let (row, device) = (&table.devices[drive.device], &facts[drive.device]);
+            found.extend(mode(drive.device, row, device));
+            found.extend(velocities(table, drive.device, device));
+        }
+    }
+    found
+}
+
+fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<String> {
+    let [vendor, product, revision] = device.identity;
+    let [low, high] = row.revision;
+    let of = format!(
+        "position {position} is {} (vendor 0x{vendor:08X}, product 0x{product:08X}, revision 0x{revision:08X})",
+        device.name
+    );
+    if (vendor, product) != (row.vendor, row.product) {
+        return Some(format!(
+            "{of}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there: look at the order of the devices, or correct the table",
+            row.name, row.vendor, row.product
+        ));
+    }
+    (!(low..=high).contains(&revision)).then(|| {
+        format!(
+            "{of}, the table allows revisions 0x{low:08X} to 0x{high:08X}: read what its maker changed, then widen the range"
+        )
+    })
+}
+
+fn process_data(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Vec<String> {
+    let sides = [
+        ("outputs", "0x1C12", &row.outputs, &device.outputs),
+        ("inputs", "0x1C13", &row.inputs, &device.inputs),
+    ];
+    sides
+        .into_iter()
+        .filter(|(_, _, table, device)| !same(table, device))
+        .map(|(side, object, table, device)| {
+            let todo = match row.is_mapping_written {
+                true => "it does not take what the table writes: correct the table by its manual",
+                false => "correct the table, or set mapping = \"written\" where the device allows it",
+            };
+            format!(
+                "{side} of {} (position {position}) are {} ({object} or EEPROM), the table has {}: {todo}",
+                row.name,
+                text(device),
+                text(table)
+            )
+        })
+        .collect()
+}
+
+/// The same entries in the same order. Lists without entries count for nothing.
+fn same(one: &[Pdo], other: &[Pdo]) -> bool {
+    let used = |lists: &[Pdo]| -> Vec<Pdo> {
+        lists.iter().filter(|list| !list.entries.is_empty()).cloned().collect()
+    };
+    used(one) == used(other)
+}
+
+fn text(lists: &[Pdo]) -> String {
+    let list = |pdo: &Pdo| {
+        let entries: Vec<String> = pdo.entries.iter().map(ToString::to_string).collect();
+        format!("0x{:04X} [{}]", pdo.list, entries.join(", "))
+    };
+    if lists.is_empty() {
+        "none".into()
+    } else {
+        lists.iter().map(list).collect::<Vec<_>>().join(", ")
+    }
+}
+
+fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<String> {
+    let wanted = row.sync.activation();
+    if wanted == 0 {
+        return None;
+    }
+    if !device.has_clock {
+        return Some(format!(
+            "{} (position {position}) has no distributed clock, the table has sync for it: set sync = \"none\"",
+            row.name
+        ));
+    }
+    let has = device.activations.iter().any(|mode| mode & 0x0700 == wanted);
+    let modes: Vec<String> =
+        device.activations.iter().map(|mode| format!("0x{mode:04X}")).collect();
+    let name = match row.sync {
+        Sync::Sync01(_) => "SYNC0 and SYNC1",
+        _ => "SYNC0",
+    };
+    (!has && !device.activations.is_empty()).then(|| {
+        format!(
+            "{} (position {position}) has the activations {} in its EEPROM, the table asks for 0x{wanted:04X} ({name}): take one that it has",
+            row.name,
+            modes.join(", ")
+        )
+    })
+}
+
+fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<String> {
+    let modes = device.modes?;
+    (modes & HAS_CYCLIC_VELOCITY == 0).then(|| {
+        format!(
+            "{} (position {position}) does not have cyclic synchronous velocity (0x6502 is 0x{modes:08X}, bit 8 is 0): set it up in the drive, or take another drive",
+            row.name
+        )
+    })
+}
+
+/// The velocity unit that a drive states, against the table's factors.
+fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<String> {
+    let Some(unit) = device.velocity_unit else { return Vec::new() };
+    let row = &table.devices[position];
+    let place = |lists: &[Pdo], index: u16| {
+        let mut bit = 0;
+        for entry in lists.iter().flat_map(|list| &list.entries) {
+            if entry.index == index {
+                return Some(bit);
+            }
+            bit += usize::from(entry.bits);
+        }
+        None
+    };
+    let commanded = table.commanded.iter().map(|row| (row.place, row.scale, VELOCITIES[0]));
+    let measured = table.measured.iter().map(|row| (row.place, row.scale, VELOCITIES[1]));
+    commanded
+        .chain(measured)
+        .filter(|(at, _, index)| {
+            let lists = if *index == VELOCITIES[0] { &row.outputs } else { &row.inputs };
+            at.device == position && Some(at.bit) == place(lists, *index)
+        })
+        .filter(|(_, scale, _)| (scale.factor.abs() / unit - 1.0).abs() > SAME_UNIT)
+        .map(|(_, scale, index)| {
+            format!(
+                "one unit of 0x{index:04X} of {} (position {position}) is {unit:e} rev/s by its objects 0x60A9 or 0x608F, 0x6091 and 0x6096, the table's factor is {:e}: write the device's",
+                row.name,
+                scale.factor.abs()
+            )
+        })
+        .collect()
+}

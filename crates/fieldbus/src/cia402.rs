@@ -1,0 +1,135 @@
+//! Drives by CiA 402 (IEC 61800-7-201) in cyclic synchronous velocity: states, controlwords, bits of the statusword, error codes.
+
+/// Mode of operation: cyclic synchronous velocity.
+pub const CYCLIC_VELOCITY: i8 = 9;
+/// Bit of 0x6502 that says that a drive has it.
+pub const HAS_CYCLIC_VELOCITY: u32 = 1 << 8;
+
+/// State of a drive, as its statusword shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DriveState {
+    /// It starts.
+    NotReady,
+    /// No torque, power may not be switched on.
+    SwitchOnDisabled,
+    /// No torque, power may be switched on.
+    ReadyToSwitchOn,
+    /// No torque, power is on.
+    SwitchedOn,
+    /// The motor follows its target.
+    OperationEnabled,
+    /// The motor is stopped quickly.
+    QuickStopActive,
+    /// A fault is there, the motor is stopped.
+    FaultReactionActive,
+    /// A fault is there, no torque.
+    Fault,
+}
+
+impl DriveState {
+    /// Of a statusword: bits 0 to 3, 5 and 6.
+    pub fn of(statusword: u16) -> Self {
+        match (statusword & 0x4f, statusword & 0x6f) {
+            (0x00, _) => Self::NotReady,
+            (0x40, _) => Self::SwitchOnDisabled,
+            (0x0f, _) => Self::FaultReactionActive,
+            (0x08, _) => Self::Fault,
+            (_, 0x21) => Self::ReadyToSwitchOn,
+            (_, 0x23) => Self::SwitchedOn,
+            (_, 0x27) => Self::OperationEnabled,
+            (_, 0x07) => Self::QuickStopActive,
+            _ => Self::NotReady,
+        }
+    }
+
+    /// The controlword that leads to operation, or away from it. A fault is left alone: [`FAULT_RESET`] is a person's.
+    pub fn controlword(self, is_operation_wanted: bool) -> u16 {
+        match self {
+            Self::NotReady | Self::Fault | Self::FaultReactionActive => 0x0000,
+            // by way of disabled voltage: a quick stop is not called off
+            Self::QuickStopActive => 0x0000,
+            Self::SwitchOnDisabled => 0x0006,
+            Self::ReadyToSwitchOn if is_operation_wanted => 0x0007,
+            Self::SwitchedOn | Self::OperationEnabled if is_operation_wanted => 0x000f,
+            _ => 0x0006,
+        }
+    }
+}
+
+/// Controlword whose rising bit 7 resets a fault.
+pub const FAULT_RESET: u16 = 0x0080;
+
+/// Bits of the statusword that are watched beside the state.
+pub mod status_bit {
+    /// A warning.
+    pub const WARNING: u16 = 1 << 7;
+    /// The controlword is obeyed.
+    pub const REMOTE: u16 = 1 << 9;
+    /// A limit inside the drive is active.
+    pub const INTERNAL_LIMIT: u16 = 1 << 11;
+    /// The drive follows its target.
+    pub const FOLLOWS_TARGET: u16 = 1 << 12;
+}
+
+/// What an error code of 0x603F says (CiA 402-2, table of error codes); none for those that are not common.
+pub fn error_text(code: u16) -> Option<&'static str> {
+    Some(match code {
+        0x2310 | 0x2311 => "continuous over-current at the output",
+        0x2320 | 0x2330 | 0x2340 => "short circuit or earth fault at the output",
+        0x3110 => "mains over-voltage",
+        0x3120 | 0x3130 => "mains under-voltage or a phase is missing",
+        0x3210 => "over-voltage of the DC link: braking energy is not taken up",
+        0x3220 => "under-voltage of the DC link: is the power supply on?",
+        0x4210 | 0x4310 => "the drive or the motor is too hot",
+        0x5112 => "the supply of 24 V is missing",
+        0x5441 => "a contactor or safe torque off has opened",
+        0x6320 => "a parameter is wrong",
+        0x7121 => "the motor is blocked",
+        0x7300 | 0x7305 | 0x7306 | 0x7320 => "encoder fault: look at its cable",
+        0x7500 | 0x7510 | 0x8100 | 0x8180 => "the connection was lost: process data stayed away",
+        0x8311 => "torque beyond its limit",
+        0x8400 | 0x8480 => "the speed deviates from its target by too much",
+        0x8500 | 0x8611 => "the position deviates from its target by too much",
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_statusword_tells_the_state_whatever_its_other_bits_are() {
+        use DriveState::{
+            Fault, FaultReactionActive, NotReady, OperationEnabled, QuickStopActive,
+            ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn,
+        };
+        // CiA 402-2, statusword: x is any
+        for (pattern, state) in [
+            ("xxxxxxxxx0xx0000", NotReady),
+            ("xxxxxxxxx1xx0000", SwitchOnDisabled),
+            ("xxxxxxxxx01x0001", ReadyToSwitchOn),
+            ("xxxxxxxxx01x0011", SwitchedOn),
+            ("xxxxxxxxx01x0111", OperationEnabled),
+            ("xxxxxxxxx00x0111", QuickStopActive),
+            ("xxxxxxxxx0xx1111", FaultReactionActive),
+            ("xxxxxxxxx0xx1000", Fault),
+        ] {
+            for any in ['0', '1'] {
+                let word = pattern.replace('x', &any.to_string());
+                let word = u16::from_str_radix(&word, 2).unwrap();
+                assert_eq!(DriveState::of(word), state, "{pattern} with {any}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_controlword_of_ours_resets_a_fault_or_enables_what_is_not_wanted() {
+        let states = (0..=u16::MAX).map(DriveState::of);
+        for (state, wanted) in states.flat_map(|state| [(state, false), (state, true)]) {
+            let word = state.controlword(wanted);
+            assert_eq!(word & FAULT_RESET, 0);
+            assert!(wanted || word & 0x000f != 0x000f);
+        }
+    }
+}

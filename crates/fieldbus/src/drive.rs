@@ -1,0 +1,119 @@
+//! A drive on the bus: its words in each cycle, and what is wrong with it.
+
+use crate::cia402::{CYCLIC_VELOCITY, DriveState, FAULT_RESET, status_bit};
+use crate::fault::Fault;
+use crate::table::DriveRow;
+
+/// Cycles for which an enabled drive may not follow its target: it takes a few to open its brake and to show its mode. Estimate; brakes open within 0.2 s.
+const MAY_IGNORE: u32 = 500;
+/// Cycles for which the bit of a fault reset stands.
+const RESET_CYCLES: u32 = 10;
+
+/// What a drive is to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Operate, and be enabled for it.
+    Operation,
+    /// Keep its power while it is enabled, to brake; not be enabled anew.
+    Braking,
+    /// Be switched off.
+    Off,
+}
+
+/// State of a drive, from cycle to cycle.
+#[derive(Clone, Debug)]
+pub(crate) struct Drive {
+    pub(crate) row: DriveRow,
+    state: DriveState,
+    statusword: u16,
+    has_open_stop_circuit: bool,
+    /// Whether it was enabled, so that switching off by itself is a fault.
+    was_enabled: bool,
+    /// Cycles for which it is enabled and does not follow.
+    ignoring: u32,
+    /// Cycles for which the fault reset still stands.
+    reset: u32,
+}
+
+impl Drive {
+    pub(crate) fn new(row: DriveRow) -> Self {
+        Self {
+            row,
+            state: DriveState::NotReady,
+            statusword: 0,
+            has_open_stop_circuit: false,
+            was_enabled: false,
+            ignoring: 0,
+            reset: 0,
+        }
+    }
+
+    /// Looks at its inputs; a fault where there is one.
+    pub(crate) fn see(&mut self, inputs: &[u8]) -> Option<Fault> {
+        let row = &self.row;
+        let device = row.device as u16;
+        self.statusword = row.statusword.read(inputs) as u16;
+        self.state = DriveState::of(self.statusword);
+        self.has_open_stop_circuit = row.stop_circuit.is_some_and(|bits| bits.is_set(inputs));
+        let was_enabled =
+            std::mem::replace(&mut self.was_enabled, self.state == DriveState::OperationEnabled);
+        if matches!(self.state, DriveState::Fault | DriveState::FaultReactionActive) {
+            // a reset takes a few cycles
+            if self.reset > 0 {
+                return None;
+            }
+            let code = row.error.map_or(0, |place| place.read(inputs) as u16);
+            return Some(Fault::Drive { device, code });
+        }
+        let has_mode =
+            row.mode_display.is_none_or(|place| place.read(inputs) as u8 as i8 == CYCLIC_VELOCITY);
+        let follows = status_bit::REMOTE | status_bit::FOLLOWS_TARGET;
+        let obeys = has_mode && self.statusword & follows == follows;
+        self.ignoring = if self.was_enabled && !obeys { self.ignoring + 1 } else { 0 };
+        if self.ignoring > MAY_IGNORE {
+            return Some(Fault::TargetIgnored { device });
+        }
+        // it was enabled, and is not any more, without having been told so
+        match was_enabled && !self.was_enabled {
+            true if self.has_open_stop_circuit => Some(Fault::SafeTorqueOff { device }),
+            true => Some(Fault::DriveDisabled { device }),
+            false => None,
+        }
+    }
+
+    /// Puts its words into its outputs; the target is nought until it is enabled and in the right mode.
+    pub(crate) fn command(&mut self, outputs: &mut [u8], wanted: Wanted, target: i64) {
+        let may_operate = match wanted {
+            Wanted::Operation => !self.has_open_stop_circuit,
+            Wanted::Braking => self.is_enabled(),
+            Wanted::Off => false,
+        };
+        // that it switches off as it is told is no fault
+        self.was_enabled &= may_operate;
+        let mut word = self.state.controlword(may_operate);
+        if self.reset > 0 {
+            self.reset -= 1;
+            word = if self.state == DriveState::Fault { FAULT_RESET } else { word };
+        }
+        self.row.controlword.write(outputs, u64::from(word));
+        let target = if self.is_enabled() { target } else { 0 };
+        self.row.target.write(outputs, target as u64);
+        if let Some(mode) = self.row.mode {
+            mode.write(outputs, CYCLIC_VELOCITY as u64);
+        }
+    }
+
+    /// A person resets its fault.
+    pub(crate) fn reset(&mut self) {
+        self.reset = RESET_CYCLES;
+        self.ignoring = 0;
+    }
+
+    pub(crate) fn is_enabled(&self) -> bool {
+        self.state == DriveState::OperationEnabled
+    }
+
+    pub(crate) fn statusword(&self) -> u16 {
+        self.statusword
+    }
+}

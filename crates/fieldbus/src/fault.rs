@@ -1,0 +1,199 @@
+//! Faults of the bus and of what is on it, and the rule by which single losses are borne.
+
+use crate::cia402::error_text;
+use crate::table::Table;
+
+/// What stopped the machine. None resets itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Too many frames were lost, or came too late.
+    FramesLost,
+    /// Too many frames came back with a working counter that is not the expected one.
+    WorkingCounter,
+    /// A device does not answer any more.
+    DeviceSilent {
+        /// Its number.
+        device: u16,
+    },
+    /// A device left OP.
+    StateDropped {
+        /// Its number.
+        device: u16,
+        /// Why, as it says: AL status code, 0 where it could not be read.
+        code: u16,
+    },
+    /// A drive has a fault.
+    Drive {
+        /// Number of the device.
+        device: u16,
+        /// Error code (0x603F), 0 where the drive does not show it.
+        code: u16,
+    },
+    /// The stop circuit was opened: safe torque off. It is no fault of the drive.
+    SafeTorqueOff {
+        /// Number of the device.
+        device: u16,
+    },
+    /// A drive switched itself off without saying why.
+    DriveDisabled {
+        /// Number of the device.
+        device: u16,
+    },
+    /// A drive is enabled and does not follow its target: statusword bits 9 or 12, or another mode than 9.
+    TargetIgnored {
+        /// Number of the device.
+        device: u16,
+    },
+    /// No new command came for two periods, or one that is no number.
+    CommandsStopped,
+}
+
+impl Fault {
+    /// Name in logs and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::FramesLost => "frames-lost",
+            Self::WorkingCounter => "working-counter",
+            Self::DeviceSilent { .. } => "device-silent",
+            Self::StateDropped { .. } => "state-dropped",
+            Self::Drive { .. } => "drive-fault",
+            Self::SafeTorqueOff { .. } => "safe-torque-off",
+            Self::DriveDisabled { .. } => "drive-disabled",
+            Self::TargetIgnored { .. } => "target-ignored",
+            Self::CommandsStopped => "commands-stopped",
+        }
+    }
+
+    /// What happened, and what to do; with a device's reason for leaving OP.
+    pub(crate) fn sentence(self, table: &Table, reason: &str) -> String {
+        let name = |device: u16| match table.devices.get(usize::from(device)) {
+            Some(row) => format!("{} (position {device})", row.name),
+            None => format!("device {device}"),
+        };
+        match self {
+            Self::FramesLost => "too many frames were lost: look at cables, plugs and the load of this computer".into(),
+            Self::WorkingCounter => {
+                "too many frames came back with a wrong working counter: a device did not take part; look at its cable and supply".into()
+            }
+            Self::DeviceSilent { device } => {
+                format!("{} does not answer: look at the cable in front of it and at its supply, then start the bus again", name(device))
+            }
+            Self::StateDropped { device, code } => {
+                format!("{} left OP: {reason} (AL status code 0x{code:04X}); start the bus again", name(device))
+            }
+            Self::Drive { device, code } => {
+                let why = match (code, error_text(code)) {
+                    (0, _) => "it shows no error code".into(),
+                    (_, Some(text)) => format!("{text} (error code 0x{code:04X})"),
+                    (_, None) => format!("error code 0x{code:04X}, see its manual"),
+                };
+                format!("{} has a fault: {why}; mend the cause, then a person resets it", name(device))
+            }
+            Self::SafeTorqueOff { device } => {
+                format!("the stop circuit of {} was opened: safe torque off, no fault of the drive; close it, then reset", name(device))
+            }
+            Self::DriveDisabled { device } => {
+                format!("{} switched itself off without a fault: look at its enable inputs and power supply", name(device))
+            }
+            Self::TargetIgnored { device } => {
+                format!("{} is enabled and does not follow its target: look at local control (statusword bit 9) and mode (0x6061)", name(device))
+            }
+            Self::CommandsStopped => "no new command came for two periods: control stopped or was held up".into(),
+        }
+    }
+
+    /// As one word, for hand-over between tasks; 0 is none.
+    pub(crate) fn to_word(fault: Option<Self>) -> u64 {
+        let word = |kind: u64, device: u16, code: u16| {
+            kind << 32 | u64::from(device) << 16 | u64::from(code)
+        };
+        match fault {
+            None => 0,
+            Some(Self::FramesLost) => word(1, 0, 0),
+            Some(Self::WorkingCounter) => word(2, 0, 0),
+            Some(Self::DeviceSilent { device }) => word(3, device, 0),
+            Some(Self::StateDropped { device, code }) => word(4, device, code),
+            Some(Self::Drive { device, code }) => word(5, device, code),
+            Some(Self::SafeTorqueOff { device }) => word(6, device, 0),
+            Some(Self::DriveDisabled { device }) => word(7, device, 0),
+            Some(Self::TargetIgnored { device }) => word(8, device, 0),
+            Some(Self::CommandsStopped) => word(9, 0, 0),
+        }
+    }
+
+    /// Of a word; a kind that is unknown is none.
+    pub(crate) fn of_word(word: u64) -> Option<Self> {
+        let (device, code) = ((word >> 16) as u16, word as u16);
+        Some(match word >> 32 {
+            1 => Self::FramesLost,
+            2 => Self::WorkingCounter,
+            3 => Self::DeviceSilent { device },
+            4 => Self::StateDropped { device, code },
+            5 => Self::Drive { device, code },
+            6 => Self::SafeTorqueOff { device },
+            7 => Self::DriveDisabled { device },
+            8 => Self::TargetIgnored { device },
+            9 => Self::CommandsStopped,
+            _ => return None,
+        })
+    }
+}
+
+/// Losses in a sliding window of cycles: more than a number of them is a fault.
+#[derive(Clone, Debug)]
+pub(crate) struct LossWindow {
+    most: u32,
+    was_lost: Vec<bool>,
+    at: usize,
+    count: u32,
+}
+
+impl LossWindow {
+    pub(crate) fn new(most: u32, cycles: u32) -> Self {
+        Self { most, was_lost: vec![false; cycles.max(1) as usize], at: 0, count: 0 }
+    }
+
+    /// Takes a cycle; whether there are too many losses now.
+    pub(crate) fn take(&mut self, is_lost: bool) -> bool {
+        self.at = (self.at + 1) % self.was_lost.len();
+        let before = std::mem::replace(&mut self.was_lost[self.at], is_lost);
+        self.count = self.count + u32::from(is_lost) - u32::from(before);
+        self.count > self.most
+    }
+
+    /// Whether one more loss would be too many.
+    pub(crate) fn is_used_up(&self) -> bool {
+        self.count >= self.most
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.was_lost.fill(false);
+        self.count = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses_are_forgotten_after_the_window_and_no_sooner() {
+        let mut window = LossWindow::new(2, 10);
+        let mut at = |lost: &[usize], end: usize| (0..end).any(|k| window.take(lost.contains(&k)));
+        assert!(at(&[0, 4, 9], 10), "three in ten");
+        let mut window = LossWindow::new(2, 10);
+        assert!(!(0..100).any(|k| window.take(k % 5 == 0)), "two in any ten");
+    }
+
+    #[test]
+    fn a_fault_is_the_same_after_it_was_handed_over() {
+        let all = (1..10_u64).map(|kind| Fault::of_word(kind << 32 | 3 << 16 | 0x1b));
+        for fault in all {
+            let fault = fault.unwrap();
+            let word = Fault::to_word(Some(fault));
+            assert_eq!(Fault::of_word(word), Some(fault));
+            assert!(!fault.name().is_empty());
+        }
+        assert_eq!((Fault::of_word(0), Fault::of_word(10 << 32)), (None, None));
+    }
+}

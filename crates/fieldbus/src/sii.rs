@@ -1,0 +1,77 @@
+//! What a device's EEPROM (SII) says of its process data and its distributed clock (ETG.1000.6, ETG.2010).
+
+use crate::link::Link;
+use crate::table::{Entry, Pdo};
+use crate::wire::Wire;
+use ethercrab::SubDevice;
+use ethercrab::error::Error;
+
+/// Word of the first category.
+const FIRST_CATEGORY: u16 = 0x40;
+/// Category of inputs (TxPDO), of outputs (RxPDO), of the distributed clock; and what stands behind the last.
+const INPUTS: u16 = 50;
+const OUTPUTS: u16 = 51;
+const CLOCK: u16 = 60;
+const END: u16 = 0xffff;
+/// Most categories that are read: of a damaged EEPROM not for ever.
+const MOST_CATEGORIES: u32 = 64;
+
+/// What the EEPROM says.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sii {
+    /// Outputs (RxPDO).
+    pub outputs: Vec<Pdo>,
+    /// Inputs (TxPDO).
+    pub inputs: Vec<Pdo>,
+    /// Activations (0x0980) that the device has modes for.
+    pub activations: Vec<u16>,
+}
+
+/// Reads what is needed of it.
+pub(crate) fn read<L: Link>(wire: &mut Wire<L>, device: &SubDevice) -> Result<Sii, Error> {
+    let main = wire.main;
+    let mut sii = Sii::default();
+    let mut word = FIRST_CATEGORY;
+    for _ in 0..MOST_CATEGORIES {
+        let mut head = [0; 4];
+        wire.run(device.eeprom_read_raw(main, word, &mut head))?;
+        let (kind, words) = (u16_at(&head, 0), u16_at(&head, 2));
+        if kind == END {
+            break;
+        }
+        if matches!(kind, INPUTS | OUTPUTS | CLOCK) {
+            let mut data = vec![0; 2 * usize::from(words.min(1024))];
+            wire.run(device.eeprom_read_raw(main, word.saturating_add(2), &mut data))?;
+            match kind {
+                INPUTS => sii.inputs.extend(lists(&data)),
+                OUTPUTS => sii.outputs.extend(lists(&data)),
+                _ => sii.activations.extend(data.chunks_exact(24).map(|mode| u16_at(mode, 14))),
+            }
+        }
+        word = word.saturating_add(2).saturating_add(words);
+    }
+    Ok(sii)
+}
+
+fn u16_at(bytes: &[u8], at: usize) -> u16 {
+    u16::from(bytes.get(at).copied().unwrap_or(0))
+        | u16::from(bytes.get(at + 1).copied().unwrap_or(0)) << 8
+}
+
+/// Lists of process data: a head of 8 bytes with index and number of entries, then 8 bytes an entry. Lists that no sync manager has are left out.
+fn lists(mut data: &[u8]) -> Vec<Pdo> {
+    let mut lists = Vec::new();
+    while let Some((head, rest)) = data.split_at_checked(8) {
+        let count = 8 * usize::from(head[2]);
+        let Some((entries, rest)) = rest.split_at_checked(count) else { break };
+        let entry = |e: &[u8]| Entry { index: u16_at(e, 0), sub: e[2], bits: e[5] };
+        if head[3] != 0xff {
+            lists.push(Pdo {
+                list: u16_at(head, 0),
+                entries: entries.chunks_exact(8).map(entry).collect(),
+            });
+        }
+        data = rest;
+    }
+    lists
+}

@@ -1,0 +1,469 @@
+//! Start-up: from a link to devices in OP that exchange process data by their clocks.
+//!
+//! ```text
+//! INIT -> PREOP    found, identity and process data checked against the table, start-up SDOs, watchdogs, clocks
+//! PREOP -> SAFEOP  process data begin: inputs
+//! SAFEOP -> OP     requested while process data go on, as drives refuse OP without them
+//! ```
+//!
+//! SDOs are sent here only, never in a cycle: ethercrab 0.7.1 panics where an emergency comes in place of an answer (`mailbox/coe/mod.rs:231`), and a
+//! panic of a start-up is caught and told.
+
+use crate::bus::Bus;
+use crate::check::{DeviceFacts, mismatches};
+use crate::link::Link;
+use crate::pace::Pace;
+use crate::sii;
+use crate::table::{DeviceRow, Entry, NumberType, Pdo, StartUp, Sync, Table};
+use crate::time::now;
+use crate::wire::Wire;
+use ethercrab::error::{CoeAbortCode, Error, MailboxError};
+use ethercrab::subdevice_group::{DcConfiguration, HasDc, NoDc, Op, PreOp};
+use ethercrab::{
+    AlStatusCode, DcSync, DefaultLock, EtherCrabWireReadSized, EtherCrabWireWrite,
+    MainDeviceConfig, RegisterAddress, SubDevice, SubDeviceGroup, SubDeviceRef, SubDeviceState,
+};
+use std::fmt::{self, Display, Formatter};
+use std::ops::Deref;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Duration;
+
+/// Most devices on a bus.
+pub const MOST_DEVICES: usize = 16;
+/// Most process data of all devices \[byte\].
+pub const LARGEST_IMAGE: usize = 512;
+
+/// Devices in a state.
+pub(crate) type Devices<S, C = HasDc> =
+    SubDeviceGroup<MOST_DEVICES, LARGEST_IMAGE, DefaultLock, S, C>;
+
+/// Time from the set-up of the clocks to the first SYNC0 \[ns\]: the devices' registers are written in it.
+const FIRST_PULSE: u64 = 100_000_000;
+/// Time that devices have to go from SAFEOP to OP \[ns\]; drives that lock onto SYNC0 take hundreds of milliseconds.
+const UNTIL_OP: u64 = 5_000_000_000;
+/// Divider of the watchdogs: units of 40 ns in 100 us, less two.
+const WATCHDOG_DIVIDER: u16 = 2498;
+/// Unit of the process-data watchdog by that divider \[ns\].
+const WATCHDOG_UNIT: u64 = 100_000;
+
+/// Why a bus did not start.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StartError {
+    /// The devices are not those of the table, or not set up as it says: one sentence each.
+    Mismatch(Vec<String>),
+    /// Something failed.
+    Failed(String),
+}
+
+impl Display for StartError {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Mismatch(sentences) => f.write_str(&sentences.join("\n")),
+            Self::Failed(sentence) => f.write_str(sentence),
+        }
+    }
+}
+
+impl std::error::Error for StartError {}
+
+fn failed(what: &str, error: impl Display) -> StartError {
+    StartError::Failed(format!("{what}: {error}"))
+}
+
+impl<L: Link> Bus<L> {
+    /// Starts the bus of a table on a link.
+    ///
+    /// # Errors
+    ///
+    /// [`StartError`], which says what to do.
+    pub fn start(table: Table, link: L) -> Result<Self, StartError> {
+        let wire = Wire::new(link, MainDeviceConfig::default())
+            .map_err(|error| failed("the main device could not be made", error))?;
+        Self::start_on(table, wire)
+    }
+
+    pub(crate) fn start_on(table: Table, mut wire: Wire<L>) -> Result<Self, StartError> {
+        let main = wire.main;
+        let group: Devices<PreOp, NoDc> =
+            wire.run(main.init_single_group(now)).map_err(|error| {
+                failed("the devices could not be found; are cable and supply right?", error)
+            })?;
+        if group.is_empty() {
+            return Err(StartError::Failed(
+                "no device answers: look at the cable and the supply of the first device".into(),
+            ));
+        }
+        prepare(&mut wire, &group, &table)?;
+        let (group, pace) = into_op(&mut wire, group, &table)?;
+        Ok(Self::running(table, wire, group, pace))
+    }
+}
+
+/// Checks devices, writes SDOs and watchdogs.
+fn prepare<L: Link>(
+    wire: &mut Wire<L>,
+    group: &Devices<PreOp, NoDc>,
+    table: &Table,
+) -> Result<(), StartError> {
+    let main = wire.main;
+    let mut facts = Vec::new();
+    for position in 0..group.len() {
+        let device = group.subdevice(main, position).map_err(|e| failed("a device", e))?;
+        facts.push(identity(&device));
+    }
+    // what another device than the table's would be written is not known
+    if facts.len() != table.devices.len() || !identities_fit(table, &facts) {
+        return Err(StartError::Mismatch(mismatches(table, &facts)));
+    }
+    for (position, row) in table.devices.iter().enumerate() {
+        let device = group.subdevice(main, position).map_err(|e| failed("a device", e))?;
+        let told = |what: &str, e: Trouble| {
+            failed(&format!("{what} of {} (position {position})", row.name), e)
+        };
+        for value in &row.start_up {
+            let what =
+                format!("start-up SDO 0x{:04X}:{:02X} ({})", value.index, value.sub, value.reason);
+            write(wire, &device, value).map_err(|e| told(&what, e))?;
+        }
+        let known = &mut facts[position];
+        let sii = sii::read(wire, &device).map_err(|e| told("the EEPROM", Trouble::Bus(e)))?;
+        known.activations = sii.activations;
+        let (outputs, inputs) = (sii.outputs, sii.inputs);
+        (known.outputs, known.inputs) = match has_mailbox(row, wire, &device) {
+            false => (outputs, inputs),
+            true => (
+                lists(wire, &device, 0x1c12, &row.outputs, row).map_err(|e| told("0x1C12", e))?,
+                lists(wire, &device, 0x1c13, &row.inputs, row).map_err(|e| told("0x1C13", e))?,
+            ),
+        };
+        if table.drives.iter().any(|drive| drive.device == position) {
+            known.modes = optional(wire, &device, 0x6502, 0).map_err(|e| told("0x6502", e))?;
+            known.velocity_unit =
+                velocity_unit(wire, &device).map_err(|e| told("the velocity unit", e))?;
+        }
+        if let Some(time) = row.watchdog {
+            watchdog(wire, &device, time).map_err(|e| told("the watchdog", e))?;
+        }
+    }
+    match mismatches(table, &facts) {
+        found if found.is_empty() => Ok(()),
+        found => Err(StartError::Mismatch(found)),
+    }
+}
+
+fn identity(device: &SubDevice) -> DeviceFacts {
+    let identity = device.identity();
+    DeviceFacts {
+        name: device.name().into(),
+        identity: [identity.vendor_id, identity.product_id, identity.revision],
+        has_clock: device.dc_support().any(),
+        ..DeviceFacts::default()
+    }
+}
+
+fn identities_fit(table: &Table, facts: &[DeviceFacts]) -> bool {
+    table.devices.iter().zip(facts).all(|(row, device)| {
+        let [vendor, product, revision] = device.identity;
+        (vendor, product) == (row.vendor, row.product)
+            && (row.revision[0]..=row.revision[1]).contains(&revision)
+    })
+}
+
+/// Clocks, SAFEOP, OP.
+fn into_op<L: Link>(
+    wire: &mut Wire<L>,
+    mut group: Devices<PreOp, NoDc>,
+    table: &Table,
+) -> Result<(Devices<Op>, Pace), StartError> {
+    let main = wire.main;
+    for (mut device, row) in group.iter_mut(main).zip(&table.devices) {
+        device.set_dc_sync(match row.sync {
+            Sync::None => DcSync::Disabled,
+            Sync::Sync0 => DcSync::Sync0,
+            Sync::Sync01(time) => DcSync::Sync01 { sync1_period: Duration::from_nanos(time) },
+        });
+    }
+    let clocks = DcConfiguration {
+        start_delay: Duration::from_nanos(FIRST_PULSE),
+        sync0_period: Duration::from_nanos(table.bus.period),
+        sync0_shift: Duration::ZERO,
+    };
+    let group = wire
+        .run(group.into_pre_op_pdi(main))
+        .map_err(|e| failed("process data could not be mapped", e))?;
+    let group = wire.run(group.configure_dc_sync(main, clocks)).map_err(|e| {
+        failed("the distributed clocks could not be set up; has the first device one?", e)
+    })?;
+    let group = match wire.run(group.into_safe_op(main)) {
+        Ok(group) => group,
+        Err(error) => {
+            return Err(failed("the devices did not go to SAFEOP", refusals(wire, table, error)));
+        }
+    };
+    // process data go on from here, as drives refuse OP without them
+    let mut pace = Pace::new(&table.bus);
+    let first = now() + 2 * FIRST_PULSE;
+    while now() < first {
+        let sent = now();
+        let answer = wire.run_until(group.tx_rx_dc(main), sent + table.bus.period);
+        pace.see(sent, answer.and_then(Result::ok).map(|answer| answer.extra.dc_system_time));
+        wire.link.wait(pace.next_exchange());
+    }
+    let group = match wire.run(group.request_into_op(main)) {
+        Ok(group) => group,
+        Err(error) => {
+            return Err(failed("the devices did not go to OP", refusals(wire, table, error)));
+        }
+    };
+    let end = now() + UNTIL_OP;
+    loop {
+        let sent = now();
+        let answer = wire.run_until(group.tx_rx_dc(main), sent + table.bus.period);
+        let answer = answer.and_then(Result::ok);
+        pace.see(sent, answer.as_ref().map(|answer| answer.extra.dc_system_time));
+        if answer.is_some_and(|answer| answer.is_in_state(SubDeviceState::Op)) {
+            return Ok((group, pace));
+        }
+        if now() > end {
+            return Err(failed(
+                "the devices did not go to OP",
+                refusals(wire, table, Error::StateTransition),
+            ));
+        }
+        wire.link.wait(pace.next_exchange());
+    }
+}
+
+/// The devices that refused a state, with their reasons.
+fn refusals<L: Link>(wire: &mut Wire<L>, table: &Table, error: Error) -> String {
+    let main = wire.main;
+    let mut found = Vec::new();
+    for (position, row) in (0_u16..).zip(&table.devices) {
+        let read = ethercrab::Command::aprd(position, RegisterAddress::AlStatusCode.into());
+        match wire.run(read.receive::<u16>(main)) {
+            Ok(0) => {}
+            Ok(code) => {
+                found.push(format!("{} (position {position}) says {}", row.name, al_text(code)))
+            }
+            Err(_) => found.push(format!("{} (position {position}) does not answer", row.name)),
+        }
+    }
+    if found.is_empty() { error.to_string() } else { found.join("; ") }
+}
+
+/// What an AL status code says.
+pub(crate) fn al_text(code: u16) -> String {
+    use ethercrab::EtherCrabWireRead;
+    AlStatusCode::unpack_from_slice(&code.to_le_bytes())
+        .map_or_else(|_| format!("{code:#06x}"), |code| code.to_string())
+}
+
+/// What can go wrong with an SDO or a register.
+#[derive(Clone, Debug)]
+enum Trouble {
+    Bus(Error),
+    /// ethercrab panicked: an emergency came in place of an answer.
+    Panic,
+    /// A register does not hold what was written.
+    NotKept(&'static str),
+}
+
+impl Display for Trouble {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bus(error) => error.fmt(f),
+            Self::Panic => f.write_str(
+                "the device sent an emergency in place of an answer: it has a fault; mend that (see its display or manual), then start again",
+            ),
+            Self::NotKept(what) => write!(f, "{what} does not hold what was written: the device does not have this watchdog; leave watchdog_ms out"),
+        }
+    }
+}
+
+/// Waits for an SDO; a panic of ethercrab is caught. Nothing that it leaves half done is used again before the next INIT.
+fn sdo<L: Link, T>(
+    wire: &mut Wire<L>,
+    future: impl Future<Output = Result<T, Error>>,
+) -> Result<T, Trouble> {
+    match catch_unwind(AssertUnwindSafe(|| wire.run(future))) {
+        Ok(answer) => answer.map_err(Trouble::Bus),
+        Err(_) => Err(Trouble::Panic),
+    }
+}
+
+fn read<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    index: u16,
+    sub: u8,
+) -> Result<T, Trouble> {
+    sdo(wire, device.sdo_read(index, sub))
+}
+
+/// Reads an object that a device need not have.
+fn optional<L: Link, S: Deref<Target = SubDevice>, T: EtherCrabWireReadSized>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    index: u16,
+    sub: u8,
+) -> Result<Option<T>, Trouble> {
+    match read(wire, device, index, sub) {
+        Ok(value) => Ok(Some(value)),
+        Err(Trouble::Bus(Error::Mailbox(MailboxError::Aborted {
+            code: CoeAbortCode::NotFound | CoeAbortCode::SubIndexNotFound,
+            ..
+        }))) => Ok(None),
+        Err(trouble) => Err(trouble),
+    }
+}
+
+fn put<L: Link, S: Deref<Target = SubDevice>>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    index: u16,
+    sub: u8,
+    value: impl EtherCrabWireWrite,
+) -> Result<(), Trouble> {
+    sdo(wire, device.sdo_write(index, sub, value))
+}
+
+fn write<L: Link, S: Deref<Target = SubDevice>>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    what: &StartUp,
+) -> Result<(), Trouble> {
+    let (index, sub, value) = (what.index, what.sub, what.value);
+    match what.kind {
+        NumberType::Bool | NumberType::U8 | NumberType::I8 => {
+            put(wire, device, index, sub, value as u8)
+        }
+        NumberType::U16 | NumberType::I16 => put(wire, device, index, sub, value as u16),
+        NumberType::U32 | NumberType::I32 => put(wire, device, index, sub, value as u32),
+    }
+}
+
+/// Whether process data are described by objects: 0x1C12 or 0x1C13 can be read.
+fn has_mailbox<L: Link, S: Deref<Target = SubDevice>>(
+    row: &DeviceRow,
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+) -> bool {
+    let has_data = row.output_bytes() + row.input_bytes() > 0;
+    let is_absent = |trouble: &Trouble| {
+        matches!(
+            trouble,
+            Trouble::Bus(Error::Mailbox(
+                MailboxError::NoReadMailbox | MailboxError::NoWriteMailbox
+            ))
+        )
+    };
+    has_data
+        && !matches!(&read::<_, _, u8>(wire, device, 0x1c12, 0), Err(trouble) if is_absent(trouble))
+}
+
+/// The lists that an object assigns; those of the table are written before, where it says so and they differ.
+fn lists<L: Link, S: Deref<Target = SubDevice>>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    object: u16,
+    wanted: &[Pdo],
+    row: &DeviceRow,
+) -> Result<Vec<Pdo>, Trouble> {
+    let is = assigned(wire, device, object)?;
+    if !row.is_mapping_written || is == wanted {
+        return Ok(is);
+    }
+    put(wire, device, object, 0, 0_u8)?;
+    for pdo in wanted {
+        put(wire, device, pdo.list, 0, 0_u8)?;
+        for (sub, entry) in (1_u8..).zip(&pdo.entries) {
+            let Entry { index, sub: of, bits } = *entry;
+            let value = u32::from(index) << 16 | u32::from(of) << 8 | u32::from(bits);
+            put(wire, device, pdo.list, sub, value)?;
+        }
+        put(wire, device, pdo.list, 0, pdo.entries.len() as u8)?;
+    }
+    for (sub, pdo) in (1_u8..).zip(wanted) {
+        put(wire, device, object, sub, pdo.list)?;
+    }
+    put(wire, device, object, 0, wanted.len() as u8)?;
+    assigned(wire, device, object)
+}
+
+fn assigned<L: Link, S: Deref<Target = SubDevice>>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    object: u16,
+) -> Result<Vec<Pdo>, Trouble> {
+    let mut lists = Vec::new();
+    for number in 1..=optional::<_, _, u8>(wire, device, object, 0)?.unwrap_or(0) {
+        let list: u16 = read(wire, device, object, number)?;
+        let mut entries = Vec::new();
+        for sub in 1..=read::<_, _, u8>(wire, device, list, 0)? {
+            let entry: u32 = read(wire, device, list, sub)?;
+            entries.push(Entry {
+                index: (entry >> 16) as u16,
+                sub: (entry >> 8) as u8,
+                bits: entry as u8,
+            });
+        }
+        lists.push(Pdo { list, entries });
+    }
+    Ok(lists)
+}
+
+/// Units of 0x60A9 (CiA 303-2): revolutions, seconds, minutes.
+const REVOLUTION: u8 = 0xb4;
+const SECOND: u8 = 0x03;
+const MINUTE: u8 = 0x47;
+
+/// What one unit of velocity is \[rev/s\], where the device has the objects that state it (CiA 402-2).
+fn velocity_unit<L: Link, S: Deref<Target = SubDevice>>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+) -> Result<Option<f64>, Trouble> {
+    if let Some(unit) = optional::<_, _, u32>(wire, device, 0x60a9, 0)? {
+        let [_, per, of, prefix] = unit.to_le_bytes();
+        let time = match per {
+            SECOND => 1.0,
+            MINUTE => 60.0,
+            _ => return Ok(None),
+        };
+        let size = 10_f64.powi(i32::from(prefix as i8)) / time;
+        return Ok((of == REVOLUTION).then_some(size));
+    }
+    let mut ratio = |index: u16| -> Result<Option<f64>, Trouble> {
+        let (Some(over), Some(under)) = (
+            optional::<_, _, u32>(wire, device, index, 1)?,
+            optional::<_, _, u32>(wire, device, index, 2)?,
+        ) else {
+            return Ok(None);
+        };
+        Ok((over != 0 && under != 0).then(|| f64::from(over) / f64::from(under)))
+    };
+    let Some(resolution) = ratio(0x608f)? else { return Ok(None) };
+    let (gear, factor) = (ratio(0x6091)?.unwrap_or(1.0), ratio(0x6096)?.unwrap_or(1.0));
+    Ok(Some(gear / factor / resolution))
+}
+
+/// Sets the process-data watchdog, and reads it back.
+fn watchdog<L: Link, S>(
+    wire: &mut Wire<L>,
+    device: &SubDeviceRef<'_, S>,
+    time: u64,
+) -> Result<(), Trouble> {
+    let units = (time / WATCHDOG_UNIT) as u16;
+    let registers = [
+        (RegisterAddress::WatchdogDivider, WATCHDOG_DIVIDER, "register 0x0400"),
+        (RegisterAddress::SyncManagerWatchdog, units, "register 0x0420"),
+    ];
+    for (register, value, name) in registers {
+        let address: u16 = register.into();
+        wire.run(device.register_write(address, value)).map_err(Trouble::Bus)?;
+        let kept: u16 = wire.run(device.register_read(address)).map_err(Trouble::Bus)?;
+        if kept != value {
+            return Err(Trouble::NotKept(name));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,292 @@
+//! Table: which devices are on the bus, how they are set up, and which process data are which signals of the machine.
+//!
+//! It is read from a file of its own ([`Table::parse`]) and checked there; what the devices say of themselves is compared with it at start-up
+//! ([`check`](crate::check)).
+
+mod file;
+mod problem;
+mod scale;
+
+pub use problem::TableError;
+pub use scale::{NumberType, Scale};
+
+/// The whole table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Cycle and limits.
+    pub bus: BusSettings,
+    /// Devices in the order of the line.
+    pub devices: Vec<DeviceRow>,
+    /// What is measured.
+    pub measured: Vec<MeasuredRow>,
+    /// What is commanded.
+    pub commanded: Vec<CommandedRow>,
+    /// Drives.
+    pub drives: Vec<DriveRow>,
+}
+
+/// Cycle of the bus, and how many losses it bears.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BusSettings {
+    /// Period, which is that of control and of SYNC0 \[ns\].
+    pub period: u64,
+    /// Exchanges in a period: two, and a command acts one period after its measurement; or one, and it acts two periods after.
+    pub exchanges: u32,
+    /// Time from SYNC0 to the first exchange \[ns\].
+    pub exchange: u64,
+    /// Time from SYNC0 to the second exchange \[ns\].
+    pub send: u64,
+    /// Cycles of the window in which a lost frame, or one with a low working counter, is borne so many times.
+    pub lost_max: u32,
+    /// Length of that window \[cycles\].
+    pub window: u32,
+    /// Time after a fault in which drives brake before they are switched off \[ns\].
+    pub brake: u64,
+}
+
+impl BusSettings {
+    /// Periods from sampling to actuation.
+    pub fn delay(&self) -> u32 {
+        3 - self.exchanges
+    }
+}
+
+/// Synchronisation of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sync {
+    /// By the frame, or not at all.
+    None,
+    /// By SYNC0 (activation 0x0300).
+    Sync0,
+    /// By SYNC0 and SYNC1 (activation 0x0700), with the cycle of SYNC1 \[ns\].
+    Sync01(u64),
+}
+
+impl Sync {
+    /// What register 0x0980 is to hold, as the device's SII states it.
+    pub fn activation(self) -> u16 {
+        match self {
+            Self::None => 0,
+            Self::Sync0 => 0x0300,
+            Self::Sync01(_) => 0x0700,
+        }
+    }
+}
+
+/// One entry of process data: index, subindex, bits; index 0 is a gap.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Index.
+    pub index: u16,
+    /// Subindex.
+    pub sub: u8,
+    /// Length \[bit\].
+    pub bits: u8,
+}
+
+impl std::fmt::Display for Entry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.index {
+            0 => write!(f, "gap of {} bit", self.bits),
+            _ => write!(f, "0x{:04X}:{:02X} of {} bit", self.index, self.sub, self.bits),
+        }
+    }
+}
+
+/// A list of process data (PDO), with its entries in order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pdo {
+    /// Index of the mapping object, 0x1600 or 0x1A00 and up.
+    pub list: u16,
+    /// Entries.
+    pub entries: Vec<Entry>,
+}
+
+/// A value that is written by SDO before process data begin.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StartUp {
+    /// Index.
+    pub index: u16,
+    /// Subindex.
+    pub sub: u8,
+    /// Type of the object.
+    pub kind: NumberType,
+    /// Value.
+    pub value: i64,
+    /// Why.
+    pub reason: String,
+}
+
+/// A device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeviceRow {
+    /// Name, in messages and for the signals.
+    pub name: String,
+    /// Vendor ID.
+    pub vendor: u32,
+    /// Product code.
+    pub product: u32,
+    /// Lowest and highest revision.
+    pub revision: [u32; 2],
+    /// Process-data watchdog \[ns\]; none: as it is.
+    pub watchdog: Option<u64>,
+    /// Synchronisation.
+    pub sync: Sync,
+    /// Whether lists that differ are written, or are a mismatch.
+    pub is_mapping_written: bool,
+    /// Values that are written first.
+    pub start_up: Vec<StartUp>,
+    /// Outputs (RxPDO).
+    pub outputs: Vec<Pdo>,
+    /// Inputs (TxPDO).
+    pub inputs: Vec<Pdo>,
+}
+
+impl DeviceRow {
+    /// Bytes of outputs.
+    pub fn output_bytes(&self) -> usize {
+        bytes(&self.outputs)
+    }
+
+    /// Bytes of inputs.
+    pub fn input_bytes(&self) -> usize {
+        bytes(&self.inputs)
+    }
+
+    /// What the device adds to the working counter of an exchange: two for outputs, one for inputs.
+    pub fn working_counter(&self) -> u16 {
+        2 * u16::from(self.output_bytes() > 0) + u16::from(self.input_bytes() > 0)
+    }
+}
+
+fn bytes(lists: &[Pdo]) -> usize {
+    let bits = lists.iter().flat_map(|list| &list.entries).map(|entry| usize::from(entry.bits));
+    bits.sum::<usize>().div_ceil(8)
+}
+
+/// Where a value lies in a device's process data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Number of the device.
+    pub device: usize,
+    /// First bit, from the beginning of its inputs or outputs.
+    pub bit: usize,
+    /// Length \[bit\].
+    pub bits: u8,
+}
+
+impl Place {
+    /// The value there, without a sign; zero beyond the end.
+    pub fn read(&self, bytes: &[u8]) -> u64 {
+        let bit =
+            |k: usize| bytes.get((self.bit + k) / 8).map_or(0, |b| b >> ((self.bit + k) % 8) & 1);
+        (0..usize::from(self.bits.min(64))).fold(0, |sum, k| sum | u64::from(bit(k)) << k)
+    }
+
+    /// Puts a value there; higher bits than there are are cut off.
+    pub fn write(&self, bytes: &mut [u8], value: u64) {
+        for k in 0..usize::from(self.bits.min(64)) {
+            let at = self.bit + k;
+            if let Some(byte) = bytes.get_mut(at / 8) {
+                *byte = *byte & !(1 << (at % 8)) | ((value >> k & 1) as u8) << (at % 8);
+            }
+        }
+    }
+}
+
+/// Bits of an input that mean something while they have a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bits {
+    /// The input.
+    pub place: Place,
+    /// The bits.
+    pub mask: u64,
+    /// Their value.
+    pub value: u64,
+}
+
+impl Bits {
+    /// Whether they have it.
+    pub fn is_set(&self, bytes: &[u8]) -> bool {
+        self.place.read(bytes) & self.mask == self.value
+    }
+}
+
+/// What bits say of a signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Invalid {
+    /// It is not measured: wire break, sensor or converter failed.
+    Absent,
+    /// It is beyond the sensor's range.
+    OutOfRange,
+}
+
+/// A measured signal of an axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeasuredRow {
+    /// Axis.
+    pub axis: usize,
+    /// Which of the axis's signals, by its place in [`MEASURED`]; that after the last: the position switch of the load-holding valve, 1 open.
+    pub signal: usize,
+    /// Where it lies in the inputs.
+    pub place: Place,
+    /// Counts to SI units.
+    pub scale: Scale,
+    /// Bits that make it invalid.
+    pub invalid: Vec<(Bits, Invalid)>,
+    /// Where the factor is from.
+    pub provenance: String,
+}
+
+/// A commanded signal of an axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CommandedRow {
+    /// Axis.
+    pub axis: usize,
+    /// Which of the axis's commands, by its place in [`COMMANDED`].
+    pub signal: usize,
+    /// Where it lies in the outputs.
+    pub place: Place,
+    /// Counts to SI units.
+    pub scale: Scale,
+    /// Where the factor is from.
+    pub provenance: String,
+}
+
+/// Names of measured signals, each with its unit: those of an axis in their order, then the valve's position switch.
+pub const MEASURED: [&str; 8] = [
+    "stroke_m",
+    "pressure_pump_a_pa",
+    "pressure_a_pa",
+    "pressure_b_pa",
+    "pressure_pump_b_pa",
+    "pressure_accumulator_pa",
+    "motor_speed_rev_per_s",
+    "holding_valve_open",
+];
+
+/// Names of commanded signals, each with its unit.
+pub const COMMANDED: [&str; 2] = ["motor_speed_rev_per_s", "holding_valve"];
+
+/// A drive by CiA 402, and where its words lie.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveRow {
+    /// Number of the device.
+    pub device: usize,
+    /// Axis whose motor it is.
+    pub axis: usize,
+    /// Controlword, 0x6040.
+    pub controlword: Place,
+    /// Target velocity, 0x60FF.
+    pub target: Place,
+    /// Mode of operation, 0x6060; none: by SDO at start-up.
+    pub mode: Option<Place>,
+    /// Statusword, 0x6041.
+    pub statusword: Place,
+    /// Mode of operation display, 0x6061; none: it is looked at once, at start-up.
+    pub mode_display: Option<Place>,
+    /// Error code, 0x603F.
+    pub error: Option<Place>,
+    /// Bits that tell an open stop circuit (safe torque off).
+    pub stop_circuit: Option<Bits>,
+}

@@ -1,0 +1,109 @@
+//! What is wrong with a table: file, line, key, what was read, what is allowed.
+
+use std::fmt::{self, Display, Formatter};
+use toml::de::{DeTable, DeValue};
+
+/// All that is wrong with a table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TableError {
+    /// One sentence each, with its place.
+    pub problems: Vec<String>,
+}
+
+impl Display for TableError {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.problems.join("\n"))
+    }
+}
+
+impl std::error::Error for TableError {}
+
+/// A part of a key: a name, or a place in a list.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Part {
+    Name(&'static str),
+    At(usize),
+}
+
+impl From<&'static str> for Part {
+    fn from(name: &'static str) -> Self {
+        Self::Name(name)
+    }
+}
+
+impl From<usize> for Part {
+    fn from(at: usize) -> Self {
+        Self::At(at)
+    }
+}
+
+/// Collects problems of a file.
+pub(super) struct Problems<'a> {
+    file: &'a str,
+    text: &'a str,
+    found: Vec<String>,
+}
+
+impl<'a> Problems<'a> {
+    pub(super) fn new(file: &'a str, text: &'a str) -> Self {
+        Self { file, text, found: Vec::new() }
+    }
+
+    /// What the reader of TOML found; it shows the line itself.
+    pub(super) fn syntax(&self, error: &toml::de::Error) -> TableError {
+        TableError { problems: vec![format!("{}: {error}", self.file)] }
+    }
+
+    /// A problem of a key.
+    pub(super) fn add(&mut self, key: &[Part], message: &str) {
+        let line = line(self.text, key).map_or_else(String::new, |line| format!(":{line}"));
+        self.found.push(format!("{}{line}: {}: {message}", self.file, path(key)));
+    }
+
+    /// A value of a key that is out of range.
+    pub(super) fn refuse(&mut self, key: &[Part], read: impl Display, allowed: &str) {
+        self.add(key, &format!("{read} was read; allowed is {allowed}"));
+    }
+
+    pub(super) fn into_result<T>(self, value: T) -> Result<T, TableError> {
+        if self.found.is_empty() { Ok(value) } else { Err(TableError { problems: self.found }) }
+    }
+}
+
+fn path(key: &[Part]) -> String {
+    let mut path = String::new();
+    for part in key {
+        match part {
+            Part::Name(name) if path.is_empty() => path += name,
+            Part::Name(name) => path += &format!(".{name}"),
+            // people count from one
+            Part::At(at) => path += &format!("[{}]", at + 1),
+        }
+    }
+    path
+}
+
+/// The line of a key, or of the nearest table around it, from 1.
+fn line(text: &str, key: &[Part]) -> Option<usize> {
+    let root = DeTable::parse(text).ok()?;
+    let mut table = root.get_ref().clone();
+    let mut start = None;
+    let mut value: Option<DeValue<'_>> = None;
+    for part in key {
+        let next = match (part, &value) {
+            (Part::Name(name), None) => table.get(*name).cloned(),
+            (Part::Name(name), Some(DeValue::Table(inside))) => inside.get(*name).cloned(),
+            (Part::At(at), Some(DeValue::Array(list))) => list.get(*at).cloned(),
+            _ => None,
+        };
+        let Some(next) = next else { break };
+        start = Some(next.span().start);
+        let inner = next.into_inner();
+        if let DeValue::Table(inside) = &inner {
+            table = inside.clone();
+        }
+        value = Some(inner);
+    }
+    let start = start?;
+    Some(1 + text.get(..start)?.bytes().filter(|byte| *byte == b'\n').count())
+}

@@ -1,0 +1,56 @@
+//! Time of the bus: the system's monotonic clock, or a simulated one, which a thread sets for itself.
+//!
+//! It is the time driver of `ethercrab` without its `std` feature (crate `embassy-time-driver`), of which a binary has one. So that the same binary runs
+//! in real and in simulated time, the driver asks the calling thread: tests in threads of their own do not disturb each other. Futures are polled by hand
+//! until they are ready, so that a waker is never used; what a future waits for is kept as [`next_timer`].
+
+use embassy_time_driver::{Driver, TICK_HZ, time_driver_impl};
+use std::cell::Cell;
+use std::sync::OnceLock;
+use std::task::Waker;
+use std::time::Instant;
+
+/// Length of the driver's tick \[ns\].
+const TICK: u64 = 1_000_000_000 / TICK_HZ;
+
+thread_local! {
+    /// Simulated time of this thread \[ns\]; none: the system's clock.
+    static SIMULATED: Cell<Option<u64>> = const { Cell::new(None) };
+    /// The nearest time that a future of this thread waits for \[ns\].
+    static NEXT_TIMER: Cell<u64> = const { Cell::new(u64::MAX) };
+}
+
+/// Time \[ns\]: of the monotonic clock since it was looked at first, or as this thread simulates it.
+pub fn now() -> u64 {
+    static START: OnceLock<Instant> = OnceLock::new();
+    SIMULATED.get().unwrap_or_else(|| START.get_or_init(Instant::now).elapsed().as_nanos() as u64)
+}
+
+/// Sets the simulated time of this thread \[ns\]; from now on it does not see the system's clock.
+pub fn simulate(time: u64) {
+    SIMULATED.set(Some(time));
+}
+
+/// Forgets what futures wait for, before they are polled.
+pub(crate) fn forget_timers() {
+    NEXT_TIMER.set(u64::MAX);
+}
+
+/// The nearest time that a polled future waits for \[ns\]; the largest number where none waits.
+pub(crate) fn next_timer() -> u64 {
+    NEXT_TIMER.get()
+}
+
+struct BusTime;
+
+impl Driver for BusTime {
+    fn now(&self) -> u64 {
+        now() / TICK
+    }
+
+    fn schedule_wake(&self, at: u64, _: &Waker) {
+        NEXT_TIMER.set(NEXT_TIMER.get().min(at.saturating_mul(TICK)));
+    }
+}
+
+time_driver_impl!(static DRIVER: BusTime = BusTime);
