@@ -10,6 +10,7 @@
 //! A lost frame is not sent again: the measurement ages, and so many losses in a window are a fault. Where no new command came for two periods, the safe
 //! command is sent: target nought, valve shut, by drives that still have power to brake.
 
+use crate::check::DeviceFacts;
 use crate::drive::{Drive, Wanted};
 use crate::fault::{Fault, LossWindow};
 use crate::link::Link;
@@ -57,6 +58,7 @@ pub struct Counters {
 /// A bus in OP.
 pub struct Bus<L> {
     table: Table,
+    facts: Vec<DeviceFacts>,
     wire: Wire<L>,
     group: Devices<Op>,
     pace: Pace,
@@ -97,7 +99,13 @@ impl<L> std::fmt::Debug for Bus<L> {
 }
 
 impl<L: Link> Bus<L> {
-    pub(crate) fn running(table: Table, wire: Wire<L>, group: Devices<Op>, pace: Pace) -> Self {
+    pub(crate) fn running(
+        table: Table,
+        wire: Wire<L>,
+        group: Devices<Op>,
+        pace: Pace,
+        facts: Vec<DeviceFacts>,
+    ) -> Self {
         let (machine, side) = hand_over();
         let sizes = |bytes: fn(&crate::table::DeviceRow) -> usize| -> Vec<Vec<u8>> {
             table.devices.iter().map(|row| vec![0; bytes(row)]).collect()
@@ -115,6 +123,7 @@ impl<L: Link> Bus<L> {
             lost: window(),
             low: window(),
             table,
+            facts,
             wire,
             group,
             pace,
@@ -137,6 +146,11 @@ impl<L: Link> Bus<L> {
     /// The table.
     pub fn table(&self) -> &Table {
         &self.table
+    }
+
+    /// What the devices said of themselves at start-up.
+    pub fn facts(&self) -> &[DeviceFacts] {
+        &self.facts
     }
 
     /// What was counted.

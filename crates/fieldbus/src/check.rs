@@ -20,6 +20,8 @@ pub struct DeviceFacts {
     pub activations: Vec<u16>,
     /// Modes of operation that it has (0x6502).
     pub modes: Option<u32>,
+    /// Drives: reactions to a quick stop (0x605A), to a fault (0x605E) and to a lost connection (0x6007), to be shown.
+    pub reactions: [Option<i16>; 3],
     /// What one unit of 0x60FF and 0x606C is \[rev/s\], by 0x60A9 or by 0x608F, 0x6091 and 0x6096.
     pub velocity_unit: Option<f64>,
 }

@@ -65,8 +65,7 @@ impl Drive {
             let code = row.error.map_or(0, |place| place.read(inputs) as u16);
             return Some(Fault::Drive { device, code });
         }
-        let has_mode =
-            row.mode_display.is_none_or(|place| place.read(inputs) as u8 as i8 == CYCLIC_VELOCITY);
+        let has_mode = row.mode_display.read(inputs) as u8 as i8 == CYCLIC_VELOCITY;
         let follows = status_bit::REMOTE | status_bit::FOLLOWS_TARGET;
         let obeys = has_mode && self.statusword & follows == follows;
         self.ignoring = if self.was_enabled && !obeys { self.ignoring + 1 } else { 0 };
@@ -115,5 +114,81 @@ impl Drive {
 
     pub(crate) fn statusword(&self) -> u16 {
         self.statusword
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::Place;
+
+    const PLACE: fn(usize, u8) -> Place = |bit, bits| Place { device: 3, bit, bits };
+
+    fn drive() -> Drive {
+        Drive::new(DriveRow {
+            device: 3,
+            axis: 0,
+            controlword: PLACE(0, 16),
+            target: PLACE(16, 32),
+            mode: Some(PLACE(48, 8)),
+            statusword: PLACE(0, 16),
+            mode_display: PLACE(16, 8),
+            error: None,
+            stop_circuit: None,
+        })
+    }
+
+    /// Inputs with a statusword and a mode.
+    fn inputs(statusword: u16, mode: i8) -> [u8; 3] {
+        let [low, high] = statusword.to_le_bytes();
+        [low, high, mode as u8]
+    }
+
+    #[test]
+    fn an_enabled_drive_that_does_not_follow_its_target_is_found_whichever_bit_tells_it() {
+        // enabled; remote (9) or following (12) missing; another mode
+        for (word, mode) in [(0x1037, 9), (0x0237, 9), (0x1237, 8)] {
+            let mut drive = drive();
+            let found =
+                (0..=MAY_IGNORE).map(|_| drive.see(&inputs(word, mode))).collect::<Vec<_>>();
+            let (last, before) = found.split_last().unwrap();
+            assert!(before.iter().all(Option::is_none), "{word:#06x}");
+            assert_eq!(*last, Some(Fault::TargetIgnored { device: 3 }), "{word:#06x}");
+        }
+        let mut drive = drive();
+        assert!((0..2 * MAY_IGNORE).all(|_| drive.see(&inputs(0x1237, 9)).is_none()));
+    }
+
+    #[test]
+    fn the_target_is_nought_until_operation_is_enabled() {
+        let mut outputs = [0; 7];
+        for (word, is_enabled) in
+            [(0x0250, false), (0x0231, false), (0x0233, false), (0x1237, true)]
+        {
+            let mut drive = drive();
+            drive.see(&inputs(word, 9));
+            drive.command(&mut outputs, Wanted::Operation, -5);
+            let target = PLACE(16, 32).read(&outputs) as u32 as i32;
+            assert_eq!(target, if is_enabled { -5 } else { 0 }, "{word:#06x}");
+            assert_eq!(outputs[6], 9);
+        }
+    }
+
+    #[test]
+    fn a_drive_that_is_told_to_switch_off_does_so_without_a_fault_and_brakes_before_only_if_enabled()
+     {
+        let mut outputs = [0; 7];
+        let mut drive = drive();
+        drive.see(&inputs(0x1237, 9));
+        drive.command(&mut outputs, Wanted::Braking, 0);
+        assert_eq!(outputs[0], 0x0f, "it keeps its power");
+        drive.command(&mut outputs, Wanted::Off, 0);
+        assert_eq!(drive.see(&inputs(0x0231, 9)), None);
+        drive.command(&mut outputs, Wanted::Braking, 0);
+        assert_eq!(outputs[0], 0x06, "it is not enabled anew");
+        // by itself it is one
+        drive.see(&inputs(0x1237, 9));
+        drive.command(&mut outputs, Wanted::Operation, 0);
+        assert_eq!(drive.see(&inputs(0x0250, 9)), Some(Fault::DriveDisabled { device: 3 }));
     }
 }

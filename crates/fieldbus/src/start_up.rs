@@ -93,18 +93,18 @@ impl<L: Link> Bus<L> {
                 "no device answers: look at the cable and the supply of the first device".into(),
             ));
         }
-        prepare(&mut wire, &group, &table)?;
+        let facts = prepare(&mut wire, &group, &table)?;
         let (group, pace) = into_op(&mut wire, group, &table)?;
-        Ok(Self::running(table, wire, group, pace))
+        Ok(Self::running(table, wire, group, pace, facts))
     }
 }
 
-/// Checks devices, writes SDOs and watchdogs.
+/// Checks devices, writes SDOs and watchdogs; what the devices say of themselves.
 fn prepare<L: Link>(
     wire: &mut Wire<L>,
     group: &Devices<PreOp, NoDc>,
     table: &Table,
-) -> Result<(), StartError> {
+) -> Result<Vec<DeviceFacts>, StartError> {
     let main = wire.main;
     let mut facts = Vec::new();
     for position in 0..group.len() {
@@ -138,6 +138,9 @@ fn prepare<L: Link>(
         };
         if table.drives.iter().any(|drive| drive.device == position) {
             known.modes = optional(wire, &device, 0x6502, 0).map_err(|e| told("0x6502", e))?;
+            for (reaction, index) in known.reactions.iter_mut().zip([0x605a, 0x605e, 0x6007]) {
+                *reaction = optional(wire, &device, index, 0).map_err(|e| told("a reaction", e))?;
+            }
             known.velocity_unit =
                 velocity_unit(wire, &device).map_err(|e| told("the velocity unit", e))?;
         }
@@ -146,7 +149,7 @@ fn prepare<L: Link>(
         }
     }
     match mismatches(table, &facts) {
-        found if found.is_empty() => Ok(()),
+        found if found.is_empty() => Ok(facts),
         found => Err(StartError::Mismatch(found)),
     }
 }

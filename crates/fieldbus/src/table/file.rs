@@ -5,6 +5,7 @@ use super::{
     Bits, BusSettings, COMMANDED, CommandedRow, DeviceRow, DriveRow, Entry, Invalid, MEASURED,
     MeasuredRow, NumberType, Pdo, Place, Scale, StartUp, Sync, Table, TableError,
 };
+use crate::cia402::CYCLIC_VELOCITY;
 use crate::start_up::{LARGEST_IMAGE, MOST_DEVICES};
 use hydroboom_control::measurement::AXES;
 use serde::Deserialize;
@@ -502,12 +503,19 @@ fn drives(
         };
         let output = |index| place(&lists.outputs, index, 0);
         let input = |index| place(&lists.inputs, index, 0);
-        let words = (output(0x6040), output(0x60ff), input(0x6041));
-        let (Some(controlword), Some(target), Some(statusword)) = words else {
-            let message = "a drive by CiA 402 needs 0x6040 and 0x60FF among its outputs and 0x6041 among its inputs";
+        let words = (output(0x6040), output(0x60ff), input(0x6041), input(0x6061));
+        let (Some(controlword), Some(target), Some(statusword), Some(mode_display)) = words else {
+            let message = "a drive by CiA 402 needs 0x6040 and 0x60FF among its outputs, 0x6041 and 0x6061 among its inputs";
             problems.add(&key("profile"), message);
             continue;
         };
+        let mode = output(0x6060);
+        let sets_mode = |sdo: &Sdo| sdo.index == 0x6060 && sdo.value == i64::from(CYCLIC_VELOCITY);
+        if mode.is_none() && !row.sdo.iter().any(sets_mode) {
+            let message =
+                "the mode 9 has to come by 0x6060, among the outputs or as a start-up SDO";
+            problems.add(&key("profile"), message);
+        }
         let is_its = |row: &&CommandedRow| row.signal == 0 && row.place == target;
         let Some(axis) = commanded.iter().find(is_its).map(|row| row.axis) else {
             problems.add(&key("profile"), "no axis commands its motor speed by 0x60FF");
@@ -526,9 +534,9 @@ fn drives(
             axis,
             controlword,
             target,
-            mode: output(0x6060),
+            mode,
             statusword,
-            mode_display: input(0x6061),
+            mode_display,
             error: input(0x603f),
             stop_circuit,
         });

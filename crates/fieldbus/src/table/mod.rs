@@ -283,8 +283,8 @@ pub struct DriveRow {
     pub mode: Option<Place>,
     /// Statusword, 0x6041.
     pub statusword: Place,
-    /// Mode of operation display, 0x6061; none: it is looked at once, at start-up.
-    pub mode_display: Option<Place>,
+    /// Mode of operation display, 0x6061.
+    pub mode_display: Place,
     /// Error code, 0x603F.
     pub error: Option<Place>,
     /// Bits that tell an open stop circuit (safe torque off).

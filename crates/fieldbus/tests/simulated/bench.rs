@@ -1,5 +1,6 @@
 //! A bus in simulated time: the devices of the table in the documentation, with the virtual crane or nothing behind them, in this thread.
 
+use assert_no_alloc::permit_alloc;
 use hydroboom_control::command::AxisCommand;
 use hydroboom_device_simulator::Segment;
 use hydroboom_device_simulator::applications::{
@@ -159,6 +160,8 @@ pub struct SimulatedLink {
     pub late: Option<(u32, u64)>,
     /// Frames that are to come twice.
     pub twice: u32,
+    /// Frames whose exchange of process data is to come back with a working counter that is too low by one.
+    pub low: u32,
     /// Emergency that the drive sends as soon as an SDO request reaches it.
     pub emergency: Option<u16>,
 }
@@ -166,19 +169,44 @@ pub struct SimulatedLink {
 impl SimulatedLink {
     pub fn new(segment: Segment) -> Self {
         simulate(1_000_000_000);
-        Self { segment, answers: VecDeque::new(), late: None, twice: 0, emergency: None }
+        Self { segment, answers: VecDeque::new(), late: None, twice: 0, low: 0, emergency: None }
     }
 }
 
 impl Link for SimulatedLink {
     fn send(&mut self, frame: &[u8]) -> bool {
+        permit_alloc(|| self.pass(frame));
+        true
+    }
+
+    fn receive(&mut self, frame: &mut [u8], until: u64) -> Option<usize> {
+        if self.answers.front().is_none_or(|(arrival, _)| *arrival > until.max(now())) {
+            self.wait(until);
+            return None;
+        }
+        let (arrival, bytes) = self.answers.pop_front()?;
+        simulate(now().max(arrival));
+        let length = bytes.len();
+        frame[..length].copy_from_slice(&bytes);
+        permit_alloc(|| drop(bytes));
+        Some(length)
+    }
+
+    fn wait(&mut self, until: u64) {
+        simulate(now().max(until));
+        permit_alloc(|| self.segment.advance(now()));
+    }
+}
+
+impl SimulatedLink {
+    /// A frame goes through the devices; its answer is on its way then.
+    fn pass(&mut self, frame: &[u8]) {
         let mut frame = frame.to_vec();
         // a write to the drive's mailbox: FPWR to station 0x1001, address 0x1000
-        if frame[16] == 5 && frame[18..22] == [0x01, 0x10, 0x00, 0x10] {
-            if let Some(code) = self.emergency.take() {
-                let message = Emergency { code, register: 1 };
-                self.segment.devices_mut()[1].inject(Fault::Emergency(message), now());
-            }
+        let is_request = frame[16] == 5 && frame[18..22] == [0x01, 0x10, 0x00, 0x10];
+        if let Some(code) = self.emergency.take_if(|_| is_request) {
+            let message = Emergency { code, register: 1 };
+            self.segment.devices_mut()[1].inject(Fault::Emergency(message), now());
         }
         if self.segment.process(&mut frame, now()) {
             let mut arrival = now() + FLIGHT;
@@ -189,6 +217,10 @@ impl Link for SimulatedLink {
                     self.late = None;
                 }
             }
+            if self.low > 0 {
+                self.low -= 1;
+                lower_working_counter(&mut frame);
+            }
             if self.twice > 0 {
                 self.twice -= 1;
                 self.answers.push_back((arrival, frame.clone()));
@@ -196,23 +228,22 @@ impl Link for SimulatedLink {
             self.answers.push_back((arrival, frame));
             self.answers.make_contiguous().sort_by_key(|(arrival, _)| *arrival);
         }
-        true
     }
+}
 
-    fn receive(&mut self, frame: &mut [u8], until: u64) -> Option<usize> {
-        if !self.answers.front().is_some_and(|(arrival, _)| *arrival <= until.max(now())) {
-            self.wait(until);
-            return None;
+/// Takes one off the working counter of the logical datagram in a frame.
+fn lower_working_counter(frame: &mut [u8]) {
+    let mut at = 16;
+    while at + 12 <= frame.len() {
+        let field = u16::from_le_bytes([frame[at + 6], frame[at + 7]]);
+        let end = at + 10 + usize::from(field & 0x7ff);
+        if frame[at] == 12 {
+            frame[end] -= 1;
         }
-        let (arrival, bytes) = self.answers.pop_front()?;
-        simulate(now().max(arrival));
-        frame[..bytes.len()].copy_from_slice(&bytes);
-        Some(bytes.len())
-    }
-
-    fn wait(&mut self, until: u64) {
-        simulate(now().max(until));
-        self.segment.advance(now());
+        if field & 0x8000 == 0 {
+            return;
+        }
+        at = end + 2;
     }
 }
 

@@ -158,6 +158,21 @@ fn each_fault_is_found_by_its_name_stops_the_machine_and_does_not_reset_itself()
 }
 
 #[test]
+fn a_wrong_working_counter_is_a_fault_of_its_own_and_an_unexplained_stop_of_a_drive_too() {
+    let mut running = Running::new();
+    running.bus.link_mut().low = 8;
+    assert_eq!(running.until_found(20), Some((Fault::WorkingCounter, 4)));
+
+    let (mut bus, behind) = bus(table(|table| table.drives[0].stop_circuit = None));
+    let machine = bus.take_machine().unwrap();
+    let mut running = Running { bus, behind, machine, sequence: 0 };
+    running.cycles(50);
+    running.set(SAFE_TORQUE_OFF, 1);
+    let found = running.until_found(20);
+    assert_eq!(found.map(|(fault, _)| fault), Some(Fault::DriveDisabled { device: 1 }));
+}
+
+#[test]
 fn a_person_resets_a_fault_of_the_drive_and_starts_the_bus_again_after_a_broken_cable() {
     let mut running = Running::new();
     running.set(INJECTED_FAULT, 0x3220);

@@ -1,7 +1,16 @@
 //! The bus against simulated devices, in one thread and in simulated time.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot set up has failed")]
+
+use assert_no_alloc::AllocDisabler;
+
+/// Ends the tests where something is allocated in what may not.
+#[global_allocator]
+static ALLOCATOR: AllocDisabler = AllocDisabler;
+
 mod bench;
 mod crane;
 mod faults;
 mod operation;
 mod start_up;
+mod stopping;

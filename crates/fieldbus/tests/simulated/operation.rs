@@ -1,9 +1,13 @@
 //! Start-up and cyclic operation.
 
-use crate::bench::{bus, table};
+use crate::bench::{Shared, SimulatedLink, bus, segment, table};
+use assert_no_alloc::assert_no_alloc;
 use hydroboom_control::command::Command;
 use hydroboom_control::measurement::Validity;
+use hydroboom_device_simulator::applications::VelocityUnit;
+use hydroboom_fieldbus::bus::Bus;
 use hydroboom_fieldbus::machine::MachineState;
+use hydroboom_fieldbus::table::{Entry, Pdo, Sync};
 use hydroboom_realtime::machine::Machine;
 
 #[test]
@@ -27,4 +31,97 @@ fn four_devices_go_to_op_and_exchange_with_the_right_working_counter_in_every_cy
         assert!((axis.signals.stroke - 0.25).abs() < 1e-5, "{}", axis.signals.stroke);
         assert!(axis.validity.to_array().iter().all(|v| *v == Validity::Good), "{axis:?}");
     }
+}
+
+#[test]
+fn a_command_acts_as_many_periods_after_its_measurement_as_the_table_says() {
+    for exchanges in [1, 2] {
+        let (mut bus, _) = bus(table(|table| table.bus.exchanges = exchanges));
+        let mut machine = bus.take_machine().unwrap();
+        // the motor behind the drive has its speed at once, and shows it at the SYNC0 at which it was commanded
+        let mut steps = Vec::new();
+        for sequence in 1..=60 {
+            bus.measure();
+            let speed = machine.read().unwrap().measurement.axes[0].signals.motor_speed;
+            steps.push(speed);
+            let commanded = if sequence >= 50 { 8.0 } else { 0.0 };
+            machine.write(sequence, &Command::released([commanded]));
+            bus.act();
+        }
+        let at = steps.iter().position(|speed| *speed > 1.0).unwrap();
+        // the command was the answer to measurement 50, which is at 49
+        assert_eq!(at - 49, bus.table().bus.delay() as usize, "{exchanges} exchanges");
+    }
+}
+
+#[test]
+fn nothing_is_allocated_in_a_cycle_nor_on_the_side_of_control() {
+    let (mut bus, _) = bus(table(|_| {}));
+    let mut machine = bus.take_machine().unwrap();
+    // a frame is lost, too
+    for sequence in 1..=200 {
+        if sequence == 100 {
+            bus.link_mut().segment.lose_frames(1);
+        }
+        assert_no_alloc(|| {
+            bus.measure();
+            machine.write(sequence, &Command::released([5.0]));
+            bus.act();
+            machine.read().map(|incoming| incoming.measurement.number)
+        });
+    }
+    assert_eq!((machine.state(), bus.counters().lost), (MachineState::Enabled, 1));
+}
+
+#[test]
+fn a_drive_of_another_make_runs_too_increments_fixed_lists_with_gaps_and_sync1() {
+    let unit = VelocityUnit::Increments { per_revolution: 1 << 20, gear: [1, 1], factor: [1, 1] };
+    let link = SimulatedLink::new(segment(&Shared::default(), |_, drive| {
+        drive.unit = unit;
+        drive.is_mapping_fixed = true;
+    }));
+    let entries = |all: &[(u16, u8)]| -> Vec<Entry> {
+        all.iter().map(|(index, bits)| Entry { index: *index, sub: 0, bits: *bits }).collect()
+    };
+    let mut table = table(|table| {
+        let drive = &mut table.devices[1];
+        drive.is_mapping_written = false;
+        drive.sync = Sync::Sync01(1_000_000);
+        drive.start_up.iter_mut().filter(|sdo| sdo.index < 0x2000).for_each(|sdo| sdo.value = 3);
+        let outputs = entries(&[(0x6040, 16), (0x60ff, 32), (0x6060, 8), (0, 8)]);
+        let inputs = entries(&[
+            (0x6041, 16),
+            (0x6064, 32),
+            (0x606c, 32),
+            (0x6061, 8),
+            (0, 8),
+            (0x603f, 16),
+            (0x60fd, 32),
+        ]);
+        drive.outputs = vec![Pdo { list: 0x1600, entries: outputs }];
+        drive.inputs = vec![Pdo { list: 0x1a00, entries: inputs }];
+        for scale in [&mut table.commanded[0].scale, &mut table.measured[0].scale] {
+            // its motor turns the other way round
+            scale.factor = -unit.rev_per_s();
+        }
+    });
+    // a file would say so by its entries; here places move by the position and the gaps
+    table.measured[0].place.bit = 48;
+    let row = &mut table.drives[0];
+    row.mode_display.bit = 80;
+    row.error.as_mut().unwrap().bit = 96;
+    row.stop_circuit.as_mut().unwrap().place.bit = 112;
+    let mut bus = Bus::start(table, link).unwrap();
+    let mut machine = bus.take_machine().unwrap();
+    for sequence in 1..=500 {
+        bus.measure();
+        machine.write(sequence, &Command::released([3.5]));
+        bus.act();
+    }
+    let counters = bus.counters();
+    assert_eq!((machine.state(), counters.lost, counters.low), (MachineState::Enabled, 0, 0));
+    let speed = machine.read().unwrap().measurement.axes[0].signals.motor_speed;
+    assert!((speed - 3.5).abs() < 1e-6, "{speed}");
+    // quick stop and fault by the drive's ramp, a lost connection is a fault
+    assert_eq!(bus.facts()[1].reactions, [Some(2), Some(2), Some(1)]);
 }
