@@ -434,3 +434,28 @@ impl<L: Link> Bus<L> {
 fn copy(to: &mut [u8], from: &[u8]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Nowhere;
+
+    impl Link for Nowhere {
+        fn send(&mut self, _: &[u8]) -> bool {
+            false
+        }
+
+        fn receive(&mut self, _: &mut [u8], _: u64) -> Option<usize> {
+            None
+        }
+
+        fn wait(&mut self, _: u64) {}
+    }
+
+    #[test]
+    fn a_bus_can_be_given_to_a_task_of_its_own() {
+        fn is_send<T: Send>(_: Option<T>) {}
+        is_send::<Bus<Nowhere>>(None);
+    }
+}

@@ -213,7 +213,11 @@ fn single_losses_are_borne_and_the_last_measurement_ages() {
     running.cycles(3);
     running.bus.link_mut().twice = 1;
     running.cycles(3);
+    // one device does not hear the first frame of a cycle: nothing of it counts
+    let before = number(&mut running);
     running.inject(INPUTS, DeviceFault::Deaf(1));
+    running.cycles(1);
+    assert_eq!(number(&mut running), before);
     running.cycles(200);
     let counters = running.bus.counters();
     assert_eq!((counters.lost, counters.low, counters.unexpected), (4, 1, 3));

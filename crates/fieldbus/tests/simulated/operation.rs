@@ -26,6 +26,10 @@ fn four_devices_go_to_op_and_exchange_with_the_right_working_counter_in_every_cy
         assert_eq!((counters.cycles, counters.exchanges), (500, 500 * u64::from(exchanges)));
         assert_eq!((counters.lost, counters.low, counters.unexpected), (0, 0, 0));
         assert_eq!(machine.state(), MachineState::Enabled);
+        // watchdogs of 20 ms in units of 100 us, where the table says so
+        let watchdogs =
+            bus.link_mut().segment.devices().iter().map(|d| d.controller.memory.u16(0x0420));
+        assert_eq!(watchdogs.collect::<Vec<_>>(), [1000, 200, 1000, 200]);
         let axis = machine.read().unwrap().measurement.axes[0];
         assert!((axis.signals.motor_speed - 12.0).abs() < 1e-5, "{}", axis.signals.motor_speed);
         assert!((axis.signals.stroke - 0.25).abs() < 1e-5, "{}", axis.signals.stroke);

@@ -175,7 +175,7 @@ fn after_a_fault_the_crane_goes_no_farther_than_an_immediate_stop_and_the_time_u
             }
             println!(
                 "{:+.0} mm/s, {name}: found after {} periods, {:.1} mm until at rest, bound {:.1}, safe after {safe} ms",
-                1e3 * speed,
+                1e3 * reached,
                 found.unwrap_or(0),
                 1e3 * travel,
                 1e3 * bound
