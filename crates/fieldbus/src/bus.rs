@@ -7,8 +7,9 @@
 //!   one exchange:  A alone, which takes the outputs of the cycle before along: two periods later
 //! ```
 //!
-//! A lost frame is not sent again: the measurement ages, and so many losses in a window are a fault. Where no new command came for two periods, the safe
-//! command is sent: target nought, valve shut, by drives that still have power to brake.
+//! A lost frame is not sent again: the measurement ages, and so many losses in a window are a fault. Where no new
+//! command came for two periods, the safe command is sent: target nought, valve shut, by drives that still have power
+//! to brake.
 
 use crate::check::DeviceFacts;
 use crate::drive::{Drive, Wanted};
@@ -69,7 +70,7 @@ pub struct Bus<L> {
     side: BusSide,
     machine: Option<FieldbusMachine>,
     number: u64,
-    /// The last command, and for how many periods none has come; none before the first.
+    /// The last command, and for how many periods none has come; none before the first at rest.
     command: Option<(Command, u32)>,
     /// The first fault, and when it came \[ns\].
     fault: Option<(Fault, u64)>,
@@ -200,8 +201,8 @@ impl<L: Link> Bus<L> {
 
     /// Takes the newest command, and sends it in the second exchange, or leaves it for the first of the next cycle.
     pub fn act(&mut self) {
-        self.take_command();
         self.take_reset();
+        self.take_command();
         self.encode();
         if self.table.bus.exchanges == 2 {
             self.wire.link.wait(self.pace.in_cycle(self.table.bus.send));
@@ -217,7 +218,8 @@ impl<L: Link> Bus<L> {
         self.side.show(self.drives.iter().all(Drive::is_enabled), self.fault());
     }
 
-    /// Starts anew from INIT after a fault that devices do not come back from by themselves: a person has mended the cause.
+    /// Starts anew from INIT after a fault that devices do not come back from by themselves: a person has mended the
+    /// cause.
     ///
     /// # Errors
     ///
@@ -357,17 +359,20 @@ impl<L: Link> Bus<L> {
         self.side.publish(&Incoming { measurement, valve });
     }
 
+    /// Takes the newest command. After a start and after a reset commands count from the first one that is at rest,
+    /// so that nothing moves unexpectedly (ISO 14118).
     fn take_command(&mut self) {
         if let Some(command) = self.side.take_command() {
             let is_finite = command
                 .axes
                 .iter()
                 .all(|axis| axis.motor_speed.is_finite() && axis.holding_valve.is_finite());
-            if is_finite {
+            if !is_finite {
+                self.stop(Fault::CommandsStopped);
+            } else if self.command.is_some() || command == Command::default() {
                 self.command = Some((command, 0));
-                return;
             }
-            self.stop(Fault::CommandsStopped);
+            return;
         }
         if let Some((_, age)) = &mut self.command {
             *age += 1;
@@ -388,7 +393,7 @@ impl<L: Link> Bus<L> {
             return;
         }
         self.fault = None;
-        // commands begin anew
+        // they count from the next one at rest
         self.command = None;
         self.lost.clear();
         self.low.clear();

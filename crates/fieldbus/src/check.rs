@@ -37,7 +37,8 @@ pub fn mismatches(table: &Table, facts: &[DeviceFacts]) -> Vec<String> {
     if facts.len() != table.devices.len() {
         let names: Vec<&str> = facts.iter().map(|device| device.name.as_str()).collect();
         found.push(format!(
-            "{} devices answer ({}), the table has {}: look at cables and supply behind the last of them, or correct the table",
+            "{} devices answer ({}), the table has {}: look at cables and supply behind the last of \
+            them, or correct the table",
             facts.len(),
             names.join(", "),
             table.devices.len()
@@ -67,18 +68,21 @@ fn identity(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<St
     let [vendor, product, revision] = device.identity;
     let [low, high] = row.revision;
     let of = format!(
-        "position {position} is {} (vendor 0x{vendor:08X}, product 0x{product:08X}, revision 0x{revision:08X})",
+        "position {position} is {} (vendor 0x{vendor:08X}, product 0x{product:08X}, revision \
+        0x{revision:08X})",
         device.name
     );
     if (vendor, product) != (row.vendor, row.product) {
         return Some(format!(
-            "{of}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there: look at the order of the devices, or correct the table",
+            "{of}, the table has {} (vendor 0x{:08X}, product 0x{:08X}) there: look at the order of the \
+            devices, or correct the table",
             row.name, row.vendor, row.product
         ));
     }
     (!(low..=high).contains(&revision)).then(|| {
         format!(
-            "{of}, the table allows revisions 0x{low:08X} to 0x{high:08X}: read what its maker changed, then widen the range"
+            "{of}, the table allows revisions 0x{low:08X} to 0x{high:08X}: read what its maker changed, \
+            then widen the range"
         )
     })
 }
@@ -133,7 +137,8 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
     }
     if !device.has_clock {
         return Some(format!(
-            "{} (position {position}) has no distributed clock, the table has sync for it: set sync = \"none\"",
+            "{} (position {position}) has no distributed clock, the table has sync for it: set sync = \
+            \"none\"",
             row.name
         ));
     }
@@ -146,7 +151,8 @@ fn synchronisation(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Op
     };
     (!has && !device.activations.is_empty()).then(|| {
         format!(
-            "{} (position {position}) has the activations {} in its EEPROM, the table asks for 0x{wanted:04X} ({name}): take one that it has",
+            "{} (position {position}) has the activations {} in its EEPROM, the table asks for \
+            0x{wanted:04X} ({name}): take one that it has",
             row.name,
             modes.join(", ")
         )
@@ -157,7 +163,8 @@ fn mode(position: usize, row: &DeviceRow, device: &DeviceFacts) -> Option<String
     let modes = device.modes?;
     (modes & HAS_CYCLIC_VELOCITY == 0).then(|| {
         format!(
-            "{} (position {position}) does not have cyclic synchronous velocity (0x6502 is 0x{modes:08X}, bit 8 is 0): set it up in the drive, or take another drive",
+            "{} (position {position}) does not have cyclic synchronous velocity (0x6502 is \
+            0x{modes:08X}, bit 8 is 0): set it up in the drive, or take another drive",
             row.name
         )
     })
@@ -188,7 +195,8 @@ fn velocities(table: &Table, position: usize, device: &DeviceFacts) -> Vec<Strin
         .filter(|(_, scale, _)| (scale.factor.abs() / unit - 1.0).abs() > SAME_UNIT)
         .map(|(_, scale, index)| {
             format!(
-                "one unit of 0x{index:04X} of {} (position {position}) is {unit:e} rev/s by its objects 0x60A9 or 0x608F, 0x6091 and 0x6096, the table's factor is {:e}: write the device's",
+                "one unit of 0x{index:04X} of {} (position {position}) is {unit:e} rev/s by its objects \
+                0x60A9 or 0x608F, 0x6091 and 0x6096, the table's factor is {:e}: write the device's",
                 row.name,
                 scale.factor.abs()
             )

@@ -1,4 +1,5 @@
-//! Drives by CiA 402 (IEC 61800-7-201) in cyclic synchronous velocity: states, controlwords, bits of the statusword, error codes.
+//! Drives by CiA 402 (IEC 61800-7-201) in cyclic synchronous velocity: states, controlwords, bits of the statusword,
+//! error codes.
 
 /// Mode of operation: cyclic synchronous velocity.
 pub const CYCLIC_VELOCITY: i8 = 9;

@@ -4,7 +4,8 @@ use crate::cia402::{CYCLIC_VELOCITY, DriveState, FAULT_RESET, status_bit};
 use crate::fault::Fault;
 use crate::table::DriveRow;
 
-/// Cycles for which an enabled drive may not follow its target: it takes a few to open its brake and to show its mode. Estimate; brakes open within 0.2 s.
+/// Cycles for which an enabled drive may not follow its target: it takes a few to open its brake and to show its
+/// mode. Estimate; brakes open within 0.2 s.
 const MAY_IGNORE: u32 = 500;
 /// Cycles for which the bit of a fault reset stands.
 const RESET_CYCLES: u32 = 10;

@@ -71,12 +71,15 @@ impl Fault {
             None => format!("device {device}"),
         };
         match self {
-            Self::FramesLost => "too many frames were lost: look at cables, plugs and the load of this computer".into(),
+            Self::FramesLost => "too many frames were lost: look at cables, plugs and the load of this \
+            computer".into(),
             Self::WorkingCounter => {
-                "too many frames came back with a wrong working counter: a device did not take part; look at its cable and supply".into()
+                "too many frames came back with a wrong working counter: a device did not take part; \
+                look at its cable and supply".into()
             }
             Self::DeviceSilent { device } => {
-                format!("{} does not answer: look at the cable in front of it and at its supply, then start the bus again", name(device))
+                format!("{} does not answer: look at the cable in front of it and at its supply, then \
+                start the bus again", name(device))
             }
             Self::StateDropped { device, code } => {
                 format!("{} left OP: {reason} (AL status code 0x{code:04X}); start the bus again", name(device))
@@ -90,15 +93,19 @@ impl Fault {
                 format!("{} has a fault: {why}; mend the cause, then a person resets it", name(device))
             }
             Self::SafeTorqueOff { device } => {
-                format!("the stop circuit of {} was opened: safe torque off, no fault of the drive; close it, then reset", name(device))
+                format!("the stop circuit of {} was opened: safe torque off, no fault of the drive; \
+                close it, then reset", name(device))
             }
             Self::DriveDisabled { device } => {
-                format!("{} switched itself off without a fault: look at its enable inputs and power supply", name(device))
+                format!("{} switched itself off without a fault: look at its enable inputs and power \
+                supply", name(device))
             }
             Self::TargetIgnored { device } => {
-                format!("{} is enabled and does not follow its target: look at local control (statusword bit 9) and mode (0x6061)", name(device))
+                format!("{} is enabled and does not follow its target: look at local control \
+                (statusword bit 9) and mode (0x6061)", name(device))
             }
-            Self::CommandsStopped => "no new command came for two periods: control stopped or was held up".into(),
+            Self::CommandsStopped => "no new command came for two periods: control stopped or was held \
+            up".into(),
         }
     }
 

@@ -1,12 +1,14 @@
-//! A machine on EtherCAT: main device, table of devices and signals, drives by CiA 402, faults; in real and in simulated time.
+//! A machine on EtherCAT: main device, table of devices and signals, drives by CiA 402, faults; in real and in
+//! simulated time.
 //!
 //! ```text
 //! control task  <-measurement-  Slot  <-  Bus::measure  <-  exchange of frames  <->  Link  <->  devices
 //!               -command->      Slot  ->  Bus::act      ->
 //! ```
 //!
-//! [`Table::parse`](table::Table::parse) reads what is on the bus; [`Bus::start`](bus::Bus::start) brings it into OP; a bus task, or a loop in simulated time,
-//! calls [`Bus::measure`](bus::Bus::measure) and [`Bus::act`](bus::Bus::act). The control task has a [`FieldbusMachine`](machine::FieldbusMachine). Frames go over
+//! [`Table::parse`](table::Table::parse) reads what is on the bus; [`Bus::start`](bus::Bus::start) brings it into OP;
+//! a bus task, or a loop in simulated time, calls [`Bus::measure`](bus::Bus::measure) and
+//! [`Bus::act`](bus::Bus::act). The control task has a [`FieldbusMachine`](machine::FieldbusMachine). Frames go over
 //! a [`Link`](link::Link), and time is that of [`time`]: the clock's, or one that a thread simulates.
 
 // what runs in the bus task cannot panic

@@ -2,8 +2,8 @@
 
 use crate::table::BusSettings;
 
-/// Share of a deviation by which the estimate of SYNC0 is corrected at each frame, as a divisor: what frames are late by is smoothed, and clocks that drift
-/// by 100 ppm leave 0.8 us at a period of 1 ms.
+/// Share of a deviation by which the estimate of SYNC0 is corrected at each frame, as a divisor: what frames are late
+/// by is smoothed, and clocks that drift by 100 ppm leave 0.8 us at a period of 1 ms.
 const GAIN: i64 = 8;
 
 /// Phase of SYNC0, estimated from the system time that came with each frame.
@@ -47,7 +47,11 @@ impl Pace {
     /// SYNC0 before a time \[ns\].
     fn before(&self, time: u64) -> u64 {
         match self.sync0 {
-            Some(sync0) => time - time.wrapping_sub(sync0) % self.period,
+            // the estimate may lie after the time by what it is smoothed
+            Some(sync0) => {
+                let after = (time.wrapping_sub(sync0) as i64).rem_euclid(self.period as i64);
+                time.wrapping_sub(after as u64)
+            }
             None => time,
         }
     }
@@ -57,7 +61,8 @@ impl Pace {
         self.before(self.sent) + self.period + self.exchange
     }
 
-    /// Until when the answer to a frame is waited for that was sent at a time \[ns\]: until a margin before what comes next in the period.
+    /// Until when the answer to a frame is waited for that was sent at a time \[ns\]: until a margin before what
+    /// comes next in the period.
     pub(crate) fn answer_end(&self, sent: u64, bus: &BusSettings, margin: u64) -> u64 {
         let begin = self.before(sent);
         let next =
@@ -68,5 +73,60 @@ impl Pace {
     /// A time after the SYNC0 of the cycle in which the newest frame was sent \[ns\].
     pub(crate) fn in_cycle(&self, after: u64) -> u64 {
         self.before(self.sent) + after
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BUS: BusSettings = BusSettings {
+        period: 1_000_000,
+        exchanges: 2,
+        exchange: 100_000,
+        send: 700_000,
+        lost_max: 3,
+        window: 100,
+        brake: 0,
+    };
+
+    /// System time of devices whose clocks run faster by 100 ppm \[ns\].
+    fn system(time: u64) -> u64 {
+        5_000_300_000 + time + time / 10_000
+    }
+
+    /// How far a time is from a SYNC0 \[ns\].
+    fn from_sync0(time: u64) -> u64 {
+        let phase = system(time) % BUS.period;
+        phase.min(BUS.period - phase)
+    }
+
+    #[test]
+    fn sync0_is_followed_whatever_frames_are_late_by() {
+        let mut pace = Pace::new(&BUS);
+        let mut time = 10_000_000;
+        for cycle in 0..2000 {
+            let sent = time + [0, 40_000, 5_000, 90_000][cycle % 4];
+            pace.see(sent, (cycle % 50 != 7).then(|| system(sent)));
+            // what a gain of 1/8 leaves of 100 ns a period, and of a period without an answer
+            assert!(from_sync0(pace.in_cycle(0)) < 2_000, "cycle {cycle}");
+            time = pace.next_exchange();
+            assert!(time > sent + BUS.exchange, "cycle {cycle}");
+        }
+    }
+
+    #[test]
+    fn a_frame_that_is_sent_as_sync0_comes_belongs_to_one_cycle_or_the_other() {
+        let mut pace = Pace::new(&BUS);
+        pace.see(10_000_000, Some(system(10_000_000)));
+        let sync0 = pace.in_cycle(0) + 50 * BUS.period;
+        for off in (0..12_000).step_by(500) {
+            let sent = sync0 + off - 6_000;
+            let mut pace = pace;
+            pace.see(sent, Some(system(sent)));
+            assert!(from_sync0(pace.in_cycle(0)) < 6_000, "{off}");
+            let next = pace.next_exchange() - sent;
+            assert!((BUS.exchange..BUS.period + 2 * BUS.exchange).contains(&next), "{off}: {next}");
+        }
     }
 }

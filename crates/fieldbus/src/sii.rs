@@ -58,7 +58,8 @@ fn u16_at(bytes: &[u8], at: usize) -> u16 {
         | u16::from(bytes.get(at + 1).copied().unwrap_or(0)) << 8
 }
 
-/// Lists of process data: a head of 8 bytes with index and number of entries, then 8 bytes an entry. Lists that no sync manager has are left out.
+/// Lists of process data: a head of 8 bytes with index and number of entries, then 8 bytes an entry. Lists that no
+/// sync manager has are left out.
 fn lists(mut data: &[u8]) -> Vec<Pdo> {
     let mut lists = Vec::new();
     while let Some((head, rest)) = data.split_at_checked(8) {

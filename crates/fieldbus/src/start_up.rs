@@ -6,8 +6,8 @@
 //! SAFEOP -> OP     requested while process data go on, as drives refuse OP without them
 //! ```
 //!
-//! SDOs are sent here only, never in a cycle: ethercrab 0.7.1 panics where an emergency comes in place of an answer (`mailbox/coe/mod.rs:231`), and a
-//! panic of a start-up is caught and told.
+//! SDOs are sent here only, never in a cycle: ethercrab 0.7.1 panics where an emergency comes in place of an answer
+//! (`mailbox/coe/mod.rs:231`), and a panic of a start-up is caught and told.
 
 use crate::bus::Bus;
 use crate::check::{DeviceFacts, mismatches};
@@ -276,14 +276,17 @@ impl Display for Trouble {
         match self {
             Self::Bus(error) => error.fmt(f),
             Self::Panic => f.write_str(
-                "the device sent an emergency in place of an answer: it has a fault; mend that (see its display or manual), then start again",
+                "the device sent an emergency in place of an answer: it has a fault; mend that (see its \
+                display or manual), then start again",
             ),
-            Self::NotKept(what) => write!(f, "{what} does not hold what was written: the device does not have this watchdog; leave watchdog_ms out"),
+            Self::NotKept(what) => write!(f, "{what} does not hold what was written: the device does \
+            not have this watchdog; leave watchdog_ms out"),
         }
     }
 }
 
-/// Waits for an SDO; a panic of ethercrab is caught. Nothing that it leaves half done is used again before the next INIT.
+/// Waits for an SDO; a panic of ethercrab is caught. Nothing that it leaves half done is used again before the next
+/// INIT.
 fn sdo<L: Link, T>(
     wire: &mut Wire<L>,
     future: impl Future<Output = Result<T, Error>>,

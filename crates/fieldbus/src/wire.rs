@@ -32,7 +32,8 @@ pub(crate) struct Wire<L> {
 }
 
 impl<L: Link> Wire<L> {
-    /// A main device on a link. Its storage of 11 kB stays until the process ends, as a main device has to outlive its frames.
+    /// A main device on a link. Its storage of 11 kB stays until the process ends, as a main device has to outlive
+    /// its frames.
     pub(crate) fn new(link: L, config: MainDeviceConfig) -> Result<Self, Error> {
         let storage: &'static PduStorage<FRAMES, PAYLOAD> = Box::leak(Box::new(PduStorage::new()));
         // a new storage has not been split

@@ -505,7 +505,8 @@ fn drives(
         let input = |index| place(&lists.inputs, index, 0);
         let words = (output(0x6040), output(0x60ff), input(0x6041), input(0x6061));
         let (Some(controlword), Some(target), Some(statusword), Some(mode_display)) = words else {
-            let message = "a drive by CiA 402 needs 0x6040 and 0x60FF among its outputs, 0x6041 and 0x6061 among its inputs";
+            let message = "a drive by CiA 402 needs 0x6040 and 0x60FF among its outputs, 0x6041 and \
+            0x6061 among its inputs";
             problems.add(&key("profile"), message);
             continue;
         };

@@ -1,7 +1,7 @@
 //! Table: which devices are on the bus, how they are set up, and which process data are which signals of the machine.
 //!
-//! It is read from a file of its own ([`Table::parse`]) and checked there; what the devices say of themselves is compared with it at start-up
-//! ([`check`](crate::check)).
+//! It is read from a file of its own ([`Table::parse`]) and checked there; what the devices say of themselves is
+//! compared with it at start-up ([`check`](crate::check)).
 
 mod file;
 mod problem;
@@ -30,7 +30,8 @@ pub struct Table {
 pub struct BusSettings {
     /// Period, which is that of control and of SYNC0 \[ns\].
     pub period: u64,
-    /// Exchanges in a period: two, and a command acts one period after its measurement; or one, and it acts two periods after.
+    /// Exchanges in a period: two, and a command acts one period after its measurement; or one, and it acts two
+    /// periods after.
     pub exchanges: u32,
     /// Time from SYNC0 to the first exchange \[ns\].
     pub exchange: u64,
@@ -226,7 +227,8 @@ pub enum Invalid {
 pub struct MeasuredRow {
     /// Axis.
     pub axis: usize,
-    /// Which of the axis's signals, by its place in [`MEASURED`]; that after the last: the position switch of the load-holding valve, 1 open.
+    /// Which of the axis's signals, by its place in [`MEASURED`]; that after the last: the position switch of the
+    /// load-holding valve, 1 open.
     pub signal: usize,
     /// Where it lies in the inputs.
     pub place: Place,

@@ -1,4 +1,5 @@
-//! A bus in simulated time: the devices of the table in the documentation, with the virtual crane or nothing behind them, in this thread.
+//! A bus in simulated time: the devices of the table in the documentation, with the virtual crane or nothing behind
+//! them, in this thread.
 
 use assert_no_alloc::permit_alloc;
 use hydroboom_control::command::AxisCommand;

@@ -6,6 +6,7 @@ use hydroboom_control::measurement::Validity;
 use hydroboom_device_simulator::al_status_code::AlStatusCode;
 use hydroboom_device_simulator::applications::{INJECTED_FAULT, SAFE_TORQUE_OFF};
 use hydroboom_device_simulator::device::Fault as DeviceFault;
+use hydroboom_device_simulator::mailbox::Emergency;
 use hydroboom_fieldbus::bus::Bus;
 use hydroboom_fieldbus::fault::Fault;
 use hydroboom_fieldbus::machine::{FieldbusMachine, MachineState};
@@ -29,6 +30,7 @@ impl Running {
         let (mut bus, behind) = bus(table(|_| {}));
         let machine = bus.take_machine().unwrap();
         let mut running = Self { bus, behind, machine, sequence: 0 };
+        running.rest();
         running.cycles(50);
         assert_eq!(running.machine.state(), MachineState::Enabled);
         assert!(running.is_moving());
@@ -42,6 +44,11 @@ impl Running {
             self.machine.write(self.sequence, &command);
         }
         self.bus.act();
+    }
+
+    /// A cycle with a command that is at rest.
+    fn rest(&mut self) {
+        self.cycle(Some(Command::default()));
     }
 
     fn cycles(&mut self, count: u32) {
@@ -81,7 +88,8 @@ impl Running {
 
 type Injection = fn(&mut Running);
 
-/// Faults: how they are made, how they are mended, what they are called, and in how many periods they are found at most.
+/// Faults: how they are made, how they are mended, what they are called, and in how many periods they are found at
+/// most.
 const FAULTS: [(Injection, Injection, Fault, u32); 11] = [
     (
         |r| r.bus.link_mut().segment.lose_frames(1000),
@@ -144,7 +152,8 @@ fn each_fault_is_found_by_its_name_stops_the_machine_and_does_not_reset_itself()
         );
         let sentence = running.bus.fault_sentence().unwrap();
         assert!(sentence.len() > 40, "{sentence}");
-        // where no frame comes, the valve's own watchdog of 20 ms shuts it; a drive without frames brakes by its own ramp
+        // where no frame comes, the valve's own watchdog of 20 ms shuts it; a drive without frames brakes by its own
+        // ramp
         running.cycles(25);
         assert_eq!(running.behind.borrow().command.holding_valve, 0.0, "{number}");
         running.cycles(125);
@@ -166,6 +175,7 @@ fn a_wrong_working_counter_is_a_fault_of_its_own_and_an_unexplained_stop_of_a_dr
     let (mut bus, behind) = bus(table(|table| table.drives[0].stop_circuit = None));
     let machine = bus.take_machine().unwrap();
     let mut running = Running { bus, behind, machine, sequence: 0 };
+    running.rest();
     running.cycles(50);
     running.set(SAFE_TORQUE_OFF, 1);
     let found = running.until_found(20);
@@ -178,8 +188,12 @@ fn a_person_resets_a_fault_of_the_drive_and_starts_the_bus_again_after_a_broken_
     running.set(INJECTED_FAULT, 0x3220);
     running.cycles(100);
     running.machine.reset_by_a_person();
+    // what still commands a motion moves nothing
     running.cycles(100);
-    assert_eq!((running.bus.fault(), running.is_moving()), (None, true));
+    assert_eq!((running.bus.fault(), running.is_safe()), (None, true));
+    running.rest();
+    running.cycles(50);
+    assert!(running.is_moving());
 
     running.bus.link_mut().segment.connect(2);
     running.cycles(100);
@@ -190,9 +204,10 @@ fn a_person_resets_a_fault_of_the_drive_and_starts_the_bus_again_after_a_broken_
     assert_eq!((running.bus.fault(), running.is_safe()), (fault, true));
     running.bus = running.bus.restart_by_a_person().unwrap();
     let low = running.bus.counters().low;
-    // the drive had its own fault when frames stayed away: that, too, is a person's
-    running.machine.reset_by_a_person();
     running.cycles(100);
+    assert!(running.is_safe());
+    running.rest();
+    running.cycles(50);
     assert_eq!((running.bus.fault(), running.is_moving()), (None, true));
     assert_eq!(running.bus.counters().low, low);
 }
@@ -225,6 +240,18 @@ fn single_losses_are_borne_and_the_last_measurement_ages() {
 }
 
 #[test]
+fn a_clock_that_drifts_and_an_emergency_in_operation_are_borne() {
+    let mut running = Running::new();
+    // 100 ppm beside the others; a mailbox that nobody fetches
+    running.inject(DRIVE, DeviceFault::Drift(100_000));
+    running.inject(DRIVE, DeviceFault::Emergency(Emergency { code: 0x3220, register: 1 }));
+    running.cycles(1000);
+    let counters = running.bus.counters();
+    assert_eq!((counters.lost, counters.low), (0, 0));
+    assert_eq!((running.bus.fault(), running.is_moving()), (None, true));
+}
+
+#[test]
 fn an_old_command_is_not_repeated_beyond_two_periods() {
     let mut running = Running::new();
     running.cycle(None);
@@ -244,6 +271,7 @@ fn an_old_command_is_not_repeated_beyond_two_periods() {
         "the drive is switched off after it braked"
     );
     running.machine.reset_by_a_person();
+    running.rest();
     running.cycles(50);
     assert!(running.is_moving());
     // what is no number is no command

@@ -10,6 +10,11 @@ use hydroboom_fieldbus::machine::MachineState;
 use hydroboom_fieldbus::table::{Entry, Pdo, Sync};
 use hydroboom_realtime::machine::Machine;
 
+/// At rest first, as commands count from there; then a motor speed \[rev/s\].
+fn after_rest(sequence: u64, speed: f64) -> Command {
+    if sequence == 1 { Command::default() } else { Command::released([speed]) }
+}
+
 #[test]
 fn four_devices_go_to_op_and_exchange_with_the_right_working_counter_in_every_cycle() {
     for exchanges in [1, 2] {
@@ -19,7 +24,7 @@ fn four_devices_go_to_op_and_exchange_with_the_right_working_counter_in_every_cy
         assert_eq!(bus.working_counter(), 6);
         for sequence in 1..=500 {
             bus.measure();
-            machine.write(sequence, &Command::released([12.0]));
+            machine.write(sequence, &after_rest(sequence, 12.0));
             bus.act();
         }
         let counters = bus.counters();
@@ -49,7 +54,7 @@ fn a_command_acts_as_many_periods_after_its_measurement_as_the_table_says() {
             let speed = machine.read().unwrap().measurement.axes[0].signals.motor_speed;
             steps.push(speed);
             let commanded = if sequence >= 50 { 8.0 } else { 0.0 };
-            machine.write(sequence, &Command::released([commanded]));
+            machine.write(sequence, &after_rest(sequence, commanded));
             bus.act();
         }
         let at = steps.iter().position(|speed| *speed > 1.0).unwrap();
@@ -69,7 +74,7 @@ fn nothing_is_allocated_in_a_cycle_nor_on_the_side_of_control() {
         }
         assert_no_alloc(|| {
             bus.measure();
-            machine.write(sequence, &Command::released([5.0]));
+            machine.write(sequence, &after_rest(sequence, 5.0));
             bus.act();
             machine.read().map(|incoming| incoming.measurement.number)
         });
@@ -119,7 +124,7 @@ fn a_drive_of_another_make_runs_too_increments_fixed_lists_with_gaps_and_sync1()
     let mut machine = bus.take_machine().unwrap();
     for sequence in 1..=500 {
         bus.measure();
-        machine.write(sequence, &Command::released([3.5]));
+        machine.write(sequence, &after_rest(sequence, 3.5));
         bus.act();
     }
     let counters = bus.counters();

@@ -49,6 +49,11 @@ fn each_mismatch_is_one_sentence_with_what_to_do() {
     one_sentence_with(&eeprom, &["outputs (position 3)", "correct the table"]);
     let unit = refusal(|t| t.measured[0].scale.factor *= 60.0);
     one_sentence_with(&unit, &["0x606C", "0x60A9", "drive", "write the device's"]);
+    let mode = refusal_of(
+        |_| {},
+        |link| link.segment.devices_mut()[1].dictionary.set_number((0x6502, 0), 0x01),
+    );
+    one_sentence_with(&mode, &["drive (position 1)", "0x6502 is 0x00000001", "another drive"]);
 }
 
 #[test]

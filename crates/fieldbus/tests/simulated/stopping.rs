@@ -1,4 +1,5 @@
-//! Faults of the bus while the crane moves: how far the piston goes until the machine is safe, judged on the simulated machine.
+//! Faults of the bus while the crane moves: how far the piston goes until the machine is safe, judged on the
+//! simulated machine.
 
 use crate::bench::{Behind, Shared, SimulatedLink, segment, table};
 use hydroboom_control::command::{AxisCommand, Command};
@@ -44,26 +45,33 @@ impl Moving {
         let mut bus = Bus::start(table(|_| {}), SimulatedLink::new(devices)).unwrap();
         let machine = bus.take_machine().unwrap();
         let mut moving = Self { bus, behind, machine, sequence: 0, speed: 0.0 };
+        // at rest, enabled, then released; the crane's time begins after that
         while moving.machine.state() != MachineState::Enabled {
-            moving.period(true, false);
+            moving.command(&Command::default());
         }
+        (0..5).for_each(|_| moving.command(&Command::released([0.0])));
         let speed = crane.benchmark().revolutions_per_metre * piston_speed;
         for period in 1..=RUN_UP {
             moving.speed = speed * (period as f64 / 200.0).min(1.0);
-            moving.period(true, true);
+            moving.period();
         }
         moving
     }
 
-    fn period(&mut self, is_commanded: bool, moves: bool) {
+    /// A cycle in which the crane stands still.
+    fn command(&mut self, command: &Command) {
         self.bus.measure();
-        if is_commanded {
-            self.sequence += 1;
-            self.machine.write(self.sequence, &Command::released([self.speed]));
-        }
-        if moves {
-            self.behind.borrow_mut().advance();
-        }
+        self.sequence += 1;
+        self.machine.write(self.sequence, command);
+        self.bus.act();
+    }
+
+    /// A control period.
+    fn period(&mut self) {
+        self.bus.measure();
+        self.sequence += 1;
+        self.machine.write(self.sequence, &Command::released([self.speed]));
+        self.behind.borrow_mut().advance();
         self.bus.act();
     }
 
@@ -163,7 +171,7 @@ fn after_a_fault_the_crane_goes_no_farther_than_an_immediate_stop_and_the_time_u
             inject(&mut moving);
             let (mut travel, mut safe, mut found) = ((moving.stroke() - begin).abs(), 0, None);
             for period in 1..=WATCHED {
-                moving.period(true, true);
+                moving.period();
                 if found.is_none() && moving.bus.fault().is_some() {
                     found = Some(period);
                 }
@@ -174,7 +182,8 @@ fn after_a_fault_the_crane_goes_no_farther_than_an_immediate_stop_and_the_time_u
                 }
             }
             println!(
-                "{:+.0} mm/s, {name}: found after {} periods, {:.1} mm until at rest, bound {:.1}, safe after {safe} ms",
+                "{:+.0} mm/s, {name}: found after {} periods, {:.1} mm until at rest, bound {:.1}, safe \
+                after {safe} ms",
                 1e3 * reached,
                 found.unwrap_or(0),
                 1e3 * travel,
