@@ -30,7 +30,7 @@ pub mod link;
 pub mod machine;
 mod pace;
 mod sii;
-mod start_up;
+pub mod start_up;
 pub mod table;
 pub mod time;
 mod wire;

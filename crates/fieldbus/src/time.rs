@@ -3,7 +3,7 @@
 //! It is the time driver of `ethercrab` without its `std` feature (crate `embassy-time-driver`), of which a binary
 //! has one. So that the same binary runs in real and in simulated time, the driver asks the calling thread: tests in
 //! threads of their own do not disturb each other. Futures are polled by hand until they are ready, so that a waker
-//! is never used; what a future waits for is kept as [`next_timer`].
+//! is never used; the nearest time that a future waits for is kept.
 
 use embassy_time_driver::{Driver, TICK_HZ, time_driver_impl};
 use std::cell::Cell;
